@@ -1,0 +1,2 @@
+//! The `spf` command.
+fn main() {}

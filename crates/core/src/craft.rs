@@ -1,0 +1,65 @@
+//! What a craft can do: the figures the executor, the envelope and the simulator share.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Limits and habits of a craft. SI units and radians.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Craft {
+    /// Preset horizontal speed of a primitive, m/s (the paper's `P_pitch`).
+    pub cruise_speed: f64,
+    /// Preset climb and sink rate, m/s (the paper's `P_throttle`).
+    pub climb_speed: f64,
+    /// Preset yaw rate, rad/s (the paper's `P_yaw`).
+    pub yaw_rate: f64,
+    /// Horizontal acceleration limit, m/s².
+    pub acceleration: f64,
+    /// Vertical acceleration limit, m/s².
+    pub climb_acceleration: f64,
+    /// Angular acceleration limit about the vertical, rad/s².
+    pub yaw_acceleration: f64,
+    /// Time constant of the first-order velocity response, s.
+    pub lag: f64,
+    /// From a setpoint's arrival to the first motion, s.
+    pub dead_time: f64,
+    /// Radius of the body for collisions and corridors, m.
+    pub radius: f64,
+    /// Height that take-off climbs to, m.
+    pub take_off_height: f64,
+}
+
+impl Craft {
+    /// The simulator's general quadrotor (DESIGN.md section 5): 3 m/s, 4 m/s², lag 0.3 s, dead time 0.1 s.
+    #[must_use]
+    pub fn quad() -> Self {
+        Self {
+            cruise_speed: 3.0,
+            climb_speed: 1.0,
+            yaw_rate: 95.0_f64.to_radians(),
+            acceleration: 4.0,
+            climb_acceleration: 3.0,
+            yaw_acceleration: 600.0_f64.to_radians(),
+            lag: 0.3,
+            dead_time: 0.1,
+            radius: 0.3,
+            take_off_height: 3.0,
+        }
+    }
+
+    /// A DJI/Ryze Tello under SDK `rc` commands: 1 m/s, 1.55 m/s², dead time 0.35 s, take-off to 0.8 m.
+    #[must_use]
+    pub fn tello() -> Self {
+        Self {
+            cruise_speed: 1.0,
+            climb_speed: 0.8,
+            yaw_rate: 95.0_f64.to_radians(),
+            acceleration: 1.55,
+            climb_acceleration: 1.55,
+            yaw_acceleration: 600.0_f64.to_radians(),
+            lag: 0.2,
+            dead_time: 0.35,
+            radius: 0.15,
+            take_off_height: 0.8,
+        }
+    }
+}

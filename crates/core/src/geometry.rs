@@ -1,0 +1,147 @@
+//! Reference frames, and the vectors that are named after them.
+//!
+//! *World* is east-north-up (ENU), metres, origin wherever the world puts it. *Body* here is the **level frame that turns with
+//! the heading**: `right`, `forward` and `up`, so that `up` is the world's up whatever the attitude. *Camera* axes are
+//! `right`, `forward` (the optical axis) and `up` of the picture. Heading is clockwise from north, pitch positive nose up,
+//! roll positive right side down, applied in aerospace order (yaw, pitch, roll). Radians and metres throughout.
+
+use core::f64::consts::{PI, TAU};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A position in the world, metres east, north and up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EnuPosition {
+    /// Metres east of the origin.
+    pub east: f64,
+    /// Metres north of the origin.
+    pub north: f64,
+    /// Metres above the origin.
+    pub up: f64,
+}
+
+/// A velocity in the world, metres a second east, north and up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EnuVelocity {
+    /// Metres a second towards the east.
+    pub east: f64,
+    /// Metres a second towards the north.
+    pub north: f64,
+    /// Metres a second upwards.
+    pub up: f64,
+}
+
+/// Attitude: heading clockwise from north, pitch positive nose up, roll positive right side down; radians.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Attitude {
+    /// Clockwise from north, −π..=π.
+    pub heading: f64,
+    /// Positive nose up.
+    pub pitch: f64,
+    /// Positive right side down.
+    pub roll: f64,
+}
+
+/// Position and attitude.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Pose {
+    /// Where.
+    pub position: EnuPosition,
+    /// Turned how.
+    pub attitude: Attitude,
+}
+
+/// A displacement in the level body frame, metres (paper §3.3: `right` is `Sx`, `forward` is `Sy`, `up` is `Sz`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BodyDisplacement {
+    /// Metres to the right.
+    pub right: f64,
+    /// Metres along the heading.
+    pub forward: f64,
+    /// Metres up.
+    pub up: f64,
+}
+
+/// Wraps an angle to −π < angle ≤ π. NaN stays NaN.
+#[must_use]
+pub fn wrap_angle(angle: f64) -> f64 {
+    let wrapped = libm::remainder(angle, TAU);
+    if wrapped <= -PI { PI } else { wrapped }
+}
+
+impl EnuPosition {
+    /// The position `displacement` away, for a body whose heading is `heading`.
+    #[must_use]
+    pub fn displaced(self, displacement: BodyDisplacement, heading: f64) -> Self {
+        let (sin, cos) = (libm::sin(heading), libm::cos(heading));
+        Self {
+            east: self.east + displacement.right * cos + displacement.forward * sin,
+            north: self.north - displacement.right * sin + displacement.forward * cos,
+            up: self.up + displacement.up,
+        }
+    }
+
+    /// The displacement from `self` to `target`, for a body whose heading is `heading`.
+    #[must_use]
+    pub fn displacement_to(self, target: Self, heading: f64) -> BodyDisplacement {
+        let (sin, cos) = (libm::sin(heading), libm::cos(heading));
+        let (east, north) = (target.east - self.east, target.north - self.north);
+        BodyDisplacement { right: east * cos - north * sin, forward: east * sin + north * cos, up: target.up - self.up }
+    }
+
+    /// Straight-line distance, metres.
+    #[must_use]
+    pub fn distance(self, other: Self) -> f64 {
+        libm::hypot(self.horizontal_distance(other), self.up - other.up)
+    }
+
+    /// Distance on the map, metres.
+    #[must_use]
+    pub fn horizontal_distance(self, other: Self) -> f64 {
+        libm::hypot(self.east - other.east, self.north - other.north)
+    }
+}
+
+impl EnuVelocity {
+    /// Speed, metres a second.
+    #[must_use]
+    pub fn speed(self) -> f64 {
+        libm::hypot(libm::hypot(self.east, self.north), self.up)
+    }
+
+    /// Speed on the map, metres a second.
+    #[must_use]
+    pub fn horizontal_speed(self) -> f64 {
+        libm::hypot(self.east, self.north)
+    }
+}
+
+impl BodyDisplacement {
+    /// Length, metres.
+    #[must_use]
+    pub fn length(self) -> f64 {
+        libm::hypot(libm::hypot(self.right, self.forward), self.up)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn forward_of_a_body_facing_east_is_east() {
+        let at = EnuPosition::default().displaced(BodyDisplacement { right: 1.0, forward: 2.0, up: 3.0 }, PI / 2.0);
+        // Facing east: forward is east, right is south.
+        assert!((at.east - 2.0).abs() < 1e-12 && (at.north + 1.0).abs() < 1e-12 && (at.up - 3.0).abs() < 1e-12);
+        let back = EnuPosition::default().displacement_to(at, PI / 2.0);
+        assert!((back.right - 1.0).abs() < 1e-12 && (back.forward - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn angles_wrap_to_half_open_interval() {
+        assert!((wrap_angle(3.0 * PI) - PI).abs() < 1e-12);
+        assert!((wrap_angle(-PI) - PI).abs() < 1e-12);
+        assert!((wrap_angle(-3.5 * PI) - 0.5 * PI).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,18 @@
+//! The method of **See, Point, Fly** (Hu et al., CoRL 2025, arXiv 2509.22653), pure.
+//!
+//! This crate does no I/O, reads no clock, starts no thread and has no `unsafe`: it is *told* what happened and *asked*
+//! what to do. The two types to know are the pilot, a state machine that turns events into actions, and the envelope, the
+//! only maker of cleared commands.
+#![forbid(unsafe_code)]
+
+pub mod camera;
+pub mod command;
+pub mod craft;
+pub mod frame;
+pub mod geometry;
+pub mod primitives;
+pub mod query;
+pub mod reply;
+pub mod rng;
+pub mod telemetry;
+pub mod time;

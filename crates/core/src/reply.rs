@@ -1,0 +1,67 @@
+//! The reply contract: what a VLM is asked to answer, and the types it becomes (paper §3.1).
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::query::{ImageBox, ImagePoint};
+
+/// How far the instruction has come, in the model's judgement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// The target is in view and not yet reached.
+    Navigating,
+    /// The target is not in view; [`Reply::look`] says which way to look.
+    NotVisible,
+    /// The instruction is fulfilled.
+    Done,
+}
+
+/// Which way to look for something out of view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Look {
+    /// Turn counter-clockwise.
+    Left,
+    /// Turn clockwise.
+    Right,
+    /// Climb, for the camera cannot nod.
+    Up,
+    /// Sink, or back off.
+    Down,
+    /// Turn round.
+    Behind,
+}
+
+/// An obstacle as the model reports it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ObstacleBox {
+    /// Where in the picture.
+    pub area: ImageBox,
+    /// Its depth label, 1..=L.
+    pub depth: u8,
+    /// Its name in the model's words.
+    pub name: String,
+}
+
+/// One answer to a [`Point`](crate::query::QueryKind::Point) query, in normalised coordinates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Reply {
+    /// How far the instruction has come.
+    pub status: Status,
+    /// Only with [`Status::NotVisible`].
+    pub look: Option<Look>,
+    /// Stage of an instruction of several stages that is being worked on, from 1.
+    pub stage: Option<u32>,
+    /// The waypoint in the picture; always present with [`Status::Navigating`].
+    pub point: Option<ImagePoint>,
+    /// Depth label 1..=L; always present with [`Status::Navigating`].
+    pub depth: Option<u8>,
+    /// What is pointed at, in the model's words.
+    pub target: Option<String>,
+    /// Obstacles, in obstacle mode.
+    pub boxes: Vec<ObstacleBox>,
+}
+
+/// Number of depth labels, the paper's `L`.
+pub const DEPTH_LABELS: u8 = 10;

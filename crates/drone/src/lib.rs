@@ -1,0 +1,1 @@
+//! The Drone interface and its drivers

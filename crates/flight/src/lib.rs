@@ -1,0 +1,1 @@
+//! The one loop that joins a pilot and a world

@@ -1,0 +1,1 @@
+//! Pixels: resize, JPEG, marks drawn on a picture, H.264

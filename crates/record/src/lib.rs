@@ -1,0 +1,1 @@
+//! Flight files: video, trajectory picture, decisions, summary

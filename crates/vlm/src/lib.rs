@@ -1,0 +1,1 @@
+//! The Vlm interface and its clients
