@@ -1,0 +1,255 @@
+//! Lifting: from a waypoint in the picture to a displacement of the body (paper §3.3, eq. 2), and back.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::camera::Camera;
+use crate::geometry::{Attitude, BodyDisplacement};
+use crate::query::ImagePoint;
+use crate::reply::DEPTH_LABELS;
+
+/// A displacement in camera axes, metres: what the paper's equation 2 gives.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CameraDisplacement {
+    /// To the right of the optical axis, the paper's `Sx`.
+    pub right: f64,
+    /// Along the optical axis, `Sy`.
+    pub forward: f64,
+    /// Towards the upper edge of the picture, `Sz`.
+    pub up: f64,
+}
+
+/// Which rotations stand between camera axes and the level body frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Lifting {
+    /// Neither the mount's tilt nor the craft's attitude: camera axes are taken for body axes, as the paper does.
+    Paper,
+    /// Tilt, then roll, then pitch, into the level frame that turns with the heading (DESIGN.md section 4).
+    #[default]
+    Levelled,
+}
+
+/// Why a point cannot be lifted. The caller must not fly there.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum UnprojectError {
+    /// A coordinate is not a number, or infinite.
+    #[error("waypoint (`{u}`, `{v}`) is not a finite point of the picture; hold and ask again")]
+    NotFinite {
+        /// Share of the width.
+        u: f64,
+        /// Share of the height.
+        v: f64,
+    },
+    /// The model pointed beside the picture.
+    #[error("waypoint (`{u}`, `{v}`) lies outside the picture, whose coordinates run from 0 to 1; hold and ask again")]
+    OutsideImage {
+        /// Share of the width.
+        u: f64,
+        /// Share of the height.
+        v: f64,
+    },
+    /// The step is no positive length.
+    #[error("step of `{step}` m is not a positive length; check the step rule's constants")]
+    BadStep {
+        /// Metres.
+        step: f64,
+    },
+}
+
+/// Lifts a waypoint to a displacement in camera axes (paper §3.3, eq. 2): `Sx = U·d·tan α`, `Sy = d`, `Sz = V·d·tan β` for a
+/// centred camera without distortion, and the same along the point's true ray for any other. `step` is the adjusted distance
+/// along the optical axis, metres (the paper's `d_adj`); the way to a point off the axis is therefore longer than `step`.
+///
+/// # Errors
+/// [`UnprojectError::NotFinite`] and [`UnprojectError::OutsideImage`] for a point that is none of the picture's (both edges
+/// belong to it), [`UnprojectError::BadStep`] unless `step` is finite and above 0.
+pub fn unproject(camera: &Camera, point: ImagePoint, step: f64) -> Result<CameraDisplacement, UnprojectError> {
+    let ImagePoint { u, v } = point;
+    if !(u.is_finite() && v.is_finite()) {
+        return Err(UnprojectError::NotFinite { u, v });
+    }
+    if !((0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v)) {
+        return Err(UnprojectError::OutsideImage { u, v });
+    }
+    if !step.is_finite() || step <= 0.0 {
+        return Err(UnprojectError::BadStep { step });
+    }
+    let ray = camera.ray(point);
+    Ok(CameraDisplacement { right: ray.right * step, forward: step, up: ray.up * step })
+}
+
+/// Turns a displacement from camera axes into the level body frame: by the mount's tilt, then by roll, then by pitch
+/// (aerospace order; the heading is what the level frame turns with). `attitude` is that at the frame's *capture*.
+/// [`Lifting::Paper`] turns by neither.
+#[must_use]
+pub fn lift(displacement: CameraDisplacement, camera: &Camera, attitude: Attitude, lifting: Lifting) -> BodyDisplacement {
+    let CameraDisplacement { right, forward, up } = displacement;
+    if lifting == Lifting::Paper {
+        return BodyDisplacement { right, forward, up };
+    }
+    // A lens tilted down by τ: forward' = f·cos τ + u·sin τ, up' = u·cos τ − f·sin τ. The same as pitch by −τ.
+    let (up, forward) = turn(up, forward, camera.tilt);
+    // Right side down by φ tips the body's up axis to the right: right' = r·cos φ + u·sin φ, up' = u·cos φ − r·sin φ.
+    let (up, right) = turn(up, right, attitude.roll);
+    // Nose up by θ: forward' = f·cos θ − u·sin θ, up' = u·cos θ + f·sin θ.
+    let (up, forward) = turn(up, forward, -attitude.pitch);
+    BodyDisplacement { right, forward, up }
+}
+
+/// The inverse of [`lift`].
+#[must_use]
+pub fn lower(displacement: BodyDisplacement, camera: &Camera, attitude: Attitude, lifting: Lifting) -> CameraDisplacement {
+    let BodyDisplacement { right, forward, up } = displacement;
+    if lifting == Lifting::Paper {
+        return CameraDisplacement { right, forward, up };
+    }
+    let (up, forward) = turn(up, forward, attitude.pitch);
+    let (up, right) = turn(up, right, -attitude.roll);
+    let (up, forward) = turn(up, forward, -camera.tilt);
+    CameraDisplacement { right, forward, up }
+}
+
+/// Where the end of a displacement of the body appears in the picture: the inverse of [`unproject`] and [`lift`]. For drawing
+/// waypoints and corridors. The point may lie beside the picture; `None` when it is not in front of the lens.
+#[must_use]
+pub fn project_displacement(
+    displacement: BodyDisplacement,
+    camera: &Camera,
+    attitude: Attitude,
+    lifting: Lifting,
+) -> Option<ImagePoint> {
+    let CameraDisplacement { right, forward, up } = lower(displacement, camera, attitude, lifting);
+    camera.project(right, forward, up)
+}
+
+/// Rotates the plane of `up` and another axis by `angle`, from `up` towards the other for positive angles.
+fn turn(up: f64, other: f64, angle: f64) -> (f64, f64) {
+    let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+    (up * cos - other * sin, other * cos + up * sin)
+}
+
+/// Metres of range that a depth label stands for, as the prompt tells the model: `10^((label − 1) / 4.5)`, so 1 at 1 m and 10
+/// at 100 m (DESIGN.md section 4). Half labels are meaningful, so the label is a number.
+#[must_use]
+pub fn range_of_label(label: f64) -> f64 {
+    libm::pow(10.0, (label - 1.0) / 4.5)
+}
+
+/// The depth label of a range in metres: `round(1 + 4.5·log10 range)`, clamped to `1..=10`. NaN and ranges not above 0 give 1,
+/// the careful end.
+#[must_use]
+pub fn label_of_range(range: f64) -> u8 {
+    // The logarithm of what is not above 0 is −∞ or NaN, and `as` maps both to 0.
+    let label = libm::round(1.0 + 4.5 * libm::log10(range));
+    (label as u8).clamp(1, DEPTH_LABELS)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const MIDDLE: ImagePoint = ImagePoint { u: 0.5, v: 0.5 };
+
+    fn tilted(degrees: f64) -> Camera {
+        Camera::from_fov(960, 720, 90.0_f64.to_radians(), 60.0_f64.to_radians(), degrees.to_radians())
+    }
+
+    fn attitude_deg(pitch: f64, roll: f64) -> Attitude {
+        Attitude { heading: 1.0, pitch: pitch.to_radians(), roll: roll.to_radians() }
+    }
+
+    fn assert_near(got: BodyDisplacement, right: f64, forward: f64, up: f64) {
+        let near = (got.right - right).abs() < 5e-3 && (got.forward - forward).abs() < 5e-3 && (got.up - up).abs() < 5e-3;
+        assert!(near, "{got:?}, expected right {right} forward {forward} up {up}");
+    }
+
+    /// U = 0.5, V = 0.5 on 90° by 60° with d = 4: Sx = 0.5·4·1 = 2, Sy = 4, Sz = 0.5·4·tan 30° = 1.1547.
+    #[test]
+    fn equation_2_by_hand() {
+        let got = unproject(&tilted(0.0), ImagePoint { u: 0.75, v: 0.25 }, 4.0).unwrap();
+        assert!((got.right - 2.0).abs() < 1e-12 && (got.forward - 4.0).abs() < 1e-12 && (got.up - 1.154_700_538).abs() < 1e-9);
+    }
+
+    /// DESIGN.md section 4: image centre, τ = 5°, d = 10 m: forward 10·cos 5° = 9.96, up −10·sin 5° = −0.87.
+    #[test]
+    fn tilt_by_hand() {
+        let camera = tilted(5.0);
+        let point = unproject(&camera, MIDDLE, 10.0).unwrap();
+        assert_near(lift(point, &camera, Attitude::default(), Lifting::Levelled), 0.0, 9.96, -0.87);
+        assert_near(lift(point, &camera, attitude_deg(-9.0, 20.0), Lifting::Paper), 0.0, 10.0, 0.0);
+    }
+
+    /// Nose up by 5° undoes a tilt of 5°; nose down by 9° (a Tello accelerating) adds: 10·cos 14° = 9.70, −10·sin 14° = −2.42.
+    #[test]
+    fn pitch_by_hand() {
+        let camera = tilted(5.0);
+        let point = unproject(&camera, MIDDLE, 10.0).unwrap();
+        assert_near(lift(point, &camera, attitude_deg(5.0, 0.0), Lifting::Levelled), 0.0, 10.0, 0.0);
+        assert_near(lift(point, &camera, attitude_deg(-9.0, 0.0), Lifting::Levelled), 0.0, 9.70, -2.42);
+    }
+
+    /// Right side down by 30°: what the picture shows to the right is below: 2·cos 30° = 1.73 right, −2·sin 30° = −1 up.
+    #[test]
+    fn roll_by_hand() {
+        let camera = tilted(0.0);
+        let point = CameraDisplacement { right: 2.0, forward: 5.0, up: 0.0 };
+        assert_near(lift(point, &camera, attitude_deg(0.0, 30.0), Lifting::Levelled), 1.732, 5.0, -1.0);
+        // Roll is applied before pitch: rolled by 90°, the picture's right is the body's down, and nose up by 90° turns the
+        // body's down to forward.
+        assert_near(lift(point, &camera, attitude_deg(90.0, 90.0), Lifting::Levelled), 0.0, 2.0, 5.0);
+    }
+
+    #[test]
+    fn points_outside_the_picture_are_refused() {
+        let camera = tilted(0.0);
+        for (u, v) in [(-0.01, 0.5), (0.5, 1.01)] {
+            assert_eq!(unproject(&camera, ImagePoint { u, v }, 1.0), Err(UnprojectError::OutsideImage { u, v }));
+        }
+        let nan = unproject(&camera, ImagePoint { u: f64::NAN, v: 0.5 }, 1.0);
+        assert!(matches!(nan, Err(UnprojectError::NotFinite { .. })));
+        for step in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(matches!(unproject(&camera, MIDDLE, step), Err(UnprojectError::BadStep { .. })));
+        }
+        assert!(unproject(&camera, ImagePoint { u: 1.0, v: 0.0 }, 1.0).is_ok());
+    }
+
+    #[test]
+    fn labels_are_the_scale_of_the_prompt() {
+        for (label, range) in (1u8..).zip([1.0, 1.7, 2.8, 4.6, 7.7, 13.0, 22.0, 36.0, 60.0, 100.0]) {
+            assert_eq!(label_of_range(range), label, "{range} m");
+            assert!((range_of_label(f64::from(label)) / range - 1.0).abs() < 0.03, "label {label}");
+        }
+        assert_eq!([0.0, -1.0, f64::NAN, 0.2, 1e9, f64::INFINITY].map(label_of_range), [1, 1, 1, 1, 10, 10]);
+    }
+
+    proptest! {
+        #[test]
+        fn projecting_the_displacement_gives_the_waypoint_back(
+            u in 0.0..=1.0, v in 0.0..=1.0, step in 0.1..10.0, tilt in -0.3..0.6, pitch in -0.5..0.5, roll in -0.7..0.7,
+            hfov in 0.6..1.8, k1 in -0.06..0.15, off in -20.0..20.0,
+        ) {
+            let mut camera = Camera::from_fov(960, 720, hfov, 0.75 * hfov, tilt);
+            camera.cx += off;
+            camera.cy -= off;
+            camera.distortion.k1 = k1;
+            let attitude = Attitude { heading: 2.0, pitch, roll };
+            for lifting in [Lifting::Paper, Lifting::Levelled] {
+                let flown = lift(unproject(&camera, ImagePoint { u, v }, step).unwrap(), &camera, attitude, lifting);
+                let back = project_displacement(flown, &camera, attitude, lifting).unwrap();
+                prop_assert!((back.u - u).abs() < 1e-9 && (back.v - v).abs() < 1e-9, "{back:?}");
+            }
+        }
+
+        #[test]
+        fn lifting_keeps_length(right in -9.0..9.0, forward in -9.0..9.0, up in -9.0..9.0, tilt in -1.0..1.0, pitch in -1.0..1.0, roll in -3.0..3.0) {
+            let lifted = lift(CameraDisplacement { right, forward, up }, &tilted(f64::to_degrees(tilt)), Attitude { heading: 0.0, pitch, roll }, Lifting::Levelled);
+            let length = BodyDisplacement { right, forward, up }.length();
+            prop_assert!((lifted.length() - length).abs() < 1e-9);
+        }
+    }
+}
