@@ -8,6 +8,7 @@
 pub mod camera;
 pub mod command;
 pub mod craft;
+pub mod envelope;
 pub mod frame;
 pub mod geometry;
 pub mod lift;

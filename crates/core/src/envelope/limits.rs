@@ -1,0 +1,190 @@
+//! What the envelope allows: figures, their defaults, and their check.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::craft::Craft;
+
+/// The envelope's figures (DESIGN.md section 4, "Safety"; `docs/safety.md`). Metres, seconds, radians; infinity switches a
+/// limit off. Altitudes are above the take-off point.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Greatest horizontal speed of a setpoint, m/s.
+    pub max_speed: f64,
+    /// Greatest climb and sink rate of a setpoint, m/s.
+    pub max_climb: f64,
+    /// Greatest yaw rate of a setpoint, rad/s.
+    pub max_yaw_rate: f64,
+    /// Below this altitude nothing sinks except a landing, m. It only limits motion downwards and never makes a craft climb.
+    pub min_altitude: f64,
+    /// Greatest altitude, m.
+    pub max_altitude: f64,
+    /// Greatest distance on the map from the take-off point, m.
+    pub max_distance: f64,
+    /// How far inside the ceiling, the distance limit and the geofence a setpoint may carry the craft, m: room for the error
+    /// of the position (0.3 m for a GPS-like one), so that a craft held at a limit does not count as outside it.
+    pub margin: f64,
+    /// How long a setpoint holds without a fresh one, s; after that the craft is to hold.
+    pub setpoint_validity: f64,
+    /// Age of the newest frame, counted from its capture, from which the pilot no longer moves, s.
+    pub max_frame_age: f64,
+    /// How long frames may arrive with an unchanged capture counter before the camera counts as frozen, s.
+    pub frozen_after: f64,
+    /// From a camera that is stale, frozen or unusable to the landing, s.
+    pub camera_land_after: f64,
+    /// Age of the newest telemetry from which nothing moves, s.
+    pub max_telemetry_age: f64,
+    /// From too old telemetry to the landing, s.
+    pub telemetry_land_after: f64,
+    /// From the loss of the link to the hold, s.
+    pub link_hold_after: f64,
+    /// From the loss of the link to the landing, s.
+    pub link_land_after: f64,
+    /// Battery charge (0..=1) below which take-off is refused.
+    pub take_off_battery: f64,
+    /// Battery charge (0..=1) below which the craft holds, then lands.
+    pub low_battery: f64,
+    /// From the low battery to the landing, s.
+    pub battery_land_after: f64,
+    /// This many failed replies in a row land the craft; each of the earlier ones makes it hold.
+    pub max_failed_replies: u32,
+    /// From a craft found outside the altitude, distance or geofence limit to the landing, s.
+    pub breach_land_after: f64,
+}
+
+/// A limit that makes no sense.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LimitsError {
+    /// A figure is negative or not a number.
+    #[error("limit `{field}` is `{value}`: give a number that is not negative")]
+    Negative {
+        /// Its name.
+        field: &'static str,
+        /// What it is.
+        value: f64,
+    },
+    /// No room between floor and ceiling.
+    #[error("`min_altitude` is `{min}` m and `max_altitude` is `{max}` m: leave at least 0.5 m between them")]
+    NoRoom {
+        /// Floor, m.
+        min: f64,
+        /// Ceiling, m.
+        max: f64,
+    },
+}
+
+impl Default for Limits {
+    /// Those of [`Craft::quad`].
+    fn default() -> Self {
+        Self::for_craft(&Craft::quad())
+    }
+}
+
+impl Limits {
+    /// The default figures for a craft: one and a half times its preset speeds, so that the envelope leaves room for a
+    /// controller that catches up, and the timings of `docs/safety.md`.
+    #[must_use]
+    pub fn for_craft(craft: &Craft) -> Self {
+        Self {
+            max_speed: 1.5 * craft.cruise_speed,
+            max_climb: 1.5 * craft.climb_speed,
+            max_yaw_rate: 1.5 * craft.yaw_rate,
+            min_altitude: 0.3,
+            max_altitude: 120.0,
+            max_distance: 300.0,
+            margin: 0.5,
+            setpoint_validity: 0.5,
+            max_frame_age: 1.0,
+            frozen_after: 1.0,
+            camera_land_after: 10.0,
+            max_telemetry_age: 1.0,
+            telemetry_land_after: 5.0,
+            link_hold_after: 0.5,
+            link_land_after: 5.0,
+            take_off_battery: 0.2,
+            low_battery: 0.15,
+            battery_land_after: 5.0,
+            max_failed_replies: 5,
+            breach_land_after: 5.0,
+        }
+    }
+
+    /// Every figure that must not be negative, by name.
+    fn figures(&mut self) -> [(&'static str, &mut f64); 18] {
+        [
+            ("max_speed", &mut self.max_speed),
+            ("max_climb", &mut self.max_climb),
+            ("max_yaw_rate", &mut self.max_yaw_rate),
+            ("max_altitude", &mut self.max_altitude),
+            ("max_distance", &mut self.max_distance),
+            ("margin", &mut self.margin),
+            ("setpoint_validity", &mut self.setpoint_validity),
+            ("max_frame_age", &mut self.max_frame_age),
+            ("frozen_after", &mut self.frozen_after),
+            ("camera_land_after", &mut self.camera_land_after),
+            ("max_telemetry_age", &mut self.max_telemetry_age),
+            ("telemetry_land_after", &mut self.telemetry_land_after),
+            ("link_hold_after", &mut self.link_hold_after),
+            ("link_land_after", &mut self.link_land_after),
+            ("take_off_battery", &mut self.take_off_battery),
+            ("low_battery", &mut self.low_battery),
+            ("battery_land_after", &mut self.battery_land_after),
+            ("breach_land_after", &mut self.breach_land_after),
+        ]
+    }
+
+    /// Whether every figure makes sense; for configuration, where a person can still mend it.
+    ///
+    /// # Errors
+    /// [`LimitsError::Negative`] for the first figure that is negative or not a number (`min_altitude` alone may be negative),
+    /// [`LimitsError::NoRoom`] when floor and ceiling are less than 0.5 m apart.
+    pub fn check(&self) -> Result<(), LimitsError> {
+        let mut copy = self.clone();
+        for (field, value) in copy.figures() {
+            if value.is_nan() || *value < 0.0 {
+                return Err(LimitsError::Negative { field, value: *value });
+            }
+        }
+        if self.min_altitude.is_nan() || self.max_altitude - self.min_altitude < 0.5 {
+            return Err(LimitsError::NoRoom { min: self.min_altitude, max: self.max_altitude });
+        }
+        Ok(())
+    }
+
+    /// The strictest reading of figures that nobody checked: what is negative or not a number is zero.
+    pub(super) fn made_strict(mut self) -> Self {
+        for (_, value) in self.figures() {
+            *value = value.max(0.0);
+        }
+        if self.min_altitude.is_nan() {
+            self.min_altitude = 0.0;
+        }
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_make_sense_and_nonsense_is_named() {
+        for craft in [Craft::quad(), Craft::tello()] {
+            assert_eq!(Limits::for_craft(&craft).check(), Ok(()));
+        }
+        let nan = Limits { max_climb: f64::NAN, ..Limits::default() };
+        assert!(matches!(nan.check(), Err(LimitsError::Negative { field: "max_climb", .. })));
+        assert_eq!(nan.made_strict().max_climb, 0.0);
+        let flat = Limits { max_altitude: 0.5, ..Limits::default() };
+        assert!(matches!(flat.check(), Err(LimitsError::NoRoom { .. })));
+    }
+
+    #[test]
+    fn configuration_may_name_one_figure_and_no_unknown_one() {
+        let some: Limits = serde_json::from_str(r#"{"max_altitude": 30}"#).unwrap();
+        assert_eq!(some, Limits { max_altitude: 30.0, ..Limits::default() });
+        assert!(serde_json::from_str::<Limits>(r#"{"max_altitud": 30}"#).is_err());
+    }
+}

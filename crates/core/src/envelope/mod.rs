@@ -1,0 +1,324 @@
+//! The safety envelope: the last word before a driver (DESIGN.md sections 3 and 4; `docs/safety.md`).
+//!
+//! The envelope is a type: drivers accept only [`Cleared<Command>`](Cleared), and only [`Envelope`] can make one. It is told
+//! what happened ([`observe_telemetry`](Envelope::observe_telemetry), [`observe_frame`](Envelope::observe_frame), …), is asked
+//! what it demands ([`reaction`](Envelope::reaction)) and clears what the pilot or the operator wants. Whatever it was told,
+//! what it clears is finite and within the limits, and nothing moves without a fresh reason.
+//!
+//! It keeps no clock: every call says what time it is, and time that runs backwards is read as standing still.
+
+mod cause;
+mod estimate;
+mod limits;
+mod reach;
+mod watch;
+
+pub use cause::{Cause, Reaction, Refusal};
+pub use limits::{Limits, LimitsError};
+
+use self::estimate::Estimate;
+use self::reach::Situation;
+use self::watch::{Control, Watch};
+use crate::command::{Command, Setpoint};
+use crate::craft::Craft;
+use crate::frame::FrameMeta;
+use crate::geometry::{EnuPosition, EnuVelocity};
+use crate::telemetry::{FlightPhase, Telemetry};
+use crate::time::{Time, duration_from_secs};
+
+/// Something that the envelope has cleared. It cannot be made, read from a file or changed anywhere else.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cleared<T> {
+    what: T,
+    valid_until: Time,
+}
+
+impl<T> Cleared<T> {
+    /// What was cleared.
+    pub fn get(&self) -> &T {
+        &self.what
+    }
+
+    /// Until when it holds. A setpoint without a fresh successor by then is to be replaced by zero, by whoever applies it;
+    /// [`Time::MAX`] for commands that are not setpoints.
+    pub fn valid_until(&self) -> Time {
+        self.valid_until
+    }
+}
+
+/// A cleared command, and what the envelope did to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clearance {
+    /// For the driver.
+    pub cleared: Cleared<Command>,
+    /// Why it is not what was asked for; `None` when it is.
+    pub changed: Option<Cause>,
+}
+
+impl Clearance {
+    /// The cleared setpoint; `None` for other commands.
+    #[must_use]
+    pub fn setpoint(&self) -> Option<Setpoint> {
+        match self.cleared.what {
+            Command::Setpoint(setpoint) => Some(setpoint),
+            _ => None,
+        }
+    }
+}
+
+/// The safety envelope of one craft. See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Envelope {
+    limits: Limits,
+    craft: Craft,
+    estimate: Estimate,
+    watch: Watch,
+    /// Latest time heard.
+    now: Time,
+    /// What the last cleared setpoint makes the craft do in the world, and until when it is valid.
+    commanded: Option<(EnuVelocity, Time)>,
+}
+
+impl Envelope {
+    /// An envelope for `craft`. Figures of `limits` that are negative or not a number are read as zero, the strictest;
+    /// [`Limits::check`] names them for people.
+    #[must_use]
+    pub fn new(limits: Limits, craft: Craft) -> Self {
+        Self {
+            limits: limits.made_strict(),
+            craft,
+            estimate: Estimate::default(),
+            watch: Watch::default(),
+            now: Time::ZERO,
+            commanded: None,
+        }
+    }
+
+    /// The limits in force.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// The take-off point, once known: where the craft last reported to be on the ground, or below where it was first heard of
+    /// in the air.
+    #[must_use]
+    pub fn home(&self) -> Option<EnuPosition> {
+        self.estimate.home
+    }
+
+    /// Takes a telemetry report that arrived at `now`. A report that is no newer than the newest known one is ignored, and
+    /// values that are not finite or beyond all reason count as not told.
+    pub fn observe_telemetry(&mut self, now: Time, telemetry: &Telemetry) {
+        let now = self.advance(now);
+        let reckoned = self.commanded.filter(|&(_, until)| now < until).map_or(EnuVelocity::default(), |(v, _)| v);
+        if self.estimate.observe(now, telemetry, reckoned) {
+            let breached = self.breached();
+            self.watch.estimate(now, &self.estimate, &self.limits, breached);
+        }
+    }
+
+    /// Takes a camera frame that arrived at `now`, whether or not anyone looks at it: also an unusable one.
+    pub fn observe_frame(&mut self, now: Time, frame: &FrameMeta) {
+        let now = self.advance(now);
+        self.watch.frame(now, frame);
+    }
+
+    /// Takes the outcome of a VLM query: `ok` only for a reply that was understood. A failed call, a timeout and a reply that
+    /// makes no sense are all failures.
+    pub fn observe_reply(&mut self, now: Time, ok: bool) {
+        let now = self.advance(now);
+        self.watch.reply(now, ok);
+    }
+
+    /// The link to the craft is gone since `now`.
+    pub fn link_lost(&mut self, now: Time) {
+        let now = self.advance(now);
+        self.watch.link_lost(now);
+    }
+
+    /// The link to the craft is back.
+    pub fn link_restored(&mut self, now: Time) {
+        self.advance(now);
+        self.watch.link_restored();
+    }
+
+    /// What the envelope demands while the pilot flies. The most severe wins. The pilot obeys it; if it does not, nothing
+    /// moves all the same.
+    #[must_use]
+    pub fn reaction(&self, now: Time) -> Reaction {
+        self.reaction_under(now, Control::Pilot)
+    }
+
+    /// What the envelope demands while the operator flies or holds by hand: camera and VLM do not matter then, and a craft
+    /// outside a limit is not landed but waits to be flown back.
+    #[must_use]
+    pub fn manual_reaction(&self, now: Time) -> Reaction {
+        self.reaction_under(now, Control::Operator)
+    }
+
+    /// The next instant after `now` at which a reaction or the validity of the last setpoint changes by time alone.
+    #[must_use]
+    pub fn next_deadline(&self, now: Time) -> Option<Time> {
+        let now = now.max(self.now);
+        let conditions = [Control::Pilot, Control::Operator]
+            .into_iter()
+            .flat_map(|control| self.watch.conditions(&self.estimate, &self.limits, control));
+        let validity = self.commanded.map(|(_, until)| until).filter(|&until| until > now);
+        watch::next_change(now, conditions).into_iter().chain(validity).min()
+    }
+
+    /// Clears a command of the pilot. Setpoints are limited, never refused; landing and emergency stop always pass.
+    ///
+    /// # Errors
+    /// A [`Refusal`] of a take-off, with its reason; no other command is ever refused.
+    pub fn clear(&mut self, now: Time, command: Command) -> Result<Clearance, Refusal> {
+        match command {
+            Command::Setpoint(setpoint) => Ok(self.clear_setpoint(now, setpoint)),
+            Command::TakeOff => self.take_off(now),
+            Command::Land | Command::EmergencyStop => {
+                self.advance(now);
+                self.commanded = None;
+                Ok(passed(command))
+            }
+        }
+    }
+
+    /// Clears a setpoint of the pilot.
+    pub fn clear_setpoint(&mut self, now: Time, setpoint: Setpoint) -> Clearance {
+        self.clear_under(now, setpoint, Control::Pilot)
+    }
+
+    /// Clears a setpoint of the operator: the same limits, but neither camera nor VLM stops it, a low battery only once the
+    /// craft is to land.
+    pub fn clear_manual(&mut self, now: Time, setpoint: Setpoint) -> Clearance {
+        self.clear_under(now, setpoint, Control::Operator)
+    }
+
+    /// Clears a hold: zero velocity, valid as long as any setpoint.
+    pub fn hold(&mut self, now: Time) -> Clearance {
+        self.clear_under(now, Setpoint::HOLD, Control::Pilot)
+    }
+
+    /// Time never runs backwards here.
+    fn advance(&mut self, now: Time) -> Time {
+        self.now = self.now.max(now);
+        self.now
+    }
+
+    fn reaction_under(&self, now: Time, control: Control) -> Reaction {
+        let reaction = Watch::reaction(now.max(self.now), self.watch.conditions(&self.estimate, &self.limits, control));
+        match reaction {
+            // A landing is the more severe reaction already; nothing that asks for a hold interrupts it.
+            Reaction::Hold(_) if self.estimate.phase == FlightPhase::Landing => Reaction::Continue,
+            reaction => reaction,
+        }
+    }
+
+    /// Which limits the craft is outside of: altitude, distance, geofence.
+    fn breached(&self) -> [bool; 3] {
+        let Some(home) = self.estimate.home else { return [false; 3] };
+        let high = self.estimate.height > self.limits.max_altitude;
+        let far = self.estimate.position.horizontal_distance(home) > self.limits.max_distance;
+        [high, far, false]
+    }
+
+    fn take_off(&mut self, now: Time) -> Result<Clearance, Refusal> {
+        let now = self.advance(now);
+        let fresh = duration_from_secs(self.limits.max_telemetry_age);
+        if self.watch.is_link_lost() {
+            return Err(Refusal::LinkLost);
+        }
+        if self.estimate.measured.is_none_or(|measured| now.since(measured) > fresh) {
+            return Err(Refusal::NoTelemetry);
+        }
+        if self.estimate.crashed {
+            return Err(Refusal::Crashed);
+        }
+        if self.estimate.phase != FlightPhase::OnGround {
+            return Err(Refusal::AlreadyFlying);
+        }
+        let needed = self.limits.take_off_battery;
+        if let Some(charge) = self.estimate.battery.filter(|&charge| charge < needed) {
+            return Err(Refusal::LowBattery { charge, needed });
+        }
+        let (height, limit) = (self.craft.take_off_height, self.limits.max_altitude);
+        if height > limit {
+            return Err(Refusal::TooLow { height, limit });
+        }
+        self.commanded = None;
+        Ok(passed(Command::TakeOff))
+    }
+
+    fn clear_under(&mut self, now: Time, setpoint: Setpoint, control: Control) -> Clearance {
+        let now = self.advance(now);
+        let (allowed, changed) = match self.stopped_by(now, setpoint, control) {
+            Some(cause) => (Setpoint::HOLD, Some(cause).filter(|_| !setpoint.is_hold())),
+            None => self.limit(now, setpoint),
+        };
+        let valid_until = now + duration_from_secs(self.limits.setpoint_validity);
+        let heading = self.estimate.heading.unwrap_or(0.0);
+        self.commanded = Some((reach::world_velocity(allowed, heading), valid_until));
+        Clearance { cleared: Cleared { what: Command::Setpoint(allowed), valid_until }, changed }
+    }
+
+    /// Why nothing may move now, if so.
+    fn stopped_by(&self, now: Time, setpoint: Setpoint, control: Control) -> Option<Cause> {
+        if !setpoint.is_finite() {
+            return Some(Cause::NotFinite);
+        }
+        let fresh = duration_from_secs(self.limits.max_telemetry_age);
+        let mut stopping: Option<Cause> = None;
+        if self.estimate.measured.is_none_or(|measured| now.since(measured) >= fresh) || self.estimate.heading.is_none() {
+            stopping = Some(Cause::NoTelemetry);
+        } else if self.estimate.phase != FlightPhase::Flying {
+            stopping = Some(Cause::NotFlying);
+        }
+        let conditions = self.watch.conditions(&self.estimate, &self.limits, control);
+        stopping.max(conditions.filter(|c| now >= c.land_at || (now >= c.hold_at && !c.may_move)).map(|c| c.cause).max())
+    }
+
+    /// What the limits leave of a finite setpoint.
+    fn limit(&self, now: Time, asked: Setpoint) -> (Setpoint, Option<Cause>) {
+        let limits = &self.limits;
+        let mut setpoint = asked;
+        let mut cause = None;
+        let speed = libm::hypot(asked.right, asked.forward);
+        if speed > limits.max_speed {
+            let share = limits.max_speed / speed;
+            (setpoint.right, setpoint.forward) = (asked.right * share, asked.forward * share);
+            cause = Some(Cause::SpeedLimit);
+        }
+        if asked.up.abs() > limits.max_climb {
+            setpoint.up = asked.up.clamp(-limits.max_climb, limits.max_climb);
+            cause = cause.or(Some(Cause::ClimbLimit));
+        }
+        if asked.yaw_rate.abs() > limits.max_yaw_rate {
+            setpoint.yaw_rate = asked.yaw_rate.clamp(-limits.max_yaw_rate, limits.max_yaw_rate);
+            cause = cause.or(Some(Cause::YawRateLimit));
+        }
+        let (Some(home), Some(heading)) = (self.estimate.home, self.estimate.heading) else {
+            return (Setpoint::HOLD, Some(Cause::NoTelemetry));
+        };
+        let situation = Situation { at: self.ahead(now), home, heading };
+        let (setpoint, confined) = reach::confine(limits, &self.craft, &situation, setpoint);
+        (setpoint, confined.or(cause))
+    }
+
+    /// Where the craft will be when a setpoint that is cleared now takes effect; `up` is its height above the take-off point.
+    fn ahead(&self, now: Time) -> EnuPosition {
+        let e = &self.estimate;
+        let age = e.measured.map_or(0.0, |measured| now.since(measured).as_secs_f64());
+        let v = e.velocity.or(self.commanded.map(|(v, _)| v)).unwrap_or_default();
+        let t = age + self.craft.dead_time;
+        EnuPosition { east: e.position.east + v.east * t, north: e.position.north + v.north * t, up: e.height + v.up * t }
+    }
+}
+
+/// A command that is not a setpoint, cleared as it is.
+fn passed(command: Command) -> Clearance {
+    Clearance { cleared: Cleared { what: command, valid_until: Time::MAX }, changed: None }
+}
+
+#[cfg(test)]
+mod tests;

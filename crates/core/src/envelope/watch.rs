@@ -1,0 +1,201 @@
+//! The conditions that make the craft hold or land, and since when each is true.
+
+use super::cause::{Cause, Reaction};
+use super::estimate::Estimate;
+use super::limits::Limits;
+use crate::frame::FrameMeta;
+use crate::telemetry::FlightPhase;
+use crate::time::{Duration, Time, duration_from_secs};
+
+/// Who moves the craft.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Control {
+    /// The pilot, by what the camera shows.
+    Pilot,
+    /// The operator, by own eyes: neither camera nor VLM is needed.
+    Operator,
+}
+
+/// A condition that is or will become true without further news.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Condition {
+    pub(super) cause: Cause,
+    /// From here on: hold.
+    pub(super) hold_at: Time,
+    /// From here on: land.
+    pub(super) land_at: Time,
+    /// True when a motion that mends it is allowed while it holds.
+    pub(super) may_move: bool,
+}
+
+/// What was heard of the camera, the link, the replies and the limits, each with the time that counts.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Watch {
+    /// Capture time of the newest usable frame.
+    captured: Option<Time>,
+    /// Capture counter of the newest frame.
+    counter: Option<u64>,
+    /// When that counter was first captured.
+    counter_since: Time,
+    /// Frames heard with that counter after the first.
+    repeats: u32,
+    /// Unusable frames heard after the newest usable one.
+    unusable: u32,
+    link_lost: Option<Time>,
+    battery_low: Option<Time>,
+    crashed: Option<Time>,
+    failed_replies: u32,
+    first_failure: Time,
+    last_failure: Time,
+    /// Since when each limit is broken: altitude, distance, geofence.
+    breaches: [Option<Time>; 3],
+}
+
+/// The causes of [`Watch::breaches`], in its order.
+const BREACHES: [Cause; 3] = [Cause::AltitudeBreach, Cause::DistanceBreach, Cause::GeofenceBreach];
+
+/// A battery that recovers when the motors rest is still empty: charge above the threshold that ends the condition.
+const BATTERY_HYSTERESIS: f64 = 0.02;
+
+impl Watch {
+    pub(super) fn frame(&mut self, now: Time, frame: &FrameMeta) {
+        if frame.unusable {
+            self.unusable = self.unusable.saturating_add(1);
+            return;
+        }
+        let captured = frame.captured.min(now);
+        if self.counter == Some(frame.capture_counter) {
+            self.repeats = self.repeats.saturating_add(1);
+        } else if self.captured.is_none_or(|newest| captured >= newest) {
+            (self.counter, self.counter_since, self.repeats) = (Some(frame.capture_counter), captured, 0);
+        } else {
+            // An older picture that was overtaken is no news.
+            return;
+        }
+        self.unusable = 0;
+        self.captured = self.captured.max(Some(captured));
+    }
+
+    pub(super) fn reply(&mut self, now: Time, ok: bool) {
+        if ok {
+            self.failed_replies = 0;
+            return;
+        }
+        if self.failed_replies == 0 {
+            self.first_failure = now;
+        }
+        self.failed_replies = self.failed_replies.saturating_add(1);
+        self.last_failure = now;
+    }
+
+    pub(super) fn link_lost(&mut self, now: Time) {
+        self.link_lost.get_or_insert(now);
+    }
+
+    pub(super) fn link_restored(&mut self) {
+        self.link_lost = None;
+    }
+
+    pub(super) fn is_link_lost(&self) -> bool {
+        self.link_lost.is_some()
+    }
+
+    /// Takes what the estimate says after new telemetry. `breached`: altitude, distance, geofence.
+    pub(super) fn estimate(&mut self, now: Time, estimate: &Estimate, limits: &Limits, breached: [bool; 3]) {
+        let low = limits.low_battery + if self.battery_low.is_some() { BATTERY_HYSTERESIS } else { 0.0 };
+        set(&mut self.battery_low, estimate.battery.is_some_and(|charge| charge < low), now);
+        set(&mut self.crashed, estimate.crashed, now);
+        for (since, breached) in self.breaches.iter_mut().zip(breached) {
+            set(since, breached, now);
+        }
+        if estimate.phase == FlightPhase::OnGround {
+            // A new flight is not answerable for the replies of the last one.
+            self.failed_replies = 0;
+        }
+    }
+
+    /// Every condition that is true or will be without further news, for a craft in the air.
+    pub(super) fn conditions(&self, estimate: &Estimate, limits: &Limits, control: Control) -> impl Iterator<Item = Condition> {
+        let at = |from: Time, secs: f64| from + duration_from_secs(secs);
+        let condition = |cause, hold_at: Time, land_after: f64| Condition {
+            cause,
+            hold_at,
+            land_at: hold_at + duration_from_secs(land_after),
+            may_move: false,
+        };
+        let operator = control == Control::Operator;
+        let airborne = estimate.airborne();
+        // The camera and the VLM matter once the pilot may move the craft.
+        let piloted = estimate.phase == FlightPhase::Flying && !operator;
+
+        let crashed = self.crashed.map(|since| condition(Cause::Crashed, since, 0.0));
+        let link = self.link_lost.filter(|_| airborne).map(|lost| Condition {
+            cause: Cause::LinkLost,
+            hold_at: at(lost, limits.link_hold_after),
+            land_at: at(lost, limits.link_land_after),
+            may_move: false,
+        });
+        let telemetry = estimate
+            .measured
+            .filter(|_| airborne)
+            .map(|measured| condition(Cause::NoTelemetry, at(measured, limits.max_telemetry_age), limits.telemetry_land_after));
+        let battery = self
+            .battery_low
+            .filter(|_| airborne)
+            .map(|since| Condition { may_move: operator, ..condition(Cause::LowBattery, since, limits.battery_land_after) });
+        let breach = move |i: usize| {
+            self.breaches[i].filter(|_| airborne).map(|since| Condition {
+                may_move: true,
+                // The operator may fly it back, for as long as that takes.
+                land_at: if operator { Time::MAX } else { since + duration_from_secs(limits.breach_land_after) },
+                ..condition(BREACHES[i], since, 0.0)
+            })
+        };
+        let stale_at = self.captured.map_or(Time::ZERO, |captured| at(captured, limits.max_frame_age)).max(estimate.phase_since);
+        let stale = piloted.then(|| {
+            let cause = if self.unusable > 0 { Cause::UnusableFrame } else { Cause::StaleFrame };
+            condition(cause, stale_at, limits.camera_land_after)
+        });
+        let frozen = (piloted && self.repeats > 0).then(|| {
+            let since = at(self.counter_since, limits.frozen_after).max(estimate.phase_since);
+            condition(Cause::FrozenFrame, since, limits.camera_land_after)
+        });
+        let failed = (piloted && self.failed_replies > 0).then_some(Condition {
+            cause: Cause::FailedReplies,
+            hold_at: self.first_failure,
+            land_at: if self.failed_replies >= limits.max_failed_replies { self.last_failure } else { Time::MAX },
+            may_move: false,
+        });
+        [crashed, link, telemetry, battery, breach(2), breach(1), breach(0), frozen, stale, failed].into_iter().flatten()
+    }
+
+    /// The most severe of what `conditions` demand at `now`; among equals the more severe cause.
+    pub(super) fn reaction(now: Time, conditions: impl Iterator<Item = Condition>) -> Reaction {
+        conditions
+            .map(|c| {
+                if now >= c.land_at {
+                    Reaction::Land(c.cause)
+                } else if now >= c.hold_at {
+                    Reaction::Hold(c.cause)
+                } else {
+                    Reaction::Continue
+                }
+            })
+            .max()
+            .unwrap_or(Reaction::Continue)
+    }
+}
+
+/// Keeps the instant since when `is` has been true.
+fn set(since: &mut Option<Time>, is: bool, now: Time) {
+    if is {
+        since.get_or_insert(now);
+    } else {
+        *since = None;
+    }
+}
+
+/// The first instant after `now` at which one of `conditions` changes by time alone.
+pub(super) fn next_change(now: Time, conditions: impl Iterator<Item = Condition>) -> Option<Time> {
+    conditions.flat_map(|c| [c.hold_at, c.land_at]).filter(|&at| at > now && at < Time::MAX - Duration::from_secs(1)).min()
+}
