@@ -11,6 +11,7 @@ pub mod craft;
 pub mod envelope;
 pub mod frame;
 pub mod geometry;
+pub mod grounding;
 pub mod lift;
 pub mod primitives;
 pub mod query;

@@ -1,4 +1,18 @@
-//! The reply contract: what a VLM is asked to answer, and the types it becomes (paper §3.1).
+//! The reply contract: what a VLM is asked to answer, and the types it becomes (paper §3.1; `docs/reply.md`).
+//!
+//! [`parse_reply`] reads a whole answer and [`ReplyStream`] one that is still arriving; [`reply_schema`] is what a VLM that
+//! obeys schemas is given, and [`Reply::to_json`] writes the same form, so that the oracle answers through text like
+//! everybody else. Coordinates cross here from a model's own convention, its [`GroundingProfile`](crate::grounding), into
+//! shares of the picture.
+
+mod json;
+mod parse;
+mod schema;
+mod stream;
+
+pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError};
+pub use schema::reply_schema;
+pub use stream::{MAX_TEXT, ReplyStream, parse_reply};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -65,3 +79,6 @@ pub struct Reply {
 
 /// Number of depth labels, the paper's `L`.
 pub const DEPTH_LABELS: u8 = 10;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,264 @@
+//! Grounding profiles: the coordinates in which a family of models was taught to point.
+//!
+//! A family points well in its own convention and badly in another one's (Gemini: `[y, x]` in thousandths; Qwen 3: `[x, y]` in
+//! thousandths; Claude and Qwen 2.5: pixels of the picture they see), so each is asked in its own and everything is converted
+//! here, once: the rest of the core sees [`ImagePoint`] and [`ImageBox`] only.
+
+use core::fmt::Write as _;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::query::{ImageBox, ImagePoint};
+
+/// Share of the picture's size by which a coordinate may lie outside and still be taken for its edge.
+pub const EDGE_TOLERANCE: f64 = 0.01;
+
+/// Which coordinate a model writes first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AxisOrder {
+    /// `[y, x]` and `[ymin, xmin, ymax, xmax]`.
+    #[default]
+    Yx,
+    /// `[x, y]` and `[xmin, ymin, xmax, ymax]`.
+    Xy,
+}
+
+/// What the numbers count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Scale {
+    /// Thousandths of the picture's side, 0..=1000.
+    #[default]
+    Thousand,
+    /// Percent of the picture's side, 0..=100.
+    Hundred,
+    /// Shares of the picture's side, 0..=1.
+    Unit,
+    /// Pixels of the picture *as the model sees it*, which need not be the size that was captured.
+    Pixels {
+        /// Its width, > 0.
+        width: u32,
+        /// Its height, > 0.
+        height: u32,
+    },
+}
+
+/// The coordinate convention of a family of models. Origin at the upper left corner of the picture in every one of them.
+///
+/// The default, `[y, x]` in thousandths, is Gemini's own and the one that the oracle answers in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct GroundingProfile {
+    /// Which coordinate comes first.
+    pub order: AxisOrder,
+    /// What the numbers count.
+    pub scale: Scale,
+}
+
+/// Why coordinates are no place in the picture.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum GroundingError {
+    /// More than [`EDGE_TOLERANCE`] outside, or not a finite number.
+    #[error("`[{first}, {second}]` lies outside the picture, whose coordinates are {limits}")]
+    Outside {
+        /// The first number as the model wrote it.
+        first: f64,
+        /// The second number as the model wrote it.
+        second: f64,
+        /// The range that was asked for.
+        limits: Limits,
+    },
+    /// Fractions below one where whole thousandths, percent or pixels were asked for: read as asked they would all mean the
+    /// upper left corner, and the craft would turn there.
+    #[error("`[{first}, {second}]` are shares of the picture, but its coordinates are {limits}")]
+    WrongScale {
+        /// The first number as the model wrote it.
+        first: f64,
+        /// The second number as the model wrote it.
+        second: f64,
+        /// The range that was asked for.
+        limits: Limits,
+    },
+}
+
+/// The range of each coordinate, for messages and prompts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Greatest horizontal coordinate.
+    pub x: f64,
+    /// Greatest vertical coordinate.
+    pub y: f64,
+}
+
+impl core::fmt::Display for Limits {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "x 0 to {}, y 0 to {}", self.x, self.y)
+    }
+}
+
+impl GroundingProfile {
+    /// The greatest value of each coordinate: that of the right and of the lower edge.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        match self.scale {
+            Scale::Thousand => Limits { x: 1000.0, y: 1000.0 },
+            Scale::Hundred => Limits { x: 100.0, y: 100.0 },
+            Scale::Unit => Limits { x: 1.0, y: 1.0 },
+            Scale::Pixels { width, height } => Limits { x: f64::from(width.max(1)), y: f64::from(height.max(1)) },
+        }
+    }
+
+    /// The point that a pair of numbers, in the order the model wrote them, means.
+    ///
+    /// # Errors
+    /// [`GroundingError::Outside`] beyond 1 % outside the picture or not finite (nearer ones are moved to the edge);
+    /// [`GroundingError::WrongScale`] for fractions below one under a coarser scale.
+    pub fn point(&self, [first, second]: [f64; 2]) -> Result<ImagePoint, GroundingError> {
+        let limits = self.limits();
+        let (x, y) = match self.order {
+            AxisOrder::Xy => (first, second),
+            AxisOrder::Yx => (second, first),
+        };
+        let (u, v) = (x / limits.x, y / limits.y);
+        let inside = -EDGE_TOLERANCE..=1.0 + EDGE_TOLERANCE;
+        if !inside.contains(&u) || !inside.contains(&v) {
+            return Err(GroundingError::Outside { first, second, limits });
+        }
+        let share = |c: f64| (0.0..=1.0).contains(&c);
+        if self.scale != Scale::Unit && share(x) && share(y) && (x.fract() != 0.0 || y.fract() != 0.0) {
+            return Err(GroundingError::WrongScale { first, second, limits });
+        }
+        Ok(ImagePoint { u: u.clamp(0.0, 1.0), v: v.clamp(0.0, 1.0) })
+    }
+
+    /// The rectangle that four numbers, in the order the model wrote them, mean. Edges in the wrong order are swapped, since
+    /// the rectangle they span is the same.
+    ///
+    /// # Errors
+    /// Those of [`point`](Self::point), for either corner.
+    pub fn area(&self, [a, b, c, d]: [f64; 4]) -> Result<ImageBox, GroundingError> {
+        // A scale is judged on the far corner: a box that begins in the very corner of the picture is nothing unusual.
+        let far = self.point([a.max(c), b.max(d)])?;
+        let near = [a.min(c), b.min(d)];
+        let near = match self.point(near) {
+            Err(GroundingError::WrongScale { .. }) => self.corner(near),
+            other => other?,
+        };
+        Ok(ImageBox { left: near.u, top: near.v, right: far.u, bottom: far.v })
+    }
+
+    /// A point already known to be inside, without the test of scale.
+    fn corner(&self, [first, second]: [f64; 2]) -> ImagePoint {
+        let limits = self.limits();
+        let (x, y) = match self.order {
+            AxisOrder::Xy => (first, second),
+            AxisOrder::Yx => (second, first),
+        };
+        ImagePoint { u: (x / limits.x).clamp(0.0, 1.0), v: (y / limits.y).clamp(0.0, 1.0) }
+    }
+
+    /// The numbers a model of this family writes for `point`, rounded as such models do: whole thousandths and pixels, tenths
+    /// of a percent, ten-thousandths of a share.
+    #[must_use]
+    pub fn point_numbers(&self, point: ImagePoint) -> [f64; 2] {
+        let limits = self.limits();
+        let (x, y) = (self.rounded(point.u * limits.x), self.rounded(point.v * limits.y));
+        match self.order {
+            AxisOrder::Xy => [x, y],
+            AxisOrder::Yx => [y, x],
+        }
+    }
+
+    /// The numbers a model of this family writes for `area`, rounded like [`point_numbers`](Self::point_numbers).
+    #[must_use]
+    pub fn area_numbers(&self, area: ImageBox) -> [f64; 4] {
+        let [a, b] = self.point_numbers(ImagePoint { u: area.left, v: area.top });
+        let [c, d] = self.point_numbers(ImagePoint { u: area.right, v: area.bottom });
+        [a, b, c, d]
+    }
+
+    fn rounded(&self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Thousand | Scale::Pixels { .. } => libm::round(value),
+            Scale::Hundred => libm::round(value * 10.0) / 10.0,
+            Scale::Unit => libm::round(value * 1e4) / 1e4,
+        }
+    }
+
+    /// The convention in words, for a prompt.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        let limits = self.limits();
+        let unit = match self.scale {
+            Scale::Thousand => "in thousandths of the picture's side",
+            Scale::Hundred => "in percent of the picture's side",
+            Scale::Unit => "as shares of the picture's side, with decimals",
+            Scale::Pixels { .. } => "in pixels of this picture",
+        };
+        let (point, area) = match self.order {
+            AxisOrder::Yx => ("[y, x]", "[ymin, xmin, ymax, xmax]"),
+            AxisOrder::Xy => ("[x, y]", "[xmin, ymin, xmax, ymax]"),
+        };
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let _ = write!(
+            text,
+            "A point is {point} and a box is {area}, {unit}: x runs from 0 at the left edge to {} at the right edge, y from 0 at the top to {} at the bottom.",
+            limits.x, limits.y
+        );
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_convention_reads_the_same_place() {
+        // A quarter from the left and three quarters down, in every convention.
+        let pixels = Scale::Pixels { width: 960, height: 720 };
+        for (order, scale, numbers) in [
+            (AxisOrder::Yx, Scale::Thousand, [750.0, 250.0]),
+            (AxisOrder::Xy, Scale::Thousand, [250.0, 750.0]),
+            (AxisOrder::Xy, Scale::Hundred, [25.0, 75.0]),
+            (AxisOrder::Xy, Scale::Unit, [0.25, 0.75]),
+            (AxisOrder::Xy, pixels, [240.0, 540.0]),
+            (AxisOrder::Yx, pixels, [540.0, 240.0]),
+        ] {
+            let profile = GroundingProfile { order, scale };
+            assert_eq!(profile.point(numbers).unwrap(), ImagePoint { u: 0.25, v: 0.75 }, "{profile:?}");
+            assert_eq!(profile.point_numbers(ImagePoint { u: 0.25, v: 0.75 }), numbers, "{profile:?}");
+        }
+    }
+
+    #[test]
+    fn one_percent_outside_is_the_edge_and_more_is_refused() {
+        let profile = GroundingProfile::default();
+        assert_eq!(profile.point([1010.0, -10.0]).unwrap(), ImagePoint { u: 0.0, v: 1.0 });
+        assert!(matches!(profile.point([1011.0, 500.0]), Err(GroundingError::Outside { .. })));
+        assert!(matches!(profile.point([f64::NAN, 500.0]), Err(GroundingError::Outside { .. })));
+        assert!(matches!(profile.point([500.0, f64::INFINITY]), Err(GroundingError::Outside { .. })));
+    }
+
+    #[test]
+    fn shares_under_a_coarse_scale_are_not_the_corner() {
+        let profile = GroundingProfile::default();
+        assert!(matches!(profile.point([0.42, 0.55]), Err(GroundingError::WrongScale { .. })));
+        assert!(matches!(profile.area([0.1, 0.1, 0.4, 0.5]), Err(GroundingError::WrongScale { .. })));
+        // Whole numbers there are a corner, and a box may begin in one.
+        assert_eq!(profile.point([1.0, 0.0]).unwrap(), ImagePoint { u: 0.0, v: 0.001 });
+        assert!(profile.area([0.5, 0.0, 400.0, 300.0]).is_ok());
+    }
+
+    #[test]
+    fn a_box_with_swapped_edges_is_the_same_box() {
+        let profile = GroundingProfile::default();
+        let area = profile.area([100.0, 200.0, 300.0, 400.0]).unwrap();
+        assert_eq!(area, ImageBox { left: 0.2, top: 0.1, right: 0.4, bottom: 0.3 });
+        assert_eq!(profile.area([300.0, 400.0, 100.0, 200.0]).unwrap(), area);
+        assert_eq!(profile.area_numbers(area), [100.0, 200.0, 300.0, 400.0]);
+    }
+}

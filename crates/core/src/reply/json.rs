@@ -1,0 +1,280 @@
+//! A JSON reader that forgives what models do to JSON, and refuses everything else.
+//!
+//! Forgiven: trailing commas, single quotes, Python's `True`, `False` and `None`, a leading `+`, raw line breaks inside
+//! strings. Numbers that overflow are read as infinite and are left to the range checks of whoever asked. Nesting is bounded
+//! by [`MAX_DEPTH`], memory by the text's length.
+
+/// Deepest nesting of objects and arrays that is read.
+pub(crate) const MAX_DEPTH: usize = 16;
+
+/// A JSON value. Objects keep the order and the repetitions of their keys.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Value {
+    Null,
+    Bool(bool),
+    Number(f64),
+    Text(String),
+    Array(Vec<Self>),
+    Object(Vec<(String, Self)>),
+}
+
+impl Value {
+    /// The value of the first of `keys` that is present and not null; a repeated key counts with its last value.
+    pub(crate) fn field(&self, keys: &[&str]) -> Option<&Self> {
+        let Self::Object(fields) = self else { return None };
+        keys.iter().find_map(|key| {
+            fields
+                .iter()
+                .rev()
+                .find(|(name, _)| name.eq_ignore_ascii_case(key))
+                .map(|(_, value)| value)
+                .filter(|v| **v != Self::Null)
+        })
+    }
+
+    /// The number that this is or, as text, spells.
+    pub(crate) fn number(&self) -> Option<f64> {
+        match self {
+            Self::Number(n) => Some(*n),
+            Self::Text(text) => text.trim().parse().ok(),
+            _ => None,
+        }
+    }
+
+    /// A short rendering for error messages, at most 40 characters.
+    pub(crate) fn excerpt(&self) -> String {
+        match self {
+            Self::Null => "null".to_owned(),
+            Self::Bool(b) => b.to_string(),
+            Self::Number(n) => n.to_string().chars().take(40).collect(),
+            Self::Text(text) => text.chars().filter(|c| !c.is_control()).take(40).collect(),
+            Self::Array(_) => "an array".to_owned(),
+            Self::Object(_) => "an object".to_owned(),
+        }
+    }
+}
+
+/// Why a text is no value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Broken {
+    /// It ends too early, but is right so far.
+    Truncated,
+    /// It is not JSON.
+    Invalid,
+}
+
+/// Reads one value that fills the whole of `text`.
+pub(crate) fn read(text: &str) -> Result<Value, Broken> {
+    let mut reader = Reader { text, at: 0 };
+    let value = reader.value(0)?;
+    reader.space();
+    if reader.at == text.len() { Ok(value) } else { Err(Broken::Invalid) }
+}
+
+struct Reader<'a> {
+    text: &'a str,
+    at: usize,
+}
+
+impl Reader<'_> {
+    fn peek(&self) -> Option<u8> {
+        self.text.as_bytes().get(self.at).copied()
+    }
+
+    fn space(&mut self) {
+        while matches!(self.peek(), Some(b' ' | b'\t' | b'\r' | b'\n')) {
+            self.at += 1;
+        }
+    }
+
+    /// Skips space; the next byte, which must be there.
+    fn next(&mut self) -> Result<u8, Broken> {
+        self.space();
+        self.peek().ok_or(Broken::Truncated)
+    }
+
+    fn value(&mut self, depth: usize) -> Result<Value, Broken> {
+        if depth > MAX_DEPTH {
+            return Err(Broken::Invalid);
+        }
+        match self.next()? {
+            b'{' => self.object(depth),
+            b'[' => self.array(depth),
+            quote @ (b'"' | b'\'') => self.string(quote).map(Value::Text),
+            b'+' | b'-' | b'.' | b'0'..=b'9' => self.number(),
+            b'a'..=b'z' | b'A'..=b'Z' => self.word(),
+            _ => Err(Broken::Invalid),
+        }
+    }
+
+    fn object(&mut self, depth: usize) -> Result<Value, Broken> {
+        self.at += 1;
+        let mut fields = Vec::new();
+        loop {
+            match self.next()? {
+                b'}' => break,
+                quote @ (b'"' | b'\'') => {
+                    let key = self.string(quote)?;
+                    if self.next()? != b':' {
+                        return Err(Broken::Invalid);
+                    }
+                    self.at += 1;
+                    fields.push((key, self.value(depth + 1)?));
+                }
+                _ => return Err(Broken::Invalid),
+            }
+            self.separator(b'}')?;
+        }
+        self.at += 1;
+        Ok(Value::Object(fields))
+    }
+
+    fn array(&mut self, depth: usize) -> Result<Value, Broken> {
+        self.at += 1;
+        let mut items = Vec::new();
+        while self.next()? != b']' {
+            items.push(self.value(depth + 1)?);
+            self.separator(b']')?;
+        }
+        self.at += 1;
+        Ok(Value::Array(items))
+    }
+
+    /// A comma, which is eaten, or `close`, which is not.
+    fn separator(&mut self, close: u8) -> Result<(), Broken> {
+        match self.next()? {
+            b',' => self.at += 1,
+            byte if byte == close => {}
+            _ => return Err(Broken::Invalid),
+        }
+        Ok(())
+    }
+
+    fn number(&mut self) -> Result<Value, Broken> {
+        let start = self.at;
+        while matches!(self.peek(), Some(b'+' | b'-' | b'.' | b'0'..=b'9' | b'e' | b'E')) {
+            self.at += 1;
+        }
+        if self.peek().is_none() {
+            return Err(Broken::Truncated);
+        }
+        self.text[start..self.at].parse().map(Value::Number).ok().ok_or(Broken::Invalid)
+    }
+
+    fn word(&mut self) -> Result<Value, Broken> {
+        let start = self.at;
+        while matches!(self.peek(), Some(b'a'..=b'z' | b'A'..=b'Z')) {
+            self.at += 1;
+        }
+        let word = &self.text[start..self.at];
+        if self.peek().is_none() {
+            let begun = ["null", "None", "true", "True", "false", "False"].iter().any(|whole| whole.starts_with(word));
+            return Err(if begun { Broken::Truncated } else { Broken::Invalid });
+        }
+        match word {
+            "null" | "None" => Ok(Value::Null),
+            "true" | "True" => Ok(Value::Bool(true)),
+            "false" | "False" => Ok(Value::Bool(false)),
+            _ => Err(Broken::Invalid),
+        }
+    }
+
+    fn string(&mut self, quote: u8) -> Result<String, Broken> {
+        self.at += 1;
+        let mut out = String::new();
+        loop {
+            let start = self.at;
+            while self.peek().is_some_and(|b| b != quote && b != b'\\') {
+                self.at += 1;
+            }
+            // Both ends lie on an ASCII byte or the end of the text, hence on a boundary of characters.
+            out.push_str(&self.text[start..self.at]);
+            match self.peek() {
+                None => return Err(Broken::Truncated),
+                Some(b'\\') => out.push(self.escape()?),
+                Some(_) => {
+                    self.at += 1;
+                    return Ok(out);
+                }
+            }
+        }
+    }
+
+    fn escape(&mut self) -> Result<char, Broken> {
+        let code = *self.text.as_bytes().get(self.at + 1).ok_or(Broken::Truncated)?;
+        self.at += 2;
+        Ok(match code {
+            b'n' => '\n',
+            b't' => '\t',
+            b'r' => '\r',
+            b'b' => '\u{8}',
+            b'f' => '\u{c}',
+            b'"' | b'\'' | b'\\' | b'/' => char::from(code),
+            b'u' => self.unicode()?,
+            _ => return Err(Broken::Invalid),
+        })
+    }
+
+    fn unicode(&mut self) -> Result<char, Broken> {
+        let high = self.hex()?;
+        if !(0xd800..0xdc00).contains(&high) {
+            return char::from_u32(high).ok_or(Broken::Invalid);
+        }
+        // A surrogate pair; a lonely half is no character.
+        let rest = &self.text.as_bytes()[self.at..];
+        if !rest.starts_with(b"\\u") {
+            return Err(if rest.len() < 2 { Broken::Truncated } else { Broken::Invalid });
+        }
+        self.at += 2;
+        let low = self.hex()?;
+        if !(0xdc00..0xe000).contains(&low) {
+            return Err(Broken::Invalid);
+        }
+        char::from_u32(0x1_0000 + ((high - 0xd800) << 10) + (low - 0xdc00)).ok_or(Broken::Invalid)
+    }
+
+    fn hex(&mut self) -> Result<u32, Broken> {
+        let mut code = 0;
+        for _ in 0..4 {
+            let digit = char::from(self.peek().ok_or(Broken::Truncated)?).to_digit(16).ok_or(Broken::Invalid)?;
+            code = code * 16 + digit;
+            self.at += 1;
+        }
+        Ok(code)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_what_models_write() {
+        let value = read("{'a': [1, +2.5, \"x\\u00e9\\ud83d\\ude81\",], \"b\": None, 'c': True,}").unwrap();
+        let Value::Array(items) = value.field(&["a"]).unwrap() else { panic!("{value:?}") };
+        assert_eq!(items[..], [Value::Number(1.0), Value::Number(2.5), Value::Text("xé🚁".to_owned())]);
+        assert_eq!(value.field(&["b"]), None);
+        assert_eq!(value.field(&["b", "C"]), Some(&Value::Bool(true)));
+    }
+
+    #[test]
+    fn tells_truncated_from_invalid() {
+        let text = r#"{"a": [1, -2.5e1, "x\u00e9"], "b": {"c": null}}"#;
+        assert!(read(text).is_ok());
+        for end in 0..text.len() {
+            assert_eq!(read(&text[..end]), Err(Broken::Truncated), "{}", &text[..end]);
+        }
+        assert_eq!(read("[crane"), Err(Broken::Invalid));
+        for bad in ["{a: 1}", "[1 2]", "[,1]", "[--1]", "{\"a\" 1}", "[nul]", "\"\\ud800x\"", "\"\\q\"", "[1] 2", "[NaN]", "{,}"]
+        {
+            assert_eq!(read(bad), Err(Broken::Invalid), "{bad}");
+        }
+    }
+
+    #[test]
+    fn nesting_is_bounded() {
+        let nested = |n: usize| format!("{}{}", "[".repeat(n), "]".repeat(n));
+        assert!(read(&nested(MAX_DEPTH)).is_ok());
+        assert_eq!(read(&nested(20_000)), Err(Broken::Invalid));
+    }
+}

@@ -1,0 +1,323 @@
+//! From a JSON value to a [`Reply`]: what is forgiven and what is refused.
+
+use super::json::Value;
+use super::stream::Verdict;
+use super::{DEPTH_LABELS, Look, ObstacleBox, Reply, Status};
+use crate::grounding::{GroundingError, GroundingProfile};
+
+/// Most obstacle boxes that one reply may carry.
+pub const MAX_BOXES: usize = 64;
+/// Longest name of a target or an obstacle, in characters; longer ones are cut, for they come back in the next prompt.
+pub const MAX_NAME: usize = 80;
+/// Greatest stage number.
+pub const MAX_STAGE: u32 = 99;
+
+/// Why an answer is no reply. Nothing may be flown on it: the pilot holds and asks again, and counts it as a failure.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReplyError {
+    /// No JSON anywhere in the answer.
+    #[error("the answer holds no JSON object; ask again, or for a model that obeys schemas")]
+    NoJson,
+    /// JSON, but none that answers: neither `status` nor `point` in it.
+    #[error("the answer's JSON has neither `status` nor `point`")]
+    NoReply,
+    /// The answer ends inside its JSON.
+    #[error("the answer ends in the middle of its JSON; raise the limit on output tokens")]
+    Truncated,
+    /// The answer is longer than [`MAX_TEXT`](super::MAX_TEXT).
+    #[error("the answer is longer than {limit} bytes")]
+    TooLong {
+        /// The limit, bytes.
+        limit: usize,
+    },
+    /// A field holds something of the wrong kind.
+    #[error("`{field}` should be {wanted}, but is `{found}`")]
+    WrongType {
+        /// Which field, such as `boxes[2].depth`.
+        field: String,
+        /// What belongs there.
+        wanted: &'static str,
+        /// What stands there, shortened.
+        found: String,
+    },
+    /// A field that must be there is not.
+    #[error("`{field}` is missing")]
+    Missing {
+        /// Which field.
+        field: String,
+    },
+    /// `navigating` without a point to go to.
+    #[error("`status` is `navigating`, but there is no `point` to go to")]
+    MissingPoint,
+    /// `navigating` without a depth label.
+    #[error("`status` is `navigating`, but there is no `depth` label")]
+    MissingDepth,
+    /// A point or box that is not in the picture.
+    #[error("`{field}`: {source}")]
+    PointOutside {
+        /// Which field.
+        field: String,
+        /// What is wrong with it.
+        source: GroundingError,
+    },
+    /// A depth label that is not on the scale. It is not clamped: a model that leaves the scale means something else by it,
+    /// and the step it would give is the longest there is.
+    #[error("`{field}` is {found}, but depth labels run from 1 to {DEPTH_LABELS}")]
+    DepthOutside {
+        /// Which field.
+        field: String,
+        /// The number found.
+        found: f64,
+    },
+    /// A stage number below 0 or above [`MAX_STAGE`].
+    #[error("`stage` is {found}, but stages count from 1 to at most {MAX_STAGE}")]
+    StageOutside {
+        /// The number found.
+        found: f64,
+    },
+    /// More than [`MAX_BOXES`] obstacles.
+    #[error("{found} boxes are more than the {MAX_BOXES} that a reply may hold")]
+    TooManyBoxes {
+        /// How many there are.
+        found: usize,
+    },
+}
+
+impl ReplyError {
+    /// A short name of the reason, for logs and counters; stable across versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NoJson => "no_json",
+            Self::NoReply => "no_reply",
+            Self::Truncated => "truncated",
+            Self::TooLong { .. } => "too_long",
+            Self::WrongType { .. } => "wrong_type",
+            Self::Missing { .. } => "missing_field",
+            Self::MissingPoint => "missing_point",
+            Self::MissingDepth => "missing_depth",
+            Self::PointOutside { .. } => "point_outside",
+            Self::DepthOutside { .. } => "depth_outside",
+            Self::StageOutside { .. } => "stage_outside",
+            Self::TooManyBoxes { .. } => "too_many_boxes",
+        }
+    }
+}
+
+const STATUS: [&str; 1] = ["status"];
+const POINT: [&str; 2] = ["point", "point_2d"];
+const DEPTH: [&str; 2] = ["depth", "depth_label"];
+const TARGET: [&str; 2] = ["target", "label"];
+const BOXES: [&str; 2] = ["boxes", "obstacles"];
+const BOX: [&str; 4] = ["box", "box_2d", "bbox", "bbox_2d"];
+const NAME: [&str; 2] = ["name", "label"];
+
+/// Reads `value` as a reply: an object, or an array whose first readable element counts. `nested`: the value was found inside
+/// a larger one that could not be read, and so must say its own `status` to be taken for more than a part of it.
+pub(super) fn interpret(value: &Value, profile: &GroundingProfile, nested: bool) -> Verdict<Reply, ReplyError> {
+    match value {
+        Value::Array(items) => {
+            let mut first_refusal = None;
+            for item in items {
+                match object(item, profile, nested) {
+                    Verdict::Accepted(reply) => return Verdict::Accepted(reply),
+                    Verdict::Refused(error) => first_refusal = first_refusal.or(Some(error)),
+                    Verdict::Other => {}
+                }
+            }
+            first_refusal.map_or(Verdict::Other, Verdict::Refused)
+        }
+        value => object(value, profile, nested),
+    }
+}
+
+fn object(value: &Value, profile: &GroundingProfile, nested: bool) -> Verdict<Reply, ReplyError> {
+    let answers = value.field(&STATUS).is_some() || (!nested && value.field(&POINT).is_some());
+    if !answers {
+        return Verdict::Other;
+    }
+    reply(value, profile).map_or_else(Verdict::Refused, Verdict::Accepted)
+}
+
+fn reply(value: &Value, profile: &GroundingProfile) -> Result<Reply, ReplyError> {
+    // A bare point with its label is the habit of models trained to point, and it can only mean "go there".
+    let status = value.field(&STATUS).map_or(Ok(Status::Navigating), status)?;
+    let point = value.field(&POINT).map(|v| point(v, profile)).transpose();
+    let depth = value.field(&DEPTH).map(|v| depth(v, "depth")).transpose();
+    let boxes = value.field(&BOXES).map_or_else(|| Ok(Vec::new()), |v| boxes(v, profile));
+    let (point, depth, boxes) = if status == Status::Navigating {
+        let (point, depth) = (point?.ok_or(ReplyError::MissingPoint)?, depth?.ok_or(ReplyError::MissingDepth)?);
+        (Some(point), Some(depth), boxes?)
+    } else {
+        // Nothing is flown on these, and models that must fill every field fill them with zeros.
+        (point.unwrap_or(None), depth.unwrap_or(None), boxes.unwrap_or_default())
+    };
+    let look = match (status, value.field(&["look"])) {
+        (Status::NotVisible, Some(word)) => look(word)?,
+        _ => None,
+    };
+    let stage = value.field(&["stage"]).map(stage).transpose()?.flatten();
+    let target = value.field(&TARGET).map(|v| name(v, "target")).transpose()?.flatten();
+    Ok(Reply { status, look, stage, point, depth, target, boxes })
+}
+
+/// The word without case, spaces, hyphens and underscores.
+fn plain_word(value: &Value, field: &str, wanted: &'static str) -> Result<String, ReplyError> {
+    match value {
+        Value::Text(text) => Ok(text.chars().filter(|c| c.is_alphanumeric()).take(40).flat_map(char::to_lowercase).collect()),
+        other => Err(wrong(field, wanted, other)),
+    }
+}
+
+fn wrong(field: &str, wanted: &'static str, found: &Value) -> ReplyError {
+    ReplyError::WrongType { field: field.to_owned(), wanted, found: found.excerpt() }
+}
+
+fn status(value: &Value) -> Result<Status, ReplyError> {
+    const WANTED: &str = "`navigating`, `not_visible` or `done`";
+    match plain_word(value, "status", WANTED)?.as_str() {
+        "navigating" | "navigate" | "inprogress" | "visible" => Ok(Status::Navigating),
+        "notvisible" | "notinview" | "notfound" | "invisible" => Ok(Status::NotVisible),
+        "done" | "complete" | "completed" | "finished" | "reached" | "arrived" => Ok(Status::Done),
+        _ => Err(wrong("status", WANTED, value)),
+    }
+}
+
+fn look(value: &Value) -> Result<Option<Look>, ReplyError> {
+    const WANTED: &str = "`left`, `right`, `up`, `down` or `behind`";
+    Ok(Some(match plain_word(value, "look", WANTED)?.as_str() {
+        "left" | "lookleft" | "turnleft" => Look::Left,
+        "right" | "lookright" | "turnright" => Look::Right,
+        "up" | "lookup" | "above" => Look::Up,
+        "down" | "lookdown" | "below" => Look::Down,
+        "behind" | "lookbehind" | "back" | "backward" | "backwards" | "turnaround" => Look::Behind,
+        "" | "none" | "null" | "unknown" => return Ok(None),
+        _ => return Err(wrong("look", WANTED, value)),
+    }))
+}
+
+/// `None` for 0, which models write where there is only one stage.
+fn stage(value: &Value) -> Result<Option<u32>, ReplyError> {
+    let number = value.number().ok_or_else(|| wrong("stage", "a whole number", value))?;
+    if !(0.0..=f64::from(MAX_STAGE)).contains(&number) {
+        return Err(ReplyError::StageOutside { found: number });
+    }
+    Ok(Some(libm::round(number) as u32).filter(|&stage| stage > 0))
+}
+
+fn depth(value: &Value, field: &str) -> Result<u8, ReplyError> {
+    let number = value.number().ok_or_else(|| wrong(field, "a depth label", value))?;
+    if !(1.0..=f64::from(DEPTH_LABELS)).contains(&number) {
+        return Err(ReplyError::DepthOutside { field: field.to_owned(), found: number });
+    }
+    Ok(libm::round(number) as u8)
+}
+
+/// A text on one line, of at most [`MAX_NAME`] characters: it comes back in the next prompt, so that line breaks and control
+/// characters with which a model (or what it read in the picture) could shape that prompt are taken out.
+fn name(value: &Value, field: &str) -> Result<Option<String>, ReplyError> {
+    let Value::Text(text) = value else { return Err(wrong(field, "a text", value)) };
+    Ok(Some(one_line(text)).filter(|name| !name.is_empty()))
+}
+
+/// `text` with every run of white space and control characters as one space, trimmed, at most [`MAX_NAME`] characters.
+pub(crate) fn one_line(text: &str) -> String {
+    let mut out = String::new();
+    let words = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty());
+    for (i, word) in words.enumerate() {
+        if i > 0 {
+            out.push(' ');
+        }
+        out.push_str(word);
+        if let Some((end, _)) = out.char_indices().nth(MAX_NAME) {
+            out.truncate(end);
+            return out.trim_end().to_owned();
+        }
+    }
+    out
+}
+
+/// The numbers of a flat or once nested array, or of a text like `500, 500`; none if there are more than four.
+fn numbers(value: &Value) -> Option<Vec<f64>> {
+    match value {
+        Value::Array(items) if items.iter().any(|item| matches!(item, Value::Array(_))) => {
+            let mut all = Vec::new();
+            for item in items {
+                let Value::Array(inner) = item else { return None };
+                all.extend(inner.iter().map(Value::number).collect::<Option<Vec<_>>>()?);
+            }
+            Some(all).filter(|all| all.len() <= 4)
+        }
+        Value::Array(items) if items.len() <= 4 => items.iter().map(Value::number).collect(),
+        Value::Text(text) => {
+            let inner = text.trim().trim_matches(['[', ']', '(', ')']);
+            let parts: Option<Vec<f64>> = inner.splitn(5, ',').map(|part| part.trim().parse().ok()).collect();
+            parts.filter(|parts| parts.len() <= 4)
+        }
+        _ => None,
+    }
+}
+
+/// The numbers of an object with named edges, one name of each row, in the order of the rows.
+fn named<const N: usize>(value: &Value, names: [&[&str]; N]) -> Option<[f64; N]> {
+    let mut out = [0.0; N];
+    for (number, keys) in out.iter_mut().zip(names) {
+        *number = value.field(keys)?.number()?;
+    }
+    Some(out)
+}
+
+fn point(value: &Value, profile: &GroundingProfile) -> Result<crate::query::ImagePoint, ReplyError> {
+    use crate::grounding::AxisOrder::{Xy, Yx};
+    let pair = if let Some([x, y]) = named(value, [&["x"], &["y"]]) {
+        Some(match profile.order {
+            Xy => [x, y],
+            Yx => [y, x],
+        })
+    } else {
+        numbers(value).and_then(|all| <[f64; 2]>::try_from(all).ok())
+    };
+    let pair = pair.ok_or_else(|| wrong("point", "two numbers", value))?;
+    profile.point(pair).map_err(|source| ReplyError::PointOutside { field: "point".to_owned(), source })
+}
+
+fn area(value: &Value, profile: &GroundingProfile, field: &str) -> Result<crate::query::ImageBox, ReplyError> {
+    use crate::grounding::AxisOrder::{Xy, Yx};
+    let edges =
+        named(value, [&["xmin", "x1", "left"], &["ymin", "y1", "top"], &["xmax", "x2", "right"], &["ymax", "y2", "bottom"]]);
+    let four = match (edges, profile.order) {
+        (Some(four), Xy) => Some(four),
+        (Some([x1, y1, x2, y2]), Yx) => Some([y1, x1, y2, x2]),
+        (None, _) => numbers(value).and_then(|all| <[f64; 4]>::try_from(all).ok()),
+    };
+    let four = four.ok_or_else(|| wrong(field, "four numbers", value))?;
+    profile.area(four).map_err(|source| ReplyError::PointOutside { field: field.to_owned(), source })
+}
+
+fn boxes(value: &Value, profile: &GroundingProfile) -> Result<Vec<ObstacleBox>, ReplyError> {
+    let single = core::slice::from_ref(value);
+    let items = match value {
+        Value::Array(items) => items,
+        Value::Object(_) => single,
+        other => return Err(wrong("boxes", "a list of obstacles", other)),
+    };
+    if items.len() > MAX_BOXES {
+        return Err(ReplyError::TooManyBoxes { found: items.len() });
+    }
+    let parse = |(i, item): (usize, &Value)| {
+        let missing = |part: &str| ReplyError::Missing { field: format!("boxes[{i}].{part}") };
+        if !matches!(item, Value::Object(_)) {
+            return Err(wrong(&format!("boxes[{i}]"), "an object", item));
+        }
+        let edges = item.field(&BOX).ok_or_else(|| missing("box"))?;
+        let label = item.field(&DEPTH).ok_or_else(|| missing("depth"))?;
+        let named = item.field(&NAME).map(|v| name(v, &format!("boxes[{i}].name"))).transpose()?.flatten();
+        Ok(ObstacleBox {
+            area: area(edges, profile, &format!("boxes[{i}].box"))?,
+            depth: depth(label, &format!("boxes[{i}].depth"))?,
+            name: named.unwrap_or_else(|| "obstacle".to_owned()),
+        })
+    };
+    items.iter().enumerate().map(parse).collect()
+}
