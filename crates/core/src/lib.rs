@@ -10,6 +10,7 @@ pub mod command;
 pub mod craft;
 pub mod envelope;
 pub mod frame;
+pub mod geofence;
 pub mod geometry;
 pub mod grounding;
 pub mod lift;

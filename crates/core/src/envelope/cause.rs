@@ -131,12 +131,14 @@ pub enum Refusal {
         /// Ceiling, m.
         limit: f64,
     },
-    /// It stands outside the geofence.
-    #[error("take-off refused: the craft stands outside the geofence at east {east:.1} m, north {north:.1} m")]
+    /// It stands outside the geofence, or would climb above it.
+    #[error("take-off refused: east {east:.1} m, north {north:.1} m at a height of {height:.1} m is outside the geofence")]
     OutsideGeofence {
         /// Metres east.
         east: f64,
         /// Metres north.
         north: f64,
+        /// Height that take-off climbs to, m.
+        height: f64,
     },
 }

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::craft::Craft;
+use crate::geofence::Geofence;
 
 /// The envelope's figures (DESIGN.md section 4, "Safety"; `docs/safety.md`). Metres, seconds, radians; infinity switches a
 /// limit off. Altitudes are above the take-off point.
@@ -51,6 +52,9 @@ pub struct Limits {
     pub max_failed_replies: u32,
     /// From a craft found outside the altitude, distance or geofence limit to the landing, s.
     pub breach_land_after: f64,
+    /// Where the craft may fly; `None`: wherever the other limits allow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub geofence: Option<Geofence>,
 }
 
 /// A limit that makes no sense.
@@ -108,6 +112,7 @@ impl Limits {
             battery_land_after: 5.0,
             max_failed_replies: 5,
             breach_land_after: 5.0,
+            geofence: None,
         }
     }
 

@@ -220,7 +220,9 @@ impl Envelope {
         let Some(home) = self.estimate.home else { return [false; 3] };
         let high = self.estimate.height > self.limits.max_altitude;
         let far = self.estimate.position.horizontal_distance(home) > self.limits.max_distance;
-        [high, far, false]
+        let at = EnuPosition { up: self.estimate.height, ..self.estimate.position };
+        let out = self.limits.geofence.as_ref().is_some_and(|fence| !fence.contains_below_ceiling(at));
+        [high, far, out]
     }
 
     fn take_off(&mut self, now: Time) -> Result<Clearance, Refusal> {
@@ -245,6 +247,10 @@ impl Envelope {
         let (height, limit) = (self.craft.take_off_height, self.limits.max_altitude);
         if height > limit {
             return Err(Refusal::TooLow { height, limit });
+        }
+        let at = EnuPosition { up: height, ..self.estimate.position };
+        if self.limits.geofence.as_ref().is_some_and(|fence| !fence.contains_below_ceiling(at)) {
+            return Err(Refusal::OutsideGeofence { east: at.east, north: at.north, height });
         }
         self.commanded = None;
         Ok(passed(Command::TakeOff))

@@ -9,10 +9,15 @@ use super::cause::Cause;
 use super::limits::Limits;
 use crate::command::Setpoint;
 use crate::craft::Craft;
+use crate::geofence::{Geofence, MapPoint};
 use crate::geometry::{EnuPosition, EnuVelocity};
 
 /// Speed below which a craft counts as standing still, m/s (the pilot's own figure for the next frame).
 const STANDSTILL: f64 = 0.1;
+/// Nearer than this to an edge is on it, m.
+const ON_EDGE: f64 = 1.0e-6;
+/// What a limit leaves below this speed is nothing, m/s.
+const CREEP: f64 = 1.0e-6;
 
 impl Craft {
     /// From the zero setpoint to standstill (below 0.1 m/s) at `speed` m/s, s: the dead time plus v/a, and where the
@@ -40,6 +45,11 @@ pub(super) struct Braking {
 impl Braking {
     fn new(limits: &Limits, craft: &Craft, acceleration: f64) -> Self {
         Self { delay: limits.setpoint_validity + craft.dead_time + craft.lag, acceleration: acceleration.max(0.01) }
+    }
+
+    /// How far `speed` carries the craft, m.
+    fn reach(self, speed: f64) -> f64 {
+        speed * self.delay + speed * speed / (2.0 * self.acceleration)
     }
 
     /// The greatest speed whose reach is no longer than `room` metres; zero without room.
@@ -72,68 +82,214 @@ struct Wall {
     /// Metres along the direction.
     distance: f64,
     /// Unit vector across the limit, pointing out.
-    out: (f64, f64),
+    out: MapPoint,
+    /// Which limit.
+    cause: Cause,
 }
 
 /// What `confine` leaves of `setpoint`, with the first limit that took something. Speeds are already within their limits.
 pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
-    let mut cause = None;
-    let mut limited = setpoint;
-
-    let vertical = Braking::new(limits, craft, craft.climb_acceleration);
-    let (floor, ceiling) = (limits.min_altitude, limits.max_altitude - limits.margin);
-    let up = setpoint.up.clamp(-vertical.speed_within(is.at.up - floor), vertical.speed_within(ceiling - is.at.up));
-    if up != setpoint.up {
-        limited.up = up;
-        cause = Some(Cause::AltitudeLimit);
-    }
-
+    let (up, altitudes, mut cause) = confine_climb(limits, craft, is, setpoint.up);
+    let mut limited = Setpoint { up, ..setpoint };
     let asked = map_velocity(setpoint, is.heading);
     if asked == (0.0, 0.0) {
         return (limited, cause);
     }
-    let braking = Braking::new(limits, craft, craft.acceleration);
-    let mut v = asked;
+    let plane = Plane::new(limits, craft, is, altitudes, libm::hypot(asked.0, asked.1));
+    let (mut v, mut changed) = plane.only_back(asked);
     // A corner has two sides and a round limit may meet a straight one; what four corrections do not settle is scaled.
     for _ in 0..4 {
         let before = v;
-        if let Some(wall) = distance_wall(limits, is, v) {
-            v = slide(v, &wall, braking, limits.margin);
-            if v != before {
-                cause = cause.or(Some(Cause::DistanceLimit));
-            }
+        for wall in plane.walls(v).into_iter().flatten() {
+            let slid = plane.slide(v, &wall);
+            changed = changed.or((slid != v).then_some(wall.cause));
+            v = slid;
         }
         if v == before {
             break;
         }
     }
-    if v.0 * asked.0 + v.1 * asked.1 <= 0.0 {
+    if dot(v, asked) <= 0.0 {
         v = (0.0, 0.0);
     }
     // The setpoint is in the body frame: while it holds, a turning craft flies every direction between the first and last.
     let turned = setpoint.yaw_rate * (limits.setpoint_validity + craft.dead_time);
-    let mut share = 1.0_f64;
+    let directions: &[f64] = if turned == 0.0 { &[0.0] } else { &[0.0, 0.5, 1.0] };
     let speed = libm::hypot(v.0, v.1);
-    for part in if turned == 0.0 { &[0.0][..] } else { &[0.0, 0.5, 1.0][..] } {
-        if speed == 0.0 {
-            break;
-        }
-        let along = rotate(v, part * turned);
-        if let Some(wall) = distance_wall(limits, is, along) {
-            let allowed = braking.speed_within(wall.distance - 0.5 * limits.margin);
-            if allowed < speed * share {
-                share = allowed / speed;
-                cause = cause.or(Some(Cause::DistanceLimit));
+    let mut allowed = speed;
+    for part in directions {
+        for wall in plane.walls(rotate(v, part * turned)).into_iter().flatten() {
+            let within = plane.braking.speed_within(wall.distance - 0.5 * limits.margin);
+            if within < allowed {
+                allowed = within;
+                changed = changed.or(Some(wall.cause));
             }
         }
     }
-    v = (v.0 * share, v.1 * share);
-    if v != asked {
+    if changed.is_some() {
+        cause = cause.or(changed);
+        let share = if allowed > CREEP { allowed / speed } else { 0.0 };
+        v = (v.0 * share, v.1 * share);
         let (sin, cos) = (libm::sin(is.heading), libm::cos(is.heading));
         limited.right = v.0 * cos - v.1 * sin;
         limited.forward = v.0 * sin + v.1 * cos;
     }
     (limited, cause)
+}
+
+/// The climb rate between floor and ceiling, the altitudes it may sweep, and the limit that took something.
+fn confine_climb(limits: &Limits, craft: &Craft, is: &Situation, up: f64) -> (f64, (f64, f64), Option<Cause>) {
+    let braking = Braking::new(limits, craft, craft.climb_acceleration);
+    let height = is.at.up;
+    let between = |floor: f64, ceiling: f64| {
+        up.clamp(-braking.speed_within(height - floor), braking.speed_within(ceiling - limits.margin - height))
+    };
+    let mut limited = between(limits.min_altitude, limits.max_altitude);
+    let mut cause = (limited != up).then_some(Cause::AltitudeLimit);
+    if let Some(fence) = &limits.geofence {
+        let (floor, ceiling) = fence.band(is.at);
+        let fenced = between(floor.max(limits.min_altitude), ceiling.min(limits.max_altitude));
+        if fenced != limited {
+            cause = cause.or(Some(Cause::GeofenceLimit));
+            limited = fenced;
+        }
+    }
+    let swept = height + limited.signum() * braking.reach(limited.abs());
+    // A craft that holds at its floor sinks below it by the error of its height: that must not stop it from moving on.
+    (limited, (height.min(swept) + limits.margin, height.max(swept)), cause)
+}
+
+/// The limits on the map about one place at one moment.
+struct Plane<'a> {
+    at: MapPoint,
+    home: MapPoint,
+    max_distance: f64,
+    margin: f64,
+    fence: Option<&'a Geofence>,
+    /// Altitudes that the craft may sweep.
+    altitudes: (f64, f64),
+    /// From outside the geofence: unit vector and distance back to it.
+    back: Option<(MapPoint, f64)>,
+    /// No polygon is open at the altitudes.
+    closed: bool,
+    braking: Braking,
+    /// How far a geofence matters, m.
+    reach: f64,
+}
+
+impl<'a> Plane<'a> {
+    fn new(limits: &'a Limits, craft: &Craft, is: &Situation, altitudes: (f64, f64), speed: f64) -> Self {
+        let braking = Braking::new(limits, craft, craft.acceleration);
+        let at = (is.at.east, is.at.north);
+        let mut plane = Self {
+            at,
+            home: (is.home.east, is.home.north),
+            max_distance: limits.max_distance,
+            margin: limits.margin,
+            fence: limits.geofence.as_ref(),
+            altitudes,
+            back: None,
+            closed: false,
+            braking,
+            reach: braking.reach(speed) + limits.margin,
+        };
+        if let Some(fence) = plane.fence.filter(|fence| !fence.allows(at, altitudes)) {
+            match fence.way_back(at, altitudes) {
+                None => plane.closed = true,
+                Some(to) => {
+                    let (dx, dy) = (to.0 - at.0, to.1 - at.1);
+                    let distance = libm::hypot(dx, dy);
+                    // On the very edge there is no way back to tell, and the ray finds out which side is free.
+                    plane.back = (distance > ON_EDGE).then(|| ((dx / distance, dy / distance), distance));
+                }
+            }
+        }
+        plane
+    }
+
+    /// What leads back inside, from outside a limit; all of `v` from inside.
+    fn only_back(&self, v: MapPoint) -> (MapPoint, Option<Cause>) {
+        let along = |v: MapPoint, unit: MapPoint| {
+            let part = dot(v, unit).max(0.0);
+            (unit.0 * part, unit.1 * part)
+        };
+        let (mut is, mut cause) = (v, None);
+        let (x, y) = (self.at.0 - self.home.0, self.at.1 - self.home.1);
+        let r = libm::hypot(x, y);
+        if r > self.max_distance {
+            (is, cause) = (along(is, (-x / r, -y / r)), Some(Cause::DistanceLimit));
+        }
+        if self.closed {
+            (is, cause) = ((0.0, 0.0), Some(Cause::GeofenceLimit));
+        } else if let Some((unit, _)) = self.back {
+            (is, cause) = (along(is, unit), Some(Cause::GeofenceLimit));
+        }
+        (is, cause)
+    }
+
+    fn walls(&self, v: MapPoint) -> [Option<Wall>; 2] {
+        let speed = libm::hypot(v.0, v.1);
+        if speed == 0.0 {
+            return [None, None];
+        }
+        let along = (v.0 / speed, v.1 / speed);
+        [self.distance_wall(along), self.fence_wall(along)]
+    }
+
+    /// Where the ray leaves the circle about the take-off point. From outside, a way back in is free up to the far side and
+    /// every other is blocked.
+    fn distance_wall(&self, along: MapPoint) -> Option<Wall> {
+        if self.max_distance == f64::INFINITY {
+            return None;
+        }
+        let from = (self.at.0 - self.home.0, self.at.1 - self.home.1);
+        let radial = dot(from, along);
+        let inside = self.max_distance * self.max_distance - dot(from, from);
+        // t² + 2·radial·t − inside = 0; the far root is where the ray leaves the circle.
+        let discriminant = radial * radial + inside;
+        let distance = if inside < 0.0 && (radial >= 0.0 || discriminant <= 0.0) {
+            0.0
+        } else {
+            (libm::sqrt(discriminant.max(0.0)) - radial).max(0.0)
+        };
+        let exit = (from.0 + along.0 * distance, from.1 + along.1 * distance);
+        let r = libm::hypot(exit.0, exit.1);
+        let out = if r > 0.0 { (exit.0 / r, exit.1 / r) } else { along };
+        Some(Wall { distance, out, cause: Cause::DistanceLimit })
+    }
+
+    fn fence_wall(&self, along: MapPoint) -> Option<Wall> {
+        let fence = self.fence?;
+        let cause = Cause::GeofenceLimit;
+        let Some((unit, gap)) = self.back else {
+            let exit = fence.exit(self.at, along, self.altitudes, self.reach)?;
+            return Some(Wall { distance: exit.distance, out: exit.out, cause });
+        };
+        // Turning while coming back: half of it must still lead back.
+        if dot(along, unit) < 0.5 {
+            return Some(Wall { distance: 0.0, out: along, cause });
+        }
+        let inside = gap + 2.0 * ON_EDGE;
+        let from = (self.at.0 + unit.0 * inside, self.at.1 + unit.1 * inside);
+        let exit = fence.exit(from, unit, self.altitudes, self.reach)?;
+        Some(Wall { distance: gap + exit.distance, out: exit.out, cause })
+    }
+
+    /// `v` with the part that points out of the wall no faster than can be stopped the margin before it.
+    fn slide(&self, v: MapPoint, wall: &Wall) -> MapPoint {
+        let speed = libm::hypot(v.0, v.1);
+        let outwards = dot(v, wall.out);
+        if speed == 0.0 || outwards <= 0.0 {
+            return v;
+        }
+        let across = wall.distance * outwards / speed;
+        let excess = outwards - self.braking.speed_within(across - self.margin);
+        if excess > 0.0 { (v.0 - excess * wall.out.0, v.1 - excess * wall.out.1) } else { v }
+    }
+}
+
+fn dot(a: MapPoint, b: MapPoint) -> f64 {
+    a.0 * b.0 + a.1 * b.1
 }
 
 /// The horizontal part of a setpoint as east and north.
@@ -152,43 +308,6 @@ pub(super) fn world_velocity(setpoint: Setpoint, heading: f64) -> EnuVelocity {
 fn rotate(v: (f64, f64), angle: f64) -> (f64, f64) {
     let (sin, cos) = (libm::sin(angle), libm::cos(angle));
     (v.0 * cos + v.1 * sin, v.1 * cos - v.0 * sin)
-}
-
-/// `v` with the part that points out of the wall no faster than can be stopped `margin` before it.
-fn slide(v: (f64, f64), wall: &Wall, braking: Braking, margin: f64) -> (f64, f64) {
-    let speed = libm::hypot(v.0, v.1);
-    let outwards = v.0 * wall.out.0 + v.1 * wall.out.1;
-    if speed == 0.0 || outwards <= 0.0 {
-        return v;
-    }
-    let across = wall.distance * outwards / speed;
-    let excess = outwards - braking.speed_within(across - margin);
-    if excess > 0.0 { (v.0 - excess * wall.out.0, v.1 - excess * wall.out.1) } else { v }
-}
-
-/// The distance limit along `v`: where the ray leaves the circle about the take-off point. From outside, a way back in counts
-/// as free and every other as blocked.
-fn distance_wall(limits: &Limits, is: &Situation, v: (f64, f64)) -> Option<Wall> {
-    let speed = libm::hypot(v.0, v.1);
-    if limits.max_distance == f64::INFINITY || speed == 0.0 {
-        return None;
-    }
-    let (x, y) = (is.at.east - is.home.east, is.at.north - is.home.north);
-    let r = libm::hypot(x, y);
-    let (dx, dy) = (v.0 / speed, v.1 / speed);
-    let radial = x * dx + y * dy;
-    let inside = limits.max_distance * limits.max_distance - r * r;
-    // t² + 2·radial·t − inside = 0; the far root is where the ray leaves the circle.
-    let discriminant = radial * radial + inside;
-    if inside < 0.0 && (radial >= 0.0 || discriminant <= 0.0) {
-        let r = r.max(f64::MIN_POSITIVE);
-        return Some(Wall { distance: 0.0, out: (x / r, y / r) });
-    }
-    let distance = libm::sqrt(discriminant.max(0.0)) - radial;
-    // Near the middle the nearest part of the circle says little about the way out; the exit point always does.
-    let (ex, ey) = (x + dx * distance, y + dy * distance);
-    let e = libm::hypot(ex, ey).max(f64::MIN_POSITIVE);
-    Some(Wall { distance, out: (ex / e, ey / e) })
 }
 
 #[cfg(test)]

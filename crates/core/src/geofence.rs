@@ -1,0 +1,259 @@
+//! Geofences: where a craft may fly, as polygons on the map with an altitude band (DESIGN.md section 7).
+//!
+//! A geofence is GeoJSON (RFC 7946) with one deviation: coordinates are **metres east and north** of the origin of the craft's
+//! position (the take-off point of a craft that tells none), not longitude and latitude. Each polygon may have holes, which
+//! are forbidden, and the properties `min_altitude_m` and `max_altitude_m`, metres above the take-off point. What is allowed
+//! is the union of the polygons, each with its own band.
+//!
+//! ```
+//! use spf_core::geofence::Geofence;
+//! use spf_core::geometry::EnuPosition;
+//!
+//! let fence = Geofence::from_geojson(
+//!     r#"{"type": "Feature", "properties": {"max_altitude_m": 30},
+//!         "geometry": {"type": "Polygon", "coordinates": [[[-50, -50], [50, -50], [50, 80], [-50, 80], [-50, -50]]]}}"#,
+//! )?;
+//! assert!(fence.contains(EnuPosition { east: 10.0, north: 70.0, up: 29.0 }));
+//! assert!(!fence.contains(EnuPosition { east: 10.0, north: 70.0, up: 31.0 }));
+//! # Ok::<(), spf_core::geofence::GeofenceError>(())
+//! ```
+
+mod parse;
+
+use std::borrow::Cow;
+
+pub use parse::{GeofenceError, MAX_BYTES, MAX_VERTICES};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::EnuPosition;
+
+/// A point on the map, metres east and north.
+pub(crate) type MapPoint = (f64, f64);
+
+/// Crossings of a ray closer together than this are one, m: the common edge of two polygons that touch.
+const SAME: f64 = 1.0e-6;
+
+/// Where a craft may fly. See the [module](self).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "serde_json::Value", into = "serde_json::Value")]
+pub struct Geofence {
+    areas: Vec<Area>,
+}
+
+/// One polygon with holes and its altitude band.
+#[derive(Clone, Debug, PartialEq)]
+struct Area {
+    /// The outer ring, then the holes; each without its repeated last point.
+    rings: Vec<Vec<MapPoint>>,
+    /// Metres above the take-off point; infinite when not stated.
+    min_altitude: f64,
+    max_altitude: f64,
+}
+
+/// Where a ray leaves the allowed region.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Exit {
+    /// Metres along the ray.
+    pub(crate) distance: f64,
+    /// Unit vector across the edge there, along the ray's side.
+    pub(crate) out: MapPoint,
+}
+
+impl Area {
+    /// Inside the outer ring and outside every hole.
+    fn contains(&self, at: MapPoint) -> bool {
+        let (outer, holes) = self.rings.split_first().expect("an area has an outer ring");
+        in_ring(outer, at) && !holes.iter().any(|hole| in_ring(hole, at))
+    }
+
+    fn edges(&self) -> impl Iterator<Item = (MapPoint, MapPoint)> {
+        self.rings.iter().flat_map(|ring| ring_edges(ring))
+    }
+
+    /// The point of the edges nearest to `at`, and its distance.
+    fn nearest_edge_point(&self, at: MapPoint) -> (MapPoint, f64) {
+        self.edges()
+            .map(|edge| nearest_on(edge, at))
+            .map(|p| (p, libm::hypot(p.0 - at.0, p.1 - at.1)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .expect("an area has edges")
+    }
+
+    fn nearest_altitude(&self, altitude: f64) -> f64 {
+        altitude.max(self.min_altitude).min(self.max_altitude)
+    }
+}
+
+impl Geofence {
+    /// Reads a geofence: a `FeatureCollection`, `Feature`, `Polygon` or `MultiPolygon`.
+    ///
+    /// # Errors
+    /// A [`GeofenceError`] that says what is wrong, where in the document, and what to do: no JSON, no GeoJSON, no polygon,
+    /// rings that are open, too short, too small or cross themselves, coordinates that look like degrees or are not within
+    /// 100 km, bands upside down, or a document beyond [`MAX_BYTES`] or [`MAX_VERTICES`].
+    pub fn from_geojson(text: &str) -> Result<Self, GeofenceError> {
+        parse::parse(text)
+    }
+
+    /// Whether the craft may be there; `up` is its altitude above the take-off point. A position that is not finite is outside.
+    #[must_use]
+    pub fn contains(&self, at: EnuPosition) -> bool {
+        self.areas.iter().any(|a| a.min_altitude <= at.up && at.up <= a.max_altitude && a.contains((at.east, at.north)))
+    }
+
+    /// Whether the craft is not too far out or too high; being below a `min_altitude_m` breaks nothing, for every flight
+    /// begins and ends there.
+    pub(crate) fn contains_below_ceiling(&self, at: EnuPosition) -> bool {
+        self.areas.iter().any(|a| at.up <= a.max_altitude && a.contains((at.east, at.north)))
+    }
+
+    /// Distance on the map to the nearest edge of any polygon or hole, metres: positive where some polygon contains the
+    /// point, negative outside. Edges that lie inside another polygon count, so that it errs on the near side.
+    #[must_use]
+    pub fn edge_distance(&self, at: EnuPosition) -> f64 {
+        let point = (at.east, at.north);
+        let distance = self.areas.iter().map(|a| a.nearest_edge_point(point).1).fold(f64::INFINITY, f64::min);
+        if self.areas.iter().any(|a| a.contains(point)) { distance } else { -distance }
+    }
+
+    /// The outer rings and holes, for drawing: metres east and north, first point not repeated.
+    pub fn outlines(&self) -> impl Iterator<Item = &[(f64, f64)]> {
+        self.areas.iter().flat_map(|a| a.rings.iter().map(Vec::as_slice))
+    }
+
+    /// The altitudes between which the craft may climb and sink on the spot: the bands of the polygons around it that contain
+    /// its altitude, else the nearest band there, else that of the nearest polygon.
+    pub(crate) fn band(&self, at: EnuPosition) -> (f64, f64) {
+        let point = (at.east, at.north);
+        let around = || self.areas.iter().filter(|a| a.contains(point));
+        let within = around().filter(|a| a.min_altitude <= at.up && at.up <= a.max_altitude);
+        let (min, max) =
+            within.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), a| (min.min(a.min_altitude), max.max(a.max_altitude)));
+        if min <= max {
+            return (min, max);
+        }
+        let off = |a: &&Area| (a.nearest_altitude(at.up) - at.up).abs();
+        let nearest = around().min_by(|a, b| off(a).total_cmp(&off(b))).or_else(|| {
+            let far = |a: &&Area| a.nearest_edge_point(point).1;
+            self.areas.iter().min_by(|a, b| far(a).total_cmp(&far(b)))
+        });
+        nearest.map_or((f64::NEG_INFINITY, f64::INFINITY), |a| (a.min_altitude, a.max_altitude))
+    }
+
+    /// The polygons whose band contains all altitudes from `low` to `high`.
+    fn open_at(&self, (low, high): (f64, f64)) -> impl Iterator<Item = &Area> + Clone {
+        self.areas.iter().filter(move |a| a.min_altitude <= low && high <= a.max_altitude)
+    }
+
+    /// Whether a point is allowed for all altitudes of `band` within one polygon.
+    pub(crate) fn allows(&self, at: MapPoint, band: (f64, f64)) -> bool {
+        self.open_at(band).any(|a| a.contains(at))
+    }
+
+    /// From an allowed point: where the ray along the unit vector `along` first leaves what is allowed at `band`, if that is
+    /// within `reach` metres.
+    pub(crate) fn exit(&self, from: MapPoint, along: MapPoint, band: (f64, f64), reach: f64) -> Option<Exit> {
+        let point = |t: f64| (from.0 + along.0 * t, from.1 + along.1 * t);
+        let next = |after: f64| {
+            self.open_at(band)
+                .flat_map(Area::edges)
+                .filter_map(|edge| crossing(from, along, edge).map(|t| (t, edge)))
+                .filter(|&(t, _)| t > after && t <= reach)
+                .min_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let mut here = 0.0;
+        let mut edge = None;
+        loop {
+            let ahead = next(here + SAME);
+            // Between two crossings all points are alike: the middle one tells.
+            let middle = 0.5 * (here + ahead.map_or(reach.min(here + 1.0), |(t, _)| t));
+            if !self.allows(point(middle), band) {
+                let out = edge.map_or(along, |edge| across(edge, along));
+                return Some(Exit { distance: here, out });
+            }
+            (here, edge) = ahead.map(|(t, edge)| (t, Some(edge)))?;
+        }
+    }
+
+    /// From a point that is not allowed: the nearest one that is, at `band`. `None` when no polygon is open at that band.
+    pub(crate) fn way_back(&self, from: MapPoint, band: (f64, f64)) -> Option<MapPoint> {
+        self.open_at(band).map(|a| a.nearest_edge_point(from)).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(point, _)| point)
+    }
+}
+
+/// Even-odd rule; a ring is taken without its repeated last point.
+fn in_ring(ring: &[MapPoint], (x, y): MapPoint) -> bool {
+    let mut inside = false;
+    for ((ax, ay), (bx, by)) in ring_edges(ring) {
+        if (ay > y) != (by > y) && x < ax + (bx - ax) * ((y - ay) / (by - ay)) {
+            inside = !inside;
+        }
+    }
+    inside
+}
+
+fn ring_edges(ring: &[MapPoint]) -> impl Iterator<Item = (MapPoint, MapPoint)> {
+    ring.iter().copied().zip(ring.iter().copied().cycle().skip(1))
+}
+
+fn nearest_on(((ax, ay), (bx, by)): (MapPoint, MapPoint), (x, y): MapPoint) -> MapPoint {
+    let (dx, dy) = (bx - ax, by - ay);
+    let length = dx * dx + dy * dy;
+    let t = if length > 0.0 { (((x - ax) * dx + (y - ay) * dy) / length).clamp(0.0, 1.0) } else { 0.0 };
+    (ax + dx * t, ay + dy * t)
+}
+
+/// Metres along the ray to the edge; `None` when they do not meet or are parallel.
+fn crossing(from: MapPoint, along: MapPoint, (a, b): (MapPoint, MapPoint)) -> Option<f64> {
+    let (ex, ey) = (b.0 - a.0, b.1 - a.1);
+    let (ax, ay) = (a.0 - from.0, a.1 - from.1);
+    let det = along.0 * ey - along.1 * ex;
+    if det == 0.0 {
+        return None;
+    }
+    let share = (ax * along.1 - ay * along.0) / det;
+    // A little beyond the ends, so that no ray slips through a corner.
+    (-1e-9..=1.0 + 1e-9).contains(&share).then(|| (ax * ey - ay * ex) / det).filter(|&t| t >= 0.0)
+}
+
+/// The unit vector across an edge that points to the side to which `along` goes.
+fn across((a, b): (MapPoint, MapPoint), along: MapPoint) -> MapPoint {
+    let (nx, ny) = (b.1 - a.1, a.0 - b.0);
+    let length = libm::hypot(nx, ny);
+    let sign = if nx * along.0 + ny * along.1 < 0.0 { -1.0 } else { 1.0 };
+    (sign * nx / length, sign * ny / length)
+}
+
+impl TryFrom<serde_json::Value> for Geofence {
+    type Error = GeofenceError;
+
+    fn try_from(value: serde_json::Value) -> Result<Self, GeofenceError> {
+        parse::from_value(&value)
+    }
+}
+
+impl From<Geofence> for serde_json::Value {
+    /// A `FeatureCollection` that reads back as the same geofence.
+    fn from(fence: Geofence) -> Self {
+        parse::to_value(&fence)
+    }
+}
+
+impl JsonSchema for Geofence {
+    fn schema_name() -> Cow<'static, str> {
+        "Geofence".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "GeoJSON polygons, coordinates in metres east and north of the origin; properties min_altitude_m and max_altitude_m",
+            "type": "object",
+            "required": ["type"],
+            "properties": { "type": { "enum": ["FeatureCollection", "Feature", "Polygon", "MultiPolygon"] } },
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;
