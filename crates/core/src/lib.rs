@@ -9,6 +9,7 @@ pub mod camera;
 pub mod command;
 pub mod craft;
 pub mod envelope;
+pub mod fault;
 pub mod frame;
 pub mod geofence;
 pub mod geometry;

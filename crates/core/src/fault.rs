@@ -1,0 +1,387 @@
+//! Faults on demand: one seeded machine that simulator, virtual drones and tests share (DESIGN.md section 3).
+//!
+//! It is sans-IO: told that message number `index` of a stream was sent at `now`, it says when copies of it arrive and in
+//! what state. What happens to a message follows from the seed, the stream and the index alone, so neither the order of calls
+//! nor the traffic of other streams changes it.
+//!
+//! ```
+//! use spf_core::fault::{Fault, FaultMachine, FaultPlan, Rule, Stream};
+//! use spf_core::time::Time;
+//!
+//! let rule = Rule { stream: Stream::Frames, from: 10.0, until: Some(20.0), fault: Fault::Drop { p: 1.0 } };
+//! let machine = FaultMachine::new(FaultPlan { rules: vec![rule] }, 7)?;
+//! assert_eq!(machine.pass(Time::from_millis(9_999), Stream::Frames, 3).len(), 1);
+//! assert!(machine.pass(Time::from_millis(10_000), Stream::Frames, 4).is_empty());
+//! # Ok::<(), spf_core::fault::FaultError>(())
+//! ```
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::rng::Draw;
+use crate::time::{Duration, Time, duration_from_secs};
+
+/// What is disturbed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Stream {
+    /// Camera frames on their way to the pilot.
+    Frames,
+    /// Telemetry on its way to the pilot.
+    Telemetry,
+    /// Replies of the VLM.
+    Replies,
+    /// Commands on their way to the craft.
+    Commands,
+}
+
+impl Stream {
+    /// Its name among the purposes of [`Draw`].
+    fn purpose(self) -> &'static str {
+        match self {
+            Self::Frames => "fault frames",
+            Self::Telemetry => "fault telemetry",
+            Self::Replies => "fault replies",
+            Self::Commands => "fault commands",
+        }
+    }
+}
+
+/// What happens to a message. Probabilities are 0..=1, times in seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum Fault {
+    /// It is lost.
+    Drop {
+        /// With this probability.
+        p: f64,
+    },
+    /// It comes later by a normally distributed time, at least 0; jitter that exceeds the distance between messages reorders
+    /// them, as on a datagram link.
+    Delay {
+        /// Mean, s.
+        mean: f64,
+        /// Standard deviation, s.
+        jitter: f64,
+    },
+    /// It comes twice.
+    Duplicate {
+        /// With this probability.
+        p: f64,
+        /// The copy comes this much later, s.
+        after: f64,
+    },
+    /// It is held back, so that later ones overtake it.
+    Reorder {
+        /// With this probability.
+        p: f64,
+        /// For this long, s.
+        by: f64,
+    },
+    /// The source is frozen: what arrives is the last content from before the rule began, capture counter included.
+    Freeze,
+    /// What arrives is empty: a blank frame, telemetry that tells nothing, a reply or command of no length.
+    Blank {
+        /// With this probability.
+        p: f64,
+    },
+}
+
+/// One fault of one stream during one time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Rule {
+    /// Which stream.
+    pub stream: Stream,
+    /// From this flight time, s, inclusive.
+    #[serde(default)]
+    pub from: f64,
+    /// Until this flight time, s, exclusive; `None`: to the end.
+    #[serde(default)]
+    pub until: Option<f64>,
+    /// What happens.
+    pub fault: Fault,
+}
+
+/// All faults of a flight. Rules apply in their order, each to what the earlier ones left; delays add up.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FaultPlan {
+    /// The rules.
+    #[serde(default)]
+    pub rules: Vec<Rule>,
+}
+
+/// A rule that makes no sense.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FaultError {
+    /// A probability outside 0..=1.
+    #[error("fault rule `{rule}`: probability `{p}` is not within 0 and 1")]
+    Probability {
+        /// Index of the rule.
+        rule: usize,
+        /// Its probability.
+        p: f64,
+    },
+    /// A time that is negative or not finite.
+    #[error("fault rule `{rule}`: `{field}` is `{value}` s, give a time from 0 to 86400 s")]
+    Time {
+        /// Index of the rule.
+        rule: usize,
+        /// Which time.
+        field: &'static str,
+        /// What it is.
+        value: f64,
+    },
+    /// The rule ends before it begins.
+    #[error("fault rule `{rule}`: it ends at `{until}` s and begins at `{from}` s, it would never apply")]
+    Empty {
+        /// Index of the rule.
+        rule: usize,
+        /// Begin, s.
+        from: f64,
+        /// End, s.
+        until: f64,
+    },
+}
+
+/// State in which a message arrives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Content {
+    /// As sent.
+    Intact,
+    /// The last content sent before this time, in place of its own ([`Fault::Freeze`]).
+    FrozenSince(Time),
+    /// Nothing in it ([`Fault::Blank`]).
+    Blank,
+}
+
+/// One arrival of a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+pub struct Delivery {
+    /// When; never before it was sent.
+    pub at: Time,
+    /// In what state.
+    pub content: Content,
+}
+
+/// The machine. See the [module](self).
+#[derive(Clone, Debug)]
+pub struct FaultMachine {
+    plan: FaultPlan,
+    seed: u64,
+}
+
+/// Copies of one message: duplicating rules cannot multiply it without bound.
+const MAX_COPIES: usize = 8;
+/// Longest time in a rule, s: a day.
+const MAX_TIME: f64 = 86_400.0;
+
+impl FaultMachine {
+    /// A machine for `plan`.
+    ///
+    /// # Errors
+    /// A [`FaultError`] for the first rule with a probability outside 0..=1, a time that is negative, not finite or beyond a
+    /// day, or an end that is not after its beginning.
+    pub fn new(plan: FaultPlan, seed: u64) -> Result<Self, FaultError> {
+        for (rule, r) in plan.rules.iter().enumerate() {
+            check(rule, r)?;
+        }
+        Ok(Self { plan, seed })
+    }
+
+    /// The plan.
+    #[must_use]
+    pub fn plan(&self) -> &FaultPlan {
+        &self.plan
+    }
+
+    /// Arrivals of message number `index` of `stream`, sent at `now`, earliest first; none when it is lost. Without a rule that
+    /// applies it arrives intact at `now`.
+    #[must_use]
+    pub fn pass(&self, now: Time, stream: Stream, index: u64) -> Vec<Delivery> {
+        let mut deliveries = vec![Delivery { at: now, content: Content::Intact }];
+        for (number, rule) in self.plan.rules.iter().enumerate() {
+            if rule.stream == stream && rule.applies(now) {
+                let mut draw = Draw::new(self.seed, stream.purpose(), &[index, number as u64]);
+                rule.apply(&mut draw, &mut deliveries);
+            }
+        }
+        deliveries.sort();
+        deliveries
+    }
+}
+
+impl Rule {
+    fn applies(&self, now: Time) -> bool {
+        now >= Time::from_secs_f64(self.from) && self.until.is_none_or(|until| now < Time::from_secs_f64(until))
+    }
+
+    fn apply(&self, draw: &mut Draw, deliveries: &mut Vec<Delivery>) {
+        let later = |d: &Delivery, by: Duration| Delivery { at: d.at + by, ..*d };
+        match self.fault {
+            Fault::Drop { p } => deliveries.retain(|_| !draw.chance(p)),
+            Fault::Delay { mean, jitter } => {
+                for d in deliveries {
+                    *d = later(d, duration_from_secs(mean + jitter * draw.normal()));
+                }
+            }
+            Fault::Duplicate { p, after } => {
+                let copies: Vec<_> =
+                    deliveries.iter().filter(|_| draw.chance(p)).map(|d| later(d, duration_from_secs(after))).collect();
+                deliveries.extend(copies);
+                deliveries.truncate(MAX_COPIES);
+            }
+            Fault::Reorder { p, by } => {
+                for d in deliveries {
+                    if draw.chance(p) {
+                        *d = later(d, duration_from_secs(by));
+                    }
+                }
+            }
+            Fault::Freeze => {
+                for d in deliveries {
+                    // Blank stays blank: there is nothing in it to freeze.
+                    if d.content == Content::Intact {
+                        d.content = Content::FrozenSince(Time::from_secs_f64(self.from));
+                    }
+                }
+            }
+            Fault::Blank { p } => {
+                for d in deliveries {
+                    if draw.chance(p) {
+                        d.content = Content::Blank;
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn check(rule: usize, r: &Rule) -> Result<(), FaultError> {
+    let probability = |p: f64| if (0.0..=1.0).contains(&p) { Ok(()) } else { Err(FaultError::Probability { rule, p }) };
+    let time = |field, value: f64| {
+        if (0.0..=MAX_TIME).contains(&value) { Ok(()) } else { Err(FaultError::Time { rule, field, value }) }
+    };
+    time("from", r.from)?;
+    if let Some(until) = r.until {
+        time("until", until)?;
+        if until <= r.from {
+            return Err(FaultError::Empty { rule, from: r.from, until });
+        }
+    }
+    match r.fault {
+        Fault::Drop { p } | Fault::Blank { p } => probability(p),
+        Fault::Delay { mean, jitter } => time("mean", mean).and(time("jitter", jitter)),
+        Fault::Duplicate { p, after } => probability(p).and(time("after", after)),
+        Fault::Reorder { p, by } => probability(p).and(time("by", by)),
+        Fault::Freeze => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn machine(rules: &[(f64, f64, Fault)]) -> FaultMachine {
+        let rules =
+            rules.iter().map(|&(from, until, fault)| Rule { stream: Stream::Frames, from, until: Some(until), fault }).collect();
+        FaultMachine::new(FaultPlan { rules }, 1).unwrap()
+    }
+
+    fn secs(secs: f64) -> Time {
+        Time::from_secs_f64(secs)
+    }
+
+    #[test]
+    fn without_a_rule_that_applies_everything_arrives_at_once() {
+        let m = machine(&[(1.0, 2.0, Fault::Drop { p: 1.0 })]);
+        let intact = vec![Delivery { at: secs(2.0), content: Content::Intact }];
+        assert_eq!(m.pass(secs(2.0), Stream::Frames, 0), intact, "the end is exclusive");
+        assert_eq!(m.pass(secs(1.0), Stream::Frames, 0), vec![], "the beginning inclusive");
+        assert_eq!(m.pass(secs(1.5), Stream::Telemetry, 0).len(), 1, "another stream");
+    }
+
+    #[test]
+    fn frequencies_are_those_of_the_rule() {
+        let m = machine(&[(0.0, 1.0, Fault::Drop { p: 0.3 }), (0.0, 1.0, Fault::Duplicate { p: 0.5, after: 0.1 })]);
+        let counts: Vec<usize> = (0..10_000).map(|i| m.pass(secs(0.5), Stream::Frames, i).len()).collect();
+        let share = |n: usize| counts.iter().filter(|&&c| c == n).count() as f64 / 1e4;
+        // 0.3 lost; 0.7 · 0.5 once; 0.7 · 0.5 twice; three standard deviations are 0.015.
+        assert!((share(0) - 0.3).abs() < 0.015 && (share(1) - 0.35).abs() < 0.015 && (share(2) - 0.35).abs() < 0.015);
+    }
+
+    #[test]
+    fn delays_are_normal_and_never_before_sending() {
+        let m = machine(&[(0.0, 1.0, Fault::Delay { mean: 0.2, jitter: 0.05 })]);
+        let delays: Vec<f64> =
+            (0..10_000).map(|i| m.pass(secs(0.5), Stream::Frames, i)[0].at.since(secs(0.5)).as_secs_f64()).collect();
+        let mean = delays.iter().sum::<f64>() / 1e4;
+        assert!((mean - 0.2).abs() < 0.002, "{mean}");
+        let wild = machine(&[(0.0, 1.0, Fault::Delay { mean: 0.0, jitter: 9.0 })]);
+        assert!((0..100).all(|i| wild.pass(secs(0.5), Stream::Frames, i)[0].at >= secs(0.5)));
+    }
+
+    #[test]
+    fn frozen_and_blank_are_told_apart() {
+        let m = machine(&[(1.0, 3.0, Fault::Freeze), (2.0, 3.0, Fault::Blank { p: 1.0 })]);
+        assert_eq!(m.pass(secs(1.5), Stream::Frames, 0)[0].content, Content::FrozenSince(secs(1.0)));
+        assert_eq!(m.pass(secs(2.5), Stream::Frames, 1)[0].content, Content::Blank);
+    }
+
+    #[test]
+    fn one_rule_more_changes_no_draw_of_another() {
+        let drop = (0.0, 1.0, Fault::Drop { p: 0.5 });
+        let (one, two) = (machine(&[drop]), machine(&[drop, (0.0, 1.0, Fault::Freeze)]));
+        let arrives = |m: &FaultMachine| (0..64).map(|i| m.pass(secs(0.1), Stream::Frames, i).len()).collect::<Vec<_>>();
+        assert_eq!(arrives(&one), arrives(&two));
+        assert!(arrives(&one).contains(&0) && arrives(&one).contains(&1));
+    }
+
+    #[test]
+    fn nonsense_is_refused_with_its_rule() {
+        let refused = |fault, from, until| {
+            let rules = vec![Rule { stream: Stream::Replies, from, until, fault }];
+            FaultMachine::new(FaultPlan { rules }, 0).unwrap_err().to_string()
+        };
+        assert_eq!(refused(Fault::Drop { p: 1.5 }, 0.0, None), "fault rule `0`: probability `1.5` is not within 0 and 1");
+        assert_eq!(
+            refused(Fault::Delay { mean: f64::NAN, jitter: 0.0 }, 0.0, None),
+            "fault rule `0`: `mean` is `NaN` s, give a time from 0 to 86400 s"
+        );
+        assert_eq!(
+            refused(Fault::Freeze, 2.0, Some(1.0)),
+            "fault rule `0`: it ends at `1` s and begins at `2` s, it would never apply"
+        );
+    }
+
+    #[test]
+    fn a_plan_reads_from_json() {
+        let text = r#"{"rules": [{"stream": "replies", "fault": {"drop": {"p": 1.0}}},
+            {"stream": "frames", "from": 5, "until": 9, "fault": "freeze"}]}"#;
+        let plan: FaultPlan = serde_json::from_str(text).unwrap();
+        assert_eq!(plan.rules[0], Rule { stream: Stream::Replies, from: 0.0, until: None, fault: Fault::Drop { p: 1.0 } });
+        assert_eq!(plan.rules[1].fault, Fault::Freeze);
+    }
+
+    proptest! {
+        /// Neither the order of calls nor other messages matter; nothing arrives before it was sent.
+        #[test]
+        fn what_happens_follows_from_seed_stream_and_index(seed: u64, index in 0..1000u64, p in 0.0..1.0_f64, jitter in 0.0..1.0_f64) {
+            let rules = [Fault::Delay { mean: 0.1, jitter }, Fault::Duplicate { p, after: 0.0 }, Fault::Drop { p }, Fault::Reorder { p, by: 0.3 }]
+                .map(|fault| Rule { stream: Stream::Commands, from: 0.0, until: None, fault }).to_vec();
+            let plan = FaultPlan { rules };
+            let (a, b) = (FaultMachine::new(plan.clone(), seed).unwrap(), FaultMachine::new(plan, seed).unwrap());
+            let _ = b.pass(secs(0.0), Stream::Commands, index + 1);
+            let arrivals = a.pass(secs(1.0), Stream::Commands, index);
+            prop_assert_eq!(&arrivals, &b.pass(secs(1.0), Stream::Commands, index));
+            prop_assert!(arrivals.len() <= MAX_COPIES && arrivals.iter().all(|d| d.at >= secs(1.0)));
+            prop_assert!(arrivals.is_sorted());
+        }
+    }
+}
