@@ -95,7 +95,8 @@ impl Camera {
     }
 
     /// The direction that a point of the picture looks in, with the lens distortion taken out. Any finite point gives a
-    /// finite ray, also one beside the picture.
+    /// finite ray, also one beside the picture; where the distortion polynomial has folded back and no direction leads, it is
+    /// the nearest found, which [`project`](Self::project) does not give back.
     #[must_use]
     pub fn ray(&self, point: ImagePoint) -> Ray {
         let x = (point.u * f64::from(self.width) - self.cx) / self.fx;
@@ -284,19 +285,14 @@ mod tests {
     proptest! {
         #[test]
         fn projecting_a_ray_gives_the_point_back(
-            u in 0.0..=1.0, v in 0.0..=1.0, hfov in 0.5..1.7, k1 in -0.12..0.2, k2 in -0.05..0.1, p1 in -0.01..0.01, p2 in -0.01..0.01,
+            u in 0.0..=1.0, v in 0.0..=1.0, hfov in 0.5..1.5, k1 in -0.08..0.2, k2 in 0.0..0.1, p1 in -0.01..0.01, p2 in -0.01..0.01,
         ) {
             let mut camera = Camera::from_fov(960, 720, hfov, 0.75 * hfov, 0.0);
             (camera.cx, camera.cy) = (camera.cx + 11.0, camera.cy - 7.0);
             camera.distortion = Distortion { k1, k2, p1, p2 };
             let ray = camera.ray(ImagePoint { u, v });
-            // A lens whose polynomial folds inside the picture is no lens; those combinations are left out.
-            if let Some(back) = camera.project(3.0 * ray.right, 3.0, 3.0 * ray.up) {
-                prop_assert!(close(back.u, u, 1e-9) && close(back.v, v, 1e-9), "{back:?} for {u} {v}");
-            } else {
-                let worst = ray.right * ray.right + ray.up * ray.up;
-                prop_assert!(1.0 + worst * (3.0 * k1 + worst * 5.0 * k2) < 0.35 || k2 < 0.0, "refused {ray:?}");
-            }
+            let back = camera.project(3.0 * ray.right, 3.0, 3.0 * ray.up).unwrap();
+            prop_assert!(close(back.u, u, 1e-9) && close(back.v, v, 1e-9), "{back:?} for {u} {v}");
         }
 
         #[test]

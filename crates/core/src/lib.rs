@@ -9,6 +9,8 @@ pub mod camera;
 pub mod command;
 pub mod craft;
 pub mod envelope;
+pub mod estimator;
+pub mod executor;
 pub mod fault;
 pub mod frame;
 pub mod geofence;

@@ -51,6 +51,14 @@ pub enum UnprojectError {
         /// Share of the height.
         v: f64,
     },
+    /// The lens sees nothing there: the camera's distortion coefficients fold the picture back before this point.
+    #[error("waypoint (`{u}`, `{v}`) lies beyond what the camera's distortion coefficients describe; check the calibration")]
+    BeyondLens {
+        /// Share of the width.
+        u: f64,
+        /// Share of the height.
+        v: f64,
+    },
     /// The step is no positive length.
     #[error("step of `{step}` m is not a positive length; check the step rule's constants")]
     BadStep {
@@ -65,7 +73,7 @@ pub enum UnprojectError {
 ///
 /// # Errors
 /// [`UnprojectError::NotFinite`] and [`UnprojectError::OutsideImage`] for a point that is none of the picture's (both edges
-/// belong to it), [`UnprojectError::BadStep`] unless `step` is finite and above 0.
+/// belong to it), [`UnprojectError::BeyondLens`] where no direction leads to the point, [`UnprojectError::BadStep`] unless `step` is finite and above 0.
 pub fn unproject(camera: &Camera, point: ImagePoint, step: f64) -> Result<CameraDisplacement, UnprojectError> {
     let ImagePoint { u, v } = point;
     if !(u.is_finite() && v.is_finite()) {
@@ -78,6 +86,10 @@ pub fn unproject(camera: &Camera, point: ImagePoint, step: f64) -> Result<Camera
         return Err(UnprojectError::BadStep { step });
     }
     let ray = camera.ray(point);
+    let seen = |back: ImagePoint| (back.u - u).abs() < 1e-6 && (back.v - v).abs() < 1e-6;
+    if !camera.distortion.is_none() && !camera.project(ray.right, 1.0, ray.up).is_some_and(seen) {
+        return Err(UnprojectError::BeyondLens { u, v });
+    }
     Ok(CameraDisplacement { right: ray.right * step, forward: step, up: ray.up * step })
 }
 
@@ -216,6 +228,15 @@ mod tests {
             assert!(matches!(unproject(&camera, MIDDLE, step), Err(UnprojectError::BadStep { .. })));
         }
         assert!(unproject(&camera, ImagePoint { u: 1.0, v: 0.0 }, 1.0).is_ok());
+    }
+
+    /// A barrel lens that folds at 1.05 focal lengths has no direction for a point 1.19 focal lengths off axis.
+    #[test]
+    fn points_beyond_the_lens_are_refused() {
+        let mut camera = Camera::from_fov(960, 720, 100.0_f64.to_radians(), 80.0_f64.to_radians(), 0.0);
+        camera.distortion.k1 = -0.3;
+        assert!(matches!(unproject(&camera, ImagePoint { u: 1.0, v: 0.5 }, 1.0), Err(UnprojectError::BeyondLens { .. })));
+        assert!(unproject(&camera, ImagePoint { u: 0.75, v: 0.5 }, 1.0).is_ok());
     }
 
     #[test]

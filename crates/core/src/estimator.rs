@@ -1,0 +1,292 @@
+//! What is known of the craft's motion at any time, from telemetry that comes at 10 to 50 Hz, coarse and late.
+//!
+//! A predictor with fixed-gain correction: between reports the craft is carried forward by its response to what was
+//! commanded (dead time, lag, acceleration limit), and each report corrects only what it can tell. A report in whole degrees
+//! or tenths of a metre a second says that the truth lies within half a unit of it, so a prediction inside that is kept;
+//! a position that wanders slowly (satellite navigation) pulls slowly, so that a single step is measured by integrated
+//! velocity. A craft without position is dead-reckoned; one without velocity is known from its commands alone.
+
+use std::collections::VecDeque;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::command::Setpoint;
+use crate::craft::Craft;
+use crate::executor::response::{CommandLog, Response, State};
+use crate::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, wrap_angle};
+use crate::telemetry::{FlightPhase, Telemetry};
+use crate::time::{Duration, Time};
+
+/// Motion of the craft at an instant, as well as it is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Known {
+    /// World position, metres. Of a craft without position: dead-reckoned from where telemetry began, `up` from its height.
+    pub position: EnuPosition,
+    /// World velocity, m/s.
+    pub velocity: EnuVelocity,
+    /// Attitude; pitch and roll are those of the newest report.
+    pub attitude: Attitude,
+    /// Radians a second, clockwise positive.
+    pub yaw_rate: f64,
+}
+
+impl Known {
+    /// Position and attitude.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose { position: self.position, attitude: self.attitude }
+    }
+
+    /// True when every component is a finite number.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let (p, v, a) = (self.position, self.velocity, self.attitude);
+        let all = [p.east, p.north, p.up, v.east, v.north, v.up, a.heading, a.pitch, a.roll, self.yaw_rate];
+        all.iter().all(|x| x.is_finite())
+    }
+}
+
+/// How coarse a craft's telemetry is. Zero means exact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Senses {
+    /// Slowly varying error of the position, metres.
+    pub position_noise: f64,
+    /// Error of a single velocity report, m/s.
+    pub velocity_noise: f64,
+    /// Unit in which velocity is told, m/s; rounded to the nearest.
+    pub velocity_resolution: f64,
+    /// Error of a single heading report, radians.
+    pub heading_noise: f64,
+    /// Unit in which heading is told, radians; rounded to the nearest.
+    pub heading_resolution: f64,
+    /// Unit in which height is told, metres; rounded to the nearest.
+    pub height_resolution: f64,
+}
+
+impl Senses {
+    /// Everything as it is.
+    pub const EXACT: Self = Self {
+        position_noise: 0.0,
+        velocity_noise: 0.0,
+        velocity_resolution: 0.0,
+        heading_noise: 0.0,
+        heading_resolution: 0.0,
+        height_resolution: 0.0,
+    };
+
+    /// A Tello's state string: heading in whole degrees, velocity in dm/s, height in steps of 10 cm.
+    #[must_use]
+    pub fn tello() -> Self {
+        Self { velocity_resolution: 0.1, heading_resolution: 1.0_f64.to_radians(), height_resolution: 0.1, ..Self::EXACT }
+    }
+
+    /// A quadrotor with satellite navigation: position to 0.3 m, slowly varying, velocity to 0.05 m/s, heading to 1°.
+    #[must_use]
+    pub fn quad() -> Self {
+        Self { position_noise: 0.3, velocity_noise: 0.05, heading_noise: 1.0_f64.to_radians(), ..Self::EXACT }
+    }
+}
+
+/// Time constant with which noisy velocity and heading reports are believed, s: long against a report, short against a step.
+const NOISE_TIME: f64 = 0.3;
+/// Time constant with which a wandering position is believed, s: long against a step (3 s), short against a flight.
+const WANDER_TIME: f64 = 20.0;
+/// A position this many times its noise away from the estimate is a jump of the source, and believed at once.
+const JUMP: f64 = 10.0;
+/// How far telemetry is extrapolated; a link that is silent for longer tells nothing any more.
+const HORIZON: Duration = Duration::from_millis(500);
+/// How long poses are kept: the oldest frame that a reply may be about.
+const MEMORY: Duration = Duration::from_secs(15);
+/// At most so many poses: [`MEMORY`] at 50 Hz, with room.
+const POSES: usize = 1024;
+
+/// Knows the craft's motion at any time. Told telemetry and setpoints; asked for [`Known`] now and for poses of the past.
+#[derive(Clone, Debug)]
+pub struct MotionEstimator {
+    response: Response,
+    senses: Senses,
+    log: CommandLog,
+    newest: Option<(Telemetry, State)>,
+    past: VecDeque<(Time, Known)>,
+}
+
+impl MotionEstimator {
+    /// Knows nothing yet. `craft` is what the craft answers setpoints like, `senses` how much its telemetry tells.
+    #[must_use]
+    pub fn new(craft: &Craft, senses: Senses) -> Self {
+        Self {
+            response: Response::of(craft),
+            senses,
+            log: CommandLog::default(),
+            newest: None,
+            past: VecDeque::with_capacity(POSES),
+        }
+    }
+
+    /// A setpoint was sent and holds from `now` on.
+    pub fn commanded(&mut self, now: Time, setpoint: Setpoint) {
+        self.log.push(now, setpoint);
+    }
+
+    /// Takes a report. One that is older than the newest known, or not finite, is passed over.
+    pub fn observe(&mut self, telemetry: &Telemetry) {
+        let told = telemetry.position.map_or(0.0, |p| p.east + p.north + p.up)
+            + telemetry.velocity.map_or(0.0, |v| v.east + v.north + v.up)
+            + telemetry.attitude.heading
+            + telemetry.attitude.pitch
+            + telemetry.attitude.roll
+            + telemetry.yaw_rate.unwrap_or(0.0)
+            + telemetry.height.unwrap_or(0.0);
+        if !told.is_finite() {
+            return;
+        }
+        let state = match &self.newest {
+            None => first(telemetry),
+            Some((before, _)) if telemetry.time <= before.time => return,
+            Some((before, state)) => {
+                let predicted = self.predict(before, *state, telemetry.time);
+                self.correct(predicted, telemetry, telemetry.time.since(before.time).as_secs_f64())
+            }
+        };
+        self.newest = Some((*telemetry, state));
+        let full = self.past.len() == POSES;
+        while self.past.front().is_some_and(|&(time, _)| time + MEMORY < telemetry.time) {
+            self.past.pop_front();
+        }
+        if full {
+            self.past.pop_front();
+        }
+        self.past.push_back((telemetry.time, known(state, telemetry)));
+    }
+
+    /// Motion at `now`, carried forward from the newest report by at most half a second. `None` before the first report.
+    #[must_use]
+    pub fn at(&self, now: Time) -> Option<Known> {
+        let (telemetry, state) = self.newest.as_ref()?;
+        let until = now.min(telemetry.time + HORIZON);
+        let state = if until > telemetry.time { self.predict(telemetry, *state, until) } else { *state };
+        Some(known(state, telemetry))
+    }
+
+    /// Pose at `time`, such as a frame's capture: interpolated between reports, carried forward past the newest. `None` before
+    /// the first report, or for a time older than what is kept (15 s, or 1024 reports).
+    #[must_use]
+    pub fn pose_at(&self, time: Time) -> Option<Pose> {
+        let after = self.past.partition_point(|&(at, _)| at <= time);
+        let &(earlier, before) = self.past.get(after.checked_sub(1)?)?;
+        let Some(&(later, next)) = self.past.get(after) else {
+            return self.at(time).map(|known| known.pose());
+        };
+        let span = later.since(earlier).as_secs_f64();
+        let share = time.since(earlier).as_secs_f64() / span;
+        let (p0, p1, v0, v1) = (before.position, next.position, before.velocity, next.velocity);
+        let (a0, a1) = (before.attitude, next.attitude);
+        let turn = wrap_angle(a1.heading - a0.heading);
+        Some(Pose {
+            position: EnuPosition {
+                east: hermite(p0.east, p1.east, v0.east * span, v1.east * span, share),
+                north: hermite(p0.north, p1.north, v0.north * span, v1.north * span, share),
+                up: hermite(p0.up, p1.up, v0.up * span, v1.up * span, share),
+            },
+            attitude: Attitude {
+                heading: wrap_angle(a0.heading + hermite(0.0, turn, before.yaw_rate * span, next.yaw_rate * span, share)),
+                pitch: a0.pitch + share * (a1.pitch - a0.pitch),
+                roll: a0.roll + share * wrap_angle(a1.roll - a0.roll),
+            },
+        })
+    }
+
+    /// Time of the newest report.
+    #[must_use]
+    pub fn newest(&self) -> Option<Time> {
+        self.newest.as_ref().map(|(telemetry, _)| telemetry.time)
+    }
+
+    /// Carries a state forward. A craft that takes off or lands by itself does not answer setpoints: it goes on as it goes.
+    fn predict(&self, telemetry: &Telemetry, mut state: State, until: Time) -> State {
+        if telemetry.phase == FlightPhase::Flying {
+            return self.log.follow(&self.response, state, telemetry.time, until);
+        }
+        let time = until.since(telemetry.time).as_secs_f64();
+        state.position.east += state.velocity.east * time;
+        state.position.north += state.velocity.north * time;
+        state.position.up += state.velocity.up * time;
+        state.heading += state.yaw_rate * time;
+        state
+    }
+
+    fn correct(&self, mut state: State, telemetry: &Telemetry, elapsed: f64) -> State {
+        let senses = &self.senses;
+        let believe = |noise: f64, time: f64| if noise > 0.0 { 1.0 - libm::exp(-elapsed / time) } else { 1.0 };
+
+        if let Some(told) = telemetry.velocity {
+            let gain = believe(senses.velocity_noise, NOISE_TIME);
+            let half = 0.5 * senses.velocity_resolution;
+            let velocity = &mut state.velocity;
+            for (estimate, position, told) in [
+                (&mut velocity.east, &mut state.position.east, told.east),
+                (&mut velocity.north, &mut state.position.north, told.north),
+                (&mut velocity.up, &mut state.position.up, told.up),
+            ] {
+                let change = gain * beyond(told - *estimate, half);
+                *estimate += change;
+                // The prediction went wrong gradually since the last report, so half of it counts for the way.
+                *position += 0.5 * change * elapsed;
+            }
+        }
+
+        if let Some(told) = telemetry.position {
+            let off = [told.east - state.position.east, told.north - state.position.north, told.up - state.position.up];
+            let distance = (off[0] * off[0] + off[1] * off[1] + off[2] * off[2]).sqrt();
+            let jumped = distance > JUMP * senses.position_noise;
+            let gain = if jumped { 1.0 } else { believe(senses.position_noise, WANDER_TIME) };
+            state.position.east += gain * off[0];
+            state.position.north += gain * off[1];
+            state.position.up += gain * off[2];
+        } else if let Some(height) = telemetry.height {
+            state.position.up += beyond(height - state.position.up, 0.5 * senses.height_resolution);
+        }
+
+        let gain = believe(senses.heading_noise, NOISE_TIME);
+        let off = wrap_angle(telemetry.attitude.heading - state.heading);
+        state.heading = wrap_angle(state.heading + gain * beyond(off, 0.5 * senses.heading_resolution));
+        state.yaw_rate = telemetry.yaw_rate.unwrap_or(state.yaw_rate);
+        state
+    }
+}
+
+fn first(telemetry: &Telemetry) -> State {
+    let on_height = EnuPosition { up: telemetry.height.unwrap_or(0.0), ..EnuPosition::default() };
+    State {
+        position: telemetry.position.unwrap_or(on_height),
+        velocity: telemetry.velocity.unwrap_or_default(),
+        heading: wrap_angle(telemetry.attitude.heading),
+        yaw_rate: telemetry.yaw_rate.unwrap_or(0.0),
+    }
+}
+
+fn known(state: State, telemetry: &Telemetry) -> Known {
+    Known {
+        position: state.position,
+        velocity: state.velocity,
+        attitude: Attitude { heading: wrap_angle(state.heading), ..telemetry.attitude },
+        yaw_rate: state.yaw_rate,
+    }
+}
+
+/// What of `difference` lies beyond `half` a unit of resolution: a report rounded to the unit contradicts only that.
+fn beyond(difference: f64, half: f64) -> f64 {
+    (difference.abs() - half).max(0.0).copysign(difference)
+}
+
+/// Cubic between two values with given slopes, both per unit of `share`.
+fn hermite(from: f64, to: f64, slope_from: f64, slope_to: f64, share: f64) -> f64 {
+    let rest = 1.0 - share;
+    from * rest * rest * (1.0 + 2.0 * share)
+        + to * share * share * (3.0 - 2.0 * share)
+        + share * rest * (slope_from * rest - slope_to * share)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,478 @@
+//! The executor: from control primitives, or a goal in the world, to velocity setpoints (paper §3.4 and the appendix;
+//! DESIGN.md section 4, "Primitives").
+//!
+//! Every tick it asks where the craft will come to rest if it were told to hold now. What was commanded and has not been
+//! flown yet (dead time), the lag and the acceleration limit are all in that answer. What is then missing to the goal is
+//! commanded: at the axis' speed while that is too little, at the fitting fraction of it in the last tick. So no time is
+//! rounded away at any tick rate, and a step ends where it should although the craft answers late and slowly.
+//!
+//! The paper's manner, ending by time alone, is the same law asked of an ideal craft that flies exactly what it is told.
+
+mod blended;
+pub(crate) mod response;
+mod sequential;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use self::blended::Blend;
+use self::response::{AxisResponse, CommandLog, Response, State};
+use self::sequential::Queue;
+use crate::command::Setpoint;
+use crate::craft::Craft;
+use crate::estimator::Known;
+use crate::geometry::{BodyDisplacement, EnuPosition, EnuVelocity, Pose, wrap_angle};
+use crate::primitives::{PrimitiveKind, Primitives};
+use crate::time::{Duration, Time, duration_from_secs};
+
+/// How primitives follow each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Motion {
+    /// One after the other, in the order of [`PrimitiveKind::QUEUE`], each ended by zero (the paper).
+    Sequential,
+    /// All at once, arriving together: straight to the goal while the body turns into the motion.
+    #[default]
+    Blended,
+}
+
+/// What ends a primitive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// Time alone, at the full preset speed (the paper). A craft that has to accelerate flies short of it.
+    Timed,
+    /// What was flown, as telemetry tells, with a time limit behind it; the speed is at most `√(a·magnitude)`.
+    #[default]
+    Measured,
+}
+
+/// Where to be, in the world.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Goal {
+    /// World position, metres.
+    pub position: EnuPosition,
+    /// Heading there, radians clockwise from north.
+    pub heading: f64,
+}
+
+impl Goal {
+    /// Where a displacement leads from a pose, facing the way flown: the plan of a frame, anchored at the pose of its capture.
+    /// A purely vertical displacement keeps the heading.
+    #[must_use]
+    pub fn from_pose(pose: Pose, displacement: BodyDisplacement) -> Self {
+        Self::of_primitives(pose, Primitives::from_displacement(displacement))
+    }
+
+    /// Where primitives lead from a pose.
+    #[must_use]
+    pub fn of_primitives(pose: Pose, primitives: Primitives) -> Self {
+        let heading = pose.attitude.heading;
+        Self {
+            position: pose.position.displaced(primitives.to_displacement(), heading),
+            heading: wrap_angle(heading + primitives.yaw),
+        }
+    }
+
+    /// True when `at` lies beyond the goal as seen from `anchor`, the position of the goal's frame: it was passed, and the craft
+    /// must hold and never fly back. Judged on the map; a goal above or below its anchor (nearer than 1 mm) is never passed.
+    #[must_use]
+    pub fn is_passed(&self, anchor: EnuPosition, at: EnuPosition) -> bool {
+        let (east, north) = (self.position.east - anchor.east, self.position.north - anchor.north);
+        east * east + north * north > 1e-6
+            && (self.position.east - at.east) * east + (self.position.north - at.north) * north < 0.0
+    }
+}
+
+/// What one tick gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tick {
+    /// To be held until the next tick.
+    pub setpoint: Setpoint,
+    /// True when the motion has ended *and the craft is at rest there* as far as is known, or its time limit has passed: an
+    /// empty queue alone is no end, since its last item still flies. The setpoint is then a hold.
+    pub finished: bool,
+}
+
+/// At most this speed counts as rest, m/s (issue: the next frame of stop-and-think is one taken below it).
+const REST_SPEED: f64 = 0.1;
+/// At most this yaw rate counts as rest, rad/s: 3 °/s.
+const REST_YAW_RATE: f64 = 3.0 * core::f64::consts::PI / 180.0;
+
+/// Turns motion plans into setpoints. Told what is known of the craft at each tick; never reads a clock.
+///
+/// Between ticks the last setpoint is taken to hold. When something else reached the craft (the envelope cut a setpoint, an
+/// operator flew), tell it by [`commanded`](Self::commanded), so that looking ahead stays true.
+#[derive(Clone, Debug)]
+pub struct Executor {
+    craft: Craft,
+    motion: Motion,
+    ending: Ending,
+    real: Response,
+    /// Of the craft, or of the ideal one for [`Ending::Timed`].
+    response: Response,
+    clock: TickClock,
+    log: CommandLog,
+    plan: Option<Plan>,
+    /// Heading, continued beyond half circles.
+    heading: f64,
+    /// What an ideal craft would have flown since the start; only for [`Ending::Timed`].
+    ideal: State,
+    deadline: Time,
+    timed_out: bool,
+}
+
+#[derive(Clone, Debug)]
+enum Plan {
+    Queue(Queue),
+    Blend(Blend),
+}
+
+impl Executor {
+    /// An executor that holds until it is given a motion. It expects ticks at 10 Hz and measures their true interval.
+    #[must_use]
+    pub fn new(craft: Craft, motion: Motion, ending: Ending) -> Self {
+        let real = Response::of(&craft);
+        Self {
+            craft,
+            motion,
+            ending,
+            real,
+            response: if ending == Ending::Timed { Response::ideal() } else { real },
+            clock: TickClock::new(0.1),
+            log: CommandLog::default(),
+            plan: None,
+            heading: 0.0,
+            ideal: State::default(),
+            deadline: Time::ZERO,
+            timed_out: false,
+        }
+    }
+
+    /// Expects ticks this far apart until it has seen some. Zero is passed over.
+    #[must_use]
+    pub fn with_period(mut self, period: Duration) -> Self {
+        if !period.is_zero() {
+            self.clock = TickClock::new(period.as_secs_f64());
+        }
+        self
+    }
+
+    /// Begins a motion from the present pose, replacing any other, also in the middle of it: what was commanded before is
+    /// accounted for, and blended motion passes over without a stop. Primitives that are not finite are held instead.
+    pub fn start(&mut self, now: Time, known: Known, primitives: Primitives) {
+        let from = self.begin(now, known);
+        if !primitives.is_finite() || !known.is_finite() {
+            self.plan = None;
+            return;
+        }
+        self.plan = Some(match self.motion {
+            Motion::Sequential => Plan::Queue(Queue::new(from, primitives, self.rules())),
+            Motion::Blended => {
+                let position = from.position.displaced(primitives.to_displacement(), from.heading);
+                Plan::Blend(Blend::new(from, position, from.heading + primitives.yaw, self.rules()))
+            }
+        });
+        self.limit(now, primitives);
+    }
+
+    /// Begins a motion to a goal in the world, replacing any other as [`start`](Self::start) does. Always blended, whatever the
+    /// executor's motion; turns the shorter way. A goal that is not finite is held instead.
+    pub fn start_goal(&mut self, now: Time, known: Known, goal: Goal) {
+        let from = self.begin(now, known);
+        let finite = [goal.position.east, goal.position.north, goal.position.up, goal.heading].iter().all(|x| x.is_finite());
+        if !finite || !known.is_finite() {
+            self.plan = None;
+            return;
+        }
+        let yaw = wrap_angle(goal.heading - from.heading);
+        self.plan = Some(Plan::Blend(Blend::new(from, goal.position, from.heading + yaw, self.rules())));
+        let forward = from.position.horizontal_distance(goal.position);
+        self.limit(now, Primitives { yaw, forward, right: 0.0, climb: goal.position.up - from.position.up });
+    }
+
+    /// Ends any motion: from the next tick on the setpoint is a hold. `now` is when a hold is in force.
+    pub fn stop(&mut self, now: Time) {
+        self.plan = None;
+        self.log.push(now, Setpoint::HOLD);
+    }
+
+    /// Notes what was truly commanded from `now` on, where that differs from what [`tick`](Self::tick) gave.
+    pub fn commanded(&mut self, now: Time, setpoint: Setpoint) {
+        if setpoint.is_finite() {
+            self.advance_ideal(now);
+            self.log.push(now, setpoint);
+        }
+    }
+
+    /// The setpoint to hold from `now` until the next tick.
+    pub fn tick(&mut self, now: Time, known: Known) -> Tick {
+        self.advance_ideal(now);
+        self.clock.tick(now);
+        let Some(plan) = &mut self.plan else {
+            self.log.push(now, Setpoint::HOLD);
+            return Tick { setpoint: Setpoint::HOLD, finished: true };
+        };
+        if known.is_finite() {
+            self.heading += wrap_angle(known.attitude.heading - self.heading);
+        }
+        let present = state_of(known, self.heading);
+        // What the craft will do with what it was told already: where a setpoint sent now finds it.
+        let state = match self.ending {
+            Ending::Timed => self.ideal,
+            Ending::Measured => self.log.follow(&self.real, present, now, now + self.real.dead_time),
+        };
+        let quiet = self.log.last().is_hold() && now.since(self.log.last_change()) >= self.real.dead_time;
+        let at_rest = present.velocity.speed() < REST_SPEED && present.yaw_rate.abs() < REST_YAW_RATE;
+        let view = View { state, rest: quiet && at_rest, interval: self.clock.interval(), response: &self.response };
+        let outcome = match plan {
+            Plan::Queue(queue) => queue.tick(&view),
+            Plan::Blend(blend) => blend.tick(&view),
+        };
+        self.timed_out = now >= self.deadline;
+        let (setpoint, mut finished) = match outcome {
+            _ if self.timed_out => (Setpoint::HOLD, true),
+            Outcome::Fly(setpoint) if setpoint.is_finite() => (setpoint, false),
+            Outcome::Fly(_) => (Setpoint::HOLD, false),
+            Outcome::Arrived => (Setpoint::HOLD, view.rest),
+        };
+        finished &= setpoint.is_hold();
+        if finished {
+            self.plan = None;
+        }
+        self.log.push(now, setpoint);
+        Tick { setpoint, finished }
+    }
+
+    /// True while there is a motion that has not finished.
+    #[must_use]
+    pub fn is_active(&self) -> bool {
+        self.plan.is_some()
+    }
+
+    /// True when the last motion ended by its time limit and not where it should: something kept the craft from flying it.
+    #[must_use]
+    pub fn timed_out(&self) -> bool {
+        self.timed_out
+    }
+
+    /// The longest that the present motion can still take; zero without one.
+    #[must_use]
+    pub fn remaining(&self, now: Time) -> Duration {
+        if self.plan.is_some() { self.deadline.since(now) } else { Duration::ZERO }
+    }
+
+    fn begin(&mut self, now: Time, known: Known) -> State {
+        self.heading = known.attitude.heading;
+        self.timed_out = false;
+        let from = state_of(known, self.heading);
+        self.ideal = State { velocity: EnuVelocity::default(), yaw_rate: 0.0, ..from };
+        // The ideal craft of a timed motion starts from rest, whatever was commanded before.
+        if self.ending == Ending::Timed {
+            self.log.push(now, Setpoint::HOLD);
+        }
+        self.clock.mark(now);
+        from
+    }
+
+    fn rules(&self) -> Rules {
+        Rules { craft: self.craft, ending: self.ending }
+    }
+
+    /// Sets the time limit: twice the time that each axis takes at its speed, one after the other, and what the craft's dead
+    /// time and lag add to each, and two seconds for settling.
+    fn limit(&mut self, now: Time, primitives: Primitives) {
+        let each = self.craft.dead_time + 4.0 * self.craft.lag;
+        let mut total = 2.0;
+        for kind in PrimitiveKind::QUEUE {
+            let magnitude = primitives.magnitude(kind).abs();
+            if magnitude > 0.0 {
+                let axis = Axis::new(kind, magnitude, self.rules());
+                let speed = axis.speed(magnitude);
+                total += 2.0 * (magnitude / speed + speed / kind.acceleration(&self.craft)) + each;
+            }
+        }
+        self.deadline = now + duration_from_secs(total);
+    }
+
+    fn advance_ideal(&mut self, now: Time) {
+        if self.ending == Ending::Timed {
+            let passed = self.clock.since(now);
+            self.ideal = self.response.follow(self.ideal, self.log.last(), passed);
+        }
+        self.clock.mark(now);
+    }
+}
+
+fn state_of(known: Known, heading: f64) -> State {
+    State { position: known.position, velocity: known.velocity, heading, yaw_rate: known.yaw_rate }
+}
+
+/// What a plan is told at a tick.
+struct View<'a> {
+    /// Where the setpoint of this tick will find the craft.
+    state: State,
+    /// The craft rests, and nothing that was commanded is still to come.
+    rest: bool,
+    /// How long the setpoint of this tick will probably hold, s.
+    interval: f64,
+    response: &'a Response,
+}
+
+/// What a plan answers at a tick.
+enum Outcome {
+    /// Command this; a hold is waiting for the craft to have flown it.
+    Fly(Setpoint),
+    /// Nothing is left to command.
+    Arrived,
+}
+
+/// What an axis needs to know of its executor.
+#[derive(Clone, Copy, Debug)]
+struct Rules {
+    craft: Craft,
+    ending: Ending,
+}
+
+/// One axis of a motion: how fast, and when it has arrived.
+#[derive(Clone, Copy, Debug)]
+struct Axis {
+    preset: f64,
+    acceleration: f64,
+    magnitude: f64,
+    ending: Ending,
+    /// An error within this has arrived.
+    fine: f64,
+    /// One that has arrived moves again when its error exceeds this; the gap keeps sensor noise from moving the craft.
+    coarse: f64,
+    arrived: bool,
+}
+
+impl Axis {
+    fn new(kind: PrimitiveKind, magnitude: f64, rules: Rules) -> Self {
+        let magnitude = magnitude.abs();
+        let (fine, coarse) = match (rules.ending, kind) {
+            (Ending::Timed, _) => (1e-9, 1e-9),
+            (Ending::Measured, PrimitiveKind::Yaw) => (0.3_f64.to_radians(), 1.0_f64.to_radians()),
+            (Ending::Measured, _) => ((0.01 * magnitude).max(0.01), (0.03 * magnitude).max(0.025)),
+        };
+        Self {
+            preset: kind.speed(&rules.craft),
+            acceleration: kind.acceleration(&rules.craft),
+            magnitude,
+            ending: rules.ending,
+            // However small the primitive, most of it is flown.
+            fine: fine.min((0.1 * magnitude).max(0.1 * fine)),
+            coarse,
+            // What was not asked for only counts once it is off by more than noise.
+            arrived: magnitude < 1e-9,
+        }
+    }
+
+    /// The speed of this axis: the preset one, and for measured endings at most `√(a·magnitude)`, which a craft with that
+    /// acceleration just reaches on the way (DESIGN.md section 4).
+    fn speed(&self, error: f64) -> f64 {
+        match self.ending {
+            Ending::Timed => self.preset,
+            Ending::Measured => self.preset.min((self.acceleration * self.magnitude.max(error.abs())).sqrt()),
+        }
+    }
+
+    /// What is still to be flown: `error`, or nothing once it has arrived.
+    fn open(&mut self, error: f64) -> f64 {
+        self.arrived = error.abs() <= if self.arrived { self.coarse } else { self.fine };
+        if self.arrived { 0.0 } else { error }
+    }
+}
+
+/// The speed, 0..=`limit`, whose command for one tick and zero after it end `error` metres further than zero at once.
+/// `gain(speed)` says how much further, and grows with the speed.
+fn fitting_speed(error: f64, limit: f64, interval: f64, gain: impl Fn(f64) -> f64) -> f64 {
+    let tolerance = 1e-4 * error.min(1.0);
+    let at_limit = gain(limit) - error;
+    if at_limit <= tolerance {
+        return limit;
+    }
+    // Illinois method from a bracket. Below the acceleration limit the gain is speed times interval, so that is tried first.
+    let (mut low, mut low_error) = (0.0, -error);
+    let (mut high, mut high_error) = (limit, at_limit);
+    let mut speed = error / interval;
+    if speed >= limit {
+        speed = 0.5 * limit;
+    }
+    for _ in 0..20 {
+        let off = gain(speed) - error;
+        if off.abs() <= tolerance {
+            break;
+        }
+        if off > 0.0 {
+            (high, high_error) = (speed, off);
+            low_error *= 0.5;
+        } else {
+            (low, low_error) = (speed, off);
+            high_error *= 0.5;
+        }
+        speed = low - low_error * (high - low) / (high_error - low_error);
+    }
+    speed
+}
+
+/// The signed command for one tick along one axis towards what is missing.
+fn fitting_command(axis: &AxisResponse, velocity: f64, error: f64, limit: f64, interval: f64) -> f64 {
+    let sign = if error < 0.0 { -1.0 } else { 1.0 };
+    let rest = axis.stop(velocity);
+    let gain = |speed: f64| {
+        let (moved, after) = axis.follow(velocity, sign * speed, interval);
+        sign * (moved + axis.stop(after) - rest)
+    };
+    sign * fitting_speed(error.abs(), limit, interval, gain)
+}
+
+/// Measures how far apart ticks are.
+#[derive(Clone, Debug)]
+struct TickClock {
+    nominal: f64,
+    last: Option<Time>,
+    /// Last time anything was accounted for: a tick, a start, a command from elsewhere.
+    marked: Option<Time>,
+    intervals: [f64; 4],
+    next: usize,
+}
+
+impl TickClock {
+    fn new(nominal: f64) -> Self {
+        Self { nominal, last: None, marked: None, intervals: [0.0; 4], next: 0 }
+    }
+
+    fn mark(&mut self, now: Time) {
+        self.marked = Some(now);
+    }
+
+    fn since(&self, now: Time) -> f64 {
+        self.marked.map_or(0.0, |marked| now.since(marked).as_secs_f64())
+    }
+
+    fn tick(&mut self, now: Time) {
+        if let Some(last) = self.last {
+            let interval = now.since(last).as_secs_f64();
+            // Pauses are no tick intervals.
+            if interval > 0.0 && interval <= 1.0 {
+                self.intervals[self.next] = interval;
+                self.next = (self.next + 1) % self.intervals.len();
+            }
+        }
+        self.last = Some(now);
+    }
+
+    /// The longest of the last four: to hold a last fraction for too short leaves a rest to the next tick, to hold it for too
+    /// long overshoots.
+    fn interval(&self) -> f64 {
+        let longest = self.intervals.iter().copied().fold(0.0, f64::max);
+        if longest > 0.0 { longest } else { self.nominal }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod craft_model;
+#[cfg(test)]
+mod tests;
