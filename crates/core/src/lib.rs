@@ -5,6 +5,8 @@
 //! only maker of cleared commands.
 #![forbid(unsafe_code)]
 
+pub mod actions;
+pub mod avoid;
 pub mod camera;
 pub mod command;
 pub mod craft;
@@ -18,6 +20,7 @@ pub mod geometry;
 pub mod grounding;
 pub mod lift;
 pub mod primitives;
+pub mod prompt;
 pub mod query;
 pub mod reply;
 pub mod rng;

@@ -10,9 +10,12 @@ mod parse;
 mod schema;
 mod stream;
 
+pub(crate) use json::Value;
+pub(crate) use parse::one_line;
 pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError};
 pub use schema::reply_schema;
 pub use stream::{MAX_TEXT, ReplyStream, parse_reply};
+pub(crate) use stream::{Scan, Verdict};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
