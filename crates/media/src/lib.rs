@@ -1,1 +1,28 @@
-//! Pixels: resize, JPEG, marks drawn on a picture, H.264
+//! Pixels: resize, JPEG and PNG, marks drawn on a picture, H.264.
+//!
+//! Works on pictures in memory and does no I/O. Everything here gives the same bytes for the same input on every x86-64
+//! machine, whatever its vector units, because recorded frames are compared byte for byte between runs (DESIGN.md section 3).
+//!
+//! The two types to know are [`Rgb`], a picture, and [`marks::Canvas`], which draws on one.
+//!
+//! ```
+//! use spf_core::query::{ImagePoint, Mark};
+//! use spf_media::{Jpeg, Rgb, marks};
+//!
+//! let mut picture = Rgb::new(960, 720);
+//! marks::draw(&mut picture, &[Mark::Number { at: ImagePoint { u: 0.5, v: 0.4 }, number: 3 }]);
+//! let jpeg = Jpeg::encode(&picture, 90)?;
+//! assert_eq!(&jpeg.bytes()[..2], &[0xff, 0xd8]);
+//! # Ok::<(), spf_media::EncodeError>(())
+//! ```
+
+pub mod frame;
+pub mod h264;
+pub mod jpeg;
+pub mod marks;
+pub mod png;
+pub mod resize;
+
+pub use frame::{FrameError, Rgb};
+pub use jpeg::{EncodeError, Jpeg};
+pub use resize::resize;

@@ -1,0 +1,159 @@
+//! A picture in memory.
+
+/// Why a buffer is no picture.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FrameError {
+    /// The buffer does not hold `width × height` pixels of three bytes.
+    #[error("a picture of {width}×{height} needs {needed} bytes, the buffer holds `{actual}`")]
+    WrongLength {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+        /// Bytes that such a picture has.
+        needed: u64,
+        /// Bytes given.
+        actual: usize,
+    },
+}
+
+/// A picture: 8-bit sRGB, rows from the top, pixels from the left, three bytes (red, green, blue) each, no padding.
+///
+/// Invariant: `data` is `width × height × 3` bytes long. Width and height may be zero.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Rgb {
+    width: u32,
+    height: u32,
+    data: Vec<u8>,
+}
+
+impl core::fmt::Debug for Rgb {
+    /// Size and digest; a megabyte of pixels helps nobody in a failed assertion.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "Rgb({}×{}, {:016x})", self.width, self.height, self.digest())
+    }
+}
+
+impl Rgb {
+    /// A black picture.
+    #[must_use]
+    pub fn new(width: u32, height: u32) -> Self {
+        Self { width, height, data: vec![0; width as usize * height as usize * 3] }
+    }
+
+    /// A picture of one colour.
+    #[must_use]
+    pub fn filled(width: u32, height: u32, colour: [u8; 3]) -> Self {
+        let mut picture = Self::new(width, height);
+        for pixel in picture.data.chunks_exact_mut(3) {
+            pixel.copy_from_slice(&colour);
+        }
+        picture
+    }
+
+    /// A picture from its bytes.
+    ///
+    /// # Errors
+    /// [`FrameError::WrongLength`] if `data` is not `width × height × 3` bytes long.
+    pub fn from_raw(width: u32, height: u32, data: Vec<u8>) -> Result<Self, FrameError> {
+        // Saturates for absurd sizes, which then cannot match the length of a buffer.
+        let needed = (u64::from(width) * u64::from(height)).saturating_mul(3);
+        if u64::try_from(data.len()) == Ok(needed) {
+            Ok(Self { width, height, data })
+        } else {
+            Err(FrameError::WrongLength { width, height, needed, actual: data.len() })
+        }
+    }
+
+    /// Width, pixels.
+    #[must_use]
+    pub const fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height, pixels.
+    #[must_use]
+    pub const fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// The bytes, row by row from the top.
+    #[must_use]
+    pub fn data(&self) -> &[u8] {
+        &self.data
+    }
+
+    /// The bytes, to be changed in place.
+    #[must_use]
+    pub fn data_mut(&mut self) -> &mut [u8] {
+        &mut self.data
+    }
+
+    /// The bytes, given away.
+    #[must_use]
+    pub fn into_data(self) -> Vec<u8> {
+        self.data
+    }
+
+    /// The pixel `x` from the left and `y` from the top; `None` outside the picture.
+    #[must_use]
+    pub fn pixel(&self, x: u32, y: u32) -> Option<[u8; 3]> {
+        let at = self.offset(x, y)?;
+        Some([self.data[at], self.data[at + 1], self.data[at + 2]])
+    }
+
+    /// Sets a pixel; outside the picture nothing happens.
+    pub fn set_pixel(&mut self, x: u32, y: u32, colour: [u8; 3]) {
+        if let Some(at) = self.offset(x, y) {
+            self.data[at..at + 3].copy_from_slice(&colour);
+        }
+    }
+
+    /// A 64-bit FNV-1a digest of size and bytes: the same on every machine, for goldens and comparisons between runs. Not
+    /// cryptographic.
+    #[must_use]
+    pub fn digest(&self) -> u64 {
+        const PRIME: u64 = 0x0000_0100_0000_01b3;
+        let size = [self.width.to_le_bytes(), self.height.to_le_bytes()];
+        let bytes = size.iter().flatten().chain(&self.data);
+        bytes.fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(PRIME))
+    }
+
+    fn offset(&self, x: u32, y: u32) -> Option<usize> {
+        (x < self.width && y < self.height).then(|| (y as usize * self.width as usize + x as usize) * 3)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_buffer_of_the_wrong_length_is_refused() {
+        assert!(Rgb::from_raw(2, 2, vec![0; 12]).is_ok());
+        let error = Rgb::from_raw(2, 2, vec![0; 11]).unwrap_err();
+        assert_eq!(error.to_string(), "a picture of 2×2 needs 12 bytes, the buffer holds `11`");
+        assert!(Rgb::from_raw(u32::MAX, u32::MAX, vec![]).is_err());
+    }
+
+    #[test]
+    fn pixels_outside_are_none() {
+        let mut picture = Rgb::filled(3, 2, [1, 2, 3]);
+        picture.set_pixel(2, 1, [9, 8, 7]);
+        picture.set_pixel(3, 0, [0, 0, 0]);
+        assert_eq!(picture.pixel(2, 1), Some([9, 8, 7]));
+        assert_eq!(picture.pixel(1, 1), Some([1, 2, 3]));
+        assert_eq!(picture.pixel(0, 2), None);
+    }
+
+    #[test]
+    fn the_digest_tells_shapes_of_equal_bytes_apart() {
+        // FNV-1a of the eight size bytes of an empty picture, worked by the reference definition: eight zero bytes multiply
+        // the offset basis by the prime eight times.
+        let prime = 0x0000_0100_0000_01b3_u64;
+        let expected = (0..8).fold(0xcbf2_9ce4_8422_2325_u64, |hash, _| hash.wrapping_mul(prime));
+        assert_eq!(Rgb::new(0, 0).digest(), expected);
+        assert_ne!(Rgb::new(2, 3).digest(), Rgb::new(3, 2).digest());
+    }
+}

@@ -1,0 +1,304 @@
+//! Encoding pictures as H.264.
+//!
+//! One thread, no frame dropping, timestamps from the caller: the same pictures at the same times give the same bytes.
+
+use openh264::OpenH264API;
+use openh264::encoder::{
+    Complexity, EncoderConfig, FrameRate, FrameType, IntraFramePeriod, Profile, QpRange, RateControlMode, UsageType, VuiConfig,
+};
+use openh264::formats::YUVSlices;
+use spf_core::time::Time;
+
+use crate::frame::Rgb;
+
+/// Why a picture could not be encoded.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EncoderError {
+    /// A side is odd, below 16 or above 3840 × 2160; 4:2:0 video has no odd sides.
+    #[error("cannot encode video of {width}×{height}: sides must be even, at least 16, and within 3840×2160")]
+    Size {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+    },
+    /// A picture has another size than the video.
+    #[error("the video is {expected_width}×{expected_height}, this picture is {width}×{height}: resize it first")]
+    SizeChanged {
+        /// Width of the video, pixels.
+        expected_width: u32,
+        /// Height of the video, pixels.
+        expected_height: u32,
+        /// Width of the picture, pixels.
+        width: u32,
+        /// Height of the picture, pixels.
+        height: u32,
+    },
+    /// The codec refused.
+    #[error("the H.264 encoder failed")]
+    Codec(#[from] openh264::Error),
+    /// The codec returned no picture although it was told never to drop one.
+    #[error("the H.264 encoder gave no picture for the one at {time}")]
+    Dropped {
+        /// Flight time of the picture.
+        time: Time,
+    },
+}
+
+/// What the encoder aims at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EncoderSettings {
+    /// Width, pixels; even, 16..=3840.
+    pub width: u32,
+    /// Height, pixels; even, 16..=2160.
+    pub height: u32,
+    /// Nominal frames a second; frames may come at other times.
+    pub fps: f64,
+    /// The quantiser, 10 (nearly lossless) to 40 (coarse), the same for every picture: quality is constant, size follows from
+    /// what is seen.
+    pub quantiser: u8,
+    /// Seconds between pictures at which playback can start.
+    pub key_interval: f64,
+}
+
+impl EncoderSettings {
+    /// Settings that give a readable picture of a flight: quantiser 30, a key picture every 5 s.
+    #[must_use]
+    pub const fn for_size(width: u32, height: u32, fps: f64) -> Self {
+        Self { width, height, fps, quantiser: 30, key_interval: 5.0 }
+    }
+}
+
+/// One encoded picture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AccessUnit {
+    /// Whether playback can start here; such a unit carries the parameter sets.
+    pub key: bool,
+    /// The NAL units, each behind a start code (ITU-T H.264, annex B).
+    pub annex_b: Vec<u8>,
+}
+
+/// An H.264 encoder for pictures of one size.
+pub struct Encoder {
+    codec: openh264::encoder::Encoder,
+    width: u32,
+    height: u32,
+    planes: Planes,
+}
+
+impl core::fmt::Debug for Encoder {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Encoder").field("width", &self.width).field("height", &self.height).finish_non_exhaustive()
+    }
+}
+
+impl Encoder {
+    /// An encoder.
+    ///
+    /// # Errors
+    /// [`EncoderError::Size`] for a size it cannot encode, [`EncoderError::Codec`] if the codec cannot be set up.
+    pub fn new(settings: EncoderSettings) -> Result<Self, EncoderError> {
+        let EncoderSettings { width, height, fps, quantiser, key_interval } = settings;
+        let even = width % 2 == 0 && height % 2 == 0;
+        if !even || width.min(height) < 16 || width.max(height) > 3840 || width.min(height) > 2160 {
+            return Err(EncoderError::Size { width, height });
+        }
+        let quantiser = quantiser.clamp(10, 40);
+        let config = EncoderConfig::new()
+            .num_threads(1)
+            .skip_frames(false)
+            .usage_type(UsageType::CameraVideoRealTime)
+            .complexity(Complexity::Low)
+            .profile(Profile::High)
+            // The modes that aim at a bit rate drop pictures, or complain on standard error when forbidden to. This one keeps
+            // the quantiser at the lower end of its range.
+            .rate_control_mode(RateControlMode::Bufferbased)
+            .qp(QpRange::new(quantiser, quantiser))
+            .max_frame_rate(FrameRate::from_hz(fps.clamp(1.0, 60.0) as f32))
+            .adaptive_quantization(false)
+            .scene_change_detect(false)
+            .intra_frame_period(IntraFramePeriod::from_num_frames((fps * key_interval).clamp(1.0, 1000.0) as u32))
+            .vui(VuiConfig::bt709());
+        let codec = openh264::encoder::Encoder::with_api_config(OpenH264API::from_source(), config)?;
+        Ok(Self { codec, width, height, planes: Planes::new(width as usize, height as usize) })
+    }
+
+    /// Encodes the next picture, shown at flight time `time`.
+    ///
+    /// # Errors
+    /// [`EncoderError::SizeChanged`] if the picture has another size, [`EncoderError::Codec`] and [`EncoderError::Dropped`] if
+    /// the codec fails.
+    pub fn encode(&mut self, time: Time, picture: &Rgb) -> Result<AccessUnit, EncoderError> {
+        if (picture.width(), picture.height()) != (self.width, self.height) {
+            return Err(EncoderError::SizeChanged {
+                expected_width: self.width,
+                expected_height: self.height,
+                width: picture.width(),
+                height: picture.height(),
+            });
+        }
+        self.planes.fill(picture);
+        let millis = openh264::Timestamp::from_millis(time.as_nanos() / 1_000_000);
+        let stream = self.codec.encode_at(&self.planes.source(), millis)?;
+        let key = match stream.frame_type() {
+            FrameType::IDR => true,
+            FrameType::I | FrameType::P | FrameType::IPMixed => false,
+            FrameType::Skip | FrameType::Invalid => return Err(EncoderError::Dropped { time }),
+        };
+        Ok(AccessUnit { key, annex_b: stream.to_vec() })
+    }
+}
+
+/// A picture as 4:2:0 luma and chroma, BT.709, limited range.
+struct Planes {
+    width: usize,
+    height: usize,
+    luma: Vec<u8>,
+    blue: Vec<u8>,
+    red: Vec<u8>,
+}
+
+impl Planes {
+    fn new(width: usize, height: usize) -> Self {
+        let quarter = (width / 2) * (height / 2);
+        Self { width, height, luma: vec![0; width * height], blue: vec![0; quarter], red: vec![0; quarter] }
+    }
+
+    fn source(&self) -> YUVSlices<'_> {
+        let half = self.width / 2;
+        YUVSlices::new((&self.luma, &self.blue, &self.red), (self.width, self.height), (self.width, half, half))
+    }
+
+    /// Converts in whole numbers of 1/65536 (ITU-R BT.709-6, items 3.2 to 3.5), so that no rounding mode has a say. Chroma is
+    /// the mean of its four pixels.
+    fn fill(&mut self, picture: &Rgb) {
+        let (width, half) = (self.width, self.width / 2);
+        for (index, rows) in picture.data().chunks_exact(width * 6).enumerate() {
+            let (upper, lower) = rows.split_at(width * 3);
+            let (luma_upper, luma_lower) = self.luma[index * 2 * width..][..2 * width].split_at_mut(width);
+            let blue = &mut self.blue[index * half..][..half];
+            let red = &mut self.red[index * half..][..half];
+            for column in 0..half {
+                let (top, bottom) = (&upper[column * 6..][..6], &lower[column * 6..][..6]);
+                luma_upper[2 * column] = luma(top[0], top[1], top[2]);
+                luma_upper[2 * column + 1] = luma(top[3], top[4], top[5]);
+                luma_lower[2 * column] = luma(bottom[0], bottom[1], bottom[2]);
+                luma_lower[2 * column + 1] = luma(bottom[3], bottom[4], bottom[5]);
+                let sum = |channel: usize| {
+                    i32::from(top[channel])
+                        + i32::from(top[channel + 3])
+                        + i32::from(bottom[channel])
+                        + i32::from(bottom[channel + 3])
+                };
+                let (r, g, b) = (sum(0), sum(1), sum(2));
+                // Four pixels are summed, hence the scale 4·65536; half of it rounds.
+                blue[column] = (128 + ((-6_596 * r - 22_189 * g + 28_785 * b + 131_072) >> 18)) as u8;
+                red[column] = (128 + ((28_785 * r - 26_145 * g - 2_640 * b + 131_072) >> 18)) as u8;
+            }
+        }
+    }
+}
+
+/// BT.709 luma, 16 for black and 235 for white.
+fn luma(red: u8, green: u8, blue: u8) -> u8 {
+    let sum = 11_966 * i32::from(red) + 40_254 * i32::from(green) + 4_064 * i32::from(blue);
+    (16 + ((sum + 32_768) >> 16)) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::h264::split::{NalKind, nal_units};
+    use openh264::formats::YUVSource;
+
+    /// A picture that changes from frame to frame: a bar that wanders over a gradient.
+    fn picture(frame: u32) -> Rgb {
+        let mut picture = Rgb::new(96, 64);
+        for y in 0..64 {
+            for x in 0..96 {
+                let bar = (x + frame * 3) % 96 < 12;
+                picture.set_pixel(x, y, if bar { [240, 30, 20] } else { [(x * 2) as u8, (y * 3) as u8, 90] });
+            }
+        }
+        picture
+    }
+
+    fn stream(frames: u32) -> Vec<AccessUnit> {
+        let mut encoder = Encoder::new(EncoderSettings { key_interval: 1.0, ..EncoderSettings::for_size(96, 64, 10.0) }).unwrap();
+        (0..frames).map(|frame| encoder.encode(Time::from_millis(u64::from(frame) * 100), &picture(frame)).unwrap()).collect()
+    }
+
+    #[test]
+    fn luma_and_chroma_of_pure_colours() {
+        // ITU-R BT.709-6: white is (235, 128, 128), black (16, 128, 128), red (63, 102, 240), green (173, 42, 26), blue (32, 240, 118).
+        for (colour, expected) in [
+            ([255; 3], [235, 128, 128]),
+            ([0; 3], [16, 128, 128]),
+            ([255, 0, 0], [63, 102, 240]),
+            ([0, 255, 0], [173, 42, 26]),
+            ([0, 0, 255], [32, 240, 118]),
+        ] {
+            let mut planes = Planes::new(16, 16);
+            planes.fill(&Rgb::filled(16, 16, colour));
+            assert_eq!([planes.luma[17], planes.blue[9], planes.red[9]], expected, "{colour:?}");
+        }
+    }
+
+    #[test]
+    fn the_same_pictures_give_the_same_bytes() {
+        assert_eq!(stream(25), stream(25));
+    }
+
+    #[test]
+    fn key_pictures_carry_parameter_sets_and_come_at_the_interval() {
+        let units = stream(25);
+        let keys: Vec<_> = units.iter().map(|unit| unit.key).collect();
+        assert!(keys.iter().enumerate().all(|(frame, &key)| key == (frame % 10 == 0)), "{keys:?}");
+        for unit in units {
+            let kinds: Vec<_> = nal_units(&unit.annex_b).filter_map(NalKind::of).collect();
+            let expected = if unit.key { &[NalKind::Sps, NalKind::Pps, NalKind::IdrSlice][..] } else { &[NalKind::Slice] };
+            assert_eq!(kinds, expected);
+        }
+    }
+
+    #[test]
+    fn what_is_encoded_decodes_to_nearly_the_same() {
+        let mut decoder = openh264::decoder::Decoder::new().unwrap();
+        let units = stream(12);
+        let mut worst = 0;
+        for (frame, unit) in (0..).zip(&units) {
+            let mut planes = Planes::new(96, 64);
+            planes.fill(&picture(frame));
+            let decoded = decoder.decode(&unit.annex_b).unwrap().expect("every unit is a picture");
+            let (stride, _, _) = decoded.strides();
+            for y in 0..64 {
+                let error: u32 = (0..96).map(|x| u32::from(decoded.y()[y * stride + x].abs_diff(planes.luma[y * 96 + x]))).sum();
+                worst = worst.max(error / 96);
+            }
+        }
+        assert!(worst < 14, "mean luma error of the worst row: {worst}");
+    }
+
+    #[test]
+    fn a_coarser_quantiser_makes_smaller_pictures() {
+        let bytes = |quantiser| {
+            let settings = EncoderSettings { quantiser, ..EncoderSettings::for_size(96, 64, 10.0) };
+            let mut encoder = Encoder::new(settings).unwrap();
+            let unit = |frame: u64| encoder.encode(Time::from_millis(frame * 100), &picture(frame as u32)).unwrap().annex_b.len();
+            (0..20).map(unit).sum::<usize>()
+        };
+        let sizes = [20, 25, 30, 35, 40].map(bytes);
+        assert!(sizes.is_sorted_by(|fine, coarse| fine > coarse), "{sizes:?}");
+    }
+
+    #[test]
+    fn sizes_that_video_cannot_have_are_refused() {
+        for (width, height) in [(95, 64), (96, 63), (14, 64), (0, 0), (3842, 64), (2162, 2162)] {
+            let refused = Encoder::new(EncoderSettings::for_size(width, height, 10.0));
+            assert!(matches!(refused, Err(EncoderError::Size { .. })), "{width}×{height}");
+        }
+        let mut encoder = Encoder::new(EncoderSettings::for_size(96, 64, 10.0)).unwrap();
+        assert!(matches!(encoder.encode(Time::ZERO, &Rgb::new(64, 96)), Err(EncoderError::SizeChanged { .. })));
+    }
+}

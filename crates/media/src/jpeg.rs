@@ -1,0 +1,107 @@
+//! JPEG: encoded once, shared by everybody who sends or stores the picture.
+
+use std::sync::Arc;
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+
+use crate::frame::Rgb;
+
+/// Why a picture could not be encoded.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The format does not hold a picture of this size (JPEG: 1 to 65535 pixels a side).
+    #[error("cannot encode a picture of {width}×{height} as {format}")]
+    Picture {
+        /// Name of the format.
+        format: &'static str,
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+        /// What the encoder said.
+        #[source]
+        source: image::ImageError,
+    },
+}
+
+/// A JPEG picture. Cloning shares the bytes.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Jpeg {
+    width: u32,
+    height: u32,
+    bytes: Arc<[u8]>,
+}
+
+impl core::fmt::Debug for Jpeg {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "Jpeg({}×{}, {} bytes)", self.width, self.height, self.bytes.len())
+    }
+}
+
+impl Jpeg {
+    /// Encodes a picture. `quality` is the usual 1..=100, clamped; 90 keeps thin structures that a VLM is asked about.
+    ///
+    /// # Errors
+    /// [`EncodeError::Picture`] if a side is zero or longer than 65535 pixels.
+    pub fn encode(picture: &Rgb, quality: u8) -> Result<Self, EncodeError> {
+        let (width, height) = (picture.width(), picture.height());
+        let mut bytes = Vec::new();
+        JpegEncoder::new_with_quality(&mut bytes, quality.clamp(1, 100))
+            .write_image(picture.data(), width, height, ExtendedColorType::Rgb8)
+            .map_err(|source| EncodeError::Picture { format: "JPEG", width, height, source })?;
+        Ok(Self { width, height, bytes: bytes.into() })
+    }
+
+    /// Width, pixels.
+    #[must_use]
+    pub const fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height, pixels.
+    #[must_use]
+    pub const fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// The file's bytes.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// The file's bytes, shared.
+    #[must_use]
+    pub fn shared(&self) -> Arc<[u8]> {
+        Arc::clone(&self.bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_encoded_decodes_to_nearly_the_same() {
+        let jpeg = Jpeg::encode(&Rgb::filled(33, 17, [200, 40, 90]), 90).unwrap();
+        let back = image::load_from_memory(jpeg.bytes()).unwrap().to_rgb8();
+        assert_eq!((back.width(), back.height()), (33, 17));
+        for (got, want) in back.get_pixel(16, 8).0.iter().zip([200, 40, 90_u8]) {
+            assert!(got.abs_diff(want) <= 3, "{got} {want}");
+        }
+    }
+
+    #[test]
+    fn clones_share_the_bytes() {
+        let jpeg = Jpeg::encode(&Rgb::new(8, 8), 90).unwrap();
+        assert!(Arc::ptr_eq(&jpeg.shared(), &jpeg.clone().shared()));
+    }
+
+    #[test]
+    fn an_empty_picture_is_an_error_that_names_it() {
+        let error = Jpeg::encode(&Rgb::new(0, 7), 90).unwrap_err();
+        assert_eq!(error.to_string(), "cannot encode a picture of 0×7 as JPEG");
+    }
+}

@@ -1,0 +1,135 @@
+//! What is drawn on a picture: the marks a query asks for, and what the annotated video shows.
+//!
+//! Sizes follow the picture's height, colours stand out from ground and sky, and every stroke has a dark edge, so that a mark
+//! is read on any ground, by people and by a VLM.
+
+mod canvas;
+mod hud;
+mod text;
+
+pub use canvas::{Canvas, Colour, Point, Rect};
+pub use hud::{Hud, draw_hud};
+pub use text::TextStyle;
+
+use spf_core::query::{ImagePoint, Mark};
+
+use crate::frame::Rgb;
+
+/// Draws the marks of a query, in their order, in the colour of candidates (boxes: of obstacles).
+pub fn draw(picture: &mut Rgb, marks: &[Mark]) {
+    let mut canvas = Canvas::new(picture);
+    for mark in marks {
+        canvas.mark(mark);
+    }
+}
+
+/// Draws where a decision points: a ring with a cross hair and a label beside it (such as `5 · red crane`).
+pub fn draw_waypoint(picture: &mut Rgb, at: ImagePoint, label: &str, colour: Colour) {
+    Canvas::new(picture).waypoint(at, label, colour);
+}
+
+impl Canvas<'_> {
+    /// The place of a normalised image point.
+    #[must_use]
+    pub fn place(&self, at: ImagePoint) -> Point {
+        Point::new(at.u * self.width(), at.v * self.height())
+    }
+
+    /// Draws one mark of a query.
+    pub fn mark(&mut self, mark: &Mark) {
+        match mark {
+            Mark::Arrow { from, to } => self.arrow(self.place(*from), self.place(*to), Colour::CANDIDATE),
+            Mark::Number { at, number } => self.numbered(self.place(*at), *number, Colour::CANDIDATE),
+            Mark::Circle { at, radius } => {
+                let (centre, unit) = (self.place(*at), self.unit());
+                self.edged_ring(centre, radius * self.width(), 2.0 * unit, Colour::CANDIDATE);
+            }
+            Mark::Box { area, label } => {
+                let (from, to) = (
+                    self.place(ImagePoint { u: area.left, v: area.top }),
+                    self.place(ImagePoint { u: area.right, v: area.bottom }),
+                );
+                let area = Rect { left: from.x, top: from.y, right: to.x, bottom: to.y };
+                self.captioned_box(area, label, Colour::OBSTACLE);
+            }
+        }
+    }
+
+    /// A ring with a cross hair that leaves the centre free, and a label to its lower right (kept inside the picture).
+    pub fn waypoint(&mut self, at: ImagePoint, label: &str, colour: Colour) {
+        let (centre, unit) = (self.place(at), self.unit());
+        let (radius, width) = (11.0 * unit, 2.2 * unit);
+        for (stroke, width) in [(Colour::INK, width + 2.0 * unit), (colour, width)] {
+            self.ring(centre, radius, width, stroke);
+            for (x, y) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)] {
+                let (inner, outer) = (radius * 0.55, radius * 1.55);
+                self.line(centre.shifted(x * inner, y * inner), centre.shifted(x * outer, y * outer), width, stroke);
+            }
+        }
+        self.disc(centre, 1.5 * unit, colour);
+        if !label.is_empty() && centre.x.is_finite() && centre.y.is_finite() {
+            let style = TextStyle::plain(16.0 * unit, Colour::WHITE);
+            let (width, height) = style.measure(label);
+            // Beside the ring; on the other side where the picture ends.
+            let x =
+                if centre.x + radius * 1.8 + width + 6.0 > self.width() { -(radius * 1.8 + width + 6.0) } else { radius * 1.8 };
+            let y = if centre.y + radius + height > self.height() { -(radius + height) } else { radius * 0.4 };
+            self.label(centre.shifted(x, y), label, style, Colour::INK.with_opacity(170));
+        }
+    }
+
+    /// An arrow whose tip is at `to`.
+    pub fn arrow(&mut self, from: Point, to: Point, colour: Colour) {
+        let unit = self.unit();
+        let (run_x, run_y) = (to.x - from.x, to.y - from.y);
+        let length = (run_x * run_x + run_y * run_y).sqrt();
+        // A NaN length fails the comparison as well.
+        if !(length > 1e-6 && length.is_finite()) {
+            return;
+        }
+        let (along_x, along_y) = (run_x / length, run_y / length);
+        let head = (14.0 * unit).min(length);
+        for (stroke, edge) in [(Colour::INK, 1.2 * unit), (colour, 0.0)] {
+            let back = head + edge;
+            let neck = to.shifted(-along_x * head * 0.8, -along_y * head * 0.8);
+            self.line(from, neck, 3.0 * unit + 2.0 * edge, stroke);
+            let tip = to.shifted(along_x * edge * 1.8, along_y * edge * 1.8);
+            let side = |sign: f64| {
+                let half = sign * (head * 0.5 + edge * 1.4);
+                to.shifted(-along_x * back - along_y * half, -along_y * back + along_x * half)
+            };
+            self.triangle([tip, side(1.0), side(-1.0)], stroke);
+        }
+    }
+
+    /// A disc with a number in it.
+    pub fn numbered(&mut self, centre: Point, number: u32, colour: Colour) {
+        let unit = self.unit();
+        let text = number.to_string();
+        let style = TextStyle::plain(16.0 * unit, Colour::INK);
+        let (width, height) = style.measure(&text);
+        let radius = (width * 0.5 + 3.0 * unit).max(height * 0.62);
+        self.disc(centre, radius + 1.5 * unit, Colour::INK);
+        self.disc(centre, radius, colour);
+        self.text(centre.shifted(-width / 2.0, -height / 2.0), &text, style);
+    }
+
+    /// A rectangle with a caption on its upper edge, inside the box where there is no room above it.
+    pub fn captioned_box(&mut self, area: Rect, caption: &str, colour: Colour) {
+        let unit = self.unit();
+        self.frame(area, 4.0 * unit, Colour::INK.with_opacity(200));
+        self.frame(area, 2.0 * unit, colour);
+        let finite = [area.left, area.top].iter().all(|edge| edge.is_finite());
+        if !caption.is_empty() && finite {
+            let style = TextStyle::plain(16.0 * unit, Colour::INK);
+            let (_, height) = style.measure(caption);
+            let above = area.top - height - 3.0 * unit;
+            self.label(Point::new(area.left - unit, if above < 0.0 { area.top } else { above }), caption, style, colour);
+        }
+    }
+
+    fn edged_ring(&mut self, centre: Point, radius: f64, width: f64, colour: Colour) {
+        self.ring(centre, radius, width * 2.0, Colour::INK.with_opacity(200));
+        self.ring(centre, radius, width, colour);
+    }
+}
