@@ -2,4 +2,13 @@
 //!
 //! Everything follows from the scene and the seed alone; there is no clock and no hash order in it.
 
+mod body;
+pub mod collide;
+pub mod craft;
+pub mod dynamics;
+pub mod frame_clock;
 pub mod geometry;
+pub mod model;
+pub mod noise;
+pub mod senses;
+pub mod wind;

@@ -1,0 +1,202 @@
+//! The two craft models: shared figures from the core, and what only the simulator knows of them.
+
+use serde::{Deserialize, Serialize};
+use spf_core::craft::Craft;
+
+/// Which craft is simulated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CraftKind {
+    /// A general quadrotor with GPS-like position (DESIGN.md section 5).
+    #[default]
+    Quad,
+    /// A DJI/Ryze Tello.
+    Tello,
+}
+
+impl CraftKind {
+    /// Its name in scene files and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Quad => "quad",
+            Self::Tello => "tello",
+        }
+    }
+
+    /// The kind of that name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Quad, Self::Tello].into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+/// All figures of a simulated craft. SI units and radians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    /// Which craft it is; decides the shape of its telemetry.
+    pub kind: CraftKind,
+    /// The figures shared with the executor and the envelope.
+    pub craft: Craft,
+    /// Greatest horizontal speed, m/s; faster setpoints fly at this.
+    pub max_speed: f64,
+    /// Greatest climb rate, m/s.
+    pub max_climb: f64,
+    /// Greatest sink rate, m/s, > 0.
+    pub max_sink: f64,
+    /// Greatest yaw rate, rad/s.
+    pub max_yaw_rate: f64,
+    /// Greatest tilt, radians: what thrust is left for motion against drag and wind.
+    pub max_tilt: f64,
+    /// Time constant with which the attitude follows the thrust that is asked for, s.
+    pub tilt_lag: f64,
+    /// Linear drag: deceleration per speed through the air, 1/s.
+    pub drag: f64,
+    /// Time constant with which the craft's controller learns a wind and leans against it, s.
+    pub wind_lag: f64,
+    /// Climb rate of an automatic take-off, m/s.
+    pub take_off_speed: f64,
+    /// Time the motors turn before an automatic take-off lifts, s.
+    pub spin_up: f64,
+    /// Sink rate of an automatic landing, m/s.
+    pub landing_speed: f64,
+    /// Spread of the speed at which a craft that holds creeps away, along each horizontal axis, m/s.
+    pub creep: f64,
+    /// Share of the battery used per second in the air.
+    pub drain_flying: f64,
+    /// Share of the battery used per second with the motors off.
+    pub drain_idle: f64,
+    /// What its telemetry is like.
+    pub senses: SenseFigures,
+}
+
+/// Errors and rates of telemetry. Spreads are standard deviations; a slow error wanders with its time constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SenseFigures {
+    /// Time between reports in milliseconds; a multiple of the 5 ms tick.
+    pub period_ms: u64,
+    /// Position, slow, along each axis, metres; none when the craft has no position.
+    pub position: Option<f64>,
+    /// Time constant of the position's error, s.
+    pub position_time: f64,
+    /// Height above the take-off point, where it is measured apart from the position, slow, metres.
+    pub height: f64,
+    /// Velocity, white, along each axis, m/s.
+    pub velocity: f64,
+    /// Heading, slow, radians.
+    pub heading: f64,
+    /// Time constant of the heading's error, s.
+    pub heading_time: f64,
+    /// Yaw rate, white, rad/s; none when the craft does not tell it.
+    pub yaw_rate: Option<f64>,
+    /// Steps in which the values come; zero for none.
+    pub steps: Steps,
+}
+
+/// Resolution of telemetry values: each is rounded to the nearest multiple; zero leaves it as it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Steps {
+    /// Angles of the attitude, radians.
+    pub angle: f64,
+    /// Velocities, m/s.
+    pub velocity: f64,
+    /// Height, m.
+    pub height: f64,
+    /// Battery, share of full.
+    pub battery: f64,
+}
+
+impl Model {
+    /// The model of that kind with the core's figures.
+    #[must_use]
+    pub fn of(kind: CraftKind) -> Self {
+        match kind {
+            CraftKind::Quad => Self::quad(),
+            CraftKind::Tello => Self::tello(),
+        }
+    }
+
+    /// The general quadrotor: [`Craft::quad`], up to 10 m/s, 30° of tilt; drag 0.3/s leans it 5° at 3 m/s.
+    #[must_use]
+    pub fn quad() -> Self {
+        let craft = Craft::quad();
+        Self {
+            kind: CraftKind::Quad,
+            craft,
+            max_speed: 10.0,
+            max_climb: 3.0,
+            max_sink: 2.0,
+            max_yaw_rate: craft.yaw_rate,
+            max_tilt: 30.0_f64.to_radians(),
+            tilt_lag: 0.1,
+            drag: 0.3,
+            wind_lag: 1.0,
+            take_off_speed: 1.0,
+            spin_up: 0.5,
+            landing_speed: 1.0,
+            creep: 0.0,
+            drain_flying: 1.0 / 1500.0,
+            drain_idle: 1.0 / 20_000.0,
+            senses: SenseFigures {
+                period_ms: 50,
+                position: Some(0.3),
+                position_time: 30.0,
+                height: 0.0,
+                velocity: 0.05,
+                heading: 1.0_f64.to_radians(),
+                heading_time: 30.0,
+                yaw_rate: Some(0.5_f64.to_radians()),
+                steps: Steps { battery: 0.01, ..Steps::default() },
+            },
+        }
+    }
+
+    /// The Tello: [`Craft::tello`], 9° of tilt (slow mode), whose balance with drag at the manual's 4 m/s gives the drag;
+    /// climbs and sinks by itself at 0.5 m/s; drains 0.13 % a second in the air. The heading wanders by 2° and the hover
+    /// creeps at 2 cm/s, which over its time constant of 5 s is the 5–10 cm seen over textured floors.
+    #[must_use]
+    pub fn tello() -> Self {
+        let craft = Craft::tello();
+        let max_tilt = 9.0_f64.to_radians();
+        Self {
+            kind: CraftKind::Tello,
+            craft,
+            max_speed: 1.0,
+            max_climb: 1.0,
+            max_sink: 0.8,
+            max_yaw_rate: craft.yaw_rate,
+            max_tilt,
+            tilt_lag: 0.1,
+            drag: GRAVITY * libm::tan(max_tilt) / 4.0,
+            wind_lag: 1.0,
+            take_off_speed: 0.5,
+            spin_up: 0.5,
+            landing_speed: 0.5,
+            creep: 0.02,
+            drain_flying: 0.0013,
+            drain_idle: 0.0003,
+            senses: SenseFigures {
+                period_ms: 100,
+                position: None,
+                position_time: 0.0,
+                height: 0.05,
+                velocity: 0.03,
+                heading: 2.0_f64.to_radians(),
+                heading_time: 60.0,
+                yaw_rate: None,
+                steps: Steps { angle: 1.0_f64.to_radians(), velocity: 0.1, height: 0.1, battery: 0.01 },
+            },
+        }
+    }
+
+    /// The same craft told to cruise at another speed: the limits rise with it where they would bind.
+    #[must_use]
+    pub fn with_cruise_speed(mut self, speed: f64) -> Self {
+        self.craft.cruise_speed = speed;
+        self.max_speed = self.max_speed.max(speed);
+        self
+    }
+}
+
+/// Standard gravity, m/s².
+pub const GRAVITY: f64 = 9.806_65;

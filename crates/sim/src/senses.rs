@@ -1,0 +1,130 @@
+//! Honest senses: what the craft's own telemetry tells of its true motion (DESIGN.md section 5; `docs` of each model's figures
+//! are at [`Model`](crate::model::Model)).
+//!
+//! One report every period, on the absolute grid of ticks. Slow errors wander, fast ones are drawn anew in each report, and
+//! values come in the steps of the model. The frame is the world's: the person who sets a Tello down tells its driver which
+//! way it faces, and its own whole degrees count from there.
+
+use spf_core::geometry::{EnuPosition, EnuVelocity, wrap_angle};
+use spf_core::rng::Draw;
+use spf_core::telemetry::Telemetry;
+
+use crate::dynamics::{Dynamics, TICK};
+use crate::model::SenseFigures;
+use crate::noise::Wander;
+
+/// Makes telemetry out of the truth.
+#[derive(Clone, Debug)]
+pub struct Senses {
+    figures: SenseFigures,
+    exact: bool,
+    /// Ticks between reports.
+    period: u64,
+    /// Heading at power-on.
+    datum: f64,
+    position: [Wander; 3],
+    /// What the estimator made of the height of the place where it was switched on.
+    home_error: f64,
+    height: Wander,
+    heading: Wander,
+    white: Draw,
+}
+
+impl Senses {
+    /// Senses of the craft that `dynamics` moves, switched on now. With `exact`, reports come as often but without error or
+    /// rounding, and have everything.
+    #[must_use]
+    pub fn new(dynamics: &Dynamics, seed: u64, exact: bool) -> Self {
+        let figures = dynamics.model().senses;
+        let step = figures.period_ms as f64 * 1e-3;
+        let wander =
+            |sigma: f64, time, name, key| Wander::new(if exact { 0.0 } else { sigma }, time, step, Draw::new(seed, name, &[key]));
+        let sigma = figures.position.unwrap_or(0.0);
+        let position = [0, 1, 2].map(|axis| wander(sigma, figures.position_time, "sensed position", axis));
+        Self {
+            figures,
+            exact,
+            period: (figures.period_ms * 1_000_000 / TICK.as_nanos() as u64).max(1),
+            datum: dynamics.pose().attitude.heading,
+            home_error: position[2].value(),
+            position,
+            height: wander(figures.height, 20.0, "sensed height", 0),
+            heading: wander(figures.heading, figures.heading_time, "sensed heading", 0),
+            white: Draw::new(seed, "sensed velocity", &[]),
+        }
+    }
+
+    /// Ticks between reports.
+    #[must_use]
+    pub fn period(&self) -> u64 {
+        self.period
+    }
+
+    /// The report of this tick; to be called once per period.
+    pub fn report(&mut self, truth: &Dynamics) -> Telemetry {
+        if self.exact {
+            return exact(truth);
+        }
+        let figures = self.figures;
+        let steps = figures.steps;
+        let pose = truth.pose();
+        let mut white = |sigma: f64| sigma * self.white.normal();
+
+        let v = truth.velocity();
+        let velocity = EnuVelocity {
+            east: rounded(v.east + white(figures.velocity), steps.velocity),
+            north: rounded(v.north + white(figures.velocity), steps.velocity),
+            up: rounded(v.up + white(figures.velocity), steps.velocity),
+        };
+        let yaw_rate = figures.yaw_rate.map(|sigma| truth.yaw_rate() + white(sigma));
+
+        let [east, north, up] = &mut self.position;
+        let error = EnuPosition { east: east.advance(), north: north.advance(), up: up.advance() };
+        let position = figures.position.map(|_| EnuPosition {
+            east: pose.position.east + error.east,
+            north: pose.position.north + error.north,
+            up: pose.position.up + error.up,
+        });
+        // One estimator gives both, so its height is free of error where it was switched on and shares the wander after.
+        let height = truth.height() + error.up - self.home_error + self.height.advance();
+
+        let mut attitude = pose.attitude;
+        let turned = wrap_angle(pose.attitude.heading - self.datum + self.heading.advance());
+        attitude.heading = wrap_angle(self.datum + rounded(turned, steps.angle));
+        attitude.pitch = rounded(attitude.pitch, steps.angle);
+        attitude.roll = rounded(attitude.roll, steps.angle);
+
+        Telemetry {
+            time: truth.time(),
+            position,
+            velocity: Some(velocity),
+            attitude,
+            yaw_rate,
+            height: Some(rounded(height, steps.height)),
+            battery: Some(rounded(truth.battery(), steps.battery)),
+            phase: truth.phase(),
+            crashed: truth.crashed(),
+        }
+    }
+}
+
+/// A report without error, rounding or omission.
+#[must_use]
+pub fn exact(truth: &Dynamics) -> Telemetry {
+    let pose = truth.pose();
+    Telemetry {
+        time: truth.time(),
+        position: Some(pose.position),
+        velocity: Some(truth.velocity()),
+        attitude: pose.attitude,
+        yaw_rate: Some(truth.yaw_rate()),
+        height: Some(truth.height()),
+        battery: Some(truth.battery()),
+        phase: truth.phase(),
+        crashed: truth.crashed(),
+    }
+}
+
+fn rounded(value: f64, step: f64) -> f64 {
+    if step > 0.0 { libm::round(value / step) * step } else { value }
+}
