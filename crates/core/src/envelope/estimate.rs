@@ -15,6 +15,8 @@ const MAX_VELOCITY: f64 = 200.0;
 pub(super) struct Estimate {
     /// When the newest telemetry was measured.
     pub(super) measured: Option<Time>,
+    /// When the newest telemetry that told the heading was measured: without it no setpoint of the body frame means anything.
+    pub(super) oriented: Option<Time>,
     /// Position as told or reckoned, world frame.
     pub(super) position: EnuPosition,
     /// Velocity as told; absent when the craft does not tell it.
@@ -52,6 +54,7 @@ impl Estimate {
         self.crashed = telemetry.crashed || telemetry.phase == FlightPhase::Stopped;
         self.battery = telemetry.battery.filter(|x| x.is_finite()).map(|x| x.clamp(0.0, 1.0)).or(self.battery);
         self.heading = Some(telemetry.attitude.heading).filter(|x| x.is_finite());
+        self.oriented = self.heading.map_or(self.oriented, |_| Some(measured));
         self.velocity = telemetry.velocity.filter(|v| sane([v.east, v.north, v.up], MAX_VELOCITY));
 
         let grounded = telemetry.phase == FlightPhase::OnGround;

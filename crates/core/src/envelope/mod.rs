@@ -111,7 +111,9 @@ impl Envelope {
     /// values that are not finite or beyond all reason count as not told.
     pub fn observe_telemetry(&mut self, now: Time, telemetry: &Telemetry) {
         let now = self.advance(now);
-        let reckoned = self.commanded.filter(|&(_, until)| now < until).map_or(EnuVelocity::default(), |(v, _)| v);
+        // What was cleared may have been flown at any time since the last report.
+        let since = self.estimate.measured.unwrap_or(Time::ZERO);
+        let reckoned = self.commanded.filter(|&(_, until)| since < until).map_or(EnuVelocity::default(), |(v, _)| v);
         if self.estimate.observe(now, telemetry, reckoned) {
             let breached = self.breached();
             self.watch.estimate(now, &self.estimate, &self.limits, breached);

@@ -1,16 +1,23 @@
+mod failings;
+mod flights;
+mod limits;
+mod rows;
+
 use super::*;
 use crate::frame::FrameId;
+use crate::geofence::Geofence;
 use crate::geometry::Attitude;
+use crate::time::Duration;
 
 /// An envelope about a craft that hovers 3 m above its take-off point, facing north, with everything fresh.
-pub(super) struct Rig {
-    pub(super) envelope: Envelope,
-    pub(super) telemetry: Telemetry,
-    pub(super) frames: u64,
+struct Rig {
+    envelope: Envelope,
+    telemetry: Telemetry,
+    frames: u64,
 }
 
 impl Rig {
-    pub(super) fn flying(limits: Limits) -> Self {
+    fn flying(limits: Limits) -> Self {
         let mut rig = Self { envelope: Envelope::new(limits, Craft::quad()), telemetry: Telemetry::default(), frames: 0 };
         rig.telemetry = Telemetry {
             position: Some(EnuPosition::default()),
@@ -27,17 +34,17 @@ impl Rig {
         rig
     }
 
-    pub(super) fn place(&mut self, east: f64, north: f64, up: f64) {
+    fn place(&mut self, east: f64, north: f64, up: f64) {
         self.telemetry.position = Some(EnuPosition { east, north, up });
         self.telemetry.height = Some(up);
     }
 
-    pub(super) fn tell(&mut self, now: Time) {
+    fn tell(&mut self, now: Time) {
         self.telemetry.time = now;
         self.envelope.observe_telemetry(now, &self.telemetry);
     }
 
-    pub(super) fn frame(&mut self, now: Time) -> FrameMeta {
+    fn frame(&mut self, now: Time) -> FrameMeta {
         self.frames += 1;
         FrameMeta {
             id: FrameId(self.frames),
@@ -50,29 +57,38 @@ impl Rig {
         }
     }
 
-    pub(super) fn see(&mut self, now: Time) {
+    fn see(&mut self, now: Time) {
         let frame = self.frame(now);
         self.envelope.observe_frame(now, &frame);
     }
 
     /// New telemetry and a new frame.
-    pub(super) fn fresh(&mut self, now: Time) {
+    fn fresh(&mut self, now: Time) {
         self.tell(now);
         self.see(now);
     }
 
-    pub(super) fn ask(&mut self, now: Time, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
+    fn ask(&mut self, now: Time, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
         let clearance = self.envelope.clear_setpoint(now, setpoint);
         (clearance.setpoint().unwrap(), clearance.changed)
     }
 }
 
-pub(super) fn ms(millis: u64) -> Time {
+fn ms(millis: u64) -> Time {
     Time::from_millis(millis)
 }
 
-pub(super) fn forward(speed: f64) -> Setpoint {
+fn forward(speed: f64) -> Setpoint {
     Setpoint { forward: speed, ..Setpoint::HOLD }
+}
+
+/// A square fence of `half` metres to each side of the origin.
+fn square(half: f64, properties: &str) -> Geofence {
+    Geofence::from_geojson(&format!(
+        r#"{{"type": "Feature", "properties": {properties}, "geometry": {{"type": "Polygon", "coordinates":
+        [[[-{half}, -{half}], [{half}, -{half}], [{half}, {half}], [-{half}, {half}], [-{half}, -{half}]]]}}}}"#
+    ))
+    .unwrap()
 }
 
 #[test]
@@ -83,29 +99,18 @@ fn what_is_within_the_limits_passes_bit_for_bit() {
 }
 
 #[test]
-fn speeds_are_clamped_and_the_direction_kept() {
+fn home_is_the_last_place_on_the_ground() {
     let mut rig = Rig::flying(Limits::default());
-    let (is, why) = rig.ask(ms(1000), Setpoint { right: 30.0, forward: 40.0, up: 9.0, yaw_rate: 9.0 });
-    // 4.5 m/s along (3, 4)/5, 1.5 m/s, 1.5 · 95°/s.
-    assert!((is.right - 2.7).abs() < 1e-12 && (is.forward - 3.6).abs() < 1e-12, "{is:?}");
-    assert_eq!((is.up, is.yaw_rate, why), (1.5, 1.5 * 95.0_f64.to_radians(), Some(Cause::SpeedLimit)));
-}
-
-#[test]
-fn a_setpoint_that_is_not_a_number_is_a_hold() {
-    let mut rig = Rig::flying(Limits::default());
-    assert_eq!(rig.ask(ms(1000), forward(f64::NAN)), (Setpoint::HOLD, Some(Cause::NotFinite)));
-}
-
-#[test]
-fn on_the_ground_setpoints_are_holds_and_landing_passes() {
+    assert_eq!(rig.envelope.home(), Some(EnuPosition::default()));
+    rig.telemetry.phase = FlightPhase::OnGround;
+    rig.place(7.0, 8.0, 9.0);
+    rig.tell(ms(1100));
+    rig.telemetry.phase = FlightPhase::Flying;
+    rig.place(70.0, 80.0, 90.0);
+    rig.tell(ms(1200));
+    assert_eq!(rig.envelope.home(), Some(EnuPosition { east: 7.0, north: 8.0, up: 9.0 }));
+    // First heard of in the air: below.
     let mut envelope = Envelope::new(Limits::default(), Craft::quad());
-    assert_eq!(envelope.clear(ms(0), Command::TakeOff), Err(Refusal::NoTelemetry));
-    envelope.observe_telemetry(ms(10), &Telemetry { time: ms(10), ..Telemetry::default() });
-    let clearance = envelope.clear_setpoint(ms(10), forward(1.0));
-    assert_eq!((clearance.setpoint(), clearance.changed), (Some(Setpoint::HOLD), Some(Cause::NotFlying)));
-    for command in [Command::TakeOff, Command::Land, Command::EmergencyStop] {
-        let clearance = envelope.clear(ms(10), command).unwrap();
-        assert_eq!((clearance.cleared.get(), clearance.cleared.valid_until()), (&command, Time::MAX));
-    }
+    envelope.observe_telemetry(ms(100), &Telemetry { time: ms(100), height: Some(80.0), ..rig.telemetry });
+    assert_eq!(envelope.home(), Some(EnuPosition { east: 70.0, north: 80.0, up: 10.0 }));
 }

@@ -135,10 +135,10 @@ impl Watch {
             land_at: at(lost, limits.link_land_after),
             may_move: false,
         });
-        let telemetry = estimate
-            .measured
-            .filter(|_| airborne)
-            .map(|measured| condition(Cause::NoTelemetry, at(measured, limits.max_telemetry_age), limits.telemetry_land_after));
+        // A craft that has not told its heading yet has until the usual age since the flight began.
+        let oriented = estimate.oriented.unwrap_or(Time::ZERO);
+        let telemetry =
+            airborne.then(|| condition(Cause::NoTelemetry, at(oriented, limits.max_telemetry_age), limits.telemetry_land_after));
         let battery = self
             .battery_low
             .filter(|_| airborne)
