@@ -19,6 +19,8 @@ pub mod geofence;
 pub mod geometry;
 pub mod grounding;
 pub mod lift;
+pub mod pilot;
+pub mod policy;
 pub mod primitives;
 pub mod prompt;
 pub mod query;

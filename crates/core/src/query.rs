@@ -104,7 +104,7 @@ pub struct Memory {
     pub targets: Vec<String>,
     /// Turned since the target was last seen, radians, clockwise positive, not wrapped.
     pub turned: f64,
-    /// On which side the target was when last seen, if it was lost since.
+    /// On which side of the picture the target was when it was last seen.
     pub last_seen: Option<Look>,
     /// Last text actions (plain-text baseline), oldest first.
     pub actions: Vec<String>,

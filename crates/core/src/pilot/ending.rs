@@ -1,0 +1,111 @@
+//! Take-off, limits, landing: the phases around deciding.
+
+use super::{Action, Ending, Outcome, Phase, Pilot};
+use crate::command::Command;
+use crate::telemetry::FlightPhase;
+use crate::time::{Duration, Time};
+
+/// A craft that does not report flying this long after take-off is given up.
+const TAKE_OFF_TIME: Duration = Duration::from_secs(30);
+/// `Land` is repeated this often until the craft reports the ground: a lost command must not leave it in the air.
+pub(super) const LAND_REPEAT: Duration = Duration::from_secs(1);
+/// A craft that does not report the ground this long after `Land` is no longer waited for.
+const LANDING_TIME: Duration = Duration::from_secs(90);
+
+impl Pilot {
+    /// Follows what the craft itself says of its phase.
+    pub(super) fn follow_craft(&mut self, now: Time, crashed: bool) {
+        if crashed && self.phase != Phase::Ended {
+            self.cancel_queries();
+            self.stop_motion(now);
+            self.settle_outcome(Outcome::Collision, "the craft touched something".to_owned());
+            self.command(now, Command::EmergencyStop);
+            return self.enter(now, Phase::Ended);
+        }
+        match (self.phase, self.craft_phase) {
+            (Phase::TakeOff, FlightPhase::Flying) => {
+                self.rest_from(now);
+                self.needs_rest = true;
+                self.next_tick = now;
+                let phase = if self.hold_after_take_off { Phase::Held } else { Phase::Flying };
+                self.enter(now, phase);
+            }
+            (Phase::Landing, FlightPhase::OnGround | FlightPhase::Stopped) => self.enter(now, Phase::Ended),
+            // The craft lands or has stopped by itself (its own battery or link protection): follow, never fight it.
+            (
+                Phase::Flying | Phase::Held | Phase::Manual,
+                FlightPhase::Landing | FlightPhase::OnGround | FlightPhase::Stopped,
+            ) => {
+                self.finish(now, Outcome::Failed, "the craft landed or stopped by itself".to_owned());
+            }
+            _ => {}
+        }
+    }
+
+    /// What time alone brings: take-off, its end, the flight's limit, the end of landing.
+    pub(super) fn limits(&mut self, now: Time) {
+        let waited = now.since(self.entered);
+        match self.phase {
+            Phase::Ground => self.take_off(now),
+            Phase::TakeOff if waited >= TAKE_OFF_TIME => {
+                self.finish(now, Outcome::Failed, format!("no take-off within {} s", TAKE_OFF_TIME.as_secs()));
+            }
+            Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff if now >= Time::ZERO + self.settings.max_time => {
+                let limit = self.settings.max_time.as_secs_f64();
+                self.finish(now, Outcome::Timeout, format!("the flight time of {limit} s was spent"));
+            }
+            Phase::Landing if waited >= LANDING_TIME => self.enter(now, Phase::Ended),
+            Phase::Landing if now >= self.next_tick => self.command(now, Command::Land),
+            _ => {}
+        }
+    }
+
+    fn take_off(&mut self, now: Time) {
+        if self.hold_after_take_off || self.craft_phase != FlightPhase::OnGround || self.estimator.newest().is_none() {
+            let limit = self.settings.max_time.as_secs_f64();
+            if now >= Time::ZERO + self.settings.max_time {
+                self.settle_outcome(Outcome::Timeout, format!("the flight time of {limit} s was spent on the ground"));
+                self.enter(now, Phase::Ended);
+            }
+            return;
+        }
+        match self.envelope.clear(now, Command::TakeOff) {
+            Ok(clearance) => {
+                self.outbox.push_back(Action::Command(clearance.cleared));
+                self.enter(now, Phase::TakeOff);
+            }
+            Err(refusal) => {
+                self.settle_outcome(Outcome::Aborted, format!("take-off refused: {refusal}"));
+                self.enter(now, Phase::Ended);
+            }
+        }
+    }
+
+    /// Settles the outcome and lands.
+    pub(super) fn finish(&mut self, now: Time, outcome: Outcome, cause: String) {
+        self.cancel_queries();
+        self.stop_motion(now);
+        self.settle_outcome(outcome, cause);
+        if !matches!(self.phase, Phase::Landing | Phase::Ended) {
+            self.enter(now, Phase::Landing);
+            self.command(now, Command::Land);
+            self.next_tick = now + LAND_REPEAT;
+        }
+    }
+
+    /// The first cause counts.
+    pub(super) fn settle_outcome(&mut self, outcome: Outcome, cause: String) {
+        if self.ending.is_none() {
+            let ending = Ending { outcome, cause };
+            self.ending = Some(ending.clone());
+            self.outbox.push_back(Action::Finished(ending));
+        }
+    }
+
+    /// Sends a command that the envelope lets pass in every state: land, emergency stop.
+    pub(super) fn command(&mut self, now: Time, command: Command) {
+        if let Ok(clearance) = self.envelope.clear(now, command) {
+            self.outbox.push_back(Action::Command(clearance.cleared));
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! The pilot: the state machine that flies an instruction (DESIGN section 3, "The heart is sans-IO").
+//!
+//! It is *told* what happened ([`Pilot::handle`]) and *asked* what to do ([`Pilot::poll`], until it says nothing more) and by when
+//! it wants to be asked again ([`Pilot::next_deadline`]). It never sleeps, reads a clock or opens a socket.
+//!
+//! ```text
+//! ground ──► take-off ──► flying ◄──► held, manual        (operator)
+//!                            │
+//!                            ├─ due? frame ─► policy ─► query ─► reply ─► policy ─► move ─► executor ─► envelope ─► command
+//!                            ▼
+//!                        Finished ──► landing ──► ended
+//! ```
+
+mod deciding;
+mod ending;
+mod event;
+mod moving;
+mod operator;
+mod settings;
+
+pub use event::{Action, Decision, Ending, Event, Note, OperatorEvent, Outcome, Phase};
+pub use settings::{PilotSettings, Preset, Think};
+
+use std::collections::{BTreeMap, VecDeque};
+
+use crate::camera::Camera;
+use crate::command::Setpoint;
+use crate::craft::Craft;
+use crate::envelope::{Cause, Envelope, Limits};
+use crate::estimator::{Known, MotionEstimator, Senses};
+use crate::executor::Executor;
+use crate::frame::FrameId;
+use crate::policy::{Move, Policy, PolicyEvent, View};
+use crate::query::QueryId;
+use crate::telemetry::FlightPhase;
+use crate::time::{Duration, Time, duration_from_secs};
+
+/// A query that is waited for.
+#[derive(Clone, Debug)]
+struct Waiting {
+    query: Box<crate::query::Query>,
+    view: View,
+    asked: Time,
+}
+
+/// The state machine that flies.
+pub struct Pilot {
+    settings: PilotSettings,
+    craft: Craft,
+    camera: Camera,
+    policy: Box<dyn Policy>,
+    envelope: Envelope,
+    estimator: MotionEstimator,
+    executor: Executor,
+
+    phase: Phase,
+    craft_phase: FlightPhase,
+    entered: Time,
+    outbox: VecDeque<Action>,
+    ending: Option<Ending>,
+    instruction: String,
+    waiting: BTreeMap<QueryId, Waiting>,
+    view: Option<View>,
+    used: Option<FrameId>,
+    decisions: u32,
+    late_replies: u32,
+
+    executing: bool,
+    pending: Option<Move>,
+    needs_rest: bool,
+    hold_since: Option<Time>,
+    settled: Option<Time>,
+    manual: Option<(Setpoint, Time)>,
+    hold_after_take_off: bool,
+    first_motion: Option<Time>,
+    next_tick: Time,
+    told_cause: Option<Cause>,
+}
+
+/// What a pilot is made of.
+pub struct PilotParts {
+    /// How it flies.
+    pub settings: PilotSettings,
+    /// The craft it flies.
+    pub craft: Craft,
+    /// What its telemetry tells, and how exactly.
+    pub senses: Senses,
+    /// The craft's camera.
+    pub camera: Camera,
+    /// The envelope's limits.
+    pub limits: Limits,
+    /// The policy that decides.
+    pub policy: Box<dyn Policy>,
+    /// What the person said.
+    pub instruction: String,
+}
+
+impl Pilot {
+    /// A pilot on the ground; it takes off once the craft's telemetry says that it stands there.
+    #[must_use]
+    pub fn new(parts: PilotParts) -> Self {
+        let PilotParts { settings, craft, senses, camera, limits, policy, instruction } = parts;
+        let mut pilot = Self {
+            settings,
+            craft,
+            camera,
+            policy,
+            envelope: Envelope::new(limits, craft),
+            estimator: MotionEstimator::new(&craft, senses),
+            executor: Executor::new(craft, settings.motion, settings.ending),
+            phase: Phase::Ground,
+            craft_phase: FlightPhase::OnGround,
+            entered: Time::ZERO,
+            outbox: VecDeque::new(),
+            ending: None,
+            instruction,
+            waiting: BTreeMap::new(),
+            view: None,
+            used: None,
+            decisions: 0,
+            late_replies: 0,
+            executing: false,
+            pending: None,
+            needs_rest: true,
+            hold_since: None,
+            settled: None,
+            manual: None,
+            hold_after_take_off: false,
+            first_motion: None,
+            next_tick: Time::ZERO,
+            told_cause: None,
+        };
+        let text = pilot.instruction.clone();
+        // A policy answers an instruction with Look or Wait: on the ground there is nothing to see yet.
+        pilot.policy.handle(PolicyEvent::Instruction(&text));
+        pilot
+    }
+
+    /// Takes note of something that happened at `now`.
+    pub fn handle(&mut self, now: Time, event: Event) {
+        match event {
+            Event::Frame(frame) => self.frame(now, frame),
+            Event::Telemetry(telemetry) => {
+                self.envelope.observe_telemetry(now, &telemetry);
+                self.estimator.observe(&telemetry);
+                self.craft_phase = telemetry.phase;
+                self.follow_craft(now, telemetry.crashed);
+            }
+            Event::Reply { id, text } => self.reply(now, id, &text),
+            Event::Chunk { id, text } => self.chunk(now, id, &text),
+            Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),
+            Event::Operator(event) => self.operator(now, event),
+            Event::LinkLost => {
+                self.envelope.link_lost(now);
+                self.stop_motion(now);
+            }
+            Event::LinkRestored => self.envelope.link_restored(now),
+        }
+    }
+
+    /// The next thing to be done at `now`; `None` when there is nothing until an event or [`Pilot::next_deadline`].
+    pub fn poll(&mut self, now: Time) -> Option<Action> {
+        if self.outbox.is_empty() {
+            self.advance(now);
+        }
+        self.outbox.pop_front()
+    }
+
+    /// When to be polled again though nothing happens; `None` once the flight is over.
+    #[must_use]
+    pub fn next_deadline(&self) -> Option<Time> {
+        if self.phase == Phase::Ended {
+            return None;
+        }
+        let queries = self.waiting.values().map(|waiting| waiting.query.deadline);
+        queries.chain([self.next_tick]).min()
+    }
+
+    /// What the pilot believes of the flight; `None` while it goes on.
+    #[must_use]
+    pub fn ending(&self) -> Option<&Ending> {
+        self.ending.as_ref()
+    }
+
+    /// Where the flight is.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Decisions made.
+    #[must_use]
+    pub fn decisions(&self) -> u32 {
+        self.decisions
+    }
+
+    /// Replies that arrived when nobody waited for them any more.
+    #[must_use]
+    pub fn late_replies(&self) -> u32 {
+        self.late_replies
+    }
+
+    /// When the first setpoint that moves went out: the start of the completion time. Take-off is not motion.
+    #[must_use]
+    pub fn first_motion(&self) -> Option<Time> {
+        self.first_motion
+    }
+
+    /// The craft's pose at `now`, as known.
+    #[must_use]
+    pub fn known_pose(&self, now: Time) -> crate::geometry::Pose {
+        self.known(now).pose()
+    }
+
+    /// What is known of the craft's motion. Before the first telemetry nothing flies, so that nothing is decided on the default.
+    fn known(&self, now: Time) -> Known {
+        self.estimator.at(now).unwrap_or_default()
+    }
+
+    fn tick_length(&self) -> Duration {
+        duration_from_secs(1.0 / self.settings.rate_hz.clamp(1.0, 100.0))
+    }
+
+    fn enter(&mut self, now: Time, phase: Phase) {
+        if self.phase != phase {
+            self.phase = phase;
+            self.entered = now;
+            self.outbox.push_back(Action::Note(Note::Phase(phase)));
+        }
+    }
+
+    fn advance(&mut self, now: Time) {
+        if self.phase == Phase::Ended {
+            return;
+        }
+        self.expire_queries(now);
+        self.react(now);
+        self.limits(now);
+        self.decide(now);
+        if now >= self.next_tick {
+            self.tick(now);
+            // From `now`, not from the last due time: a late caller gets one tick, not a burst of old ones.
+            self.next_tick = now + if self.phase == Phase::Landing { ending::LAND_REPEAT } else { self.tick_length() };
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! Plans become setpoints, tick by tick, through the executor and the envelope.
+
+use super::{Action, Note, Outcome, Phase, Pilot, Think};
+use crate::command::{Command, Setpoint};
+use crate::envelope::{Cause, Clearance, Reaction};
+use crate::executor::{Goal, Motion};
+use crate::geometry::{Attitude, Pose, wrap_angle};
+use crate::policy::{Move, PolicyEvent, Step, View};
+use crate::primitives::Primitives;
+use crate::time::{Duration, Time, duration_from_secs};
+
+/// Standing still, for a frame to be one taken at rest (issue: 0.1 m/s and 3 °/s).
+const REST_SPEED: f64 = 0.1;
+const REST_YAW_RATE: f64 = 3.0 / 180.0 * core::f64::consts::PI;
+/// Longest wait for that; a craft that drifts in the wind never stands still.
+const REST_WAIT: Duration = Duration::from_millis(1500);
+/// A plan shorter than this, metres, is a turn on the spot: it has no direction to have been passed in.
+const TURN_ONLY: f64 = 0.05;
+
+impl Pilot {
+    /// Where a move from a frame ends in the world, and whether the craft is already past it.
+    pub(super) fn planned(&self, now: Time, step: &Step, view: &View) -> (Option<Pose>, bool) {
+        let Step::Move(motion) = step else { return (None, false) };
+        let from = motion.anchor.unwrap_or(view.pose);
+        let goal = Goal::of_primitives(from, motion.primitives);
+        let pose = Pose { position: goal.position, attitude: Attitude { heading: goal.heading, ..Attitude::default() } };
+        let passed = self.settings.think == Think::Continuous
+            && !motion.then_rest
+            && goal.is_passed(from.position, self.known(now).position);
+        (Some(pose), passed)
+    }
+
+    pub(super) fn begin_move(&mut self, now: Time, motion: Move) {
+        let known = self.known(now);
+        let relative = |yaw: f64| Primitives { yaw, ..motion.primitives };
+        match motion.anchor {
+            Some(from) if self.settings.think == Think::Continuous && !motion.then_rest => {
+                let goal = Goal::of_primitives(from, motion.primitives);
+                // Flying back to it fails in up to half of the runs (closed-loop study, finding 6).
+                if goal.is_passed(from.position, known.position) {
+                    return self.stop_motion(now);
+                }
+                if self.settings.motion == Motion::Blended {
+                    self.executor.start_goal(now, known, goal);
+                } else if self.executing {
+                    // A queue that is always replaced never climbs: the new plan waits for its end.
+                    self.pending = Some(motion);
+                    return;
+                } else {
+                    self.executor.start(now, known, rest_of_plan(known.position, known.attitude.heading, goal));
+                }
+            }
+            Some(from) if motion.then_rest => {
+                // A search turn is measured from the frame that asked for it; what was turned since counts.
+                let turned = wrap_angle(known.attitude.heading - from.attitude.heading);
+                self.executor.start(now, known, relative(motion.primitives.yaw - turned));
+            }
+            _ => self.executor.start(now, known, motion.primitives),
+        }
+        self.executing = true;
+        self.needs_rest = motion.then_rest;
+        self.hold_since = None;
+        self.settled = None;
+        self.next_tick = now;
+    }
+
+    /// The reason to move has ended: zero goes out at once, and the policy is told that its move was cut short.
+    pub(super) fn stop_motion(&mut self, now: Time) {
+        self.pending = None;
+        if self.executing {
+            self.executing = false;
+            self.executor.stop(now);
+            self.rest_from(now);
+            self.next_tick = now;
+            let step = self.policy.handle(PolicyEvent::MoveEnded { completed: false });
+            debug_assert!(!matches!(step, Step::Move(_)), "a policy must not answer a cut-short move with another");
+        }
+        if self.hold_since.is_none() {
+            self.rest_from(now);
+        }
+    }
+
+    pub(super) fn rest_from(&mut self, now: Time) {
+        self.hold_since = Some(now);
+        self.settled = None;
+    }
+
+    /// Notes the instant from which the craft stands still.
+    fn settle(&mut self, now: Time) {
+        let (Some(since), None) = (self.hold_since, self.settled) else { return };
+        let known = self.known(now);
+        let waited = now.since(since);
+        // Dead time and lag first: a craft told to move a moment ago stands still just before it starts.
+        let answered = waited >= duration_from_secs(self.craft.dead_time + self.craft.lag);
+        let still = known.velocity.speed() < REST_SPEED && known.yaw_rate.abs() < REST_YAW_RATE;
+        if (answered && still) || waited >= REST_WAIT {
+            self.settled = Some(now);
+        }
+    }
+
+    /// One setpoint. Zero is sent too, so that no craft lands for want of commands while a VLM thinks.
+    pub(super) fn tick(&mut self, now: Time) {
+        if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual) {
+            return;
+        }
+        self.settle(now);
+        let known = self.known(now);
+        let mut finished = false;
+        let clearance = match self.manual.filter(|(_, until)| self.phase == Phase::Manual && now < *until) {
+            Some((setpoint, _)) => self.envelope.clear_manual(now, setpoint),
+            None => {
+                let mut setpoint = Setpoint::HOLD;
+                if self.executing {
+                    let tick = self.executor.tick(now, known);
+                    (setpoint, finished) = (tick.setpoint, tick.finished);
+                }
+                self.envelope.clear_setpoint(now, setpoint)
+            }
+        };
+        self.send(now, clearance);
+        if finished {
+            self.move_ended(now);
+        }
+    }
+
+    fn move_ended(&mut self, now: Time) {
+        self.executing = false;
+        self.rest_from(now);
+        let step = match self.pending.take() {
+            Some(motion) => Step::Move(motion),
+            None => self.policy.handle(PolicyEvent::MoveEnded { completed: true }),
+        };
+        if let Some(view) = self.view {
+            self.carry_out(now, step, &view);
+        }
+    }
+
+    fn send(&mut self, now: Time, clearance: Clearance) {
+        if let Command::Setpoint(setpoint) = clearance.cleared.get() {
+            self.estimator.commanded(now, *setpoint);
+            self.executor.commanded(now, *setpoint);
+            if !setpoint.is_hold() && self.first_motion.is_none() {
+                self.first_motion = Some(now);
+            }
+        }
+        self.tell(clearance.changed);
+        self.outbox.push_back(Action::Command(clearance.cleared));
+    }
+
+    /// Tells of a cause once, until another takes its place.
+    fn tell(&mut self, cause: Option<Cause>) {
+        if let Some(cause) = cause.filter(|cause| self.told_cause != Some(*cause)) {
+            self.note(Note::Envelope(cause));
+        }
+        self.told_cause = cause;
+    }
+
+    /// The envelope's reaction to what it watches.
+    pub(super) fn react(&mut self, now: Time) {
+        if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff) {
+            return;
+        }
+        // A hand on the sticks sees for itself: a frozen picture does not end manual flight.
+        let by_hand = matches!(self.phase, Phase::Manual | Phase::Held);
+        match if by_hand { self.envelope.manual_reaction(now) } else { self.envelope.reaction(now) } {
+            Reaction::Continue => {}
+            Reaction::Hold(cause) => {
+                self.tell(Some(cause));
+                if self.executing {
+                    self.stop_motion(now);
+                }
+            }
+            Reaction::Land(cause) => {
+                let outcome = outcome_of(cause);
+                self.finish(now, outcome, cause.to_string());
+            }
+        }
+    }
+}
+
+/// What ending by a cause means for the outcome (DESIGN section 7).
+fn outcome_of(cause: Cause) -> Outcome {
+    match cause {
+        Cause::Crashed => Outcome::Collision,
+        Cause::AltitudeBreach | Cause::DistanceBreach | Cause::GeofenceBreach | Cause::LowBattery => Outcome::Aborted,
+        _ => Outcome::Failed,
+    }
+}
+
+/// The primitives from where the craft is to the end of an anchored plan: turn to it, fly to it, climb to it.
+fn rest_of_plan(position: crate::geometry::EnuPosition, heading: f64, goal: Goal) -> Primitives {
+    let ahead = position.displacement_to(goal.position, heading);
+    if libm::hypot(ahead.right, ahead.forward) > TURN_ONLY {
+        Primitives::from_displacement(ahead)
+    } else {
+        Primitives { yaw: wrap_angle(goal.heading - heading), climb: ahead.up, ..Primitives::default() }
+    }
+}

@@ -1,0 +1,86 @@
+//! The operator can take over at any time; what each event does in each phase.
+
+use super::{Note, OperatorEvent, Outcome, Phase, Pilot};
+use crate::command::Command;
+use crate::policy::PolicyEvent;
+use crate::time::{Duration, Time};
+
+/// A manual setpoint is held this long without a new one: a released key stops the craft.
+const MANUAL_VALIDITY: Duration = Duration::from_millis(400);
+
+impl Pilot {
+    pub(super) fn operator(&mut self, now: Time, event: OperatorEvent) {
+        if let Some(why) = self.ignored(&event) {
+            return self.note(Note::OperatorIgnored(event, why));
+        }
+        self.note(Note::Operator(event.clone()));
+        match event {
+            OperatorEvent::Hold => self.hold(now, Phase::Held),
+            OperatorEvent::Resume => self.resume(now),
+            OperatorEvent::Setpoint(setpoint) => {
+                self.hold(now, Phase::Manual);
+                self.manual = Some((setpoint, now + MANUAL_VALIDITY));
+                self.next_tick = now;
+            }
+            OperatorEvent::Instruction(text) => self.instruct(now, text),
+            OperatorEvent::Land if self.phase == Phase::Ground => {
+                self.settle_outcome(Outcome::Aborted, "the operator ended it before take-off".to_owned());
+                self.enter(now, Phase::Ended);
+            }
+            OperatorEvent::Land => self.finish(now, Outcome::Aborted, "the operator ended the flight".to_owned()),
+            OperatorEvent::Stop => {
+                self.cancel_queries();
+                self.stop_motion(now);
+                self.settle_outcome(Outcome::Aborted, "the operator stopped the motors".to_owned());
+                self.command(now, Command::EmergencyStop);
+                self.enter(now, Phase::Ended);
+            }
+        }
+    }
+
+    /// Why an event changes nothing in this phase.
+    fn ignored(&self, event: &OperatorEvent) -> Option<&'static str> {
+        use OperatorEvent::{Hold, Instruction, Land, Resume, Setpoint, Stop};
+        match (self.phase, event) {
+            (Phase::Ended, Stop) if self.craft_phase != crate::telemetry::FlightPhase::OnGround => None,
+            (Phase::Ended, _) => Some("the flight is over"),
+            (Phase::Landing, Hold | Resume | Setpoint(_) | Instruction(_) | Land) => {
+                Some("landing; only a stop of the motors is taken now")
+            }
+            (Phase::Ground | Phase::TakeOff, Setpoint(_)) => Some("not flying yet"),
+            (Phase::Ground | Phase::TakeOff | Phase::Flying, Resume) if !self.hold_after_take_off => Some("not held"),
+            _ => None,
+        }
+    }
+
+    /// Nothing is decided or flown any more; answers that are out are no longer waited for.
+    fn hold(&mut self, now: Time, phase: Phase) {
+        self.cancel_queries();
+        self.stop_motion(now);
+        self.manual = None;
+        match self.phase {
+            Phase::Ground | Phase::TakeOff => self.hold_after_take_off = true,
+            _ => self.enter(now, phase),
+        }
+        self.next_tick = now;
+    }
+
+    fn resume(&mut self, now: Time) {
+        self.hold_after_take_off = false;
+        if matches!(self.phase, Phase::Held | Phase::Manual) {
+            self.manual = None;
+            self.rest_from(now);
+            self.needs_rest = true;
+            self.enter(now, Phase::Flying);
+        }
+    }
+
+    fn instruct(&mut self, now: Time, text: String) {
+        self.cancel_queries();
+        self.stop_motion(now);
+        self.needs_rest = true;
+        // Decided afresh: the policy forgets what it knew of the old instruction.
+        self.policy.handle(PolicyEvent::Instruction(&text));
+        self.instruction = text;
+    }
+}

@@ -1,0 +1,157 @@
+//! The plain-text baseline: the VLM answers with actions in words and numbers, without image coordinates
+//! (paper §4.3, "plain VLM"; its format was never released, ours is described in docs/reply.md).
+
+use std::collections::VecDeque;
+
+use crate::actions::{Action, parse_actions};
+use crate::grounding::GroundingProfile;
+use crate::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
+use crate::primitives::Primitives;
+use crate::prompt::{self, PromptInput};
+use crate::query::{Memory, Query, QueryId, QueryKind};
+use crate::time::Time;
+
+/// Actions told back to the VLM.
+const REMEMBERED_ACTIONS: usize = 5;
+
+/// What the plain policy can be set to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlainSettings {
+    /// Whether a `done` needs a second look while holding.
+    pub confirm_done: bool,
+}
+
+/// The plain-text policy.
+#[derive(Clone, Debug)]
+pub struct Plain {
+    settings: PlainSettings,
+    instruction: String,
+    memory: Memory,
+    asked: Option<(QueryId, bool)>,
+    queue: VecDeque<Action>,
+    moving: bool,
+    confirming: bool,
+    next_id: u64,
+    reading: Reading,
+}
+
+impl Plain {
+    /// A policy without an instruction; it waits until it has one.
+    #[must_use]
+    pub fn new(settings: PlainSettings) -> Self {
+        Self {
+            settings,
+            instruction: String::new(),
+            memory: Memory::default(),
+            asked: None,
+            queue: VecDeque::new(),
+            moving: false,
+            confirming: false,
+            next_id: 0,
+            reading: Reading::default(),
+        }
+    }
+
+    fn ask(&mut self, view: &View) -> Step {
+        let id = QueryId(self.next_id);
+        self.next_id += 1;
+        self.memory.confirming = self.confirming;
+        self.asked = Some((id, self.confirming));
+        Step::Ask(Box::new(Query {
+            id,
+            frame: view.frame.id,
+            kind: QueryKind::Act,
+            instruction: self.instruction.clone(),
+            memory: self.memory.clone(),
+            prompt: prompt::plain_prompt(&PromptInput {
+                instruction: &self.instruction,
+                memory: &self.memory,
+                profile: &GroundingProfile::default(),
+                avoid: false,
+            }),
+            marks: Vec::new(),
+            detections: Vec::new(),
+            deadline: Time::MAX,
+            image_size: None,
+        }))
+    }
+
+    fn answered(&mut self, text: &str, confirming: bool) -> Step {
+        self.reading = Reading::default();
+        let reply = match parse_actions(text) {
+            Ok(reply) => reply,
+            Err(error) => {
+                self.reading.refused = Some(error.to_string());
+                return Step::Reject(error.to_string());
+            }
+        };
+        self.reading.actions = reply.actions.iter().map(ToString::to_string).collect();
+        if reply.done {
+            if !self.settings.confirm_done || confirming {
+                return Step::Done;
+            }
+            self.confirming = true;
+            return Step::Look;
+        }
+        self.confirming = false;
+        self.queue = reply.actions.into();
+        self.next_action()
+    }
+
+    /// Starts the next action of the last reply; holds and looks again when there is none left.
+    fn next_action(&mut self) -> Step {
+        while let Some(action) = self.queue.pop_front() {
+            self.memory.actions.push(action.to_string());
+            if self.memory.actions.len() > REMEMBERED_ACTIONS {
+                self.memory.actions.remove(0);
+            }
+            let primitives = Primitives::from(action);
+            if primitives != Primitives::default() {
+                self.moving = true;
+                self.reading.primitives = Some(primitives);
+                return Step::Move(Move { primitives, anchor: None, then_rest: true });
+            }
+        }
+        self.moving = false;
+        Step::Look
+    }
+}
+
+impl Policy for Plain {
+    fn name(&self) -> &'static str {
+        "plain"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+        match event {
+            PolicyEvent::Instruction(text) => {
+                let next_id = self.next_id;
+                *self = Self { instruction: text.to_owned(), next_id, ..Self::new(self.settings) };
+                Step::Look
+            }
+            PolicyEvent::Frame(view) if self.asked.is_none() && !self.moving && (view.at_rest || !self.confirming) => {
+                self.ask(view)
+            }
+            PolicyEvent::Reply { id, text } => match self.asked.take_if(|asked| asked.0 == id) {
+                Some((_, confirming)) => self.answered(text, confirming),
+                None => Step::Wait,
+            },
+            PolicyEvent::ReplyFailed { id } => {
+                self.asked.take_if(|asked| asked.0 == id);
+                Step::Wait
+            }
+            PolicyEvent::MoveEnded { completed: true } if self.moving => self.next_action(),
+            PolicyEvent::MoveEnded { .. } => {
+                // What was cut short is not resumed: the reason to move is gone.
+                self.moving = false;
+                self.queue.clear();
+                Step::Wait
+            }
+            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::Continue => Step::Wait,
+        }
+    }
+
+    fn reading(&self) -> Reading {
+        self.reading.clone()
+    }
+}
