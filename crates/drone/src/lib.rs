@@ -1,1 +1,63 @@
-//! The Drone interface and its drivers
+//! The `Drone` interface: a craft that takes cleared commands and tells about itself.
+//!
+//! Only the envelope can make a [`Cleared`] command, so nothing that implements [`Drone`] can be moved past it.
+
+use spf_core::camera::Camera;
+use spf_core::command::Command;
+use spf_core::craft::Craft;
+use spf_core::envelope::Cleared;
+use spf_core::frame::FrameMeta;
+use spf_core::telemetry::Telemetry;
+use spf_core::time::Time;
+
+/// What a craft is: the figures that executor, envelope and geometry need.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Capabilities {
+    /// Speeds, accelerations, size.
+    pub craft: Craft,
+    /// Its camera.
+    pub camera: Camera,
+}
+
+/// Something a craft tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DroneEvent {
+    /// About itself.
+    Telemetry(Telemetry),
+    /// A camera frame arrived.
+    Frame(FrameMeta),
+    /// The link is gone.
+    LinkLost,
+    /// The link is back.
+    LinkRestored,
+}
+
+/// Why a command did not go out.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DroneError {
+    /// The link is gone.
+    #[error("the link to `{0}` is gone")]
+    LinkLost(String),
+}
+
+/// A craft.
+pub trait Drone: Send {
+    /// Its name as on the command line.
+    fn name(&self) -> &str;
+
+    /// What it is.
+    fn capabilities(&self) -> Capabilities;
+
+    /// Passes a command on. A setpoint holds until it is replaced or its validity ends; then the driver commands zero.
+    ///
+    /// # Errors
+    /// [`DroneError`] when it did not go out.
+    fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError>;
+
+    /// The next thing it tells at or before `until`, with its time; repeated calls drain them in order.
+    fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)>;
+
+    /// When it tells something next, for a craft that knows (a simulated one).
+    fn next_event_at(&self) -> Option<Time>;
+}
