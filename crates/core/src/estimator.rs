@@ -56,7 +56,7 @@ pub struct Senses {
     pub velocity_noise: f64,
     /// Unit in which velocity is told, m/s; rounded to the nearest.
     pub velocity_resolution: f64,
-    /// Error of a single heading report, radians.
+    /// Error of a single heading report, radians. A slow one cannot be told from the truth and does not count here.
     pub heading_noise: f64,
     /// Unit in which heading is told, radians; rounded to the nearest.
     pub heading_resolution: f64,
@@ -75,23 +75,23 @@ impl Senses {
         height_resolution: 0.0,
     };
 
-    /// A Tello's state string: heading in whole degrees, velocity in dm/s, height in steps of 10 cm.
+    /// A Tello's state string: heading in whole degrees, velocity in dm/s and noisy, height in steps of 10 cm.
     #[must_use]
     pub fn tello() -> Self {
         Self { velocity_resolution: 0.1, heading_resolution: 1.0_f64.to_radians(), height_resolution: 0.1, ..Self::EXACT }
     }
 
-    /// A quadrotor with satellite navigation: position to 0.3 m, slowly varying, velocity to 0.05 m/s, heading to 1°.
+    /// A quadrotor with satellite navigation: position to 0.3 m, slowly varying, velocity to 0.05 m/s.
     #[must_use]
     pub fn quad() -> Self {
-        Self { position_noise: 0.3, velocity_noise: 0.05, heading_noise: 1.0_f64.to_radians(), ..Self::EXACT }
+        Self { position_noise: 0.3, velocity_noise: 0.05, ..Self::EXACT }
     }
 }
 
 /// Time constant with which noisy velocity and heading reports are believed, s: long against a report, short against a step.
 const NOISE_TIME: f64 = 0.3;
 /// Time constant with which a wandering position is believed, s: long against a step (3 s), short against a flight.
-const WANDER_TIME: f64 = 20.0;
+const WANDER_TIME: f64 = 30.0;
 /// A position this many times its noise away from the estimate is a jump of the source, and believed at once.
 const JUMP: f64 = 10.0;
 /// How far telemetry is extrapolated; a link that is silent for longer tells nothing any more.

@@ -16,6 +16,8 @@ pub(super) struct Blend {
     /// Not wrapped, so that the turn keeps its direction.
     heading: f64,
     horizontal: Axis,
+    /// Direction on the map of the error that is being flown away, east and north.
+    direction: [f64; 2],
     vertical: Axis,
     yaw: Axis,
 }
@@ -25,6 +27,7 @@ impl Blend {
         Self {
             position,
             heading,
+            direction: [0.0; 2],
             horizontal: Axis::new(PrimitiveKind::Forward, from.position.horizontal_distance(position), rules),
             vertical: Axis::new(PrimitiveKind::Climb, position.up - from.position.up, rules),
             yaw: Axis::new(PrimitiveKind::Yaw, heading - from.heading, rules),
@@ -37,11 +40,21 @@ impl Blend {
         let velocity = [state.velocity.east, state.velocity.north];
         let stop = response.horizontal.stop_2d(velocity);
         let missing = [self.position.east - state.position.east - stop[0], self.position.north - state.position.north - stop[1]];
-        let distance = self.horizontal.open((missing[0] * missing[0] + missing[1] * missing[1]).sqrt());
-        let climb = self.vertical.open(self.position.up - state.position.up - response.vertical.stop(state.velocity.up));
-        let turn = self.yaw.open(self.heading - state.heading - response.yaw.stop(state.yaw_rate));
-        if self.horizontal.arrived && self.vertical.arrived && self.yaw.arrived {
-            return Outcome::Arrived;
+        let off = (missing[0] * missing[0] + missing[1] * missing[1]).sqrt();
+        // Beyond the goal once it lies behind, as seen along the way that was taken up.
+        let beyond = missing[0] * self.direction[0] + missing[1] * self.direction[1] < 0.0;
+        let was_ended = self.horizontal.ended.is_some();
+        let distance = self.horizontal.open(if beyond { -off } else { off }, view.now).abs();
+        if distance > 0.0 && (was_ended || self.direction == [0.0; 2]) {
+            self.direction = missing;
+        }
+        let climb = self.position.up - state.position.up - response.vertical.stop(state.velocity.up);
+        let climb = self.vertical.open(climb, view.now);
+        let turn = self.heading - state.heading - response.yaw.stop(state.yaw_rate);
+        let turn = self.yaw.open(turn, view.now);
+        if distance == 0.0 && climb == 0.0 && turn == 0.0 {
+            let arrived = self.horizontal.arrived() && self.vertical.arrived() && self.yaw.arrived();
+            return if arrived { Outcome::Arrived } else { Outcome::Fly(Setpoint::HOLD) };
         }
 
         let limits = [self.horizontal.speed(distance), self.vertical.speed(climb), self.yaw.speed(turn)];

@@ -1,5 +1,6 @@
-//! A craft for tests: dead time, first-order lag and acceleration limits, integrated in steps of 1 ms, in still air. Written
-//! apart from the response that the executor looks ahead with, so that one checks the other.
+//! A craft for tests: dead time, first-order lag, acceleration limits, and thrust that has to overcome drag, integrated in
+//! steps of 1 ms, in still air. Written apart from the response that the executor looks ahead with (which knows no drag), so
+//! that one checks the other. The errors of coarse telemetry are those of the simulator's two models.
 
 use crate::command::Setpoint;
 use crate::craft::Craft;
@@ -21,6 +22,11 @@ pub(crate) struct CraftModel {
     /// Not wrapped.
     pub(crate) heading: f64,
     pub(crate) yaw_rate: f64,
+    /// Drag per speed, 1/s, and the acceleration that the greatest tilt gives, m/s².
+    drag: f64,
+    thrust: f64,
+    /// What it drifts by without knowing, m/s.
+    pub(crate) creep: [f64; 2],
     sent: Vec<(Time, Setpoint)>,
     arrived: usize,
 }
@@ -29,6 +35,8 @@ impl CraftModel {
     pub(crate) fn new(craft: Craft) -> Self {
         let position = EnuPosition { east: 12.0, north: -7.0, up: 3.0 };
         let start = Time::from_millis(5000);
+        // A Tello leans by 9° at most, which holds 4 m/s; the quad by 30°.
+        let (drag, thrust) = if craft.acceleration < 2.0 { (0.388, 1.553) } else { (0.3, 5.66) };
         Self {
             craft,
             now: start,
@@ -36,6 +44,9 @@ impl CraftModel {
             velocity: EnuVelocity::default(),
             heading: 2.9,
             yaw_rate: 0.0,
+            drag,
+            thrust,
+            creep: [0.0; 2],
             sent: vec![(Time::ZERO, Setpoint::HOLD)],
             arrived: 0,
         }
@@ -57,12 +68,16 @@ impl CraftModel {
             self.yaw_rate += ((setpoint.yaw_rate - self.yaw_rate) / c.lag).clamp(-c.yaw_acceleration, c.yaw_acceleration) * step;
             self.heading += self.yaw_rate * step;
             let (sin, cos) = self.heading.sin_cos();
-            let wanted_east = setpoint.right * cos + setpoint.forward * sin;
-            let wanted_north = setpoint.forward * cos - setpoint.right * sin;
-            let (mut east, mut north) =
-                ((wanted_east - self.velocity.east) / c.lag, (wanted_north - self.velocity.north) / c.lag);
-            let share = (c.acceleration / east.hypot(north).max(1e-12)).min(1.0);
-            (east, north) = (east * share, north * share);
+            let limited = |(x, y): (f64, f64), limit: f64| {
+                let share = (limit / x.hypot(y).max(1e-12)).min(1.0);
+                (x * share, y * share)
+            };
+            let v = self.velocity;
+            let wanted_east = setpoint.right * cos + setpoint.forward * sin + self.creep[0];
+            let wanted_north = setpoint.forward * cos - setpoint.right * sin + self.creep[1];
+            let asked = limited(((wanted_east - v.east) / c.lag, (wanted_north - v.north) / c.lag), c.acceleration);
+            let thrust = limited((asked.0 + self.drag * v.east, asked.1 + self.drag * v.north), self.thrust);
+            let (east, north) = (thrust.0 - self.drag * v.east, thrust.1 - self.drag * v.north);
             self.velocity.east += east * step;
             self.velocity.north += north * step;
             self.velocity.up +=
@@ -84,7 +99,7 @@ impl CraftModel {
         }
     }
 
-    /// What a Tello tells of it: whole degrees, dm/s, 10 cm, no position, no yaw rate.
+    /// What a Tello tells of it: whole degrees, dm/s, 10 cm, no position, no yaw rate; otherwise without error.
     pub(crate) fn tello_telemetry(&self) -> Telemetry {
         let tenth = |x: f64| (x * 10.0).round() / 10.0;
         let v = self.velocity;
@@ -98,25 +113,6 @@ impl CraftModel {
         }
     }
 
-    /// What a quadrotor with satellite navigation tells: `wander` is the slow error of its position.
-    pub(crate) fn quad_telemetry(&self, wander: [f64; 3], noise: &mut Draw) -> Telemetry {
-        let (p, v) = (self.position, self.velocity);
-        let mut velocity_noise = || 0.05 * noise.normal();
-        let velocity =
-            EnuVelocity { east: v.east + velocity_noise(), north: v.north + velocity_noise(), up: v.up + velocity_noise() };
-        let heading = wrap_angle(self.heading + 1.0_f64.to_radians() * noise.normal());
-        Telemetry {
-            time: self.now,
-            position: Some(EnuPosition { east: p.east + wander[0], north: p.north + wander[1], up: p.up + wander[2] }),
-            velocity: Some(velocity),
-            attitude: Attitude { heading, ..Attitude::default() },
-            yaw_rate: Some(self.yaw_rate),
-            height: Some(p.up),
-            phase: FlightPhase::Flying,
-            ..Telemetry::default()
-        }
-    }
-
     pub(crate) fn pose(&self) -> Pose {
         Pose { position: self.position, attitude: self.known().attitude }
     }
@@ -125,7 +121,7 @@ impl CraftModel {
 /// What the executor is told of the craft.
 pub(crate) trait Sense {
     /// Called every 10 ms of flight.
-    fn look(&mut self, craft: &CraftModel);
+    fn look(&mut self, craft: &mut CraftModel);
     /// What is known now.
     fn known(&mut self, craft: &CraftModel) -> Known;
 }
@@ -134,9 +130,28 @@ pub(crate) trait Sense {
 pub(crate) struct Exact;
 
 impl Sense for Exact {
-    fn look(&mut self, _: &CraftModel) {}
+    fn look(&mut self, _: &mut CraftModel) {}
     fn known(&mut self, craft: &CraftModel) -> Known {
         craft.known()
+    }
+}
+
+/// An error that wanders: an Ornstein-Uhlenbeck process.
+struct Wander {
+    spread: f64,
+    time: f64,
+    value: f64,
+}
+
+impl Wander {
+    fn new(spread: f64, time: f64, noise: &mut Draw) -> Self {
+        Self { spread, time, value: spread * noise.normal() }
+    }
+
+    fn advance(&mut self, step: f64, noise: &mut Draw) -> f64 {
+        let keep = (-step / self.time).exp();
+        self.value = self.value * keep + self.spread * (1.0 - keep * keep).sqrt() * noise.normal();
+        self.value
     }
 }
 
@@ -145,29 +160,70 @@ pub(crate) struct Coarse {
     pub(crate) estimator: MotionEstimator,
     quad: bool,
     noise: Draw,
-    wander: [f64; 3],
+    position: [Wander; 3],
+    heading: Wander,
+    creep: [Wander; 2],
     told: usize,
     waiting: Option<Telemetry>,
 }
 
 impl Coarse {
-    pub(crate) fn tello(craft: &Craft) -> Self {
-        Self::new(MotionEstimator::new(craft, Senses::tello()), false, 0)
+    /// Velocity to 0.03 m/s, then rounded to dm/s; heading wanders by 2° over 60 s, height by 5 cm over 20 s; the craft creeps
+    /// at 2 cm/s, another way every 5 s.
+    pub(crate) fn tello(craft: &Craft, seed: u64) -> Self {
+        Self::new(MotionEstimator::new(craft, Senses::tello()), false, seed)
     }
 
+    /// Position wanders by 0.3 m and heading by 1° over 30 s; velocity to 0.05 m/s, yaw rate to 0.5 °/s.
     pub(crate) fn quad(craft: &Craft, seed: u64) -> Self {
         Self::new(MotionEstimator::new(craft, Senses::quad()), true, seed)
     }
 
     fn new(estimator: MotionEstimator, quad: bool, seed: u64) -> Self {
         let mut noise = Draw::new(seed, "senses", &[]);
-        let wander = [0.3 * noise.normal(), 0.3 * noise.normal(), 0.3 * noise.normal()];
-        Self { estimator, quad, noise, wander, told: 0, waiting: None }
+        let draw = &mut noise;
+        let (place, place_time) = if quad { (0.3, 30.0) } else { (0.05, 20.0) };
+        let (turn, turn_time) = if quad { (1.0_f64, 30.0) } else { (2.0, 60.0) };
+        let position = [(); 3].map(|()| Wander::new(place, place_time, draw));
+        let heading = Wander::new(turn.to_radians(), turn_time, draw);
+        let creep = [(); 2].map(|()| Wander::new(if quad { 0.0 } else { 0.02 }, 5.0, draw));
+        Self { estimator, quad, noise, position, heading, creep, told: 0, waiting: None }
+    }
+
+    fn report(&mut self, craft: &CraftModel, step: f64) -> Telemetry {
+        let draw = &mut self.noise;
+        let white = if self.quad { 0.05 } else { 0.03 };
+        let v = craft.velocity;
+        let [east, north, up] = [v.east, v.north, v.up].map(|v| v + white * draw.normal());
+        let wander = [0, 1, 2].map(|i: usize| self.position[i].advance(step, draw));
+        let heading = wrap_angle(craft.heading + self.heading.advance(step, draw));
+        let rounded = |x: f64, unit: f64| (x / unit).round() * unit;
+        let p = craft.position;
+        if self.quad {
+            return Telemetry {
+                time: craft.now,
+                position: Some(EnuPosition { east: p.east + wander[0], north: p.north + wander[1], up: p.up + wander[2] }),
+                velocity: Some(EnuVelocity { east, north, up }),
+                attitude: Attitude { heading, ..Attitude::default() },
+                yaw_rate: Some(craft.yaw_rate + 0.5_f64.to_radians() * draw.normal()),
+                height: Some(p.up + wander[2]),
+                phase: FlightPhase::Flying,
+                ..Telemetry::default()
+            };
+        }
+        Telemetry {
+            time: craft.now,
+            velocity: Some(EnuVelocity { east: rounded(east, 0.1), north: rounded(north, 0.1), up: rounded(up, 0.1) }),
+            attitude: Attitude { heading: rounded(heading, 1.0_f64.to_radians()), ..Attitude::default() },
+            height: Some(rounded(p.up + wander[2], 0.1)),
+            phase: FlightPhase::Flying,
+            ..Telemetry::default()
+        }
     }
 }
 
 impl Sense for Coarse {
-    fn look(&mut self, craft: &CraftModel) {
+    fn look(&mut self, craft: &mut CraftModel) {
         for &(time, setpoint) in &craft.sent[self.told..] {
             self.estimator.commanded(time, setpoint);
         }
@@ -181,13 +237,9 @@ impl Sense for Coarse {
             self.estimator.observe(&telemetry);
         }
         if millis % every == 30 {
-            // The slow error forgets itself over 30 s: an Ornstein-Uhlenbeck process of 0.3 m.
             let step = every as f64 * 1e-3;
-            for axis in &mut self.wander {
-                *axis += -*axis * step / 30.0 + 0.3 * (2.0 * step / 30.0).sqrt() * self.noise.normal();
-            }
-            let report = if self.quad { craft.quad_telemetry(self.wander, &mut self.noise) } else { craft.tello_telemetry() };
-            self.waiting = Some(report);
+            craft.creep = [0, 1].map(|i: usize| self.creep[i].advance(step, &mut self.noise));
+            self.waiting = Some(self.report(craft, step));
         }
     }
 
@@ -199,9 +251,11 @@ impl Sense for Coarse {
 /// How a flight of one motion went.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Flown {
-    /// In the level frame of the start.
+    /// When the craft has come to rest, in the level frame of the start.
     pub(crate) displacement: BodyDisplacement,
     pub(crate) turned: f64,
+    /// When finished was reported: a craft that creeps has no rest.
+    pub(crate) displacement_at_end: BodyDisplacement,
     /// Seconds from the start to finished.
     pub(crate) seconds: f64,
     /// True speed and distance from the later standstill at finished, m/s and m.
@@ -241,6 +295,7 @@ pub(crate) fn fly(executor: &mut Executor, craft: &mut CraftModel, period: Durat
     Flown {
         displacement: start.displacement_to(craft.position, heading),
         turned: craft.heading - heading,
+        displacement_at_end: start.displacement_to(end, heading),
         seconds,
         speed_at_end,
         coasted: end.distance(craft.position),

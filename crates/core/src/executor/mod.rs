@@ -224,7 +224,7 @@ impl Executor {
         };
         let quiet = self.log.last().is_hold() && now.since(self.log.last_change()) >= self.real.dead_time;
         let at_rest = present.velocity.speed() < REST_SPEED && present.yaw_rate.abs() < REST_YAW_RATE;
-        let view = View { state, rest: quiet && at_rest, interval: self.clock.interval(), response: &self.response };
+        let view = View { now, state, rest: quiet && at_rest, interval: self.clock.interval(), response: &self.response };
         let outcome = match plan {
             Plan::Queue(queue) => queue.tick(&view),
             Plan::Blend(blend) => blend.tick(&view),
@@ -279,10 +279,10 @@ impl Executor {
         Rules { craft: self.craft, ending: self.ending }
     }
 
-    /// Sets the time limit: twice the time that each axis takes at its speed, one after the other, and what the craft's dead
-    /// time and lag add to each, and two seconds for settling.
+    /// Sets the time limit: twice the time that each axis takes at its speed, one after the other, with room for the craft to
+    /// answer and to correct once in each, and two seconds.
     fn limit(&mut self, now: Time, primitives: Primitives) {
-        let each = self.craft.dead_time + 4.0 * self.craft.lag;
+        let each = 2.5 * self.rules().settling();
         let mut total = 2.0;
         for kind in PrimitiveKind::QUEUE {
             let magnitude = primitives.magnitude(kind).abs();
@@ -310,6 +310,7 @@ fn state_of(known: Known, heading: f64) -> State {
 
 /// What a plan is told at a tick.
 struct View<'a> {
+    now: Time,
     /// Where the setpoint of this tick will find the craft.
     state: State,
     /// The craft rests, and nothing that was commanded is still to come.
@@ -334,27 +335,43 @@ struct Rules {
     ending: Ending,
 }
 
+impl Rules {
+    /// Seconds after which a craft has answered, also one half again as slow as its figures say.
+    fn settling(&self) -> f64 {
+        1.5 * (self.craft.dead_time + 3.0 * self.craft.lag)
+    }
+}
+
 /// One axis of a motion: how fast, and when it has arrived.
+///
+/// It moves until a stop would end within `fine` of the goal, or beyond it. Then it waits until the craft has flown that, and
+/// only if it comes to rest farther than `coarse` away it moves again. Correcting at once would swing to and fro for a craft
+/// that answers later than its figures say.
 #[derive(Clone, Copy, Debug)]
 struct Axis {
     preset: f64,
     acceleration: f64,
     magnitude: f64,
     ending: Ending,
-    /// An error within this has arrived.
     fine: f64,
-    /// One that has arrived moves again when its error exceeds this; the gap keeps sensor noise from moving the craft.
     coarse: f64,
-    arrived: bool,
+    /// How long what was commanded takes to be flown.
+    settling: Duration,
+    /// Sign of the error that is being flown away.
+    sign: f64,
+    /// Since when nothing is commanded any more.
+    ended: Option<Time>,
+    /// Whether a stop ends within `coarse`.
+    within: bool,
 }
 
 impl Axis {
     fn new(kind: PrimitiveKind, magnitude: f64, rules: Rules) -> Self {
         let magnitude = magnitude.abs();
         let (fine, coarse) = match (rules.ending, kind) {
-            (Ending::Timed, _) => (1e-9, 1e-9),
+            (Ending::Timed, _) => (1e-9, f64::INFINITY),
             (Ending::Measured, PrimitiveKind::Yaw) => (0.3_f64.to_radians(), 1.0_f64.to_radians()),
-            (Ending::Measured, _) => ((0.01 * magnitude).max(0.01), (0.03 * magnitude).max(0.025)),
+            (Ending::Measured, _) => ((0.01 * magnitude).max(0.01), (0.03 * magnitude).max(0.04)),
         };
         Self {
             preset: kind.speed(&rules.craft),
@@ -364,8 +381,11 @@ impl Axis {
             // However small the primitive, most of it is flown.
             fine: fine.min((0.1 * magnitude).max(0.1 * fine)),
             coarse,
+            settling: duration_from_secs(rules.settling()),
+            sign: 0.0,
             // What was not asked for only counts once it is off by more than noise.
-            arrived: magnitude < 1e-9,
+            ended: (magnitude < 1e-9).then_some(Time::ZERO),
+            within: false,
         }
     }
 
@@ -378,10 +398,29 @@ impl Axis {
         }
     }
 
-    /// What is still to be flown: `error`, or nothing once it has arrived.
-    fn open(&mut self, error: f64) -> f64 {
-        self.arrived = error.abs() <= if self.arrived { self.coarse } else { self.fine };
-        if self.arrived { 0.0 } else { error }
+    /// What is to be flown now of an error that a stop would leave: all of it while moving, else nothing.
+    fn open(&mut self, error: f64, now: Time) -> f64 {
+        self.within = error.abs() <= self.coarse;
+        match self.ended {
+            Some(ended) if self.within || now.since(ended) < self.settling => 0.0,
+            _ => {
+                if self.ended.take().is_some() || self.sign == 0.0 {
+                    self.sign = 1.0_f64.copysign(error);
+                }
+                // Against an ideal craft an error beyond the goal is a tick that held too long, and flown back exactly.
+                let beyond = self.ending == Ending::Measured && error * self.sign < 0.0;
+                if error.abs() <= self.fine || beyond {
+                    self.ended = Some(now);
+                    return 0.0;
+                }
+                error
+            }
+        }
+    }
+
+    /// Nothing is commanded any more, and what was leads to the goal.
+    fn arrived(&self) -> bool {
+        self.ended.is_some() && self.within
     }
 }
 

@@ -30,7 +30,7 @@ impl Queue {
             return Outcome::Arrived;
         };
         let (error, velocity) = self.missing(kind, view);
-        let missing = self.axis.open(error);
+        let missing = self.axis.open(error, view.now);
         if missing != 0.0 {
             let axis = match kind {
                 PrimitiveKind::Yaw => &view.response.yaw,
@@ -41,7 +41,7 @@ impl Queue {
             return Outcome::Fly(kind.setpoint(speed));
         }
         // The zero that ends a primitive: for one tick when time ends it, until the craft rests when what was flown does.
-        if self.rules.ending == Ending::Timed || view.rest {
+        if self.rules.ending == Ending::Timed || (self.axis.arrived() && view.rest) {
             self.index += 1;
             self.skip_empty();
         }

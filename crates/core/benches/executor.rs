@@ -1,0 +1,91 @@
+//! One tick of the executor, as it flies, and what the estimator adds to it. `cargo bench -p spf-core --bench executor`
+
+use divan::{Bencher, black_box};
+use spf_core::craft::Craft;
+use spf_core::estimator::{Known, MotionEstimator, Senses};
+use spf_core::executor::{Ending, Executor, Goal, Motion};
+use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose};
+use spf_core::primitives::Primitives;
+use spf_core::telemetry::{FlightPhase, Telemetry};
+use spf_core::time::{Duration, Time};
+
+fn main() {
+    divan::main();
+}
+
+const CASES: [(Motion, Ending); 4] = [
+    (Motion::Sequential, Ending::Timed),
+    (Motion::Sequential, Ending::Measured),
+    (Motion::Blended, Ending::Timed),
+    (Motion::Blended, Ending::Measured),
+];
+
+/// A craft on its way, 2.2 m/s and turning, with a bit of everything still to do.
+fn on_the_way() -> Known {
+    Known {
+        position: EnuPosition { east: 0.2, north: 1.0, up: 0.1 },
+        velocity: EnuVelocity { east: 0.3, north: 2.2, up: 0.4 },
+        attitude: Attitude { heading: 0.1, ..Attitude::default() },
+        yaw_rate: 0.2,
+    }
+}
+
+/// The first two seconds of a motion, 20 ticks, are one sample; the figure per tick is a twentieth of it.
+#[divan::bench(args = CASES)]
+fn twenty_ticks(bencher: Bencher<'_, '_>, (motion, ending): (Motion, Ending)) {
+    let craft = Craft::tello();
+    let primitives = Primitives { yaw: 0.5, forward: 9.0, right: 0.0, climb: 1.0 };
+    bencher
+        .with_inputs(|| {
+            let mut executor = Executor::new(craft, motion, ending);
+            executor.start(Time::from_millis(1000), Known::default(), primitives);
+            executor
+        })
+        .bench_local_values(|mut executor| {
+            let mut now = Time::from_millis(1000);
+            for _ in 0..20 {
+                black_box(executor.tick(now, black_box(on_the_way())));
+                now += Duration::from_millis(100);
+            }
+            executor
+        });
+}
+
+/// Twenty ticks where the fitting fraction of a setpoint has to be found each time: 5 cm are left.
+#[divan::bench(args = [Motion::Sequential, Motion::Blended])]
+fn twenty_last_ticks(bencher: Bencher<'_, '_>, motion: Motion) {
+    let known = Known { velocity: EnuVelocity { north: 0.3, ..EnuVelocity::default() }, ..Known::default() };
+    bencher
+        .with_inputs(|| {
+            let mut executor = Executor::new(Craft::quad(), motion, Ending::Measured);
+            let goal = Goal::of_primitives(Pose::default(), Primitives { forward: 0.15, climb: 0.05, ..Primitives::default() });
+            executor.start_goal(Time::from_millis(1000), known, goal);
+            executor
+        })
+        .bench_local_values(|mut executor| {
+            let mut now = Time::from_millis(1000);
+            for _ in 0..20 {
+                black_box(executor.tick(now, black_box(known)));
+                now += Duration::from_millis(100);
+            }
+            executor
+        });
+}
+
+/// One report of a Tello and one question about now.
+#[divan::bench]
+fn observe_and_ask(bencher: Bencher<'_, '_>) {
+    let mut estimator = MotionEstimator::new(&Craft::tello(), Senses::tello());
+    let mut now = Time::ZERO;
+    bencher.bench_local(|| {
+        now += Duration::from_millis(100);
+        estimator.observe(&Telemetry {
+            time: now,
+            velocity: Some(EnuVelocity { north: 0.7, ..EnuVelocity::default() }),
+            height: Some(1.2),
+            phase: FlightPhase::Flying,
+            ..Telemetry::default()
+        });
+        black_box(estimator.at(now + Duration::from_millis(60)))
+    });
+}
