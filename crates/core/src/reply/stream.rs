@@ -79,7 +79,7 @@ impl<T, E> Scan<T, E> {
                     self.truncated |= self.mode == Mode::Thought;
                     return;
                 };
-                self.truncated |= read(&text[start..]) == Err(Broken::Truncated);
+                self.truncated = self.truncated || read(&text[start..]) == Err(Broken::Truncated);
                 self.give_up(start, text.len());
                 continue;
             };

@@ -1,0 +1,111 @@
+//! Reading a reply (the aim is under 20 µs) and checking a path against obstacles.
+
+use divan::{Bencher, black_box};
+use spf_core::actions::parse_actions;
+use spf_core::avoid::{Avoidance, PathShape, PlannedStep, avoid};
+use spf_core::camera::Camera;
+use spf_core::geometry::Attitude;
+use spf_core::grounding::GroundingProfile;
+use spf_core::lift::Lifting;
+use spf_core::prompt::{PromptInput, point_prompt};
+use spf_core::query::{ImageBox, ImagePoint, Memory};
+use spf_core::reply::{MAX_TEXT, ObstacleBox, Reply, ReplyStream, Status, parse_reply};
+
+fn main() {
+    divan::main();
+}
+
+fn reply(boxes: usize) -> Reply {
+    let obstacle = |i: usize| ObstacleBox {
+        area: ImageBox { left: 0.1 * i as f64, top: 0.1, right: 0.1 * i as f64 + 0.08, bottom: 0.9 },
+        depth: 3,
+        name: format!("pole {i}"),
+    };
+    Reply {
+        status: Status::Navigating,
+        look: None,
+        stage: Some(1),
+        point: Some(ImagePoint { u: 0.55, v: 0.4 }),
+        depth: Some(6),
+        target: Some("the red tower crane".to_owned()),
+        boxes: (0..boxes).map(obstacle).collect(),
+    }
+}
+
+#[divan::bench(args = [0, 4, 10])]
+fn parse(bencher: Bencher<'_, '_>, boxes: usize) {
+    let profile = GroundingProfile::default();
+    let text = format!("Here is the answer:\n```json\n{}\n```", reply(boxes).to_json(&profile, boxes > 0));
+    bencher.bench(|| parse_reply(black_box(&text), &profile).expect("a valid reply"));
+}
+
+#[divan::bench]
+fn parse_in_chunks_of_four(bencher: Bencher<'_, '_>) {
+    let profile = GroundingProfile::default();
+    let text = reply(4).to_json(&profile, true);
+    let chunks: Vec<&str> = (0..text.len()).step_by(4).map(|i| &text[i..(i + 4).min(text.len())]).collect();
+    bencher.bench(|| {
+        let mut stream = ReplyStream::new(profile);
+        for chunk in black_box(&chunks) {
+            stream.push(chunk);
+        }
+        stream.finish().expect("a valid reply")
+    });
+}
+
+/// The slowest text known of the greatest length that is read: brackets that never close, each of which is tried.
+#[divan::bench]
+fn refuse_hostile_64_kib(bencher: Bencher<'_, '_>) {
+    let profile = GroundingProfile::default();
+    let text = "[".repeat(16) + &"[],".repeat((MAX_TEXT - 16) / 3);
+    bencher.bench(|| parse_reply(black_box(&text), &profile).expect_err("no reply"));
+}
+
+#[divan::bench]
+fn parse_three_actions(bencher: Bencher<'_, '_>) {
+    let text = r#"{"actions":[{"cmd":"forward","value":1.5},{"cmd":"yaw_right","value":20},{"cmd":"hover"}],"done":false}"#;
+    bencher.bench(|| parse_actions(black_box(text)).expect("valid actions"));
+}
+
+#[divan::bench]
+fn write_prompt(bencher: Bencher<'_, '_>) {
+    let (memory, profile) = (Memory::default(), GroundingProfile::default());
+    let input = PromptInput { instruction: "fly to the red crane", memory: &memory, profile: &profile, avoid: true };
+    bencher.bench(|| point_prompt(black_box(&input)));
+}
+
+fn check(bencher: Bencher<'_, '_>, shape: PathShape, boxes: &[ObstacleBox]) {
+    let camera = Camera::quad();
+    let plan = PlannedStep {
+        camera: &camera,
+        attitude: Attitude::default(),
+        lifting: Lifting::Levelled,
+        shape,
+        point: ImagePoint { u: 0.5, v: 0.4 },
+        step: 4.0,
+    };
+    bencher.bench(|| -> Avoidance { avoid(black_box(&plan), 0.55, black_box(boxes), None) });
+}
+
+#[divan::bench]
+fn avoid_four_poles(bencher: Bencher<'_, '_>) {
+    let boxes = [0.3, 0.45, 0.6, 0.75].map(|left| ObstacleBox {
+        area: ImageBox { left, top: 0.0, right: left + 0.05, bottom: 1.0 },
+        depth: 3,
+        name: "pole".to_owned(),
+    });
+    check(bencher, PathShape::Straight, &boxes);
+}
+
+/// Nothing is free, so every direction is tried.
+#[divan::bench(args = [PathShape::Straight, PathShape::LevelThenClimb])]
+fn avoid_a_wall_of_ten(bencher: Bencher<'_, '_>, shape: PathShape) {
+    let boxes: Vec<ObstacleBox> = (0..10)
+        .map(|i| ObstacleBox {
+            area: ImageBox { left: 0.1 * f64::from(i), top: 0.0, right: 0.1 * f64::from(i) + 0.1, bottom: 1.0 },
+            depth: 3,
+            name: "wall".to_owned(),
+        })
+        .collect();
+    check(bencher, shape, &boxes);
+}
