@@ -1,7 +1,8 @@
 //! Everything at once: straight to a goal in the world while the body turns, all axes arriving together.
 
+use super::axis::{Axis, Rules, fitting_command, fitting_speed};
 use super::response::{State, to_body};
-use super::{Axis, Outcome, Rules, View, fitting_command, fitting_speed};
+use super::{Outcome, View};
 use crate::command::Setpoint;
 use crate::geometry::EnuPosition;
 use crate::primitives::PrimitiveKind;

@@ -8,15 +8,19 @@
 //!
 //! The paper's manner, ending by time alone, is the same law asked of an ideal craft that flies exactly what it is told.
 
+mod axis;
 mod blended;
+mod clock;
 pub(crate) mod response;
 mod sequential;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use self::axis::{Axis, Rules};
 use self::blended::Blend;
-use self::response::{AxisResponse, CommandLog, Response, State};
+use self::clock::TickClock;
+use self::response::{CommandLog, Response, State};
 use self::sequential::Queue;
 use crate::command::Setpoint;
 use crate::craft::Craft;
@@ -94,7 +98,7 @@ pub struct Tick {
     pub finished: bool,
 }
 
-/// At most this speed counts as rest, m/s (issue: the next frame of stop-and-think is one taken below it).
+/// At most this speed counts as rest, m/s: the next frame of stop-and-think is one taken below it.
 const REST_SPEED: f64 = 0.1;
 /// At most this yaw rate counts as rest, rad/s: 3 °/s.
 const REST_YAW_RATE: f64 = 3.0 * core::f64::consts::PI / 180.0;
@@ -272,6 +276,10 @@ impl Executor {
             self.log.push(now, Setpoint::HOLD);
         }
         self.clock.mark(now);
+        // The pause since the last motion is no tick interval.
+        if self.plan.is_none() {
+            self.clock.rest();
+        }
         from
     }
 
@@ -326,189 +334,6 @@ enum Outcome {
     Fly(Setpoint),
     /// Nothing is left to command.
     Arrived,
-}
-
-/// What an axis needs to know of its executor.
-#[derive(Clone, Copy, Debug)]
-struct Rules {
-    craft: Craft,
-    ending: Ending,
-}
-
-impl Rules {
-    /// Seconds after which a craft has answered, also one half again as slow as its figures say.
-    fn settling(&self) -> f64 {
-        1.5 * (self.craft.dead_time + 3.0 * self.craft.lag)
-    }
-}
-
-/// One axis of a motion: how fast, and when it has arrived.
-///
-/// It moves until a stop would end within `fine` of the goal, or beyond it. Then it waits until the craft has flown that, and
-/// only if it comes to rest farther than `coarse` away it moves again. Correcting at once would swing to and fro for a craft
-/// that answers later than its figures say.
-#[derive(Clone, Copy, Debug)]
-struct Axis {
-    preset: f64,
-    acceleration: f64,
-    magnitude: f64,
-    ending: Ending,
-    fine: f64,
-    coarse: f64,
-    /// How long what was commanded takes to be flown.
-    settling: Duration,
-    /// Sign of the error that is being flown away.
-    sign: f64,
-    /// Since when nothing is commanded any more.
-    ended: Option<Time>,
-    /// Whether a stop ends within `coarse`.
-    within: bool,
-}
-
-impl Axis {
-    fn new(kind: PrimitiveKind, magnitude: f64, rules: Rules) -> Self {
-        let magnitude = magnitude.abs();
-        let (fine, coarse) = match (rules.ending, kind) {
-            (Ending::Timed, _) => (1e-9, f64::INFINITY),
-            (Ending::Measured, PrimitiveKind::Yaw) => (0.3_f64.to_radians(), 1.0_f64.to_radians()),
-            (Ending::Measured, _) => ((0.01 * magnitude).max(0.01), (0.03 * magnitude).max(0.04)),
-        };
-        Self {
-            preset: kind.speed(&rules.craft),
-            acceleration: kind.acceleration(&rules.craft),
-            magnitude,
-            ending: rules.ending,
-            // However small the primitive, most of it is flown.
-            fine: fine.min((0.1 * magnitude).max(0.1 * fine)),
-            coarse,
-            settling: duration_from_secs(rules.settling()),
-            sign: 0.0,
-            // What was not asked for only counts once it is off by more than noise.
-            ended: (magnitude < 1e-9).then_some(Time::ZERO),
-            within: false,
-        }
-    }
-
-    /// The speed of this axis: the preset one, and for measured endings at most `√(a·magnitude)`, which a craft with that
-    /// acceleration just reaches on the way (DESIGN.md section 4).
-    fn speed(&self, error: f64) -> f64 {
-        match self.ending {
-            Ending::Timed => self.preset,
-            Ending::Measured => self.preset.min((self.acceleration * self.magnitude.max(error.abs())).sqrt()),
-        }
-    }
-
-    /// What is to be flown now of an error that a stop would leave: all of it while moving, else nothing.
-    fn open(&mut self, error: f64, now: Time) -> f64 {
-        self.within = error.abs() <= self.coarse;
-        match self.ended {
-            Some(ended) if self.within || now.since(ended) < self.settling => 0.0,
-            _ => {
-                if self.ended.take().is_some() || self.sign == 0.0 {
-                    self.sign = 1.0_f64.copysign(error);
-                }
-                // Against an ideal craft an error beyond the goal is a tick that held too long, and flown back exactly.
-                let beyond = self.ending == Ending::Measured && error * self.sign < 0.0;
-                if error.abs() <= self.fine || beyond {
-                    self.ended = Some(now);
-                    return 0.0;
-                }
-                error
-            }
-        }
-    }
-
-    /// Nothing is commanded any more, and what was leads to the goal.
-    fn arrived(&self) -> bool {
-        self.ended.is_some() && self.within
-    }
-}
-
-/// The speed, 0..=`limit`, whose command for one tick and zero after it end `error` metres further than zero at once.
-/// `gain(speed)` says how much further, and grows with the speed.
-fn fitting_speed(error: f64, limit: f64, interval: f64, gain: impl Fn(f64) -> f64) -> f64 {
-    let tolerance = 1e-4 * error.min(1.0);
-    let at_limit = gain(limit) - error;
-    if at_limit <= tolerance {
-        return limit;
-    }
-    // Illinois method from a bracket. Below the acceleration limit the gain is speed times interval, so that is tried first.
-    let (mut low, mut low_error) = (0.0, -error);
-    let (mut high, mut high_error) = (limit, at_limit);
-    let mut speed = error / interval;
-    if speed >= limit {
-        speed = 0.5 * limit;
-    }
-    for _ in 0..20 {
-        let off = gain(speed) - error;
-        if off.abs() <= tolerance {
-            break;
-        }
-        if off > 0.0 {
-            (high, high_error) = (speed, off);
-            low_error *= 0.5;
-        } else {
-            (low, low_error) = (speed, off);
-            high_error *= 0.5;
-        }
-        speed = low - low_error * (high - low) / (high_error - low_error);
-    }
-    speed
-}
-
-/// The signed command for one tick along one axis towards what is missing.
-fn fitting_command(axis: &AxisResponse, velocity: f64, error: f64, limit: f64, interval: f64) -> f64 {
-    let sign = if error < 0.0 { -1.0 } else { 1.0 };
-    let rest = axis.stop(velocity);
-    let gain = |speed: f64| {
-        let (moved, after) = axis.follow(velocity, sign * speed, interval);
-        sign * (moved + axis.stop(after) - rest)
-    };
-    sign * fitting_speed(error.abs(), limit, interval, gain)
-}
-
-/// Measures how far apart ticks are.
-#[derive(Clone, Debug)]
-struct TickClock {
-    nominal: f64,
-    last: Option<Time>,
-    /// Last time anything was accounted for: a tick, a start, a command from elsewhere.
-    marked: Option<Time>,
-    intervals: [f64; 4],
-    next: usize,
-}
-
-impl TickClock {
-    fn new(nominal: f64) -> Self {
-        Self { nominal, last: None, marked: None, intervals: [0.0; 4], next: 0 }
-    }
-
-    fn mark(&mut self, now: Time) {
-        self.marked = Some(now);
-    }
-
-    fn since(&self, now: Time) -> f64 {
-        self.marked.map_or(0.0, |marked| now.since(marked).as_secs_f64())
-    }
-
-    fn tick(&mut self, now: Time) {
-        if let Some(last) = self.last {
-            let interval = now.since(last).as_secs_f64();
-            // Pauses are no tick intervals.
-            if interval > 0.0 && interval <= 1.0 {
-                self.intervals[self.next] = interval;
-                self.next = (self.next + 1) % self.intervals.len();
-            }
-        }
-        self.last = Some(now);
-    }
-
-    /// The longest of the last four: to hold a last fraction for too short leaves a rest to the next tick, to hold it for too
-    /// long overshoots.
-    fn interval(&self) -> f64 {
-        let longest = self.intervals.iter().copied().fold(0.0, f64::max);
-        if longest > 0.0 { longest } else { self.nominal }
-    }
 }
 
 #[cfg(test)]

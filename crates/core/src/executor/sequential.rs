@@ -1,7 +1,8 @@
 //! One primitive after the other, each ended by zero (paper, appendix).
 
+use super::axis::{Axis, Rules, fitting_command};
 use super::response::State;
-use super::{Axis, Ending, Outcome, Rules, View, fitting_command};
+use super::{Ending, Outcome, View};
 use crate::command::Setpoint;
 use crate::primitives::{PrimitiveKind, Primitives};
 

@@ -46,7 +46,7 @@ fn distance(a: BodyDisplacement, b: BodyDisplacement) -> f64 {
     BodyDisplacement { right: a.right - b.right, forward: a.forward - b.forward, up: a.up - b.up }.length()
 }
 
-/// The measure: with dead time, lag and acceleration limit, in still air and with exact telemetry, every step from
+/// What is promised: with dead time, lag and acceleration limit, in still air and with exact telemetry, every step from
 /// 0.16 m to 10 m is flown to within the larger of 5 % and 3 cm at every cruise speed, and the turn to within 2°.
 #[test]
 fn measured_steps_are_flown_exactly() {
@@ -133,7 +133,7 @@ fn commanded_integral(motion: Motion, period: Duration, primitives: Primitives) 
     (EnuPosition::default().displacement_to(known.position, 0.0), heading, setpoints)
 }
 
-/// The measure: the integral of what is commanded equals the primitive to 1 %, also when a duration is no multiple of
+/// What is promised: the integral of what is commanded equals the primitive to 1 %, also when a duration is no multiple of
 /// the tick.
 #[test]
 fn no_time_is_rounded_away() {
