@@ -33,6 +33,8 @@ pub(crate) type MapPoint = (f64, f64);
 
 /// Crossings of a ray closer together than this are one, m: the common edge of two polygons that touch.
 const SAME: f64 = 1.0e-6;
+/// A ray that passes an end of an edge by less than this meets it, m.
+const GRAZE: f64 = 1.0e-9;
 
 /// Where a craft may fly. See the [module](self).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -212,9 +214,14 @@ fn crossing(from: MapPoint, along: MapPoint, (a, b): (MapPoint, MapPoint)) -> Op
     if det == 0.0 {
         return None;
     }
-    let share = (ax * along.1 - ay * along.0) / det;
-    // A little beyond the ends, so that no ray slips through a corner.
-    (-1e-9..=1.0 + 1e-9).contains(&share).then(|| (ax * ey - ay * ex) / det).filter(|&t| t >= 0.0)
+    // Twice the areas that the ray's line spans with both ends: of one sign when the edge lies on one side. A little more
+    // than the edge counts, so that no ray slips through a corner.
+    let (bx, by) = (b.0 - from.0, b.1 - from.1);
+    let (side_a, side_b) = (ax * along.1 - ay * along.0, bx * along.1 - by * along.0);
+    if side_a.min(side_b) > GRAZE || side_a.max(side_b) < -GRAZE {
+        return None;
+    }
+    Some((ax * ey - ay * ex) / det).filter(|&t| t >= 0.0)
 }
 
 /// The unit vector across an edge that points to the side to which `along` goes.
