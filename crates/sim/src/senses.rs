@@ -1,5 +1,5 @@
-//! Honest senses: what the craft's own telemetry tells of its true motion (DESIGN.md section 5; `docs` of each model's figures
-//! are at [`Model`](crate::model::Model)).
+//! Honest senses: what the craft's own telemetry tells of its true motion (DESIGN.md section 5). Each model's figures
+//! are at [`Model`](crate::model::Model).
 //!
 //! One report every period, on the absolute grid of ticks. Slow errors wander, fast ones are drawn anew in each report, and
 //! values come in the steps of the model. The frame is the world's: the person who sets a Tello down tells its driver which
