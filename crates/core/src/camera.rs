@@ -56,6 +56,13 @@ impl Camera {
         }
     }
 
+    /// The same camera with its picture scaled to another size, as a resize of the whole picture scales it.
+    #[must_use]
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let (x, y) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
+        Self { width, height, fx: self.fx * x, fy: self.fy * y, cx: self.cx * x, cy: self.cy * y, ..*self }
+    }
+
     /// The simulator's `quad` camera: 90° × 73.7° at 960×720, tilt 5° (DESIGN.md section 5).
     #[must_use]
     pub fn quad() -> Self {

@@ -1,36 +1,27 @@
 //! Scaling, the same on every machine.
 
-use fast_image_resize::images::{Image, ImageRef};
-use fast_image_resize::{CpuExtensions, FilterType, PixelType, ResizeAlg, ResizeOptions, Resizer};
+use image::imageops::{self, FilterType};
+use image::{ImageBuffer, Rgb as Pixel};
 
 use crate::frame::Rgb;
 
 /// Scales a picture to `width × height` with an area-aware Catmull-Rom filter; the aspect ratio is the caller's business.
 ///
-/// The vector paths of the library are switched off and the filter is a polynomial, so that no CPU feature and no C library's
-/// `sin` has a say in the pixels. A picture or size of zero pixels gives a black picture of the size asked for.
+/// The filter is a polynomial and the library has no vector path for it, so that no CPU feature and no C library's `sin` has a
+/// say in the pixels. A picture or size of zero pixels gives a black picture of the size asked for.
 #[must_use]
 pub fn resize(picture: &Rgb, width: u32, height: u32) -> Rgb {
     if (picture.width(), picture.height()) == (width, height) {
         return picture.clone();
     }
-    let mut target = Rgb::new(width, height);
-    if picture.data().is_empty() || target.data().is_empty() {
-        return target;
+    let empty = Rgb::new(width, height);
+    if picture.data().is_empty() || empty.data().is_empty() {
+        return empty;
     }
-    let from = ImageRef::new(picture.width(), picture.height(), picture.data(), PixelType::U8x3)
+    let from: ImageBuffer<Pixel<u8>, &[u8]> = ImageBuffer::from_raw(picture.width(), picture.height(), picture.data())
         .expect("the buffer of an `Rgb` is as long as its size says");
-    let mut into = Image::from_slice_u8(width, height, target.data_mut(), PixelType::U8x3)
-        .expect("the buffer of an `Rgb` is as long as its size says");
-    let mut resizer = Resizer::new();
-    // SAFETY: the function is unsafe because an extension that the CPU lacks may be named; `None` names none.
-    #[allow(unsafe_code)]
-    unsafe {
-        resizer.set_cpu_extensions(CpuExtensions::None);
-    }
-    let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(FilterType::CatmullRom));
-    resizer.resize(&from, &mut into, &options).expect("both pictures are of one pixel type and not empty");
-    target
+    let scaled = imageops::resize(&from, width, height, FilterType::CatmullRom);
+    Rgb::from_raw(width, height, scaled.into_raw()).unwrap_or(empty)
 }
 
 #[cfg(test)]
