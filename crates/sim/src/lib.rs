@@ -12,3 +12,4 @@ pub mod model;
 pub mod noise;
 pub mod senses;
 pub mod wind;
+pub mod oracle;

@@ -1,0 +1,176 @@
+//! Answers: from one percept to the text of a reply, by the query's kind.
+
+use spf_core::grounding::GroundingProfile;
+use spf_core::query::{Query, QueryKind};
+use spf_core::reply::{DEPTH_LABELS, Look, ObstacleBox, Reply, Status};
+
+use super::corridor;
+use super::errors::Reading;
+use super::kinds;
+use super::language::Phrase;
+use super::language::parse;
+use super::language::resolve::{Item, meant};
+use super::percept::{Percept, Thing, logistic, slopes};
+use super::stages::{self, Aim, View};
+use super::{ErrorFile, Oracle};
+
+/// The text of the answer.
+pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String {
+    match &query.kind {
+        QueryKind::Point { avoid } => point(oracle, query, percept, *avoid).to_json(&GroundingProfile::default(), *avoid),
+        QueryKind::Choose => kinds::choose(query, percept, &aim(oracle, query, percept)),
+        QueryKind::Act => kinds::act(oracle, query, percept, &aim(oracle, query, percept)),
+        QueryKind::Done => kinds::done(&aim(oracle, query, percept)),
+        QueryKind::Detect => kinds::detect(percept.seen(&oracle.errors, query.image_size)),
+        QueryKind::Program => kinds::program(query),
+        QueryKind::Question { text } => kinds::question(text, &query.detections),
+    }
+}
+
+/// Where the instruction leads from this percept: target chosen, stage found, end judged.
+pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
+    let seen: Vec<&Thing> = percept.seen(&oracle.errors, query.image_size).collect();
+    let view = View { oracle, query, percept, seen: &seen };
+    stages::aim(&parse(&query.instruction), &view)
+}
+
+fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Reply {
+    let aim = aim(oracle, query, percept);
+    let mut reply = Reply {
+        status: Status::Navigating,
+        look: None,
+        stage: aim.stages.gt(&1).then_some(aim.stage),
+        point: None,
+        depth: None,
+        target: Some(aim.words.clone()).filter(|words| !words.is_empty()),
+        boxes: Vec::new(),
+    };
+    match aim.place {
+        None => {
+            reply.status = if aim.done { Status::Done } else { Status::NotVisible };
+            reply.look = (!aim.done).then(|| aim.look.unwrap_or(Look::Right));
+        }
+        Some(place) => {
+            let label = label(&oracle.errors, place.range, place.share);
+            let mut slip = oracle.by_query("label", query);
+            let off = if slip.chance(oracle.errors.label.off_by_two) { if slip.chance(0.5) { 2 } else { -2 } } else { 0 };
+            reply.depth = Some((i32::from(label) + off).clamp(1, i32::from(DEPTH_LABELS)) as u8);
+            reply.point = Some(place.point);
+            if aim.done {
+                reply.status = Status::Done;
+            }
+            if avoid {
+                let seen: Vec<&Thing> = percept.seen(&oracle.errors, query.image_size).collect();
+                let way = corridor::Way { point: place.point, range: place.range, target: aim.target.as_deref() };
+                let found = corridor::boxes(oracle, percept, &seen, &way);
+                reply.point = Some(corridor::clear(oracle, percept, place.point, &found));
+                reply.boxes = found
+                    .into_iter()
+                    .map(|b| ObstacleBox {
+                        area: b.area,
+                        depth: self::label(&oracle.errors, b.range, b.area.bottom - b.area.top),
+                        name: b.name,
+                    })
+                    .collect();
+            }
+        }
+    }
+    reply
+}
+
+/// The depth label of something at this range that fills this share of the picture's height.
+pub(super) fn label(errors: &ErrorFile, range: f64, share: f64) -> u8 {
+    let most = f64::from(DEPTH_LABELS);
+    let label = match &errors.label.reading {
+        Reading::RangeLog { per_decade } => 1.0 + per_decade * libm::log10(range),
+        Reading::RangeLinear { farthest_m } => most * range / farthest_m,
+        Reading::Size { share_at_1, share_at_10 } => 1.0 + (most - 1.0) * (share_at_1 - share) / (share_at_1 - share_at_10),
+        Reading::IntendedTravel { share, lengths_m } => {
+            lengths_m.iter().take_while(|&&length| length <= share * range).count() as f64
+        }
+    };
+    // Infinite range is the sky: the greatest label. `round` of a clamped value is exact.
+    libm::round(label.clamp(1.0, most)) as u8
+}
+
+impl View<'_> {
+    /// The objects seen, as the language compares them: all from the picture.
+    pub(super) fn items(&self) -> Vec<Item<'_>> {
+        self.seen
+            .iter()
+            .map(|thing| {
+                let (right, up) = slopes(&self.percept.camera, thing.point);
+                let forward = thing.range / libm::sqrt(1.0 + right * right + up * up);
+                let height = (thing.bounds.bottom - thing.bounds.top) * f64::from(self.percept.camera.height)
+                    / self.percept.camera.fy
+                    * forward;
+                let told = thing.range.is_finite();
+                Item {
+                    tags: &thing.tags,
+                    across: Some(0.5 * (thing.bounds.left + thing.bounds.right)),
+                    half: 0.5 * (thing.bounds.right - thing.bounds.left),
+                    range: Some(thing.range),
+                    size: Some(thing.area as f64 * if told { thing.range * thing.range } else { 1e12 }),
+                    height: Some(if told { height } else { 1e6 }),
+                    position: told.then_some([right * forward, forward, up * forward]),
+                    weight: thing.area as f64,
+                }
+            })
+            .collect()
+    }
+
+    /// The object a phrase means in this picture: best tag score, ties to the larger mask; at the error file's rate the most
+    /// similar other object instead.
+    pub(super) fn find(&self, phrase: &Phrase) -> Option<&Thing> {
+        self.find_among(phrase, |_| true)
+    }
+
+    /// As [`View::find`], among those that `fits` accepts where any does.
+    pub(super) fn find_among(&self, phrase: &Phrase, fits: impl Fn(&Thing) -> bool) -> Option<&Thing> {
+        let items = self.items();
+        let mut found = meant(phrase, &items);
+        // A relation to something out of view: what was pointed at before is still known for what it is.
+        if found.is_empty() && !phrase.relations.is_empty() {
+            let loose = Phrase { relations: Vec::new(), ..phrase.clone() };
+            let last = self.query.memory.targets.last();
+            found = meant(&loose, &items);
+            found.retain(|&i| last == Some(&items[i].tags.words()));
+        }
+        if found.iter().any(|&i| fits(self.seen[i])) {
+            found.retain(|&i| fits(self.seen[i]));
+        }
+        let best = *found.iter().max_by(|&&a, &&b| items[a].weight.total_cmp(&items[b].weight).then(b.cmp(&a)))?;
+        let mut which = self.oracle.by_query("which", self.query);
+        if which.chance(self.oracle.errors.which.confused)
+            && let Some(other) = self.most_similar(best)
+        {
+            return Some(self.seen[other]);
+        }
+        Some(self.seen[best])
+    }
+
+    /// The other object most like this one: kind counts most, then name, then colour; ties to the larger mask. None when
+    /// nothing has anything in common with it.
+    fn most_similar(&self, of: usize) -> Option<usize> {
+        let tags = &self.seen[of].tags;
+        let like = |thing: &Thing| -> u32 {
+            4 * u32::from(thing.tags.kind == tags.kind && thing.tags.opening == tags.opening)
+                + 2 * u32::from(thing.tags.names.iter().any(|name| tags.names.contains(name)))
+                + u32::from(thing.tags.colour.is_some() && thing.tags.colour == tags.colour)
+        };
+        (0..self.seen.len())
+            .filter(|&i| i != of && like(self.seen[i]) > 0)
+            .max_by_key(|&i| (like(self.seen[i]), self.seen[i].area, core::cmp::Reverse(i)))
+    }
+
+    /// Draws whether a range counts as arrived: P = logistic(ln(near / range) / width).
+    pub(super) fn arrived(&self, range: f64, near: f64) -> bool {
+        let p = logistic(libm::log(near / range.max(1e-9)), self.oracle.errors.done.log_width);
+        self.oracle.by_query("done", self.query).chance(p)
+    }
+
+    /// The scene's `near`, metres.
+    pub(super) fn near(&self) -> f64 {
+        self.oracle.near
+    }
+}

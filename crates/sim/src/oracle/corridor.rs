@@ -1,0 +1,111 @@
+//! Obstacle mode: which objects stand in the way, and the nearest point clear of the boxes reported (DESIGN.md section 5).
+
+use spf_core::query::{ImageBox, ImagePoint};
+use spf_core::rng::Draw;
+
+use super::Oracle;
+use super::percept::{Percept, Thing};
+
+/// The way to be flown.
+pub(super) struct Way<'a> {
+    /// Where it leads in the picture.
+    pub(super) point: ImagePoint,
+    /// How far, metres.
+    pub(super) range: f64,
+    /// Key of the object it leads to.
+    pub(super) target: Option<&'a str>,
+}
+
+/// An obstacle as noticed.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Found {
+    /// Its box.
+    pub(super) area: ImageBox,
+    /// Its range, metres.
+    pub(super) range: f64,
+    /// Its name.
+    pub(super) name: String,
+}
+
+/// Boxes nearer than the target that meet the corridor: the error file's share is missed, and now and then one is around
+/// nothing. Drawn by frame, like the rest of the percept.
+pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &Way<'_>) -> Vec<Found> {
+    let errors = &oracle.errors.boxes;
+    let mut out: Vec<Found> = seen
+        .iter()
+        .filter(|thing| {
+            let tags = &thing.tags;
+            let own = way.target.is_some_and(|key| key == tags.key || tags.opening_of.as_deref() == Some(key));
+            !tags.opening
+                && !tags.is_surface()
+                && !own
+                && thing.range < way.range
+                && thing.box_luck >= errors.missed
+                && meets(oracle, percept, way.point, thing.bounds, thing.range)
+        })
+        .map(|thing| Found { area: thing.bounds, range: thing.range, name: thing.tags.words() })
+        .collect();
+    let mut luck = Draw::new(oracle.seed, "oracle spurious box", &[percept.frame.0]);
+    if luck.chance(errors.spurious) {
+        let (u, v) = (luck.uniform(), luck.uniform());
+        let (half_width, half_height) = (0.02 + 0.08 * luck.uniform(), 0.02 + 0.08 * luck.uniform());
+        out.push(Found {
+            area: ImageBox {
+                left: (u - half_width).max(0.0),
+                top: (v - half_height).max(0.0),
+                right: (u + half_width).min(1.0),
+                bottom: (v + half_height).min(1.0),
+            },
+            range: way.range.min(1e3) * (0.2 + 0.8 * luck.uniform()),
+            name: "object".to_owned(),
+        });
+    }
+    out
+}
+
+/// Half the corridor's width and height at a range, as shares of the picture.
+fn margin(oracle: &Oracle, percept: &Percept, range: f64) -> (f64, f64) {
+    let camera = &percept.camera;
+    let at = oracle.errors.boxes.corridor_m / range.max(0.1);
+    (at * camera.fx / f64::from(camera.width), at * camera.fy / f64::from(camera.height))
+}
+
+/// Whether the corridor to `point` passes within its half width of the box. Seen from the camera the straight way to a point
+/// is that point; a tube around it is a disc that shrinks with range, here a rectangle.
+fn meets(oracle: &Oracle, percept: &Percept, point: ImagePoint, area: ImageBox, range: f64) -> bool {
+    let (du, dv) = margin(oracle, percept, range);
+    point.u > area.left - du && point.u < area.right + du && point.v > area.top - dv && point.v < area.bottom + dv
+}
+
+/// The place nearest to `point` that is clear of all boxes and their margins; `point` itself when the picture has none.
+pub(super) fn clear(oracle: &Oracle, percept: &Percept, point: ImagePoint, found: &[Found]) -> ImagePoint {
+    let walls: Vec<ImageBox> = found
+        .iter()
+        .map(|b| {
+            let (du, dv) = margin(oracle, percept, b.range);
+            ImageBox { left: b.area.left - du, top: b.area.top - dv, right: b.area.right + du, bottom: b.area.bottom + dv }
+        })
+        .collect();
+    let free = |u: f64, v: f64| {
+        (0.0..=1.0).contains(&u)
+            && (0.0..=1.0).contains(&v)
+            && walls.iter().all(|b| u <= b.left || u >= b.right || v <= b.top || v >= b.bottom)
+    };
+    if free(point.u, point.v) {
+        return point;
+    }
+    // The nearest free place has each coordinate either unchanged or on some wall's edge.
+    let across: Vec<f64> = core::iter::once(point.u).chain(walls.iter().flat_map(|b| [b.left, b.right])).collect();
+    let down: Vec<f64> = core::iter::once(point.v).chain(walls.iter().flat_map(|b| [b.top, b.bottom])).collect();
+    let aspect = f64::from(percept.camera.height) / f64::from(percept.camera.width);
+    let mut best: Option<(f64, ImagePoint)> = None;
+    for &u in &across {
+        for &v in &down {
+            let away = (u - point.u).powi(2) + (aspect * (v - point.v)).powi(2);
+            if best.is_none_or(|(least, _)| away < least) && free(u, v) {
+                best = Some((away, ImagePoint { u, v }));
+            }
+        }
+    }
+    best.map_or(point, |(_, place)| place)
+}

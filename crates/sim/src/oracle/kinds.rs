@@ -1,0 +1,219 @@
+//! Answers to the kinds of query other than *Point*.
+
+use core::fmt::Write as _;
+
+use libm::{atan2, exp, hypot, round};
+use serde_json::json;
+use spf_core::query::{Mark, Query};
+use spf_core::reply::Look;
+
+use super::Oracle;
+use super::language::resolve::{Item, meant};
+use super::language::{Phrase, parse};
+use super::percept::{Percept, Thing, slopes};
+use super::stages::Aim;
+use super::tags::Tagged;
+
+/// Farther than this share of the width from the percept's point, no candidate is chosen (DESIGN.md section 5).
+const CHOOSE_WITHIN: f64 = 0.15;
+
+/// The numbered mark nearest to the percept's point: `{"points":[n]}`, empty where none is near.
+pub(super) fn choose(query: &Query, percept: &Percept, aim: &Aim) -> String {
+    let (w, h) = (f64::from(percept.camera.width), f64::from(percept.camera.height));
+    let nearest = aim.place.and_then(|place| {
+        query
+            .marks
+            .iter()
+            .filter_map(|mark| match mark {
+                Mark::Number { at, number } => Some((hypot((at.u - place.point.u) * w, (at.v - place.point.v) * h), *number)),
+                _ => None,
+            })
+            .filter(|(away, _)| *away <= CHOOSE_WITHIN * w)
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+    });
+    let points: Vec<u32> = nearest.into_iter().map(|(_, number)| number).collect();
+    json!({ "points": points }).to_string()
+}
+
+/// `{"actions":[{"cmd":…,"value":…}],"done":…}`: bearing rounded, distance guessed.
+pub(super) fn act(oracle: &Oracle, query: &Query, percept: &Percept, aim: &Aim) -> String {
+    if aim.done {
+        return json!({ "actions": [{ "cmd": "stop", "value": 0 }], "done": true }).to_string();
+    }
+    let mut actions = Vec::new();
+    let mut say = |cmd: &str, value: f64| actions.push(json!({ "cmd": cmd, "value": value }));
+    match aim.place {
+        Some(place) => {
+            let (right, up) = slopes(&percept.camera, place.point);
+            let errors = &oracle.errors.act;
+            let bearing = atan2(right, 1.0).to_degrees();
+            let turn = errors.bearing_step_deg * round(bearing / errors.bearing_step_deg);
+            let distance = place.range * exp(errors.log_sd * oracle.by_query("act", query).normal());
+            let slope = hypot(1.0, right);
+            let forward = metres(distance * slope / hypot(slope, up));
+            let climb = up / slope * forward;
+            if turn > 0.0 {
+                say("yaw_right", turn);
+            } else if turn < 0.0 {
+                say("yaw_left", -turn);
+            }
+            say("forward", forward);
+            if climb >= 0.2 {
+                say("up", metres(climb));
+            } else if climb <= -0.2 {
+                say("down", metres(-climb));
+            }
+        }
+        // The plain-text form has no word for "not visible": it turns, or rises, or backs off.
+        None => match aim.look.unwrap_or(Look::Right) {
+            Look::Left => say("yaw_left", 60.0),
+            Look::Right => say("yaw_right", 60.0),
+            Look::Behind => say("yaw_right", 180.0),
+            Look::Up => say("up", 1.0),
+            Look::Down => say("back", 1.0),
+        },
+    }
+    json!({ "actions": actions, "done": false }).to_string()
+}
+
+/// Metres as the form allows them, to a tenth.
+fn metres(value: f64) -> f64 {
+    round(10.0 * value.clamp(0.2, 5.0)) / 10.0
+}
+
+/// `{"done":…}`.
+pub(super) fn done(aim: &Aim) -> String {
+    json!({ "done": aim.done }).to_string()
+}
+
+/// One line an object: `name_id x:… y:… width:… height:… color:…`, shares of the picture to two decimals.
+pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a Thing>) -> String {
+    let mut out = String::new();
+    for thing in seen {
+        let b = thing.bounds;
+        let name = thing.tags.names.first().unwrap_or(&thing.tags.kind).replace(' ', "_");
+        let colour = thing.tags.colour.as_deref().unwrap_or("unknown").replace(' ', "_");
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "{name}_{} x:{:.2} y:{:.2} width:{:.2} height:{:.2} color:{colour}",
+            thing.tags.id,
+            0.5 * (b.left + b.right),
+            0.5 * (b.top + b.bottom),
+            b.right - b.left,
+            b.bottom - b.top,
+        );
+    }
+    out
+}
+
+/// A line of the list of detections, as far as it can be read.
+struct Detection {
+    /// `name_id`, as programs call it.
+    label: String,
+    tags: Tagged,
+    x: f64,
+    width: f64,
+    height: f64,
+}
+
+fn detections(lines: &[String]) -> Vec<Detection> {
+    let field =
+        |line: &str, key: &str| -> Option<f64> { line.split_whitespace().find_map(|part| part.strip_prefix(key)?.parse().ok()) };
+    lines
+        .iter()
+        .enumerate()
+        .filter_map(|(index, line)| {
+            let label = line.split_whitespace().next()?;
+            let name = match label.rsplit_once('_') {
+                Some((name, id)) if id.bytes().all(|b| b.is_ascii_digit()) => name,
+                _ => label,
+            };
+            let colour = line.split_whitespace().find_map(|part| part.strip_prefix("color:"));
+            Some(Detection {
+                label: label.to_owned(),
+                tags: Tagged {
+                    id: u16::try_from(index + 1).ok()?,
+                    key: label.to_owned(),
+                    names: vec![name.replace('_', " ")],
+                    colour: colour.filter(|c| *c != "unknown").map(|c| c.replace('_', " ")),
+                    ..Tagged::default()
+                },
+                x: field(line, "x:").unwrap_or(0.5),
+                width: field(line, "width:").unwrap_or(0.0),
+                height: field(line, "height:").unwrap_or(0.0),
+            })
+        })
+        .collect()
+}
+
+/// The detections that a phrase means, largest first.
+fn listed<'a>(phrase: &Phrase, list: &'a [Detection]) -> Vec<&'a Detection> {
+    let items: Vec<Item<'_>> = list
+        .iter()
+        .map(|d| Item {
+            tags: &d.tags,
+            across: Some(d.x),
+            half: 0.5 * d.width,
+            // A list of boxes tells no range: the larger box passes for the nearer.
+            range: Some(1.0 / d.height.max(1e-3)),
+            size: Some(d.width * d.height),
+            height: Some(d.height),
+            position: None,
+            weight: d.width * d.height,
+        })
+        .collect();
+    let mut found: Vec<&Detection> = meant(phrase, &items).into_iter().map(|i| &list[i]).collect();
+    found.sort_by(|a, b| (b.width * b.height).total_cmp(&(a.width * a.height)));
+    found
+}
+
+/// A MiniSpec program (version 1): orient to and approach each target in turn, searching for those not listed.
+pub(super) fn program(query: &Query) -> String {
+    let list = detections(&query.detections);
+    let mut out = String::new();
+    for clause in parse(&query.instruction).clauses {
+        match listed(&clause.target, &list).first() {
+            // o orients, a approaches, s sweeps; the object is named by its label.
+            Some(found) => {
+                let _ = write!(out, "o,{0};a,{0};", found.label);
+            }
+            None if clause.target.nouns.is_empty() => out.push_str("8{tc,45};"),
+            None => {
+                let name = clause.target.nouns.join("_");
+                let _ = write!(out, "_1=s,{name};?_1==False{{->False}};o,{name};a,{name};");
+            }
+        }
+    }
+    out.push_str("->True;");
+    out
+}
+
+/// A question about the list: how many, is there, which one. What the list cannot answer is `False`.
+pub(super) fn question(text: &str, lines: &[String]) -> String {
+    let list = detections(lines);
+    let asked = text.to_lowercase();
+    let phrase = parse(&strip_question(&asked)).clauses.into_iter().next_back().map(|c| c.target).unwrap_or_default();
+    let found = listed(&phrase, &list);
+    if asked.trim_start().starts_with("how many") {
+        found.len().to_string()
+    } else if ["is ", "are ", "do ", "does ", "can "].iter().any(|start| asked.trim_start().starts_with(start)) {
+        if found.is_empty() { "False" } else { "True" }.to_owned()
+    } else {
+        found.first().map_or_else(|| "False".to_owned(), |d| d.label.clone())
+    }
+}
+
+/// The noun phrase of a question.
+fn strip_question(text: &str) -> String {
+    let mut rest = text.trim().trim_end_matches('?');
+    for start in ["how many", "is there", "are there", "do you see", "can you see", "which", "what", "where is", "is", "any"] {
+        if let Some(after) = rest.strip_prefix(start) {
+            rest = after.trim_start();
+        }
+    }
+    for end in ["are there", "do you see", "can you see", "in view", "in the scene"] {
+        rest = rest.trim_end().strip_suffix(end).unwrap_or(rest);
+    }
+    format!("find {rest}")
+}

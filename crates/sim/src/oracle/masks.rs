@@ -1,0 +1,230 @@
+//! Masks of an id picture in one pass: area, bounds, which edges cut it, and the pixel deepest inside.
+//!
+//! *Deepest* is the middle of the largest square of the mask (chessboard distance to the nearest pixel that is not of the
+//! mask, the picture's edge included); among equal squares the one nearest to the mask's centroid. The centroid itself would
+//! be air on a lattice.
+
+use spf_core::reply::Look;
+
+/// The visible pixels of one object.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Mask {
+    /// The object.
+    pub(super) id: u16,
+    /// Pixels.
+    pub(super) area: u64,
+    /// First column.
+    pub(super) left: usize,
+    /// Last column.
+    pub(super) right: usize,
+    /// First row.
+    pub(super) top: usize,
+    /// Last row.
+    pub(super) bottom: usize,
+    /// Column and row of the pixel deepest inside.
+    pub(super) deepest: (usize, usize),
+    /// Pixels on the left edge of the picture, the right, the upper, the lower.
+    edges: [u64; 4],
+    /// Sums of columns and rows, for the centroid.
+    sums: (u64, u64),
+    /// Side of the largest square, pixels.
+    side: u16,
+}
+
+impl Mask {
+    /// The edge of the picture with most pixels of the mask on it.
+    pub(super) fn cut(&self, width: usize, height: usize) -> Option<Look> {
+        // As a share of the edge's length, so that the longer edge has no advantage.
+        let share = |i: usize| self.edges[i] as f64 / if i < 2 { height as f64 } else { width as f64 };
+        let looks = [Look::Left, Look::Right, Look::Up, Look::Down];
+        (0..4)
+            .filter(|&i| self.edges[i] > 0)
+            .fold(None, |best: Option<usize>, i| match best {
+                Some(b) if share(b) >= share(i) => Some(b),
+                _ => Some(i),
+            })
+            .map(|i| looks[i])
+    }
+}
+
+/// A stretch of one row with one id.
+struct Run {
+    slot: u32,
+    row: u32,
+    first: u32,
+    /// Pixels up to here, exclusive.
+    end: u32,
+    /// Largest square that ends in this stretch.
+    side: u16,
+}
+
+/// All masks of an id picture in ascending order of id; id 0 is nothing. `ids` is whole rows of `width`.
+pub(super) fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
+    if width == 0 || ids.iter().all(|&id| id == 0) {
+        return Vec::new();
+    }
+    let height = ids.len() / width;
+    let mut slots = vec![u32::MAX; usize::from(u16::MAX) + 1];
+    let mut found: Vec<Mask> = Vec::new();
+    let mut runs: Vec<Run> = Vec::new();
+    // Side of the largest square whose lower right corner is at each pixel, of two rows.
+    let (mut above, mut side) = (vec![0_u16; width], vec![0_u16; width]);
+    // Row −1: an id that never matches a drawn one.
+    let nothing = vec![0_u16; width];
+    for row in 0..height {
+        let line = &ids[row * width..(row + 1) * width];
+        let line_above = if row == 0 { &nothing[..] } else { &ids[(row - 1) * width..row * width] };
+        let mut first = 0;
+        while first < width {
+            let id = line[first];
+            let end = line[first..].iter().position(|&other| other != id).map_or(width, |n| first + n);
+            if id != 0 {
+                let largest = squares(id, &line_above[first..end], &above[first..end], &mut side[first..end]);
+                let slot = &mut slots[usize::from(id)];
+                if *slot == u32::MAX {
+                    *slot = found.len() as u32;
+                    found.push(Mask {
+                        id,
+                        area: 0,
+                        left: first,
+                        right: first,
+                        top: row,
+                        bottom: row,
+                        deepest: (first, row),
+                        edges: [0; 4],
+                        sums: (0, 0),
+                        side: 0,
+                    });
+                }
+                let mask = &mut found[*slot as usize];
+                mask.take(row, first, end, width, height, largest);
+                runs.push(Run { slot: *slot, row: row as u32, first: first as u32, end: end as u32, side: largest });
+            } else {
+                side[first..end].fill(0);
+            }
+            first = end;
+        }
+        core::mem::swap(&mut above, &mut side);
+    }
+    place(ids, width, &mut found, &runs);
+    found.sort_by_key(|mask| mask.id);
+    found
+}
+
+/// Sides of the largest squares that end at each pixel of a stretch; the stretch's pixels left of it are another id.
+fn squares(id: u16, ids_above: &[u16], above: &[u16], side: &mut [u16]) -> u16 {
+    let (mut left, mut corner, mut largest) = (0, 0, 0);
+    for ((&id_above, &side_above), out) in ids_above.iter().zip(above).zip(side) {
+        let up = if id_above == id { side_above } else { 0 };
+        left = 1 + left.min(up).min(corner);
+        corner = up;
+        *out = left;
+        largest = largest.max(left);
+    }
+    largest
+}
+
+impl Mask {
+    /// Adds a stretch of a row.
+    fn take(&mut self, row: usize, first: usize, end: usize, width: usize, height: usize, largest: u16) {
+        let length = (end - first) as u64;
+        self.area += length;
+        self.left = self.left.min(first);
+        self.right = self.right.max(end - 1);
+        self.bottom = row;
+        self.sums.0 += (first + end - 1) as u64 * length / 2;
+        self.sums.1 += row as u64 * length;
+        self.edges[0] += u64::from(first == 0);
+        self.edges[1] += u64::from(end == width);
+        self.edges[2] += if row == 0 { length } else { 0 };
+        self.edges[3] += if row + 1 == height { length } else { 0 };
+        self.side = self.side.max(largest);
+    }
+}
+
+/// The middle of a largest square of each mask: of the stretches in which one ends, that whose square lies nearest to the
+/// centroid's row is looked through, and the square nearest to the centroid's column taken.
+fn place(ids: &[u16], width: usize, found: &mut [Mask], runs: &[Run]) {
+    let mut best: Vec<Option<(u64, usize)>> = vec![None; found.len()];
+    for (index, run) in runs.iter().enumerate() {
+        let mask = &found[run.slot as usize];
+        if run.side == mask.side {
+            let middle = u64::from(run.row) - u64::from(mask.side - 1) / 2;
+            let away = middle.abs_diff(mask.sums.1 / mask.area);
+            let best = &mut best[run.slot as usize];
+            if best.is_none_or(|(least, _)| away < least) {
+                *best = Some((away, index));
+            }
+        }
+    }
+    for (mask, best) in found.iter_mut().zip(best) {
+        let Some((_, index)) = best else { continue };
+        let run = &runs[index];
+        let row = run.row as usize;
+        let half = usize::from(mask.side - 1) / 2;
+        let centroid = (mask.sums.0 / mask.area) as usize;
+        let ends = ends_of_squares(ids, width, row, run.first as usize, run.end as usize, mask.side);
+        if let Some(column) = ends.into_iter().map(|end| end - half).min_by_key(|x| x.abs_diff(centroid)) {
+            mask.deepest = (column, row - half);
+        }
+    }
+}
+
+/// Columns of the stretch `first..end` of `row` at which a square of side `side` of the same id ends. Rows of one id are
+/// counted anew here, for keeping every side of the picture would cost more than looking again at a handful of stretches.
+fn ends_of_squares(ids: &[u16], width: usize, row: usize, first: usize, end: usize, side: u16) -> Vec<usize> {
+    let side = usize::from(side);
+    let id = ids[row * width + first];
+    let (mut streak, mut out) = (0, Vec::new());
+    for column in first..end {
+        let whole = (row + 1 - side..=row).all(|r| ids[r * width + column] == id);
+        streak = if whole { streak + 1 } else { 0 };
+        if streak >= side {
+            out.push(column);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture(rows: &[&str]) -> (Vec<u16>, usize) {
+        (rows.iter().flat_map(|row| row.bytes().map(|b| u16::from(b - b'0'))).collect(), rows[0].len())
+    }
+
+    #[test]
+    fn deepest_is_inside_a_lattice() {
+        // A square frame of two pixels' width: its centroid is air.
+        let (ids, width) = picture(&["111111", "111111", "110011", "110011", "111111", "111111"]);
+        let found = masks(&ids, width);
+        assert_eq!(found.len(), 1);
+        let (x, y) = found[0].deepest;
+        assert_eq!(ids[y * width + x], 1);
+        assert_eq!(found[0].area, 32);
+    }
+
+    #[test]
+    fn deepest_is_the_middle_of_the_largest_square() {
+        let (ids, width) = picture(&["0000000", "0111110", "0111110", "0111110", "0111110", "0111110", "0022220"]);
+        let found = masks(&ids, width);
+        assert_eq!(found[0].deepest, (3, 3));
+        assert_eq!((found[0].left, found[0].right, found[0].top, found[0].bottom), (1, 5, 1, 5));
+        assert_eq!((found[1].id, found[1].area, found[1].cut(7, 7)), (2, 4, Some(Look::Down)));
+    }
+
+    #[test]
+    fn equal_squares_go_to_the_centroid() {
+        let (ids, width) = picture(&["010", "010", "010", "010", "010"]);
+        assert_eq!(masks(&ids, width)[0].deepest, (1, 2));
+    }
+
+    #[test]
+    fn edges_are_told() {
+        let (ids, width) = picture(&["1000", "1002", "1002", "0000"]);
+        let found = masks(&ids, width);
+        assert_eq!(found[0].cut(4, 4), Some(Look::Left));
+        assert_eq!(found[1].cut(4, 4), Some(Look::Right));
+    }
+}

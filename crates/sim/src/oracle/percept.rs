@@ -1,0 +1,183 @@
+//! One percept a frame: what the oracle noticed in the picture, drawn by frame number (DESIGN.md section 5).
+
+use std::collections::BTreeMap;
+
+use libm::{exp, sqrt};
+use spf_core::camera::Camera;
+use spf_core::frame::FrameId;
+use spf_core::query::{ImageBox, ImagePoint};
+use spf_core::reply::Look;
+use spf_core::rng::Draw;
+
+use super::errors::ErrorFile;
+use super::masks::{Mask, masks};
+use super::tags::Tagged;
+
+/// Size at which the visible pixels of an object are counted unless the query names another (DESIGN.md section 5).
+pub const SIZE_SENT: (u32, u32) = (960, 720);
+
+/// The pictures of one frame, and the two things that pixels alone do not tell.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight<'a> {
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// Object of each pixel, row by row from the upper left; 0 for none.
+    pub ids: &'a [u16],
+    /// Distance along the optical axis, metres; infinite for none.
+    pub depth: &'a [f32],
+    /// Openings (gates, tunnel mouths, hollows), which hide nothing; empty where the scene has none.
+    pub opening_ids: &'a [u16],
+    /// Distance to the opening's surface along the optical axis, metres.
+    pub opening_depth: &'a [f32],
+    /// The camera that took them.
+    pub camera: &'a Camera,
+    /// Share of an object's silhouette that lies inside the frame, 0..=1; an object that is not listed is wholly inside.
+    pub in_frame: &'a BTreeMap<u16, f32>,
+    /// Light on an object, 0 dark ..= 1 daylight; an object that is not listed is in daylight.
+    pub light: &'a BTreeMap<u16, f32>,
+}
+
+/// One visible object as the oracle takes it in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thing {
+    /// What it is.
+    pub tags: Tagged,
+    /// Visible pixels of the frame.
+    pub area: u64,
+    /// Smallest rectangle around the visible pixels.
+    pub bounds: ImageBox,
+    /// The mask pixel deepest inside the mask, without noise.
+    pub deepest: ImagePoint,
+    /// Where it is pointed at: `deepest` with noise.
+    pub point: ImagePoint,
+    /// Straight-line distance to the surface at `deepest`, with noise, metres; infinite where nothing is.
+    pub range: f64,
+    /// Whether it counts as in view: high enough and enough of it inside the frame.
+    pub in_view: bool,
+    /// The edge of the picture that cuts it most.
+    pub cut: Option<Look>,
+    /// Square root of its visible pixels at [`SIZE_SENT`], dimmed by the light on it.
+    size: f64,
+    /// Uniform draw that decides whether it is noticed.
+    luck: f64,
+    /// Uniform draw that decides whether its box is reported.
+    pub(super) box_luck: f64,
+}
+
+/// What the oracle noticed in one frame. All queries about that frame share it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Percept {
+    /// The frame.
+    pub frame: FrameId,
+    /// The camera that took it.
+    pub camera: Camera,
+    /// Range at the middle of the picture, metres; infinite for sky. For flying on straight.
+    pub ahead: f64,
+    pub(super) things: Vec<Thing>,
+}
+
+impl Percept {
+    /// Draws the percept of one frame.
+    pub(super) fn draw(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, tags: &[Tagged]) -> Self {
+        let (w, h) = (sight.width, sight.height);
+        let mut things = Vec::new();
+        for opening in [false, true] {
+            let (ids, depth) = if opening { (sight.opening_ids, sight.opening_depth) } else { (sight.ids, sight.depth) };
+            if w == 0 || ids.len() < w * h || depth.len() < w * h {
+                continue;
+            }
+            for mask in masks(ids, w) {
+                if let Some(tags) = tags.iter().find(|t| t.id == mask.id && t.opening == opening) {
+                    things.push(thing(errors, seed, frame, sight, depth, &mask, tags));
+                }
+            }
+        }
+        let middle = (h / 2) * w + w / 2;
+        let ahead = sight.depth.get(middle).map_or(f64::INFINITY, |&d| f64::from(d));
+        Self { frame, camera: *sight.camera, ahead, things }
+    }
+
+    /// The objects noticed when the picture is sent at `size`; [`SIZE_SENT`] when none is named.
+    pub fn seen<'a>(&'a self, errors: &'a ErrorFile, size: Option<(u32, u32)>) -> impl Iterator<Item = &'a Thing> {
+        let pixels = |(w, h): (u32, u32)| f64::from(w) * f64::from(h);
+        let scale = sqrt(pixels(size.unwrap_or(SIZE_SENT)) / pixels(SIZE_SENT));
+        self.things.iter().filter(move |thing| thing.luck < chance_seen(errors, thing.size * scale))
+    }
+}
+
+/// Probability of noticing an object of this square root of pixels.
+pub(super) fn chance_seen(errors: &ErrorFile, size: f64) -> f64 {
+    let seen = &errors.seen;
+    let width = (seen.sure_px - seen.half_px) / NINETEEN_LN;
+    (1.0 - seen.missed) * logistic(size - seen.half_px, width)
+}
+
+/// ln 19: a logistic reaches 95 % this many widths above its middle.
+const NINETEEN_LN: f64 = 2.944_438_979_166_440_3;
+
+/// `1 / (1 + exp(−x / width))`; a step at 0 (inclusive) when the width is 0.
+pub(super) fn logistic(x: f64, width: f64) -> f64 {
+    if width > 0.0 { 1.0 / (1.0 + exp(-x / width)) } else { f64::from(u8::from(x >= 0.0)) }
+}
+
+fn thing(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, depth: &[f32], mask: &Mask, tags: &Tagged) -> Thing {
+    let (w, h) = (sight.width as f64, sight.height as f64);
+    let key = [frame.0, u64::from(mask.id)];
+    let area = mask.area as f64;
+    let light = f64::from(*sight.light.get(&mask.id).unwrap_or(&1.0)).clamp(0.0, 1.0);
+    let share = f64::from(*sight.in_frame.get(&mask.id).unwrap_or(&1.0));
+    let bounds = ImageBox {
+        left: mask.left as f64 / w,
+        top: mask.top as f64 / h,
+        right: (mask.right + 1) as f64 / w,
+        bottom: (mask.bottom + 1) as f64 / h,
+    };
+    let deepest = ImagePoint { u: (mask.deepest.0 as f64 + 0.5) / w, v: (mask.deepest.1 as f64 + 0.5) / h };
+    let mut noise = Draw::new(seed, "oracle point", &key);
+    let spread = (errors.point.width_share * w).max(errors.point.size_share * sqrt(area));
+    let point = ImagePoint {
+        u: (deepest.u + spread * noise.normal() / w).clamp(0.0, 1.0),
+        v: (deepest.v + spread * noise.normal() / h).clamp(0.0, 1.0),
+    };
+    let along = f64::from(depth[mask.deepest.1 * sight.width + mask.deepest.0]);
+    let range =
+        along * stretch(sight.camera, deepest) * exp(errors.range.log_sd * Draw::new(seed, "oracle range", &key).normal());
+    let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
+    Thing {
+        tags: tags.clone(),
+        area: mask.area,
+        bounds,
+        deepest,
+        point,
+        range: if range.is_finite() { range } else { f64::INFINITY },
+        // DESIGN.md section 5: at least 0.8 % of the frame high and a quarter inside it, or filling a tenth of it.
+        in_view: (bounds.bottom - bounds.top >= 0.008 && share >= 0.25) || area >= 0.1 * w * h,
+        cut: mask.cut(sight.width, sight.height),
+        size: sqrt(area * sent / (w * h)) * light,
+        luck: Draw::new(seed, "oracle seen", &key).uniform(),
+        box_luck: Draw::new(seed, "oracle box", &key).uniform(),
+    }
+}
+
+/// Straight-line distance per metre of depth along the optical axis, at an image point.
+pub(super) fn stretch(camera: &Camera, at: ImagePoint) -> f64 {
+    let (right, up) = slopes(camera, at);
+    sqrt(1.0 + right * right + up * up)
+}
+
+/// Metres right and up per metre along the optical axis. Lens distortion is left out: a looker does not undo it.
+pub(super) fn slopes(camera: &Camera, at: ImagePoint) -> (f64, f64) {
+    let right = (at.u * f64::from(camera.width) - camera.cx) / camera.fx;
+    let up = (camera.cy - at.v * f64::from(camera.height)) / camera.fy;
+    (right, up)
+}
+
+#[cfg(test)]
+impl Thing {
+    /// The same thing with another draw of being noticed.
+    pub(super) fn redraw(&mut self, luck: f64) {
+        self.luck = luck;
+    }
+}

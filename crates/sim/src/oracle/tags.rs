@@ -1,0 +1,77 @@
+//! What an object is called, as the oracle and the truth read it.
+
+use serde::{Deserialize, Serialize};
+use spf_core::geometry::{EnuPosition, Pose};
+
+/// The tags of one object.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Tagged {
+    /// Its number in the id picture; never 0.
+    pub id: u16,
+    /// Its key in the scene file.
+    pub key: String,
+    /// Names, the commonest first.
+    pub names: Vec<String>,
+    /// Other names.
+    pub synonyms: Vec<String>,
+    /// Colour; several joined by `and`.
+    pub colour: Option<String>,
+    /// Kind (`building`, `car`, `tree`, …).
+    pub kind: String,
+    /// Adjectives that tell it from others of its kind (`tall`, `slender`, `low`, …).
+    pub qualities: Vec<String>,
+    /// What it serves for, in a few words each.
+    pub uses: Vec<String>,
+    /// True for an opening: it is drawn into the second id picture.
+    pub opening: bool,
+    /// Key of the object that an opening belongs to.
+    pub opening_of: Option<String>,
+}
+
+impl Tagged {
+    /// Colour and first name: what the oracle calls it in a reply.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let name = self.names.first().unwrap_or(&self.kind);
+        match &self.colour {
+            Some(colour) if !name.contains(colour.as_str()) => format!("{colour} {name}"),
+            _ => name.clone(),
+        }
+    }
+
+    /// Whether it is ground or water: something one flies over and that is never in the way.
+    #[must_use]
+    pub fn is_surface(&self) -> bool {
+        SURFACES.contains(&self.kind.as_str())
+    }
+}
+
+/// Kinds that are ground or water.
+const SURFACES: [&str; 22] = [
+    "ground", "road", "street", "path", "pavement", "sidewalk", "grass", "lawn", "field", "water", "lake", "pond", "river",
+    "sea", "plaza", "square", "parking", "floor", "sky", "marking", "crossing", "terrain",
+];
+
+/// Where an object stands, for the truth alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Middle of its bounds, world frame.
+    pub centre: EnuPosition,
+    /// Height, metres.
+    pub height: f64,
+    /// Larger horizontal side, metres.
+    pub width: f64,
+}
+
+/// An object as the truth sees it: tags, and where it stands when that is known.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed<'a> {
+    /// Its tags.
+    pub tags: &'a Tagged,
+    /// Its place; without one, words of order, size and relation do not narrow the truth.
+    pub place: Option<Place>,
+}
+
+/// Where the person who speaks looks from: the start of the flight.
+pub type Viewpoint = Pose;

@@ -1,0 +1,356 @@
+use std::collections::BTreeMap;
+
+use spf_core::camera::Camera;
+use spf_core::frame::FrameId;
+use spf_core::grounding::GroundingProfile;
+use spf_core::query::{Mark, Memory, Query, QueryId, QueryKind};
+use spf_core::reply::{Look, Reply, Status, parse_reply};
+use spf_core::time::Time;
+
+use super::*;
+
+const W: usize = 960;
+const H: usize = 720;
+
+/// A picture painted by hand: rectangles of one id and depth, later ones in front.
+struct Painting {
+    ids: Vec<u16>,
+    depth: Vec<f32>,
+    opening_ids: Vec<u16>,
+    opening_depth: Vec<f32>,
+    in_frame: BTreeMap<u16, f32>,
+    tags: Vec<Tagged>,
+    camera: Camera,
+}
+
+fn tagged(id: u16, name: &str, kind: &str, colour: &str) -> Tagged {
+    Tagged {
+        id,
+        key: format!("{name}_{id}").replace(' ', "_"),
+        names: vec![name.to_owned()],
+        kind: kind.to_owned(),
+        colour: (!colour.is_empty()).then(|| colour.to_owned()),
+        ..Tagged::default()
+    }
+}
+
+impl Painting {
+    fn new() -> Self {
+        Self {
+            ids: vec![0; W * H],
+            depth: vec![f32::INFINITY; W * H],
+            opening_ids: vec![0; W * H],
+            opening_depth: vec![f32::INFINITY; W * H],
+            in_frame: BTreeMap::new(),
+            tags: Vec::new(),
+            camera: Camera::quad(),
+        }
+    }
+
+    /// A rectangle of columns `x` and rows `y`.
+    fn with(mut self, tags: Tagged, x: core::ops::Range<usize>, y: core::ops::Range<usize>, depth: f32) -> Self {
+        for row in y {
+            let line = row * W + x.start..row * W + x.end;
+            if tags.opening {
+                self.opening_ids[line.clone()].fill(tags.id);
+                self.opening_depth[line].fill(depth);
+            } else {
+                self.ids[line.clone()].fill(tags.id);
+                self.depth[line].fill(depth);
+            }
+        }
+        self.tags.push(tags);
+        self
+    }
+
+    fn percept(&self, oracle: &Oracle, frame: u64) -> Percept {
+        let sight = Sight {
+            width: W,
+            height: H,
+            ids: &self.ids,
+            depth: &self.depth,
+            opening_ids: &self.opening_ids,
+            opening_depth: &self.opening_depth,
+            camera: &self.camera,
+            in_frame: &self.in_frame,
+            light: &BTreeMap::new(),
+        };
+        oracle.percept(FrameId(frame), &sight, &self.tags)
+    }
+}
+
+fn query(id: u64, kind: QueryKind, instruction: &str) -> Query {
+    Query {
+        id: QueryId(id),
+        frame: FrameId(id),
+        kind,
+        instruction: instruction.to_owned(),
+        memory: Memory::default(),
+        prompt: String::new(),
+        marks: Vec::new(),
+        detections: Vec::new(),
+        deadline: Time::MAX,
+        image_size: None,
+    }
+}
+
+const POINT: QueryKind = QueryKind::Point { avoid: false };
+
+fn oracle(name: &str) -> Oracle {
+    Oracle::new(ErrorFile::named(name).unwrap(), 3.0, 7)
+}
+
+fn ask(oracle: &Oracle, painting: &Painting, query: &Query) -> Reply {
+    let answer = oracle.answer(query, &painting.percept(oracle, query.frame.0));
+    parse_reply(&answer.text, &GroundingProfile::default()).unwrap()
+}
+
+/// A red crane at 20 m left of the middle, a yellow one on the right, a tree below.
+fn site() -> Painting {
+    Painting::new()
+        .with(tagged(1, "crane", "machine", "red"), 300..341, 200..401, 20.0)
+        .with(tagged(2, "crane", "machine", "yellow"), 700..800, 200..500, 40.0)
+        .with(tagged(3, "tree", "tree", "green"), 100..160, 500..600, 10.0)
+}
+
+#[test]
+fn the_perfect_oracle_points_at_the_middle_of_the_target() {
+    let reply = ask(&oracle("perfect"), &site(), &query(0, POINT, "Take off and fly to the red crane"));
+    assert_eq!(reply.status, Status::Navigating);
+    let point = reply.point.unwrap();
+    assert!((point.u - 320.5 / 960.0).abs() < 2e-3 && (point.v - 300.5 / 720.0).abs() < 2e-3, "{point:?}");
+    // Depth 20 m, 159.5 px left of centre at fx = 480: 20·√(1 + 0.332² + 0.124²) = 21.2 m; 1 + 4.5·log10 21.2 = 6.97.
+    assert_eq!(reply.depth, Some(7));
+    assert_eq!(reply.target.as_deref(), Some("red crane"));
+}
+
+#[test]
+fn what_is_absent_is_not_visible_and_never_something_else() {
+    let oracle = oracle("perfect");
+    for words in ["fly to the blue crane", "go to the bridge", "fly to the elephant", "blah", ""] {
+        let reply = ask(&oracle, &site(), &query(0, POINT, words));
+        assert_eq!((reply.status, reply.look), (Status::NotVisible, Some(Look::Right)), "{words}");
+    }
+    let mut query = query(0, POINT, "go to the bridge");
+    query.memory.last_seen = Some(Look::Left);
+    assert_eq!(ask(&oracle, &site(), &query).look, Some(Look::Left));
+}
+
+#[test]
+fn an_object_cut_by_the_edge_is_looked_for_beyond_it() {
+    let oracle = oracle("perfect");
+    let mut painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 0..20, 300..400, 9.0);
+    let at = query(0, POINT, "go to the black car");
+    assert_eq!(ask(&oracle, &painting, &at).status, Status::Navigating);
+    painting.in_frame.insert(1, 0.2);
+    let reply = ask(&oracle, &painting, &at);
+    assert_eq!((reply.status, reply.look), (Status::NotVisible, Some(Look::Left)));
+    // What fills a tenth of the picture is in view however much of it is outside.
+    let mut painting = Painting::new().with(tagged(1, "building", "building", "grey"), 0..960, 0..72, 9.0);
+    painting.in_frame.insert(1, 0.1);
+    assert_eq!(ask(&oracle, &painting, &query(0, POINT, "go to the building")).status, Status::Navigating);
+    // 5 rows of 720 are less than 0.8 % of the height: nothing to be seen, and no edge to blame.
+    let painting = Painting::new().with(tagged(1, "wall", "structure", "grey"), 100..900, 300..305, 9.0);
+    assert_eq!(ask(&oracle, &painting, &query(0, POINT, "go to the wall")).look, Some(Look::Right));
+}
+
+#[test]
+fn done_is_judged_by_range_alone() {
+    let oracle = oracle("perfect");
+    for (depth, status) in [(2.5, Status::Done), (3.5, Status::Navigating)] {
+        let painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 430..530, 310..410, depth);
+        assert_eq!(ask(&oracle, &painting, &query(0, POINT, "go to the car")).status, status);
+    }
+    // At `near` exactly the default oracle says done half the time (range noise included), drawn by query number.
+    let oracle = Oracle::new(ErrorFile::default(), 3.0, 1);
+    let painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 430..530, 310..410, 3.0);
+    let percept = painting.percept(&oracle, 5);
+    let said = (0..2000)
+        .filter(|&id| oracle.answer(&query(id, QueryKind::Done, "go to the car"), &percept).text.contains("true"))
+        .count();
+    let range = percept.seen(&oracle.errors, None).next().unwrap().range;
+    let p = 1.0 / (1.0 + libm::exp(-libm::log(3.0 / range) / 0.25));
+    assert!((said as f64 / 2000.0 - p).abs() < 0.04, "{said} {p}");
+}
+
+#[test]
+fn half_of_eight_pixels_square_are_seen_and_most_of_sixteen() {
+    let oracle = Oracle::new(ErrorFile::default(), 3.0, 3);
+    let share = |side: usize, size: Option<(u32, u32)>| {
+        let painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 430..430 + side, 310..310 + side, 30.0);
+        let base = painting.percept(&oracle, 0);
+        assert_eq!(base.things.len(), 1);
+        (0..1500)
+            .filter(|&frame| {
+                let key = [frame, 1];
+                let luck = Draw::new(oracle.seed, "oracle seen", &key).uniform();
+                let mut percept = base.clone();
+                percept.things[0].redraw(luck);
+                percept.seen(&oracle.errors, size).next().is_some()
+            })
+            .count() as f64
+            / 1500.0
+    };
+    assert!((share(8, None) - 0.5).abs() < 0.04);
+    assert!((share(16, None) - 0.95).abs() < 0.02);
+    // Sent at half the size, 16 pixels are 8.
+    assert!((share(16, Some((480, 360))) - 0.5).abs() < 0.04);
+}
+
+#[test]
+fn one_frame_has_one_percept_and_every_answer_its_own_errors() {
+    let oracle = Oracle::new(ErrorFile::default(), 3.0, 11);
+    let painting = site();
+    let percept = painting.percept(&oracle, 4);
+    assert_eq!(percept, painting.percept(&oracle, 4));
+    let a = oracle.answer(&query(1, POINT, "fly to the red crane"), &percept);
+    assert_eq!(a, oracle.answer(&query(1, POINT, "fly to the red crane"), &percept));
+    let b = oracle.answer(&query(2, POINT, "fly to the red crane"), &percept);
+    assert_eq!(a.text, b.text);
+    assert_ne!(a.latency, b.latency);
+    assert_ne!(percept.things[0].point, painting.percept(&oracle, 5).things[0].point);
+}
+
+#[test]
+fn three_answers_in_a_hundred_confuse_the_target() {
+    let oracle = Oracle::new(ErrorFile::default(), 3.0, 2);
+    let percept = site().percept(&oracle, 0);
+    let texts = (0..3000).map(|id| oracle.answer(&query(id, POINT, "fly to the red crane"), &percept).text);
+    let wrong = texts.filter(|text| text.contains("yellow crane")).count();
+    assert!((50..130).contains(&wrong), "{wrong}");
+}
+
+#[test]
+fn latency_is_log_normal() {
+    let oracle = oracle("default");
+    let percept = Painting::new().percept(&oracle, 0);
+    let mut all: Vec<f64> =
+        (0..4000).map(|id| oracle.answer(&query(id, QueryKind::Done, ""), &percept).latency.as_secs_f64()).collect();
+    all.sort_by(f64::total_cmp);
+    assert!((all[2000] - 1.5).abs() < 0.05 && (all[3800] - 3.0).abs() < 0.15, "{} {}", all[2000], all[3800]);
+}
+
+#[test]
+fn labels_follow_their_reading() {
+    let label = |name: &str, range, share| answer::label(&ErrorFile::named(name).unwrap(), range, share);
+    // 1 + 4.5·log10: 1 m → 1, 10 m → 5.5 → 6, 100 m and more → 10.
+    assert_eq!([0.5, 1.0, 10.0, 60.0, 100.0, f64::INFINITY].map(|r| label("default", r, 0.1)), [1, 1, 6, 9, 10, 10]);
+    assert_eq!([7.4, 25.0, 80.0].map(|r| label("linear", r, 0.1)), [1, 5, 10]);
+    assert_eq!([1.0, 0.5, 0.0].map(|s| label("size", 9.0, s)), [1, 6, 10]);
+    // Half of 6 m is 3 m: label 5 flies 2.872 m. Half of 0.1 m fits nothing: 1.
+    assert_eq!([6.0, 0.1, 100.0].map(|r| label("intended", r, 0.1)), [5, 1, 10]);
+}
+
+#[test]
+fn obstacles_are_boxed_and_pointed_clear_of() {
+    let oracle = Oracle::new(
+        ErrorFile {
+            boxes: BoxErrors { missed: 0.0, ..ErrorFile::named("perfect").unwrap().boxes },
+            ..ErrorFile::named("perfect").unwrap()
+        },
+        3.0,
+        7,
+    );
+    let painting = Painting::new()
+        .with(tagged(1, "building", "building", "white"), 400..660, 100..500, 60.0)
+        .with(tagged(2, "ground", "ground", ""), 0..960, 500..720, 10.0)
+        .with(tagged(3, "tree", "tree", "green"), 440..620, 110..500, 12.0)
+        .with(tagged(4, "car", "vehicle", "red"), 100..200, 480..520, 15.0);
+    let reply = ask(&oracle, &painting, &query(0, QueryKind::Point { avoid: true }, "fly to the white building"));
+    assert_eq!(reply.boxes.len(), 1, "{:?}", reply.boxes);
+    assert_eq!(reply.boxes[0].name, "green tree");
+    let point = reply.point.unwrap();
+    let area = reply.boxes[0].area;
+    assert!(point.u < area.left || point.u > area.right || point.v < area.top || point.v > area.bottom, "{point:?}");
+    assert!(ask(&oracle, &painting, &query(0, POINT, "fly to the white building")).boxes.is_empty());
+}
+
+#[test]
+fn stages_advance_one_an_answer_and_end_with_the_last() {
+    let oracle = oracle("perfect");
+    let painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 430..530, 310..410, 2.0).with(
+        tagged(2, "tree", "tree", "green"),
+        700..800,
+        100..400,
+        30.0,
+    );
+    let mut query = query(0, POINT, "fly to the car and then to the tree");
+    let reply = ask(&oracle, &painting, &query);
+    assert_eq!((reply.status, reply.stage, reply.target.as_deref()), (Status::Navigating, Some(2), Some("green tree")));
+    query.memory.stage = 2;
+    assert_eq!(ask(&oracle, &painting, &query).stage, Some(2));
+    query.instruction = "fly to the tree and then to the car".to_owned();
+    assert_eq!(ask(&oracle, &painting, &query).status, Status::Done);
+}
+
+#[test]
+fn through_goes_by_the_opening() {
+    let oracle = oracle("perfect");
+    let mouth = |id: u16, name: &str| Tagged {
+        opening: true,
+        opening_of: Some("tunnel_1".to_owned()),
+        ..tagged(id, name, "opening", "")
+    };
+    let solid = tagged(1, "tunnel", "structure", "grey");
+    let painting = Painting::new()
+        .with(solid.clone(), 200..700, 200..500, 20.0)
+        .with(mouth(2, "tunnel mouth"), 400..500, 350..450, 20.0)
+        .with(mouth(3, "tunnel exit"), 440..460, 390..410, 60.0);
+    let mut query = query(0, POINT, "fly through the tunnel in front of you");
+    let reply = ask(&oracle, &painting, &query);
+    assert_eq!((reply.stage, reply.target.as_deref()), (Some(1), Some("tunnel mouth")));
+    // Inside, the exit is what is left to go to.
+    query.memory.stage = 2;
+    let inside = Painting::new().with(solid, 0..960, 0..720, 5.0).with(mouth(3, "tunnel exit"), 440..520, 350..420, 20.0);
+    let reply = ask(&oracle, &inside, &query);
+    assert_eq!((reply.stage, reply.target.as_deref()), (Some(2), Some("tunnel exit")));
+    // Out of it nothing of the tunnel is in view: straight on, then done.
+    let out = Painting::new().with(tagged(5, "tree", "tree", "green"), 700..800, 100..400, 30.0);
+    assert_eq!(ask(&oracle, &out, &query).stage, Some(3));
+    query.memory.stage = 3;
+    assert_eq!(ask(&oracle, &out, &query).status, Status::Done);
+}
+
+#[test]
+fn a_scan_ends_after_a_full_turn_and_follow_never() {
+    let oracle = oracle("perfect");
+    let mut scan = query(0, POINT, "take off and scan this city area");
+    assert_eq!(ask(&oracle, &site(), &scan).status, Status::NotVisible);
+    scan.memory.turned = 6.0;
+    assert_eq!(ask(&oracle, &site(), &scan).status, Status::Done);
+    let close = Painting::new().with(tagged(1, "person", "person", ""), 430..530, 310..610, 1.0);
+    let reply = ask(&oracle, &close, &query(0, POINT, "follow the person"));
+    assert_eq!((reply.status, reply.depth), (Status::Navigating, Some(1)));
+}
+
+#[test]
+fn the_other_kinds_answer_from_the_same_percept() {
+    let oracle = oracle("perfect");
+    let painting = site();
+    let percept = painting.percept(&oracle, 0);
+    let mut choose = query(0, QueryKind::Choose, "fly to the red crane");
+    let number = |u, v, number| Mark::Number { at: spf_core::query::ImagePoint { u, v }, number };
+    choose.marks = vec![number(0.9, 0.5, 1), number(0.35, 0.4, 2), number(0.2, 0.1, 3)];
+    assert_eq!(oracle.answer(&choose, &percept).text, r#"{"points":[2]}"#);
+    choose.marks.truncate(1);
+    assert_eq!(oracle.answer(&choose, &percept).text, r#"{"points":[]}"#);
+
+    // Bearing atan(−159.5/480) = −18.4°, rounded to −15°; 21.2 m is cut to the form's 5 m; 0.124·5/1.053 = 0.6 m up.
+    let text = oracle.answer(&query(0, QueryKind::Act, "fly to the red crane"), &percept).text;
+    let act: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(act["actions"][0]["cmd"], "yaw_left");
+    assert_eq!(act["actions"][0]["value"], 15.0);
+    assert_eq!(act["actions"][1]["value"], 5.0);
+    assert_eq!(act["done"], false);
+
+    let lines = oracle.answer(&query(0, QueryKind::Detect, ""), &percept).text;
+    assert!(lines.starts_with("crane_1 x:0.33 y:0.42 width:0.04 height:0.28 color:red\n"), "{lines}");
+    let mut program = query(0, QueryKind::Program, "go to the yellow crane");
+    program.detections = lines.lines().map(str::to_owned).collect();
+    assert_eq!(oracle.answer(&program, &percept).text, "o,crane_2;a,crane_2;->True;");
+    let mut asked = query(0, QueryKind::Question { text: "How many cranes are there?".to_owned() }, "");
+    asked.detections = program.detections;
+    assert_eq!(oracle.answer(&asked, &percept).text, "2");
+    asked.kind = QueryKind::Question { text: "Is there a bridge?".to_owned() };
+    assert_eq!(oracle.answer(&asked, &percept).text, "False");
+}
