@@ -10,6 +10,7 @@ pub mod frame_clock;
 pub mod geometry;
 pub mod model;
 pub mod noise;
+pub mod render;
 pub mod senses;
 pub mod wind;
 pub mod oracle;

@@ -1,0 +1,167 @@
+//! A picture and its channels, and how they are kept in files.
+
+use std::path::{Path, PathBuf};
+
+use image::{ExtendedColorType, ImageError};
+use rayon::prelude::*;
+
+use super::Channels;
+use super::raster::{NONE, TILE, TILE_AREA, place};
+
+/// A picture; the channels that were asked for are there. Rows run from the top, pixels from the left.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Picture {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// sRGB, three bytes a pixel.
+    pub rgb: Option<Vec<u8>>,
+    /// Metres along the optical axis; 0 where there is nothing.
+    pub depth: Option<Vec<f32>>,
+    /// The object at each pixel's centre; 0 for none.
+    pub ids: Option<Vec<u16>>,
+    /// The nearest opening at each pixel's centre that no solid hides; 0 for none.
+    pub opening_ids: Option<Vec<u16>>,
+    /// Metres along the optical axis to that opening; 0 for none.
+    pub opening_depth: Option<Vec<f32>>,
+}
+
+/// Why a channel was not saved.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SaveError {
+    /// The picture was drawn without this channel.
+    #[error("the picture has no `{0}` channel; ask for it when rendering")]
+    Missing(&'static str),
+    /// The file could not be written.
+    #[error("cannot write `{}`", path.display())]
+    Write {
+        /// Where to.
+        path: PathBuf,
+        /// What went wrong.
+        source: ImageError,
+    },
+}
+
+impl Picture {
+    /// Gives the picture its size and the channels asked for, keeping memory.
+    pub(crate) fn shape(&mut self, width: u32, height: u32, channels: Channels) {
+        fn fit<T: Clone + Default>(channel: &mut Option<Vec<T>>, wanted: bool, len: usize) {
+            if wanted { channel.get_or_insert_default().resize(len, T::default()) } else { *channel = None }
+        }
+        (self.width, self.height) = (width, height);
+        let area = width as usize * height as usize;
+        fit(&mut self.rgb, channels.rgb, area * 3);
+        fit(&mut self.depth, channels.depth, area);
+        fit(&mut self.ids, channels.ids, area);
+        fit(&mut self.opening_ids, channels.openings, area);
+        fit(&mut self.opening_depth, channels.openings, area);
+    }
+
+    pub(crate) fn take_truth(&mut self, near: &[f32], id: &[u32], columns: usize, object: impl Fn(u32) -> u16 + Sync) {
+        let width = self.width as usize;
+        if let Some(depth) = &mut self.depth {
+            untile(depth, width, columns, |i| if near[i] > 0.0 { 1.0 / near[i] } else { 0.0 });
+        }
+        if let Some(ids) = &mut self.ids {
+            untile(ids, width, columns, |i| if id[i] == NONE { 0 } else { object(id[i]) });
+        }
+    }
+
+    pub(crate) fn take_openings(&mut self, near: &[f32], id: &[u32], columns: usize, object: impl Fn(u32) -> u16 + Sync) {
+        let width = self.width as usize;
+        if let Some(depth) = &mut self.opening_depth {
+            untile(depth, width, columns, |i| if id[i] == NONE { 0.0 } else { 1.0 / near[i] });
+        }
+        if let Some(ids) = &mut self.opening_ids {
+            untile(ids, width, columns, |i| if id[i] == NONE { 0 } else { object(id[i]) });
+        }
+    }
+
+    pub(crate) fn take_rgb(&mut self, tiles: &[u8], columns: usize) {
+        let Some(rgb) = &mut self.rgb else { return };
+        let side = TILE as usize;
+        rgb.par_chunks_exact_mut(self.width as usize * 3).enumerate().for_each(|(y, line)| {
+            for (column, out) in line.chunks_mut(side * 3).enumerate() {
+                let start = ((y / side * columns + column) * TILE_AREA + y % side * side) * 3;
+                out.copy_from_slice(&tiles[start..start + out.len()]);
+            }
+        });
+    }
+
+    /// Writes the colour picture as PNG.
+    ///
+    /// # Errors
+    /// [`SaveError::Missing`] without colour, [`SaveError::Write`] when the file cannot be written.
+    pub fn save_rgb(&self, path: &Path) -> Result<(), SaveError> {
+        let rgb = self.rgb.as_ref().ok_or(SaveError::Missing("rgb"))?;
+        self.write(path, rgb, ExtendedColorType::Rgb8)
+    }
+
+    /// Writes depth as a 16-bit grey PNG in centimetres: 0 where there is nothing, or where it is beyond 655.35 m.
+    ///
+    /// # Errors
+    /// [`SaveError::Missing`] without depth, [`SaveError::Write`] when the file cannot be written.
+    pub fn save_depth(&self, path: &Path) -> Result<(), SaveError> {
+        let depth = self.depth.as_ref().ok_or(SaveError::Missing("depth"))?;
+        self.write_grey(path, depth.iter().map(|&metres| centimetres(metres)))
+    }
+
+    /// Writes ids as a 16-bit grey PNG.
+    ///
+    /// # Errors
+    /// [`SaveError::Missing`] without ids, [`SaveError::Write`] when the file cannot be written.
+    pub fn save_ids(&self, path: &Path) -> Result<(), SaveError> {
+        let ids = self.ids.as_ref().ok_or(SaveError::Missing("ids"))?;
+        self.write_grey(path, ids.iter().copied())
+    }
+
+    fn write_grey(&self, path: &Path, values: impl Iterator<Item = u16>) -> Result<(), SaveError> {
+        // The image crate takes 16-bit samples in the machine's order.
+        let bytes: Vec<u8> = values.flat_map(u16::to_ne_bytes).collect();
+        self.write(path, &bytes, ExtendedColorType::L16)
+    }
+
+    fn write(&self, path: &Path, bytes: &[u8], colour: ExtendedColorType) -> Result<(), SaveError> {
+        image::save_buffer_with_format(path, bytes, self.width, self.height, colour, image::ImageFormat::Png)
+            .map_err(|source| SaveError::Write { path: path.to_owned(), source })
+    }
+}
+
+fn centimetres(metres: f32) -> u16 {
+    let steps = metres * 100.0 + 0.5;
+    if steps < 65_536.0 { steps as u16 } else { 0 }
+}
+
+/// Brings samples from the order of tiles into rows.
+fn untile<T: Send>(out: &mut [T], width: usize, columns: usize, value: impl Fn(usize) -> T + Sync) {
+    let side = TILE as usize;
+    out.par_chunks_exact_mut(width).enumerate().for_each(|(y, line)| {
+        for (column, out) in line.chunks_mut(side).enumerate() {
+            let start = (y / side * columns + column) * TILE_AREA;
+            for (block, out) in out.chunks_mut(8).enumerate() {
+                let first = start + place(block * 8, y % side);
+                for (k, slot) in out.iter_mut().enumerate() {
+                    *slot = value(first + k);
+                }
+            }
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_is_kept_in_centimetres() {
+        assert_eq!([0.0, 0.004, 1.234, 655.35, 655.36, 1e9].map(centimetres), [0, 0, 123, 65535, 0, 0]);
+    }
+
+    #[test]
+    fn a_missing_channel_is_named() {
+        let error = Picture::default().save_depth(Path::new("x.png")).unwrap_err();
+        assert_eq!(error.to_string(), "the picture has no `depth` channel; ask for it when rendering");
+    }
+}

@@ -1,0 +1,185 @@
+//! Meshes made ready for drawing: triangle soup, plane equations, and clusters with bounds for culling.
+
+use glam::{Vec2, Vec3};
+
+use crate::geometry::{Material, Part, Role};
+
+/// Triangles in a cluster, at most. Local corner numbers then fit a byte.
+const CLUSTER: usize = 64;
+
+/// What the shader knows of a triangle. Everything is an affine function of the world position, so that a pixel needs
+/// nothing but its position: no interpolation in the picture, and so exact perspective.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Triangle {
+    /// Unit normal of the plane, and the plane's offset: `normal · p = offset`.
+    pub(crate) normal: Vec3,
+    pub(crate) offset: f32,
+    /// Texture coordinates, metres: `u = u_axis · p + u_offset`.
+    pub(crate) u_axis: Vec3,
+    pub(crate) u_offset: f32,
+    pub(crate) v_axis: Vec3,
+    pub(crate) v_offset: f32,
+    pub(crate) material: u16,
+    /// Index into [`Soup::smooth`] plus one; 0 for a flat triangle.
+    pub(crate) smooth: u32,
+}
+
+/// The normal of a curved triangle, unnormalised: `axes · p + offset`, one row for each component.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SmoothNormal {
+    pub(crate) axes: [Vec3; 3],
+    pub(crate) offset: Vec3,
+}
+
+/// Neighbouring triangles of one part, culled together.
+#[derive(Clone, Debug)]
+pub(crate) struct Cluster {
+    pub(crate) low: Vec3,
+    pub(crate) high: Vec3,
+    /// Range in [`Soup::positions`].
+    pub(crate) positions: (u32, u32),
+    /// Range in [`Soup::triangles`] and [`Soup::corners`].
+    pub(crate) triangles: (u32, u32),
+    pub(crate) two_sided: bool,
+    pub(crate) opening: bool,
+}
+
+/// Prepared geometry.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Soup {
+    pub(crate) positions: Vec<Vec3>,
+    /// Corners of each triangle, counted from the start of its cluster's positions.
+    pub(crate) corners: Vec<[u8; 3]>,
+    pub(crate) triangles: Vec<Triangle>,
+    pub(crate) objects: Vec<u16>,
+    pub(crate) smooth: Vec<SmoothNormal>,
+    pub(crate) clusters: Vec<Cluster>,
+}
+
+impl Soup {
+    pub(crate) fn new(parts: &[Part], materials: &[Material]) -> Self {
+        let mut soup = Self::default();
+        for part in parts {
+            soup.add(part, materials);
+        }
+        soup
+    }
+
+    fn add(&mut self, part: &Part, materials: &[Material]) {
+        let two_sided = part.role == Role::Opening || materials.get(usize::from(part.material)).is_none_or(|m| m.two_sided);
+        let corner = |i: u32| part.vertices.get(i as usize).map(|v| v.position);
+        let mut order: Vec<(u64, u32)> = Vec::with_capacity(part.triangles.len());
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for v in &part.vertices {
+            (low, high) = (low.min(v.position), high.max(v.position));
+        }
+        let scale = Vec3::splat(1023.0) / (high - low).max(Vec3::splat(1e-6));
+        for (i, &[a, b, c]) in part.triangles.iter().enumerate() {
+            let (Some(a), Some(b), Some(c)) = (corner(a), corner(b), corner(c)) else { continue };
+            if (b - a).cross(c - a).length_squared() > 0.0 {
+                order.push((morton(((a + b + c) / 3.0 - low) * scale), i as u32));
+            }
+        }
+        order.sort_unstable();
+        for chunk in order.chunks(CLUSTER) {
+            self.add_cluster(part, two_sided, chunk);
+        }
+    }
+
+    fn add_cluster(&mut self, part: &Part, two_sided: bool, chunk: &[(u64, u32)]) {
+        let (position_start, triangle_start) = (self.positions.len(), self.triangles.len());
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for &(_, i) in chunk {
+            let [a, b, c] = part.triangles[i as usize].map(|i| part.vertices[i as usize]);
+            let corners = [a.position, b.position, c.position].map(|p| {
+                (low, high) = (low.min(p), high.max(p));
+                let known = self.positions[position_start..].iter().position(|&q| q == p);
+                known.unwrap_or_else(|| {
+                    self.positions.push(p);
+                    self.positions.len() - 1 - position_start
+                }) as u8
+            });
+            self.corners.push(corners);
+            self.objects.push(part.object);
+            let [x, y, z] = [a, b, c];
+            let affine = Affine::new(x.position, y.position, z.position);
+            let (u_axis, u_offset) = affine.of(x.uv.x, y.uv.x, z.uv.x);
+            let (v_axis, v_offset) = affine.of(x.uv.y, y.uv.y, z.uv.y);
+            let flat = [x, y, z].iter().all(|v| v.normal.dot(affine.normal) > 0.9995);
+            let smooth = if flat || Vec2::new(x.normal.length(), y.normal.length()).min_element() < 0.5 {
+                0
+            } else {
+                let rows = [0, 1, 2].map(|k| affine.of(x.normal[k], y.normal[k], z.normal[k]));
+                self.smooth.push(SmoothNormal { axes: rows.map(|r| r.0), offset: Vec3::new(rows[0].1, rows[1].1, rows[2].1) });
+                self.smooth.len() as u32
+            };
+            self.triangles.push(Triangle {
+                normal: affine.normal,
+                offset: affine.normal.dot(affine.origin),
+                u_axis,
+                u_offset,
+                v_axis,
+                v_offset,
+                material: part.material,
+                smooth,
+            });
+        }
+        self.clusters.push(Cluster {
+            low,
+            high,
+            positions: (position_start as u32, self.positions.len() as u32),
+            triangles: (triangle_start as u32, self.triangles.len() as u32),
+            two_sided,
+            opening: part.role == Role::Opening,
+        });
+    }
+}
+
+/// Turns three corner values into an affine function of the position (constant along the normal).
+struct Affine {
+    origin: Vec3,
+    normal: Vec3,
+    second: Vec3,
+    third: Vec3,
+}
+
+impl Affine {
+    fn new(a: Vec3, b: Vec3, c: Vec3) -> Self {
+        // In double precision: slivers of a lattice are metres long and centimetres wide.
+        let wide = |v: Vec3| [f64::from(v.x), f64::from(v.y), f64::from(v.z)];
+        let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let over = |v: [f64; 3], by: f64| Vec3::new((v[0] / by) as f32, (v[1] / by) as f32, (v[2] / by) as f32);
+        let (e1, e2) = (wide(b - a), wide(c - a));
+        let n = cross(e1, e2);
+        let area = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+        Self { origin: a, normal: over(n, area.sqrt()), second: over(cross(e2, n), area), third: over(cross(n, e1), area) }
+    }
+
+    fn of(&self, a: f32, b: f32, c: f32) -> (Vec3, f32) {
+        let axis = self.second * (b - a) + self.third * (c - a);
+        (axis, a - axis.dot(self.origin))
+    }
+}
+
+/// Ten bits of each coordinate interleaved, so that neighbours in the list are neighbours in space.
+fn morton(p: Vec3) -> u64 {
+    let spread = |x: f32| {
+        let x = x as u64 & 1023;
+        (0..10).fold(0, |m, bit| m | ((x >> bit) & 1) << (3 * bit))
+    };
+    spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn affine_function_gives_the_corner_values_back() {
+        let (a, b, c) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 2.0, 5.0), Vec3::new(1.0, 7.0, 3.5));
+        let (axis, offset) = Affine::new(a, b, c).of(10.0, 20.0, -5.0);
+        for (p, value) in [(a, 10.0), (b, 20.0), (c, -5.0)] {
+            assert!((axis.dot(p) + offset - value).abs() < 1e-4);
+        }
+    }
+}

@@ -1,0 +1,290 @@
+//! Visibility: which triangle is nearest at each sample of a tile.
+//!
+//! Edges are integers (1/16 pixel), so that neighbouring triangles share no sample and leave no gap. Nearness (1/z for a camera, linear
+//! depth for the sun) is an affine function over the picture, clamped to the triangle's own range.
+
+/// Tile side, pixels.
+pub(crate) const TILE: i32 = 64;
+/// Samples of a tile.
+pub(crate) const TILE_AREA: usize = (TILE * TILE) as usize;
+/// Sub-pixel steps of a pixel.
+pub(crate) const SUB: i32 = 16;
+/// Nothing drawn here.
+pub(crate) const NONE: u32 = u32::MAX;
+/// Screen coordinates stay within this many pixels of the origin, so that edge values over one tile fit 32 bits.
+pub(crate) const GUARD: f32 = 16000.0;
+
+/// A triangle in the picture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ScreenTriangle {
+    /// Corners, 1/16 pixel, ordered so that the inside is on the positive side of each edge.
+    pub(crate) x: [i32; 3],
+    pub(crate) y: [i32; 3],
+    /// Nearness at pixel position (x, y): `slope_x·x + slope_y·y + base`.
+    pub(crate) slope_x: f32,
+    pub(crate) slope_y: f32,
+    pub(crate) base: f32,
+    /// Range of nearness over the triangle.
+    pub(crate) farthest: f32,
+    pub(crate) nearest: f32,
+    /// What is written where the triangle is seen.
+    pub(crate) id: u32,
+}
+
+impl ScreenTriangle {
+    /// Orders the corners; `None` when the triangle has no area in the picture.
+    pub(crate) fn oriented(mut self) -> Option<Self> {
+        let [x0, x1, x2] = self.x.map(i64::from);
+        let [y0, y1, y2] = self.y.map(i64::from);
+        let area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0);
+        if area < 0 {
+            self.x.swap(1, 2);
+            self.y.swap(1, 2);
+        }
+        (area != 0).then_some(self)
+    }
+
+    /// The pixels whose centres may be covered, first and last of each axis; `None` when there are none in the picture.
+    pub(crate) fn pixels(&self, width: i32, height: i32) -> Option<[i32; 4]> {
+        let [x0, x1, x2] = self.x;
+        let [y0, y1, y2] = self.y;
+        // One pixel wider than the centres need, for the samples of anti-aliasing.
+        let left = (x0.min(x1).min(x2) >> 4).max(0);
+        let right = (x0.max(x1).max(x2) >> 4).min(width - 1);
+        let top = (y0.min(y1).min(y2) >> 4).max(0);
+        let bottom = (y0.max(y1).max(y2) >> 4).min(height - 1);
+        (left <= right && top <= bottom).then_some([left, right, top, bottom])
+    }
+
+    /// False when the square of `side` pixels at (`x`, `y`) surely lies outside of an edge.
+    pub(crate) fn may_touch(&self, x: i32, y: i32, side: i32) -> bool {
+        (0..3).all(|i| {
+            let j = (i + 1) % 3;
+            let a = i64::from(self.y[i] - self.y[j]);
+            let b = i64::from(self.x[j] - self.x[i]);
+            let corner_x = i64::from((x + if a > 0 { side } else { 0 }) * SUB - self.x[i]);
+            let corner_y = i64::from((y + if b > 0 { side } else { 0 }) * SUB - self.y[i]);
+            a * corner_x + b * corner_y >= 0
+        })
+    }
+}
+
+impl ScreenTriangle {
+    /// True for slivers and specks that may pass between the centres of pixels.
+    pub(crate) fn is_thin(&self) -> bool {
+        let [x0, x1, x2] = self.x.map(i64::from);
+        let [y0, y1, y2] = self.y.map(i64::from);
+        let area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0);
+        let long = (x1 - x0).abs().max((x2 - x1).abs()).max((x0 - x2).abs());
+        let tall = (y1 - y0).abs().max((y2 - y1).abs()).max((y0 - y2).abs());
+        // Twice the area over the longest side is the height: below a pixel and a half.
+        area < i64::from(SUB) * 3 / 2 * long.max(tall)
+    }
+
+    /// Calls `touched` with each pixel (of the tile at pixel `x`, `y`, `width` × `height` of it in the picture) whose square the
+    /// triangle may touch, and with the triangle's nearness there.
+    pub(crate) fn squares(&self, (x, y): (i32, i32), width: i32, height: i32, mut touched: impl FnMut(usize, usize, f32)) {
+        let Some([left, right, top, bottom]) = self.pixels(x + width, y + height) else { return };
+        for py in top.max(y)..=bottom {
+            let (mut first, mut last) = (i64::from(left.max(x)), i64::from(right));
+            for i in 0..3 {
+                let j = (i + 1) % 3;
+                let a = i64::from(self.y[i] - self.y[j]);
+                let b = i64::from(self.x[j] - self.x[i]);
+                // The edge's value at the centre of pixel 0 of this row, moved out by half a pixel.
+                let half = i64::from(SUB / 2);
+                let e = a * (half - i64::from(self.x[i]))
+                    + b * (i64::from(py * SUB) + half - i64::from(self.y[i]))
+                    + (a.abs() + b.abs()) * half;
+                let step = a * i64::from(SUB);
+                if step > 0 {
+                    first = first.max((-e).div_euclid(step));
+                } else if step < 0 {
+                    last = last.min(e.div_euclid(-step));
+                } else if e < 0 {
+                    last = first - 1;
+                }
+            }
+            for px in first..=last {
+                let near = self.slope_x * (px as f32 + 0.5) + self.slope_y * (py as f32 + 0.5) + self.base;
+                touched((px - i64::from(x)) as usize, (py - y) as usize, near.clamp(self.farthest, self.nearest));
+            }
+        }
+    }
+}
+
+/// The place of a pixel in a tile: blocks of 8×8 pixels lie one after another.
+#[inline]
+pub(crate) const fn place(x: usize, y: usize) -> usize {
+    (y >> 3) << 9 | (x >> 3) << 6 | (y & 7) << 3 | (x & 7)
+}
+
+/// A tile being drawn: nearness and triangle of each sample, in the order of [`place`].
+pub(crate) struct Tile<'a> {
+    pub(crate) near: &'a mut [f32],
+    pub(crate) id: &'a mut [u32],
+    /// The least nearness of each block where it is known, else what it was before: never too near.
+    block_far: [f32; 64],
+    stale: u64,
+    /// Pixel of the upper left corner.
+    x: i32,
+    y: i32,
+    /// Position of the samples in their pixels, 1/16 pixel.
+    sample: (i32, i32),
+    /// Blocks that are drawn.
+    wanted: u64,
+}
+
+impl<'a> Tile<'a> {
+    /// `near` and `id` hold what is there already.
+    pub(crate) fn new(near: &'a mut [f32], id: &'a mut [u32], (x, y): (i32, i32), sample: (i32, i32), wanted: u64) -> Self {
+        assert!(near.len() == TILE_AREA && id.len() == TILE_AREA);
+        Self { near, id, block_far: [0.0; 64], stale: !0, x, y, sample, wanted }
+    }
+
+    /// Draws a triangle: nearer wins, the first of equals stays.
+    pub(crate) fn draw(&mut self, t: &ScreenTriangle) {
+        let (sx, sy) = self.sample;
+        let (left, top) = (self.x * SUB + sx, self.y * SUB + sy);
+        let [x0, x1, x2] = t.x;
+        let [y0, y1, y2] = t.y;
+        let first = |low: i32, origin: i32| ((low - origin + SUB - 1) >> 4).max(0);
+        let last = |high: i32, origin: i32| ((high - origin) >> 4).min(TILE - 1);
+        let (px0, px1) = (first(x0.min(x1).min(x2), left), last(x0.max(x1).max(x2), left));
+        let (py0, py1) = (first(y0.min(y1).min(y2), top), last(y0.max(y1).max(y2), top));
+        if px0 > px1 || py0 > py1 {
+            return;
+        }
+        let (mut a, mut b, mut e) = ([0i32; 3], [0i32; 3], [0i32; 3]);
+        for i in 0..3 {
+            let j = (i + 1) % 3;
+            let (da, db) = (i64::from(t.y[i] - t.y[j]), i64::from(t.x[j] - t.x[i]));
+            let inclusive = da > 0 || (da == 0 && db > 0);
+            let c = da * i64::from(left - t.x[i]) + db * i64::from(top - t.y[i]) - i64::from(!inclusive);
+            let (wx0, wx1) = (da * i64::from(px0 * SUB), da * i64::from(px1 * SUB));
+            let (wy0, wy1) = (db * i64::from(py0 * SUB), db * i64::from(py1 * SUB));
+            if c + wx0.max(wx1) + wy0.max(wy1) < 0 {
+                return;
+            }
+            let whole = i64::from((TILE - 1) * SUB);
+            if c + da.min(0) * whole + db.min(0) * whole < 0 {
+                // It crosses the tile, so its values there fit 32 bits; an edge that does not is left zero, always inside.
+                (a[i], b[i], e[i]) = ((da * i64::from(SUB)) as i32, (db * i64::from(SUB)) as i32, c as i32);
+            }
+        }
+        let sub = 1.0 / SUB as f32;
+        let base = t.slope_x * (left as f32 * sub) + t.slope_y * (top as f32 * sub) + t.base;
+        for by in py0 >> 3..=py1 >> 3 {
+            let rows = ((py0 - by * 8).max(0) as usize, (py1 - by * 8).min(7) as usize);
+            for bx in px0 >> 3..=px1 >> 3 {
+                let block = (by * 8 + bx) as usize;
+                if self.wanted >> block & 1 == 0 {
+                    continue;
+                }
+                let at = [0, 1, 2].map(|i| e[i].wrapping_add(a[i].wrapping_mul(bx * 8)).wrapping_add(b[i].wrapping_mul(by * 8)));
+                if (0..3).any(|i| at[i] + a[i].max(0) * 7 + b[i].max(0) * 7 < 0) {
+                    continue;
+                }
+                let z = base + t.slope_x * (bx * 8) as f32 + t.slope_y * (by * 8) as f32;
+                let reach = (z + t.slope_x.max(0.0) * 7.0 + t.slope_y.max(0.0) * 7.0).clamp(t.farthest, t.nearest);
+                if reach <= self.far(block) {
+                    continue;
+                }
+                self.stale |= 1 << block;
+                self.draw_block(t, block, rows, at, a, b, z);
+            }
+        }
+    }
+
+    #[inline]
+    #[expect(clippy::too_many_arguments, reason = "the inner loop's registers")]
+    fn draw_block(
+        &mut self,
+        t: &ScreenTriangle,
+        block: usize,
+        rows: (usize, usize),
+        at: [i32; 3],
+        a: [i32; 3],
+        b: [i32; 3],
+        z: f32,
+    ) {
+        let near = &mut self.near[block * 64..block * 64 + 64];
+        let id = &mut self.id[block * 64..block * 64 + 64];
+        for row in rows.0..=rows.1 {
+            let down = row as i32;
+            let [e0, e1, e2] = [0, 1, 2].map(|i| at[i] + b[i] * down);
+            let zr = z + t.slope_y * row as f32;
+            let Some((near, _)) = near[row * 8..].split_first_chunk_mut::<8>() else { return };
+            let Some((id, _)) = id[row * 8..].split_first_chunk_mut::<8>() else { return };
+            for k in 0..8 {
+                let across = k as i32;
+                let inside = (e0 + a[0] * across) | (e1 + a[1] * across) | (e2 + a[2] * across);
+                let value = zr + t.slope_x * k as f32;
+                let value = if value > t.farthest { value } else { t.farthest };
+                let value = if value < t.nearest { value } else { t.nearest };
+                let seen = (inside >= 0) & (value > near[k]);
+                near[k] = if seen { value } else { near[k] };
+                id[k] = if seen { t.id } else { id[k] };
+            }
+        }
+    }
+
+    /// The least nearness in a block.
+    #[inline]
+    fn far(&mut self, block: usize) -> f32 {
+        if self.stale >> block & 1 == 1 {
+            self.stale &= !(1 << block);
+            let mut least = [f32::INFINITY; 8];
+            for row in self.near[block * 64..block * 64 + 64].chunks_exact(8) {
+                for (m, &v) in least.iter_mut().zip(row) {
+                    *m = if v < *m { v } else { *m };
+                }
+            }
+            self.block_far[block] = least.into_iter().fold(f32::INFINITY, f32::min);
+        }
+        self.block_far[block]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn triangle(x: [i32; 3], y: [i32; 3], id: u32) -> Option<ScreenTriangle> {
+        ScreenTriangle { x, y, slope_x: 0.0, slope_y: 0.0, base: 1.0, farthest: 1.0, nearest: 1.0, id }.oriented()
+    }
+
+    proptest! {
+        /// The four triangles around a point inside a square cover every pixel of the square exactly once.
+        #[test]
+        fn fan_covers_each_pixel_once(px in 40i32..900, py in 40i32..900, sx in 0i32..16, sy in 0i32..16) {
+            let corners = [(0, 0), (1024, 0), (1024, 1024), (0, 1024)];
+            let mut covered = vec![0; TILE_AREA];
+            for i in 0..4 {
+                let (p, q) = (corners[i], corners[(i + 1) % 4]);
+                let (mut near, mut id) = (vec![0.0; TILE_AREA], vec![NONE; TILE_AREA]);
+                if let Some(t) = triangle([p.0, q.0, px], [p.1, q.1, py], 7) {
+                    Tile::new(&mut near, &mut id, (0, 0), (sx, sy), !0).draw(&t);
+                }
+                for (n, &id) in covered.iter_mut().zip(&id) {
+                    *n += i32::from(id == 7);
+                }
+            }
+            prop_assert!(covered.iter().all(|&n| n == 1));
+        }
+    }
+
+    #[test]
+    fn nearer_wins_in_any_order() {
+        let far = ScreenTriangle { base: 0.5, farthest: 0.5, nearest: 0.5, ..triangle([0, 1024, 0], [0, 0, 1024], 1).unwrap() };
+        let close = triangle([0, 1024, 0], [0, 0, 1024], 2).unwrap();
+        for order in [[far, close], [close, far]] {
+            let (mut near, mut id) = (vec![0.0; TILE_AREA], vec![NONE; TILE_AREA]);
+            let mut tile = Tile::new(&mut near, &mut id, (0, 0), (8, 8), !0);
+            order.iter().for_each(|t| tile.draw(t));
+            assert_eq!(id[place(3, 3)], 2);
+            assert_eq!(id[place(63, 63)], NONE);
+        }
+    }
+}

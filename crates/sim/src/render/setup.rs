@@ -1,0 +1,260 @@
+//! From clusters to triangles in the picture: culling, clipping, projecting, and sorting into tiles.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::prepare::{Cluster, Soup};
+use super::raster::{GUARD, SUB, ScreenTriangle, TILE};
+use super::view::View;
+
+/// Nothing nearer to the lens is drawn, metres along the optical axis.
+pub(crate) const NEAR: f32 = 0.05;
+/// Clusters set up by one task: fixed, so that the order of triangles does not depend on the number of threads.
+const GROUP: usize = 8;
+
+/// Triangles in the picture and the list of them for each tile.
+#[derive(Debug, Default)]
+pub(crate) struct Bins {
+    groups: Vec<Group>,
+    /// Start of each tile's list in `entries`, and the end of the last.
+    starts: Vec<u32>,
+    /// Group in the upper, place in the group in the lower 16 bits.
+    entries: Vec<u32>,
+    order: Vec<(u32, u32, u32)>,
+}
+
+#[derive(Debug, Default)]
+struct Group {
+    triangles: Vec<ScreenTriangle>,
+    /// (tile, place in `triangles`)
+    tiles: Vec<(u32, u32)>,
+    corners: Vec<Vec3>,
+}
+
+/// Tiles of a picture of `width` × `height`: columns and rows.
+pub(crate) const fn tiles(width: u32, height: u32) -> (usize, usize) {
+    (width.div_ceil(TILE as u32) as usize, height.div_ceil(TILE as u32) as usize)
+}
+
+impl Bins {
+    /// The triangles of `tile`, clusters near the eye first.
+    pub(crate) fn of(&self, tile: usize) -> impl Iterator<Item = &ScreenTriangle> {
+        let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
+        self.entries[range].iter().map(|&e| &self.groups[(e >> 16) as usize].triangles[(e & 0xffff) as usize])
+    }
+
+    pub(crate) fn is_empty(&self, tile: usize) -> bool {
+        self.starts[tile] == self.starts[tile + 1]
+    }
+
+    /// Sets up what `view` sees of the openings, or of all but the openings. Ids count on from one soup to the next.
+    pub(crate) fn fill(&mut self, soups: &[&Soup], view: &View, openings: bool) {
+        self.order.clear();
+        let planes = frustum(view);
+        for (s, soup) in soups.iter().enumerate() {
+            for (c, cluster) in soup.clusters.iter().enumerate() {
+                if cluster.opening == openings && planes.iter().all(|&(n, d)| reaches(cluster, n) >= d) {
+                    let gap = (cluster.low - view.eye).max(view.eye - cluster.high).max(Vec3::ZERO);
+                    self.order.push((gap.length_squared().to_bits(), s as u32, c as u32));
+                }
+            }
+        }
+        // Distances are not negative, so their bits sort as they do.
+        self.order.sort_unstable();
+        let first_id: Vec<u32> = soups
+            .iter()
+            .scan(0, |sum, s| {
+                *sum += s.triangles.len() as u32;
+                Some(*sum - s.triangles.len() as u32)
+            })
+            .collect();
+        let count = self.order.len().div_ceil(GROUP);
+        if self.groups.len() < count {
+            self.groups.resize_with(count, Group::default);
+        }
+        self.groups[count..].iter_mut().for_each(Group::clear);
+        let (columns, _) = tiles(view.width, view.height);
+        self.groups[..count].par_iter_mut().zip(self.order.par_chunks(GROUP)).for_each(|(group, order)| {
+            group.clear();
+            for &(_, s, c) in order {
+                let soup = soups[s as usize];
+                group.add_cluster(soup, &soup.clusters[c as usize], first_id[s as usize], view);
+            }
+            group.bin(view.width, view.height, columns);
+        });
+        self.sort_into_tiles(view.width, view.height);
+    }
+
+    /// Takes triangles set up elsewhere (the sun's map).
+    pub(crate) fn fill_with(&mut self, triangles: Vec<ScreenTriangle>, width: u32, height: u32) {
+        let (columns, _) = tiles(width, height);
+        self.groups = triangles
+            .par_chunks(0x8000)
+            .map(|chunk| {
+                let mut group = Group { triangles: chunk.to_vec(), ..Group::default() };
+                group.bin(width, height, columns);
+                group
+            })
+            .collect();
+        self.sort_into_tiles(width, height);
+    }
+
+    /// Counting sort, stable, so each tile keeps the order of the groups.
+    fn sort_into_tiles(&mut self, width: u32, height: u32) {
+        let (columns, rows) = tiles(width, height);
+        self.starts.clear();
+        self.starts.resize(columns * rows + 1, 0);
+        for &(tile, _) in self.groups.iter().flat_map(|g| &g.tiles) {
+            self.starts[tile as usize + 1] += 1;
+        }
+        for i in 0..columns * rows {
+            self.starts[i + 1] += self.starts[i];
+        }
+        self.entries.clear();
+        self.entries.resize(self.starts[columns * rows] as usize, 0);
+        let mut next = self.starts.clone();
+        for (g, group) in self.groups.iter().enumerate() {
+            for &(tile, i) in &group.tiles {
+                let slot = &mut next[tile as usize];
+                self.entries[*slot as usize] = (g as u32) << 16 | i;
+                *slot += 1;
+            }
+        }
+    }
+}
+
+/// Planes (inward normal, offset) that bound what the view sees.
+fn frustum(view: &View) -> [(Vec3, f32); 5] {
+    let (left, right) = (-view.cx / view.fx, (view.width as f32 - view.cx) / view.fx);
+    let (top, bottom) = (-view.cy / view.fy, (view.height as f32 - view.cy) / view.fy);
+    [
+        view.forward,
+        view.right - view.forward * left,
+        view.forward * right - view.right,
+        view.down - view.forward * top,
+        view.forward * bottom - view.down,
+    ]
+    .map(|n| (n, n.dot(view.eye)))
+}
+
+/// How far the cluster's box reaches along `n`.
+fn reaches(cluster: &Cluster, n: Vec3) -> f32 {
+    let pick = |n: f32, low: f32, high: f32| n * if n > 0.0 { high } else { low };
+    pick(n.x, cluster.low.x, cluster.high.x) + pick(n.y, cluster.low.y, cluster.high.y) + pick(n.z, cluster.low.z, cluster.high.z)
+}
+
+impl Group {
+    fn clear(&mut self) {
+        self.triangles.clear();
+        self.tiles.clear();
+    }
+
+    fn add_cluster(&mut self, soup: &Soup, cluster: &Cluster, first_id: u32, view: &View) {
+        self.corners.clear();
+        let positions = &soup.positions[cluster.positions.0 as usize..cluster.positions.1 as usize];
+        self.corners.extend(positions.iter().map(|&p| view.to_camera(p)));
+        for t in cluster.triangles.0..cluster.triangles.1 {
+            let shape = &soup.triangles[t as usize];
+            let corners = soup.corners[t as usize];
+            let first = positions[usize::from(corners[0])];
+            let height = shape.normal.dot(first - view.eye);
+            // Seen from behind, or exactly on edge.
+            if height == 0.0 || (height > 0.0 && !cluster.two_sided) {
+                continue;
+            }
+            let [a, b, c] = corners.map(|i| self.corners[usize::from(i)]);
+            // 1/z is affine over the picture: the plane n·p = h meets the ray r at z = h / (n·r).
+            let n = Vec3::new(shape.normal.dot(view.right), shape.normal.dot(view.down), shape.normal.dot(view.forward)) / height;
+            let (slope_x, slope_y) = (n.x / view.fx, n.y / view.fy);
+            let base = n.z - slope_x * view.cx - slope_y * view.cy;
+            let mut emit = |corners: [Vec3; 3]| {
+                let depths = corners.map(|p| p.z);
+                let x = corners.map(|p| snap(view.fx * p.x / p.z + view.cx));
+                let y = corners.map(|p| snap(view.fy * p.y / p.z + view.cy));
+                let triangle = ScreenTriangle {
+                    x,
+                    y,
+                    slope_x,
+                    slope_y,
+                    base,
+                    farthest: 1.0 / depths[0].max(depths[1]).max(depths[2]),
+                    nearest: 1.0 / depths[0].min(depths[1]).min(depths[2]),
+                    id: first_id + t,
+                };
+                self.triangles.extend(triangle.oriented());
+            };
+            let guard = |p: Vec3| {
+                p.z > NEAR && (view.fx * p.x).abs() < (GUARD - 8192.0) * p.z && (view.fy * p.y).abs() < (GUARD - 8192.0) * p.z
+            };
+            if guard(a) && guard(b) && guard(c) {
+                emit([a, b, c]);
+            } else {
+                clip([a, b, c], view, emit);
+            }
+        }
+    }
+
+    fn bin(&mut self, width: u32, height: u32, columns: usize) {
+        let mut kept = 0;
+        for i in 0..self.triangles.len() {
+            let t = self.triangles[i];
+            let Some([left, right, top, bottom]) = t.pixels(width as i32, height as i32) else { continue };
+            let (c0, c1, r0, r1) = (left / TILE, right / TILE, top / TILE, bottom / TILE);
+            let few = (c1 - c0) + (r1 - r0) < 2;
+            for row in r0..=r1 {
+                for column in c0..=c1 {
+                    if few || t.may_touch(column * TILE, row * TILE, TILE) {
+                        self.tiles.push((row as u32 * columns as u32 + column as u32, kept as u32));
+                    }
+                }
+            }
+            self.triangles[kept] = t;
+            kept += 1;
+        }
+        self.triangles.truncate(kept);
+    }
+}
+
+/// Pixels to 1/16 pixels.
+#[inline]
+fn snap(x: f32) -> i32 {
+    // Within GUARD, so the shifted value is positive and truncation rounds to nearest.
+    (x * SUB as f32 + (524_288.0 + 0.5)) as i32 - 524_288
+}
+
+/// Clips to the near plane and the guard band, and hands on the triangles of the rest (Sutherland and Hodgman 1974).
+fn clip(corners: [Vec3; 3], view: &View, mut emit: impl FnMut([Vec3; 3])) {
+    let band = GUARD - 8192.0;
+    let planes: [(Vec3, f32); 5] = [
+        (Vec3::Z, NEAR),
+        (Vec3::new(view.fx, 0.0, band), 0.0),
+        (Vec3::new(-view.fx, 0.0, band), 0.0),
+        (Vec3::new(0.0, view.fy, band), 0.0),
+        (Vec3::new(0.0, -view.fy, band), 0.0),
+    ];
+    let mut polygon = ([Vec3::ZERO; 8], 3);
+    polygon.0[..3].copy_from_slice(&corners);
+    for (n, d) in planes {
+        let mut next = ([Vec3::ZERO; 8], 0);
+        for i in 0..polygon.1 {
+            let (p, q) = (polygon.0[i], polygon.0[(i + 1) % polygon.1]);
+            let (hp, hq) = (n.dot(p) - d, n.dot(q) - d);
+            if hp >= 0.0 && next.1 < 8 {
+                next.0[next.1] = p;
+                next.1 += 1;
+            }
+            if (hp >= 0.0) != (hq >= 0.0) && next.1 < 8 {
+                next.0[next.1] = p + (q - p) * (hp / (hp - hq));
+                next.1 += 1;
+            }
+        }
+        polygon = next;
+        if polygon.1 < 3 {
+            return;
+        }
+    }
+    for i in 1..polygon.1 - 1 {
+        // A corner on the near plane may be a rounding error before it.
+        emit([polygon.0[0], polygon.0[i], polygon.0[i + 1]].map(|p| Vec3::new(p.x, p.y, p.z.max(NEAR * 0.999))));
+    }
+}

@@ -1,0 +1,211 @@
+//! The sun's map: for each point of a plane across the sun's rays, how near the sun the first surface is.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::prepare::Soup;
+use super::raster::{NONE, SUB, ScreenTriangle, TILE, TILE_AREA, Tile, place};
+use super::setup::{Bins, tiles};
+use crate::geometry::Light;
+
+/// Texels along the longer side, at most.
+const SIDE: f32 = 4096.0;
+/// Finest texel, metres.
+const FINEST: f32 = 0.04;
+/// Texels of a block of the coarse map.
+const BLOCK: usize = 8;
+
+/// Nearness to the sun of the first surface, as 16 bits over the scene's reach.
+#[derive(Debug)]
+pub(crate) struct ShadowMap {
+    across: Vec3,
+    along: Vec3,
+    to_sun: Vec3,
+    low: Vec3,
+    texel: f32,
+    /// Metres of nearness to steps of the map.
+    scale: f32,
+    width: usize,
+    height: usize,
+    near: Vec<u16>,
+    /// Least and greatest nearness of each block with its neighbours' nearest texels.
+    blocks: Vec<(u16, u16)>,
+}
+
+impl ShadowMap {
+    pub(crate) fn new(soup: &Soup, light: &Light) -> Self {
+        let to_sun = light.to_sun.normalize_or(Vec3::Z);
+        let across = to_sun.cross(if to_sun.z.abs() < 0.9 { Vec3::Z } else { Vec3::X }).normalize_or(Vec3::X);
+        let along = across.cross(to_sun);
+        let turn = |p: Vec3| Vec3::new(p.dot(across), p.dot(along), p.dot(to_sun));
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (mut bottom, mut top) = (f32::INFINITY, f32::NEG_INFINITY);
+        for cluster in soup.clusters.iter().filter(|c| !c.opening) {
+            for i in cluster.triangles.0..cluster.triangles.1 {
+                // Flat ground is shone upon but casts nothing; it may reach to the horizon.
+                let flat = soup.triangles[i as usize].normal.z > 0.9;
+                for p in soup.corners[i as usize].map(|k| turn(soup.positions[cluster.positions.0 as usize + usize::from(k)])) {
+                    if !flat {
+                        (low, high) = (low.min(p), high.max(p));
+                    }
+                    (bottom, top) = (bottom.min(p.z), top.max(p.z));
+                }
+            }
+        }
+        if low.x > high.x {
+            (low, high) = (Vec3::ZERO, Vec3::ONE);
+        }
+        low.z = low.z.max(bottom) - 30.0;
+        high.z = high.z.min(top) + 1.0;
+        let size = high - low + 1.0;
+        low -= Vec3::new(0.5, 0.5, 0.0);
+        let texel = (size.x.max(size.y) / SIDE).max(FINEST);
+        let side = |metres: f32| (((metres / texel) as u32).div_ceil(TILE as u32) * TILE as u32).max(TILE as u32) as usize;
+        let (width, height) = (side(size.x), side(size.y));
+        let mut map = Self {
+            across,
+            along,
+            to_sun,
+            low,
+            texel,
+            scale: 65_000.0 / (high.z - low.z),
+            width,
+            height,
+            near: Vec::new(),
+            blocks: Vec::new(),
+        };
+        map.draw(soup);
+        map.summarise();
+        map
+    }
+
+    /// Position in the map: texels, texels, and steps of nearness.
+    #[inline]
+    fn project(&self, p: Vec3) -> Vec3 {
+        let scale = 1.0 / self.texel;
+        Vec3::new(
+            (p.dot(self.across) - self.low.x) * scale,
+            (p.dot(self.along) - self.low.y) * scale,
+            (p.dot(self.to_sun) - self.low.z) * self.scale,
+        )
+    }
+
+    fn draw(&mut self, soup: &Soup) {
+        let (width, height) = (self.width as f32, self.height as f32);
+        let mut triangles = Vec::new();
+        for cluster in soup.clusters.iter().filter(|c| !c.opening) {
+            let corners: Vec<Vec3> = soup.positions[cluster.positions.0 as usize..cluster.positions.1 as usize]
+                .iter()
+                .map(|&p| self.project(p))
+                .collect();
+            for i in cluster.triangles.0..cluster.triangles.1 {
+                let [a, b, c] = soup.corners[i as usize].map(|k| corners[usize::from(k)]);
+                // Larger than the guard band, so far outside: only ground is, and ground casts nothing.
+                if [a, b, c].iter().any(|p| p.x.abs().max(p.y.abs()) > 16_000.0) {
+                    continue;
+                }
+                let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+                if high.x < 0.0 || high.y < 0.0 || low.x > width || low.y > height {
+                    continue;
+                }
+                let n = (b - a).cross(c - a);
+                if n.z == 0.0 {
+                    continue;
+                }
+                let (slope_x, slope_y) = (-n.x / n.z, -n.y / n.z);
+                let triangle = ScreenTriangle {
+                    x: [a, b, c].map(|p| snap(p.x)),
+                    y: [a, b, c].map(|p| snap(p.y)),
+                    slope_x,
+                    slope_y,
+                    base: a.z - slope_x * a.x - slope_y * a.y,
+                    farthest: low.z.max(1.0),
+                    nearest: high.z.max(1.0),
+                    id: 0,
+                };
+                triangles.extend(triangle.oriented());
+            }
+        }
+        let mut bins = Bins::default();
+        bins.fill_with(triangles, self.width as u32, self.height as u32);
+        self.near = vec![0; self.width * self.height];
+        let (columns, _) = tiles(self.width as u32, self.height as u32);
+        let row_texels = self.width * TILE as usize;
+        self.near.par_chunks_mut(row_texels).enumerate().for_each(|(row, out)| {
+            let (mut near, mut id) = (vec![0.0; TILE_AREA], vec![NONE; TILE_AREA]);
+            for column in 0..columns {
+                let index = row * columns + column;
+                if bins.is_empty(index) {
+                    continue;
+                }
+                near.fill(0.0);
+                let corner = (column as i32 * TILE, row as i32 * TILE);
+                let mut tile = Tile::new(&mut near, &mut id, corner, (SUB / 2, SUB / 2), !0);
+                bins.of(index).for_each(|t| tile.draw(t));
+                for y in 0..TILE as usize {
+                    for x in 0..TILE as usize {
+                        out[y * columns * TILE as usize + column * TILE as usize + x] = near[place(x, y)] as u16;
+                    }
+                }
+            }
+        });
+    }
+
+    fn summarise(&mut self) {
+        let (columns, rows) = (self.width / BLOCK, self.height / BLOCK);
+        self.blocks = (0..columns * rows)
+            .into_par_iter()
+            .map(|i| {
+                let (x, y) = (i % columns * BLOCK, i / columns * BLOCK);
+                let (mut least, mut most) = (u16::MAX, 0);
+                for v in y.saturating_sub(2)..(y + BLOCK + 2).min(self.height) {
+                    for &near in
+                        &self.near[v * self.width + x.saturating_sub(2)..v * self.width + (x + BLOCK + 2).min(self.width)]
+                    {
+                        (least, most) = (least.min(near), most.max(near));
+                    }
+                }
+                (least, most)
+            })
+            .collect();
+    }
+
+    /// Share of the sun's light that reaches `p` on a surface of unit `normal`, whose cosine to the sun is `cosine`.
+    #[inline]
+    pub(crate) fn lit(&self, p: Vec3, normal: Vec3, cosine: f32) -> f32 {
+        // Off the surface by about the filter's radius, or a surface would shade itself.
+        let at = self.project(p + normal * (self.texel * (2.2 - 1.2 * cosine)) + self.to_sun * (self.texel * 0.6));
+        let (x, y) = (at.x - 1.5, at.y - 1.5);
+        if !(x >= 0.0 && y >= 0.0 && x < (self.width - 5) as f32 && y < (self.height - 5) as f32) {
+            return 1.0;
+        }
+        let (ix, iy) = (x as usize, y as usize);
+        let own = at.z.max(0.0);
+        let (least, most) = self.blocks[(iy + 1) / BLOCK * (self.width / BLOCK) + (ix + 1) / BLOCK];
+        if f32::from(most) <= own {
+            return 1.0;
+        }
+        if f32::from(least) > own {
+            return 0.0;
+        }
+        // Three by three filter with linear weights: four by four texels.
+        let (fx, fy) = (x - ix as f32, y - iy as f32);
+        let weights_x = [1.0 - fx, 1.0, 1.0, fx];
+        let weights_y = [1.0 - fy, 1.0, 1.0, fy];
+        let mut sum = 0.0;
+        for (j, wy) in weights_y.into_iter().enumerate() {
+            let row = &self.near[(iy + j) * self.width + ix..][..4];
+            let mut line = 0.0;
+            for (&near, wx) in row.iter().zip(weights_x) {
+                line += if f32::from(near) <= own { wx } else { 0.0 };
+            }
+            sum += line * wy;
+        }
+        sum * (1.0 / 9.0)
+    }
+}
+
+/// Texels to 1/16 texels.
+fn snap(x: f32) -> i32 {
+    super::noise::floor(x * SUB as f32 + 0.5)
+}

@@ -1,0 +1,74 @@
+//! Sky: gradient, glow around the sun, clouds; and the haze that distance lays over things.
+
+use glam::Vec3;
+
+use super::noise::{Decay, Noise};
+use crate::geometry::Light;
+
+/// The light of a scene with what follows from it.
+#[derive(Debug)]
+pub(crate) struct Sky {
+    pub(crate) light: Light,
+    glow: Vec3,
+    cloud_lit: Vec3,
+    cloud_shade: Vec3,
+}
+
+impl Sky {
+    pub(crate) fn new(light: &Light) -> Self {
+        let cloud_lit = light.horizon * 0.55 + light.sun * 0.42;
+        Self { light: light.clone(), glow: light.sun, cloud_lit, cloud_shade: light.horizon * 0.62 + light.zenith * 0.3 }
+    }
+
+    /// Clear sky towards unit vector `to`: what glass mirrors and what haze fades into.
+    #[inline]
+    pub(crate) fn clear(&self, to: Vec3) -> Vec3 {
+        let low = 1.0 - to.z.max(0.0);
+        let low2 = low * low;
+        let blue = self.light.zenith + (self.light.horizon - self.light.zenith) * (low2 * low2 * 0.7 + low2 * 0.3);
+        let c = to.dot(self.light.to_sun).max(0.0);
+        let c2 = c * c;
+        let c8 = c2 * c2 * c2 * c2;
+        let c32 = c8 * c8 * c8 * c8;
+        blue + self.glow * (c8 * 0.05 + c32 * 0.10 + c32 * c32 * c32 * c32 * 0.2)
+    }
+
+    /// The sky as seen: clouds and the sun's disc too. `wide` is the angle of a pixel, radians.
+    pub(crate) fn seen(&self, to: Vec3, noise: &Noise, wide: f32) -> Vec3 {
+        let mut colour = self.clear(to);
+        let c = to.dot(self.light.to_sun);
+        // The disc (half a degree across, drawn four times as wide, as a lens blooms).
+        let disc = ((c - 0.999_3) * (1.0 / 0.000_3)).clamp(0.0, 1.0);
+        colour += self.glow * (disc * 3.0);
+        if to.z > 0.015 {
+            let reach = 1.0 / (to.z + 0.06);
+            let (x, y) = (to.x * reach, to.y * reach);
+            let footprint = wide * reach * reach;
+            let density = noise.faded(x + 3.1, y + 1.7, 0.85, footprint) * 0.55
+                + noise.faded(x - 5.3, y + 9.1, 0.36, footprint) * 0.28
+                + noise.faded(x + 17.0, y - 4.0, 0.15, footprint) * 0.15
+                + noise.faded(x - 2.0, y - 31.0, 0.06, footprint) * 0.08;
+            let cover = smooth((density - 0.02) * 2.4) * smooth((to.z - 0.015) * 7.0) * 0.85;
+            let thick = smooth((density - 0.12) * 1.8);
+            colour += (self.cloud_lit + (self.cloud_shade - self.cloud_lit) * (thick * 0.55) - colour) * cover;
+        }
+        colour
+    }
+
+    /// Lays haze over `colour`, seen along unit vector `to` over `distance` metres.
+    #[inline]
+    pub(crate) fn hazed(&self, colour: Vec3, to: Vec3, distance: f32, decay: &Decay) -> Vec3 {
+        let clear = decay.at(self.light.haze * distance);
+        let c = to.dot(self.light.to_sun).max(0.0);
+        let c4 = c * c * c * c;
+        let veil = self.light.horizon + self.glow * (c4 * c4 * 0.06);
+        veil + (colour - veil) * clear
+    }
+}
+
+/// 0 below 0, 1 above 1, smooth between.
+#[inline]
+pub(crate) fn smooth(x: f32) -> f32 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
