@@ -1,0 +1,83 @@
+//! JSON lines: one value a line, on disk as soon as it is pushed.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::out_dir::FileError;
+
+/// Writes `decisions.jsonl` and its like. Every row is handed to the system whole before `push` returns, so a run that is
+/// killed leaves whole lines only.
+#[derive(Debug)]
+pub struct JsonLines {
+    path: PathBuf,
+    file: File,
+    line: Vec<u8>,
+    rows: u64,
+}
+
+impl JsonLines {
+    /// Starts the file at `path`, empty.
+    ///
+    /// # Errors
+    /// [`FileError::Write`].
+    pub fn create(path: &Path) -> Result<Self, FileError> {
+        let file = File::create(path).map_err(|source| FileError::Write { path: path.to_owned(), source })?;
+        Ok(Self { path: path.to_owned(), file, line: Vec::new(), rows: 0 })
+    }
+
+    /// Appends a row. Numbers that are not finite become `null`.
+    ///
+    /// # Errors
+    /// [`FileError::Json`] if the row has no JSON form (nothing is written then), [`FileError::Write`].
+    pub fn push<T: Serialize>(&mut self, row: &T) -> Result<(), FileError> {
+        self.line.clear();
+        serde_json::to_writer(&mut self.line, row).map_err(|source| FileError::Json { path: self.path.clone(), source })?;
+        self.line.push(b'\n');
+        self.file.write_all(&self.line).map_err(|source| FileError::Write { path: self.path.clone(), source })?;
+        self.rows += 1;
+        Ok(())
+    }
+
+    /// Rows written so far.
+    #[must_use]
+    pub const fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn rows_are_on_disk_at_once_one_a_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("decisions.jsonl");
+        let mut lines = JsonLines::create(&path).unwrap();
+        lines.push(&BTreeMap::from([("text", "two\nlines"), ("kind", "x")])).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "{\"kind\":\"x\",\"text\":\"two\\nlines\"}\n");
+        let unusable = BTreeMap::from([((1, 2), 3)]);
+        assert!(matches!(lines.push(&unusable), Err(FileError::Json { .. })));
+        lines.push(&2).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap().lines().nth(1), Some("2"));
+        assert_eq!(lines.rows(), 2);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_disk_is_an_error_that_names_the_file() {
+        let mut lines = JsonLines::create(Path::new("/dev/full")).unwrap();
+        let error = lines.push(&1).unwrap_err();
+        assert!(matches!(error, FileError::Write { .. }) && error.to_string().contains("/dev/full"), "{error}");
+    }
+}

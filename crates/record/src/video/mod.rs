@@ -1,0 +1,191 @@
+//! The video of a flight: `video.mp4`, H.264 in MP4, played in flight time.
+
+mod mp4;
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_media::h264::{Encoder, EncoderError, EncoderSettings};
+use spf_media::{Rgb, resize};
+
+use mp4::{MuxError, Muxer};
+
+/// Why the video cannot be written. Whatever it is, a flight goes on without.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum VideoError {
+    /// The file cannot be made or written.
+    #[error(
+        "cannot write the video `{path}`: check the space on the disk and the rights of its folder, or fly with `--no-video`"
+    )]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: io::Error,
+    },
+    /// The encoder refused.
+    #[error("cannot encode the video `{path}`")]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// What the encoder said.
+        #[source]
+        source: EncoderError,
+    },
+    /// The encoder's output or the index could not be put into the file's form.
+    #[error("cannot form the video `{path}`: {reason}")]
+    Form {
+        /// The file.
+        path: PathBuf,
+        /// What was wrong.
+        reason: String,
+    },
+    /// The picture is not later than the one before, at the file's resolution of 1/90000 s.
+    #[error("the picture at {time} does not follow the one at {last} in the video `{path}`")]
+    Order {
+        /// The file.
+        path: PathBuf,
+        /// Flight time of the picture before.
+        last: Time,
+        /// Flight time of this picture.
+        time: Time,
+    },
+    /// Writing failed before; what was written until then can still be finished.
+    #[error("the video `{path}` takes no more pictures since writing failed")]
+    Stopped {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// What a finished video holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VideoFacts {
+    /// Pictures. Zero means that no file was left.
+    pub frames: u64,
+    /// From flight time zero to the end of the last picture.
+    pub duration: Duration,
+    /// Size of the file.
+    pub bytes: u64,
+}
+
+/// Writes a video picture by picture, each at its flight time; memory does not grow but for some 20 bytes a picture.
+///
+/// The first picture is shown from flight time zero, so a player's clock is the flight's. The same pictures at the same times
+/// give the same bytes. The file plays once [`VideoWriter::finish`] has written its index.
+#[derive(Debug)]
+pub struct VideoWriter {
+    path: PathBuf,
+    encoder: Encoder,
+    muxer: Muxer<File>,
+    size: (u32, u32),
+    interval: Duration,
+    last: Option<Time>,
+    stopped: bool,
+}
+
+impl VideoWriter {
+    /// Starts a video of `width × height` pixels (even, within 16 and 3840 × 2160) with nominally `fps` pictures a second.
+    ///
+    /// # Errors
+    /// [`VideoError::Write`] if the file cannot be made, [`VideoError::Encode`] for a size that video cannot have.
+    pub fn create(path: &Path, width: u32, height: u32, fps: f64) -> Result<Self, VideoError> {
+        Self::with_settings(path, EncoderSettings::for_size(width, height, fps))
+    }
+
+    /// Starts a video with an encoder's settings.
+    ///
+    /// # Errors
+    /// As [`VideoWriter::create`].
+    pub fn with_settings(path: &Path, settings: EncoderSettings) -> Result<Self, VideoError> {
+        let encoder = Encoder::new(settings).map_err(|source| VideoError::Encode { path: path.to_owned(), source })?;
+        let written = File::create(path).and_then(|file| Muxer::new(file, settings.width, settings.height));
+        let muxer = written.map_err(|source| VideoError::Write { path: path.to_owned(), source })?;
+        Ok(Self {
+            path: path.to_owned(),
+            encoder,
+            muxer,
+            size: (settings.width, settings.height),
+            interval: duration_from_secs(1.0 / settings.fps.clamp(1.0, 60.0)),
+            last: None,
+            stopped: false,
+        })
+    }
+
+    /// Adds the picture shown from flight time `time` on; one of another size is scaled to the video's.
+    ///
+    /// # Errors
+    /// [`VideoError::Order`] leaves the video as it was, and later pictures are welcome. After any other error it takes no more
+    /// pictures ([`VideoError::Stopped`]), but what was written until then can be finished.
+    pub fn push(&mut self, time: Time, picture: &Rgb) -> Result<(), VideoError> {
+        if self.stopped {
+            return Err(VideoError::Stopped { path: self.path.clone() });
+        }
+        if let Some(last) = self.last
+            && ticks(time) <= ticks(last)
+        {
+            return Err(VideoError::Order { path: self.path.clone(), last, time });
+        }
+        let result = self.encode_and_write(time, picture);
+        self.stopped = result.is_err();
+        result
+    }
+
+    fn encode_and_write(&mut self, time: Time, picture: &Rgb) -> Result<(), VideoError> {
+        let scaled;
+        let picture = if (picture.width(), picture.height()) == self.size {
+            picture
+        } else {
+            scaled = resize(picture, self.size.0, self.size.1);
+            &scaled
+        };
+        let unit = self.encoder.encode(time, picture);
+        let unit = unit.map_err(|source| VideoError::Encode { path: self.path.clone(), source })?;
+        let start = if self.last.is_none() { 0 } else { ticks(time) };
+        self.muxer.push(start, &unit).map_err(|error| failure(&self.path, error))?;
+        self.last = Some(time);
+        Ok(())
+    }
+
+    /// Writes the index, without which nothing plays the file. The last picture lasts one nominal interval.
+    ///
+    /// After a failure (a full disk) the video ends with the last picture for which there is room. Without any picture the file
+    /// is removed.
+    ///
+    /// # Errors
+    /// [`VideoError::Write`], [`VideoError::Form`].
+    pub fn finish(self) -> Result<VideoFacts, VideoError> {
+        let Self { path, muxer, last, interval, .. } = self;
+        let Some(last) = last else {
+            drop(muxer);
+            std::fs::remove_file(&path).map_err(|source| VideoError::Write { path, source })?;
+            return Ok(VideoFacts { frames: 0, duration: Duration::ZERO, bytes: 0 });
+        };
+        let end = ticks(last + interval).max(ticks(last) + 1);
+        let written = muxer.finish(end).map_err(|error| failure(&path, error))?;
+        let duration = Duration::from_nanos(nanos(written.end));
+        Ok(VideoFacts { frames: written.samples, duration, bytes: written.bytes })
+    }
+}
+
+fn failure(path: &Path, error: MuxError) -> VideoError {
+    let path = path.to_owned();
+    match error {
+        MuxError::Io(source) => VideoError::Write { path, source },
+        MuxError::Form(reason) => VideoError::Form { path, reason },
+    }
+}
+
+/// Flight time in units of the file, 1/90000 s, rounded down.
+fn ticks(time: Time) -> u64 {
+    let nanos = u128::from(time.as_nanos());
+    u64::try_from(nanos * u128::from(mp4::TIMESCALE) / 1_000_000_000).unwrap_or(u64::MAX)
+}
+
+fn nanos(ticks: u64) -> u64 {
+    u64::try_from(u128::from(ticks) * 1_000_000_000 / u128::from(mp4::TIMESCALE)).unwrap_or(u64::MAX)
+}
