@@ -1,0 +1,150 @@
+//! Procedural meshes: one generator a kind of thing, drawn from a few measures.
+//!
+//! A generator is plain data read from a scene file. It names its material slots with their default materials, and draws in
+//! its own frame (x right, y forward, z up, metres). The table [`KINDS`] is the whole list.
+
+mod bridge;
+mod building;
+mod car;
+mod crane;
+mod furniture;
+mod ground;
+mod heavy;
+mod house;
+mod person;
+mod polygon;
+mod sketch;
+mod tower;
+mod tree;
+mod tunnel;
+
+use core::fmt::Debug;
+
+use glam::Vec2;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer};
+
+pub(crate) use polygon::convex_hull;
+pub(crate) use sketch::{Sketch, Surface};
+
+/// Material slots of a generator with the material each takes unless the scene says otherwise.
+pub(crate) type Slots = &'static [(&'static str, &'static str)];
+
+/// A kind of thing, with its measures.
+pub(crate) trait Generator: Debug {
+    /// The slots that [`Generator::draw`] uses.
+    fn slots(&self) -> Slots;
+    /// Draws the thing. `seed` names the instance for those that grow by chance (trees).
+    fn draw(&self, sketch: &mut Sketch, seed: &str);
+    /// Whether it is an opening: a tagged surface that hides and touches nothing.
+    fn is_opening(&self) -> bool {
+        false
+    }
+}
+
+/// A measure in metres, 0.01..=2000: checked when read, so that no generator loops without bound.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Metres(pub(crate) f32);
+
+impl<'de> Deserialize<'de> for Metres {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = f64::deserialize(deserializer)?;
+        if (0.01..=2000.0).contains(&value) {
+            Ok(Self(value as f32))
+        } else {
+            Err(serde::de::Error::custom(format!("a measure must be from 0.01 to 2000 metres, not `{value}`")))
+        }
+    }
+}
+
+/// A place in metres within ±2000.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Offset(pub(crate) f32);
+
+impl<'de> Deserialize<'de> for Offset {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = f64::deserialize(deserializer)?;
+        if value.abs() <= 2000.0 {
+            Ok(Self(value as f32))
+        } else {
+            Err(serde::de::Error::custom(format!("a place must be within 2000 metres, not `{value}`")))
+        }
+    }
+}
+
+/// A number of things, 1..=100.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Count(pub(crate) u32);
+
+impl<'de> Deserialize<'de> for Count {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = u32::deserialize(deserializer)?;
+        if (1..=100).contains(&value) {
+            Ok(Self(value))
+        } else {
+            Err(serde::de::Error::custom(format!("a count must be from 1 to 100, not `{value}`")))
+        }
+    }
+}
+
+/// Width and length, or width, depth and height.
+pub(crate) type Size<const N: usize> = [Metres; N];
+
+fn plan(size: Size<2>) -> Vec2 {
+    Vec2::new(size[0].0, size[1].0)
+}
+
+/// How many equal parts of about `part` metres fill `length`: 1..=200.
+fn parts(length: f32, part: f32) -> u32 {
+    (length / part).round().clamp(1.0, 200.0) as u32
+}
+
+type Reader = fn(toml::Table) -> Result<Box<dyn Generator>, toml::de::Error>;
+
+fn read<T: Generator + DeserializeOwned + 'static>(table: toml::Table) -> Result<Box<dyn Generator>, toml::de::Error> {
+    table.try_into::<T>().map(|generator| Box::new(generator) as Box<dyn Generator>)
+}
+
+/// Every kind of mesh, in alphabetical order.
+pub(crate) const KINDS: &[(&str, Reader)] = &[
+    ("bench", read::<furniture::Bench>),
+    ("boat", read::<heavy::Boat>),
+    ("bridge", read::<bridge::Bridge>),
+    ("building", read::<building::Building>),
+    ("bus", read::<heavy::Bus>),
+    ("bus_shelter", read::<furniture::BusShelter>),
+    ("car", read::<car::Car>),
+    ("car_park", read::<ground::CarPark>),
+    ("chimney", read::<tower::Chimney>),
+    ("church", read::<house::Church>),
+    ("container", read::<furniture::Container>),
+    ("excavator", read::<heavy::Excavator>),
+    ("factory", read::<house::Factory>),
+    ("fence", read::<furniture::Fence>),
+    ("flagpole", read::<furniture::Flagpole>),
+    ("fountain", read::<ground::Fountain>),
+    ("frame_building", read::<building::FrameBuilding>),
+    ("hill", read::<tunnel::Hill>),
+    ("hollow_building", read::<building::HollowBuilding>),
+    ("house", read::<house::House>),
+    ("kiosk", read::<furniture::Kiosk>),
+    ("landing_pad", read::<ground::LandingPad>),
+    ("lattice_mast", read::<crane::LatticeMast>),
+    ("needle_tower", read::<tower::NeedleTower>),
+    ("opening", read::<tunnel::Opening>),
+    ("person", read::<person::Person>),
+    ("pile", read::<ground::Pile>),
+    ("pond", read::<ground::Pond>),
+    ("quay", read::<ground::Quay>),
+    ("ring_road", read::<ground::RingRoad>),
+    ("slab", read::<ground::Slab>),
+    ("slide", read::<furniture::Slide>),
+    ("street_lamp", read::<furniture::StreetLamp>),
+    ("tower_crane", read::<crane::TowerCrane>),
+    ("traffic_light", read::<furniture::TrafficLight>),
+    ("tree", read::<tree::Tree>),
+    ("truck", read::<heavy::Truck>),
+    ("tunnel", read::<tunnel::Tunnel>),
+    ("van", read::<car::Van>),
+    ("water_tower", read::<tower::WaterTower>),
+];

@@ -1,0 +1,254 @@
+//! From checked entries to the scene: meshes in the world, materials, light, bounds, footprints.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use glam::{Vec2, Vec3};
+use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
+
+use super::error::{SceneError, nearest};
+use super::expand::{Expanded, Placed};
+use super::file::{RawLight, RawScene, Source};
+use super::surface::palette;
+use super::{Aabb, Object, Scene};
+use crate::geometry::{Light, Material, ObjectId, Part, Pattern, Role, SceneGeometry, Vertex};
+use crate::mesh::{Sketch, convex_hull};
+
+/// Most triangles of a scene: what a laptop still renders at several pictures a second.
+const MAX_TRIANGLES: usize = 500_000;
+
+/// Materials by name, each stored once.
+struct Materials<'a> {
+    raw: &'a RawScene,
+    list: Vec<Material>,
+    index: BTreeMap<String, u16>,
+}
+
+impl Materials<'_> {
+    fn get(&mut self, name: &str, at: &Range<usize>, source: &Source<'_>) -> Result<u16, SceneError> {
+        if let Some(&index) = self.index.get(name) {
+            return Ok(index);
+        }
+        let own = self.raw.materials.get(name).map(|m| (m.get_ref(), m.span()));
+        let Some((material, span)) = own.or_else(|| palette().get(name).map(|m| (m, at.clone()))) else {
+            let known = self.raw.materials.keys().chain(palette().keys()).map(String::as_str);
+            let hint = nearest(name, known).map_or_else(
+                || "name one under `[materials]`, or one of the palette in docs/scene-format.md".to_owned(),
+                |n| format!("did you mean `{n}`?"),
+            );
+            return Err(source.error(at, format!("no material `{name}`"), Some(hint)));
+        };
+        let material = material.material().map_err(|e| source.error(&span, format!("material `{name}`: {e}"), None))?;
+        let index =
+            u16::try_from(self.list.len()).map_err(|_| source.error(at, "a scene may have at most 65535 materials", None))?;
+        self.list.push(material);
+        self.index.insert(name.to_owned(), index);
+        Ok(index)
+    }
+}
+
+/// Builds the scene.
+pub(super) fn build(raw: &RawScene, expanded: Expanded, source: &Source<'_>) -> Result<Scene, SceneError> {
+    let mut materials = Materials { raw, list: Vec::new(), index: BTreeMap::new() };
+    // Every material is checked, also those that nothing uses.
+    for (name, material) in &raw.materials {
+        materials.get(name, &material.span(), source)?;
+    }
+    let ids: BTreeMap<&str, ObjectId> =
+        expanded.placed.iter().enumerate().map(|(i, p)| (p.key.as_str(), i as ObjectId + 1)).collect();
+    let (mut parts, mut objects) = (Vec::new(), Vec::new());
+    let mut triangles = 0;
+    for (i, placed) in expanded.placed.iter().enumerate() {
+        let id = i as ObjectId + 1;
+        let generator = &expanded.meshes[placed.mesh];
+        let slots = slots(generator.slots(), placed, &mut materials, source)?;
+        let cells = slots.iter().filter_map(|&(slot, index)| match materials.list[usize::from(index)].pattern {
+            Pattern::Windows { cell, .. } => Some((slot, cell)),
+            _ => None,
+        });
+        let mut sketch = Sketch::new(cells.collect());
+        generator.draw(&mut sketch, &placed.key);
+        triangles += sketch.triangle_count();
+        if triangles > MAX_TRIANGLES {
+            let message = format!("the scene has more than {MAX_TRIANGLES} triangles, counted up to `{}`", placed.key);
+            return Err(source.error(&placed.span, message, None));
+        }
+        let to_world = Frame::of(placed);
+        let first = parts.len();
+        for surface in &sketch.surfaces {
+            let Some(&(_, material)) = slots.iter().find(|(slot, _)| *slot == surface.slot) else {
+                unreachable!("a generator draws only on its own slots; a test draws them all");
+            };
+            let vertices = surface.vertices.iter().map(|v| to_world.vertex(v)).collect();
+            parts.push(Part { vertices, triangles: surface.triangles.clone(), material, object: id, role: surface.role });
+        }
+        objects.push(object(placed, id, &ids, &parts[first..], &sketch, &to_world, source)?);
+    }
+    let bounds = bounds(raw, source)?;
+    Ok(Scene {
+        name: checked_name(raw, source)?,
+        near: radius(&raw.near_m, "near_m", source)?,
+        success_radius: radius(&raw.success_radius_m, "success_radius_m", source)?,
+        default_craft: raw.craft,
+        start: start(raw, &bounds, source)?,
+        bounds,
+        objects,
+        geometry: SceneGeometry { parts, materials: materials.list, light: light(&raw.light, source)? },
+    })
+}
+
+/// The material of each slot: the generator's default unless the object names another.
+fn slots(
+    defaults: &[(&'static str, &'static str)],
+    placed: &Placed,
+    materials: &mut Materials<'_>,
+    source: &Source<'_>,
+) -> Result<Vec<(&'static str, u16)>, SceneError> {
+    for (slot, _, at) in &placed.materials {
+        if !defaults.iter().any(|(name, _)| name == slot) {
+            let names: Vec<&str> = defaults.iter().map(|(name, _)| *name).collect();
+            let hint = nearest(slot, names.iter().copied())
+                .map_or_else(|| format!("this mesh has `{}`", names.join("`, `")), |n| format!("did you mean `{n}`?"));
+            return Err(source.error(at, format!("this mesh has no material slot `{slot}`"), Some(hint)));
+        }
+    }
+    let mut slots = Vec::with_capacity(defaults.len());
+    for &(slot, default) in defaults {
+        let own = placed.materials.iter().find(|(name, _, _)| name == slot);
+        let (name, at) = own.map_or((default, &placed.span), |(_, name, at)| (name.as_str(), at));
+        slots.push((slot, materials.get(name, at, source)?));
+    }
+    Ok(slots)
+}
+
+/// Local frame of an object to the world: scaled, turned clockwise by the heading, moved.
+struct Frame {
+    cos: f32,
+    sin: f32,
+    scale: f32,
+    offset: Vec3,
+}
+
+impl Frame {
+    fn of(placed: &Placed) -> Self {
+        let heading = placed.heading_deg.to_radians();
+        let offset = Vec3::new(placed.position[0] as f32, placed.position[1] as f32, placed.position[2] as f32);
+        Self { cos: libm::cos(heading) as f32, sin: libm::sin(heading) as f32, scale: placed.scale as f32, offset }
+    }
+
+    fn turn(&self, v: Vec3) -> Vec3 {
+        Vec3::new(v.x * self.cos + v.y * self.sin, v.y * self.cos - v.x * self.sin, v.z)
+    }
+
+    fn point(&self, v: Vec3) -> Vec3 {
+        self.turn(v) * self.scale + self.offset
+    }
+
+    fn vertex(&self, v: &Vertex) -> Vertex {
+        Vertex { position: self.point(v.position), normal: self.turn(v.normal), uv: v.uv * self.scale }
+    }
+
+    fn on_map(&self, p: Vec2) -> [f64; 2] {
+        let at = self.point(p.extend(0.0));
+        [f64::from(at.x), f64::from(at.y)]
+    }
+}
+
+fn object(
+    placed: &Placed,
+    id: ObjectId,
+    ids: &BTreeMap<&str, ObjectId>,
+    parts: &[Part],
+    sketch: &Sketch,
+    to_world: &Frame,
+    source: &Source<'_>,
+) -> Result<Object, SceneError> {
+    let corners = || parts.iter().flat_map(|p| p.vertices.iter().map(|v| v.position));
+    let Some(bounds) = Aabb::around(corners()) else {
+        return Err(source.error(&placed.span, format!("the mesh of `{}` is empty", placed.key), None));
+    };
+    let outline = if sketch.outline.is_empty() {
+        vec![convex_hull(&corners().map(|p| [f64::from(p.x), f64::from(p.y)]).collect::<Vec<_>>())]
+    } else {
+        sketch.outline.iter().map(|polygon| polygon.iter().map(|&p| to_world.on_map(p)).collect()).collect()
+    };
+    let mut tags = placed.tags.clone();
+    if let Some((of, at)) = &placed.opening_of {
+        let hint = || nearest(of, ids.keys().copied()).map(|n| format!("did you mean `{n}`?"));
+        let id = ids.get(of.as_str()).ok_or_else(|| source.error(at, format!("no object `{of}`"), hint()))?;
+        tags.opening_of = Some(*id);
+    }
+    let opening = !parts.is_empty() && parts.iter().all(|p| p.role == Role::Opening);
+    Ok(Object { id, key: placed.key.clone(), tags, opening, bounds, outline })
+}
+
+fn checked_name(raw: &RawScene, source: &Source<'_>) -> Result<String, SceneError> {
+    let name = raw.name.get_ref();
+    if name.is_empty() || name.chars().count() > 60 || name.chars().any(char::is_control) {
+        return Err(source.error(&raw.name.span(), "a scene's name has 1 to 60 characters", None));
+    }
+    Ok(name.clone())
+}
+
+fn radius(value: &toml::Spanned<f64>, key: &str, source: &Source<'_>) -> Result<f64, SceneError> {
+    let v = *value.get_ref();
+    if (0.1..=50.0).contains(&v) {
+        return Ok(v);
+    }
+    Err(source.error(&value.span(), format!("`{key}` must be from 0.1 to 50 metres, not `{v}`"), None))
+}
+
+fn bounds(raw: &RawScene, source: &Source<'_>) -> Result<Aabb, SceneError> {
+    let b = raw.bounds.get_ref();
+    for range in [b.east, b.north, b.up] {
+        if !(range[0] < range[1] && range.iter().all(|v| v.abs() <= 2000.0)) {
+            let hint = "write `bounds = { east = [-100, 100], north = [-100, 100], up = [0, 60] }`".to_owned();
+            return Err(source.error(&raw.bounds.span(), "each range of `bounds` rises and stays within 2000 m", Some(hint)));
+        }
+    }
+    let corner = |i: usize| EnuPosition { east: b.east[i], north: b.north[i], up: b.up[i] };
+    Ok(Aabb { min: corner(0), max: corner(1) })
+}
+
+/// A pose written `east,north,up,heading_deg[,pitch_deg]` (DESIGN.md section 7).
+fn start(raw: &RawScene, bounds: &Aabb, source: &Source<'_>) -> Result<Pose, SceneError> {
+    let at = raw.start.span();
+    let hint = || Some("write `start = \"east,north,up,heading_deg\"`".to_owned());
+    let numbers: Option<Vec<f64>> =
+        raw.start.get_ref().split(',').map(|n| n.trim().parse::<f64>().ok().filter(|v| v.abs() <= 2000.0)).collect();
+    let (position, heading, pitch) = match numbers.as_deref() {
+        Some(&[east, north, up, heading]) => (EnuPosition { east, north, up }, heading, 0.0),
+        Some(&[east, north, up, heading, pitch]) => (EnuPosition { east, north, up }, heading, pitch),
+        _ => return Err(source.error(&at, format!("`{}` is no pose", raw.start.get_ref()), hint())),
+    };
+    if !bounds.contains(position) {
+        return Err(source.error(&at, "the start lies outside `bounds`", hint()));
+    }
+    let attitude = Attitude { heading: wrap_angle(heading.to_radians()), pitch: wrap_angle(pitch.to_radians()), roll: 0.0 };
+    Ok(Pose { position, attitude })
+}
+
+/// The light; what the file leaves out is a clear day with the sun high in the south-west.
+fn light(raw: &RawLight, source: &Source<'_>) -> Result<Light, SceneError> {
+    let number = |value: &Option<toml::Spanned<f64>>, key: &str, default: f64, low: f64, high: f64| match value {
+        Some(v) if !(low..=high).contains(v.get_ref()) => {
+            Err(source.error(&v.span(), format!("`{key}` must be from {low} to {high}, not `{}`", v.get_ref()), None))
+        }
+        v => Ok(v.as_ref().map_or(default, |v| *v.get_ref())),
+    };
+    let azimuth = number(&raw.sun_azimuth_deg, "sun_azimuth_deg", 222.0, -360.0, 360.0)?.to_radians();
+    let elevation = number(&raw.sun_elevation_deg, "sun_elevation_deg", 46.0, 1.0, 90.0)?.to_radians();
+    let strength = number(&raw.sun_strength, "sun_strength", 1.0, 0.0, 10.0)? as f32;
+    let (ce, se) = (libm::cos(elevation), libm::sin(elevation));
+    let to_sun = Vec3::new((ce * libm::sin(azimuth)) as f32, (ce * libm::cos(azimuth)) as f32, se as f32);
+    let colour = |c: Option<super::surface::Colour>, default: Vec3| c.map_or(default, |c| c.0);
+    Ok(Light {
+        to_sun: to_sun.normalize(),
+        sun: colour(raw.sun, Vec3::new(1.0, 0.93, 0.82)) * strength,
+        sky_ambient: colour(raw.sky_ambient, Vec3::new(0.30, 0.36, 0.45)),
+        ground_ambient: colour(raw.ground_ambient, Vec3::new(0.17, 0.16, 0.14)),
+        zenith: colour(raw.zenith, Vec3::new(0.16, 0.34, 0.68)),
+        horizon: colour(raw.horizon, Vec3::new(0.62, 0.72, 0.82)),
+        haze: number(&raw.haze_per_m, "haze_per_m", 0.0015, 0.0, 1.0)? as f32,
+    })
+}

@@ -1,0 +1,249 @@
+//! From what is written to one entry an object: templates merged, places and rows unrolled, everything checked.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use super::Tags;
+use super::error::{SceneError, nearest};
+use super::file::{RawObject, RawScene, Source, first_line};
+use crate::mesh::{Generator, KINDS};
+
+/// Most objects in a scene; ids are 16 bits, and a legend beyond this is no use to anyone.
+const MAX_OBJECTS: usize = 4000;
+
+/// Farthest place of an object, metres from the origin in each axis.
+const FARTHEST: f64 = 2000.0;
+
+/// Longest word or phrase among the tags, characters.
+const LONGEST: usize = 80;
+
+/// One object of the scene before its mesh is drawn.
+#[derive(Debug)]
+pub(super) struct Placed {
+    pub(super) key: String,
+    pub(super) tags: Tags,
+    /// Key of the object that an opening leads through.
+    pub(super) opening_of: Option<(String, Range<usize>)>,
+    /// Index into the generators.
+    pub(super) mesh: usize,
+    /// Slot and material, with the place in the text.
+    pub(super) materials: Vec<(String, String, Range<usize>)>,
+    /// East, north, up, metres.
+    pub(super) position: [f64; 3],
+    /// Clockwise from north, degrees.
+    pub(super) heading_deg: f64,
+    pub(super) scale: f64,
+    pub(super) span: Range<usize>,
+}
+
+/// The objects and the generators they are drawn with.
+#[derive(Debug)]
+pub(super) struct Expanded {
+    pub(super) placed: Vec<Placed>,
+    pub(super) meshes: Vec<Box<dyn Generator>>,
+}
+
+/// Unrolls all objects of a file.
+pub(super) fn expand(raw: &RawScene, source: &Source<'_>) -> Result<Expanded, SceneError> {
+    let mut out = Expanded { placed: Vec::new(), meshes: Vec::new() };
+    let mut keys = BTreeSet::new();
+    for object in &raw.objects {
+        let span = object.span();
+        let merged = merge(raw, object.get_ref(), source)?;
+        let key = merged.id.clone().unwrap_or_default();
+        if key.is_empty() || !key.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_') {
+            let hint = "write `id = \"red_crane\"`: lower case letters, digits and `_`".to_owned();
+            return Err(source.error(&span, "an object has no usable `id`", Some(hint)));
+        }
+        let tags = tags(&merged, &span, source)?;
+        let materials: Vec<_> =
+            merged.materials.iter().map(|(slot, name)| (slot.clone(), name.get_ref().clone(), name.span())).collect();
+        out.meshes.push(generator(&merged, &span, source)?);
+        check_opening(&merged, out.meshes[out.meshes.len() - 1].as_ref(), &span, source)?;
+        let places = places(&merged, &span, source)?;
+        let single = merged.places.is_none() && merged.repeat.is_none();
+        for (i, (position, heading_deg)) in places.into_iter().enumerate() {
+            let key = if single { key.clone() } else { format!("{key}_{}", i + 1) };
+            if !keys.insert(key.clone()) {
+                let hint = "each `id` stands once; rows and places add `_1`, `_2`, …".to_owned();
+                return Err(source.error(&span, format!("the id `{key}` is given twice"), Some(hint)));
+            }
+            if out.placed.len() >= MAX_OBJECTS {
+                return Err(source.error(&span, format!("a scene may have at most {MAX_OBJECTS} objects"), None));
+            }
+            out.placed.push(Placed {
+                key,
+                tags: tags.clone(),
+                opening_of: merged.opening_of.as_ref().map(|o| (o.get_ref().clone(), o.span())),
+                mesh: out.meshes.len() - 1,
+                materials: materials.clone(),
+                position,
+                heading_deg,
+                scale: scale(&merged, source)?,
+                span: span.clone(),
+            });
+        }
+    }
+    Ok(out)
+}
+
+/// An object over its template: what the object says wins, `materials` are joined.
+fn merge(raw: &RawScene, object: &RawObject, source: &Source<'_>) -> Result<RawObject, SceneError> {
+    let Some(like) = &object.like else { return Ok(object.clone()) };
+    let Some(template) = raw.templates.get(like.get_ref()) else {
+        let near = nearest(like.get_ref(), raw.templates.keys().map(String::as_str));
+        let hint = near.map(|n| format!("did you mean `{n}`?"));
+        return Err(source.error(&like.span(), format!("no template `{}`", like.get_ref()), hint));
+    };
+    let base = template.get_ref().clone();
+    if base.like.is_some() || base.id.is_some() || base.places.is_some() || base.repeat.is_some() {
+        let hint = "put these keys at the objects".to_owned();
+        return Err(source.error(&template.span(), "a template has no `id`, `like`, `places` or `repeat`", Some(hint)));
+    }
+    let mut materials = base.materials;
+    materials.extend(object.materials.clone());
+    let object = object.clone();
+    Ok(RawObject {
+        id: object.id,
+        like: None,
+        mesh: object.mesh.or(base.mesh),
+        materials,
+        position: object.position.or(base.position),
+        heading_deg: object.heading_deg.or(base.heading_deg),
+        scale: object.scale.or(base.scale),
+        places: object.places,
+        repeat: object.repeat,
+        opening_of: object.opening_of.or(base.opening_of),
+        names: object.names.or(base.names),
+        synonyms: object.synonyms.or(base.synonyms),
+        qualities: object.qualities.or(base.qualities),
+        colour: object.colour.or(base.colour),
+        kind: object.kind.or(base.kind),
+        uses: object.uses.or(base.uses),
+        group: object.group.or(base.group),
+        number: object.number.or(base.number),
+    })
+}
+
+fn tags(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<Tags, SceneError> {
+    let missing = |key: &str, example: &str| source.error(span, format!("an object has no `{key}`"), Some(example.to_owned()));
+    let names = object.names.clone().filter(|n| !n.is_empty());
+    let tags = Tags {
+        names: names.ok_or_else(|| missing("names", "write `names = [\"tower crane\", \"crane\"]`, the most fitting first"))?,
+        synonyms: object.synonyms.clone().unwrap_or_default(),
+        qualities: object.qualities.clone().unwrap_or_default(),
+        colour: object.colour.clone(),
+        kind: object.kind.clone().ok_or_else(|| missing("kind", "write `kind = \"building\"`, a category"))?,
+        uses: object.uses.clone().unwrap_or_default(),
+        group: object.group.clone(),
+        number: object.number,
+        opening_of: None,
+    };
+    let lists = [&tags.names, &tags.synonyms, &tags.qualities, &tags.uses].into_iter().flatten();
+    let mut words = lists.chain(tags.colour.as_ref()).chain(tags.group.as_ref()).chain([&tags.kind]);
+    let unusable = |w: &&String| w.trim().is_empty() || w.chars().count() > LONGEST || w.chars().any(char::is_uppercase);
+    if let Some(word) = words.find(unusable) {
+        let hint = format!("tags are 1 to {LONGEST} lower case characters");
+        return Err(source.error(span, format!("the tag `{word}` cannot be used"), Some(hint)));
+    }
+    drop(words);
+    Ok(tags)
+}
+
+fn generator(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<Box<dyn Generator>, SceneError> {
+    let Some(mesh) = &object.mesh else {
+        let hint = "write `mesh = { kind = \"tree\", style = \"conifer\", height = 9.0 }`".to_owned();
+        return Err(source.error(span, "an object has no `mesh`", Some(hint)));
+    };
+    let at = mesh.span();
+    let mut table = mesh.get_ref().clone();
+    let Some(toml::Value::String(kind)) = table.remove("kind") else {
+        return Err(source.error(&at, "a mesh has no `kind`", Some("write `mesh = { kind = \"tree\", … }`".to_owned())));
+    };
+    let Some((_, read)) = KINDS.iter().find(|(name, _)| *name == kind) else {
+        let hint = match nearest(&kind, KINDS.iter().map(|(name, _)| *name)) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("kinds are `{}`", KINDS.iter().map(|(name, _)| *name).collect::<Vec<_>>().join("`, `")),
+        };
+        return Err(source.error(&at, format!("no mesh of kind `{kind}`"), Some(hint)));
+    };
+    read(table).map_err(|e| {
+        let message = first_line(e.message());
+        let hint = super::error::hint_from(&message);
+        source.error(&at, format!("mesh `{kind}`: {message}"), hint)
+    })
+}
+
+fn check_opening(object: &RawObject, mesh: &dyn Generator, span: &Range<usize>, source: &Source<'_>) -> Result<(), SceneError> {
+    match (&object.opening_of, mesh.is_opening()) {
+        (Some(of), false) => {
+            let hint = "an opening's mesh is `{ kind = \"opening\", shape = \"rectangle\", width = …, height = … }`".to_owned();
+            Err(source.error(&of.span(), "`opening_of` stands at an object that is no opening", Some(hint)))
+        }
+        (None, true) => {
+            let hint = "write `opening_of = \"ID\"`, the object that it leads through".to_owned();
+            Err(source.error(span, "an opening does not say what it is an opening of", Some(hint)))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn scale(object: &RawObject, source: &Source<'_>) -> Result<f64, SceneError> {
+    match &object.scale {
+        Some(s) if !(0.01..=100.0).contains(s.get_ref()) => {
+            Err(source.error(&s.span(), format!("`scale` must be from 0.01 to 100, not `{}`", s.get_ref()), None))
+        }
+        s => Ok(s.as_ref().map_or(1.0, |s| *s.get_ref())),
+    }
+}
+
+type Place = ([f64; 3], f64);
+
+/// Positions and headings of all instances of an object.
+fn places(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<Vec<Place>, SceneError> {
+    let heading = object.heading_deg.as_ref().map_or(0.0, |h| *h.get_ref());
+    let checked = |position: [f64; 3], heading: f64, at: &Range<usize>| {
+        let fits = position.iter().all(|v| v.abs() <= FARTHEST) && heading.abs() <= 360.0;
+        let message = format!("a place must lie within {FARTHEST} m and its heading within 360 degrees");
+        if fits { Ok((position, heading)) } else { Err(source.error(at, message, None)) }
+    };
+    if let Some(places) = &object.places {
+        if object.position.is_some() || object.repeat.is_some() {
+            return Err(source.error(&places.span(), "`places` stands instead of `position` and `repeat`", None));
+        }
+        let at = places.span();
+        let place = |p: &Vec<f64>| match p[..] {
+            [e, n] => checked([e, n, 0.0], heading, &at),
+            [e, n, h] => checked([e, n, 0.0], h, &at),
+            [e, n, u, h] => checked([e, n, u], h, &at),
+            _ => {
+                let hint = "write `[east, north]`, `[east, north, heading_deg]` or `[east, north, up, heading_deg]`".to_owned();
+                Err(source.error(&at, "a place has two to four numbers", Some(hint)))
+            }
+        };
+        return places.get_ref().iter().map(place).collect();
+    }
+    let Some(position) = &object.position else {
+        let hint = "write `position = [east, north]` in metres, or `places = [[east, north], …]`".to_owned();
+        return Err(source.error(span, "an object has no `position`", Some(hint)));
+    };
+    let at = position.span();
+    let first = match position.get_ref()[..] {
+        [e, n] => [e, n, 0.0],
+        [e, n, u] => [e, n, u],
+        _ => {
+            let hint = "write `[east, north]` or `[east, north, up]`, metres".to_owned();
+            return Err(source.error(&at, "a position has two or three numbers", Some(hint)));
+        }
+    };
+    let (count, step) = object.repeat.as_ref().map_or((1, [0.0; 2]), |r| (r.get_ref().count, r.get_ref().step));
+    if !(1..=1000).contains(&count) {
+        return Err(source.error(&at, format!("`count` must be from 1 to 1000, not `{count}`"), None));
+    }
+    (0..count)
+        .map(|i| {
+            let i = f64::from(i);
+            checked([first[0] + i * step[0], first[1] + i * step[1], first[2]], heading, &at)
+        })
+        .collect()
+}

@@ -1,0 +1,204 @@
+//! Scenes: data files that say what stands where and what people call it (DESIGN.md section 5; `docs/scene-format.md`).
+//!
+//! [`Scene::load`] reads a built-in scene by name or a user's file by path, checks it, and builds its meshes. Object ids count
+//! from 1 in the order of the file, so the same file always gives the same ids.
+
+mod build;
+mod error;
+mod expand;
+mod file;
+mod surface;
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use spf_core::camera::Camera;
+use spf_core::craft::Craft;
+use spf_core::geometry::{EnuPosition, Pose};
+
+pub use self::error::SceneError;
+use crate::geometry::{ObjectId, SceneGeometry};
+
+/// The scenes that come with the program: name and text.
+const BUILT_IN: &[(&str, &str)] = &[("city", include_str!("../../../../scenes/city.toml"))];
+
+/// A loaded scene.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Name, as in the file.
+    pub name: String,
+    /// Range at which the oracle believes a goal reached, metres: 3.0 in scenes of the simulation set, 0.8 in the real-world set.
+    pub near: f64,
+    /// The judge's radius about the nearest surface of the goal, metres.
+    pub success_radius: f64,
+    /// The craft that flies here unless the user names another.
+    pub default_craft: CraftKind,
+    /// Where the craft stands before take-off.
+    pub start: Pose,
+    /// Where flying makes sense; the ground may reach farther.
+    pub bounds: Aabb,
+    /// Everything that is seen, ids counting from 1.
+    pub objects: Vec<Object>,
+    /// Meshes, materials, light.
+    pub geometry: SceneGeometry,
+}
+
+/// One thing of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Object {
+    /// Its number in id pictures.
+    pub id: ObjectId,
+    /// Its name in the file, unique; repeated objects end in `_1`, `_2`, ….
+    pub key: String,
+    /// What people call it.
+    pub tags: Tags,
+    /// Whether it is an opening, a surface that hides and touches nothing.
+    pub opening: bool,
+    /// Extent of its meshes.
+    pub bounds: Aabb,
+    /// Footprint polygons for drawings seen from above, metres east and north, counter-clockwise.
+    pub outline: Vec<Vec<[f64; 2]>>,
+}
+
+/// What people call a thing and do with it. Lower case.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Tags {
+    /// What it is, most fitting first; never empty.
+    pub names: Vec<String>,
+    /// Other words for it.
+    pub synonyms: Vec<String>,
+    /// Adjectives besides the colour.
+    pub qualities: Vec<String>,
+    /// Main colour in words.
+    pub colour: Option<String>,
+    /// Category: building, vehicle, tree, tower, ….
+    pub kind: String,
+    /// What people do with it, as verbs or phrases.
+    pub uses: Vec<String>,
+    /// Where it belongs: construction site, car park, ….
+    pub group: Option<String>,
+    /// Number written on it or known by.
+    pub number: Option<u32>,
+    /// For an opening: the object it leads through.
+    pub opening_of: Option<ObjectId>,
+}
+
+/// An axis-parallel box in the world, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Aabb {
+    /// Western, southern, lower corner.
+    pub min: EnuPosition,
+    /// Eastern, northern, upper corner.
+    pub max: EnuPosition,
+}
+
+impl Aabb {
+    /// Whether a position lies inside or on the boundary.
+    #[must_use]
+    pub fn contains(&self, p: EnuPosition) -> bool {
+        (self.min.east..=self.max.east).contains(&p.east)
+            && (self.min.north..=self.max.north).contains(&p.north)
+            && (self.min.up..=self.max.up).contains(&p.up)
+    }
+
+    /// The smallest box about some points; none for no points.
+    pub(crate) fn around(points: impl Iterator<Item = Vec3>) -> Option<Self> {
+        let (min, max) =
+            points.fold(None, |sum: Option<(Vec3, Vec3)>, p| Some(sum.map_or((p, p), |(min, max)| (min.min(p), max.max(p)))))?;
+        let corner = |v: Vec3| EnuPosition { east: f64::from(v.x), north: f64::from(v.y), up: f64::from(v.z) };
+        Some(Self { min: corner(min), max: corner(max) })
+    }
+}
+
+/// Craft models that a scene may name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CraftKind {
+    /// The general quadrotor, 3 m/s.
+    Quad,
+    /// The DJI/Ryze Tello, 1 m/s.
+    Tello,
+}
+
+impl CraftKind {
+    /// Its figures.
+    #[must_use]
+    pub fn craft(self) -> Craft {
+        match self {
+            Self::Quad => Craft::quad(),
+            Self::Tello => Craft::tello(),
+        }
+    }
+
+    /// Its camera.
+    #[must_use]
+    pub fn camera(self) -> Camera {
+        match self {
+            Self::Quad => Camera::quad(),
+            Self::Tello => Camera::tello(),
+        }
+    }
+}
+
+impl Scene {
+    /// Loads a built-in scene by name (`city`), or a scene file by its path, which must end in `.toml`.
+    ///
+    /// # Errors
+    /// [`SceneError::Unknown`] for a name that no built-in scene has, [`SceneError::Read`] if the file cannot be read,
+    /// [`SceneError::Invalid`] if it is no scene, with the line and a hint where there is one.
+    pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
+        if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
+            return Self::parse(text, &format!("scenes/{name}.toml"));
+        }
+        if !name_or_path.ends_with(".toml") {
+            return Err(SceneError::unknown(name_or_path, &Self::built_in()));
+        }
+        let read = |source| SceneError::Read { path: name_or_path.to_owned(), source };
+        let length = std::fs::metadata(name_or_path).map_err(read)?.len();
+        if length > file::MAX_BYTES as u64 {
+            return Err(SceneError::too_large(name_or_path));
+        }
+        let text = std::fs::read_to_string(name_or_path).map_err(read)?;
+        Self::parse(&text, name_or_path)
+    }
+
+    /// Reads a scene from its text; `file` names it in errors.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`].
+    pub fn parse(text: &str, file: &str) -> Result<Self, SceneError> {
+        let source = file::Source::new(text, file);
+        let raw = file::read(&source)?;
+        let placed = expand::expand(&raw, &source)?;
+        build::build(&raw, placed, &source)
+    }
+
+    /// Names of the built-in scenes.
+    #[must_use]
+    pub fn built_in() -> Vec<&'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name).collect()
+    }
+
+    /// The object of an id; none for 0 (nothing) and ids beyond the list.
+    #[must_use]
+    pub fn object(&self, id: ObjectId) -> Option<&Object> {
+        self.objects.get(usize::from(id).checked_sub(1)?)
+    }
+
+    /// The object of a key.
+    #[must_use]
+    pub fn by_key(&self, key: &str) -> Option<&Object> {
+        self.objects.iter().find(|o| o.key == key)
+    }
+
+    /// The legend of an id picture: `{"scene": …, "objects": [{"id": 1, "key": …, "opening": …, "tags": {…}, "bounds": {…}}]}`.
+    #[must_use]
+    pub fn legend_json(&self) -> serde_json::Value {
+        let objects: Vec<_> = self
+            .objects
+            .iter()
+            .map(|o| json!({ "id": o.id, "key": o.key, "opening": o.opening, "tags": o.tags, "bounds": o.bounds }))
+            .collect();
+        json!({ "scene": self.name, "objects": objects })
+    }
+}

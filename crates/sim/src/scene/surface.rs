@@ -1,0 +1,138 @@
+//! Materials as written in a file, and as the renderer wants them.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use glam::{Vec2, Vec3};
+use serde::{Deserialize, Deserializer};
+
+use crate::geometry::{Material, Pattern};
+
+/// A colour written as `#rrggbb` in sRGB, kept linear.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Colour(pub(super) Vec3);
+
+impl<'de> Deserialize<'de> for Colour {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
+        let value = digits.and_then(|d| u32::from_str_radix(d, 16).ok());
+        let value = value.ok_or_else(|| serde::de::Error::custom(format!("`{text}` is no colour: write `#rrggbb`")))?;
+        let linear = |shift: u32| srgb_to_linear(f64::from((value >> shift) & 0xff) / 255.0) as f32;
+        Ok(Self(Vec3::new(linear(16), linear(8), linear(0))))
+    }
+}
+
+/// The sRGB transfer function (IEC 61966-2-1), decoding.
+fn srgb_to_linear(c: f64) -> f64 {
+    if c <= 0.04045 { c / 12.92 } else { libm::pow((c + 0.055) / 1.055, 2.4) }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum PatternName {
+    #[default]
+    Plain,
+    Windows,
+    Brick,
+    Asphalt,
+    Grass,
+    Concrete,
+    Foliage,
+    Wood,
+    Water,
+    Stripes,
+}
+
+/// A material as written.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMaterial {
+    colour: Colour,
+    accent: Option<Colour>,
+    #[serde(default)]
+    pattern: PatternName,
+    /// Window cell, metres.
+    cell: Option<[f32; 2]>,
+    /// Share of a cell that is glass.
+    glass: Option<f32>,
+    /// Marked road width, metres.
+    width: Option<f32>,
+    /// Distance of joints, metres.
+    joint: Option<f32>,
+    /// Period of stripes, metres.
+    period: Option<f32>,
+    #[serde(default)]
+    two_sided: bool,
+    emission: Option<Colour>,
+}
+
+impl RawMaterial {
+    /// The material, or what is wrong with it.
+    pub(super) fn material(&self) -> Result<Material, String> {
+        let measure = |name: &str, value: Option<f32>, default: f32, low: f32, high: f32| match value.unwrap_or(default) {
+            v if (low..=high).contains(&v) => Ok(v),
+            v => Err(format!("`{name}` must be from {low} to {high}, not `{v}`")),
+        };
+        let given = [
+            ("cell", self.cell.is_some(), PatternName::Windows),
+            ("glass", self.glass.is_some(), PatternName::Windows),
+            ("width", self.width.is_some(), PatternName::Asphalt),
+            ("joint", self.joint.is_some(), PatternName::Concrete),
+            ("period", self.period.is_some(), PatternName::Stripes),
+        ];
+        if let Some((name, _, _)) = given.iter().find(|(_, given, wanted)| *given && *wanted != self.pattern) {
+            return Err(format!("`{name}` means nothing to this pattern"));
+        }
+        let pattern = match self.pattern {
+            PatternName::Plain => Pattern::Plain,
+            PatternName::Windows => {
+                let [w, h] = self.cell.unwrap_or([3.0, 3.3]);
+                let cell = Vec2::new(measure("cell", Some(w), w, 0.2, 50.0)?, measure("cell", Some(h), h, 0.2, 50.0)?);
+                Pattern::Windows { cell, glass: measure("glass", self.glass, 0.5, 0.05, 0.98)? }
+            }
+            PatternName::Brick => Pattern::Brick,
+            PatternName::Asphalt => Pattern::Asphalt { width: measure("width", self.width, 0.0, 0.0, 100.0)? },
+            PatternName::Grass => Pattern::Grass,
+            PatternName::Concrete => Pattern::Concrete { joint: measure("joint", self.joint, 0.0, 0.0, 100.0)? },
+            PatternName::Foliage => Pattern::Foliage,
+            PatternName::Wood => Pattern::Wood,
+            PatternName::Water => Pattern::Water,
+            PatternName::Stripes => Pattern::Stripes { period: measure("period", self.period, 1.0, 0.02, 100.0)? },
+        };
+        let dimmed = self.colour.0 * 0.7;
+        Ok(Material {
+            colour: self.colour.0,
+            accent: self.accent.map_or(dimmed, |c| c.0),
+            pattern,
+            two_sided: self.two_sided,
+            emission: self.emission.map_or(Vec3::ZERO, |c| c.0),
+        })
+    }
+}
+
+/// The materials that every scene may name.
+pub(super) fn palette() -> &'static BTreeMap<String, RawMaterial> {
+    static PALETTE: OnceLock<BTreeMap<String, RawMaterial>> = OnceLock::new();
+    PALETTE.get_or_init(|| toml::from_str(include_str!("palette.toml")).expect("the palette is part of the program"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::KINDS;
+
+    #[test]
+    fn mid_grey_decodes_to_a_fifth() {
+        // 0x80/255 = 0.50196; ((0.50196 + 0.055) / 1.055)^2.4 = 0.2159.
+        assert!((srgb_to_linear(128.0 / 255.0) - 0.2159).abs() < 1e-4);
+    }
+
+    #[test]
+    fn every_palette_material_is_valid() {
+        for (name, material) in palette() {
+            assert!(material.material().is_ok(), "{name}");
+        }
+        assert!(KINDS.windows(2).all(|pair| pair[0].0 < pair[1].0), "kinds are in order");
+    }
+}

@@ -1,0 +1,363 @@
+//! The scene format and the city: what is accepted, what errors say, and that the meshes are sound.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use glam::{DVec3, Vec3};
+use proptest::prelude::*;
+use spf_sim::geometry::{Part, Role};
+use spf_sim::scene::{CraftKind, Scene, SceneError};
+
+const HEAD: &str = r#"format = 1
+name = "test"
+craft = "quad"
+start = "0,0,0,90"
+success_radius_m = 5.0
+near_m = 3.0
+bounds = { east = [-50, 50], north = [-50, 50], up = [0, 50] }
+"#;
+
+const TREE: &str = r#"
+[[objects]]
+id = "tree"
+position = [10.0, 5.0]
+mesh = { kind = "tree", style = "conifer", height = 9.0 }
+names = ["tree"]
+kind = "tree"
+"#;
+
+fn city() -> Scene {
+    Scene::load("city").expect("the city is part of the program")
+}
+
+/// The message of a scene that must not load.
+fn refused(text: &str) -> String {
+    match Scene::parse(text, "test.toml") {
+        Err(e @ SceneError::Invalid { .. }) => e.to_string(),
+        other => panic!("expected a refusal, got {other:?}"),
+    }
+}
+
+#[test]
+fn the_city_loads_with_its_landmarks() {
+    let scene = city();
+    assert_eq!((scene.near, scene.success_radius, scene.default_craft), (3.0, 5.0, CraftKind::Quad));
+    assert!(scene.bounds.max.east - scene.bounds.min.east >= 200.0);
+    for (key, colour) in [
+        ("red_crane", Some("red")),
+        ("tall_white_building", Some("white")),
+        ("needle_tower", Some("white")),
+        ("black_car", Some("black")),
+        ("tunnel", Some("grey")),
+        ("hollow_building", Some("beige")),
+        ("bridge", Some("grey")),
+    ] {
+        let object = scene.by_key(key).unwrap_or_else(|| panic!("{key}"));
+        assert_eq!(object.tags.colour.as_deref(), colour, "{key}");
+        // Targets lie 25 to 120 m from the start: the nearest corner of the box about each.
+        let p = scene.start.position;
+        let (east, north) = (
+            p.east.clamp(object.bounds.min.east, object.bounds.max.east),
+            p.north.clamp(object.bounds.min.north, object.bounds.max.north),
+        );
+        let range = (east - p.east).hypot(north - p.north);
+        assert!((20.0..=120.0).contains(&range), "{key} at {range:.0} m");
+    }
+    assert_eq!(scene.object(0), None);
+    assert_eq!(scene.object(1), Some(&scene.objects[0]));
+}
+
+#[test]
+fn openings_name_their_object() {
+    let scene = city();
+    for (key, of) in [("hollow", "hollow_building"), ("tunnel_mouth", "tunnel"), ("tunnel_far_mouth", "tunnel")] {
+        let opening = scene.by_key(key).unwrap();
+        assert!(opening.opening);
+        assert_eq!(opening.tags.opening_of, Some(scene.by_key(of).unwrap().id));
+    }
+    assert_eq!(scene.objects.iter().filter(|o| o.opening).count(), 3);
+}
+
+#[test]
+fn every_object_is_tagged_bounded_and_outlined() {
+    let scene = city();
+    assert!(scene.objects.len() > 100 && scene.objects.len() < 300, "{}", scene.objects.len());
+    for (i, object) in scene.objects.iter().enumerate() {
+        assert_eq!(usize::from(object.id), i + 1);
+        assert!(!object.tags.names.is_empty() && !object.tags.kind.is_empty(), "{}", object.key);
+        let (min, max) = (object.bounds.min, object.bounds.max);
+        assert!(max.east >= min.east && max.north >= min.north && max.up >= min.up, "{}", object.key);
+        assert!(object.outline.iter().any(|polygon| polygon.len() >= 2), "{}", object.key);
+        assert!(scene.geometry.parts.iter().any(|p| p.object == object.id), "{}", object.key);
+    }
+    let keys: BTreeSet<_> = scene.objects.iter().map(|o| &o.key).collect();
+    assert_eq!(keys.len(), scene.objects.len());
+}
+
+#[test]
+fn the_city_stays_within_its_triangle_budget() {
+    let scene = city();
+    let triangles: usize = scene.geometry.parts.iter().map(|p| p.triangles.len()).sum();
+    assert!((20_000..=90_000).contains(&triangles), "{triangles}");
+}
+
+fn corners(part: &Part, triangle: [u32; 3]) -> [Vec3; 3] {
+    triangle.map(|i| part.vertices[i as usize].position)
+}
+
+#[test]
+fn meshes_have_area_unit_normals_and_sides_that_agree() {
+    let scene = city();
+    for part in &scene.geometry.parts {
+        let key = &scene.object(part.object).unwrap().key;
+        for vertex in &part.vertices {
+            assert!((vertex.normal.length() - 1.0).abs() < 1e-3, "{key}: normal {:?}", vertex.normal);
+            assert!(vertex.position.is_finite() && vertex.uv.is_finite(), "{key}");
+        }
+        for &triangle in &part.triangles {
+            let [a, b, c] = corners(part, triangle);
+            let normal = (b - a).cross(c - a);
+            assert!(normal.length() > 1e-9, "{key}: a triangle without area at {a}");
+            let mean: Vec3 = triangle.iter().map(|&i| part.vertices[i as usize].normal).sum();
+            assert!(normal.dot(mean) > 0.0, "{key}: a triangle at {a} is wound against its normals");
+        }
+    }
+}
+
+#[test]
+fn solids_enclose_a_positive_volume() {
+    // The divergence theorem about a point on the ground below the middle: an open floor adds nothing. Sheets are left out.
+    let sheets = ["tunnel", "hill", "hollow"];
+    let scene = city();
+    for object in scene.objects.iter().filter(|o| !o.opening && !sheets.contains(&o.key.as_str())) {
+        let (min, max) = (object.bounds.min, object.bounds.max);
+        let origin = DVec3::new(0.5 * (min.east + max.east), 0.5 * (min.north + max.north), min.up);
+        let mut volume = 0.0;
+        for part in scene.geometry.parts.iter().filter(|p| p.object == object.id && p.role == Role::Solid) {
+            for &triangle in &part.triangles {
+                let [a, b, c] = corners(part, triangle).map(|p| p.as_dvec3() - origin);
+                volume += a.dot(b.cross(c)) / 6.0;
+            }
+        }
+        assert!(volume > 0.0, "{}: volume {volume}", object.key);
+    }
+}
+
+#[test]
+fn the_start_and_the_way_up_are_free() {
+    let scene = city();
+    let p = scene.start.position;
+    for object in scene.objects.iter().filter(|o| o.tags.kind != "ground") {
+        let (min, max) = (object.bounds.min, object.bounds.max);
+        let near = min.east < p.east + 3.0 && max.east > p.east - 3.0 && min.north < p.north + 3.0 && max.north > p.north - 3.0;
+        assert!(!near || min.up > 5.0, "{} stands at the start", object.key);
+    }
+}
+
+#[test]
+fn a_drone_fits_through_every_opening() {
+    let scene = city();
+    // A tube of 0.6 m along the heading, 3 m before and behind the opening's middle, meets no solid corner's triangle box.
+    for opening in scene.objects.iter().filter(|o| o.opening) {
+        let (min, max) = (opening.bounds.min, opening.bounds.max);
+        let middle =
+            Vec3::new(0.5 * (min.east + max.east) as f32, 0.5 * (min.north + max.north) as f32, 0.5 * (min.up + max.up) as f32);
+        let along = if max.east - min.east > max.north - min.north { Vec3::Y } else { Vec3::X };
+        for step in -12..=12 {
+            let at = middle + along * (0.5 * step as f32);
+            for part in scene.geometry.parts.iter().filter(|p| p.role == Role::Solid) {
+                for &triangle in &part.triangles {
+                    let t = corners(part, triangle);
+                    let (low, high) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
+                    let gap = (low - at).max(at - high).max(Vec3::ZERO).length();
+                    // A box about a sloping triangle is larger than it: what is flat in one axis is exact.
+                    let flat = (high - low).min_element() < 1e-3;
+                    assert!(
+                        gap > 0.6 || !flat,
+                        "{} is blocked at {at} by {}",
+                        opening.key,
+                        scene.object(part.object).unwrap().key
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn loading_twice_gives_the_same_bits() {
+    let (a, b) = (city(), city());
+    assert_eq!(a.objects, b.objects);
+    for (p, q) in a.geometry.parts.iter().zip(&b.geometry.parts) {
+        assert!(p.vertices == q.vertices && p.triangles == q.triangles && p.material == q.material);
+    }
+}
+
+#[test]
+fn the_legend_lists_every_id() {
+    let scene = city();
+    let legend = scene.legend_json();
+    let objects = legend["objects"].as_array().unwrap();
+    assert_eq!(objects.len(), scene.objects.len());
+    assert_eq!(objects[0]["key"], "red_crane");
+    assert_eq!(objects[0]["tags"]["names"][0], "tower crane");
+}
+
+#[test]
+fn a_small_scene_loads_with_pose_heading_and_place() {
+    let scene = Scene::parse(&format!("{HEAD}{TREE}"), "test.toml").unwrap();
+    assert!((scene.start.attitude.heading - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    let tree = &scene.objects[0];
+    assert!(tree.bounds.min.east > 7.0 && tree.bounds.max.east < 13.0 && tree.bounds.max.up > 7.0);
+}
+
+#[test]
+fn headings_turn_clockwise() {
+    let slab = r#"
+[[objects]]
+id = "slab"
+position = [10.0, 0.0]
+heading_deg = 90.0
+mesh = { kind = "slab", size = [2.0, 8.0], thickness = 1.0 }
+names = ["slab"]
+kind = "ground"
+"#;
+    let scene = Scene::parse(&format!("{HEAD}{slab}"), "test.toml").unwrap();
+    // Eight metres along its heading, east now: from 6 to 14.
+    let bounds = scene.objects[0].bounds;
+    assert!((bounds.min.east - 6.0).abs() < 1e-5 && (bounds.max.east - 14.0).abs() < 1e-5);
+    assert!((bounds.min.north + 1.0).abs() < 1e-5 && (bounds.max.up).abs() < 1e-5);
+}
+
+#[test]
+fn errors_name_file_line_and_remedy() {
+    let cases = [
+        (format!("{HEAD}{}", TREE.replace("names", "nmaes")), "test.toml:13: unknown field `nmaes`", "did you mean `names`?"),
+        (
+            format!("{HEAD}{}", TREE.replace("\"tree\", style", "\"treee\", style")),
+            "no mesh of kind `treee`",
+            "did you mean `tree`?",
+        ),
+        (
+            format!("{HEAD}{}", TREE.replace("height =", "hieght =")),
+            "mesh `tree`: unknown field `hieght`",
+            "did you mean `height`?",
+        ),
+        (format!("{HEAD}{}", TREE.replace("height = 9.0", "height = 1e9")), "from 0.01 to 2000 metres", ""),
+        (format!("{HEAD}{TREE}{TREE}"), "the id `tree` is given twice", "stands once"),
+        (format!("{HEAD}{TREE}materials = {{ leaf = \"snow\" }}"), "test.toml:15: no material `snow`", ""),
+        (format!("{HEAD}{TREE}materials = {{ leav = \"bark\" }}"), "no material slot `leav`", "did you mean `leaf`?"),
+        (format!("{HEAD}{TREE}opening_of = \"tree\""), "no opening", "an opening's mesh"),
+        (format!("{HEAD}{TREE}like = \"oak\""), "no template `oak`", ""),
+        (format!("{}{TREE}", HEAD.replace("format = 1", "format = 7")), "test.toml:1: scene format `7`", "format = 1"),
+        (format!("{}{TREE}", HEAD.replace("0,0,0,90", "0,0,north")), "test.toml:4: `0,0,north` is no pose", "east,north,up"),
+        (format!("{}{TREE}", HEAD.replace("0,0,0,90", "90,0,0,0")), "outside `bounds`", ""),
+        (format!("{}{TREE}", HEAD.replace("near_m = 3.0", "near_m = -1")), "test.toml:6: `near_m`", ""),
+        (format!("{HEAD}{}", TREE.replace("kind = \"tree\"\n", "kind = \"Tree\"\n")), "the tag `Tree`", "lower case"),
+        (format!("{HEAD}{}", TREE.replace("position = [10.0, 5.0]\n", "")), "no `position`", "places"),
+        ("format = 1\n= 3".to_owned(), "test.toml:2:", ""),
+    ];
+    for (text, message, hint) in cases {
+        let error = refused(&text);
+        assert!(error.contains(message) && error.contains(hint), "{error}\nshould say: {message} / {hint}");
+    }
+}
+
+#[test]
+fn unknown_scenes_name_the_built_in_ones() {
+    let error = Scene::load("citty").unwrap_err().to_string();
+    assert!(error.contains("`citty`") && error.contains("did you mean `city`?"), "{error}");
+    let error = Scene::load("/nowhere/of/that/name.toml").unwrap_err().to_string();
+    assert!(error.contains("/nowhere/of/that/name.toml"), "{error}");
+}
+
+#[test]
+fn a_scene_file_is_read_from_its_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.toml");
+    std::fs::write(&path, format!("{HEAD}{TREE}")).unwrap();
+    assert_eq!(Scene::load(path.to_str().unwrap()).unwrap().name, "test");
+}
+
+#[test]
+fn rows_and_sizes_are_bounded() {
+    let row = "\nrepeat = { count = 4000000000, step = [0.0, 0.001] }\n";
+    assert!(refused(&format!("{HEAD}{TREE}{row}")).contains("`count` must be from 1 to 1000"));
+    let row = "\nrepeat = { count = 1000, step = [0.0, 0.001] }\n";
+    let heavy = TREE.replace("conifer", "broadleaf");
+    assert!(refused(&format!("{HEAD}{heavy}{row}")).contains("more than 500000 triangles"));
+}
+
+fn toml_value() -> impl Strategy<Value = String> {
+    prop_oneof![
+        any::<f64>().prop_map(|v| format!("{v:?}")),
+        any::<i64>().prop_map(|v| v.to_string()),
+        (-50.0..50.0f64).prop_map(|v| format!("{v:?}")),
+        prop::collection::vec(-1e3..1e3f64, 0..5).prop_map(|v| format!("{v:?}")),
+        "[a-z_]{0,12}".prop_map(|s| format!("\"{s}\"")),
+        Just("true".to_owned()),
+        Just("[[1.0, 2.0, 3.0]]".to_owned()),
+        Just("{ kind = \"car\" }".to_owned()),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn arbitrary_text_never_panics(text in ".{0,400}") {
+        prop_assert!(Scene::parse(&text, "test.toml").is_err());
+    }
+
+    #[test]
+    fn arbitrary_keys_and_values_never_panic(
+        entries in prop::collection::vec((prop::sample::select(vec![
+            "id", "like", "mesh", "materials", "position", "heading_deg", "scale", "places", "repeat", "opening_of", "names",
+            "synonyms", "colour", "kind", "use", "number", "nonsense",
+        ]), toml_value()), 0..8),
+    ) {
+        let mut text = format!("{HEAD}\n[[objects]]\n");
+        for (key, value) in entries {
+            writeln!(text, "{key} = {value}").unwrap();
+        }
+        let _ = Scene::parse(&text, "test.toml").is_ok();
+    }
+
+    #[test]
+    fn any_measures_give_a_sound_mesh_or_a_refusal(
+        kind in prop::sample::select(vec![
+            "building", "hollow_building", "tower_crane", "lattice_mast", "needle_tower", "tunnel", "hill", "bridge", "tree",
+            "house", "church", "factory", "frame_building", "fence", "bus", "truck", "fountain", "water_tower", "quay", "pile",
+        ]),
+        a in 0.01..300.0f64, b in 0.01..300.0f64, c in 0.01..300.0f64, n in 0u32..120,
+    ) {
+        let measures = match kind {
+            "building" => format!("size = [{a}, {b}, {c}]"),
+            "hollow_building" => format!("size = [{a}, {b}, {c}], hole = [{b}, {c}], sill = {a}"),
+            "tower_crane" => format!("mast_height = {a}, jib = {b}, counter_jib = {c}, mast_width = 2"),
+            "lattice_mast" => format!("height = {a}, width = {b}"),
+            "needle_tower" => format!("height = {a}, pod_height = {b}"),
+            "tunnel" => format!("length = {a}, width = {b}, height = {c}, cutting = {a}"),
+            "hill" => format!("size = [{a}, {b}], height = {c}, tunnel_length = {b}, tunnel_height = {a}, cutting = {c}"),
+            "bridge" => format!("width = {a}, deck_length = {b}, ramp_length = {c}, deck_height = {a}, depth_below = {b}"),
+            "tree" => format!("style = \"broadleaf\", height = {a}"),
+            "house" => format!("size = [{a}, {b}], wall_height = {c}, roof_height = {a}"),
+            "church" => format!("size = [{a}, {b}], wall_height = {c}, spire_height = {a}"),
+            "factory" => format!("size = [{a}, {b}], wall_height = {c}"),
+            "frame_building" => format!("size = [{a}, {b}], storeys = {n}, storey_height = {c}"),
+            "fence" => format!("length = {a}, height = {b}"),
+            "bus" | "truck" => format!("length = {a}"),
+            "fountain" => format!("radius = {a}"),
+            "water_tower" => format!("height = {a}"),
+            "quay" => format!("width = {a}, length = {b}, depth = {c}"),
+            _ => format!("radius = {a}, height = {b}"),
+        };
+        let object = TREE.replace("kind = \"tree\", style = \"conifer\", height = 9.0", &format!("kind = \"{kind}\", {measures}"));
+        match Scene::parse(&format!("{HEAD}{object}"), "test.toml") {
+            Ok(scene) => for vertex in scene.geometry.parts.iter().flat_map(|p| &p.vertices) {
+                prop_assert!(vertex.position.is_finite() && (vertex.normal.length() - 1.0).abs() < 1e-3, "{kind}: {vertex:?}");
+            },
+            Err(e) => prop_assert!(n == 0 || n > 100, "{kind} {measures}: {e}"),
+        }
+    }
+}
