@@ -74,6 +74,8 @@ fn openings_name_their_object() {
         let opening = scene.by_key(key).unwrap();
         assert!(opening.opening);
         assert_eq!(opening.tags.opening_of, Some(scene.by_key(of).unwrap().id));
+        let tagged = &scene.tagged()[usize::from(opening.id) - 1];
+        assert_eq!((tagged.key.as_str(), tagged.opening_of.as_deref()), (key, Some(of)));
     }
     assert_eq!(scene.objects.iter().filter(|o| o.opening).count(), 3);
 }

@@ -18,6 +18,7 @@ use spf_core::geometry::{EnuPosition, Pose};
 
 pub use self::error::SceneError;
 use crate::geometry::{ObjectId, SceneGeometry};
+use crate::oracle::Tagged;
 
 /// The scenes that come with the program: name and text.
 const BUILT_IN: &[(&str, &str)] = &[("city", include_str!("../../../../scenes/city.toml"))];
@@ -189,6 +190,24 @@ impl Scene {
     #[must_use]
     pub fn by_key(&self, key: &str) -> Option<&Object> {
         self.objects.iter().find(|o| o.key == key)
+    }
+
+    /// The tags of all objects as the oracle and the truth read them, in the order of their ids.
+    #[must_use]
+    pub fn tagged(&self) -> Vec<Tagged> {
+        let tagged = |o: &Object| Tagged {
+            id: o.id,
+            key: o.key.clone(),
+            names: o.tags.names.clone(),
+            synonyms: o.tags.synonyms.clone(),
+            colour: o.tags.colour.clone(),
+            kind: o.tags.kind.clone(),
+            qualities: o.tags.qualities.clone(),
+            uses: o.tags.uses.clone(),
+            opening: o.opening,
+            opening_of: o.tags.opening_of.and_then(|id| self.object(id)).map(|of| of.key.clone()),
+        };
+        self.objects.iter().map(tagged).collect()
     }
 
     /// The legend of an id picture: `{"scene": …, "objects": [{"id": 1, "key": …, "opening": …, "tags": {…}, "bounds": {…}}]}`.
