@@ -1,6 +1,7 @@
 //! The two craft models: shared figures from the core, and what only the simulator knows of them.
 
 use serde::{Deserialize, Serialize};
+use spf_core::camera::Camera;
 use spf_core::craft::Craft;
 
 /// Which craft is simulated.
@@ -21,6 +22,15 @@ impl CraftKind {
         match self {
             Self::Quad => "quad",
             Self::Tello => "tello",
+        }
+    }
+
+    /// Its camera.
+    #[must_use]
+    pub fn camera(self) -> Camera {
+        match self {
+            Self::Quad => Camera::quad(),
+            Self::Tello => Camera::tello(),
         }
     }
 

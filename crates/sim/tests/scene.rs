@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use spf_sim::geometry::{Part, Role};
-use spf_sim::scene::{CraftKind, Scene, SceneError};
+use spf_sim::model::CraftKind;
+use spf_sim::scene::{Scene, SceneError};
 
 const HEAD: &str = r#"format = 1
 name = "test"

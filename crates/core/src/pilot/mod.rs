@@ -107,7 +107,8 @@ impl Pilot {
             policy,
             envelope: Envelope::new(limits, craft),
             estimator: MotionEstimator::new(&craft, senses),
-            executor: Executor::new(craft, settings.motion, settings.ending),
+            executor: Executor::new(craft, settings.motion, settings.ending)
+                .with_period(duration_from_secs(1.0 / settings.rate_hz.clamp(1.0, 100.0))),
             phase: Phase::Ground,
             craft_phase: FlightPhase::OnGround,
             entered: Time::ZERO,

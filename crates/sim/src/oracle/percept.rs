@@ -25,7 +25,7 @@ pub struct Sight<'a> {
     pub height: usize,
     /// Object of each pixel, row by row from the upper left; 0 for none.
     pub ids: &'a [u16],
-    /// Distance along the optical axis, metres; infinite for none.
+    /// Distance along the optical axis, metres; 0 for none.
     pub depth: &'a [f32],
     /// Openings (gates, tunnel mouths, hollows), which hide nothing; empty where the scene has none.
     pub opening_ids: &'a [u16],
@@ -95,7 +95,7 @@ impl Percept {
             }
         }
         let middle = (h / 2) * w + w / 2;
-        let ahead = sight.depth.get(middle).map_or(f64::INFINITY, |&d| f64::from(d));
+        let ahead = sight.depth.get(middle).filter(|d| **d > 0.0).map_or(f64::INFINITY, |&d| f64::from(d));
         Self { frame, camera: *sight.camera, ahead, things }
     }
 

@@ -6,9 +6,9 @@ use std::ops::Range;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::CraftKind;
 use super::error::{SceneError, hint_from};
 use super::surface::{Colour, RawMaterial};
+use crate::model::CraftKind;
 
 /// Longest scene file that is read, bytes.
 pub(super) const MAX_BYTES: usize = 4 << 20;

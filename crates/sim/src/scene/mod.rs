@@ -10,14 +10,13 @@ mod file;
 mod surface;
 
 use glam::Vec3;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::json;
-use spf_core::camera::Camera;
-use spf_core::craft::Craft;
 use spf_core::geometry::{EnuPosition, Pose};
 
 pub use self::error::SceneError;
 use crate::geometry::{ObjectId, SceneGeometry};
+use crate::model::CraftKind;
 use crate::oracle::Tagged;
 
 /// The scenes that come with the program: name and text.
@@ -108,36 +107,6 @@ impl Aabb {
             points.fold(None, |sum: Option<(Vec3, Vec3)>, p| Some(sum.map_or((p, p), |(min, max)| (min.min(p), max.max(p)))))?;
         let corner = |v: Vec3| EnuPosition { east: f64::from(v.x), north: f64::from(v.y), up: f64::from(v.z) };
         Some(Self { min: corner(min), max: corner(max) })
-    }
-}
-
-/// Craft models that a scene may name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum CraftKind {
-    /// The general quadrotor, 3 m/s.
-    Quad,
-    /// The DJI/Ryze Tello, 1 m/s.
-    Tello,
-}
-
-impl CraftKind {
-    /// Its figures.
-    #[must_use]
-    pub fn craft(self) -> Craft {
-        match self {
-            Self::Quad => Craft::quad(),
-            Self::Tello => Craft::tello(),
-        }
-    }
-
-    /// Its camera.
-    #[must_use]
-    pub fn camera(self) -> Camera {
-        match self {
-            Self::Quad => Camera::quad(),
-            Self::Tello => Camera::tello(),
-        }
     }
 }
 
