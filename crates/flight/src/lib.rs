@@ -1,1 +1,14 @@
-//! The one loop that joins a pilot and a world
+//! The one loop that joins a pilot and a world, and whole flights in the embedded simulator.
+//!
+//! [`run`](run::run) is the only loop there is. A [`World`](run::World) waits and does; a [`Pilot`](spf_core::pilot::Pilot)
+//! decides; an [`Observer`](run::Observer) watches. So one code path flies a real craft and ten thousand simulated trials.
+
+mod film;
+pub mod picture;
+pub mod recorder;
+pub mod run;
+pub mod script;
+pub mod sim;
+pub mod summary;
+pub mod words;
+pub mod world;

@@ -1,0 +1,317 @@
+//! One whole flight in the simulator.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicU32;
+
+use spf_core::avoid::PathShape;
+use spf_core::craft::Craft;
+use spf_core::envelope::Limits;
+use spf_core::estimator::Senses;
+use spf_core::executor::Motion;
+use spf_core::geometry::Pose;
+use spf_core::grounding::GroundingProfile;
+use spf_core::pilot::{Action, Ending, Outcome, Pilot, PilotParts, PilotSettings, Preset};
+use spf_core::policy::Policy;
+use spf_core::policy::plain::{Plain, PlainSettings};
+use spf_core::policy::spf::{Spf, SpfSettings};
+use spf_core::query::Query;
+use spf_core::time::Time;
+use spf_drone::Drone;
+use spf_record::out_dir::OutDir;
+use spf_sim::model::CraftKind;
+use spf_sim::oracle::ErrorFile;
+use spf_vlm::{Picture, VlmError};
+
+use super::oracle::OracleVlm;
+use super::stage::Stage;
+use super::truth::{Verdict, judge};
+use super::world::{SimDrone, SimWorld};
+use crate::picture::PictureSource;
+use crate::recorder::Recorder;
+use crate::run::{Observer, World, run};
+use crate::summary::Summary;
+use crate::world::{Live, Lockstep, Script};
+
+/// Which policy decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PolicyKind {
+    /// Points (the method).
+    Spf,
+    /// Text actions (the baseline).
+    Plain,
+}
+
+impl PolicyKind {
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Spf => "spf",
+            Self::Plain => "plain",
+        }
+    }
+
+    fn policy(self, settings: &PilotSettings, craft: Craft) -> Box<dyn Policy> {
+        match self {
+            Self::Spf => Box::new(Spf::new(SpfSettings {
+                step: settings.step,
+                lifting: settings.lifting,
+                avoid: settings.avoid,
+                confirm_done: settings.confirm_done,
+                grounding: GroundingProfile::default(),
+                craft,
+                shape: match settings.motion {
+                    Motion::Sequential => PathShape::LevelThenClimb,
+                    Motion::Blended => PathShape::Straight,
+                },
+            })),
+            Self::Plain => Box::new(Plain::new(PlainSettings { confirm_done: settings.confirm_done })),
+        }
+    }
+}
+
+/// All that decides a flight.
+pub struct FlightPlan {
+    /// Where.
+    pub stage: Arc<Stage>,
+    /// What the person said.
+    pub instruction: String,
+    /// From where; `None`: the scene's start.
+    pub start: Option<Pose>,
+    /// In what.
+    pub kind: CraftKind,
+    /// Who decides.
+    pub policy: PolicyKind,
+    /// The named preset that `settings` began as.
+    pub preset: Preset,
+    /// How.
+    pub settings: PilotSettings,
+    /// Within what.
+    pub limits: Limits,
+    /// The oracle's name on the command line.
+    pub vlm: String,
+    /// The oracle's errors.
+    pub errors: ErrorFile,
+    /// The seed of all chance.
+    pub seed: u64,
+    /// Operator events.
+    pub script: Script,
+    /// On the wall clock.
+    pub realtime: bool,
+    /// Counts Ctrl-C; the first one lands.
+    pub interrupts: Arc<AtomicU32>,
+    /// Where to record; `None` records nothing.
+    pub record: Option<RecordPlan>,
+}
+
+/// Where and what to record.
+pub struct RecordPlan {
+    /// The folder.
+    pub out: OutDir,
+    /// Whether to make a video.
+    pub video: bool,
+}
+
+/// What became of a flight.
+#[derive(Clone, Debug)]
+pub struct Flown {
+    /// The summary.
+    pub summary: Summary,
+    /// What could not be recorded, and why; the flight went on.
+    pub recording_problems: Vec<String>,
+}
+
+/// Why a flight could not be begun.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FlightError {
+    /// The start is inside something.
+    #[error("the start at east {east}, north {north}, up {up} is inside `{object}`")]
+    StartBlocked {
+        /// Metres east.
+        east: f64,
+        /// Metres north.
+        north: f64,
+        /// Metres up.
+        up: f64,
+        /// Key of the object.
+        object: String,
+    },
+    /// No thread could be started.
+    #[error("no thread could be started for the VLM")]
+    Thread(#[source] std::io::Error),
+}
+
+/// Flies.
+///
+/// # Errors
+/// [`FlightError`] when the flight cannot begin; once begun it always ends in a [`Flown`].
+pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
+    let stage = plan.stage.clone();
+    let start = plan.start.unwrap_or(stage.scene.start);
+    let world = SimWorld::new(stage.clone(), plan.kind, start, plan.seed);
+    let drone = SimDrone::new(world.clone());
+    let capabilities = drone.capabilities();
+    check_start(&stage, &world, capabilities.craft.radius)?;
+    let mut pilot = Pilot::new(PilotParts {
+        settings: plan.settings,
+        craft: capabilities.craft,
+        senses: senses_of(plan.kind),
+        camera: capabilities.camera,
+        limits: plan.limits.clone(),
+        policy: plan.policy.policy(&plan.settings, capabilities.craft),
+        instruction: plan.instruction.clone(),
+    });
+    let vlm = Box::new(OracleVlm::new(plan.vlm.clone(), world.clone(), plan.errors.clone(), plan.seed));
+    let mut recorder =
+        plan.record.as_ref().map(|record| Recorder::new(record.out.clone(), record.video, &plan.instruction, world.clone()));
+    let mut judging = Judging { world: world.clone(), instruction: plan.instruction.clone(), start, settled: None };
+    let (drone, pictures, script) = (Box::new(drone), Box::new(SimPictures(world.clone())), plan.script.clone());
+    let mut around: Box<dyn World> = if plan.realtime {
+        Box::new(Live::new(drone, vlm, pictures, script, plan.interrupts.clone()).map_err(FlightError::Thread)?)
+    } else {
+        Box::new(Lockstep::new(drone, vlm, pictures, script, plan.interrupts.clone()))
+    };
+    {
+        let mut all: Vec<&mut dyn Observer> = vec![&mut judging];
+        if let Some(recorder) = &mut recorder {
+            all.push(recorder);
+        }
+        for observer in observers.iter_mut() {
+            all.push(&mut **observer);
+        }
+        run(&mut pilot, around.as_mut(), &mut all);
+    }
+    let summary = summarise(&plan, &stage, &pilot, judging.settled);
+    let recording_problems = recorder.map(|recorder| recorder.finish(&summary)).unwrap_or_default();
+    Ok(Flown { summary, recording_problems })
+}
+
+/// What the telemetry of a simulated craft tells.
+fn senses_of(kind: CraftKind) -> Senses {
+    match kind {
+        CraftKind::Quad => Senses::quad(),
+        CraftKind::Tello => Senses::tello(),
+    }
+}
+
+fn check_start(stage: &Stage, world: &SimWorld, radius: f64) -> Result<(), FlightError> {
+    let mut at = world.truth().pose.position;
+    // The craft stands on the ground, which it touches; just above it must be free.
+    at.up += 0.1;
+    match stage.collider.contact(at, 0.9 * radius) {
+        None => Ok(()),
+        Some(id) => {
+            let object = stage.tags.iter().find(|tags| tags.id == id).map_or_else(|| id.to_string(), |tags| tags.key.clone());
+            Err(FlightError::StartBlocked { east: at.east, north: at.north, up: at.up, object })
+        }
+    }
+}
+
+/// What was true when the outcome was settled.
+struct Settled {
+    at: Time,
+    instruction: String,
+    ending: Ending,
+    verdict: Verdict,
+    path_length: f64,
+    collisions: usize,
+}
+
+struct Judging {
+    world: SimWorld,
+    instruction: String,
+    start: Pose,
+    settled: Option<Settled>,
+}
+
+impl Observer for Judging {
+    fn action(&mut self, now: Time, action: &Action, _pilot: &Pilot) {
+        if let Action::Finished(ending) = action {
+            self.world.advance_to(now);
+            let truth = self.world.truth();
+            let verdict = judge(&self.world, &self.instruction, &self.start);
+            self.settled = Some(Settled {
+                at: now,
+                instruction: self.instruction.clone(),
+                ending: ending.clone(),
+                verdict,
+                path_length: truth.path_length,
+                collisions: truth.collided_with.len(),
+            });
+        }
+        if let Action::Note(spf_core::pilot::Note::Operator(spf_core::pilot::OperatorEvent::Instruction(text))) = action {
+            self.instruction.clone_from(text);
+        }
+    }
+}
+
+fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Settled>) -> Summary {
+    let settled = settled.unwrap_or_else(|| Settled {
+        at: Time::ZERO,
+        instruction: plan.instruction.clone(),
+        ending: Ending { outcome: Outcome::Failed, cause: "the flight ended without an outcome".to_owned() },
+        verdict: Verdict::default(),
+        path_length: 0.0,
+        collisions: 0,
+    });
+    Summary {
+        format: 1,
+        instruction: settled.instruction,
+        outcome: settled.ending.outcome,
+        cause: settled.ending.cause,
+        verified: settled.verdict.verified,
+        completion_time_s: pilot.first_motion().map(|first| settled.at.since(first).as_secs_f64()),
+        finished_at_s: settled.at.as_secs_f64(),
+        path_length_m: settled.path_length,
+        decisions: pilot.decisions(),
+        final_distance_m: settled.verdict.final_distance_m,
+        collisions: u32::try_from(settled.collisions).unwrap_or(u32::MAX),
+        targets: settled.verdict.targets,
+        target_in_view: settled.verdict.in_view,
+        seed: plan.seed,
+        vlm: plan.vlm.clone(),
+        preset: plan.preset,
+        policy: plan.policy.name().to_owned(),
+        settings: plan.settings,
+        scene: stage.scene.name.clone(),
+        drone: "sim".to_owned(),
+        drone_model: plan.kind.name().to_owned(),
+        late_replies: pilot.late_replies(),
+    }
+}
+
+/// The simulated camera's frames as pictures, drawn when a VLM looks.
+struct SimPictures(SimWorld);
+
+struct SimPicture<'a> {
+    world: &'a SimWorld,
+    query: &'a Query,
+    encoded: Option<Arc<[u8]>>,
+}
+
+impl PictureSource for SimPictures {
+    fn of<'a>(&'a mut self, query: &'a Query) -> Box<dyn Picture + 'a> {
+        Box::new(SimPicture { world: &self.0, query, encoded: None })
+    }
+}
+
+impl Picture for SimPicture<'_> {
+    fn jpeg(&mut self) -> Result<Arc<[u8]>, VlmError> {
+        if let Some(encoded) = &self.encoded {
+            return Ok(encoded.clone());
+        }
+        let frame = self.query.frame;
+        let pose =
+            self.world.capture_pose(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
+        let mut picture = self.world.photograph(&pose, self.query.image_size);
+        spf_media::marks::draw(&mut picture, &self.query.marks);
+        let encoded =
+            spf_media::jpeg::Jpeg::encode(&picture, JPEG_QUALITY).map_err(|error| VlmError::Picture(error.to_string()))?.shared();
+        self.encoded = Some(encoded.clone());
+        Ok(encoded)
+    }
+}
+
+/// Quality of the JPEG that a VLM is shown: 85 keeps a far car's edges at a third of the size of 95.
+const JPEG_QUALITY: u8 = 85;

@@ -1,0 +1,14 @@
+//! Flying in the embedded simulator: the adapters that put its craft behind `Drone` and its oracle behind `Vlm`, the truth about
+//! a flight, and whole flights.
+
+mod flight;
+mod oracle;
+mod stage;
+mod truth;
+mod world;
+
+pub use flight::{FlightError, FlightPlan, Flown, PolicyKind, RecordPlan, fly};
+pub use oracle::OracleVlm;
+pub use stage::{Stage, StageError};
+pub use truth::Verdict;
+pub use world::{SimDrone, SimWorld};

@@ -1,0 +1,65 @@
+//! The oracle behind the `Vlm` interface: it looks at the id and depth pictures of the query's frame, never at its pose or task.
+
+use spf_core::frame::FrameId;
+use spf_core::query::Query;
+use spf_sim::oracle::{ErrorFile, Oracle, Percept, Sight};
+use spf_sim::render::Channels;
+use spf_vlm::{Answer, Picture, Vlm, VlmError};
+
+use super::world::SimWorld;
+
+/// The oracle of a world.
+pub struct OracleVlm {
+    name: String,
+    world: SimWorld,
+    oracle: Oracle,
+    /// All queries on one frame share its percept.
+    percept: Option<(FrameId, Percept)>,
+}
+
+impl OracleVlm {
+    /// An oracle called `name` with these errors.
+    #[must_use]
+    pub fn new(name: String, world: SimWorld, errors: ErrorFile, seed: u64) -> Self {
+        let near = world.stage().scene.near;
+        Self { name, oracle: Oracle::new(errors, near, seed), world, percept: None }
+    }
+
+    fn percept(&mut self, frame: FrameId) -> Result<&Percept, VlmError> {
+        if self.percept.as_ref().is_none_or(|(of, _)| *of != frame) {
+            let pose = self
+                .world
+                .capture_pose(frame)
+                .ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
+            let channels = Channels { depth: true, ids: true, openings: true, ..Channels::default() };
+            let picture = self.world.look(&pose, channels);
+            let in_frame = self.world.in_frame(&pose);
+            let sight = Sight {
+                width: picture.width as usize,
+                height: picture.height as usize,
+                ids: picture.ids.as_deref().unwrap_or_default(),
+                depth: picture.depth.as_deref().unwrap_or_default(),
+                opening_ids: picture.opening_ids.as_deref().unwrap_or_default(),
+                opening_depth: picture.opening_depth.as_deref().unwrap_or_default(),
+                camera: self.world.camera(),
+                in_frame: &in_frame,
+                light: &Default::default(),
+            };
+            let percept = self.oracle.percept(frame, &sight, &self.world.stage().tags);
+            self.percept = Some((frame, percept));
+        }
+        self.percept.as_ref().map(|(_, percept)| percept).ok_or_else(|| VlmError::Picture("no percept".to_owned()))
+    }
+}
+
+impl Vlm for OracleVlm {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn answer(&mut self, query: &Query, _picture: &mut dyn Picture) -> Result<Answer, VlmError> {
+        let percept = self.percept(query.frame)?.clone();
+        let answer = self.oracle.answer(query, &percept);
+        Ok(Answer { text: answer.text, latency: answer.latency, model: self.name.clone() })
+    }
+}

@@ -1,0 +1,79 @@
+//! The truth about a flight, from the scene itself, taken at `Finished` and before landing. Policies never see it (DESIGN section 5).
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use spf_core::geometry::Pose;
+use spf_sim::geometry::ObjectId;
+use spf_sim::oracle::resolve_truth;
+use spf_sim::render::Channels;
+
+use super::world::SimWorld;
+
+/// An object fills at least this share of the frame's height to be in view …
+const VIEW_HEIGHT: f64 = 0.008;
+/// … with this share of its silhouette inside the frame …
+const VIEW_SHARE: f32 = 0.25;
+/// … or it fills this share of the frame.
+const VIEW_FILL: f64 = 0.1;
+
+/// What ground truth says of a flight.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Verdict {
+    /// Whether one of the objects that the last stage may mean is within the scene's success radius and in view, without a
+    /// collision; `None` where the verb needs a predicate that only the benchmark has.
+    pub verified: Option<bool>,
+    /// Distance to the nearest surface of those objects, metres; `None` when nothing in the scene fits.
+    pub final_distance_m: Option<f64>,
+    /// Keys of the objects that the last stage may mean.
+    pub targets: Vec<String>,
+    /// Whether the nearest of them is in view.
+    pub in_view: Option<bool>,
+}
+
+/// Judges the present state of a world by the instruction. `start` is where the person who spoke looked from.
+pub(crate) fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
+    let stage = world.stage();
+    let truth = world.truth();
+    let meant = resolve_truth(instruction, &stage.placed(), Some(*start));
+    let key = |id: &ObjectId| stage.tags.iter().find(|tags| tags.id == *id).map(|tags| tags.key.clone());
+    let targets: Vec<String> = meant.objects.iter().filter_map(key).collect();
+    let distance = |id: ObjectId| stage.collider.distance_to(id, truth.pose.position);
+    let near: Vec<(ObjectId, f64)> =
+        meant.objects.iter().filter_map(|id| distance(*id).map(|distance| (*id, distance))).collect();
+    let nearest = near.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
+    let seen = in_view(world, &truth.pose);
+    let within = |(id, distance): &(ObjectId, f64)| *distance <= stage.scene.success_radius && seen.contains(id);
+    let verified = meant.checkable.then(|| truth.collided_with.is_empty() && near.iter().any(within));
+    Verdict {
+        verified,
+        final_distance_m: nearest.map(|(_, distance)| distance),
+        targets,
+        in_view: nearest.map(|(id, _)| seen.contains(&id)),
+    }
+}
+
+/// The objects that count as in view from a pose.
+fn in_view(world: &SimWorld, pose: &Pose) -> Vec<ObjectId> {
+    let picture = world.look(pose, Channels { ids: true, openings: true, ..Channels::default() });
+    let shares = world.in_frame(pose);
+    let (w, h) = (picture.width as usize, picture.height as usize);
+    let mut seen = Vec::new();
+    for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {
+        let mut spans: std::collections::BTreeMap<ObjectId, (usize, usize, usize)> = std::collections::BTreeMap::new();
+        for (y, row) in ids.chunks_exact(w).enumerate() {
+            for id in row.iter().filter(|id| **id != 0) {
+                let span = spans.entry(*id).or_insert((y, y, 0));
+                span.1 = y;
+                span.2 += 1;
+            }
+        }
+        for (id, (top, bottom, pixels)) in spans {
+            let high = (bottom - top + 1) as f64 >= VIEW_HEIGHT * h as f64;
+            let inside = shares.get(&id).is_none_or(|share| *share >= VIEW_SHARE);
+            if (high && inside) || pixels as f64 >= VIEW_FILL * (w * h) as f64 {
+                seen.push(id);
+            }
+        }
+    }
+    seen
+}

@@ -1,0 +1,54 @@
+//! `summary.json`: one flight in one object (docs/flight-files.md).
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use spf_core::pilot::{Outcome, PilotSettings, Preset};
+
+/// One flight. Neither folder nor wall time stand in it: it follows from the seed alone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Summary {
+    /// Version of this format.
+    pub format: u32,
+    /// What the person said; the last instruction in force when it was changed in flight.
+    pub instruction: String,
+    /// How it went, in the pilot's belief.
+    pub outcome: Outcome,
+    /// Why, in words.
+    pub cause: String,
+    /// What ground truth says; null where there is none.
+    pub verified: Option<bool>,
+    /// From the first motion after take-off to `Finished`, seconds; null when nothing moved.
+    pub completion_time_s: Option<f64>,
+    /// Flight time at `Finished`, seconds.
+    pub finished_at_s: f64,
+    /// Length of the way flown until `Finished`, metres, true where there is truth.
+    pub path_length_m: f64,
+    /// Decisions made.
+    pub decisions: u32,
+    /// Distance to the nearest surface that the instruction may mean, metres; null where nothing fits or there is no truth.
+    pub final_distance_m: Option<f64>,
+    /// Things touched in flight.
+    pub collisions: u32,
+    /// Keys of the objects that the instruction may mean.
+    pub targets: Vec<String>,
+    /// Whether the nearest of them was in view.
+    pub target_in_view: Option<bool>,
+    /// The seed of all chance.
+    pub seed: u64,
+    /// Who pointed. The oracle is no VLM.
+    pub vlm: String,
+    /// The named preset.
+    pub preset: Preset,
+    /// The policy.
+    pub policy: String,
+    /// The settings in force.
+    pub settings: PilotSettings,
+    /// The scene.
+    pub scene: String,
+    /// The drone.
+    pub drone: String,
+    /// The craft simulated.
+    pub drone_model: String,
+    /// Answers that came when nobody waited for them any more.
+    pub late_replies: u32,
+}

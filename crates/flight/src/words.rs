@@ -1,0 +1,95 @@
+//! Words for people: one place for how an outcome, a phase or a decision is said.
+
+use spf_core::avoid::Avoidance;
+use spf_core::pilot::{Decision, Outcome, Phase};
+use spf_core::reply::{Look, Status};
+
+/// An outcome.
+#[must_use]
+pub fn outcome(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Reached => "reached",
+        Outcome::NotFound => "not found",
+        Outcome::Timeout => "timeout",
+        Outcome::Collision => "collision",
+        Outcome::Aborted => "aborted",
+        Outcome::Failed => "failed",
+    }
+}
+
+/// A phase.
+#[must_use]
+pub fn phase(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Ground => "on the ground",
+        Phase::TakeOff => "taking off",
+        Phase::Flying => "flying",
+        Phase::Held => "held by the operator",
+        Phase::Manual => "flown by hand",
+        Phase::Landing => "landing",
+        Phase::Ended => "ended",
+    }
+}
+
+/// A way to look.
+#[must_use]
+pub fn look(look: Look) -> &'static str {
+    match look {
+        Look::Left => "left",
+        Look::Right => "right",
+        Look::Up => "up",
+        Look::Down => "down",
+        Look::Behind => "behind",
+    }
+}
+
+/// A decision in one line: what was seen, where it pointed, depth label, step, primitives.
+#[must_use]
+pub fn decision(decision: &Decision) -> String {
+    let reading = &decision.reading;
+    if let Some(refused) = &reading.refused {
+        return format!("reply refused: {refused}");
+    }
+    let mut line = match &reading.reply {
+        Some(reply) => match reply.status {
+            Status::Done if decision.step == "look" => "says done: holding for a second look".to_owned(),
+            Status::Done => "done".to_owned(),
+            Status::NotVisible => match reply.look {
+                Some(way) => format!("not visible, looks {}", look(way)),
+                None => "not visible".to_owned(),
+            },
+            Status::Navigating => {
+                let target = reply.target.as_deref().unwrap_or("target");
+                let stage = reply.stage.filter(|stage| *stage > 1).map_or(String::new(), |stage| format!(" (stage {stage})"));
+                let point = reading.waypoint.or(reply.point).map_or(String::new(), |p| format!(" at ({:.2}, {:.2})", p.u, p.v));
+                let depth = reply.depth.map_or(String::new(), |depth| format!(", depth {depth}"));
+                let step = reading.step.map_or(String::new(), |step| format!(", step {step:.2} m"));
+                format!("{target}{stage}{point}{depth}{step}")
+            }
+        },
+        None => reading.actions.join(", "),
+    };
+    match reading.avoidance {
+        None | Some(Avoidance::Clear) => {}
+        Some(Avoidance::Shifted { .. }) => line.push_str(", shifted clear of an obstacle"),
+        Some(Avoidance::Shortened { .. }) => line.push_str(", shortened before an obstacle"),
+        Some(Avoidance::Hold { .. }) => line.push_str(", way blocked"),
+    }
+    if decision.passed {
+        line.push_str(" → passed already, holds");
+    } else if let Some(p) = &reading.primitives {
+        let mut parts = Vec::new();
+        if p.yaw.abs() > 0.005 {
+            parts.push(format!("yaw {:+.0}°", p.yaw.to_degrees()));
+        }
+        for (name, metres) in [("forward", p.forward), ("right", p.right), ("climb", p.climb)] {
+            if metres.abs() >= 0.005 {
+                parts.push(format!("{name} {metres:+.2} m"));
+            }
+        }
+        if !parts.is_empty() {
+            line.push_str(&format!(" → {}", parts.join(", ")));
+        }
+    }
+    line
+}

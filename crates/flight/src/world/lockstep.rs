@@ -1,0 +1,99 @@
+//! Virtual time: nothing waits, and the result follows from the seed alone.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use spf_core::pilot::{Action, Event, OperatorEvent};
+use spf_core::query::{Query, QueryId};
+use spf_core::time::Time;
+use spf_drone::Drone;
+use spf_vlm::Vlm;
+
+use super::{Script, pilot_event};
+use crate::picture::PictureSource;
+use crate::run::World;
+
+/// A world in virtual time: the craft is advanced to whatever comes next, and a VLM's answer arrives its latency after the question.
+///
+/// A real VLM is waited for in wall time while virtual time stands still; then virtual time goes on by the latency measured.
+pub struct Lockstep {
+    now: Time,
+    drone: Box<dyn Drone>,
+    vlm: Box<dyn Vlm>,
+    pictures: Box<dyn PictureSource>,
+    script: Script,
+    answers: Vec<(Time, QueryId, Result<String, String>)>,
+    interrupts: Arc<AtomicU32>,
+    interrupted: bool,
+}
+
+impl Lockstep {
+    /// A world at flight time zero. `interrupts` counts Ctrl-C: the first one lands.
+    #[must_use]
+    pub fn new(
+        drone: Box<dyn Drone>,
+        vlm: Box<dyn Vlm>,
+        pictures: Box<dyn PictureSource>,
+        script: Script,
+        interrupts: Arc<AtomicU32>,
+    ) -> Self {
+        Self { now: Time::ZERO, drone, vlm, pictures, script, answers: Vec::new(), interrupts, interrupted: false }
+    }
+
+    fn ask(&mut self, query: &Query) {
+        let (latency, answer) = match self.vlm.answer(query, &mut *self.pictures.of(query)) {
+            Ok(answer) => (answer.latency, Ok(answer.text)),
+            Err(error) => (spf_core::time::Duration::ZERO, Err(error.to_string())),
+        };
+        self.answers.push((self.now + latency, query.id, answer));
+    }
+
+    /// The earliest answer due at `at` or before; equal times in order of query.
+    fn take_answer(&mut self, at: Time) -> Option<Event> {
+        let index = (0..self.answers.len())
+            .filter(|&i| self.answers[i].0 <= at)
+            .min_by_key(|&i| (self.answers[i].0, self.answers[i].1))?;
+        let (_, id, answer) = self.answers.remove(index);
+        Some(match answer {
+            Ok(text) => Event::Reply { id, text },
+            Err(reason) => Event::ReplyFailed { id, reason },
+        })
+    }
+}
+
+impl World for Lockstep {
+    fn now(&self) -> Time {
+        self.now
+    }
+
+    fn wait(&mut self, deadline: Time) -> Option<Event> {
+        if !self.interrupted && self.interrupts.load(Ordering::Relaxed) > 0 {
+            self.interrupted = true;
+            return Some(Event::Operator(OperatorEvent::Land));
+        }
+        let answer = self.answers.iter().map(|(at, ..)| *at).min();
+        let due = [self.drone.next_event_at(), answer, self.script.next_at()].into_iter().flatten().fold(deadline, Time::min);
+        self.now = self.now.max(due);
+        // At one instant: the operator first, then what the craft tells, then answers.
+        if let Some(event) = self.script.take(self.now) {
+            return Some(Event::Operator(event));
+        }
+        if let Some((_, event)) = self.drone.next_event(self.now) {
+            return Some(pilot_event(event));
+        }
+        self.take_answer(self.now)
+    }
+
+    fn apply(&mut self, action: &Action) {
+        match action {
+            Action::Ask(query) => self.ask(query),
+            // An answer that is no longer waited for still arrives, as it would from a real model; the pilot counts it.
+            Action::Cancel(_) | Action::Note(_) | Action::Finished(_) => {}
+            Action::Command(command) => {
+                if let Err(error) = self.drone.apply(self.now, command) {
+                    tracing::debug!(%error, "a command did not reach the craft");
+                }
+            }
+        }
+    }
+}

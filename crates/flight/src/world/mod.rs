@@ -1,0 +1,44 @@
+//! The two worlds a pilot can fly in; the only two places that know what time it is.
+
+mod live;
+mod lockstep;
+
+pub use live::Live;
+pub use lockstep::Lockstep;
+
+use std::collections::VecDeque;
+
+use spf_core::pilot::Event;
+use spf_core::pilot::OperatorEvent;
+use spf_core::time::Time;
+use spf_drone::DroneEvent;
+
+/// Operator events at given flight times, for virtual time and for tests.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Script(VecDeque<(Time, OperatorEvent)>);
+
+impl Script {
+    /// A script; events are put in order of time, those of equal time stay in the order given.
+    #[must_use]
+    pub fn new(mut events: Vec<(Time, OperatorEvent)>) -> Self {
+        events.sort_by_key(|(at, _)| *at);
+        Self(events.into())
+    }
+
+    fn next_at(&self) -> Option<Time> {
+        self.0.front().map(|(at, _)| *at)
+    }
+
+    fn take(&mut self, now: Time) -> Option<OperatorEvent> {
+        self.0.pop_front_if(|(at, _)| *at <= now).map(|(_, event)| event)
+    }
+}
+
+fn pilot_event(event: DroneEvent) -> Event {
+    match event {
+        DroneEvent::Telemetry(telemetry) => Event::Telemetry(telemetry),
+        DroneEvent::Frame(frame) => Event::Frame(frame),
+        DroneEvent::LinkLost => Event::LinkLost,
+        DroneEvent::LinkRestored => Event::LinkRestored,
+    }
+}
