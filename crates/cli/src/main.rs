@@ -1,2 +1,58 @@
-//! The `spf` command.
-fn main() {}
+//! The `spf` command: arguments → settings → commands.
+
+mod args;
+mod commands;
+mod error;
+mod exit;
+mod printer;
+mod progress;
+mod settings;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::args::{Cli, Command, Config, Sim};
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are no errors; a closed pipe is nobody's fault.
+            drop(error.print());
+            return if error.use_stderr() { Exit::Usage.into() } else { Exit::Success.into() };
+        }
+    };
+    start_log(cli.verbose);
+    let printer = Printer::new(matches!(&cli.command, Command::Fly(fly) if fly.output.json));
+    match run(&cli, printer) {
+        Ok(exit) => exit.into(),
+        Err(error) => {
+            Printer::new(false).say(&error.to_string());
+            error.exit.into()
+        }
+    }
+}
+
+fn run(cli: &Cli, printer: Printer) -> Result<Exit, CliError> {
+    match &cli.command {
+        Command::Fly(args) => commands::fly::fly(args, printer),
+        Command::Sim(Sim::Render(args)) => commands::sim::render(args, &printer),
+        Command::Config(Config::Show { config }) => commands::config::show(config.as_deref(), &printer),
+    }
+}
+
+/// Logs go to standard error: standard output is data.
+fn start_log(verbose: u8) {
+    let level = match verbose {
+        0 => "warn",
+        1 => "debug",
+        _ => "trace",
+    };
+    let filter =
+        tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(level));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+}

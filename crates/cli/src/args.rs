@@ -1,0 +1,202 @@
+//! What can be typed: arguments only, no meaning (see `settings`).
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+/// See, Point, Fly: tell a drone in plain words where to go.
+///
+/// A vision-language model points at the place in the camera image, geometry lifts the point to a 3D displacement, a small
+/// controller flies it, and the loop repeats until the instruction is fulfilled.
+#[derive(Debug, Parser)]
+#[command(
+    name = "spf",
+    version,
+    max_term_width = 110,
+    after_help = "\
+Start here, no key and no GPU needed:
+  spf fly \"Take off and fly to the red crane\"
+
+Exit codes: 0 reached (and verified, where there is truth), 1 internal error, 2 usage or configuration, 3 not reached,
+4 collision, 5 aborted (operator, envelope, geofence, battery), 6 failed (VLM, video or link gave out)."
+)]
+pub(crate) struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    /// More talk on standard error: -v decisions, -vv setpoints (also: RUST_LOG)
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub(crate) verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Fly an instruction in plain words
+    Fly(Box<Fly>),
+    /// The embedded simulator: pictures of its scenes
+    #[command(subcommand)]
+    Sim(Sim),
+    /// The configuration in force, and where each value came from
+    #[command(subcommand)]
+    Config(Config),
+}
+
+/// Flies a simulated drone by language and leaves the evidence in a folder.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf fly \"Take off and fly to the red crane\"
+  spf fly \"Go to the black car\" --seed 7 --preset paper
+  spf fly \"Fly to the white needle tower, keep clear of everything\" --avoid --out needle
+  spf fly \"Find the bridge\" --json | jq .outcome
+  spf fly \"Fly to the tall white building\" --vlm oracle:poor --geofence fence.geojson
+
+The oracle answers in place of a VLM: it sees the simulator's own id and depth pictures through errors (perfect, default, poor,
+or a file). No number made with it is a VLM's.
+
+Every flag can stand in spf.toml or the environment too: see `spf config show`.")]
+pub(crate) struct Fly {
+    /// What the drone is to do, in any words
+    pub(crate) instruction: String,
+    #[command(flatten)]
+    pub(crate) world: WorldArgs,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) limits: LimitArgs,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "World")]
+pub(crate) struct WorldArgs {
+    /// Scene to fly in: a built-in name or a scene file [default: city]
+    #[arg(long, value_name = "SCENE")]
+    pub(crate) scene: Option<String>,
+    /// Where to start: east,north,up,heading_deg[,pitch_deg] [default: the scene's]
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    pub(crate) start: Option<String>,
+    /// The drone: sim [default: sim]
+    #[arg(long, value_name = "DRONE")]
+    pub(crate) drone: Option<String>,
+    /// Craft to simulate: quad or tello [default: the scene's]
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) drone_model: Option<String>,
+    /// Seed of all chance: the same seed gives the same flight, byte for byte [default: 0]
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<String>,
+    /// Operator events at given times (TOML; see docs/flight-files.md)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) events: Option<PathBuf>,
+    /// Fly on the wall clock instead of as fast as the machine can
+    #[arg(long)]
+    pub(crate) realtime: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Method")]
+pub(crate) struct MethodArgs {
+    /// Who points: oracle, oracle:NAME (perfect, default, poor, size, linear, intended) or oracle:FILE [default: oracle]
+    #[arg(long, value_name = "VLM")]
+    pub(crate) vlm: Option<String>,
+    /// How decisions are made: spf (points) or plain (text actions, the paper's ablation) [default: spf]
+    #[arg(long, value_name = "POLICY")]
+    pub(crate) policy: Option<String>,
+    /// Named set of choices: default (the best we know) or paper (the paper's constants and manner) [default: default]
+    #[arg(long, value_name = "PRESET")]
+    pub(crate) preset: Option<String>,
+    /// Step length: adaptive (paper §3.2) or fixed:METRES [default: the preset's]
+    #[arg(long, value_name = "STEP")]
+    pub(crate) step: Option<String>,
+    /// Primitives one after the other (sequential) or all at once (blended) [default: the preset's]
+    #[arg(long, value_name = "MOTION")]
+    pub(crate) motion: Option<String>,
+    /// Hold while the VLM thinks (stop) or keep flying the last plan (continuous) [default: the preset's]
+    #[arg(long, value_name = "THINK")]
+    pub(crate) think: Option<String>,
+    /// Setpoints a second, 1 to 100 [default: 10]
+    #[arg(long, value_name = "HZ")]
+    pub(crate) rate: Option<String>,
+    /// Obstacle mode: ask for boxes of obstacles and keep clear of them
+    #[arg(long)]
+    pub(crate) avoid: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Limits")]
+pub(crate) struct LimitArgs {
+    /// Flight time after which the flight is a timeout, seconds [default: 180]
+    #[arg(long, value_name = "S")]
+    pub(crate) max_time: Option<String>,
+    /// Decisions after which the flight is a timeout [default: 60]
+    #[arg(long, value_name = "N")]
+    pub(crate) max_decisions: Option<String>,
+    /// Polygons to stay in: GeoJSON in local east/north metres
+    #[arg(long, value_name = "FILE")]
+    pub(crate) geofence: Option<String>,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Output")]
+pub(crate) struct OutputArgs {
+    /// Folder for the flight's files; must be new or empty [default: flights/NNN-instruction]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<String>,
+    /// Make no video (much faster: nothing needs drawing)
+    #[arg(long)]
+    pub(crate) no_video: bool,
+    /// Print the summary as one JSON object on standard output, and nothing else there
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Read this configuration file instead of ./spf.toml
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Sim {
+    /// Draw a scene from a pose into a PNG
+    Render(Render),
+}
+
+/// Draws what the simulated camera sees.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  spf sim render city --pose 0,0,3,0 -o x.png --depth depth.png --ids ids.png
+
+Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). Ids are a 16-bit PNG; a JSON legend of
+the same name is written beside it.")]
+pub(crate) struct Render {
+    /// Scene: a built-in name or a scene file
+    pub(crate) scene: String,
+    /// Camera pose: east,north,up,heading_deg[,pitch_deg] [default: the scene's start, at take-off height]
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    pub(crate) pose: Option<String>,
+    /// The picture to write
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// Write the depth picture too
+    #[arg(long, value_name = "FILE")]
+    pub(crate) depth: Option<PathBuf>,
+    /// Write the id picture and its legend too
+    #[arg(long, value_name = "FILE")]
+    pub(crate) ids: Option<PathBuf>,
+    /// Picture size, WIDTHxHEIGHT [default: the camera's, 960x720]
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<String>,
+    /// Camera of this craft: quad or tello [default: the scene's]
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) drone_model: Option<String>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Config {
+    /// Print every key with its value in force, and where that came from
+    Show {
+        /// Read this configuration file instead of ./spf.toml
+        #[arg(long, value_name = "FILE")]
+        config: Option<PathBuf>,
+    },
+}

@@ -1,0 +1,288 @@
+//! `spf fly`: from settings to a flight, and from a flight to words and an exit code.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use serde::Serialize;
+use spf_core::envelope::Limits;
+use spf_core::executor::{Ending, Motion};
+use spf_core::geofence::Geofence;
+use spf_core::pilot::{PilotSettings, Preset, Think};
+use spf_core::step::StepRule;
+use spf_core::time::duration_from_secs;
+use spf_flight::sim::{FlightError, FlightPlan, PolicyKind, RecordPlan};
+use spf_flight::summary::Summary;
+use spf_flight::words;
+use spf_flight::world::Script;
+use spf_record::out_dir::OutDir;
+use spf_sim::model::{CraftKind, Model};
+use spf_sim::oracle::ErrorFile;
+
+use crate::args::Fly;
+use crate::commands::{load_stage, parse_pose};
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+use crate::progress::Progress;
+use crate::settings::Settings;
+
+/// Longest instruction, characters: what a prompt has room for.
+const MAX_INSTRUCTION: usize = 2000;
+
+/// Flies an instruction.
+pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
+    let settings = layered(args)?;
+    let instruction = args.instruction.trim();
+    if instruction.is_empty() || instruction.chars().count() > MAX_INSTRUCTION {
+        return Err(CliError::usage(format!("the instruction must have 1 to {MAX_INSTRUCTION} characters"))
+            .hint("spf fly \"Take off and fly to the red crane\""));
+    }
+    let plan = plan(args, &settings, instruction)?;
+    let out = OutDir::create(settings.get("fly.out").map(Path::new), instruction).map_err(|error| {
+        CliError::usage("no folder for the flight's files").because(&error).hint("name another with --out DIR")
+    })?;
+    let plan = FlightPlan {
+        record: Some(RecordPlan { out: out.clone(), video: flag(&settings, "fly.video")? }),
+        interrupts: interrupts()?,
+        ..plan
+    };
+    printer.start_live();
+    printer.say(&format!(
+        "Flying \"{instruction}\" in {}, craft {}, policy {}, preset {}, seed {}.",
+        plan.stage.scene.name,
+        plan.kind.name(),
+        plan.policy.name(),
+        settings.get("fly.preset").unwrap_or_default(),
+        plan.seed,
+    ));
+    printer.say(&format!(
+        "{} points: it reads the simulator's own id and depth pictures, it is no VLM. Standstill after a stop: {:.2} s at cruise.",
+        plan.vlm,
+        standstill(plan.kind),
+    ));
+    let mut progress = Progress::new(&printer);
+    let flown = spf_flight::sim::fly(plan, &mut [&mut progress]);
+    printer.end_live();
+    let flown = flown.map_err(|error| match error {
+        FlightError::StartBlocked { .. } => {
+            CliError::usage("the flight cannot begin").because(&error).hint("choose another with --start")
+        }
+        _ => CliError::internal("the flight cannot begin").because(&error),
+    })?;
+    for problem in &flown.recording_problems {
+        printer.say(&format!("warning: not recorded: {problem}"));
+    }
+    report(&flown.summary, out.path(), &printer)?;
+    Ok(Exit::of(flown.summary.outcome, flown.summary.verified))
+}
+
+/// Dead time and braking from cruise.
+fn standstill(kind: CraftKind) -> f64 {
+    let craft = Model::of(kind).craft;
+    craft.dead_time + craft.cruise_speed / craft.acceleration
+}
+
+/// Flags over environment over file over defaults.
+fn layered(args: &Fly) -> Result<Settings, CliError> {
+    let mut settings = Settings::load(args.output.config.as_deref())?;
+    let (world, method, limits, output) = (&args.world, &args.method, &args.limits, &args.output);
+    let on = |flag: bool| flag.then(|| "true".to_owned());
+    settings.flag("fly.scene", "--scene", world.scene.clone());
+    settings.flag("fly.start", "--start", world.start.clone());
+    settings.flag("fly.drone", "--drone", world.drone.clone());
+    settings.flag("fly.drone_model", "--drone-model", world.drone_model.clone());
+    settings.flag("fly.seed", "--seed", world.seed.clone());
+    settings.flag("fly.realtime", "--realtime", on(world.realtime));
+    settings.flag("fly.vlm", "--vlm", method.vlm.clone());
+    settings.flag("fly.policy", "--policy", method.policy.clone());
+    settings.flag("fly.preset", "--preset", method.preset.clone());
+    settings.flag("fly.step", "--step", method.step.clone());
+    settings.flag("fly.motion", "--motion", method.motion.clone());
+    settings.flag("fly.think", "--think", method.think.clone());
+    settings.flag("fly.rate_hz", "--rate", method.rate.clone());
+    settings.flag("fly.avoid", "--avoid", on(method.avoid));
+    settings.flag("fly.max_time_s", "--max-time", limits.max_time.clone());
+    settings.flag("fly.max_decisions", "--max-decisions", limits.max_decisions.clone());
+    settings.flag("fly.geofence", "--geofence", limits.geofence.clone());
+    settings.flag("fly.out", "--out", output.out.clone());
+    settings.flag("fly.video", "--no-video", output.no_video.then(|| "false".to_owned()));
+    Ok(settings)
+}
+
+fn flag(settings: &Settings, name: &'static str) -> Result<bool, CliError> {
+    Ok(settings.choice(name, &[("true", true), ("false", false)])?.unwrap_or(false))
+}
+
+fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<FlightPlan, CliError> {
+    settings.choice("fly.drone", &[("sim", ())])?;
+    let preset =
+        settings.choice("fly.preset", &[("default", Preset::Default), ("paper", Preset::Paper)])?.unwrap_or(Preset::Default);
+    let policy =
+        settings.choice("fly.policy", &[("spf", PolicyKind::Spf), ("plain", PolicyKind::Plain)])?.unwrap_or(PolicyKind::Spf);
+    let method = method(settings, preset)?;
+    let (vlm, errors) = oracle(settings)?;
+    let seed = settings.parse("fly.seed", "a whole number from 0 to 18446744073709551615")?.unwrap_or(0);
+    let start = settings.get("fly.start").map(parse_pose).transpose().map_err(|what| settings.wrong("fly.start", &what))?;
+    let kind = settings.choice("fly.drone_model", &[("quad", CraftKind::Quad), ("tello", CraftKind::Tello)])?;
+    let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
+    let realtime = flag(settings, "fly.realtime")?;
+    // Everything that is only read is checked before the scene is loaded: errors come at once.
+    let stage = Arc::new(load_stage(settings.get("fly.scene").unwrap_or("city"))?);
+    let kind = kind.unwrap_or(stage.scene.default_craft);
+    Ok(FlightPlan {
+        instruction: instruction.to_owned(),
+        start,
+        kind,
+        policy,
+        preset,
+        settings: method,
+        limits: limits(settings, kind)?,
+        vlm,
+        errors,
+        seed,
+        script,
+        realtime,
+        interrupts: Arc::default(),
+        record: None,
+        stage,
+    })
+}
+
+fn method(settings: &Settings, preset: Preset) -> Result<PilotSettings, CliError> {
+    let mut method = PilotSettings::preset(preset);
+    if let Some(step) = settings.get("fly.step") {
+        method.step = match step.strip_prefix("fixed:").map(str::parse::<f64>) {
+            None if step == "adaptive" => StepRule::default(),
+            Some(Ok(metres)) if (0.05..=50.0).contains(&metres) => StepRule::Fixed(metres),
+            _ => return Err(settings.wrong("fly.step", "adaptive or fixed:METRES (0.05 to 50)")),
+        };
+    }
+    if let Some(motion) = settings.choice("fly.motion", &[("sequential", Motion::Sequential), ("blended", Motion::Blended)])? {
+        method.motion = motion;
+        // Timed primitives are the paper's queue; blended ones have no durations of their own.
+        if motion == Motion::Blended {
+            method.ending = Ending::Measured;
+        }
+    }
+    if let Some(think) = settings.choice("fly.think", &[("stop", Think::Stop), ("continuous", Think::Continuous)])? {
+        method.think = think;
+    }
+    method.avoid = flag(settings, "fly.avoid")?;
+    if let Some(rate) = settings.number("fly.rate_hz", 1.0, 100.0)? {
+        method.rate_hz = rate;
+    }
+    if let Some(seconds) = settings.number("fly.max_time_s", 1.0, 86_400.0)? {
+        method.max_time = duration_from_secs(seconds);
+    }
+    if let Some(seconds) = settings.number("fly.reply_timeout_s", 0.1, 600.0)? {
+        method.reply_timeout = duration_from_secs(seconds);
+    }
+    if let Some(decisions) = settings.number("fly.max_decisions", 1.0, 100_000.0)? {
+        method.max_decisions = decisions as u32;
+    }
+    Ok(method)
+}
+
+fn limits(settings: &Settings, kind: CraftKind) -> Result<Limits, CliError> {
+    let mut limits = Limits::for_craft(&Model::of(kind).craft);
+    let set = |name, low, high, target: &mut f64| {
+        settings.number(name, low, high).map(|value| {
+            if let Some(value) = value {
+                *target = value;
+            }
+        })
+    };
+    set("envelope.max_speed_m_s", 0.1, 30.0, &mut limits.max_speed)?;
+    set("envelope.max_climb_m_s", 0.1, 10.0, &mut limits.max_climb)?;
+    let mut yaw_deg = limits.max_yaw_rate.to_degrees();
+    set("envelope.max_yaw_rate_deg_s", 1.0, 360.0, &mut yaw_deg)?;
+    limits.max_yaw_rate = yaw_deg.to_radians();
+    set("envelope.min_altitude_m", 0.0, 100.0, &mut limits.min_altitude)?;
+    set("envelope.max_altitude_m", 1.0, 1000.0, &mut limits.max_altitude)?;
+    set("envelope.max_distance_m", 1.0, 10_000.0, &mut limits.max_distance)?;
+    set("envelope.low_battery", 0.0, 1.0, &mut limits.low_battery)?;
+    if let Some(replies) = settings.number("envelope.max_failed_replies", 1.0, 1000.0)? {
+        limits.max_failed_replies = replies as u32;
+    }
+    if let Some(path) = settings.get("fly.geofence") {
+        let text = read(Path::new(path), "geofence")?;
+        let fence = Geofence::from_geojson(&text)
+            .map_err(|error| CliError::usage(format!("the geofence `{path}` is refused")).because(&error))?;
+        limits.geofence = Some(fence);
+    }
+    limits.check().map_err(|error| CliError::usage("the envelope's limits do not fit together").because(&error))?;
+    Ok(limits)
+}
+
+/// The oracle that `--vlm` names, and its errors.
+fn oracle(settings: &Settings) -> Result<(String, ErrorFile), CliError> {
+    let name = settings.get("fly.vlm").unwrap_or("oracle");
+    let errors = match name.split_once(':') {
+        None if name == "oracle" => ErrorFile::named("default"),
+        Some(("oracle", which)) if which.contains(['/', '.']) => ErrorFile::from_toml(&read(Path::new(which), "error")?),
+        Some(("oracle", which)) => ErrorFile::named(which),
+        _ => return Err(settings.wrong("fly.vlm", "oracle, oracle:NAME or oracle:FILE")),
+    };
+    let errors = errors.map_err(|error| {
+        CliError::usage(format!("the oracle of `{name}` is refused"))
+            .because(&error)
+            .hint(format!("shipped: {}", ErrorFile::shipped().join(", ")))
+    })?;
+    Ok((name.to_owned(), errors))
+}
+
+fn script(path: &Path) -> Result<Script, CliError> {
+    Script::from_toml(&read(path, "events")?)
+        .map_err(|error| CliError::usage(format!("the events file `{}` is refused", path.display())).because(&error))
+}
+
+fn read(path: &Path, what: &str) -> Result<String, CliError> {
+    std::fs::read_to_string(path)
+        .map_err(|error| CliError::usage(format!("cannot read the {what} file `{}`", path.display())).because(&error))
+}
+
+/// Counts Ctrl-C. The first lands, closes everything and ends in exit code 5; the second ends the process at once.
+fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
+    let count = Arc::new(AtomicU32::new(0));
+    let counted = count.clone();
+    ctrlc::set_handler(move || {
+        if counted.fetch_add(1, Ordering::Relaxed) > 0 {
+            #[allow(clippy::exit, reason = "a second Ctrl-C asks for exactly this")]
+            std::process::exit(Exit::Aborted as i32);
+        }
+    })
+    .map_err(|error| CliError::internal("cannot listen for Ctrl-C").because(&error))?;
+    Ok(count)
+}
+
+/// The object that `--json` prints: the summary, and where the files are.
+#[derive(Serialize)]
+struct Printed<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    out_dir: &'a Path,
+}
+
+fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), CliError> {
+    let printed = serde_json::to_string(&Printed { summary, out_dir })
+        .map_err(|error| CliError::internal("the summary cannot be written as JSON").because(&error))?;
+    if printer.is_json() {
+        printer.data(&printed);
+        return Ok(());
+    }
+    let verified = match summary.verified {
+        Some(true) => ", verified by the simulator's ground truth",
+        Some(false) => ", NOT verified by the simulator's ground truth",
+        None => "",
+    };
+    printer.result(&format!("{}{verified}: {}", words::outcome(summary.outcome), summary.cause));
+    let time = summary.completion_time_s.map_or("nothing moved".to_owned(), |time| format!("{time:.1} s"));
+    let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
+    printer.result(&format!(
+        "{time}, {:.1} m flown, {} decisions, {} collisions{distance}",
+        summary.path_length_m, summary.decisions, summary.collisions,
+    ));
+    printer.result(&format!("files: {}", out_dir.display()));
+    Ok(())
+}

@@ -1,0 +1,40 @@
+//! One file a command, each returning an exit code.
+
+pub(crate) mod config;
+pub(crate) mod fly;
+pub(crate) mod sim;
+
+use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
+use spf_flight::sim::Stage;
+
+use crate::error::{CliError, nearest};
+
+/// Loads a scene, with the nearest built-in name when there is none of that name.
+pub(crate) fn load_stage(name: &str) -> Result<Stage, CliError> {
+    let built_in = spf_sim::scene::Scene::built_in();
+    Stage::load(name).map_err(|error| {
+        let shown = CliError::usage(format!("the scene `{name}` cannot be flown in")).because(&error);
+        match nearest(name, built_in.iter().copied()) {
+            Some(near) if near != name => shown.hint(format!("did you mean `{near}`?")),
+            _ => shown.hint(format!("built-in scenes: {}; or a scene file (docs/scene-format.md)", built_in.join(", "))),
+        }
+    })
+}
+
+/// `east,north,up,heading_deg[,pitch_deg]`. The error says what was expected.
+pub(crate) fn parse_pose(text: &str) -> Result<Pose, String> {
+    let expected = || "a pose east,north,up,heading_deg[,pitch_deg] in metres and degrees".to_owned();
+    let numbers: Vec<f64> =
+        text.split(',').map(|part| part.trim().parse::<f64>()).collect::<Result<_, _>>().map_err(|_| expected())?;
+    if !(4..=5).contains(&numbers.len()) || numbers.iter().any(|number| !number.is_finite() || number.abs() > 1e6) {
+        return Err(expected());
+    }
+    let pitch = numbers.get(4).copied().unwrap_or(0.0);
+    if pitch.abs() > 90.0 {
+        return Err("a pose whose pitch is at most 90 degrees up or down".to_owned());
+    }
+    Ok(Pose {
+        position: EnuPosition { east: numbers[0], north: numbers[1], up: numbers[2] },
+        attitude: Attitude { heading: wrap_angle(numbers[3].to_radians()), pitch: pitch.to_radians(), roll: 0.0 },
+    })
+}

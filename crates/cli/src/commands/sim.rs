@@ -1,0 +1,94 @@
+//! `spf sim`: the embedded simulator by itself.
+
+use std::path::Path;
+
+use spf_core::geometry::Pose;
+use spf_media::{frame::Rgb, png};
+use spf_sim::model::{CraftKind, Model};
+use spf_sim::render::{Channels, Picture};
+
+use crate::args::Render;
+use crate::commands::{load_stage, parse_pose};
+use crate::error::{CliError, nearest};
+use crate::exit::Exit;
+use crate::printer::Printer;
+
+/// Sides of a picture, pixels.
+const SIZES: std::ops::RangeInclusive<u32> = 16..=8192;
+
+/// Draws a scene from a pose.
+pub(crate) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError> {
+    let pose = args.pose.as_deref().map(parse_pose).transpose();
+    let pose = pose.map_err(|expected| {
+        CliError::usage(format!("--pose: `{}` is not {expected}", args.pose.as_deref().unwrap_or_default()))
+    })?;
+    let size = args.size.as_deref().map(parse_size).transpose()?;
+    let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
+    let stage = load_stage(&args.scene)?;
+    let kind = kind.unwrap_or(stage.scene.default_craft);
+    let pose = pose.unwrap_or_else(|| above_start(stage.scene.start, kind));
+    let camera = kind.camera();
+    let camera = size.map_or(camera, |(width, height)| camera.resized(width, height));
+    let channels = Channels { rgb: true, depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
+    let picture = stage.renderer.render(&camera, &pose, channels);
+    let mut written = vec![args.output.as_path()];
+    write(&args.output, &colour(&picture)?)?;
+    if let (Some(path), Some(depth)) = (&args.depth, &picture.depth) {
+        let centimetres: Vec<u16> = depth.iter().map(|metres| centimetres(*metres)).collect();
+        write(path, &grey(&picture, &centimetres)?)?;
+        written.push(path);
+    }
+    let legend = args.ids.as_ref().map(|path| path.with_extension("json"));
+    if let (Some(path), Some(ids), Some(legend)) = (&args.ids, &picture.ids, &legend) {
+        write(path, &grey(&picture, ids)?)?;
+        write(legend, format!("{:#}\n", stage.scene.legend_json()).as_bytes())?;
+        written.extend([path.as_path(), legend.as_path()]);
+    }
+    for path in written {
+        printer.result(&path.display().to_string());
+    }
+    Ok(Exit::Success)
+}
+
+/// The start is on the ground; a picture from there shows mostly ground.
+fn above_start(mut start: Pose, kind: CraftKind) -> Pose {
+    start.position.up += Model::of(kind).craft.take_off_height;
+    start
+}
+
+/// 16-bit depth: 0 is none or beyond 655 m.
+fn centimetres(metres: f32) -> u16 {
+    let centimetres = (metres * 100.0).round();
+    if (1.0..=65_535.0).contains(&centimetres) { centimetres as u16 } else { 0 }
+}
+
+fn colour(picture: &Picture) -> Result<Vec<u8>, CliError> {
+    let data = picture.rgb.clone().unwrap_or_default();
+    let rgb = Rgb::from_raw(picture.width, picture.height, data)
+        .map_err(|error| CliError::internal("no picture was drawn").because(&error))?;
+    png::encode(&rgb).map_err(|error| CliError::internal("the picture cannot be encoded").because(&error))
+}
+
+fn grey(picture: &Picture, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
+    png::encode_grey16(picture.width, picture.height, pixels)
+        .map_err(|error| CliError::internal("the picture cannot be encoded").because(&error))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    std::fs::write(path, bytes).map_err(|error| CliError::internal(format!("cannot write `{}`", path.display())).because(&error))
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), CliError> {
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse::<u32>().ok()?, h.parse::<u32>().ok()?)));
+    sides.filter(|(w, h)| SIZES.contains(w) && SIZES.contains(h)).ok_or_else(|| {
+        CliError::usage(format!("--size: `{text}` is not a size"))
+            .hint("WIDTHxHEIGHT in pixels, each from 16 to 8192, for example 960x720")
+    })
+}
+
+fn parse_kind(text: &str) -> Result<CraftKind, CliError> {
+    CraftKind::from_name(text).ok_or_else(|| {
+        let near = nearest(text, ["quad", "tello"]).map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+        CliError::usage(format!("--drone-model: `{text}` is not quad or tello{near}"))
+    })
+}

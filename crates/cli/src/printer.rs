@@ -1,0 +1,72 @@
+//! Where words go: data to standard output, talk to standard error. The only place that prints.
+
+use std::io::{IsTerminal, Write};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Prints, and keeps one live line at the bottom when a person watches.
+pub(crate) struct Printer {
+    live: Option<ProgressBar>,
+    json: bool,
+}
+
+impl Printer {
+    /// `json`: standard output is for one JSON object alone.
+    pub(crate) fn new(json: bool) -> Self {
+        Self { live: None, json }
+    }
+
+    /// Starts the live line; nothing when standard error is no terminal.
+    pub(crate) fn start_live(&mut self) {
+        if std::io::stderr().is_terminal() {
+            let bar = ProgressBar::new_spinner();
+            bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
+            if let Ok(style) = ProgressStyle::with_template("{spinner} {wide_msg}") {
+                bar.set_style(style);
+            }
+            self.live = Some(bar);
+        }
+    }
+
+    /// Replaces the live line's text.
+    pub(crate) fn live(&self, text: &str) {
+        if let Some(bar) = &self.live {
+            bar.set_message(text.to_owned());
+            bar.tick();
+        }
+    }
+
+    /// Ends the live line.
+    pub(crate) fn end_live(&mut self) {
+        if let Some(bar) = self.live.take() {
+            bar.finish_and_clear();
+        }
+    }
+
+    /// Talk: progress, warnings. Standard error.
+    pub(crate) fn say(&self, text: &str) {
+        match &self.live {
+            Some(bar) => bar.println(text),
+            // A closed standard error must not end a flight.
+            None => drop(writeln!(std::io::stderr().lock(), "{text}")),
+        }
+    }
+
+    /// A result for people: standard output, unless that is for JSON.
+    pub(crate) fn result(&self, text: &str) {
+        if self.json {
+            return;
+        }
+        self.data(text);
+    }
+
+    /// Whether standard output is for one JSON object alone.
+    pub(crate) fn is_json(&self) -> bool {
+        self.json
+    }
+
+    /// Data: standard output, always. A closed pipe is no error.
+    pub(crate) fn data(&self, text: &str) {
+        drop(writeln!(std::io::stdout().lock(), "{text}"));
+    }
+}

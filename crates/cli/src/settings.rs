@@ -1,0 +1,271 @@
+//! What is in force: `spf.toml` under the environment (and `.env`) under flags, each value with where it came from.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::error::{CliError, nearest};
+
+/// A key of the configuration: its name in `spf.toml`, its environment variable, its default and what it means.
+pub(crate) struct Key {
+    /// `table.key` in `spf.toml`.
+    pub(crate) name: &'static str,
+    /// The environment variable.
+    pub(crate) env: &'static str,
+    /// What holds when nobody says anything; empty: decided by something else, see `doc`.
+    pub(crate) default: &'static str,
+    /// Meaning and unit.
+    pub(crate) doc: &'static str,
+}
+
+const fn key(name: &'static str, env: &'static str, default: &'static str, doc: &'static str) -> Key {
+    Key { name, env, default, doc }
+}
+
+/// Every key there is. Flags, file and environment all end here.
+pub(crate) const KEYS: &[Key] = &[
+    key("fly.scene", "SPF_SCENE", "city", "scene: a built-in name or a scene file"),
+    key("fly.start", "SPF_START", "", "start pose east,north,up,heading_deg[,pitch_deg]; empty: the scene's"),
+    key("fly.drone", "SPF_DRONE", "sim", "the drone: sim"),
+    key("fly.drone_model", "SPF_DRONE_MODEL", "", "craft to simulate, quad or tello; empty: the scene's"),
+    key("fly.policy", "SPF_POLICY", "spf", "how decisions are made: spf or plain"),
+    key("fly.preset", "SPF_PRESET", "default", "named set of choices: default or paper"),
+    key("fly.step", "SPF_STEP", "", "step length: adaptive or fixed:METRES; empty: the preset's"),
+    key("fly.motion", "SPF_MOTION", "", "sequential or blended; empty: the preset's"),
+    key("fly.think", "SPF_THINK", "", "stop or continuous; empty: the preset's"),
+    key("fly.rate_hz", "SPF_RATE_HZ", "10", "setpoints a second, 1 to 100"),
+    key("fly.avoid", "SPF_AVOID", "false", "obstacle mode: true or false"),
+    key("fly.vlm", "SPF_VLM", "oracle", "who points: oracle, oracle:NAME or oracle:FILE"),
+    key("fly.seed", "SPF_SEED", "0", "seed of all chance, a whole number"),
+    key("fly.max_time_s", "SPF_MAX_TIME_S", "180", "flight time after which the flight is a timeout, seconds"),
+    key("fly.max_decisions", "SPF_MAX_DECISIONS", "60", "decisions after which the flight is a timeout"),
+    key("fly.reply_timeout_s", "SPF_REPLY_TIMEOUT_S", "20", "how long a VLM's answer is waited for, seconds"),
+    key("fly.geofence", "SPF_GEOFENCE", "", "GeoJSON file with polygons to stay in, local east/north metres; empty: none"),
+    key("fly.realtime", "SPF_REALTIME", "false", "fly on the wall clock: true or false"),
+    key("fly.video", "SPF_VIDEO", "true", "make video.mp4: true or false"),
+    key("fly.out", "SPF_OUT", "", "folder for the flight's files; empty: flights/NNN-instruction"),
+    key("envelope.max_speed_m_s", "SPF_MAX_SPEED_M_S", "", "horizontal speed limit, m/s; empty: the craft's"),
+    key("envelope.max_climb_m_s", "SPF_MAX_CLIMB_M_S", "", "climb and sink rate limit, m/s; empty: the craft's"),
+    key("envelope.max_yaw_rate_deg_s", "SPF_MAX_YAW_RATE_DEG_S", "", "yaw rate limit, degrees a second; empty: the craft's"),
+    key("envelope.min_altitude_m", "SPF_MIN_ALTITUDE_M", "", "lowest height that is sunk to, metres above take-off; empty: 0.3"),
+    key("envelope.max_altitude_m", "SPF_MAX_ALTITUDE_M", "", "greatest height above take-off, metres; empty: 120"),
+    key("envelope.max_distance_m", "SPF_MAX_DISTANCE_M", "", "greatest distance from take-off, metres; empty: 300"),
+    key("envelope.low_battery", "SPF_LOW_BATTERY", "", "charge, 0 to 1, below which the flight ends; empty: the craft's"),
+    key(
+        "envelope.max_failed_replies",
+        "SPF_MAX_FAILED_REPLIES",
+        "",
+        "failed replies in a row after which it lands; empty: the envelope's",
+    ),
+];
+
+/// Where a value came from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Origin {
+    /// The table above.
+    Default,
+    /// A configuration file, with its line.
+    File(PathBuf, usize),
+    /// An environment variable.
+    Env(&'static str),
+    /// A variable in `.env`.
+    DotEnv(&'static str),
+    /// A flag.
+    Flag(&'static str),
+}
+
+impl std::fmt::Display for Origin {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Default => f.write_str("default"),
+            Self::File(path, line) => write!(f, "{}:{line}", path.display()),
+            Self::Env(name) => write!(f, "environment {name}"),
+            Self::DotEnv(name) => write!(f, ".env {name}"),
+            Self::Flag(flag) => f.write_str(flag),
+        }
+    }
+}
+
+/// Every key with its value in force.
+#[derive(Clone, Debug)]
+pub(crate) struct Settings(BTreeMap<&'static str, (String, Origin)>);
+
+impl Settings {
+    /// The layers below flags: defaults, the file (`./spf.toml` when none is named and it exists), `.env`, the environment.
+    pub(crate) fn load(file: Option<&Path>) -> Result<Self, CliError> {
+        let mut settings = Self(KEYS.iter().map(|key| (key.name, (key.default.to_owned(), Origin::Default))).collect());
+        let default = Path::new("spf.toml");
+        match file {
+            Some(path) => settings.read_file(path)?,
+            None if default.exists() => settings.read_file(default)?,
+            None => {}
+        }
+        settings.read_environment()?;
+        Ok(settings)
+    }
+
+    fn read_environment(&mut self) -> Result<(), CliError> {
+        let mut dotenv = BTreeMap::new();
+        if Path::new(".env").exists() {
+            let lines = dotenvy::from_path_iter(".env").map_err(|error| CliError::usage("cannot read .env").because(&error))?;
+            for line in lines {
+                // The error would quote the line, and with it perhaps a key.
+                let (name, value) = line.map_err(|_| {
+                    CliError::usage("a line of .env cannot be read")
+                        .hint("write NAME=value, one a line; quote values with spaces")
+                })?;
+                dotenv.insert(name, value);
+            }
+        }
+        let unknown = |name: &str, place: &str| {
+            let hint = match nearest(name, KEYS.iter().map(|key| key.env)) {
+                Some(near) => format!("did you mean `{near}`? `spf config show` lists every key"),
+                None => "`spf config show` lists every key".to_owned(),
+            };
+            CliError::usage(format!("unknown variable `{name}` in {place}")).hint(hint)
+        };
+        if let Some(name) = dotenv.keys().find(|name| is_ours(name)) {
+            return Err(unknown(name, ".env"));
+        }
+        let environment = std::env::vars_os().filter_map(|(name, _)| name.into_string().ok());
+        if let Some(name) = environment.into_iter().find(|name| is_ours(name)) {
+            return Err(unknown(&name, "the environment"));
+        }
+        for key in KEYS {
+            if let Ok(value) = std::env::var(key.env) {
+                self.0.insert(key.name, (value, Origin::Env(key.env)));
+            } else if let Some(value) = dotenv.get(key.env) {
+                self.0.insert(key.name, (value.clone(), Origin::DotEnv(key.env)));
+            }
+        }
+        Ok(())
+    }
+
+    fn read_file(&mut self, path: &Path) -> Result<(), CliError> {
+        let shown = path.display();
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| CliError::usage(format!("cannot read the configuration `{shown}`")).because(&error))?;
+        let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
+            let line = error.span().map_or(1, |span| line_of(&text, span.start));
+            CliError::usage(format!("{shown}:{line}: {}", error.message()))
+                .hint("the file is TOML, for example:\n[fly]\nscene = \"city\"")
+        })?;
+        for (section, value) in &table {
+            let Some(entries) = value.as_table() else {
+                return Err(self.unknown_key(path, &text, section));
+            };
+            for (name, value) in entries {
+                let full = format!("{section}.{name}");
+                let Some(key) = KEYS.iter().find(|key| key.name == full) else {
+                    return Err(self.unknown_key(path, &text, &full));
+                };
+                let line = find_key(&text, section, name);
+                let value = match value {
+                    toml::Value::String(text) => text.clone(),
+                    toml::Value::Integer(_) | toml::Value::Float(_) | toml::Value::Boolean(_) => value.to_string(),
+                    other => {
+                        return Err(CliError::usage(format!("{shown}:{line}: `{full}` is {}, not one value", other.type_str()))
+                            .hint(format!("{full}: {}", key.doc)));
+                    }
+                };
+                self.0.insert(key.name, (value, Origin::File(path.to_owned(), line)));
+            }
+        }
+        Ok(())
+    }
+
+    fn unknown_key(&self, path: &Path, text: &str, full: &str) -> CliError {
+        let (section, name) = full.split_once('.').unwrap_or(("", full));
+        let line = find_key(text, section, name);
+        let hint = match nearest(full, KEYS.iter().map(|key| key.name)) {
+            Some(near) => format!("did you mean `{near}`? `spf config show` lists every key"),
+            None => "`spf config show` lists every key".to_owned(),
+        };
+        CliError::usage(format!("{}:{line}: unknown key `{full}`", path.display())).hint(hint)
+    }
+
+    /// Puts a flag over what is there; `None` leaves it.
+    pub(crate) fn flag(&mut self, name: &'static str, flag: &'static str, value: Option<String>) {
+        debug_assert!(self.0.contains_key(name), "{name} is no key");
+        if let Some(value) = value {
+            self.0.insert(name, (value, Origin::Flag(flag)));
+        }
+    }
+
+    /// The value of a key; `None` when it is empty, that is, decided elsewhere.
+    pub(crate) fn get(&self, name: &'static str) -> Option<&str> {
+        self.0.get(name).map(|(value, _)| value.as_str()).filter(|value| !value.is_empty())
+    }
+
+    /// The value of a key as a `T`; `what` says what was expected when it is none.
+    pub(crate) fn parse<T: std::str::FromStr>(&self, name: &'static str, what: &str) -> Result<Option<T>, CliError> {
+        self.get(name).map(|value| value.parse().map_err(|_| self.wrong(name, what))).transpose()
+    }
+
+    /// The value of a key as a number in `low..=high`.
+    pub(crate) fn number(&self, name: &'static str, low: f64, high: f64) -> Result<Option<f64>, CliError> {
+        let expected = || format!("a number from {low} to {high}");
+        let value: Option<f64> = self.parse(name, &expected())?;
+        // A NaN is in no range.
+        if value.is_some_and(|value| !(low..=high).contains(&value)) {
+            return Err(self.wrong(name, &expected()));
+        }
+        Ok(value)
+    }
+
+    /// The value of a key as one of some words.
+    pub(crate) fn choice<T: Copy>(&self, name: &'static str, words: &[(&str, T)]) -> Result<Option<T>, CliError> {
+        let Some(value) = self.get(name) else { return Ok(None) };
+        match words.iter().find(|(word, _)| *word == value) {
+            Some((_, choice)) => Ok(Some(*choice)),
+            None => {
+                let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
+                let error = self.wrong(name, &known.join(" or "));
+                Err(match nearest(value, known) {
+                    Some(near) => error.hint(format!("did you mean `{near}`?")),
+                    None => error,
+                })
+            }
+        }
+    }
+
+    /// The error for a value that is not what it should be, with where it came from.
+    pub(crate) fn wrong(&self, name: &'static str, expected: &str) -> CliError {
+        let (value, origin) = &self.0[name];
+        let doc = KEYS.iter().find(|key| key.name == name).map_or("", |key| key.doc);
+        CliError::usage(format!("{origin}: `{value}` is not {expected}")).hint(format!("{name}: {doc}"))
+    }
+
+    /// Name, value, origin and meaning of every key, in the table's order.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = (&'static Key, &str, &Origin)> {
+        KEYS.iter().map(|key| {
+            let (value, origin) = &self.0[key.name];
+            (key, value.as_str(), origin)
+        })
+    }
+}
+
+/// A name that looks like one of our variables and is none. Keys of VLM vendors have other names and are nobody's business here.
+fn is_ours(name: &str) -> bool {
+    name.starts_with("SPF_") && !KEYS.iter().any(|key| key.env == name)
+}
+
+fn line_of(text: &str, at: usize) -> usize {
+    1 + text.as_bytes()[..at.min(text.len())].iter().filter(|byte| **byte == b'\n').count()
+}
+
+/// The line of `name` in `[section]`; 1 when it is written in a way that this does not follow (inline tables).
+fn find_key(text: &str, section: &str, name: &str) -> usize {
+    let mut current = "";
+    for (index, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if let Some(header) = line.strip_prefix('[').and_then(|rest| rest.split(']').next()) {
+            current = header.trim();
+            if current == name && section.is_empty() {
+                return index + 1;
+            }
+        } else if current == section && line.split('=').next().is_some_and(|key| key.trim().trim_matches('"') == name) {
+            return index + 1;
+        }
+    }
+    1
+}
