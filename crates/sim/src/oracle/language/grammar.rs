@@ -67,7 +67,7 @@ pub fn parse(text: &str) -> Instruction {
     // "Don't go to the crane, go to the tower" leaves the tower; a sentence of exclusions alone leaves nothing.
     for clause in &mut clauses {
         for phrase in &excluded {
-            if !phrase.nouns.is_empty() && !clause.target.not.contains(phrase) && clause.target != *phrase {
+            if !phrase.is_empty() && !clause.target.not.contains(phrase) && clause.target != *phrase {
                 clause.target.not.push(phrase.clone());
             }
         }
@@ -258,6 +258,9 @@ fn pieces(words: &[String]) -> Vec<Piece> {
 
 /// Whether "and" or a comma is followed by another target: "… and the needle", "… and to the car".
 fn lists(next: &[String], out: &[Piece]) -> bool {
+    let lead =
+        next.iter().take_while(|w| matches!(w.as_str(), "up" | "over" | "on" | "down" | "back" | "straight" | "finally")).count();
+    let next = &next[if next.get(lead).is_some_and(|w| matches!(w.as_str(), "to" | "towards")) { lead } else { 0 }..];
     let to = next.first().is_some_and(|w| matches!(w.as_str(), "to" | "towards"));
     let at = usize::from(to);
     let article = next

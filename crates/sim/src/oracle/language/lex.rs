@@ -89,7 +89,13 @@ pub(super) fn stems(word: &str) -> Vec<String> {
     out
 }
 
-/// Every word the parser knows.
+/// Words of everyday life that are right as they stand, but that no other word is put right to.
+fn everyday() -> &'static BTreeSet<&'static str> {
+    static EVERYDAY: OnceLock<BTreeSet<&'static str>> = OnceLock::new();
+    EVERYDAY.get_or_init(|| lexicon::KNOWN.iter().chain(lexicon::COMMON_VERBS).copied().collect())
+}
+
+/// Every word the grammar and the tables of synonyms use.
 fn known() -> &'static BTreeSet<String> {
     static KNOWN: OnceLock<BTreeSet<String>> = OnceLock::new();
     KNOWN.get_or_init(|| {
@@ -124,7 +130,6 @@ fn known() -> &'static BTreeSet<String> {
             lexicon::SURROUNDINGS,
             lexicon::DETERMINERS,
             lexicon::DROPPED,
-            lexicon::KNOWN,
             lexicon::GRAMMAR,
             lexicon::EMPTY,
         ] {
@@ -137,9 +142,10 @@ fn known() -> &'static BTreeSet<String> {
 /// Whether the parser knows the word or its stem.
 pub(super) fn is_known(word: &str) -> bool {
     let known = known();
-    known.contains(word)
-        || known.contains(&singular(word))
-        || stems(word).iter().any(|stem| known.contains(stem))
+    let has = |w: &str| known.contains(w) || everyday().contains(w);
+    has(word)
+        || has(&singular(word))
+        || stems(word).iter().any(|stem| has(stem))
         || word.chars().all(|c| c.is_ascii_digit() || c == ',' || c == '.')
 }
 
@@ -182,7 +188,37 @@ fn corrected(word: &str) -> String {
         return word.to_owned();
     }
     let plural = word.len() > 4 && word.ends_with('s');
-    let best = known()
+    match nearest_known(word, limit) {
+        // A noun is put right where the tags at hand are known, for they come first.
+        Some(known) if nouns().contains(known.as_str()) => word.to_owned(),
+        Some(known) => known.clone(),
+        None if plural => corrected(&word[..word.len() - 1]),
+        None => word.to_owned(),
+    }
+}
+
+/// The general noun that a misspelt one is nearest to, or the word itself.
+pub(super) fn general_noun(word: &str) -> String {
+    match nearest_known(word, spelling::forgiven(word.len())) {
+        Some(known) if nouns().contains(known.as_str()) => known.clone(),
+        _ => word.to_owned(),
+    }
+}
+
+/// Nouns of the general tables.
+fn nouns() -> &'static BTreeSet<&'static str> {
+    static NOUNS: OnceLock<BTreeSet<&'static str>> = OnceLock::new();
+    NOUNS.get_or_init(|| {
+        let synonyms = lexicon::SYNONYMS.iter().flat_map(|group| group.iter().copied());
+        let kinds = lexicon::HYPERNYMS.iter().flat_map(|(w, below)| below.iter().copied().chain([*w]));
+        let used = lexicon::GENERAL_USES.iter().flat_map(|(w, uses)| uses.iter().copied().chain([*w]));
+        let irregular = lexicon::IRREGULAR.iter().flat_map(|(w, stem)| [*w, *stem]);
+        synonyms.chain(kinds).chain(used).chain(irregular).flat_map(|w| w.split(' ')).collect()
+    })
+}
+
+fn nearest_known(word: &str, limit: usize) -> Option<&'static String> {
+    known()
         .iter()
         .filter(|known| known.len() >= 3 && known.len().abs_diff(word.len()) <= limit)
         .map(|known| {
@@ -191,12 +227,8 @@ fn corrected(word: &str) -> String {
             (edits, known.chars().next() != word.chars().next(), core::cmp::Reverse(known.len()), known)
         })
         .filter(|(edits, ..)| *edits <= limit)
-        .min();
-    match best {
-        Some((.., known)) => known.clone(),
-        None if plural => corrected(&word[..word.len() - 1]),
-        None => word.to_owned(),
-    }
+        .min()
+        .map(|(.., known)| known)
 }
 
 #[cfg(test)]
@@ -205,8 +237,10 @@ mod tests {
 
     #[test]
     fn spelling_is_put_right_and_known_words_stay() {
-        assert_eq!(tokens("Fly to teh red crnae!"), ["fly", "to", "the", "red", "crane", "."]);
-        assert_eq!(tokens("bulding, brige"), ["building", ",", "bridge"]);
+        // Nouns wait for the tags at hand.
+        assert_eq!(tokens("Fly to teh rde crnae!"), ["fly", "to", "the", "red", "crnae", "."]);
+        assert_eq!(tokens("aproach, throgh"), ["approach", ",", "through"]);
+        assert_eq!(["bulding", "brige", "crnae"].map(general_noun), ["building", "bridge", "crane"]);
         assert_eq!(tokens("the horse"), ["the", "horse"]);
         assert_eq!(tokens("don't"), ["dont"]);
     }

@@ -1,7 +1,7 @@
 //! Which objects a phrase means: by tag score, then by relation, size and order among the objects given.
 
 use super::super::tags::Tagged;
-use super::lex::{is_known, raw_tokens, singular, stems};
+use super::lex::{general_noun, is_known, raw_tokens, singular, stems};
 use super::phrase::{Phrase, Relation, Side, Size};
 use super::{lexicon, spelling};
 
@@ -76,11 +76,17 @@ fn spelt(nouns: &[String], items: &[Item<'_>]) -> Vec<String> {
                 return noun.clone();
             }
             match spelling::nearest(noun, vocabulary.iter().map(String::as_str)) {
-                Some(near) if spelling::distance(noun, near) <= spelling::forgiven(noun.len()) => near.to_owned(),
-                _ => noun.clone(),
+                Some(near) if spelling::distance(noun, near) <= slips(noun, near) => near.to_owned(),
+                _ => general_noun(noun),
             }
         })
         .collect()
+}
+
+/// Edits forgiven between a word nobody knows and a tag: one more than elsewhere when it starts alike and is not short.
+fn slips(word: &str, tag: &str) -> usize {
+    let alike = word.len() >= 5 && word.bytes().next() == tag.bytes().next();
+    spelling::forgiven(word.len()) + usize::from(alike)
 }
 
 /// Singular words of all names, synonyms, kind, colour and uses of an object.
@@ -95,7 +101,15 @@ fn words_of(tags: &Tagged) -> Vec<String> {
 
 /// Names, synonyms and kind, each as singular words.
 fn terms(tags: &Tagged) -> Vec<Vec<String>> {
-    tags.names.iter().chain(&tags.synonyms).chain([&tags.kind]).map(|term| split(term)).filter(|t| !t.is_empty()).collect()
+    tags.names.iter().chain(&tags.synonyms).chain([&tags.kind]).map(|term| head_last(term)).filter(|t| !t.is_empty()).collect()
+}
+
+/// A name as singular words, head last: "entrance of the tunnel" is a tunnel entrance.
+fn head_last(text: &str) -> Vec<String> {
+    let words = split(text);
+    let Some(at) = words.iter().position(|w| matches!(w.as_str(), "of" | "in" | "with" | "under" | "on")) else { return words };
+    let (head, rest) = words.split_at(at);
+    rest[1..].iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an")).chain(head).cloned().collect()
 }
 
 fn split(text: &str) -> Vec<String> {
@@ -107,7 +121,9 @@ fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
     if !coloured(&phrase.colours, tags) {
         return 0;
     }
-    let named = named(nouns, tags);
+    // "A glass tower": matter may be part of the name.
+    let whole: Vec<String> = phrase.soft.iter().chain(nouns).cloned().collect();
+    let named = named(nouns, tags).max(if nouns.is_empty() { 0 } else { named(&whole, tags) });
     let used = used(&phrase.uses, tags);
     match (nouns.is_empty(), phrase.uses.is_empty()) {
         (false, true) => named,
@@ -116,7 +132,7 @@ fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
             if named == 0 {
                 0
             } else {
-                named * 10 + used
+                used * 10 + named
             }
         }
         (true, false) => used,
@@ -150,10 +166,12 @@ fn coloured(colours: &[String], tags: &Tagged) -> bool {
     })
 }
 
-/// 5: a name, synonym or kind with the same head; 4: a general synonym; 3: a general word that takes it in; 2: the words
-/// of one of its names in another order.
+/// 6: a name; 5: a synonym, or a name with the same head; 4: the kind, or a synonym with the same head; 3: a general
+/// synonym; 2: a general word that takes it in; 1: the words of one of its names in another order.
 fn named(nouns: &[String], tags: &Tagged) -> u32 {
     let Some((head, others)) = nouns.split_last() else { return 0 };
+    let names: Vec<Vec<String>> = tags.names.iter().map(|n| head_last(n)).collect();
+    let synonyms: Vec<Vec<String>> = tags.synonyms.iter().map(|n| head_last(n)).collect();
     let terms = terms(tags);
     let vocabulary = words_of(tags);
     let known = |word: &String| {
@@ -162,12 +180,17 @@ fn named(nouns: &[String], tags: &Tagged) -> u32 {
                 .iter()
                 .any(|group| group.contains(&word.as_str()) && group.iter().any(|g| vocabulary.iter().any(|v| v == g)))
     };
-    if terms.iter().any(|term| term == nouns || joined(term) == joined(nouns)) {
+    let modifiers = others.iter().all(known);
+    let exact = |list: &[Vec<String>]| list.iter().any(|term| term == nouns || joined(term) == joined(nouns));
+    let headed = |list: &[Vec<String>]| modifiers && list.iter().any(|term| term.last() == Some(head));
+    if exact(&names) {
+        return 6;
+    }
+    if exact(&synonyms) || headed(&names) {
         return 5;
     }
-    let modifiers = others.iter().all(known);
-    if modifiers && terms.iter().any(|term| term.last() == Some(head)) {
-        return 5;
+    if exact(&terms) || headed(&terms) {
+        return 4;
     }
     let whole = nouns.join(" ");
     for group in lexicon::SYNONYMS {
@@ -177,22 +200,20 @@ fn named(nouns: &[String], tags: &Tagged) -> u32 {
         }
         let met = terms.iter().any(|term| {
             let term_whole = term.join(" ");
-            group.contains(&term_whole.as_str())
-                || (term.len() > 1
-                    && group.iter().any(|g| term_whole.ends_with(g) && term_whole[..term_whole.len() - g.len()].ends_with(' ')))
+            group.contains(&term_whole.as_str()) || term.last().is_some_and(|last| group.contains(&last.as_str()))
         });
         if met {
-            return 4;
+            return 3;
         }
     }
     if modifiers
         && let Some((_, below)) = lexicon::HYPERNYMS.iter().find(|(word, _)| word == head)
         && terms.iter().any(|term| term.last().is_some_and(|t| below.contains(&t.as_str())))
     {
-        return 3;
+        return 2;
     }
     let bag = nouns.len() > 1 && terms.iter().any(|term| nouns.iter().all(|n| term.contains(n)));
-    if bag { 2 } else { 0 }
+    u32::from(bag)
 }
 
 fn joined(words: &[String]) -> String {
@@ -243,7 +264,7 @@ fn barred(not: &Phrase, nouns: &[String], found: &[usize], items: &[Item<'_>], d
             if not.ordinal.is_some() || !not.sizes.is_empty() || !not.relations.is_empty() || not.side.is_some() {
                 meant_within(&not, items, depth + 1).contains(&i)
             } else {
-                score(&not, &not.nouns, items[i].tags) > 0 && named(&not.nouns, items[i].tags) >= 3
+                score(&not, &not.nouns, items[i].tags) > 0 && named(&not.nouns, items[i].tags) >= 2
             }
         })
         .collect()
