@@ -21,8 +21,8 @@ pub(crate) struct Shader<'a> {
 
 /// Film: a rational fit to the ACES curve (Narkowicz 2015), for each channel; 0..=1 in linear display light.
 #[inline]
-fn film(colour: Vec3) -> Vec3 {
-    let x = colour.max(Vec3::ZERO) * 0.72;
+fn film(exposed: Vec3) -> Vec3 {
+    let x = exposed.max(Vec3::ZERO);
     (x * (x * 2.51 + 0.03)) / (x * (x * 2.43 + 0.59) + 0.14)
 }
 
@@ -59,11 +59,11 @@ impl Shader<'_> {
         let length = ray.length();
         let to = ray / length;
         if id == NONE {
-            return film(self.palette.sky.seen(to, &self.palette.noise, 1.0 / self.view.fx));
+            return film(self.palette.sky.seen(to, &self.palette.noise, 1.0 / self.view.fx) * self.palette.sky.exposure);
         }
         let z = 1.0 / near;
         let lit = self.surface(id, ray, to, z);
-        film(self.palette.sky.hazed(lit, to, z * length, &self.palette.decay))
+        film(self.palette.sky.hazed(lit, to, z * length, &self.palette.decay) * self.palette.sky.exposure)
     }
 
     fn surface(&self, id: u32, ray: Vec3, to: Vec3, z: f32) -> Vec3 {

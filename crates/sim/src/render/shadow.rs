@@ -12,6 +12,10 @@ use crate::geometry::Light;
 const SIDE: f32 = 4096.0;
 /// Finest texel, metres.
 const FINEST: f32 = 0.04;
+/// Triangles longer than this do not decide how far the map reaches, metres.
+const LONGEST: f32 = 150.0;
+/// The map reaches this far from the middle, at most, metres.
+const REACH: f32 = 190.0;
 /// Texels of a block of the coarse map.
 const BLOCK: usize = 8;
 
@@ -42,10 +46,14 @@ impl ShadowMap {
         let (mut bottom, mut top) = (f32::INFINITY, f32::NEG_INFINITY);
         for cluster in soup.clusters.iter().filter(|c| !c.opening) {
             for i in cluster.triangles.0..cluster.triangles.1 {
-                // Flat ground is shone upon but casts nothing; it may reach to the horizon.
-                let flat = soup.triangles[i as usize].normal.z > 0.9;
-                for p in soup.corners[i as usize].map(|k| turn(soup.positions[cluster.positions.0 as usize + usize::from(k)])) {
-                    if !flat {
+                let corners =
+                    soup.corners[i as usize].map(|k| turn(soup.positions[cluster.positions.0 as usize + usize::from(k)]));
+                let [a, b, c] = corners;
+                // Ground is shone upon but casts little; it may reach to the horizon, and so may the sides of its slab.
+                let long = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+                let ground = soup.triangles[i as usize].normal.z > 0.9 || long > LONGEST * LONGEST;
+                for p in corners {
+                    if !ground {
                         (low, high) = (low.min(p), high.max(p));
                     }
                     (bottom, top) = (bottom.min(p.z), top.max(p.z));
@@ -55,6 +63,16 @@ impl ShadowMap {
         if low.x > high.x {
             (low, high) = (Vec3::ZERO, Vec3::ONE);
         }
+        // What stands far from where most things stand goes without shadows, so that the rest has fine ones.
+        let middle = |axis: Vec3| {
+            let solid = soup.clusters.iter().filter(|c| !c.opening);
+            let mut all: Vec<f32> = solid.map(|c| (c.low + c.high).dot(axis) * 0.5).collect();
+            all.sort_unstable_by(f32::total_cmp);
+            all.get(all.len() / 2).copied().unwrap_or(0.0)
+        };
+        let centre = Vec3::new(middle(across), middle(along), 0.0);
+        let reach = Vec3::new(REACH, REACH, f32::INFINITY);
+        (low, high) = (low.max(centre - reach), high.min(centre + reach));
         low.z = low.z.max(bottom) - 30.0;
         high.z = high.z.min(top) + 1.0;
         let size = high - low + 1.0;

@@ -12,12 +12,22 @@ pub(crate) struct Sky {
     glow: Vec3,
     cloud_lit: Vec3,
     cloud_shade: Vec3,
+    /// What the film's exposure multiplies light by: white ground in the sun is bright in any daylight, and nights stay dark.
+    pub(crate) exposure: f32,
 }
 
 impl Sky {
     pub(crate) fn new(light: &Light) -> Self {
         let cloud_lit = light.horizon * 0.55 + light.sun * 0.42;
-        Self { light: light.clone(), glow: light.sun, cloud_lit, cloud_shade: light.horizon * 0.62 + light.zenith * 0.3 }
+        let ground = light.sun * light.to_sun.z.max(0.3) + light.sky_ambient;
+        let exposure = (0.95 / ground.dot(Vec3::new(0.21, 0.72, 0.07)).max(1e-3)).clamp(0.3, 1.8);
+        Self {
+            exposure,
+            light: light.clone(),
+            glow: light.sun,
+            cloud_lit,
+            cloud_shade: light.horizon * 0.62 + light.zenith * 0.3,
+        }
     }
 
     /// Clear sky towards unit vector `to`: what glass mirrors and what haze fades into.
