@@ -1,79 +1,58 @@
 //! The oracle's language over the city's own object list.
 #![allow(clippy::unwrap_used)]
 
-use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::geometry::EnuPosition;
 use spf_sim::oracle::{Place, Placed, Tagged, resolve_truth};
+use spf_sim::scene::{Object, Scene};
 
-/// Tags and rough places of the city's objects, straight from the scene file: the language needs no meshes.
+/// The city's objects as the truth sees them.
 struct City {
+    scene: Scene,
     tags: Vec<Tagged>,
-    places: Vec<Place>,
 }
 
 impl City {
     fn load() -> Self {
-        let text = include_str!("../../../scenes/city.toml");
-        let scene: toml::Table = text.parse().unwrap();
-        let templates = scene["templates"].as_table().unwrap();
-        let (mut tags, mut places) = (Vec::new(), Vec::new());
-        for object in scene["objects"].as_array().unwrap() {
-            let object = object.as_table().unwrap();
-            let template = object.get("like").map(|name| templates[name.as_str().unwrap()].as_table().unwrap());
-            let get = |key: &str| object.get(key).or_else(|| template.and_then(|t| t.get(key)));
-            let words = |key: &str| -> Vec<String> {
-                get(key).and_then(|v| v.as_array()).into_iter().flatten().filter_map(|v| v.as_str().map(str::to_owned)).collect()
-            };
-            let word = |key: &str| get(key).and_then(|v| v.as_str()).map(str::to_owned);
-            let mesh = get("mesh").and_then(|m| m.as_table());
-            let number = |key: &str| mesh.and_then(|m| m.get(key)).and_then(float);
-            let size =
-                |i: usize| mesh.and_then(|m| m.get("size")).and_then(|s| s.as_array()).and_then(|s| s.get(i)).and_then(float);
-            let spots: Vec<Vec<f64>> = match (object.get("position"), object.get("places")) {
-                (Some(one), _) => vec![floats(one)],
-                (None, Some(many)) => many.as_array().unwrap().iter().map(floats).collect(),
-                _ => vec![vec![0.0, 0.0]],
-            };
-            for spot in spots {
-                tags.push(Tagged {
-                    id: tags.len() as u16 + 1,
-                    key: word("id").unwrap(),
-                    names: words("names"),
-                    synonyms: words("synonyms"),
-                    colour: word("colour"),
-                    kind: word("kind").unwrap_or_default(),
-                    qualities: words("qualities"),
-                    uses: words("use"),
-                    opening: word("kind").as_deref() == Some("opening"),
-                    opening_of: word("opening_of"),
-                });
-                places.push(Place {
-                    centre: EnuPosition { east: spot[0], north: spot[1], up: 0.0 },
-                    height: number("height").or(number("mast_height")).or(size(2)).or(number("wall_height")).unwrap_or(1.5),
-                    width: size(0).or(number("jib")).or(number("length")).unwrap_or(4.0),
-                });
-            }
-        }
-        Self { tags, places }
+        let scene = Scene::load("city").unwrap();
+        let tags = scene.tagged();
+        Self { scene, tags }
     }
 
-    /// Keys that the last stage may mean, sorted, each once.
-    fn meant(&self, instruction: &str) -> Vec<&str> {
-        let objects: Vec<Placed<'_>> =
-            self.tags.iter().zip(&self.places).map(|(tags, place)| Placed { tags, place: Some(*place) }).collect();
-        let found = resolve_truth(instruction, &objects, Some(Pose::default())).objects;
+    fn placed(&self) -> Vec<Placed<'_>> {
+        let place = |object: &Object| {
+            let (min, max) = (object.bounds.min, object.bounds.max);
+            let middle = |low: f64, high: f64| 0.5 * (low + high);
+            Place {
+                centre: EnuPosition {
+                    east: middle(min.east, max.east),
+                    north: middle(min.north, max.north),
+                    up: middle(min.up, max.up),
+                },
+                height: max.up - min.up,
+                width: (max.east - min.east).max(max.north - min.north),
+            }
+        };
+        self.tags.iter().zip(&self.scene.objects).map(|(tags, o)| Placed { tags, place: Some(place(o)) }).collect()
+    }
+
+    /// Keys that the last stage may mean, sorted.
+    fn keys(&self, instruction: &str) -> Vec<&str> {
+        let found = resolve_truth(instruction, &self.placed(), Some(self.scene.start)).objects;
         let mut keys: Vec<&str> = found.iter().map(|id| self.tags[usize::from(*id) - 1].key.as_str()).collect();
         keys.sort_unstable();
+        keys
+    }
+
+    /// The same without the numbers of repeated objects, each once.
+    fn meant(&self, instruction: &str) -> Vec<&str> {
+        let mut keys: Vec<&str> = self
+            .keys(instruction)
+            .into_iter()
+            .map(|key| key.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches('_'))
+            .collect();
         keys.dedup();
         keys
     }
-}
-
-fn float(value: &toml::Value) -> Option<f64> {
-    value.as_float().or_else(|| value.as_integer().map(|i| i as f64))
-}
-
-fn floats(value: &toml::Value) -> Vec<f64> {
-    value.as_array().unwrap().iter().filter_map(float).collect()
 }
 
 #[test]
@@ -190,4 +169,44 @@ proptest::proptest! {
         let target = resolve_truth(&words.join(" "), &objects, None);
         proptest::prop_assert!(target.objects.len() <= 1);
     }
+}
+
+/// One line of a trial file. `expected` names keys; `tree_*` stands for all trees.
+#[derive(serde::Deserialize)]
+struct Trial {
+    instruction: String,
+    expected: Vec<String>,
+    kind: String,
+}
+
+/// Right when what is meant is among what is expected and something is, or when both are nothing.
+fn right(found: &[&str], expected: &[String]) -> bool {
+    let allowed = |key: &&str| expected.iter().any(|e| e == key || e.strip_suffix('*').is_some_and(|stem| key.starts_with(stem)));
+    found.is_empty() == expected.is_empty() && found.iter().all(allowed)
+}
+
+/// Right and all, by kind of instruction; the wrong ones are printed for `--nocapture`.
+fn score(text: &str) -> String {
+    let city = City::load();
+    let mut kinds: std::collections::BTreeMap<String, (usize, usize)> = std::collections::BTreeMap::new();
+    for line in text.lines().filter(|line| !line.trim().is_empty()) {
+        let trial: Trial = serde_json::from_str(line).unwrap();
+        let found = city.keys(&trial.instruction);
+        let right = right(&found, &trial.expected);
+        if !right {
+            println!("{}: {} -> {found:?}, not {:?}", trial.kind, trial.instruction, trial.expected);
+        }
+        for kind in [trial.kind.as_str(), "all"] {
+            let tally = kinds.entry(kind.to_owned()).or_default();
+            tally.0 += usize::from(right);
+            tally.1 += 1;
+        }
+    }
+    kinds.iter().map(|(kind, (right, all))| format!("{kind} {right}/{all}")).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn score_on_the_trial_files() {
+    insta::assert_snapshot!("instructions_200", score(include_str!("data/instructions_200.jsonl")));
+    insta::assert_snapshot!("instructions_100", score(include_str!("data/instructions_100.jsonl")));
 }
