@@ -1,38 +1,50 @@
 //! Frames in, queries out, replies in, steps carried out.
 
 use super::{Action, Decision, Note, Outcome, Phase, Pilot, Think, Waiting};
-use crate::envelope::Reaction;
+use crate::envelope::{Cause, Reaction};
 use crate::frame::FrameMeta;
 use crate::policy::{FailReason, PolicyEvent, Step, View};
 use crate::query::{Query, QueryId};
-use crate::time::Time;
+use crate::time::{Duration, Time};
 
 /// Steps a policy may take at one instant; more means a policy that never waits.
 const STEPS_AT_ONCE: usize = 16;
+/// The shortest time that an answer is waited for: a query that is given up as it is asked would be asked for ever.
+const LEAST_TIMEOUT: Duration = Duration::from_millis(100);
 
 impl Pilot {
     pub(super) fn frame(&mut self, now: Time, frame: FrameMeta) {
+        // A camera's clock that runs ahead must not make all its later frames old ones.
+        let frame = FrameMeta { captured: frame.captured.min(now), ..frame };
         self.envelope.observe_frame(now, &frame);
         let newer = self
             .view
             .is_none_or(|view| frame.captured > view.frame.captured && frame.capture_counter != view.frame.capture_counter);
         if let Some(known) = self.estimator.pose_at(frame.captured).filter(|_| newer && !frame.unusable) {
-            let at_rest = self.settled.is_some_and(|settled| frame.captured >= settled);
-            self.view = Some(View { frame, camera: self.camera, pose: known, at_rest });
+            self.view = Some(View { frame, camera: self.camera, pose: known, at_rest: false });
         }
     }
 
     /// Shows the policy the newest frame when a decision is due.
     pub(super) fn decide(&mut self, now: Time) {
-        if self.phase != Phase::Flying || !self.waiting.is_empty() || self.envelope.reaction(now) != Reaction::Continue {
+        if self.phase != Phase::Flying || self.link_lost || !self.waiting.is_empty() {
             return;
         }
-        let Some(view) = self.view else { return };
+        // What ends a hold for failed replies is a good reply, so that one must be asked for.
+        if !matches!(self.envelope.reaction(now), Reaction::Continue | Reaction::Hold(Cause::FailedReplies)) {
+            return;
+        }
+        let Some(mut view) = self.view else { return };
+        // Judged now and not when the frame came: a rest that has been left since is no rest.
+        view.at_rest = self.settled.is_some_and(|settled| view.frame.captured >= settled);
         let from_rest = self.needs_rest || self.settings.think == Think::Stop;
         if self.used == Some(view.frame.id) || (from_rest && (self.executing || !view.at_rest)) {
             return;
         }
         if self.decisions >= self.settings.max_decisions {
+            if self.executing {
+                return; // The last plan is flown to its end.
+            }
             return self.finish(now, Outcome::Timeout, format!("{} decisions were spent", self.decisions));
         }
         self.used = Some(view.frame.id);
@@ -48,21 +60,23 @@ impl Pilot {
         };
         let step = self.policy.handle(PolicyEvent::Reply { id, text });
         self.envelope.observe_reply(now, !matches!(step, Step::Reject(_)));
-        if !matches!(step, Step::Ask(_) | Step::Wait) {
+        if decides(&step) && !waiting.decided {
             self.decisions += 1;
         }
-        let (goal, passed) = self.planned(now, &step, &waiting.view);
+        let (goal, passed) = self.planned(now, &step);
         let decision = self.decision(now, &waiting, text, &step, goal, passed);
         self.note(Note::Decision(Box::new(decision)));
         self.carry_out(now, step, &waiting.view);
     }
 
     pub(super) fn chunk(&mut self, now: Time, id: QueryId, text: &str) {
-        if let Some(waiting) = self.waiting.get(&id) {
-            let view = waiting.view;
-            let step = self.policy.handle(PolicyEvent::Chunk { id, text });
-            self.carry_out(now, step, &view);
+        let Some(waiting) = self.waiting.get_mut(&id) else { return };
+        let view = waiting.view;
+        let step = self.policy.handle(PolicyEvent::Chunk { id, text });
+        if decides(&step) && !core::mem::replace(&mut waiting.decided, true) {
+            self.decisions += 1;
         }
+        self.carry_out(now, step, &view);
     }
 
     pub(super) fn reply_failed(&mut self, now: Time, id: QueryId, reason: String) {
@@ -92,10 +106,12 @@ impl Pilot {
         self.carry_out(now, step, view);
     }
 
-    /// No answer is waited for any more.
+    /// No answer is waited for any more. The policy hears of it, or it would wait for ever; what it wants to do about it is not
+    /// carried out, for the operator has the craft or the flight is over.
     pub(super) fn cancel_queries(&mut self) {
         for (id, _) in core::mem::take(&mut self.waiting) {
             self.outbox.push_back(Action::Cancel(id));
+            self.policy.handle(PolicyEvent::ReplyFailed { id });
         }
     }
 
@@ -127,8 +143,8 @@ impl Pilot {
     }
 
     fn ask(&mut self, now: Time, mut query: Box<Query>, view: View) {
-        query.deadline = now + self.settings.reply_timeout;
-        self.waiting.insert(query.id, Waiting { query: query.clone(), view, asked: now });
+        query.deadline = now + self.settings.reply_timeout.max(LEAST_TIMEOUT);
+        self.waiting.insert(query.id, Waiting { query: query.clone(), view, asked: now, decided: false });
         self.outbox.push_back(Action::Ask(query));
     }
 
@@ -141,6 +157,7 @@ impl Pilot {
         goal: Option<crate::geometry::Pose>,
         passed: bool,
     ) -> Decision {
+        let number = if decides(step) || waiting.decided { self.decisions } else { self.decisions + 1 };
         let step = match step {
             Step::Ask(_) => "ask",
             Step::Move(_) => "move",
@@ -151,7 +168,7 @@ impl Pilot {
             Step::Fail(_) => "fail",
         };
         Decision {
-            number: self.decisions,
+            number,
             query: (*waiting.query).clone(),
             reply: text.to_owned(),
             reading: self.policy.reading(),
@@ -172,4 +189,9 @@ impl Pilot {
     pub(super) fn note(&mut self, note: Note) {
         self.outbox.push_back(Action::Note(note));
     }
+}
+
+/// Whether a step ends a decision; asking more and waiting do not.
+fn decides(step: &Step) -> bool {
+    !matches!(step, Step::Ask(_) | Step::Wait)
 }

@@ -23,7 +23,8 @@ impl Pilot {
             return self.enter(now, Phase::Ended);
         }
         match (self.phase, self.craft_phase) {
-            (Phase::TakeOff, FlightPhase::Flying) => {
+            // Also a craft that is in the air already when it is first heard of: it is flown from where it is.
+            (Phase::Ground | Phase::TakeOff, FlightPhase::Flying) => {
                 self.rest_from(now);
                 self.needs_rest = true;
                 self.next_tick = now;
@@ -35,7 +36,8 @@ impl Pilot {
             (
                 Phase::Flying | Phase::Held | Phase::Manual,
                 FlightPhase::Landing | FlightPhase::OnGround | FlightPhase::Stopped,
-            ) => {
+            )
+            | (Phase::TakeOff, FlightPhase::Stopped) => {
                 self.finish(now, Outcome::Failed, "the craft landed or stopped by itself".to_owned());
             }
             _ => {}
@@ -61,12 +63,15 @@ impl Pilot {
     }
 
     fn take_off(&mut self, now: Time) {
+        let limit = self.settings.max_time;
+        if now >= Time::ZERO + limit {
+            return self.end_before_take_off(
+                now,
+                Outcome::Timeout,
+                format!("the flight time of {} s was spent on the ground", limit.as_secs_f64()),
+            );
+        }
         if self.hold_after_take_off || self.craft_phase != FlightPhase::OnGround || self.estimator.newest().is_none() {
-            let limit = self.settings.max_time.as_secs_f64();
-            if now >= Time::ZERO + self.settings.max_time {
-                self.settle_outcome(Outcome::Timeout, format!("the flight time of {limit} s was spent on the ground"));
-                self.enter(now, Phase::Ended);
-            }
             return;
         }
         match self.envelope.clear(now, Command::TakeOff) {
@@ -78,6 +83,16 @@ impl Pilot {
                 self.settle_outcome(Outcome::Aborted, format!("take-off refused: {refusal}"));
                 self.enter(now, Phase::Ended);
             }
+        }
+    }
+
+    /// Ends a flight that has not begun. A craft that is on its way into the air by itself is landed.
+    pub(super) fn end_before_take_off(&mut self, now: Time, outcome: Outcome, cause: String) {
+        if self.craft_phase == FlightPhase::OnGround {
+            self.settle_outcome(outcome, cause);
+            self.enter(now, Phase::Ended);
+        } else {
+            self.finish(now, outcome, cause);
         }
     }
 

@@ -57,7 +57,7 @@ pub enum OperatorEvent {
     Hold,
     /// Go on deciding, from a fresh frame.
     Resume,
-    /// Fly by hand: hold this velocity for the envelope's setpoint validity. Ends deciding until [`OperatorEvent::Resume`].
+    /// Fly by hand: hold this velocity for 0.4 s, or until the next one. Ends deciding until [`OperatorEvent::Resume`].
     Setpoint(Setpoint),
     /// Do something else instead.
     Instruction(String),
@@ -156,7 +156,7 @@ pub enum Phase {
 /// One pass of see, point, fly, as it is recorded (docs/flight-files.md).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Decision {
-    /// Number within the flight, from 1.
+    /// Number within the flight, from 1. Queries that only prepare a decision (`ask`, `wait`) carry the number of the coming one.
     pub number: u32,
     /// The query whose answer decided.
     pub query: Query,
@@ -182,7 +182,8 @@ pub struct Decision {
     pub pose: Pose,
     /// Pose when the answer came, as known.
     pub pose_at_reply: Pose,
-    /// Where the plan ends, as known, when it moves.
+    /// Where the plan ends, as known, when it moves: from the pose of the frame when the move is anchored there, else from the
+    /// pose at the reply.
     pub goal: Option<Pose>,
     /// True when the plan's end was already passed, so that the craft holds instead.
     pub passed: bool,

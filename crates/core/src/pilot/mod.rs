@@ -32,7 +32,7 @@ use crate::executor::Executor;
 use crate::frame::FrameId;
 use crate::policy::{Move, Policy, PolicyEvent, View};
 use crate::query::QueryId;
-use crate::telemetry::FlightPhase;
+use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Duration, Time, duration_from_secs};
 
 /// A query that is waited for.
@@ -41,6 +41,8 @@ struct Waiting {
     query: Box<crate::query::Query>,
     view: View,
     asked: Time,
+    /// A part of its answer has already decided; the rest of it is no second decision.
+    decided: bool,
 }
 
 /// The state machine that flies.
@@ -53,8 +55,13 @@ pub struct Pilot {
     estimator: MotionEstimator,
     executor: Executor,
 
+    /// Latest time heard: time that runs backwards is read as standing still.
+    now: Time,
     phase: Phase,
     craft_phase: FlightPhase,
+    /// When the newest telemetry was measured.
+    heard: Option<Time>,
+    link_lost: bool,
     entered: Time,
     outbox: VecDeque<Action>,
     ending: Option<Ending>,
@@ -74,7 +81,9 @@ pub struct Pilot {
     hold_after_take_off: bool,
     first_motion: Option<Time>,
     next_tick: Time,
-    told_cause: Option<Cause>,
+    /// The envelope's reaction, and its change of a setpoint, that were told last.
+    told_reaction: Option<Cause>,
+    told_change: Option<Cause>,
 }
 
 /// What a pilot is made of.
@@ -107,10 +116,12 @@ impl Pilot {
             policy,
             envelope: Envelope::new(limits, craft),
             estimator: MotionEstimator::new(&craft, senses),
-            executor: Executor::new(craft, settings.motion, settings.ending)
-                .with_period(duration_from_secs(1.0 / settings.rate_hz.clamp(1.0, 100.0))),
+            executor: Executor::new(craft, settings.motion, settings.ending).with_period(tick_length(settings.rate_hz)),
+            now: Time::ZERO,
             phase: Phase::Ground,
             craft_phase: FlightPhase::OnGround,
+            heard: None,
+            link_lost: false,
             entered: Time::ZERO,
             outbox: VecDeque::new(),
             ending: None,
@@ -129,7 +140,8 @@ impl Pilot {
             hold_after_take_off: false,
             first_motion: None,
             next_tick: Time::ZERO,
-            told_cause: None,
+            told_reaction: None,
+            told_change: None,
         };
         let text = pilot.instruction.clone();
         // A policy answers an instruction with Look or Wait: on the ground there is nothing to see yet.
@@ -139,28 +151,30 @@ impl Pilot {
 
     /// Takes note of something that happened at `now`.
     pub fn handle(&mut self, now: Time, event: Event) {
+        let now = self.clock(now);
         match event {
             Event::Frame(frame) => self.frame(now, frame),
-            Event::Telemetry(telemetry) => {
-                self.envelope.observe_telemetry(now, &telemetry);
-                self.estimator.observe(&telemetry);
-                self.craft_phase = telemetry.phase;
-                self.follow_craft(now, telemetry.crashed);
-            }
+            Event::Telemetry(telemetry) => self.telemetry(now, telemetry),
             Event::Reply { id, text } => self.reply(now, id, &text),
             Event::Chunk { id, text } => self.chunk(now, id, &text),
             Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),
             Event::Operator(event) => self.operator(now, event),
             Event::LinkLost => {
                 self.envelope.link_lost(now);
+                self.link_lost = true;
                 self.stop_motion(now);
+                self.next_tick = now;
             }
-            Event::LinkRestored => self.envelope.link_restored(now),
+            Event::LinkRestored => {
+                self.envelope.link_restored(now);
+                self.link_lost = false;
+            }
         }
     }
 
     /// The next thing to be done at `now`; `None` when there is nothing until an event or [`Pilot::next_deadline`].
     pub fn poll(&mut self, now: Time) -> Option<Action> {
+        let now = self.clock(now);
         if self.outbox.is_empty() {
             self.advance(now);
         }
@@ -174,7 +188,8 @@ impl Pilot {
             return None;
         }
         let queries = self.waiting.values().map(|waiting| waiting.query.deadline);
-        queries.chain([self.next_tick]).min()
+        let manual = self.manual.map(|(_, until)| until);
+        queries.chain(manual).chain(self.envelope.next_deadline(self.now)).chain([self.next_tick]).min()
     }
 
     /// What the pilot believes of the flight; `None` while it goes on.
@@ -218,8 +233,23 @@ impl Pilot {
         self.estimator.at(now).unwrap_or_default()
     }
 
-    fn tick_length(&self) -> Duration {
-        duration_from_secs(1.0 / self.settings.rate_hz.clamp(1.0, 100.0))
+    /// A report older than the newest known, such as one that was overtaken on its way, is no news.
+    fn telemetry(&mut self, now: Time, mut telemetry: Telemetry) {
+        // A craft's clock that runs ahead must not make all its later reports old ones.
+        telemetry.time = telemetry.time.min(now);
+        if self.heard.is_some_and(|heard| telemetry.time <= heard) {
+            return;
+        }
+        self.heard = Some(telemetry.time);
+        self.envelope.observe_telemetry(now, &telemetry);
+        self.estimator.observe(&telemetry);
+        self.craft_phase = telemetry.phase;
+        self.follow_craft(now, telemetry.crashed);
+    }
+
+    fn clock(&mut self, now: Time) -> Time {
+        self.now = self.now.max(now);
+        self.now
     }
 
     fn enter(&mut self, now: Time, phase: Phase) {
@@ -235,13 +265,23 @@ impl Pilot {
             return;
         }
         self.expire_queries(now);
+        if self.manual.take_if(|(_, until)| *until <= now).is_some() {
+            self.next_tick = now;
+        }
         self.react(now);
         self.limits(now);
         self.decide(now);
         if now >= self.next_tick {
             self.tick(now);
             // From `now`, not from the last due time: a late caller gets one tick, not a burst of old ones.
-            self.next_tick = now + if self.phase == Phase::Landing { ending::LAND_REPEAT } else { self.tick_length() };
+            self.next_tick =
+                now + if self.phase == Phase::Landing { ending::LAND_REPEAT } else { tick_length(self.settings.rate_hz) };
         }
     }
+}
+
+/// Time between setpoints. A rate beyond [`PilotSettings::rate_hz`]'s range, or no number, counts as the nearest in it.
+fn tick_length(rate_hz: f64) -> Duration {
+    // Not `clamp`, which hands on a NaN: a tick without length would never let time pass.
+    duration_from_secs(1.0 / if rate_hz >= 5.0 { rate_hz.min(100.0) } else { 5.0 })
 }

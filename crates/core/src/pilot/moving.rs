@@ -5,7 +5,7 @@ use crate::command::{Command, Setpoint};
 use crate::envelope::{Cause, Clearance, Reaction};
 use crate::executor::{Goal, Motion};
 use crate::geometry::{Attitude, Pose, wrap_angle};
-use crate::policy::{Move, PolicyEvent, Step, View};
+use crate::policy::{Move, PolicyEvent, Step};
 use crate::primitives::Primitives;
 use crate::time::{Duration, Time, duration_from_secs};
 
@@ -19,33 +19,46 @@ const TURN_ONLY: f64 = 0.05;
 
 impl Pilot {
     /// Where a move from a frame ends in the world, and whether the craft is already past it.
-    pub(super) fn planned(&self, now: Time, step: &Step, view: &View) -> (Option<Pose>, bool) {
+    pub(super) fn planned(&self, now: Time, step: &Step) -> (Option<Pose>, bool) {
         let Step::Move(motion) = step else { return (None, false) };
-        let from = motion.anchor.unwrap_or(view.pose);
+        let Some(from) = motion.anchor else {
+            // It begins where the craft is when it begins.
+            let from = self.known_pose(now);
+            let goal = Goal::of_primitives(from, motion.primitives);
+            return (Some(pose_of(goal)), false);
+        };
         let goal = Goal::of_primitives(from, motion.primitives);
-        let pose = Pose { position: goal.position, attitude: Attitude { heading: goal.heading, ..Attitude::default() } };
         let passed = self.settings.think == Think::Continuous
             && !motion.then_rest
+            && !self.waits_for_queue()
             && goal.is_passed(from.position, self.known(now).position);
-        (Some(pose), passed)
+        (Some(pose_of(goal)), passed)
+    }
+
+    /// A queue that is always replaced, or stopped for what it has passed, never climbs: the next plan waits for its end.
+    fn waits_for_queue(&self) -> bool {
+        self.settings.motion == Motion::Sequential && self.executing
     }
 
     pub(super) fn begin_move(&mut self, now: Time, motion: Move) {
+        if self.link_lost {
+            return self.refuse_move(now);
+        }
         let known = self.known(now);
         let relative = |yaw: f64| Primitives { yaw, ..motion.primitives };
         match motion.anchor {
             Some(from) if self.settings.think == Think::Continuous && !motion.then_rest => {
+                if self.waits_for_queue() {
+                    self.pending = Some(motion);
+                    return;
+                }
                 let goal = Goal::of_primitives(from, motion.primitives);
                 // Flying back to it fails in up to half of the runs (closed-loop study, finding 6).
                 if goal.is_passed(from.position, known.position) {
-                    return self.stop_motion(now);
+                    return self.refuse_move(now);
                 }
                 if self.settings.motion == Motion::Blended {
                     self.executor.start_goal(now, known, goal);
-                } else if self.executing {
-                    // A queue that is always replaced never climbs: the new plan waits for its end.
-                    self.pending = Some(motion);
-                    return;
                 } else {
                     self.executor.start(now, known, rest_of_plan(known.position, known.attitude.heading, goal));
                 }
@@ -64,7 +77,17 @@ impl Pilot {
         self.next_tick = now;
     }
 
-    /// The reason to move has ended: zero goes out at once, and the policy is told that its move was cut short.
+    /// A move that does not begin: the policy hears of it as of one that was cut short.
+    fn refuse_move(&mut self, now: Time) {
+        if self.executing {
+            self.stop_motion(now);
+        } else {
+            self.policy.handle(PolicyEvent::MoveEnded { completed: false });
+        }
+    }
+
+    /// The reason to move has ended: zero goes out at once, and the policy is told that its move was cut short. What it wants to
+    /// do about that is not carried out: it is shown a frame once it may go on.
     pub(super) fn stop_motion(&mut self, now: Time) {
         self.pending = None;
         if self.executing {
@@ -72,8 +95,7 @@ impl Pilot {
             self.executor.stop(now);
             self.rest_from(now);
             self.next_tick = now;
-            let step = self.policy.handle(PolicyEvent::MoveEnded { completed: false });
-            debug_assert!(!matches!(step, Step::Move(_)), "a policy must not answer a cut-short move with another");
+            self.policy.handle(PolicyEvent::MoveEnded { completed: false });
         }
         if self.hold_since.is_none() {
             self.rest_from(now);
@@ -106,7 +128,8 @@ impl Pilot {
         self.settle(now);
         let known = self.known(now);
         let mut finished = false;
-        let clearance = match self.manual.filter(|(_, until)| self.phase == Phase::Manual && now < *until) {
+        let by_hand = self.phase == Phase::Manual && !self.link_lost;
+        let clearance = match self.manual.filter(|(_, until)| by_hand && now < *until) {
             Some((setpoint, _)) => self.envelope.clear_manual(now, setpoint),
             None => {
                 let mut setpoint = Setpoint::HOLD;
@@ -143,16 +166,16 @@ impl Pilot {
                 self.first_motion = Some(now);
             }
         }
-        self.tell(clearance.changed);
+        let told = core::mem::replace(&mut self.told_change, clearance.changed);
+        self.tell(clearance.changed, told);
         self.outbox.push_back(Action::Command(clearance.cleared));
     }
 
     /// Tells of a cause once, until another takes its place.
-    fn tell(&mut self, cause: Option<Cause>) {
-        if let Some(cause) = cause.filter(|cause| self.told_cause != Some(*cause)) {
+    fn tell(&mut self, cause: Option<Cause>, told: Option<Cause>) {
+        if let Some(cause) = cause.filter(|cause| told != Some(*cause)) {
             self.note(Note::Envelope(cause));
         }
-        self.told_cause = cause;
     }
 
     /// The envelope's reaction to what it watches.
@@ -162,10 +185,12 @@ impl Pilot {
         }
         // A hand on the sticks sees for itself: a frozen picture does not end manual flight.
         let by_hand = matches!(self.phase, Phase::Manual | Phase::Held);
-        match if by_hand { self.envelope.manual_reaction(now) } else { self.envelope.reaction(now) } {
+        let reaction = if by_hand { self.envelope.manual_reaction(now) } else { self.envelope.reaction(now) };
+        let told = core::mem::replace(&mut self.told_reaction, reaction.cause());
+        self.tell(reaction.cause(), told);
+        match reaction {
             Reaction::Continue => {}
-            Reaction::Hold(cause) => {
-                self.tell(Some(cause));
+            Reaction::Hold(_) => {
                 if self.executing {
                     self.stop_motion(now);
                 }
@@ -176,6 +201,10 @@ impl Pilot {
             }
         }
     }
+}
+
+fn pose_of(goal: Goal) -> Pose {
+    Pose { position: goal.position, attitude: Attitude { heading: goal.heading, ..Attitude::default() } }
 }
 
 /// What ending by a cause means for the outcome (DESIGN section 7).

@@ -24,8 +24,7 @@ impl Pilot {
             }
             OperatorEvent::Instruction(text) => self.instruct(now, text),
             OperatorEvent::Land if self.phase == Phase::Ground => {
-                self.settle_outcome(Outcome::Aborted, "the operator ended it before take-off".to_owned());
-                self.enter(now, Phase::Ended);
+                self.end_before_take_off(now, Outcome::Aborted, "the operator ended it before take-off".to_owned());
             }
             OperatorEvent::Land => self.finish(now, Outcome::Aborted, "the operator ended the flight".to_owned()),
             OperatorEvent::Stop => {

@@ -45,13 +45,13 @@ pub struct PilotSettings {
     pub confirm_done: bool,
     /// Obstacle mode.
     pub avoid: bool,
-    /// Setpoints a second, 1..=100.
+    /// Setpoints a second, 5..=100: slower ones could not command zero within 0.2 s of the end of a reason to move.
     pub rate_hz: f64,
     /// Flight time after which the flight is a timeout.
     pub max_time: Duration,
     /// Decisions after which the flight is a timeout.
     pub max_decisions: u32,
-    /// How long an answer is waited for.
+    /// How long an answer is waited for; at least 0.1 s.
     pub reply_timeout: Duration,
 }
 

@@ -36,7 +36,7 @@ pub struct View {
 pub enum PolicyEvent<'a> {
     /// A (new) instruction; everything before it is void, and its queries are no longer waited for.
     Instruction(&'a str),
-    /// A fresh frame, and a decision is due.
+    /// A fresh frame, and a decision is due: no query is out, and nothing that was wanted before is still to be carried out.
     Frame(&'a View),
     /// The whole answer to a query that is still waited for.
     Reply {
@@ -52,12 +52,13 @@ pub enum PolicyEvent<'a> {
         /// The new part.
         text: &'a str,
     },
-    /// A query will never be answered.
+    /// A query will never be answered. When the pilot itself no longer waits (operator, end of the flight) the step returned is
+    /// not carried out; the next [`PolicyEvent::Frame`] is when to go on.
     ReplyFailed {
         /// Which query.
         id: QueryId,
     },
-    /// The last move has ended, by being flown or by being cut short.
+    /// The last move has ended, by being flown or by being cut short; in the second case the step returned is not carried out.
     MoveEnded {
         /// False when something stopped it before its end.
         completed: bool,
