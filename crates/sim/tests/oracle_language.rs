@@ -1,5 +1,5 @@
 //! The oracle's language over the city's own object list.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use spf_core::geometry::EnuPosition;
 use spf_sim::oracle::{Place, Placed, Tagged, resolve_truth};

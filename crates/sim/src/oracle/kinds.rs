@@ -8,7 +8,7 @@ use spf_core::query::{Mark, Query};
 use spf_core::reply::Look;
 
 use super::Oracle;
-use super::language::resolve::{Item, meant};
+use super::language::resolve::{Item, meant, vocabulary};
 use super::language::{Phrase, parse};
 use super::percept::{Percept, Thing, slopes};
 use super::stages::Aim;
@@ -172,7 +172,7 @@ fn listed<'a>(phrase: &Phrase, list: &'a [Detection]) -> Vec<&'a Detection> {
 pub(super) fn program(query: &Query) -> String {
     let list = detections(&query.detections);
     let mut out = String::new();
-    for clause in parse(&query.instruction).clauses {
+    for clause in parse(&query.instruction, &vocabulary(list.iter().map(|d| &d.tags))).clauses {
         match listed(&clause.target, &list).first() {
             // o orients, a approaches, s sweeps; the object is named by its label.
             Some(found) => {
@@ -193,7 +193,12 @@ pub(super) fn program(query: &Query) -> String {
 pub(super) fn question(text: &str, lines: &[String]) -> String {
     let list = detections(lines);
     let asked = text.to_lowercase();
-    let phrase = parse(&strip_question(&asked)).clauses.into_iter().next_back().map(|c| c.target).unwrap_or_default();
+    let phrase = parse(&strip_question(&asked), &vocabulary(list.iter().map(|d| &d.tags)))
+        .clauses
+        .into_iter()
+        .next_back()
+        .map(|c| c.target)
+        .unwrap_or_default();
     let found = listed(&phrase, &list);
     if asked.trim_start().starts_with("how many") {
         found.len().to_string()

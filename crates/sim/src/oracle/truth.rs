@@ -2,7 +2,7 @@
 
 use spf_core::geometry::wrap_angle;
 
-use super::language::resolve::{Item, meant};
+use super::language::resolve::{Item, meant, vocabulary};
 use super::language::{Phrase, Verb, parse};
 use super::tags::{Placed, Tagged, Viewpoint};
 
@@ -23,7 +23,7 @@ pub struct TruthTarget {
 /// places are given, as seen from `from`, the start of the flight.
 #[must_use]
 pub fn resolve_truth(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint>) -> TruthTarget {
-    let parsed = parse(instruction);
+    let parsed = parse(instruction, &vocabulary(objects.iter().map(|o| o.tags)));
     let Some(last) = parsed.clauses.last() else { return TruthTarget { checkable: true, ..TruthTarget::default() } };
     let found = resolve_phrase(&last.target, objects, from);
     TruthTarget { fits: !found.is_empty(), objects: found, checkable: last.verb == Verb::GoTo }

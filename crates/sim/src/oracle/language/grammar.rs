@@ -1,5 +1,7 @@
 //! Instructions: clauses in the order they are to be done, each with a verb and a target.
 
+use std::collections::BTreeSet;
+
 use super::lex::{singular, tokens};
 use super::lexicon;
 use super::phrase::{Ordinal, Phrase, longest, starts};
@@ -40,9 +42,11 @@ pub struct Instruction {
 }
 
 /// Reads an instruction. Never fails: what names no target gives an instruction whose phrases are empty and fit nothing.
+///
+/// `tags` are words of the objects at hand; they are not taken for misspelt words of the grammar.
 #[must_use]
-pub fn parse(text: &str) -> Instruction {
-    let words = tokens(text);
+pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
+    let words = tokens(text, tags);
     let mut clauses: Vec<Clause> = Vec::new();
     let mut excluded: Vec<Phrase> = Vec::new();
     let mut context: Vec<Phrase> = Vec::new();
@@ -269,7 +273,8 @@ fn lists(next: &[String], out: &[Piece]) -> bool {
     // The article must lead to a noun, and something with a verb or a noun must stand before.
     let spoken = out.last().is_some_and(|p| p.words.iter().any(|w| !filler(w)));
     let apposition = next.get(at + 1..).unwrap_or(&[]).iter().take_while(|w| *w != ",").any(|w| w == "one");
-    article && spoken && !apposition
+    let forbidden = out.last().is_some_and(|p| negative(&p.words).is_some());
+    article && spoken && (!apposition || forbidden)
 }
 
 fn filler(word: &str) -> bool {
@@ -350,6 +355,8 @@ fn negative(words: &[String]) -> Option<usize> {
         "pass by",
         "bypass",
         "i dont want",
+        "i dont mean",
+        "i do not mean",
         "i do not want",
         "no not",
     ]

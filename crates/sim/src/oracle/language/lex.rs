@@ -10,8 +10,22 @@ const LONGEST: usize = 4096;
 
 /// Words of an instruction; `,` and `.` stand for soft and hard breaks. Misspelt words are put right where one known word is
 /// clearly nearest.
-pub(super) fn tokens(text: &str) -> Vec<String> {
-    raw_tokens(text).into_iter().map(|word| corrected(&word)).collect()
+///
+/// Words near to one of `tags` are left as they are: the tags put them right later.
+pub(super) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
+    let near = |word: &str| {
+        let limit = spelling::forgiven(word.len());
+        let rival = nearest_known(word, limit).map_or(limit, |known| spelling::distance(word, known));
+        limit > 0
+            && tags
+                .iter()
+                .any(|tag| tag.len() > 3 && tag.len().abs_diff(word.len()) <= rival && spelling::distance(word, tag) <= rival)
+    };
+    let right = |word: String| {
+        let leave = tags.contains(&word) || tags.contains(&singular(&word)) || (!is_known(&word) && near(&word));
+        if leave { word } else { corrected(&word) }
+    };
+    raw_tokens(text).into_iter().map(right).collect()
 }
 
 /// Words as written, lower case.
@@ -237,12 +251,15 @@ mod tests {
 
     #[test]
     fn spelling_is_put_right_and_known_words_stay() {
+        let none = BTreeSet::new();
         // Nouns wait for the tags at hand.
-        assert_eq!(tokens("Fly to teh rde crnae!"), ["fly", "to", "the", "red", "crnae", "."]);
-        assert_eq!(tokens("aproach, throgh"), ["approach", ",", "through"]);
+        assert_eq!(tokens("Fly to teh rde crnae!", &none), ["fly", "to", "the", "red", "crnae", "."]);
+        assert_eq!(tokens("aproach, throgh", &none), ["approach", ",", "through"]);
         assert_eq!(["bulding", "brige", "crnae"].map(general_noun), ["building", "bridge", "crane"]);
-        assert_eq!(tokens("the horse"), ["the", "horse"]);
-        assert_eq!(tokens("don't"), ["dont"]);
+        let tags = BTreeSet::from(["barge".to_owned(), "school".to_owned()]);
+        assert_eq!(tokens("barge scool", &tags), ["barge", "scool"]);
+        assert_eq!(tokens("the horse", &none), ["the", "horse"]);
+        assert_eq!(tokens("don't", &none), ["dont"]);
     }
 
     #[test]

@@ -163,18 +163,20 @@ impl Phrase {
                 self.sizes.push(size);
                 self.superlative = true;
                 i += 1;
+            } else if let Some((n, colour)) = clothes(rest) {
+                self.colours.push(colour.to_owned());
+                i += n;
             } else if let Some((n, relation)) = longest(rest, lexicon::RELATIONS)
                 && (has_noun(&rest[n..]))
                 && !(matches!(word, "in" | "on" | "at" | "by" | "around" | "along" | "inside") && surroundings(&rest[n..]))
                 && !(matches!(word, "near" | "nearest" | "closest" | "far")
-                    && i == 0
-                    && depth == 0
                     && self.nouns.is_empty()
-                    && !vague)
+                    && !vague
+                    && (depth == 0 || !self.pronoun && n == 1))
             {
                 self.relate(relation, &rest[n..], depth);
                 return;
-            } else if matches!(
+            } else if (matches!(
                 word,
                 "that"
                     | "thats"
@@ -196,7 +198,8 @@ impl Phrase {
                     | "full"
                     | "without"
                     | "against"
-            ) && (vague || !self.nouns.is_empty())
+            ) && (vague || !self.nouns.is_empty()))
+                || (self.nouns.is_empty() && matches!(word, "where" | "what" | "wherever" | "whatever" | "whoever"))
             {
                 self.relative(rest, depth);
                 return;
@@ -257,14 +260,21 @@ impl Phrase {
             if !self.colours.iter().any(|c| c == colour) {
                 self.colours.push((*colour).to_owned());
             }
+            // "Silver" asks for grey, and rather for silver.
+            if word != *colour {
+                self.soft.push(word.to_owned());
+            }
+        } else if matches!(word, "dark" | "light" | "pale" | "deep") && next.is_some_and(is_colour) {
+            self.soft.push(word.to_owned());
         } else if word == "of" {
             // After a part or a collection: "the top of the crane".
             self.nouns.clear();
             self.pronoun = false;
         } else if lexicon::DETERMINERS.contains(&word)
-            || lexicon::FLUFF.contains(&word)
-            || word == "most"
-            || matches!(word, "more" | "dark" | "light" | "pale" | "jet" | "deep")
+            // The last word of a compound is its head: "traffic light".
+            || (lexicon::FLUFF.contains(&word) && (self.nouns.is_empty() || !ends_phrase(next)))
+            || matches!(word, "most" | "more" | "jet")
+            || (matches!(word, "dark" | "light" | "pale" | "deep") && (self.nouns.is_empty() || !ends_phrase(next)))
             || word.chars().all(|c| c.is_ascii_digit())
         {
         } else if lexicon::SOFT.contains(&word) && next.is_some_and(|n| !matches!(n, "of" | "," | "." | "and")) {
@@ -355,6 +365,19 @@ impl Phrase {
     }
 }
 
+/// "in the blue coat", "wearing red": how many words, and the plain colour.
+fn clothes(words: &[String]) -> Option<(usize, &'static str)> {
+    if !matches!(words[0].as_str(), "in" | "wearing" | "with" | "dressed") {
+        return None;
+    }
+    let lead =
+        words.iter().take_while(|w| matches!(w.as_str(), "in" | "wearing" | "with" | "dressed" | "a" | "the" | "all")).count();
+    let colour = lexicon::COLOURS.iter().find(|(w, _)| words.get(lead).is_some_and(|word| word == w))?.1;
+    let garment = words.get(lead + 1).is_some_and(|w| lexicon::CLOTHES.contains(&w.as_str()));
+    let ends = words.get(lead + 1).is_none_or(|w| matches!(w.as_str(), "," | "." | "and"));
+    (garment || ends).then_some((lead + 1 + usize::from(garment), colour))
+}
+
 /// Length of `pattern` in words when `words` start with it.
 pub(super) fn starts(words: &[String], pattern: &str) -> Option<usize> {
     let mut n = 0;
@@ -438,6 +461,14 @@ fn superlative_apart(words: &[String]) -> Option<Size> {
     .map(|(_, size)| size)
 }
 
+/// Whether a noun phrase is over before this word.
+fn ends_phrase(next: Option<&str>) -> bool {
+    next.is_none_or(|w| {
+        matches!(w, "," | "." | "and" | "that" | "which" | "with" | "from" | "for" | "please" | "but" | "there")
+            || lexicon::RELATIONS.iter().any(|(r, _)| r.split(' ').next() == Some(w))
+    })
+}
+
 fn is_colour(word: &str) -> bool {
     lexicon::COLOURS.iter().any(|(w, _)| *w == word)
 }
@@ -455,7 +486,7 @@ fn has_noun(words: &[String]) -> bool {
     words.iter().any(|w| {
         let w = w.as_str();
         !matches!(w, "," | "." | "you" | "me" | "us" | "your" | "the" | "a" | "an" | "left" | "right" | "side" | "hand")
-            && !is_adjective(w)
+            && (!is_adjective(w) || lexicon::SOFT.contains(&w))
             && (!lexicon::DETERMINERS.contains(&w) || w == "it" || w == "one")
     })
 }

@@ -1,7 +1,9 @@
 //! Which objects a phrase means: by tag score, then by relation, size and order among the objects given.
 
+use std::collections::BTreeSet;
+
 use super::super::tags::Tagged;
-use super::lex::{general_noun, is_known, raw_tokens, singular, stems};
+use super::lex::{general_noun, is_known, raw_tokens, singular, stem, stems};
 use super::phrase::{Phrase, Relation, Side, Size};
 use super::{lexicon, spelling};
 
@@ -48,7 +50,7 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
     }
     found = soft(phrase, found, items);
     for (relation, anchors) in &phrase.relations {
-        found = related(*relation, anchors, found, items, depth);
+        found = related(*relation, anchors, found, items, depth, phrase.ordinal.is_some() || !phrase.sizes.is_empty());
     }
     if let Some(side) = phrase.side {
         found = on_side(side, found, items);
@@ -62,6 +64,11 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
         found = ordered(ordinal.number, ordinal.from, found, items);
     }
     found
+}
+
+/// Words of the tags at hand, for [`parse`](super::parse).
+pub(in super::super) fn vocabulary<'a>(tags: impl Iterator<Item = &'a Tagged>) -> BTreeSet<String> {
+    tags.flat_map(words_of).collect()
 }
 
 /// Nouns with their spelling put right by the tags at hand.
@@ -85,7 +92,7 @@ fn spelt(nouns: &[String], items: &[Item<'_>]) -> Vec<String> {
 
 /// Edits forgiven between a word nobody knows and a tag: one more than elsewhere when it starts alike and is not short.
 fn slips(word: &str, tag: &str) -> usize {
-    let alike = word.len() >= 5 && word.bytes().next() == tag.bytes().next();
+    let alike = (5..7).contains(&word.len()) && word.bytes().next() == tag.bytes().next();
     spelling::forgiven(word.len()) + usize::from(alike)
 }
 
@@ -237,7 +244,8 @@ fn used(uses: &[String], tags: &Tagged) -> u32 {
         .flat_map(|(_, uses)| uses.iter().map(|u| (*u).to_owned()))
         .collect();
     own.retain(|w| !lexicon::EMPTY.contains(&w.as_str()));
-    let mut score = 0;
+    // "Sit" serves sitting better than "sit under" does.
+    let mut score = u32::from(tags.uses.iter().any(|text| split(text).iter().map(|w| stem(w)).eq(uses.iter().map(|w| stem(w)))));
     for word in uses {
         let forms = stems(word);
         if own.iter().any(|o| forms.contains(o)) {
@@ -256,18 +264,16 @@ fn barred(not: &Phrase, nouns: &[String], found: &[usize], items: &[Item<'_>], d
     if not.nouns.is_empty() {
         not.nouns = nouns.to_vec();
     }
-    // Compared among the candidates alone, and by every way of saying it, so that the best score does not shadow others.
-    found
+    if not.ordinal.is_some() || !not.sizes.is_empty() || !not.relations.is_empty() || not.side.is_some() {
+        return meant_within(&not, items, depth + 1);
+    }
+    // Compared among the candidates alone: those that it names best.
+    let scores: Vec<u32> = found
         .iter()
-        .copied()
-        .filter(|&i| {
-            if not.ordinal.is_some() || !not.sizes.is_empty() || !not.relations.is_empty() || not.side.is_some() {
-                meant_within(&not, items, depth + 1).contains(&i)
-            } else {
-                score(&not, &not.nouns, items[i].tags) > 0 && named(&not.nouns, items[i].tags) >= 2
-            }
-        })
-        .collect()
+        .map(|&i| if score(&not, &not.nouns, items[i].tags) > 0 { named(&not.nouns, items[i].tags) } else { 0 })
+        .collect();
+    let best = scores.iter().copied().max().unwrap_or(0);
+    found.iter().zip(&scores).filter(|(_, score)| best >= 2 && **score == best).map(|(i, _)| *i).collect()
 }
 
 /// Adjectives of shape and matter choose where some candidate's tags know them.
@@ -283,7 +289,7 @@ fn soft(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
 }
 
 /// Candidates that stand in the relation to an anchor. An absent anchor leaves none.
-fn related(relation: Relation, anchors: &[Phrase], found: Vec<usize>, items: &[Item<'_>], depth: usize) -> Vec<usize> {
+fn related(relation: Relation, anchors: &[Phrase], found: Vec<usize>, items: &[Item<'_>], depth: usize, all: bool) -> Vec<usize> {
     let anchors: Vec<Vec<usize>> = anchors.iter().map(|a| meant_within(a, items, depth + 1)).collect();
     if anchors.is_empty() || anchors.iter().any(Vec::is_empty) {
         return Vec::new();
@@ -320,6 +326,11 @@ fn related(relation: Relation, anchors: &[Phrase], found: Vec<usize>, items: &[I
         }
         Relation::LeftOf | Relation::RightOf => {
             let sign = if relation == Relation::LeftOf { 1.0 } else { -1.0 };
+            if all {
+                // "The second car on the left of the avenue": the order is counted among all on that side.
+                let beside = |i: usize, a: usize| Some(sign * (items[a].across? - items[i].across?) > 0.0);
+                return found.into_iter().filter(|&i| pairs(i).any(|a| beside(i, a) == Some(true))).collect();
+            }
             least(&|i, a| {
                 let beside = sign * (items[a].across? - items[i].across?);
                 if beside > 0.0 { gap(&items[i], &items[a]) } else { None }
