@@ -93,10 +93,12 @@ impl Film {
             marks::draw(&mut picture, &self.boxes);
         }
         let known = pilot.known_pose(at);
+        // What was seen on one line and what was made of it on the next: together they are too long for the picture.
+        let (seen, then) = self.decision.split_once(" → ").unwrap_or((&self.decision, ""));
         let status = format!("{:.1} s  {}", at.as_secs_f64(), words::phase(pilot.phase()));
         let heading = known.attitude.heading.to_degrees().rem_euclid(360.0);
         let craft = format!("height {:.1} m  heading {heading:03.0}  decisions {}", known.position.up, pilot.decisions());
-        marks::draw_hud(&mut picture, &Hud { title: &self.title, status: &status, lines: &[&self.decision, &craft] });
+        marks::draw_hud(&mut picture, &Hud { title: &self.title, status: &status, lines: &[seen, then, &craft] });
         if let Some(goal) = self.waypoint {
             // The plan lives in the pilot's world: it is drawn as the pilot believes to see it.
             let ahead = known.position.displacement_to(goal, known.attitude.heading);

@@ -131,7 +131,7 @@ fn outlines(stage: &Stage) -> Vec<Outline> {
     objects.sort_by(|a, b| a.bounds.max.up.total_cmp(&b.bounds.max.up).then(a.id.cmp(&b.id)));
     let outline = |object: &&spf_sim::scene::Object| Outline {
         name: object.key.clone(),
-        colour: colour(object.tags.colour.as_deref(), &object.tags.kind),
+        colour: colour(&object.tags),
         polygons: object.outline.clone(),
     };
     objects.iter().map(outline).collect()
@@ -147,20 +147,23 @@ fn centre(stage: &Stage, key: &str) -> Option<EnuPosition> {
     })
 }
 
-/// A colour on the map for a colour in words; things without one by kind.
-fn colour(word: Option<&str>, kind: &str) -> [u8; 3] {
-    match (kind, word) {
-        ("ground" | "grass" | "lawn" | "park", _) => [222, 232, 210],
-        ("road" | "street", _) => [206, 206, 208],
-        ("water" | "river" | "canal" | "lake", _) => [170, 205, 230],
+/// A colour on the map: ground by what it is, everything else by its colour in words.
+fn colour(tags: &spf_sim::scene::Tags) -> [u8; 3] {
+    let named = |words: &[&str]| words.iter().any(|word| tags.names.iter().chain(&tags.synonyms).any(|name| name.contains(word)));
+    match (tags.kind.as_str(), tags.colour.as_deref()) {
+        ("water", _) => [170, 205, 230],
         ("tree", _) => [130, 180, 110],
-        (_, Some("red")) => [205, 70, 60],
-        (_, Some("yellow")) => [230, 190, 60],
-        (_, Some("green")) => [110, 160, 90],
-        (_, Some("blue")) => [90, 130, 200],
-        (_, Some("black")) => [60, 60, 64],
-        (_, Some("white")) => [246, 246, 246],
-        (_, Some("brown" | "orange")) => [180, 130, 90],
+        ("ground", _) if named(&["road", "street", "avenue", "junction", "car park"]) => [204, 204, 208],
+        ("ground", _) if named(&["crossing"]) => [236, 236, 236],
+        ("ground", _) if named(&["grass", "lawn", "park", "meadow", "hill"]) => [216, 230, 202],
+        ("ground", _) => [232, 228, 218],
+        (_, Some(word)) if word.contains("red") => [205, 70, 60],
+        (_, Some(word)) if word.contains("yellow") => [230, 190, 60],
+        (_, Some(word)) if word.contains("green") => [110, 160, 90],
+        (_, Some(word)) if word.contains("blue") => [90, 130, 200],
+        (_, Some(word)) if word.contains("black") => [60, 60, 64],
+        (_, Some(word)) if word.contains("white") => [246, 246, 246],
+        (_, Some(word)) if word.contains("brown") || word.contains("orange") || word.contains("beige") => [190, 150, 110],
         _ => [190, 186, 180],
     }
 }

@@ -94,6 +94,8 @@ pub struct Collider {
     bodies: Vec<Body>,
     /// Leaves are indices into `bodies`.
     tree: Bvh,
+    /// Openings: their distance can be asked for, nothing touches them. Ascending by id.
+    openings: Vec<Body>,
 }
 
 impl core::fmt::Debug for Collider {
@@ -116,17 +118,10 @@ impl Collider {
     /// # Errors
     /// [`ColliderError::CornerOutOfRange`] and [`ColliderError::NotFinite`] for geometry that is none.
     pub fn new(scene: &SceneGeometry) -> Result<Self, ColliderError> {
-        let mut soups: BTreeMap<ObjectId, Soup> = BTreeMap::new();
-        for (index, part) in scene.parts.iter().enumerate().filter(|(_, part)| part.role == Role::Solid) {
-            soups.entry(part.object).or_default().add(index, part)?;
-        }
-        let bodies: Vec<Body> = soups
-            .into_iter()
-            .filter(|(_, soup)| !soup.triangles.is_empty())
-            .map(|(id, soup)| Body { id, mesh: TriMesh::new(soup.corners, soup.triangles).expect("it has a triangle") })
-            .collect();
+        let bodies = bodies(scene, Role::Solid)?;
         let boxes: Vec<Aabb> = bodies.iter().map(|body| body.mesh.local_aabb()).collect();
-        Ok(Self { tree: Bvh::from_leaves(BvhBuildStrategy::default(), &boxes), bodies })
+        let tree = Bvh::from_leaves(BvhBuildStrategy::default(), &boxes);
+        Ok(Self { tree, bodies, openings: self::bodies(scene, Role::Opening)? })
     }
 
     /// The solid surface nearest to `point`; none in an empty scene.
@@ -140,11 +135,13 @@ impl Collider {
         Some(Nearest { object: self.bodies[index as usize].id, distance: point.distance(surface), surface })
     }
 
-    /// Metres from `point` to the nearest surface of one object; none when the object has no solid part.
+    /// Metres from `point` to the nearest surface of one object, solid or an opening; none when the object has neither.
     #[must_use]
     pub fn distance_to(&self, object: ObjectId, point: EnuPosition) -> Option<f64> {
-        let index = self.bodies.binary_search_by_key(&object, |body| body.id).ok()?;
-        let hit = self.bodies[index].mesh.project_local_point(narrow(point), false);
+        let body = [&self.bodies, &self.openings]
+            .into_iter()
+            .find_map(|bodies| bodies.binary_search_by_key(&object, |body| body.id).ok().map(|index| &bodies[index]))?;
+        let hit = body.mesh.project_local_point(narrow(point), false);
         Some(point.distance(widen(hit.point)))
     }
 
@@ -209,6 +206,19 @@ impl Collider {
             self.tree.cast_ray(&ray, reach, |leaf, best| self.bodies[leaf as usize].mesh.cast_local_ray(&ray, best, false))?;
         Some((self.bodies[index as usize].id, f64::from(toi)))
     }
+}
+
+/// One mesh an object from its parts of that role, ascending by id.
+fn bodies(scene: &SceneGeometry, role: Role) -> Result<Vec<Body>, ColliderError> {
+    let mut soups: BTreeMap<ObjectId, Soup> = BTreeMap::new();
+    for (index, part) in scene.parts.iter().enumerate().filter(|(_, part)| part.role == role) {
+        soups.entry(part.object).or_default().add(index, part)?;
+    }
+    Ok(soups
+        .into_iter()
+        .filter(|(_, soup)| !soup.triangles.is_empty())
+        .map(|(id, soup)| Body { id, mesh: TriMesh::new(soup.corners, soup.triangles).expect("it has a triangle") })
+        .collect())
 }
 
 impl Soup {
