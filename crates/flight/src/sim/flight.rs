@@ -14,19 +14,17 @@ use spf_core::pilot::{Action, Ending, Outcome, Pilot, PilotParts, PilotSettings,
 use spf_core::policy::Policy;
 use spf_core::policy::plain::{Plain, PlainSettings};
 use spf_core::policy::spf::{Spf, SpfSettings};
-use spf_core::query::Query;
 use spf_core::time::Time;
 use spf_drone::Drone;
 use spf_record::out_dir::OutDir;
 use spf_sim::model::CraftKind;
 use spf_sim::oracle::ErrorFile;
-use spf_vlm::{Picture, VlmError};
 
 use super::oracle::OracleVlm;
+use super::pictures::SimPictures;
 use super::stage::Stage;
 use super::truth::{Verdict, judge};
 use super::world::{SimDrone, SimWorld};
-use crate::picture::PictureSource;
 use crate::recorder::Recorder;
 use crate::run::{Observer, World, run};
 use crate::summary::Summary;
@@ -166,7 +164,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let mut recorder =
         plan.record.as_ref().map(|record| Recorder::new(record.out.clone(), record.video, &plan.instruction, world.clone()));
     let mut judging = Judging { world: world.clone(), instruction: plan.instruction.clone(), start, settled: None };
-    let (drone, pictures, script) = (Box::new(drone), Box::new(SimPictures(world.clone())), plan.script.clone());
+    let (drone, pictures, script) = (Box::new(drone), Box::new(SimPictures::new(world.clone())), plan.script.clone());
     let mut around: Box<dyn World> = if plan.realtime {
         Box::new(Live::new(drone, vlm, pictures, script, plan.interrupts.clone()).map_err(FlightError::Thread)?)
     } else {
@@ -280,38 +278,3 @@ fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Se
         late_replies: pilot.late_replies(),
     }
 }
-
-/// The simulated camera's frames as pictures, drawn when a VLM looks.
-struct SimPictures(SimWorld);
-
-struct SimPicture<'a> {
-    world: &'a SimWorld,
-    query: &'a Query,
-    encoded: Option<Arc<[u8]>>,
-}
-
-impl PictureSource for SimPictures {
-    fn of<'a>(&'a mut self, query: &'a Query) -> Box<dyn Picture + 'a> {
-        Box::new(SimPicture { world: &self.0, query, encoded: None })
-    }
-}
-
-impl Picture for SimPicture<'_> {
-    fn jpeg(&mut self) -> Result<Arc<[u8]>, VlmError> {
-        if let Some(encoded) = &self.encoded {
-            return Ok(encoded.clone());
-        }
-        let frame = self.query.frame;
-        let pose =
-            self.world.capture_pose(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
-        let mut picture = self.world.photograph(&pose, self.query.image_size);
-        spf_media::marks::draw(&mut picture, &self.query.marks);
-        let encoded =
-            spf_media::jpeg::Jpeg::encode(&picture, JPEG_QUALITY).map_err(|error| VlmError::Picture(error.to_string()))?.shared();
-        self.encoded = Some(encoded.clone());
-        Ok(encoded)
-    }
-}
-
-/// Quality of the JPEG that a VLM is shown: 85 keeps a far car's edges at a third of the size of 95.
-const JPEG_QUALITY: u8 = 85;

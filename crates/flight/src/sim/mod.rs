@@ -3,12 +3,14 @@
 
 mod flight;
 mod oracle;
+mod pictures;
 mod stage;
 mod truth;
 mod world;
 
 pub use flight::{FlightError, FlightPlan, Flown, PolicyKind, RecordPlan, fly};
 pub use oracle::OracleVlm;
+pub use pictures::SimPictures;
 pub use stage::{Stage, StageError};
 pub use truth::Verdict;
 pub use world::{SimDrone, SimWorld};

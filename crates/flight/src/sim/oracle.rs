@@ -3,7 +3,7 @@
 use spf_core::frame::FrameId;
 use spf_core::query::Query;
 use spf_sim::oracle::{ErrorFile, Oracle, Percept, Sight};
-use spf_sim::render::Channels;
+use spf_sim::render::{Channels, Picture as SimPicture};
 use spf_vlm::{Answer, Picture, Vlm, VlmError};
 
 use super::world::SimWorld;
@@ -15,6 +15,8 @@ pub struct OracleVlm {
     oracle: Oracle,
     /// All queries on one frame share its percept.
     percept: Option<(FrameId, Percept)>,
+    sight: SimPicture,
+    wide: SimPicture,
 }
 
 impl OracleVlm {
@@ -22,7 +24,14 @@ impl OracleVlm {
     #[must_use]
     pub fn new(name: String, world: SimWorld, errors: ErrorFile, seed: u64) -> Self {
         let near = world.stage().scene.near;
-        Self { name, oracle: Oracle::new(errors, near, seed), world, percept: None }
+        Self {
+            name,
+            oracle: Oracle::new(errors, near, seed),
+            world,
+            percept: None,
+            sight: SimPicture::default(),
+            wide: SimPicture::default(),
+        }
     }
 
     fn percept(&mut self, frame: FrameId) -> Result<&Percept, VlmError> {
@@ -32,8 +41,9 @@ impl OracleVlm {
                 .capture_pose(frame)
                 .ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
             let channels = Channels { depth: true, ids: true, openings: true, ..Channels::default() };
-            let picture = self.world.look(&pose, channels);
-            let in_frame = self.world.in_frame(&pose);
+            self.world.look_into(&pose, channels, &mut self.sight);
+            let in_frame = self.world.in_frame(&pose, &mut self.wide);
+            let picture = &self.sight;
             let sight = Sight {
                 width: picture.width as usize,
                 height: picture.height as usize,

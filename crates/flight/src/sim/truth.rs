@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;
 use spf_sim::geometry::ObjectId;
 use spf_sim::oracle::resolve_truth;
-use spf_sim::render::Channels;
+use spf_sim::render::{Channels, Picture};
 
 use super::world::SimWorld;
 
@@ -55,7 +55,7 @@ pub(crate) fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdic
 /// The objects that count as in view from a pose.
 fn in_view(world: &SimWorld, pose: &Pose) -> Vec<ObjectId> {
     let picture = world.look(pose, Channels { ids: true, openings: true, ..Channels::default() });
-    let shares = world.in_frame(pose);
+    let shares = world.in_frame(pose, &mut Picture::default());
     let (w, h) = (picture.width as usize, picture.height as usize);
     let mut seen = Vec::new();
     for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {

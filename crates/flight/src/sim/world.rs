@@ -21,7 +21,7 @@ use super::stage::Stage;
 /// How much wider than the camera's the view is in which the share of a silhouette inside the frame is counted.
 const WIDE: f64 = 2.5;
 /// Size of that view, pixels.
-const WIDE_SIZE: (u32, u32) = (480, 360);
+const WIDE_SIZE: (u32, u32) = (320, 240);
 
 /// One simulated craft in its scene, shared by the driver, the oracle's eye, the recorder and the judge.
 #[derive(Clone)]
@@ -95,11 +95,18 @@ impl SimWorld {
         picture.rgb.and_then(|data| Rgb::from_raw(width, height, data).ok()).unwrap_or_else(|| Rgb::new(width, height))
     }
 
+    /// What the camera sees from a pose, into the buffers of an earlier picture: fresh pages cost a fifth of a decision.
+    pub fn look_into(&self, pose: &Pose, channels: Channels, picture: &mut Picture) {
+        self.stage.renderer.render_into(&self.camera, pose, channels, &[], picture);
+    }
+
     /// Share of each object's silhouette that lies inside the frame, counted in a wider and coarser view; openings by their own.
+    /// The view is drawn into `picture`.
     #[must_use]
-    pub fn in_frame(&self, pose: &Pose) -> BTreeMap<u16, f32> {
+    pub fn in_frame(&self, pose: &Pose, picture: &mut Picture) -> BTreeMap<u16, f32> {
         let wide = widened(&self.camera);
-        let picture = self.stage.renderer.render(&wide, pose, Channels { ids: true, openings: true, ..Channels::default() });
+        let channels = Channels { ids: true, openings: true, ..Channels::default() };
+        self.stage.renderer.render_into(&wide, pose, channels, &[], picture);
         let (w, h) = (WIDE_SIZE.0 as usize, WIDE_SIZE.1 as usize);
         let inside = |i: usize, size: usize, centre: f64, focal: f64, low: f64, high: f64| {
             let tangent = (i as f64 + 0.5 - centre) / focal;
@@ -110,7 +117,7 @@ impl SimWorld {
         let (top, bottom) = (-camera.cy / camera.fy, (f64::from(camera.height) - camera.cy) / camera.fy);
         let columns: Vec<bool> = (0..w).map(|x| inside(x, w, wide.cx, wide.fx, left, right)).collect();
         let rows: Vec<bool> = (0..h).map(|y| inside(y, h, wide.cy, wide.fy, top, bottom)).collect();
-        let mut counts = vec![(0u32, 0u32); usize::from(u16::MAX) + 1];
+        let mut counts = vec![(0u32, 0u32); self.stage.scene.objects.len() + 1];
         for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {
             for (y, row) in ids.chunks_exact(w).enumerate() {
                 for (x, id) in row.iter().enumerate() {
