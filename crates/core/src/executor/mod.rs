@@ -103,6 +103,10 @@ const REST_SPEED: f64 = 0.1;
 /// At most this yaw rate counts as rest, rad/s: 3 °/s.
 const REST_YAW_RATE: f64 = 3.0 * core::f64::consts::PI / 180.0;
 
+/// A craft that has held for this long, s, or for as long as braking from its cruise speed takes, rests as well as it ever
+/// will: in the wind it drifts.
+const REST_WAIT: f64 = 1.5;
+
 /// Turns motion plans into setpoints. Told what is known of the craft at each tick; never reads a clock.
 ///
 /// Between ticks the last setpoint is taken to hold. When something else reached the craft (the envelope cut a setpoint, an
@@ -226,8 +230,11 @@ impl Executor {
             Ending::Timed => self.ideal,
             Ending::Measured => self.log.follow(&self.real, present, now, now + self.real.dead_time),
         };
-        let quiet = self.log.last().is_hold() && now.since(self.log.last_change()) >= self.real.dead_time;
-        let at_rest = present.velocity.speed() < REST_SPEED && present.yaw_rate.abs() < REST_YAW_RATE;
+        let held = now.since(self.log.last_change());
+        let quiet = self.log.last().is_hold() && held >= self.real.dead_time;
+        let still = present.velocity.speed() < REST_SPEED && present.yaw_rate.abs() < REST_YAW_RATE;
+        let braked = self.craft.standstill_time(self.craft.cruise_speed).max(REST_WAIT);
+        let at_rest = still || held.as_secs_f64() >= braked;
         let view = View { now, state, rest: quiet && at_rest, interval: self.clock.interval(), response: &self.response };
         let outcome = match plan {
             Plan::Queue(queue) => queue.tick(&view),

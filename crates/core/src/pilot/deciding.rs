@@ -9,6 +9,8 @@ use crate::time::{Duration, Time};
 
 /// Steps a policy may take at one instant; more means a policy that never waits.
 const STEPS_AT_ONCE: usize = 16;
+/// Queries out at a time; what a policy asks beyond is given up at once.
+const QUERIES_AT_ONCE: usize = 8;
 /// The shortest time that an answer is waited for: a query that is given up as it is asked would be asked for ever.
 const LEAST_TIMEOUT: Duration = Duration::from_millis(100);
 
@@ -143,6 +145,10 @@ impl Pilot {
     }
 
     fn ask(&mut self, now: Time, mut query: Box<Query>, view: View) {
+        if self.waiting.len() >= QUERIES_AT_ONCE {
+            self.policy.handle(PolicyEvent::ReplyFailed { id: query.id });
+            return;
+        }
         query.deadline = now + self.settings.reply_timeout.max(LEAST_TIMEOUT);
         self.waiting.insert(query.id, Waiting { query: query.clone(), view, asked: now, decided: false });
         self.outbox.push_back(Action::Ask(query));

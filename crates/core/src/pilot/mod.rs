@@ -285,3 +285,6 @@ fn tick_length(rate_hz: f64) -> Duration {
     // Not `clamp`, which hands on a NaN: a tick without length would never let time pass.
     duration_from_secs(1.0 / if rate_hz >= 5.0 { rate_hz.min(100.0) } else { 5.0 })
 }
+
+#[cfg(test)]
+mod tests;

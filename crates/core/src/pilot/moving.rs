@@ -93,12 +93,8 @@ impl Pilot {
         if self.executing {
             self.executing = false;
             self.executor.stop(now);
-            self.rest_from(now);
             self.next_tick = now;
             self.policy.handle(PolicyEvent::MoveEnded { completed: false });
-        }
-        if self.hold_since.is_none() {
-            self.rest_from(now);
         }
     }
 
@@ -107,7 +103,8 @@ impl Pilot {
         self.settled = None;
     }
 
-    /// Notes the instant from which the craft stands still.
+    /// Notes the instant from which the craft stands still, counted from the first zero commanded: an executor that has waited
+    /// for rest has not to be waited for twice.
     fn settle(&mut self, now: Time) {
         let (Some(since), None) = (self.hold_since, self.settled) else { return };
         let known = self.known(now);
@@ -148,7 +145,6 @@ impl Pilot {
 
     fn move_ended(&mut self, now: Time) {
         self.executing = false;
-        self.rest_from(now);
         let step = match self.pending.take() {
             Some(motion) => Step::Move(motion),
             None => self.policy.handle(PolicyEvent::MoveEnded { completed: true }),
@@ -162,8 +158,11 @@ impl Pilot {
         if let Command::Setpoint(setpoint) = clearance.cleared.get() {
             self.estimator.commanded(now, *setpoint);
             self.executor.commanded(now, *setpoint);
-            if !setpoint.is_hold() && self.first_motion.is_none() {
-                self.first_motion = Some(now);
+            if setpoint.is_hold() {
+                self.hold_since.get_or_insert(now);
+            } else {
+                (self.hold_since, self.settled) = (None, None);
+                self.first_motion.get_or_insert(now);
             }
         }
         let told = core::mem::replace(&mut self.told_change, clearance.changed);

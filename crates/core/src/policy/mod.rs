@@ -52,8 +52,8 @@ pub enum PolicyEvent<'a> {
         /// The new part.
         text: &'a str,
     },
-    /// A query will never be answered. When the pilot itself no longer waits (operator, end of the flight) the step returned is
-    /// not carried out; the next [`PolicyEvent::Frame`] is when to go on.
+    /// A query will never be answered. When the pilot itself gave it up (operator, end of the flight, too many at a time) the
+    /// step returned is not carried out; the next [`PolicyEvent::Frame`] is when to go on.
     ReplyFailed {
         /// Which query.
         id: QueryId,
@@ -70,7 +70,7 @@ pub enum PolicyEvent<'a> {
 /// What a policy wants.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// Ask a VLM. The pilot sets the query's deadline.
+    /// Ask a VLM. The pilot sets the query's deadline, and answers with [`PolicyEvent::ReplyFailed`] when more than 8 are out.
     Ask(Box<Query>),
     /// Move; replaces what is being flown.
     Move(Move),

@@ -1,0 +1,129 @@
+//! One tick of pilot, executor and envelope, as it flies. `cargo bench -p spf-core --bench pilot`
+
+use divan::{Bencher, black_box};
+use spf_core::avoid::PathShape;
+use spf_core::camera::Camera;
+use spf_core::command::Command;
+use spf_core::craft::Craft;
+use spf_core::envelope::Limits;
+use spf_core::estimator::Senses;
+use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::geometry::{EnuPosition, EnuVelocity};
+use spf_core::grounding::GroundingProfile;
+use spf_core::pilot::{Action, Event, Pilot, PilotParts, PilotSettings, Preset};
+use spf_core::policy::spf::{Spf, SpfSettings};
+use spf_core::telemetry::{FlightPhase, Telemetry};
+use spf_core::time::{Duration, Time};
+
+fn main() {
+    divan::main();
+}
+
+const PRESETS: [Preset; 2] = [Preset::Default, Preset::Paper];
+const TICKS: usize = 8;
+const TICK: Duration = Duration::from_millis(100);
+
+fn telemetry(now: Time, phase: FlightPhase) -> Event {
+    Event::Telemetry(Telemetry {
+        time: now,
+        position: Some(EnuPosition { up: 3.0, ..EnuPosition::default() }),
+        velocity: Some(EnuVelocity::default()),
+        yaw_rate: Some(0.0),
+        height: Some(3.0),
+        battery: Some(0.9),
+        phase,
+        ..Telemetry::default()
+    })
+}
+
+fn frame(now: Time) -> Event {
+    let counter = now.as_nanos();
+    let (width, height) = (960, 720);
+    Event::Frame(FrameMeta {
+        id: FrameId(counter),
+        captured: now,
+        received: now,
+        capture_counter: counter,
+        width,
+        height,
+        unusable: false,
+    })
+}
+
+/// Polls until nothing is left to be done; true when something was commanded that moves.
+fn poll(pilot: &mut Pilot, now: Time) -> bool {
+    let mut moves = false;
+    while let Some(action) = pilot.poll(now) {
+        match black_box(action) {
+            Action::Command(cleared) => moves |= matches!(cleared.get(), Command::Setpoint(setpoint) if !setpoint.is_hold()),
+            Action::Ask(query) => {
+                let text = r#"{"status":"navigating","point":[400,700],"depth":10,"target":"red crane"}"#.to_owned();
+                // The first is answered; in continuous mode the next one stays out while the craft flies.
+                if query.id.0 == 0 {
+                    pilot.handle(now, Event::Reply { id: query.id, text });
+                }
+            }
+            _ => {}
+        }
+    }
+    moves
+}
+
+/// A pilot that has just begun to fly a step of 10 m, and the time.
+fn flying(preset: Preset) -> (Pilot, Time) {
+    let (settings, craft) = (PilotSettings::preset(preset), Craft::quad());
+    let policy = Spf::new(SpfSettings {
+        step: settings.step,
+        lifting: settings.lifting,
+        shape: PathShape::Straight,
+        avoid: false,
+        confirm_done: settings.confirm_done,
+        grounding: GroundingProfile::default(),
+        craft,
+    });
+    let mut pilot = Pilot::new(PilotParts {
+        settings,
+        craft,
+        senses: Senses::quad(),
+        camera: Camera::quad(),
+        limits: Limits::for_craft(&craft),
+        policy: Box::new(policy),
+        instruction: "fly to the red crane".to_owned(),
+    });
+    let mut now = Time::ZERO;
+    for i in 0..200 {
+        pilot.handle(now, telemetry(now, if i == 0 { FlightPhase::OnGround } else { FlightPhase::Flying }));
+        pilot.handle(now, frame(now));
+        if poll(&mut pilot, now) {
+            return (pilot, now);
+        }
+        now += TICK;
+    }
+    panic!("it never flies");
+}
+
+/// Eight ticks between two reports of the craft; the figure per tick is an eighth of it.
+#[divan::bench(args = PRESETS)]
+fn eight_ticks(bencher: Bencher<'_, '_>, preset: Preset) {
+    bencher.with_inputs(|| flying(preset)).bench_local_values(|(mut pilot, mut now)| {
+        for _ in 0..TICKS {
+            now += TICK;
+            black_box(poll(&mut pilot, now));
+        }
+        pilot
+    });
+}
+
+/// The same with a report and a frame at every tick: what a loop of 10 Hz costs altogether.
+#[divan::bench(args = PRESETS)]
+fn eight_ticks_with_reports_and_frames(bencher: Bencher<'_, '_>, preset: Preset) {
+    bencher.with_inputs(|| flying(preset)).bench_local_values(|(mut pilot, mut now)| {
+        for _ in 0..TICKS {
+            now += TICK;
+            pilot.handle(now, telemetry(now, FlightPhase::Flying));
+            pilot.handle(now, frame(now));
+            black_box(poll(&mut pilot, now));
+        }
+        pilot
+    });
+}

@@ -1,0 +1,374 @@
+//! Any events in any order at any times: nothing panics, nothing leaves the limits, nothing moves without a fresh reason, and
+//! every run ends.
+
+use std::collections::BTreeSet;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::geometry::Attitude;
+
+/// What may happen next.
+#[derive(Clone, Debug)]
+enum Happens {
+    /// Time passes, milliseconds; the pilot is polled when it wants to be.
+    Time(u64),
+    /// A frame of `age` milliseconds ago; `fresh` counts the capture counter on.
+    Frame {
+        age: i64,
+        fresh: bool,
+        unusable: bool,
+    },
+    Telemetry {
+        age: i64,
+        phase: FlightPhase,
+        crashed: bool,
+        odd: Option<f64>,
+        battery: f64,
+    },
+    /// An answer to the `which`th newest query.
+    Reply {
+        which: u64,
+        text: String,
+    },
+    Chunk {
+        which: u64,
+        text: String,
+    },
+    Fails {
+        which: u64,
+    },
+    Operator(OperatorEvent),
+    Link(bool),
+    /// All goes well for so many milliseconds: frames and telemetry at 20 Hz, answers after 0.3 s.
+    Good(u64),
+}
+
+fn texts() -> impl Strategy<Value = String> {
+    prop_oneof![
+        6 => (0.0..=1.0, 0.0..=1.0, 1..=10u8).prop_map(|(u, v, depth)| navigate(u, v, depth)),
+        1 => Just(not_visible(Look::Left)),
+        1 => Just(not_visible(Look::Down)),
+        1 => Just(done()),
+        1 => ".{0,40}",
+        1 => Just(r#"{"actions":[{"cmd":"forward","value":3},{"cmd":"up","value":1}],"done":false}"#.to_owned()),
+        1 => Just(r#"{"actions":[],"done":true}"#.to_owned()),
+    ]
+}
+
+fn operator_events() -> impl Strategy<Value = OperatorEvent> {
+    let speed = prop_oneof![4 => -3.0..3.0, 1 => Just(f64::NAN), 1 => Just(1e9)];
+    let setpoint = (speed.clone(), speed.clone(), speed.clone(), speed)
+        .prop_map(|(right, forward, up, yaw_rate)| OperatorEvent::Setpoint(Setpoint { right, forward, up, yaw_rate }));
+    prop_oneof![
+        3 => Just(OperatorEvent::Hold),
+        6 => Just(OperatorEvent::Resume),
+        4 => setpoint,
+        2 => Just(OperatorEvent::Instruction("fly to the tree".to_owned())),
+        1 => Just(OperatorEvent::Land),
+        1 => Just(OperatorEvent::Stop),
+    ]
+}
+
+fn happenings() -> impl Strategy<Value = Happens> {
+    let phase = prop_oneof![
+        8 => Just(FlightPhase::Flying),
+        2 => Just(FlightPhase::OnGround),
+        2 => Just(FlightPhase::TakingOff),
+        1 => Just(FlightPhase::Landing),
+        1 => Just(FlightPhase::Stopped),
+    ];
+    let odd = prop_oneof![6 => Just(None), 1 => Just(Some(f64::NAN)), 1 => Just(Some(1e300)), 1 => Just(Some(-50.0))];
+    let age = prop_oneof![8 => 0..300i64, 1 => -100_000..100_000i64];
+    let telemetry = (age.clone(), phase, 0..40u8, odd, 0.05..1.0_f64).prop_map(|(age, phase, crashed, odd, battery)| {
+        Happens::Telemetry { age, phase, crashed: crashed == 0, odd, battery: battery.sqrt() }
+    });
+    prop_oneof![
+        8 => (1..2500u64).prop_map(Happens::Time),
+        4 => (age, any::<bool>(), 0..5u8).prop_map(|(age, fresh, unusable)| Happens::Frame { age, fresh, unusable: unusable == 0 }),
+        4 => telemetry,
+        6 => (0..4u64, texts()).prop_map(|(which, text)| Happens::Reply { which, text }),
+        1 => (0..4u64, texts()).prop_map(|(which, text)| Happens::Chunk { which, text }),
+        2 => (0..4u64).prop_map(|which| Happens::Fails { which }),
+        4 => operator_events().prop_map(Happens::Operator),
+        1 => any::<bool>().prop_map(Happens::Link),
+        12 => (100..6000u64).prop_map(Happens::Good),
+    ]
+}
+
+/// A pilot without a world: events come as they are made up. Knows what a reason to move is.
+struct Chaos {
+    pilot: Pilot,
+    now: Time,
+    counter: u64,
+    asked: Vec<(Time, QueryId)>,
+    /// Queries that are out, as the pilot's own actions say.
+    out: BTreeSet<QueryId>,
+    plain: bool,
+    /// Telemetry that went well: where the craft would be.
+    up: f64,
+    phase: FlightPhase,
+    limits: Limits,
+    /// An answer that was waited for and says to move, since the last event that ends every reason to move.
+    reason: bool,
+    hand: Option<Time>,
+    captured: Option<Time>,
+    link: bool,
+    moved: usize,
+    finished: usize,
+}
+
+impl Chaos {
+    fn new(preset: Preset, plain: bool, max_time: f64) -> Self {
+        let mut setup = Setup::preset(preset);
+        setup.settings.max_time = secs(max_time);
+        setup.settings.reply_timeout = secs(4.0);
+        let limits = setup.limits.clone();
+        let setup = if plain { setup.policy(Plain::new(PlainSettings { confirm_done: true })) } else { setup };
+        let pilot = setup.fly(|_, _| Answer::Never).pilot;
+        Self {
+            pilot,
+            now: Time::ZERO,
+            counter: 0,
+            asked: Vec::new(),
+            out: BTreeSet::new(),
+            plain,
+            up: 0.0,
+            phase: FlightPhase::OnGround,
+            limits,
+            reason: false,
+            hand: None,
+            captured: None,
+            link: true,
+            moved: 0,
+            finished: 0,
+        }
+    }
+
+    fn tell(&mut self, event: Event) {
+        match &event {
+            Event::Frame(frame) if !frame.unusable => self.captured = self.captured.max(Some(frame.captured.min(self.now))),
+            Event::Operator(OperatorEvent::Setpoint(_)) => (self.reason, self.hand) = (false, Some(self.now)),
+            Event::Operator(OperatorEvent::Resume) => self.hand = None,
+            // Flown by hand, whatever the next instruction is.
+            Event::Operator(OperatorEvent::Instruction(_)) => self.reason = false,
+            Event::Operator(_) => (self.reason, self.hand) = (false, None),
+            Event::LinkLost => (self.reason, self.link) = (false, false),
+            Event::LinkRestored => self.link = true,
+            Event::Reply { id, text } if self.out.remove(id) => {
+                let words: &[&str] = if self.plain { &["forward"] } else { &["navigating", "not_visible"] };
+                self.reason = words.iter().any(|word| text.contains(word)) && self.link;
+            }
+            Event::ReplyFailed { id, .. } if self.out.remove(id) => self.reason = false,
+            _ => {}
+        }
+        self.pilot.handle(self.now, event);
+        self.pump();
+    }
+
+    fn pump(&mut self) {
+        for _ in 0..ACTIONS_AT_ONCE {
+            match self.pilot.poll(self.now) {
+                None => {
+                    assert!(self.pilot.next_deadline().is_none_or(|deadline| deadline > self.now), "due now, and idle");
+                    return;
+                }
+                Some(Action::Ask(query)) => {
+                    assert!(self.out.insert(query.id), "an id twice");
+                    self.asked.push((self.now, query.id));
+                }
+                Some(Action::Cancel(id)) => {
+                    assert!(self.out.remove(&id), "cancels what is not out");
+                    self.reason = false;
+                }
+                Some(Action::Command(cleared)) => self.command(&cleared),
+                Some(Action::Finished(_)) => self.finished += 1,
+                Some(Action::Note(_)) => {}
+            }
+        }
+        panic!("never becomes idle");
+    }
+
+    fn command(&mut self, cleared: &Cleared<Command>) {
+        match *cleared.get() {
+            Command::TakeOff => self.phase = FlightPhase::TakingOff,
+            Command::Land => self.phase = FlightPhase::Landing,
+            Command::EmergencyStop => self.phase = FlightPhase::Stopped,
+            Command::Setpoint(setpoint) => {
+                let limits = &self.limits;
+                assert!(setpoint.is_finite(), "{setpoint:?}");
+                assert!(setpoint.right.hypot(setpoint.forward) <= limits.max_speed + 1e-9, "{setpoint:?}");
+                assert!(setpoint.up.abs() <= limits.max_climb + 1e-9 && setpoint.yaw_rate.abs() <= limits.max_yaw_rate + 1e-9);
+                assert!(cleared.valid_until() <= self.now + duration_from_secs(limits.setpoint_validity));
+                if !setpoint.is_hold() {
+                    self.moved += 1;
+                    self.has_reason();
+                }
+            }
+        }
+    }
+
+    /// What must be so for anything to move.
+    fn has_reason(&self) {
+        assert!(self.link, "moves without a link");
+        assert!(self.pilot.ending().is_none(), "moves though the flight is over");
+        match self.pilot.phase() {
+            Phase::Manual => {
+                let hand = self.hand.expect("manual flight has a hand");
+                assert!(self.now.since(hand) < secs(0.5), "a released key flies on");
+            }
+            Phase::Flying => {
+                assert!(self.reason, "moves without an answer since the last stop");
+                let captured = self.captured.expect("nothing was seen");
+                assert!(self.now.since(captured) <= secs(self.limits.max_frame_age) + STOP_RULE, "moves on stale frames");
+            }
+            phase => panic!("moves in {phase:?}"),
+        }
+    }
+
+    /// Time passes as the pilot wants to be asked.
+    fn pass(&mut self, millis: u64) {
+        let until = self.now + Duration::from_millis(millis);
+        for _ in 0..100_000 {
+            let due = self.pilot.next_deadline().unwrap_or(until).max(self.now);
+            if due > until || self.now == until {
+                self.now = until;
+                self.pump();
+                return;
+            }
+            self.now = due;
+            self.pump();
+        }
+        panic!("time does not pass");
+    }
+
+    fn id(&self, which: u64) -> QueryId {
+        QueryId(self.asked.last().map_or(which, |(_, id)| id.0.saturating_sub(which)))
+    }
+
+    fn telemetry(&self, age: i64) -> Telemetry {
+        Telemetry {
+            time: self.ago(age),
+            position: Some(EnuPosition { east: 0.0, north: 0.0, up: self.up }),
+            velocity: Some(EnuVelocity::default()),
+            yaw_rate: Some(0.0),
+            height: Some(self.up),
+            battery: Some(0.9),
+            phase: self.phase,
+            ..Telemetry::default()
+        }
+    }
+
+    fn ago(&self, millis: i64) -> Time {
+        let by = Duration::from_millis(millis.unsigned_abs());
+        if millis < 0 { self.now + by } else { self.now - by }
+    }
+
+    fn frame(&mut self, age: i64, fresh: bool, unusable: bool) {
+        self.counter += u64::from(fresh);
+        self.tell(Event::Frame(FrameMeta {
+            id: FrameId(self.counter),
+            captured: self.ago(age),
+            received: self.now,
+            capture_counter: self.counter,
+            width: 960,
+            height: 720,
+            unusable,
+        }));
+    }
+
+    fn happen(&mut self, happens: Happens) {
+        match happens {
+            Happens::Time(millis) => self.pass(millis),
+            Happens::Frame { age, fresh, unusable } => self.frame(age, fresh, unusable),
+            Happens::Telemetry { age, phase, crashed, odd, battery } => {
+                let mut telemetry = self.telemetry(age);
+                (telemetry.phase, telemetry.crashed, telemetry.battery) = (phase, crashed, Some(battery));
+                if let Some(odd) = odd {
+                    telemetry.position = Some(EnuPosition { east: odd, north: -odd, up: odd });
+                    telemetry.attitude = Attitude { heading: odd, pitch: odd, roll: 0.0 };
+                    telemetry.velocity = Some(EnuVelocity { east: odd, north: 0.0, up: odd });
+                }
+                self.tell(Event::Telemetry(telemetry));
+            }
+            Happens::Reply { which, text } => self.tell(Event::Reply { id: self.id(which), text }),
+            Happens::Chunk { which, text } => self.tell(Event::Chunk { id: self.id(which), text }),
+            Happens::Fails { which } => self.tell(Event::ReplyFailed { id: self.id(which), reason: "x".to_owned() }),
+            Happens::Operator(event) => self.tell(Event::Operator(event)),
+            Happens::Link(true) => self.tell(Event::LinkRestored),
+            Happens::Link(false) => self.tell(Event::LinkLost),
+            Happens::Good(millis) => self.go_well(millis),
+        }
+    }
+
+    fn go_well(&mut self, millis: u64) {
+        let until = self.now + Duration::from_millis(millis);
+        while self.now < until {
+            self.pass(50);
+            self.up += match self.phase {
+                FlightPhase::TakingOff => 0.05,
+                FlightPhase::Landing => -0.05,
+                _ => 0.0,
+            };
+            if self.phase == FlightPhase::TakingOff && self.up >= 3.0 {
+                self.phase = FlightPhase::Flying;
+            }
+            if self.phase == FlightPhase::Landing && self.up <= 0.0 {
+                self.phase = FlightPhase::OnGround;
+            }
+            self.tell(Event::Telemetry(self.telemetry(0)));
+            self.frame(100, true, false);
+            if let Some(&(at, id)) = self.asked.last()
+                && self.now.since(at) >= secs(0.3)
+                && self.now.since(at) < secs(0.36)
+            {
+                self.tell(Event::Reply { id, text: navigate(0.7, 0.4, 7) });
+            }
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn whatever_happens_the_pilot_moves_for_a_reason_and_its_run_ends(
+        paper: bool,
+        plain: bool,
+        begin in prop_oneof![3 => Just(6000u64), 1 => 0..6000u64],
+        happenings in prop::collection::vec(happenings(), 0..60),
+    ) {
+        let max_time = 90.0;
+        let mut chaos = Chaos::new(if paper { Preset::Paper } else { Preset::Default }, plain, max_time);
+        chaos.go_well(begin);
+        for happens in happenings {
+            chaos.happen(happens);
+        }
+        // Nothing is heard any more: the time of the flight, and that of a landing that nobody reports, end it.
+        let left = Time::from_secs_f64(max_time).since(chaos.now).as_millis() as u64;
+        chaos.pass(left + 91_000);
+        prop_assert_eq!(chaos.pilot.phase(), Phase::Ended);
+        prop_assert_eq!(chaos.finished, 1);
+        prop_assert_eq!(chaos.pilot.next_deadline(), None);
+        // And what comes after the end changes nothing.
+        let moved = chaos.moved;
+        for i in 0..3 {
+            chaos.tell(Event::Reply { id: QueryId(i), text: navigate(0.5, 0.5, 10) });
+            chaos.happen(Happens::Operator(OperatorEvent::Resume));
+            chaos.pass(1000);
+        }
+        prop_assert_eq!(chaos.moved, moved);
+    }
+}
+
+/// The property would hold of a pilot that never moves: with nothing in the way this one does.
+#[test]
+fn the_property_is_one_of_a_pilot_that_moves() {
+    for (preset, plain) in [(Preset::Default, false), (Preset::Paper, false)] {
+        let mut chaos = Chaos::new(preset, plain, 90.0);
+        chaos.go_well(12_000);
+        assert!(chaos.moved > 20, "{preset:?} {}", chaos.moved);
+        chaos.happen(Happens::Operator(OperatorEvent::Setpoint(Setpoint { forward: 1.0, ..Setpoint::HOLD })));
+        let moved = chaos.moved;
+        chaos.go_well(300);
+        assert!(chaos.moved > moved);
+    }
+}

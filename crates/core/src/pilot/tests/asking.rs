@@ -1,0 +1,279 @@
+//! Policies that ask more than once, and the plain one: all go through the same pilot.
+
+use super::*;
+use crate::policy::{Move, PolicyEvent, Reading, View};
+use crate::primitives::Primitives;
+use crate::query::{Memory, QueryKind};
+
+/// Asks three dependent questions about one frame, moves by what the answers add up to, and asks while moving; the answer to that
+/// is `done` or another round.
+struct Chooser {
+    view: Option<View>,
+    answers: Vec<f64>,
+    next_id: u64,
+    ask_on: bool,
+}
+
+impl Chooser {
+    fn new() -> Self {
+        Self { view: None, answers: Vec::new(), next_id: 0, ask_on: false }
+    }
+
+    fn ask(&mut self, kind: QueryKind) -> Step {
+        let id = QueryId(self.next_id);
+        self.next_id += 1;
+        Step::Ask(Box::new(Query {
+            id,
+            frame: self.view.unwrap().frame.id,
+            kind,
+            instruction: String::new(),
+            memory: Memory::default(),
+            prompt: format!("{:?}", self.answers),
+            marks: Vec::new(),
+            detections: Vec::new(),
+            deadline: Time::MAX,
+            image_size: None,
+        }))
+    }
+}
+
+impl Policy for Chooser {
+    fn name(&self) -> &'static str {
+        "chooser"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+        match event {
+            PolicyEvent::Frame(view) => {
+                self.view = Some(*view);
+                self.answers.clear();
+                self.ask(QueryKind::Choose)
+            }
+            PolicyEvent::Reply { text: "done", .. } => Step::Done,
+            PolicyEvent::Reply { text: "go on", .. } => Step::Wait,
+            PolicyEvent::Reply { text, .. } => {
+                self.answers.push(text.parse().unwrap());
+                if self.answers.len() < 3 {
+                    return self.ask(QueryKind::Choose);
+                }
+                self.ask_on = true;
+                let primitives = Primitives { forward: self.answers.iter().sum(), ..Primitives::default() };
+                Step::Move(Move { primitives, anchor: Some(self.view.unwrap().pose), then_rest: false })
+            }
+            PolicyEvent::Continue if core::mem::take(&mut self.ask_on) => self.ask(QueryKind::Done),
+            _ => Step::Wait,
+        }
+    }
+
+    fn reading(&self) -> Reading {
+        Reading::default()
+    }
+}
+
+#[test]
+fn a_policy_asks_three_dependent_questions_on_one_frame_then_moves_and_asks_while_moving() {
+    for preset in PRESETS {
+        let mut done_asked = 0;
+        let mut flight = Setup::preset(preset).policy(Chooser::new()).fly(move |query, _| {
+            let text = match query.kind {
+                QueryKind::Choose => "2",
+                _ => {
+                    done_asked += 1;
+                    if done_asked < 2 { "go on" } else { "done" }
+                }
+            };
+            Answer::After(secs(1.0), text.to_owned())
+        });
+        assert_eq!(flight.end(), Outcome::Reached, "{preset:?}");
+        let asked: Vec<(u64, &str)> = flight.asked.iter().map(|(_, query)| (query.frame.0, &*query.prompt)).collect();
+        assert_eq!(asked.len(), 8, "two rounds of three and one");
+        for round in asked.chunks(4) {
+            assert!(round.iter().all(|(frame, _)| *frame == round[0].0), "one frame: {round:?}");
+            let prompts: Vec<&str> = round.iter().map(|(_, prompt)| *prompt).collect();
+            assert_eq!(prompts, ["[]", "[2.0]", "[2.0, 2.0]", "[2.0, 2.0, 2.0]"], "each depends on the answer before");
+        }
+        // A round is one decision: its queries carry the number of the decision that they prepare.
+        let steps: Vec<(u32, &str)> = flight.decisions().map(|d| (d.number, &*d.step)).collect();
+        let (ask, wait) = ("ask", "wait");
+        let expected = [(1, ask), (1, ask), (1, "move"), (2, wait), (2, ask), (2, ask), (2, "move"), (3, "done")];
+        assert_eq!(steps, expected, "{preset:?}");
+        assert_eq!(flight.pilot.decisions(), 3);
+        // The question while moving went out with the motion, and did not stop it.
+        let thinking = flight.setpoints_since(flight.asked[3].0).take_while(|(at, _)| *at < flight.asked[3].0 + secs(1.0));
+        assert!(thinking.filter(|(_, setpoint)| !setpoint.is_hold()).count() > 7, "{preset:?}");
+    }
+}
+
+#[test]
+fn one_failed_question_of_a_round_stops_and_the_round_begins_anew() {
+    let mut asked = 0;
+    let mut flight = Setup::preset(Preset::Default).policy(Chooser::new()).fly(move |query, _| {
+        asked += 1;
+        match query.kind {
+            _ if asked == 2 => Answer::FailsAfter(secs(0.5)),
+            QueryKind::Choose => Answer::After(secs(0.5), "1".to_owned()),
+            _ => Answer::After(secs(0.5), "done".to_owned()),
+        }
+    });
+    assert_eq!(flight.end(), Outcome::Reached);
+    assert_ne!(flight.asked[1].1.frame, flight.asked[2].1.frame);
+    assert_eq!(flight.asked[2].1.prompt, "[]");
+}
+
+/// A policy that never waits, whatever it is told.
+struct Restless(u64);
+
+impl Policy for Restless {
+    fn name(&self) -> &'static str {
+        "restless"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+        self.0 += 1;
+        let primitives = Primitives { climb: 0.5, ..Primitives::default() };
+        match (self.0 % 3, event) {
+            (_, PolicyEvent::Instruction(_)) => Step::Wait,
+            (0, _) => Step::Move(Move { primitives, anchor: None, then_rest: false }),
+            _ => Step::Ask(Box::new(Query {
+                id: QueryId(self.0),
+                frame: FrameId(0),
+                kind: QueryKind::Detect,
+                instruction: String::new(),
+                memory: Memory::default(),
+                prompt: String::new(),
+                marks: Vec::new(),
+                detections: Vec::new(),
+                deadline: Time::MAX,
+                image_size: None,
+            })),
+        }
+    }
+
+    fn reading(&self) -> Reading {
+        Reading::default()
+    }
+}
+
+/// The harness fails on more than 64 actions at one instant.
+#[test]
+fn a_policy_that_never_waits_is_bounded_and_its_flight_ends() {
+    for timeout in [0.0, 5.0] {
+        let mut setup = Setup::preset(Preset::Default).policy(Restless(0));
+        setup.settings.reply_timeout = secs(timeout);
+        setup.settings.max_time = secs(20.0);
+        let mut flight = setup.fly(|_, _| Answer::Never);
+        assert_ne!(flight.end(), Outcome::Reached);
+    }
+}
+
+/// A streaming policy: moves as soon as the beginning of an answer allows, and knows the whole at its end.
+struct Eager {
+    moved: bool,
+    id: u64,
+}
+
+impl Policy for Eager {
+    fn name(&self) -> &'static str {
+        "eager"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+        match event {
+            PolicyEvent::Frame(view) => {
+                self.moved = false;
+                self.id += 1;
+                let mut chooser = Chooser { view: Some(*view), answers: Vec::new(), next_id: self.id, ask_on: false };
+                chooser.ask(QueryKind::Program)
+            }
+            PolicyEvent::Chunk { text: "forward", .. } if !core::mem::replace(&mut self.moved, true) => Step::Move(Move {
+                primitives: Primitives { forward: 3.0, ..Primitives::default() },
+                anchor: None,
+                then_rest: false,
+            }),
+            _ => Step::Wait,
+        }
+    }
+
+    fn reading(&self) -> Reading {
+        Reading::default()
+    }
+}
+
+#[test]
+fn a_part_of_an_answer_may_move_and_the_answer_counts_once() {
+    let mut flight = Setup::preset(Preset::Default).policy(Eager { moved: false, id: 0 }).fly(|_, _| Answer::Never);
+    flight.until_asked(1);
+    let id = flight.asked[0].1.id;
+    for text in ["for", "forward", "forward"] {
+        flight.pass(0.2);
+        flight.tell(Event::Chunk { id, text: text.to_owned() });
+    }
+    flight.until_moving();
+    assert_eq!(flight.pilot.decisions(), 1);
+    flight.tell(Event::Reply { id, text: "forward".to_owned() });
+    assert_eq!((flight.pilot.decisions(), flight.decisions().next().unwrap().number), (1, 1));
+    // Of an answer that nobody waits for, no part counts either.
+    let before = flight.commands.len();
+    flight.operator(OperatorEvent::Hold);
+    flight.tell(Event::Chunk { id, text: "forward".to_owned() });
+    flight.pass(1.0);
+    assert!(flight.commands[before..].iter().all(|(_, command)| *command == Command::Setpoint(Setpoint::HOLD)));
+}
+
+fn plain(confirm_done: bool, texts: &'static [&'static str]) -> Flight {
+    let mut number = 0;
+    Setup::preset(Preset::Paper).policy(Plain::new(PlainSettings { confirm_done })).fly(move |query, _| {
+        assert_eq!(query.kind, QueryKind::Act);
+        number += 1;
+        Answer::After(secs(0.5), texts[(number - 1).min(texts.len() - 1)].to_owned())
+    })
+}
+
+const SQUARE: &str =
+    r#"{"actions":[{"cmd":"forward","value":3},{"cmd":"yaw_right","value":90},{"cmd":"up","value":1}],"done":false}"#;
+const DONE: &str = r#"{"actions":[],"done":true}"#;
+
+#[test]
+fn plain_flies_its_actions_one_after_the_other_and_then_looks_again() {
+    let mut flight = plain(true, &[SQUARE, DONE]);
+    assert_eq!(flight.end(), Outcome::Reached);
+    let axes: Vec<usize> = flight
+        .setpoints_since(Time::ZERO)
+        .filter_map(|(_, s)| [s.forward, s.yaw_rate, s.up].iter().position(|x| *x != 0.0))
+        .collect();
+    let mut order = axes.clone();
+    order.dedup();
+    assert_eq!(order, [0, 1, 2], "forward, then the turn, then the climb");
+    let last = flight.frames[usize::try_from(flight.asked[1].1.frame.0).unwrap()];
+    assert!(last.speed < 0.1, "asked again only after all of them, at rest");
+    // The paper's timed moves of a craft that accelerates: about what was asked.
+    assert!((last.pose.position.north - 3.0).abs() < 0.7 && (last.pose.position.up - 4.0).abs() < 0.5, "{last:?}");
+    assert!((last.pose.attitude.heading.to_degrees() - 90.0).abs() < 25.0, "{last:?}");
+    let told: Vec<usize> = flight.asked.iter().map(|(_, query)| query.memory.actions.len()).collect();
+    assert_eq!(told, [0, 3, 3], "what was flown is told; a done is looked at twice");
+    assert_eq!(flight.pilot.decisions(), 3);
+    assert_eq!(flight.decisions().next().unwrap().reading.actions.len(), 3);
+}
+
+#[test]
+fn plain_believes_done_at_once_where_it_is_set_to() {
+    let mut flight = plain(false, &[DONE]);
+    assert_eq!(flight.end(), Outcome::Reached);
+    assert_eq!(flight.asked.len(), 1);
+    let mut flight = plain(true, &[DONE]);
+    assert_eq!(flight.end(), Outcome::Reached);
+    let confirming: Vec<bool> = flight.asked.iter().map(|(_, query)| query.memory.confirming).collect();
+    assert_eq!(confirming, [false, true]);
+}
+
+#[test]
+fn plain_does_not_resume_what_was_cut_short() {
+    let mut flight = plain(true, &[SQUARE, DONE]);
+    flight.until_moving();
+    flight.operator(OperatorEvent::Hold);
+    flight.pass(2.0);
+    let resumed = flight.now;
+    flight.operator(OperatorEvent::Resume);
+    assert_eq!(flight.end(), Outcome::Reached);
+    assert!(flight.setpoints_since(resumed).all(|(_, setpoint)| setpoint.is_hold()), "the old turn and climb are gone");
+}

@@ -1,0 +1,533 @@
+//! A flight on one virtual clock: pilot, craft, camera, VLM and faults, like the two ends of a connection in quinn's `Pair`.
+//!
+//! The craft is the executor's test model with the phases of a flight about it; its telemetry is exact, at 20 Hz. Frames are
+//! captured every 50 ms and arrive 150 ms later. The VLM is a closure that sees the true pose of the frame. Every loop is
+//! bounded: a pilot that never becomes idle fails the test.
+
+mod arbitrary;
+mod asking;
+mod endings;
+mod failings;
+mod motion;
+mod operator;
+mod search;
+mod whole;
+
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::avoid::PathShape;
+use crate::command::Command;
+use crate::envelope::Cleared;
+use crate::executor::Motion;
+use crate::executor::craft_model::CraftModel;
+use crate::fault::{Content, Fault, FaultMachine, FaultPlan, Rule, Stream};
+use crate::frame::FrameMeta;
+use crate::geometry::{BodyDisplacement, EnuPosition, EnuVelocity, Pose};
+use crate::grounding::GroundingProfile;
+use crate::lift::{Lifting, project_displacement};
+use crate::policy::Step;
+use crate::policy::plain::{Plain, PlainSettings};
+use crate::policy::spf::{Spf, SpfSettings};
+use crate::query::{ImagePoint, Query};
+use crate::reply::{Look, Reply, Status};
+
+/// Frames and telemetry come every so often.
+const PERIOD: Duration = Duration::from_millis(50);
+/// From a frame's capture to its arrival.
+const CAMERA_LATENCY: Duration = Duration::from_millis(150);
+/// More actions than this at one instant: the pilot never becomes idle.
+const ACTIONS_AT_ONCE: usize = 64;
+/// More instants than a whole flight has, landing included.
+const INSTANTS: usize = 60_000;
+/// What the pilot promises: zero within this time of the end of a reason to move.
+const STOP_RULE: Duration = Duration::from_millis(200);
+
+/// What is true about a frame, which the pilot does not know.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    pose: Pose,
+    speed: f64,
+    yaw_rate: f64,
+    captured: Time,
+}
+
+/// How the VLM answers.
+#[derive(Clone, Debug)]
+enum Answer {
+    After(Duration, String),
+    FailsAfter(Duration),
+    Never,
+}
+
+type Vlm = Box<dyn FnMut(&Query, &Seen) -> Answer>;
+
+enum Happening {
+    Capture,
+    Report,
+    Deliver(Event),
+}
+
+/// What a flight is made of.
+struct Setup {
+    settings: PilotSettings,
+    craft: Craft,
+    limits: Limits,
+    policy: Option<Box<dyn Policy>>,
+    faults: Vec<Rule>,
+    charge: f64,
+}
+
+impl Setup {
+    fn preset(preset: Preset) -> Self {
+        let craft = Craft::quad();
+        Self {
+            settings: PilotSettings::preset(preset),
+            craft,
+            limits: Limits::for_craft(&craft),
+            policy: None,
+            faults: Vec::new(),
+            charge: 0.9,
+        }
+    }
+
+    fn policy(mut self, policy: impl Policy + 'static) -> Self {
+        self.policy = Some(Box::new(policy));
+        self
+    }
+
+    fn fault(mut self, stream: Stream, from: f64, until: Option<f64>, fault: Fault) -> Self {
+        self.faults.push(Rule { stream, from, until, fault });
+        self
+    }
+
+    fn fly(self, vlm: impl FnMut(&Query, &Seen) -> Answer + 'static) -> Flight {
+        let camera = Camera::quad();
+        let settings = self.settings;
+        let policy = self.policy.unwrap_or_else(|| {
+            Box::new(Spf::new(SpfSettings {
+                step: settings.step,
+                lifting: settings.lifting,
+                shape: if settings.motion == Motion::Blended { PathShape::Straight } else { PathShape::LevelThenClimb },
+                avoid: settings.avoid,
+                confirm_done: settings.confirm_done,
+                grounding: GroundingProfile::default(),
+                craft: self.craft,
+            }))
+        });
+        let pilot = Pilot::new(PilotParts {
+            settings,
+            craft: self.craft,
+            senses: Senses::EXACT,
+            camera,
+            limits: self.limits,
+            policy,
+            instruction: "fly to the red crane".to_owned(),
+        });
+        let mut model = CraftModel::new(self.craft);
+        (model.now, model.position, model.heading) = (Time::ZERO, EnuPosition::default(), 0.0);
+        let mut flight = Flight {
+            pilot,
+            model,
+            phase: FlightPhase::OnGround,
+            crashed: false,
+            charge: self.charge,
+            now: Time::ZERO,
+            vlm: Box::new(vlm),
+            faults: FaultMachine::new(FaultPlan { rules: self.faults }, 1).unwrap(),
+            sent: [0; 4],
+            queue: BTreeMap::new(),
+            queued: 0,
+            valid_until: Time::MAX,
+            frames: Vec::new(),
+            delivered: Vec::new(),
+            asked: Vec::new(),
+            cancelled: Vec::new(),
+            commands: Vec::new(),
+            notes: Vec::new(),
+            finished: Vec::new(),
+        };
+        flight.enqueue(Time::ZERO, Happening::Report);
+        flight.enqueue(Time::ZERO, Happening::Capture);
+        flight
+    }
+}
+
+/// The flight and what was seen of it.
+struct Flight {
+    pilot: Pilot,
+    model: CraftModel,
+    phase: FlightPhase,
+    crashed: bool,
+    charge: f64,
+    now: Time,
+    vlm: Vlm,
+    faults: FaultMachine,
+    /// Messages so far of each stream of the faults.
+    sent: [u64; 4],
+    queue: BTreeMap<(Time, u64), Happening>,
+    queued: u64,
+    /// Of the setpoint that the craft flies.
+    valid_until: Time,
+    /// Truth of each capture, by frame number.
+    frames: Vec<Seen>,
+    /// Frames as they reached the pilot, and when.
+    delivered: Vec<(Time, FrameMeta)>,
+    asked: Vec<(Time, Query)>,
+    cancelled: Vec<(Time, QueryId)>,
+    commands: Vec<(Time, Command)>,
+    notes: Vec<(Time, Note)>,
+    finished: Vec<(Time, Ending, EnuPosition)>,
+}
+
+impl Flight {
+    fn enqueue(&mut self, at: Time, what: Happening) {
+        self.queued += 1;
+        self.queue.insert((at, self.queued), what);
+    }
+
+    /// Sends a message to the pilot through the faults. `frozen` makes it one of an earlier time, `blank` empties it.
+    fn send(
+        &mut self,
+        stream: Stream,
+        at: Time,
+        event: Event,
+        frozen: impl Fn(&Self, Time) -> Option<Event>,
+        blank: Option<Event>,
+    ) {
+        let index = &mut self.sent[stream as usize];
+        *index += 1;
+        for delivery in self.faults.pass(self.now, stream, *index) {
+            let event = match delivery.content {
+                Content::Intact => Some(event.clone()),
+                Content::FrozenSince(since) => frozen(self, since),
+                Content::Blank => blank.clone(),
+            };
+            if let Some(event) = event {
+                self.enqueue(at + delivery.at.since(self.now), Happening::Deliver(event));
+            }
+        }
+    }
+
+    fn capture(&mut self) {
+        self.frames.push(Seen {
+            pose: self.model.pose(),
+            speed: self.model.velocity.speed(),
+            yaw_rate: self.model.yaw_rate.abs(),
+            captured: self.now,
+        });
+        let frame = FrameMeta {
+            id: FrameId(self.frames.len() as u64 - 1),
+            captured: self.now,
+            received: self.now + CAMERA_LATENCY,
+            capture_counter: self.frames.len() as u64,
+            width: 960,
+            height: 720,
+            unusable: false,
+        };
+        let last_before = move |flight: &Self, since: Time| {
+            let index = flight.frames.iter().rposition(|seen| seen.captured < since)?;
+            let (captured, capture_counter) = (flight.frames[index].captured, index as u64 + 1);
+            // A frozen source counts on and repeats the picture.
+            Some(Event::Frame(FrameMeta { captured, capture_counter, ..frame }))
+        };
+        let blank = Event::Frame(FrameMeta { unusable: true, ..frame });
+        self.send(Stream::Frames, self.now + CAMERA_LATENCY, Event::Frame(frame), last_before, Some(blank));
+        self.enqueue(self.now + PERIOD, Happening::Capture);
+    }
+
+    fn telemetry(&self) -> Telemetry {
+        Telemetry {
+            time: self.now,
+            position: Some(self.model.position),
+            velocity: Some(self.model.velocity),
+            attitude: self.model.known().attitude,
+            yaw_rate: Some(self.model.yaw_rate),
+            height: Some(self.model.position.up),
+            battery: Some(self.charge),
+            phase: self.phase,
+            crashed: self.crashed,
+        }
+    }
+
+    fn report(&mut self) {
+        match self.phase {
+            FlightPhase::TakingOff if self.model.position.up > self.model.craft.take_off_height - 0.3 => {
+                self.phase = FlightPhase::Flying;
+                self.model.send(Setpoint::HOLD);
+            }
+            FlightPhase::Landing if self.model.position.up <= 0.05 => {
+                self.phase = FlightPhase::OnGround;
+                (self.model.velocity, self.model.yaw_rate) = (EnuVelocity::default(), 0.0);
+                self.model.send(Setpoint::HOLD);
+            }
+            _ => {}
+        }
+        let telemetry = self.telemetry();
+        self.send(Stream::Telemetry, self.now, Event::Telemetry(telemetry), |_, _| None, None);
+        self.enqueue(self.now + PERIOD, Happening::Report);
+    }
+
+    /// Applies a command to the craft as its autopilot would.
+    fn command(&mut self, cleared: &Cleared<Command>) {
+        self.commands.push((self.now, *cleared.get()));
+        let index = &mut self.sent[Stream::Commands as usize];
+        *index += 1;
+        if self.faults.pass(self.now, Stream::Commands, *index).is_empty() {
+            return;
+        }
+        let (up, phase) = (self.model.position.up, self.phase);
+        match *cleared.get() {
+            Command::TakeOff if phase == FlightPhase::OnGround => {
+                self.phase = FlightPhase::TakingOff;
+                self.model.send(Setpoint { up: self.model.craft.climb_speed, ..Setpoint::HOLD });
+            }
+            Command::Setpoint(setpoint) if phase == FlightPhase::Flying => {
+                self.model.send(setpoint);
+                self.valid_until = cleared.valid_until();
+            }
+            Command::Land if up > 0.05 => {
+                self.phase = FlightPhase::Landing;
+                self.valid_until = Time::MAX;
+                self.model.send(Setpoint { up: -0.8, ..Setpoint::HOLD });
+            }
+            Command::EmergencyStop => {
+                self.phase = FlightPhase::Stopped;
+                self.valid_until = Time::MAX;
+                (self.model.velocity, self.model.yaw_rate) = (EnuVelocity::default(), 0.0);
+                self.model.send(Setpoint::HOLD);
+            }
+            _ => {}
+        }
+    }
+
+    fn ask(&mut self, query: Query) {
+        let seen = self.frames[usize::try_from(query.frame.0).unwrap()];
+        let answer = (self.vlm)(&query, &seen);
+        let id = query.id;
+        self.asked.push((self.now, query));
+        match answer {
+            Answer::After(latency, text) => {
+                let blank = Event::Reply { id, text: String::new() };
+                self.send(Stream::Replies, self.now + latency, Event::Reply { id, text }, |_, _| None, Some(blank));
+            }
+            Answer::FailsAfter(latency) => {
+                let reason = "503 service unavailable".to_owned();
+                self.send(Stream::Replies, self.now + latency, Event::ReplyFailed { id, reason }, |_, _| None, None);
+            }
+            Answer::Never => {}
+        }
+    }
+
+    /// Asks the pilot until it says nothing more.
+    fn pump(&mut self) {
+        for _ in 0..ACTIONS_AT_ONCE {
+            match self.pilot.poll(self.now) {
+                None => {
+                    if let Some(deadline) = self.pilot.next_deadline() {
+                        assert!(deadline > self.now, "idle, and due at {deadline}, which is not after {}", self.now);
+                    }
+                    return;
+                }
+                Some(Action::Ask(query)) => self.ask(*query),
+                Some(Action::Cancel(id)) => self.cancelled.push((self.now, id)),
+                Some(Action::Command(cleared)) => self.command(&cleared),
+                Some(Action::Note(note)) => self.notes.push((self.now, note)),
+                Some(Action::Finished(ending)) => self.finished.push((self.now, ending, self.model.position)),
+            }
+        }
+        panic!("at {} the pilot never becomes idle", self.now);
+    }
+
+    /// Tells the pilot of something now.
+    fn tell(&mut self, event: Event) {
+        self.pilot.handle(self.now, event);
+        self.pump();
+    }
+
+    fn operator(&mut self, event: OperatorEvent) {
+        self.tell(Event::Operator(event));
+    }
+
+    /// On to the next instant at which something is due.
+    fn step(&mut self, until: Time) {
+        let due = self.queue.first_key_value().map_or(Time::MAX, |((at, _), _)| *at);
+        let next = due.min(self.pilot.next_deadline().unwrap_or(Time::MAX)).min(self.valid_until).min(until).max(self.now);
+        self.model.fly_until(next);
+        self.now = next;
+        if self.valid_until <= next {
+            self.model.send(Setpoint::HOLD);
+            self.valid_until = Time::MAX;
+        }
+        if due <= next
+            && let Some((_, happening)) = self.queue.pop_first()
+        {
+            match happening {
+                Happening::Capture => self.capture(),
+                Happening::Report => self.report(),
+                Happening::Deliver(event) => {
+                    if let Event::Frame(frame) = event {
+                        self.delivered.push((self.now, frame));
+                    }
+                    self.pilot.handle(self.now, event);
+                }
+            }
+        }
+        self.pump();
+    }
+
+    fn until(&mut self, what: &str, done: impl Fn(&Self) -> bool) {
+        for _ in 0..INSTANTS {
+            if done(self) {
+                return;
+            }
+            self.step(Time::MAX);
+        }
+        panic!("never: {what}; at {}, {:?}, notes {:?}", self.now, self.pilot.phase(), self.notes.last());
+    }
+
+    fn pass(&mut self, seconds: f64) {
+        let until = self.now + duration_from_secs(seconds);
+        self.at(until);
+    }
+
+    /// Lets the time come.
+    fn at(&mut self, time: Time) {
+        for _ in 0..INSTANTS {
+            if self.now >= time {
+                return;
+            }
+            self.step(time);
+        }
+        panic!("{time} never comes");
+    }
+
+    fn end(&mut self) -> Outcome {
+        self.until("the end", |flight| flight.pilot.phase() == Phase::Ended);
+        self.outcome()
+    }
+
+    fn outcome(&self) -> Outcome {
+        assert_eq!(self.finished.len(), 1, "an outcome is told once: {:?}", self.finished);
+        assert_eq!(self.pilot.ending(), Some(&self.finished[0].1));
+        self.finished[0].1.outcome
+    }
+
+    fn until_phase(&mut self, phase: Phase) {
+        self.until("a phase", |flight| flight.pilot.phase() == phase);
+    }
+
+    fn until_asked(&mut self, queries: usize) {
+        self.until("a query", |flight| flight.asked.len() >= queries);
+    }
+
+    /// Until the craft is commanded to move at least this fast.
+    fn until_moving(&mut self) {
+        self.until("a setpoint that moves", |flight| !flight.setpoint().is_hold() && flight.model.velocity.speed() > 0.5);
+    }
+
+    /// The last setpoint commanded.
+    fn setpoint(&self) -> Setpoint {
+        self.commands
+            .iter()
+            .rev()
+            .find_map(|(_, command)| match command {
+                Command::Setpoint(setpoint) => Some(*setpoint),
+                _ => None,
+            })
+            .unwrap_or(Setpoint::HOLD)
+    }
+
+    /// Setpoints commanded from `from` on.
+    fn setpoints_since(&self, from: Time) -> impl Iterator<Item = (Time, Setpoint)> + '_ {
+        self.commands.iter().filter(move |(at, _)| *at >= from).filter_map(|(at, command)| match command {
+            Command::Setpoint(setpoint) => Some((*at, *setpoint)),
+            _ => None,
+        })
+    }
+
+    /// No motion is commanded from 0.2 s after `reason_ended` on, until now; and something was commanded within it.
+    fn assert_stopped_since(&self, reason_ended: Time) {
+        let by = reason_ended + STOP_RULE;
+        let told = self.commands.iter().any(|(at, command)| {
+            (reason_ended..=by).contains(at) && !matches!(command, Command::Setpoint(setpoint) if !setpoint.is_hold())
+        });
+        assert!(told, "nothing stops the craft between {reason_ended} and {by}");
+        if let Some((at, setpoint)) = self.setpoints_since(by).find(|(_, setpoint)| !setpoint.is_hold()) {
+            panic!("the reason to move ended at {reason_ended}, and at {at} it flies {setpoint:?}");
+        }
+    }
+
+    fn decisions(&self) -> impl Iterator<Item = &Decision> {
+        self.notes.iter().filter_map(|(_, note)| match note {
+            Note::Decision(decision) => Some(&**decision),
+            _ => None,
+        })
+    }
+
+    fn count(&self, what: impl Fn(&Command) -> bool) -> usize {
+        self.commands.iter().filter(|(_, command)| what(command)).count()
+    }
+}
+
+fn secs(seconds: f64) -> Duration {
+    duration_from_secs(seconds)
+}
+
+/// A target that many metres right, ahead and up of the take-off point, facing north.
+fn target(right: f64, forward: f64, up: f64) -> EnuPosition {
+    EnuPosition::default().displaced(BodyDisplacement { right, forward, up }, 0.0)
+}
+
+fn json(reply: &Reply) -> String {
+    reply.to_json(&GroundingProfile::default(), false)
+}
+
+fn navigate(u: f64, v: f64, depth: u8) -> String {
+    json(&Reply {
+        status: Status::Navigating,
+        look: None,
+        stage: None,
+        point: Some(ImagePoint { u, v }),
+        depth: Some(depth),
+        target: Some("red crane".to_owned()),
+        boxes: Vec::new(),
+    })
+}
+
+fn not_visible(look: Look) -> String {
+    let status = Status::NotVisible;
+    json(&Reply { status, look: Some(look), stage: None, point: None, depth: None, target: None, boxes: Vec::new() })
+}
+
+fn done() -> String {
+    let status = Status::Done;
+    json(&Reply { status, look: None, stage: None, point: None, depth: None, target: None, boxes: Vec::new() })
+}
+
+/// Perfect eyes: the true point of `target`, the depth label of its range; done within 3 m.
+fn points_at(target: EnuPosition, seen: &Seen) -> String {
+    let range = seen.pose.position.distance(target);
+    if range < 3.0 {
+        return done();
+    }
+    let away = seen.pose.position.displacement_to(target, seen.pose.attitude.heading);
+    let point = project_displacement(away, &Camera::quad(), seen.pose.attitude, Lifting::Levelled);
+    match point.filter(|p| (0.0..=1.0).contains(&p.u) && (0.0..=1.0).contains(&p.v)) {
+        Some(point) => navigate(point.u, point.v, (1.0 + 4.5 * range.log10()).round().clamp(1.0, 10.0) as u8),
+        None => not_visible(if away.right < 0.0 { Look::Left } else { Look::Right }),
+    }
+}
+
+/// A VLM with perfect eyes that takes `latency` to answer.
+fn perfect(target: EnuPosition, latency: f64) -> impl FnMut(&Query, &Seen) -> Answer {
+    move |_, seen| Answer::After(secs(latency), points_at(target, seen))
+}
+
+/// A VLM that always gives the same answer.
+fn always(text: String, latency: f64) -> impl FnMut(&Query, &Seen) -> Answer {
+    move |_, _| Answer::After(secs(latency), text.clone())
+}
+
+/// Both presets.
+const PRESETS: [Preset; 2] = [Preset::Default, Preset::Paper];
