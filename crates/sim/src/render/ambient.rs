@@ -21,6 +21,8 @@ pub(crate) struct Ambient {
     low: Vec3,
     cell: f32,
     layer: f32,
+    /// Cells a metre.
+    cells: Vec3,
     columns: usize,
     rows: usize,
     open: Vec<u8>,
@@ -33,14 +35,16 @@ impl Ambient {
             (low, high) = (low.min(cluster.low), high.max(cluster.high));
         }
         if low.x > high.x {
-            return Self { low: Vec3::ZERO, cell: 1.0, layer: 1.0, columns: 0, rows: 0, open: Vec::new() };
+            return Self { low: Vec3::ZERO, cell: 1.0, layer: 1.0, cells: Vec3::ONE, columns: 0, rows: 0, open: Vec::new() };
         }
         low -= Vec3::new(6.0, 6.0, 0.5);
         high += Vec3::new(6.0, 6.0, 3.0);
         let size = high - low;
         let cell = (size.x.max(size.y) / CELLS as f32).max(FINEST);
         let (columns, rows) = ((size.x / cell) as usize + 2, (size.y / cell) as usize + 2);
-        let mut grid = Self { low, cell, layer: size.z.min(60.0) / (LAYERS - 1) as f32, columns, rows, open: Vec::new() };
+        let layer = size.z.min(60.0) / (LAYERS - 1) as f32;
+        let cells = Vec3::ONE / Vec3::new(cell, cell, layer);
+        let mut grid = Self { low, cell, layer, cells, columns, rows, open: Vec::new() };
         let heights = grid.heights(soup);
         grid.open =
             (0..LAYERS * rows).into_par_iter().flat_map_iter(|line| grid.line(&heights, line % rows, line / rows)).collect();
@@ -117,7 +121,7 @@ impl Ambient {
     /// Openness at `p`: 1 outside of the grid, never quite 0.
     #[inline]
     pub(crate) fn open(&self, p: Vec3) -> f32 {
-        let at = (p - self.low) / Vec3::new(self.cell, self.cell, self.layer);
+        let at = (p - self.low) * self.cells;
         let (columns, rows) = (self.columns, self.rows);
         if !(at.x >= 0.0 && at.y >= 0.0 && at.x < columns as f32 - 1.0 && at.y < rows as f32 - 1.0 && at.z < LAYERS as f32 - 1.0)
         {
@@ -128,11 +132,16 @@ impl Ambient {
         let (fx, fy, fz) = (at.x - ix as f32, at.y - iy as f32, z - iz as f32);
         let start = (iz * rows + iy) * columns + ix;
         let plane = |i: usize| {
-            let [a, b, c, d] = [i, i + 1, i + columns, i + columns + 1].map(|i| f32::from(self.open[i]));
+            let Some(([a, b], [c, d])) = self.pair(i).zip(self.pair(i + columns)) else { return 255.0 };
             let (top, bottom) = (a + (b - a) * fx, c + (d - c) * fx);
             top + (bottom - top) * fy
         };
         let (low, high) = (plane(start), plane(start + columns * rows));
         0.18 + 0.82 / 255.0 * (low + (high - low) * fz)
+    }
+
+    #[inline]
+    fn pair(&self, i: usize) -> Option<[f32; 2]> {
+        self.open.get(i..i + 2).map(|pair| [f32::from(pair[0]), f32::from(pair[1])])
     }
 }

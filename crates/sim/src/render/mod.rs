@@ -5,6 +5,7 @@
 //! multiplication, division and square root, without fused operations, and integers for edges; the rest are tables from `libm`.
 
 mod ambient;
+mod edge;
 mod noise;
 mod pattern;
 mod picture;
@@ -25,7 +26,7 @@ use spf_core::geometry::Pose;
 
 use crate::geometry::{Light, Material, Part, SceneGeometry};
 use ambient::Ambient;
-use noise::{Decay, Noise, Srgb};
+use noise::{Decay, Developed, Noise, Srgb};
 pub use picture::{Picture, SaveError};
 use prepare::Soup;
 use raster::{NONE, SUB, TILE, TILE_AREA, Tile};
@@ -69,6 +70,8 @@ struct Palette {
     ambient: Ambient,
     shadows: ShadowMap,
     srgb: Srgb,
+    /// From light on the film to bytes at once.
+    developed: Developed,
 }
 
 /// A scene prepared for drawing. Shared between threads by reference; one picture already uses all threads of the current
@@ -149,7 +152,7 @@ impl Renderer {
         pairs.enumerate().for_each(|(index, (near, id))| {
             near.fill(0.0);
             id.fill(NONE);
-            let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2), !0);
+            let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2));
             solid.of(index).for_each(|t| tile.draw(t));
         });
         let object = |id: u32| match self.soup.objects.get(id as usize) {
@@ -170,14 +173,14 @@ impl Renderer {
                 }
                 // An opening flush with its wall is seen: it need not be nearer than the wall, only not behind it.
                 near.iter_mut().zip(solid).for_each(|(n, s)| *n = s * 0.999);
-                let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2), !0);
+                let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2));
                 openings.of(index).for_each(|t| tile.draw(t));
             });
             picture.take_openings(&scratch.opening_near, &scratch.opening_id, columns, object);
         }
         if channels.rgb {
             let palette = self.palette();
-            let shader = Shader { soup: &self.soup, actors, materials: &self.materials, palette, view };
+            let shader = Shader::new(&self.soup, actors, &self.materials, palette, view);
             scratch.rgb.resize(area * 3, 0);
             let samples = tile::Samples { near: &scratch.near, id: &scratch.id, columns };
             let bins = &scratch.solid;
@@ -196,6 +199,7 @@ impl Renderer {
             ambient: Ambient::new(&self.soup),
             shadows: ShadowMap::new(&self.soup, &self.light),
             srgb: Srgb::new(),
+            developed: Developed::new(),
         })
     }
 }

@@ -1,12 +1,16 @@
 //! Tables for the shader: smooth noise, and the display's transfer curve.
 
+use glam::Vec3;
+
+use super::shade::film;
+
 /// Side of the noise table; noise repeats after this many cells.
 const SIDE: usize = 256;
 
 /// Value noise from a table, −1..=1, with smooth steps between cells.
 #[derive(Debug)]
 pub(crate) struct Noise {
-    values: Vec<f32>,
+    values: Box<[f32; SIDE * SIDE]>,
 }
 
 /// A number 0..1 for a lattice cell.
@@ -29,7 +33,9 @@ pub(crate) fn floor(x: f32) -> i32 {
 impl Noise {
     pub(crate) fn new() -> Self {
         let cell = |i: usize| cell_hash((i % SIDE) as i32, (i / SIDE) as i32, 77) * 2.0 - 1.0;
-        Self { values: (0..SIDE * SIDE).map(cell).collect() }
+        let mut values = Box::new([0.0; SIDE * SIDE]);
+        values.iter_mut().enumerate().for_each(|(i, value)| *value = cell(i));
+        Self { values }
     }
 
     /// Noise at (x, y), in cells.
@@ -45,11 +51,11 @@ impl Noise {
         top + (bottom - top) * sy
     }
 
-    /// Noise with cells of `size` metres, faded out as the footprint of a pixel nears the cell.
+    /// Noise of so many cells a metre, faded out as the footprint of a pixel nears the cell.
     #[inline]
-    pub(crate) fn faded(&self, x: f32, y: f32, size: f32, footprint: f32) -> f32 {
-        let fade = 1.6 - 1.6 * footprint / size;
-        if fade <= 0.0 { 0.0 } else { self.at(x / size, y / size) * fade.min(1.0) }
+    pub(crate) fn faded(&self, x: f32, y: f32, cells: f32, footprint: f32) -> f32 {
+        let fade = 1.6 - 1.6 * footprint * cells;
+        if fade <= 0.0 { 0.0 } else { self.at(x * cells, y * cells) * fade.min(1.0) }
     }
 }
 
@@ -70,6 +76,28 @@ impl Srgb {
     #[inline]
     pub(crate) fn byte(&self, linear: f32) -> u8 {
         self.bytes[((linear.clamp(0.0, 1.0) * 4096.0 + 0.5) as usize).min(4096)]
+    }
+}
+
+/// Light on the film to an sRGB byte, by table: [`film`], then [`Srgb`].
+#[derive(Debug)]
+pub(crate) struct Developed {
+    bytes: Vec<u8>,
+}
+
+impl Developed {
+    /// Steps of the table for each unit of light; the film is white at 8 units.
+    const STEPS: f32 = 4096.0;
+
+    pub(crate) fn new() -> Self {
+        let srgb = Srgb::new();
+        Self { bytes: (0..=8 * 4096).map(|i| srgb.byte(film(Vec3::splat(i as f32 / Self::STEPS)).x)).collect() }
+    }
+
+    /// Light below 0 is black, beyond the table white.
+    #[inline]
+    pub(crate) fn byte(&self, light: f32) -> u8 {
+        self.bytes.get((light * Self::STEPS + 0.5) as usize).copied().unwrap_or(255)
     }
 }
 

@@ -131,15 +131,13 @@ pub(crate) struct Tile<'a> {
     y: i32,
     /// Position of the samples in their pixels, 1/16 pixel.
     sample: (i32, i32),
-    /// Blocks that are drawn.
-    wanted: u64,
 }
 
 impl<'a> Tile<'a> {
     /// `near` and `id` hold what is there already.
-    pub(crate) fn new(near: &'a mut [f32], id: &'a mut [u32], (x, y): (i32, i32), sample: (i32, i32), wanted: u64) -> Self {
+    pub(crate) fn new(near: &'a mut [f32], id: &'a mut [u32], (x, y): (i32, i32), sample: (i32, i32)) -> Self {
         assert!(near.len() == TILE_AREA && id.len() == TILE_AREA);
-        Self { near, id, block_far: [0.0; 64], stale: !0, x, y, sample, wanted }
+        Self { near, id, block_far: [0.0; 64], stale: !0, x, y, sample }
     }
 
     /// Draws a triangle: nearer wins, the first of equals stays.
@@ -178,9 +176,6 @@ impl<'a> Tile<'a> {
             let rows = ((py0 - by * 8).max(0) as usize, (py1 - by * 8).min(7) as usize);
             for bx in px0 >> 3..=px1 >> 3 {
                 let block = (by * 8 + bx) as usize;
-                if self.wanted >> block & 1 == 0 {
-                    continue;
-                }
                 let at = [0, 1, 2].map(|i| e[i].wrapping_add(a[i].wrapping_mul(bx * 8)).wrapping_add(b[i].wrapping_mul(by * 8)));
                 if (0..3).any(|i| at[i] + a[i].max(0) * 7 + b[i].max(0) * 7 < 0) {
                     continue;
@@ -265,7 +260,7 @@ mod tests {
                 let (p, q) = (corners[i], corners[(i + 1) % 4]);
                 let (mut near, mut id) = (vec![0.0; TILE_AREA], vec![NONE; TILE_AREA]);
                 if let Some(t) = triangle([p.0, q.0, px], [p.1, q.1, py], 7) {
-                    Tile::new(&mut near, &mut id, (0, 0), (sx, sy), !0).draw(&t);
+                    Tile::new(&mut near, &mut id, (0, 0), (sx, sy)).draw(&t);
                 }
                 for (n, &id) in covered.iter_mut().zip(&id) {
                     *n += i32::from(id == 7);
@@ -281,7 +276,7 @@ mod tests {
         let close = triangle([0, 1024, 0], [0, 0, 1024], 2).unwrap();
         for order in [[far, close], [close, far]] {
             let (mut near, mut id) = (vec![0.0; TILE_AREA], vec![NONE; TILE_AREA]);
-            let mut tile = Tile::new(&mut near, &mut id, (0, 0), (8, 8), !0);
+            let mut tile = Tile::new(&mut near, &mut id, (0, 0), (8, 8));
             order.iter().for_each(|t| tile.draw(t));
             assert_eq!(id[place(3, 3)], 2);
             assert_eq!(id[place(63, 63)], NONE);

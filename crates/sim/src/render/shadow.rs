@@ -18,6 +18,8 @@ const LONGEST: f32 = 150.0;
 const REACH: f32 = 190.0;
 /// Texels of a block of the coarse map.
 const BLOCK: usize = 8;
+/// Texels of the pieces that a block is put together from.
+const PIECE: usize = 4;
 
 /// Nearness to the sun of the first surface, as 16 bits over the scene's reach.
 #[derive(Debug)]
@@ -27,13 +29,27 @@ pub(crate) struct ShadowMap {
     to_sun: Vec3,
     low: Vec3,
     texel: f32,
+    /// Texels a metre.
+    texels: f32,
     /// Metres of nearness to steps of the map.
     scale: f32,
     width: usize,
     height: usize,
     near: Vec<u16>,
-    /// Least and greatest nearness of each block with its neighbours' nearest texels.
-    blocks: Vec<(u16, u16)>,
+    /// World box of the first surfaces in each block and about it.
+    blocks: Vec<(Vec3, Vec3)>,
+}
+
+/// A plane that light falls on.
+#[derive(Clone, Debug)]
+pub(crate) struct Receiver {
+    /// Off the surface by about the filter's radius, or a surface would shade itself.
+    shift: Vec3,
+    /// The normal's positive and negative parts.
+    positive: Vec3,
+    negative: Vec3,
+    /// How far the filter reaches along the normal, metres.
+    margin: f32,
 }
 
 impl ShadowMap {
@@ -86,6 +102,7 @@ impl ShadowMap {
             to_sun,
             low,
             texel,
+            texels: 1.0 / texel,
             scale: 65_000.0 / (high.z - low.z),
             width,
             height,
@@ -100,10 +117,9 @@ impl ShadowMap {
     /// Position in the map: texels, texels, and steps of nearness.
     #[inline]
     fn project(&self, p: Vec3) -> Vec3 {
-        let scale = 1.0 / self.texel;
         Vec3::new(
-            (p.dot(self.across) - self.low.x) * scale,
-            (p.dot(self.along) - self.low.y) * scale,
+            (p.dot(self.across) - self.low.x) * self.texels,
+            (p.dot(self.along) - self.low.y) * self.texels,
             (p.dot(self.to_sun) - self.low.z) * self.scale,
         )
     }
@@ -158,7 +174,7 @@ impl ShadowMap {
                 }
                 near.fill(0.0);
                 let corner = (column as i32 * TILE, row as i32 * TILE);
-                let mut tile = Tile::new(&mut near, &mut id, corner, (SUB / 2, SUB / 2), !0);
+                let mut tile = Tile::new(&mut near, &mut id, corner, (SUB / 2, SUB / 2));
                 bins.of(index).for_each(|t| tile.draw(t));
                 for y in 0..TILE as usize {
                     for x in 0..TILE as usize {
@@ -169,43 +185,81 @@ impl ShadowMap {
         });
     }
 
+    /// Boxes of the blocks: of their own pieces and of those around.
     fn summarise(&mut self) {
-        let (columns, rows) = (self.width / BLOCK, self.height / BLOCK);
+        let (columns, rows) = (self.width / PIECE, self.height / PIECE);
+        let pieces: Vec<(Vec3, Vec3)> =
+            (0..columns * rows).into_par_iter().map(|i| self.piece(i % columns * PIECE, i / columns * PIECE)).collect();
+        let (columns, rows, each) = (self.width / BLOCK, self.height / BLOCK, BLOCK / PIECE);
+        let span = |i: usize, end: usize| (i * each).saturating_sub(1)..((i + 1) * each + 1).min(end * each);
         self.blocks = (0..columns * rows)
             .into_par_iter()
             .map(|i| {
-                let (x, y) = (i % columns * BLOCK, i / columns * BLOCK);
-                let (mut least, mut most) = (u16::MAX, 0);
-                for v in y.saturating_sub(2)..(y + BLOCK + 2).min(self.height) {
-                    for &near in
-                        &self.near[v * self.width + x.saturating_sub(2)..v * self.width + (x + BLOCK + 2).min(self.width)]
-                    {
-                        (least, most) = (least.min(near), most.max(near));
+                let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+                for y in span(i / columns, rows) {
+                    for piece in &pieces[y * columns * each..][span(i % columns, columns)] {
+                        (low, high) = (low.min(piece.0), high.max(piece.1));
                     }
                 }
-                (least, most)
+                (low, high)
             })
             .collect();
     }
 
-    /// Share of the sun's light that reaches `p` on a surface of unit `normal`, whose cosine to the sun is `cosine`.
+    /// World box of what the sun sees in the piece at (`x`, `y`). Where it sees nothing, the box reaches to the map's bottom.
+    fn piece(&self, x: usize, y: usize) -> (Vec3, Vec3) {
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let step = 1.0 / self.scale;
+        for v in y..y + PIECE {
+            let b = self.low.y + (v as f32 + 0.5) * self.texel;
+            for u in x..x + PIECE {
+                let a = self.low.x + (u as f32 + 0.5) * self.texel;
+                let d = self.low.z + f32::from(self.near[v * self.width + u]) * step;
+                let p = self.across * a + self.along * b + self.to_sun * d;
+                (low, high) = (low.min(p), high.max(p));
+            }
+        }
+        (low, high)
+    }
+
+    /// What [`ShadowMap::lit`] needs of a plane of unit `normal`, turned towards the sun, whose cosine to the sun is `cosine`.
+    pub(crate) fn receiver(&self, normal: Vec3, cosine: f32) -> Receiver {
+        Receiver {
+            shift: normal * (self.texel * (2.2 - 1.2 * cosine)) + self.to_sun * (self.texel * 0.6),
+            positive: normal.max(Vec3::ZERO),
+            negative: normal.min(Vec3::ZERO),
+            // The filter's outermost texels are almost two off, where they weigh nothing.
+            margin: 1.75 * self.texel * (normal.dot(self.across).abs() + normal.dot(self.along).abs()),
+        }
+    }
+
+    /// Share of the sun's light that reaches `p` on a surface.
     #[inline]
-    pub(crate) fn lit(&self, p: Vec3, normal: Vec3, cosine: f32) -> f32 {
-        // Off the surface by about the filter's radius, or a surface would shade itself.
-        let at = self.project(p + normal * (self.texel * (2.2 - 1.2 * cosine)) + self.to_sun * (self.texel * 0.6));
+    pub(crate) fn lit(&self, p: Vec3, on: &Receiver) -> f32 {
+        let p = p + on.shift;
+        let at = self.project(p);
         let (x, y) = (at.x - 1.5, at.y - 1.5);
         if !(x >= 0.0 && y >= 0.0 && x < (self.width - 5) as f32 && y < (self.height - 5) as f32) {
             return 1.0;
         }
         let (ix, iy) = (x as usize, y as usize);
-        let own = at.z.max(0.0);
-        let (least, most) = self.blocks[(iy + 1) / BLOCK * (self.width / BLOCK) + (ix + 1) / BLOCK];
-        if f32::from(most) <= own {
+        // All that the sun sees hereabouts lies behind the plane, or all before it.
+        let (low, high) = self.blocks[(iy + 1) / BLOCK * (self.width / BLOCK) + (ix + 1) / BLOCK];
+        let height = p.dot(on.positive) + p.dot(on.negative);
+        if on.positive.dot(high) + on.negative.dot(low) <= height - on.margin {
             return 1.0;
         }
-        if f32::from(least) > own {
+        if on.positive.dot(low) + on.negative.dot(high) > height + on.margin {
             return 0.0;
         }
+        self.filtered(at.z.max(0.0), x, y)
+    }
+
+    /// Share of the texels about (`x`, `y`) no nearer to the sun than `own`.
+    fn filtered(&self, own: f32, x: f32, y: f32) -> f32 {
+        let (ix, iy) = (x as usize, y as usize);
+        // Nearness is whole, so comparing with the whole part of `own` is the same.
+        let own = own as u32;
         // Three by three filter with linear weights: four by four texels.
         let (fx, fy) = (x - ix as f32, y - iy as f32);
         let weights_x = [1.0 - fx, 1.0, 1.0, fx];
@@ -215,7 +269,7 @@ impl ShadowMap {
             let row = &self.near[(iy + j) * self.width + ix..][..4];
             let mut line = 0.0;
             for (&near, wx) in row.iter().zip(weights_x) {
-                line += if f32::from(near) <= own { wx } else { 0.0 };
+                line += if u32::from(near) <= own { wx } else { 0.0 };
             }
             sum += line * wy;
         }

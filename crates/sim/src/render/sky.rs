@@ -54,10 +54,10 @@ impl Sky {
             let reach = 1.0 / (to.z + 0.06);
             let (x, y) = (to.x * reach, to.y * reach);
             let footprint = wide * reach * reach;
-            let density = noise.faded(x + 3.1, y + 1.7, 0.85, footprint) * 0.55
-                + noise.faded(x - 5.3, y + 9.1, 0.36, footprint) * 0.28
-                + noise.faded(x + 17.0, y - 4.0, 0.15, footprint) * 0.15
-                + noise.faded(x - 2.0, y - 31.0, 0.06, footprint) * 0.08;
+            let density = noise.faded(x + 3.1, y + 1.7, 1.0 / 0.85, footprint) * 0.55
+                + noise.faded(x - 5.3, y + 9.1, 1.0 / 0.36, footprint) * 0.28
+                + noise.faded(x + 17.0, y - 4.0, 1.0 / 0.15, footprint) * 0.15
+                + noise.faded(x - 2.0, y - 31.0, 1.0 / 0.06, footprint) * 0.08;
             let cover = smooth((density - 0.02) * 2.4) * smooth((to.z - 0.015) * 7.0) * 0.85;
             let thick = smooth((density - 0.12) * 1.8);
             colour += (self.cloud_lit + (self.cloud_shade - self.cloud_lit) * (thick * 0.55) - colour) * cover;

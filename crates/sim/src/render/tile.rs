@@ -2,14 +2,13 @@
 
 use glam::Vec3;
 
-use super::raster::{NONE, SUB, TILE, TILE_AREA, Tile, place};
+use super::edge::{COUNT, Edges, SAMPLES, Seen};
+use super::raster::{SUB, TILE, TILE_AREA, place};
 use super::setup::Bins;
-use super::shade::Shader;
+use super::shade::{Facets, Shader, film};
 
 /// A tile with a rim of one pixel.
 const RIMMED: usize = TILE as usize + 2;
-/// Where the samples of an edge pixel lie, 1/16 pixel: no two on a row or column (an eight queens' pattern).
-const SAMPLES: [(i32, i32); 8] = [(1, 9), (3, 3), (5, 13), (7, 7), (9, 1), (11, 11), (13, 5), (15, 15)];
 
 /// What the first pass found, tile after tile.
 pub(crate) struct Samples<'a> {
@@ -29,12 +28,10 @@ impl Samples<'_> {
 /// Memory of one task.
 #[derive(Default)]
 pub(crate) struct Work {
-    near: Vec<f32>,
-    id: Vec<u32>,
     /// The tile and its rim, row after row.
     rimmed: Vec<(f32, u32)>,
-    edges: Vec<(u8, u8)>,
-    seen: Vec<[(f32, u32); SAMPLES.len()]>,
+    edges: Edges,
+    facets: Facets,
 }
 
 impl Work {
@@ -46,26 +43,30 @@ impl Work {
         self.gather(samples, left, top, width, height);
         self.edges.clear();
         let slivers = self.slivers(bins, index, (left as i32, top as i32), (right, bottom));
-        let mut wanted = 0u64;
-        for (y, slivers) in slivers.into_iter().enumerate().take(bottom) {
-            for x in 0..right {
-                let (near, id) = self.rimmed[(y + 1) * RIMMED + x + 1];
-                if slivers >> x & 1 == 1 || self.on_edge(shader, x, y, id) {
-                    self.edges.push((x as u8, y as u8));
-                    wanted |= 1 << (y / 8 * 8 + x / 8);
-                    continue;
+        for block in 0..TILE_AREA / 64 {
+            let (x0, y0) = (block % 8 * 8, block / 8 * 8);
+            for (y, slivers) in slivers.iter().enumerate().take(bottom.min(y0 + 8)).skip(y0) {
+                for x in x0..right.min(x0 + 8) {
+                    let (near, id) = self.rimmed[(y + 1) * RIMMED + x + 1];
+                    if slivers >> x & 1 == 1 || self.on_edge(shader, x, y, id) {
+                        self.edges.push(x as u8, y as u8);
+                        continue;
+                    }
+                    let light = shader.exposed(&mut self.facets, id, near, (left + x) as f32 + 0.5, (top + y) as f32 + 0.5);
+                    let developed = &shader.palette.developed;
+                    put(rgb, x, y, [light.x, light.y, light.z].map(|light| developed.byte(light)));
                 }
-                let colour = shader.colour(id, near, (left + x) as f32 + 0.5, (top + y) as f32 + 0.5);
-                put(shader, rgb, x, y, colour);
             }
         }
         if self.edges.is_empty() {
             return;
         }
-        self.sample(bins, index, (left as i32, top as i32), wanted);
-        for (&(x, y), seen) in self.edges.iter().zip(&self.seen) {
-            let (px, py) = (left + usize::from(x), top + usize::from(y));
-            put(shader, rgb, usize::from(x), usize::from(y), blend(shader, seen, px as f32, py as f32));
+        bins.of(index).for_each(|t| self.edges.draw(t, (left as i32, top as i32)));
+        for seen in self.edges.seen() {
+            let (x, y) = (usize::from(seen.x), usize::from(seen.y));
+            let colour = blend(shader, &mut self.facets, seen, (left + x) as f32, (top + y) as f32);
+            let srgb = &shader.palette.srgb;
+            put(rgb, x, y, [colour.x, colour.y, colour.z].map(|linear| srgb.byte(linear)));
         }
     }
 
@@ -102,54 +103,34 @@ impl Work {
             self.rimmed[start..start + 3].iter().any(|&(_, other)| other != id && !shader.continuous(id, other))
         })
     }
-
-    /// Draws the blocks that have edges again, once for each sample.
-    fn sample(&mut self, bins: &Bins, index: usize, corner: (i32, i32), wanted: u64) {
-        self.near.resize(TILE_AREA, 0.0);
-        self.id.resize(TILE_AREA, NONE);
-        self.seen.clear();
-        self.seen.resize(self.edges.len(), [(0.0, NONE); SAMPLES.len()]);
-        for (s, &sample) in SAMPLES.iter().enumerate() {
-            self.near.fill(0.0);
-            self.id.fill(NONE);
-            let mut tile = Tile::new(&mut self.near, &mut self.id, corner, sample, wanted);
-            bins.of(index).for_each(|t| tile.draw(t));
-            for (&(x, y), seen) in self.edges.iter().zip(&mut self.seen) {
-                let i = place(usize::from(x), usize::from(y));
-                seen[s] = (self.near[i], self.id[i]);
-            }
-        }
-    }
 }
 
 /// The mean colour of the samples of the pixel at (`x`, `y`); each surface is shaded once, amid its samples.
-fn blend(shader: &Shader<'_>, seen: &[(f32, u32); SAMPLES.len()], x: f32, y: f32) -> Vec3 {
-    let mut done = [false; SAMPLES.len()];
+fn blend(shader: &Shader<'_>, facets: &mut Facets, seen: &Seen, x: f32, y: f32) -> Vec3 {
+    let mut left = (1u32 << COUNT) - 1;
     let mut sum = Vec3::ZERO;
-    for i in 0..SAMPLES.len() {
-        if done[i] {
-            continue;
-        }
+    while left != 0 {
+        let id = seen.id[left.trailing_zeros() as usize];
         let (mut near, mut sx, mut sy, mut count) = (0.0, 0, 0, 0);
-        for j in i..SAMPLES.len() {
-            if !done[j] && shader.continuous(seen[i].1, seen[j].1) {
-                done[j] = true;
-                near += seen[j].0;
-                sx += SAMPLES[j].0;
-                sy += SAMPLES[j].1;
+        for (j, (across, down)) in SAMPLES.into_iter().enumerate() {
+            if left >> j & 1 == 1 && shader.continuous(id, seen.id[j]) {
+                left &= !(1 << j);
+                near += seen.near[j];
+                sx += across;
+                sy += down;
                 count += 1;
             }
         }
         let share = 1.0 / count as f32;
         let step = share / SUB as f32;
-        sum += shader.colour(seen[i].1, near * share, x + sx as f32 * step, y + sy as f32 * step) * count as f32;
+        let light = shader.exposed(facets, id, near * share, x + sx as f32 * step, y + sy as f32 * step);
+        sum += film(light) * count as f32;
     }
-    sum / SAMPLES.len() as f32
+    sum / COUNT as f32
 }
 
 #[inline]
-fn put(shader: &Shader<'_>, rgb: &mut [u8], x: usize, y: usize, colour: Vec3) {
+fn put(rgb: &mut [u8], x: usize, y: usize, bytes: [u8; 3]) {
     let i = (y * TILE as usize + x) * 3;
-    let srgb = &shader.palette.srgb;
-    rgb[i..i + 3].copy_from_slice(&[srgb.byte(colour.x), srgb.byte(colour.y), srgb.byte(colour.z)]);
+    rgb[i..i + 3].copy_from_slice(&bytes);
 }

@@ -62,12 +62,6 @@ impl View {
         let v = position - self.eye;
         Vec3::new(v.dot(self.right), v.dot(self.down), v.dot(self.forward))
     }
-
-    /// The world ray through picture position (`x`, `y`), pixels; its component along the optical axis is 1.
-    #[inline]
-    pub(crate) fn ray(&self, x: f32, y: f32) -> Vec3 {
-        self.forward + self.right * ((x - self.cx) / self.fx) + self.down * ((y - self.cy) / self.fy)
-    }
 }
 
 #[cfg(test)]
