@@ -268,6 +268,39 @@ fn reports_that_were_overtaken_change_nothing() {
     assert_eq!(flight.end(), Outcome::Reached);
 }
 
+/// The last report from the ground, come late: the craft flies on.
+#[test]
+fn an_old_report_from_the_ground_does_not_end_the_flight() {
+    for (phase, crashed) in [(FlightPhase::OnGround, false), (FlightPhase::Landing, false), (FlightPhase::Flying, true)] {
+        let mut flight = Setup::preset(Preset::Default).fly(perfect(target(5.0, 25.0, 6.0), 1.0));
+        flight.until_moving();
+        let time = flight.now - secs(3.0);
+        let old = Telemetry { time, phase, crashed, ..flight.telemetry() };
+        flight.tell(Event::Telemetry(old));
+        assert_eq!(flight.end(), Outcome::Reached, "{phase:?} {crashed}");
+    }
+}
+
+/// The answer comes over another link than the craft's.
+#[test]
+fn an_answer_that_comes_while_the_link_is_lost_moves_nothing() {
+    for preset in PRESETS {
+        let mut flight = Setup::preset(preset).fly(|_, _| Answer::Never);
+        flight.until_asked(1);
+        flight.tell(Event::LinkLost);
+        let lost = flight.now;
+        let id = flight.asked[0].1.id;
+        flight.tell(Event::Reply { id, text: navigate(0.5, 0.5, 10) });
+        flight.pass(0.45);
+        flight.assert_stopped_since(lost);
+        assert!(flight.setpoints_since(lost).all(|(_, setpoint)| setpoint.is_hold()), "{preset:?}");
+        // Nothing of it is left over when the link comes back; the next frame is asked about.
+        flight.tell(Event::LinkRestored);
+        flight.until_asked(2);
+        assert!(flight.setpoints_since(lost).all(|(_, setpoint)| setpoint.is_hold()), "{preset:?}");
+    }
+}
+
 /// One wrong time stamp must not make all that comes later old news.
 #[test]
 fn a_report_or_a_frame_from_the_future_does_not_blind_the_pilot() {
