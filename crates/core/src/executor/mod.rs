@@ -213,6 +213,16 @@ impl Executor {
         }
     }
 
+    /// Where the craft comes to rest on the map when it is told to hold `now`: what was commanded is still flown for the dead
+    /// time, then it brakes. The height is that at the end of the dead time.
+    #[must_use]
+    pub fn rest_position(&self, now: Time, known: Known) -> EnuPosition {
+        let present = state_of(known, known.attitude.heading);
+        let State { position, velocity, .. } = self.log.follow(&self.real, present, now, now + self.real.dead_time);
+        let [east, north] = self.real.horizontal.stop_2d([velocity.east, velocity.north]);
+        EnuPosition { east: position.east + east, north: position.north + north, up: position.up }
+    }
+
     /// The setpoint to hold from `now` until the next tick.
     pub fn tick(&mut self, now: Time, known: Known) -> Tick {
         self.advance_ideal(now);

@@ -4,7 +4,7 @@ use super::{Action, Note, Outcome, Phase, Pilot, Think};
 use crate::command::{Command, Setpoint};
 use crate::envelope::{Cause, Clearance, Reaction};
 use crate::executor::{Goal, Motion};
-use crate::geometry::{Attitude, Pose, wrap_angle};
+use crate::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use crate::policy::{Move, PolicyEvent, Step};
 use crate::primitives::Primitives;
 use crate::time::{Duration, Time, duration_from_secs};
@@ -16,6 +16,8 @@ const REST_YAW_RATE: f64 = 3.0 / 180.0 * core::f64::consts::PI;
 const REST_WAIT: Duration = Duration::from_millis(1500);
 /// A plan shorter than this, metres, is a turn on the spot: it has no direction to have been passed in.
 const TURN_ONLY: f64 = 0.05;
+/// Flown back at most, metres: a craft that brakes for its goal stops within centimetres of it.
+const FLY_BACK: f64 = 0.1;
 
 impl Pilot {
     /// Where a move from a frame ends in the world, and whether the craft is already past it.
@@ -31,8 +33,21 @@ impl Pilot {
         let passed = self.settings.think == Think::Continuous
             && !motion.then_rest
             && !self.waits_for_queue()
-            && goal.is_passed(from.position, self.known(now).position);
+            && self.is_passed(now, goal, from.position);
         (Some(pose_of(goal)), passed)
+    }
+
+    /// Whether the craft is past a goal, or too fast to stop before it: either way it would have to fly back.
+    fn is_passed(&self, now: Time, goal: Goal, anchor: EnuPosition) -> bool {
+        let known = self.known(now);
+        let length = anchor.horizontal_distance(goal.position);
+        if length < TURN_ONLY || goal.is_passed(anchor, known.position) {
+            return length >= TURN_ONLY;
+        }
+        let rest = self.executor.rest_position(now, known);
+        let (east, north) = (goal.position.east - anchor.east, goal.position.north - anchor.north);
+        let beyond = (rest.east - goal.position.east) * east + (rest.north - goal.position.north) * north;
+        beyond > FLY_BACK * length
     }
 
     /// A queue that is always replaced, or stopped for what it has passed, never climbs: the next plan waits for its end.
@@ -54,7 +69,7 @@ impl Pilot {
                 }
                 let goal = Goal::of_primitives(from, motion.primitives);
                 // Flying back to it fails in up to half of the runs (closed-loop study, finding 6).
-                if goal.is_passed(from.position, known.position) {
+                if self.is_passed(now, goal, from.position) {
                     return self.refuse_move(now);
                 }
                 if self.settings.motion == Motion::Blended {
@@ -216,7 +231,7 @@ fn outcome_of(cause: Cause) -> Outcome {
 }
 
 /// The primitives from where the craft is to the end of an anchored plan: turn to it, fly to it, climb to it.
-fn rest_of_plan(position: crate::geometry::EnuPosition, heading: f64, goal: Goal) -> Primitives {
+fn rest_of_plan(position: EnuPosition, heading: f64, goal: Goal) -> Primitives {
     let ahead = position.displacement_to(goal.position, heading);
     if libm::hypot(ahead.right, ahead.forward) > TURN_ONLY {
         Primitives::from_displacement(ahead)

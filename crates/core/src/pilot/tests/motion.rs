@@ -120,6 +120,32 @@ fn an_anchor_already_passed_means_hold_and_never_flying_back() {
     assert!(flight.model.velocity.speed() < 0.05);
 }
 
+/// A goal that lies ahead, but nearer than the craft can stop, is one that would be flown back to: by 1.3 m at 3 m/s.
+#[test]
+fn a_goal_too_near_to_stop_before_is_not_flown_back_to() {
+    for latency in [0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1] {
+        let mut asked = 0;
+        let mut flight = Setup::preset(Preset::Default).fly(move |_, _| {
+            asked += 1;
+            match asked {
+                1 => Answer::After(secs(0.5), navigate(0.5, 0.45, 10)),
+                2 => Answer::After(secs(1.6), navigate(0.5, 0.45, 10)),
+                3 => Answer::After(secs(latency), navigate(0.5, 0.45, 6)),
+                _ => Answer::Never,
+            }
+        });
+        flight.until("the third decision", |flight| flight.decisions().count() == 3);
+        let decision = flight.decisions().last().unwrap().clone();
+        assert_eq!(decision.passed, latency > 0.65, "{latency}");
+        for _ in 0..100 {
+            flight.pass(0.05);
+            assert!(flight.model.velocity.north > -0.2, "{latency}: flies back at {:?}", flight.model.velocity);
+        }
+        let off = flight.model.position.north - decision.goal.unwrap().position.north;
+        assert!(if decision.passed { (0.0..1.6).contains(&off) } else { off.abs() < 0.1 }, "{latency}: {off}");
+    }
+}
+
 /// A queue that is always replaced turns and flies for ever, and never climbs (closed-loop study, finding 6).
 #[test]
 fn a_sequential_queue_is_flown_to_its_end_while_answers_keep_coming() {
