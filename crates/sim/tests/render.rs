@@ -151,7 +151,7 @@ fn one_thread_and_many_give_the_same_bits() {
     assert_eq!(one, draw(2));
     assert_eq!(one, draw(5));
     // The same on every machine. A change of looks changes it: then look at the pictures, and write the new value here.
-    insta::assert_snapshot!(format!("{one:016x?}"), @"[83b51d5569fcc654, 519655ecb32e8272]");
+    insta::assert_snapshot!(format!("{one:016x?}"), @"[b6f6488253407a5a, 4dd63d13ec2af583]");
 }
 
 #[test]

@@ -132,7 +132,7 @@ impl Ambient {
         let (fx, fy, fz) = (at.x - ix as f32, at.y - iy as f32, z - iz as f32);
         let start = (iz * rows + iy) * columns + ix;
         let plane = |i: usize| {
-            let Some(([a, b], [c, d])) = self.pair(i).zip(self.pair(i + columns)) else { return 255.0 };
+            let [[a, b], [c, d]] = [self.pair(i), self.pair(i + columns)];
             let (top, bottom) = (a + (b - a) * fx, c + (d - c) * fx);
             top + (bottom - top) * fy
         };
@@ -140,8 +140,12 @@ impl Ambient {
         0.18 + 0.82 / 255.0 * (low + (high - low) * fz)
     }
 
+    /// Two neighbours along a row.
     #[inline]
-    fn pair(&self, i: usize) -> Option<[f32; 2]> {
-        self.open.get(i..i + 2).map(|pair| [f32::from(pair[0]), f32::from(pair[1])])
+    fn pair(&self, i: usize) -> [f32; 2] {
+        match self.open.get(i..i + 2) {
+            Some(&[a, b]) => [f32::from(a), f32::from(b)],
+            _ => [255.0; 2],
+        }
     }
 }

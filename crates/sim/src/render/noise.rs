@@ -82,22 +82,26 @@ impl Srgb {
 /// Light on the film to an sRGB byte, by table: [`film`], then [`Srgb`].
 #[derive(Debug)]
 pub(crate) struct Developed {
-    bytes: Vec<u8>,
+    bytes: Box<[u8; DEVELOPED]>,
 }
 
-impl Developed {
-    /// Steps of the table for each unit of light; the film is white at 8 units.
-    const STEPS: f32 = 4096.0;
+/// Entries of the film's table: 4096 for each unit of light; the film is white at 8 units.
+const DEVELOPED: usize = 8 * 4096;
 
+impl Developed {
     pub(crate) fn new() -> Self {
         let srgb = Srgb::new();
-        Self { bytes: (0..=8 * 4096).map(|i| srgb.byte(film(Vec3::splat(i as f32 / Self::STEPS)).x)).collect() }
+        let mut bytes = Box::new([0; DEVELOPED]);
+        bytes.iter_mut().enumerate().for_each(|(i, byte)| *byte = srgb.byte(film(Vec3::splat(i as f32 / 4096.0)).x));
+        Self { bytes }
     }
 
     /// Light below 0 is black, beyond the table white.
     #[inline]
     pub(crate) fn byte(&self, light: f32) -> u8 {
-        self.bytes.get((light * Self::STEPS + 0.5) as usize).copied().unwrap_or(255)
+        // Added to 2²³, a number is rounded to a whole one, which its lowest bits then hold.
+        let steps = (light * 4096.0).clamp(0.0, (DEVELOPED - 1) as f32) + 8_388_608.0;
+        self.bytes[steps.to_bits() as usize & (DEVELOPED - 1)]
     }
 }
 
@@ -140,6 +144,17 @@ mod tests {
         }
         let srgb = Srgb::new();
         assert_eq!([srgb.byte(-1.0), srgb.byte(0.0), srgb.byte(0.2122), srgb.byte(2.0)], [0, 0, 127, 255]);
+    }
+
+    #[test]
+    fn developing_by_table_is_developing() {
+        let (srgb, developed) = (Srgb::new(), Developed::new());
+        assert_eq!([developed.byte(-1.0), developed.byte(9.0), developed.byte(f32::INFINITY)], [0, 255, 255]);
+        for i in 0..9000 {
+            let light = i as f32 * 0.000_9;
+            let exact = srgb.byte(film(Vec3::splat(light)).x);
+            assert!(developed.byte(light).abs_diff(exact) <= 1, "{light}");
+        }
     }
 
     #[test]

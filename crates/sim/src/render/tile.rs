@@ -19,8 +19,13 @@ pub(crate) struct Samples<'a> {
 
 impl Samples<'_> {
     #[inline]
+    fn place(&self, x: usize, y: usize) -> usize {
+        (y / TILE as usize * self.columns + x / TILE as usize) * TILE_AREA + place(x % TILE as usize, y % TILE as usize)
+    }
+
+    #[inline]
     fn at(&self, x: usize, y: usize) -> (f32, u32) {
-        let i = (y / TILE as usize * self.columns + x / TILE as usize) * TILE_AREA + place(x % TILE as usize, y % TILE as usize);
+        let i = self.place(x, y);
         (self.near[i], self.id[i])
     }
 }
@@ -43,12 +48,13 @@ impl Work {
         self.gather(samples, left, top, width, height);
         self.edges.clear();
         let slivers = self.slivers(bins, index, (left as i32, top as i32), (right, bottom));
+        let borders = self.borders();
         for block in 0..TILE_AREA / 64 {
             let (x0, y0) = (block % 8 * 8, block / 8 * 8);
             for (y, slivers) in slivers.iter().enumerate().take(bottom.min(y0 + 8)).skip(y0) {
                 for x in x0..right.min(x0 + 8) {
                     let (near, id) = self.rimmed[(y + 1) * RIMMED + x + 1];
-                    if slivers >> x & 1 == 1 || self.on_edge(shader, x, y, id) {
+                    if slivers >> x & 1 == 1 || (borders[y] >> x & 1 == 1 && self.on_edge(shader, x, y, id)) {
                         self.edges.push(x as u8, y as u8);
                         continue;
                     }
@@ -87,15 +93,45 @@ impl Work {
         self.rimmed.clear();
         for y in 0..RIMMED {
             let sy = (top + y).saturating_sub(1).min(height - 1);
-            for x in 0..RIMMED {
-                let sx = (left + x).saturating_sub(1).min(width - 1);
-                self.rimmed.push(samples.at(sx, sy));
+            self.rimmed.push(samples.at(left.saturating_sub(1), sy));
+            // Eight pixels of a row lie together. Those beyond the picture are never looked at but for the first, at the right.
+            for x in (left..left + TILE as usize).step_by(8) {
+                let start = samples.place(x, sy);
+                let (near, id) = (&samples.near[start..start + 8], &samples.id[start..start + 8]);
+                self.rimmed.extend(near.iter().copied().zip(id.iter().copied()));
+            }
+            self.rimmed.push(samples.at((left + TILE as usize).min(width - 1), sy));
+        }
+        // The picture's last column stands for the one beyond.
+        if let Some(beyond) = width.checked_sub(left).filter(|&w| w < TILE as usize) {
+            for y in 0..RIMMED {
+                self.rimmed[y * RIMMED + beyond + 1] = self.rimmed[y * RIMMED + beyond];
             }
         }
     }
 
+    /// Pixels, a bit each, that have another triangle at one of their eight neighbours.
+    fn borders(&self) -> [u64; TILE as usize] {
+        let mut rows = [0; TILE as usize];
+        for (y, bits) in rows.iter_mut().enumerate() {
+            let [above, own, below] = [0, 1, 2].map(|k| &self.rimmed[(y + k) * RIMMED..][..RIMMED]);
+            // All nine are one if the three rows are one in each column, and the middle row is one.
+            let (mut upright, mut level) = ([false; RIMMED], [false; RIMMED]);
+            for x in 0..RIMMED {
+                upright[x] = (above[x].1 != own[x].1) | (below[x].1 != own[x].1);
+            }
+            for x in 0..RIMMED - 1 {
+                level[x] = own[x].1 != own[x + 1].1;
+            }
+            for x in 0..TILE as usize {
+                let other = upright[x] | upright[x + 1] | upright[x + 2] | level[x] | level[x + 1];
+                *bits |= u64::from(other) << x;
+            }
+        }
+        rows
+    }
+
     /// True when another surface is seen at one of the eight neighbours.
-    #[inline]
     fn on_edge(&self, shader: &Shader<'_>, x: usize, y: usize, id: u32) -> bool {
         let corner = y * RIMMED + x;
         [0, 1, 2].into_iter().any(|row| {
