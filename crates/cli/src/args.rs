@@ -17,7 +17,7 @@ use clap::{Args, Parser, Subcommand};
 Start here, no key and no GPU needed:
   spf fly \"Take off and fly to the red crane\"
 
-Exit codes: 0 reached (and verified, where there is truth), 1 internal error, 2 usage or configuration, 3 not reached,
+Exit codes: 0 reached (and verified, where there is truth), 1 internal error, 2 usage or configuration, 3 not reached, \
 4 collision, 5 aborted (operator, envelope, geofence, battery), 6 failed (VLM, video or link gave out)."
 )]
 pub(crate) struct Cli {
@@ -51,10 +51,10 @@ Examples:
   spf fly \"Find the bridge\" --json | jq .outcome
   spf fly \"Fly to the tall white building\" --vlm oracle:poor --geofence fence.geojson
 
-The oracle answers in place of a VLM: it sees the simulator's own id and depth pictures through errors (perfect, default, poor,
-or a file). No number made with it is a VLM's.
+The oracle answers in place of a VLM: it sees the simulator's own id and depth pictures through errors (perfect, default, \
+poor, or a file). No number made with it is a VLM's.
 
-Every flag can stand in spf.toml or the environment too: see `spf config show`.")]
+Every flag but --events, --json and --config can stand in spf.toml or the environment: see `spf config show`.")]
 pub(crate) struct Fly {
     /// What the drone is to do, in any words
     pub(crate) instruction: String,
@@ -84,7 +84,7 @@ pub(crate) struct WorldArgs {
     #[arg(long, value_name = "MODEL")]
     pub(crate) drone_model: Option<String>,
     /// Seed of all chance: the same seed gives the same flight, byte for byte [default: 0]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) seed: Option<String>,
     /// Operator events at given times (TOML; see docs/flight-files.md)
     #[arg(long, value_name = "FILE")]
@@ -107,7 +107,7 @@ pub(crate) struct MethodArgs {
     #[arg(long, value_name = "PRESET")]
     pub(crate) preset: Option<String>,
     /// Step length: adaptive (paper §3.2) or fixed:METRES [default: the preset's]
-    #[arg(long, value_name = "STEP")]
+    #[arg(long, value_name = "STEP", allow_negative_numbers = true)]
     pub(crate) step: Option<String>,
     /// Primitives one after the other (sequential) or all at once (blended) [default: the preset's]
     #[arg(long, value_name = "MOTION")]
@@ -116,7 +116,7 @@ pub(crate) struct MethodArgs {
     #[arg(long, value_name = "THINK")]
     pub(crate) think: Option<String>,
     /// Setpoints a second, 1 to 100 [default: 10]
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     pub(crate) rate: Option<String>,
     /// Obstacle mode: ask for boxes of obstacles and keep clear of them
     #[arg(long)]
@@ -127,10 +127,10 @@ pub(crate) struct MethodArgs {
 #[command(next_help_heading = "Limits")]
 pub(crate) struct LimitArgs {
     /// Flight time after which the flight is a timeout, seconds [default: 180]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) max_time: Option<String>,
     /// Decisions after which the flight is a timeout [default: 60]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) max_decisions: Option<String>,
     /// Polygons to stay in: GeoJSON in local east/north metres
     #[arg(long, value_name = "FILE")]
@@ -166,7 +166,7 @@ pub(crate) enum Sim {
 Example:
   spf sim render city --pose 0,0,3,0 -o x.png --depth depth.png --ids ids.png
 
-Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). Ids are a 16-bit PNG; a JSON legend of
+Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). Ids are a 16-bit PNG; a JSON legend of \
 the same name is written beside it.")]
 pub(crate) struct Render {
     /// Scene: a built-in name or a scene file

@@ -24,23 +24,29 @@ impl CliError {
         Self { exit: Exit::Internal, ..Self::usage(message) }
     }
 
-    /// What lies beneath, each cause once.
+    /// What lies beneath, each cause once. A hint that an error of ours ends in becomes the hint.
     pub(crate) fn because(mut self, error: &dyn std::error::Error) -> Self {
-        self.causes.push(error.to_string());
-        let mut source = error.source();
+        let mut source = Some(error);
         while let Some(cause) = source {
             let text = cause.to_string();
-            if !self.causes.last().is_some_and(|last| last.contains(&text)) {
-                self.causes.push(text);
+            let text = match text.split_once("\n\nhint: ") {
+                Some((text, hint)) => {
+                    self = self.hint(hint);
+                    text
+                }
+                None => &text,
+            };
+            if !self.causes.last().is_some_and(|last| last.contains(text)) {
+                self.causes.push(text.to_owned());
             }
             source = cause.source();
         }
         self
     }
 
-    /// What to do about it.
+    /// What to do about it. The first hint stands: it is the one made nearest to the mistake.
     pub(crate) fn hint(mut self, hint: impl Into<String>) -> Self {
-        self.hint = Some(hint.into());
+        self.hint.get_or_insert_with(|| hint.into());
         self
     }
 }

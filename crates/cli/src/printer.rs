@@ -31,7 +31,7 @@ impl Printer {
     /// Replaces the live line's text.
     pub(crate) fn live(&self, text: &str) {
         if let Some(bar) = &self.live {
-            bar.set_message(text.to_owned());
+            bar.set_message(harmless(text));
             bar.tick();
         }
     }
@@ -45,6 +45,7 @@ impl Printer {
 
     /// Talk: progress, warnings. Standard error.
     pub(crate) fn say(&self, text: &str) {
+        let text = harmless(text);
         match &self.live {
             Some(bar) => bar.println(text),
             // A closed standard error must not end a flight.
@@ -57,7 +58,7 @@ impl Printer {
         if self.json {
             return;
         }
-        self.data(text);
+        self.data(&harmless(text));
     }
 
     /// Whether standard output is for one JSON object alone.
@@ -69,4 +70,14 @@ impl Printer {
     pub(crate) fn data(&self, text: &str) {
         drop(writeln!(std::io::stdout().lock(), "{text}"));
     }
+}
+
+/// Control codes made visible: instructions, files and a model's words are text from elsewhere, and a terminal obeys them.
+fn harmless(text: &str) -> String {
+    text.chars().map(|letter| if letter.is_control() && letter != '\n' { char::REPLACEMENT_CHARACTER } else { letter }).collect()
+}
+
+/// Text from elsewhere on one line, so that it cannot pass for another line of ours.
+pub(crate) fn one_line(text: &str) -> String {
+    text.replace(['\n', '\r'], " ")
 }

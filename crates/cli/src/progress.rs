@@ -5,7 +5,7 @@ use spf_core::time::{Duration, Time};
 use spf_flight::run::Observer;
 use spf_flight::words;
 
-use crate::printer::Printer;
+use crate::printer::{Printer, one_line};
 
 /// The live line changes this often at most, in flight time: a lockstep flight runs a hundred times as fast as one can read.
 const LIVE_EVERY: Duration = Duration::from_millis(200);
@@ -24,21 +24,20 @@ impl<'a> Progress<'a> {
     }
 
     fn note(&self, now: Time, note: &Note) {
-        let at = format!("{:6.1} s ", now.as_secs_f64());
-        match note {
-            Note::Phase(phase) => self.printer.say(&format!("{at} {}", words::phase(*phase))),
+        let line = match note {
+            Note::Phase(phase) => words::phase(*phase).to_owned(),
             Note::Decision(decision) => {
-                let line = words::decision(decision);
-                self.printer.say(&format!("{at} {:>2}. {line}  [flown {:.1} m]", decision.number, self.flown));
+                format!("{:>2}. {}  [flown {:.1} m]", decision.number, words::decision(decision), self.flown)
             }
-            Note::Envelope(cause) => self.printer.say(&format!("{at} envelope: {cause}")),
-            Note::QueryFailed { reason, .. } => self.printer.say(&format!("{at} no usable answer: {reason}")),
-            Note::LateReply(id) => self.printer.say(&format!("{at} answer {} came too late and moves nothing", id.0)),
+            Note::Envelope(cause) => format!("envelope: {cause}"),
+            Note::QueryFailed { reason, .. } => format!("no usable answer: {reason}"),
+            Note::LateReply(id) => format!("answer {} came too late and moves nothing", id.0),
             // A held key repeats its setpoint ten times a second; the phase says enough.
-            Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _) => {}
-            Note::Operator(event) => self.printer.say(&format!("{at} operator: {}", operator(event))),
-            Note::OperatorIgnored(event, why) => self.printer.say(&format!("{at} operator: {} ignored: {why}", operator(event))),
-        }
+            Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _) => return,
+            Note::Operator(event) => format!("operator: {}", operator(event)),
+            Note::OperatorIgnored(event, why) => format!("operator: {} ignored: {why}", operator(event)),
+        };
+        self.printer.say(&format!("{:6.1} s  {}", now.as_secs_f64(), one_line(&line)));
     }
 }
 

@@ -3,7 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use toml::de::{DeTable, DeValue};
+
 use crate::error::{CliError, nearest};
+use crate::printer::one_line;
 
 /// A key of the configuration: its name in `spf.toml`, its environment variable, its default and what it means.
 pub(crate) struct Key {
@@ -127,11 +130,16 @@ impl Settings {
             return Err(unknown(name, ".env"));
         }
         let environment = std::env::vars_os().filter_map(|(name, _)| name.into_string().ok());
-        if let Some(name) = environment.into_iter().find(|name| is_ours(name)) {
+        // The order of the environment is nobody's choice: of several the first by name is told.
+        if let Some(name) = environment.filter(|name| is_ours(name)).min() {
             return Err(unknown(&name, "the environment"));
         }
         for key in KEYS {
-            if let Ok(value) = std::env::var(key.env) {
+            if let Some(value) = std::env::var_os(key.env) {
+                let value = value.into_string().map_err(|_| {
+                    CliError::usage(format!("environment {}: the value is not UTF-8", key.env))
+                        .hint(format!("{}: {}", key.name, key.doc))
+                })?;
                 self.0.insert(key.name, (value, Origin::Env(key.env)));
             } else if let Some(value) = dotenv.get(key.env) {
                 self.0.insert(key.name, (value.clone(), Origin::DotEnv(key.env)));
@@ -143,27 +151,36 @@ impl Settings {
     fn read_file(&mut self, path: &Path) -> Result<(), CliError> {
         let shown = path.display();
         let text = std::fs::read_to_string(path)
-            .map_err(|error| CliError::usage(format!("cannot read the configuration `{shown}`")).because(&error))?;
-        let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
-            let line = error.span().map_or(1, |span| line_of(&text, span.start));
+            .map_err(|error| CliError::usage(format!("cannot read the configuration `{shown}`")).because(&error))
+            .map_err(|error| error.hint("name a file that can be read with --config, or leave it out for ./spf.toml"))?;
+        self.read_text(path, &text)
+    }
+
+    /// Takes the values of a configuration file over what is there.
+    fn read_text(&mut self, path: &Path, text: &str) -> Result<(), CliError> {
+        let shown = path.display();
+        let table = DeTable::parse(text).map_err(|error| {
+            let line = error.span().map_or(1, |span| line_of(text, span.start));
             CliError::usage(format!("{shown}:{line}: {}", error.message()))
                 .hint("the file is TOML, for example:\n[fly]\nscene = \"city\"")
         })?;
-        for (section, value) in &table {
-            let Some(entries) = value.as_table() else {
-                return Err(self.unknown_key(path, &text, section));
+        for (section, entries) in table.get_ref() {
+            let DeValue::Table(entries) = entries.get_ref() else {
+                return Err(unknown_key(&shown, line_of(text, section.span().start), section.get_ref()));
             };
             for (name, value) in entries {
-                let full = format!("{section}.{name}");
+                let line = line_of(text, name.span().start);
+                let full = format!("{}.{}", section.get_ref(), name.get_ref());
                 let Some(key) = KEYS.iter().find(|key| key.name == full) else {
-                    return Err(self.unknown_key(path, &text, &full));
+                    return Err(unknown_key(&shown, line, &full));
                 };
-                let line = find_key(&text, section, name);
-                let value = match value {
-                    toml::Value::String(text) => text.clone(),
-                    toml::Value::Integer(_) | toml::Value::Float(_) | toml::Value::Boolean(_) => value.to_string(),
-                    other => {
-                        return Err(CliError::usage(format!("{shown}:{line}: `{full}` is {}, not one value", other.type_str()))
+                let value = match value.get_ref() {
+                    DeValue::String(text) => text.clone().into_owned(),
+                    DeValue::Integer(number) => number.to_string(),
+                    DeValue::Float(number) => number.to_string(),
+                    DeValue::Boolean(value) => value.to_string(),
+                    DeValue::Datetime(_) | DeValue::Array(_) | DeValue::Table(_) => {
+                        return Err(CliError::usage(format!("{shown}:{line}: `{full}` is not one text, number, true or false"))
                             .hint(format!("{full}: {}", key.doc)));
                     }
                 };
@@ -171,16 +188,6 @@ impl Settings {
             }
         }
         Ok(())
-    }
-
-    fn unknown_key(&self, path: &Path, text: &str, full: &str) -> CliError {
-        let (section, name) = full.split_once('.').unwrap_or(("", full));
-        let line = find_key(text, section, name);
-        let hint = match nearest(full, KEYS.iter().map(|key| key.name)) {
-            Some(near) => format!("did you mean `{near}`? `spf config show` lists every key"),
-            None => "`spf config show` lists every key".to_owned(),
-        };
-        CliError::usage(format!("{}:{line}: unknown key `{full}`", path.display())).hint(hint)
     }
 
     /// Puts a flag over what is there; `None` leaves it.
@@ -212,6 +219,16 @@ impl Settings {
         Ok(value)
     }
 
+    /// The value of a key as a whole number in `low..=high`.
+    pub(crate) fn count(&self, name: &'static str, low: u32, high: u32) -> Result<Option<u32>, CliError> {
+        let expected = || format!("a whole number from {low} to {high}");
+        let value: Option<u32> = self.parse(name, &expected())?;
+        if value.is_some_and(|value| !(low..=high).contains(&value)) {
+            return Err(self.wrong(name, &expected()));
+        }
+        Ok(value)
+    }
+
     /// The value of a key as one of some words.
     pub(crate) fn choice<T: Copy>(&self, name: &'static str, words: &[(&str, T)]) -> Result<Option<T>, CliError> {
         let Some(value) = self.get(name) else { return Ok(None) };
@@ -219,20 +236,22 @@ impl Settings {
             Some((_, choice)) => Ok(Some(*choice)),
             None => {
                 let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
-                let error = self.wrong(name, &known.join(" or "));
-                Err(match nearest(value, known) {
-                    Some(near) => error.hint(format!("did you mean `{near}`?")),
-                    None => error,
-                })
+                Err(self.wrong_word(name, &known.join(" or "), nearest(value, known)))
             }
         }
     }
 
     /// The error for a value that is not what it should be, with where it came from.
     pub(crate) fn wrong(&self, name: &'static str, expected: &str) -> CliError {
+        self.wrong_word(name, expected, None)
+    }
+
+    /// The same for a value that may be a slip of the finger for `near`.
+    pub(crate) fn wrong_word(&self, name: &'static str, expected: &str, near: Option<&str>) -> CliError {
         let (value, origin) = &self.0[name];
         let doc = KEYS.iter().find(|key| key.name == name).map_or("", |key| key.doc);
-        CliError::usage(format!("{origin}: `{value}` is not {expected}")).hint(format!("{name}: {doc}"))
+        let hint = near.map_or_else(|| format!("{name}: {doc}"), |near| format!("did you mean `{near}`?"));
+        CliError::usage(format!("{origin}: `{value}` is not {expected}")).hint(hint)
     }
 
     /// Name, value, origin and meaning of every key, in the table's order.
@@ -249,23 +268,14 @@ fn is_ours(name: &str) -> bool {
     name.starts_with("SPF_") && !KEYS.iter().any(|key| key.env == name)
 }
 
-fn line_of(text: &str, at: usize) -> usize {
-    1 + text.as_bytes()[..at.min(text.len())].iter().filter(|byte| **byte == b'\n').count()
+fn unknown_key(path: &impl std::fmt::Display, line: usize, full: &str) -> CliError {
+    let hint = match nearest(full, KEYS.iter().map(|key| key.name)) {
+        Some(near) => format!("did you mean `{near}`? `spf config show` lists every key"),
+        None => "`spf config show` lists every key".to_owned(),
+    };
+    CliError::usage(format!("{path}:{line}: unknown key `{}`", one_line(full))).hint(hint)
 }
 
-/// The line of `name` in `[section]`; 1 when it is written in a way that this does not follow (inline tables).
-fn find_key(text: &str, section: &str, name: &str) -> usize {
-    let mut current = "";
-    for (index, line) in text.lines().enumerate() {
-        let line = line.trim();
-        if let Some(header) = line.strip_prefix('[').and_then(|rest| rest.split(']').next()) {
-            current = header.trim();
-            if current == name && section.is_empty() {
-                return index + 1;
-            }
-        } else if current == section && line.split('=').next().is_some_and(|key| key.trim().trim_matches('"') == name) {
-            return index + 1;
-        }
-    }
-    1
+fn line_of(text: &str, at: usize) -> usize {
+    1 + text.as_bytes()[..at.min(text.len())].iter().filter(|byte| **byte == b'\n').count()
 }

@@ -17,7 +17,7 @@ const CLAIM: &str = "decisions.jsonl";
 #[non_exhaustive]
 pub enum OutDirError {
     /// The folder cannot be made or read.
-    #[error("cannot use the folder `{path}` for the flight's files: check that it can be written, or name another with `--out`")]
+    #[error("cannot use the folder `{path}` for the flight's files")]
     Folder {
         /// The folder.
         path: PathBuf,
@@ -26,9 +26,7 @@ pub enum OutDirError {
         source: io::Error,
     },
     /// The folder that was named holds something already, perhaps another flight.
-    #[error(
-        "the folder `{path}` is not empty: name a new or an empty one with `--out`, so that no flight's files are mixed with another's"
-    )]
+    #[error("the folder `{path}` is not empty")]
     NotEmpty {
         /// The folder.
         path: PathBuf,
@@ -243,11 +241,11 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_with_files_is_refused_and_says_what_to_do() {
+    fn a_folder_with_files_is_refused() {
         let base = tempfile::tempdir().unwrap();
         fs::write(base.path().join("letter.txt"), "mine").unwrap();
         let error = OutDir::create(Some(base.path()), "").unwrap_err().to_string();
-        assert!(error.contains("is not empty") && error.contains("--out"), "{error}");
+        assert!(error.contains("is not empty"), "{error}");
         let error = OutDir::at(&base.path().join("letter.txt")).unwrap_err();
         assert!(matches!(error, OutDirError::Folder { .. }), "{error}");
     }

@@ -20,12 +20,30 @@ pub(crate) fn show(file: Option<&Path>, printer: &Printer) -> Result<Exit, CliEr
             printer.data(&format!("[{table}]"));
             section = table;
         }
-        let quoted = match value {
+        let written = match value {
             "true" | "false" => value.to_owned(),
-            _ if value.parse::<f64>().is_ok_and(f64::is_finite) => value.to_owned(),
-            _ => toml::Value::String(value.to_owned()).to_string(),
+            _ if is_toml_number(value) => value.to_owned(),
+            _ => quoted(value),
         };
-        printer.data(&format!("{:<34} # {origin}; {}: {}", format!("{name} = {quoted}"), key.env, key.doc));
+        printer.data(&format!("{:<34} # {origin}; {}: {}", format!("{name} = {written}"), key.env, key.doc));
     }
     Ok(Exit::Success)
+}
+
+/// Whether a configuration file may have this bare; a folder `007` may not.
+fn is_toml_number(value: &str) -> bool {
+    let bare = value.strip_prefix('-').unwrap_or(value);
+    let (whole, fraction) = bare.split_once('.').map_or((bare, None), |(whole, fraction)| (whole, Some(fraction)));
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    digits(whole) && (whole == "0" || !whole.starts_with('0')) && fraction.is_none_or(digits)
+}
+
+/// On one line whatever is in it, for the origin stands behind it.
+fn quoted(value: &str) -> String {
+    let escaped = |letter: char| match letter {
+        '"' | '\\' => format!("\\{letter}"),
+        _ if letter.is_control() => format!("\\u{:04X}", u32::from(letter)),
+        _ => letter.to_string(),
+    };
+    format!("\"{}\"", value.chars().map(escaped).collect::<String>())
 }

@@ -21,9 +21,9 @@ use spf_sim::oracle::ErrorFile;
 
 use crate::args::Fly;
 use crate::commands::{load_stage, parse_pose};
-use crate::error::CliError;
+use crate::error::{CliError, nearest};
 use crate::exit::Exit;
-use crate::printer::Printer;
+use crate::printer::{Printer, one_line};
 use crate::progress::Progress;
 use crate::settings::Settings;
 
@@ -40,7 +40,9 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
     }
     let plan = plan(args, &settings, instruction)?;
     let out = OutDir::create(settings.get("fly.out").map(Path::new), instruction).map_err(|error| {
-        CliError::usage("no folder for the flight's files").because(&error).hint("name another with --out DIR")
+        CliError::usage("no folder for the flight's files")
+            .because(&error)
+            .hint("name a new or an empty folder with --out DIR: one flight's files are not mixed with another's")
     })?;
     let plan = FlightPlan {
         record: Some(RecordPlan { out: out.clone(), video: flag(&settings, "fly.video")? }),
@@ -49,7 +51,8 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
     };
     printer.start_live();
     printer.say(&format!(
-        "Flying \"{instruction}\" in {}, craft {}, policy {}, preset {}, seed {}.",
+        "Flying \"{}\" in {}, craft {}, policy {}, preset {}, seed {}.",
+        one_line(instruction),
         plan.stage.scene.name,
         plan.kind.name(),
         plan.policy.name(),
@@ -64,17 +67,27 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
     let mut progress = Progress::new(&printer);
     let flown = spf_flight::sim::fly(plan, &mut [&mut progress]);
     printer.end_live();
-    let flown = flown.map_err(|error| match error {
-        FlightError::StartBlocked { .. } => {
-            CliError::usage("the flight cannot begin").because(&error).hint("choose another with --start")
+    let flown = flown.map_err(|error| {
+        give_back(&out);
+        match error {
+            FlightError::StartBlocked { .. } => {
+                CliError::usage("the flight cannot begin").because(&error).hint("choose another start with --start")
+            }
+            _ => CliError::internal("the flight cannot begin").because(&error),
         }
-        _ => CliError::internal("the flight cannot begin").because(&error),
     })?;
     for problem in &flown.recording_problems {
         printer.say(&format!("warning: not recorded: {problem}"));
     }
     report(&flown.summary, out.path(), &printer)?;
     Ok(Exit::of(flown.summary.outcome, flown.summary.verified))
+}
+
+/// Leaves no folder behind for a flight that never was, so that the same command can be given again.
+fn give_back(out: &OutDir) {
+    // What cannot be taken away stays; the error to come matters more.
+    drop(std::fs::remove_file(out.file("decisions.jsonl")));
+    drop(std::fs::remove_dir(out.path()));
 }
 
 /// Dead time and braking from cruise.
@@ -178,8 +191,8 @@ fn method(settings: &Settings, preset: Preset) -> Result<PilotSettings, CliError
     if let Some(seconds) = settings.number("fly.reply_timeout_s", 0.1, 600.0)? {
         method.reply_timeout = duration_from_secs(seconds);
     }
-    if let Some(decisions) = settings.number("fly.max_decisions", 1.0, 100_000.0)? {
-        method.max_decisions = decisions as u32;
+    if let Some(decisions) = settings.count("fly.max_decisions", 1, 100_000)? {
+        method.max_decisions = decisions;
     }
     Ok(method)
 }
@@ -202,16 +215,23 @@ fn limits(settings: &Settings, kind: CraftKind) -> Result<Limits, CliError> {
     set("envelope.max_altitude_m", 1.0, 1000.0, &mut limits.max_altitude)?;
     set("envelope.max_distance_m", 1.0, 10_000.0, &mut limits.max_distance)?;
     set("envelope.low_battery", 0.0, 1.0, &mut limits.low_battery)?;
-    if let Some(replies) = settings.number("envelope.max_failed_replies", 1.0, 1000.0)? {
-        limits.max_failed_replies = replies as u32;
+    if let Some(replies) = settings.count("envelope.max_failed_replies", 1, 1000)? {
+        limits.max_failed_replies = replies;
     }
     if let Some(path) = settings.get("fly.geofence") {
         let text = read(Path::new(path), "geofence")?;
-        let fence = Geofence::from_geojson(&text)
-            .map_err(|error| CliError::usage(format!("the geofence `{path}` is refused")).because(&error))?;
+        let fence = Geofence::from_geojson(&text).map_err(|error| {
+            CliError::usage(format!("the geofence `{path}` is refused"))
+                .because(&error)
+                .hint("a geofence is a GeoJSON polygon in local east/north metres (docs/safety.md)")
+        })?;
         limits.geofence = Some(fence);
     }
-    limits.check().map_err(|error| CliError::usage("the envelope's limits do not fit together").because(&error))?;
+    limits.check().map_err(|error| {
+        CliError::usage("the envelope's limits do not fit together")
+            .because(&error)
+            .hint("`spf config show` prints the limits and where they come from")
+    })?;
     Ok(limits)
 }
 
@@ -222,24 +242,36 @@ fn oracle(settings: &Settings) -> Result<(String, ErrorFile), CliError> {
         None if name == "oracle" => ErrorFile::named("default"),
         Some(("oracle", which)) if which.contains(['/', '.']) => ErrorFile::from_toml(&read(Path::new(which), "error")?),
         Some(("oracle", which)) => ErrorFile::named(which),
-        _ => return Err(settings.wrong("fly.vlm", "oracle, oracle:NAME or oracle:FILE")),
+        other => {
+            let near = nearest(other.map_or(name, |(who, _)| who), ["oracle"]);
+            return Err(settings.wrong_word("fly.vlm", "oracle, oracle:NAME or oracle:FILE", near));
+        }
     };
     let errors = errors.map_err(|error| {
-        CliError::usage(format!("the oracle of `{name}` is refused"))
-            .because(&error)
-            .hint(format!("shipped: {}", ErrorFile::shipped().join(", ")))
+        let which = name.split_once(':').map_or("", |(_, which)| which);
+        let hint = match nearest(which, ErrorFile::shipped().iter().copied()) {
+            Some(near) if near != which => format!("did you mean `oracle:{near}`?"),
+            _ => "an error file is named with a `/` or a `.` in its path, and its keys stand in docs/oracle.md".to_owned(),
+        };
+        CliError::usage(format!("the oracle of `{name}` is refused")).because(&error).hint(hint)
     })?;
     Ok((name.to_owned(), errors))
 }
 
 fn script(path: &Path) -> Result<Script, CliError> {
-    Script::from_toml(&read(path, "events")?)
-        .map_err(|error| CliError::usage(format!("the events file `{}` is refused", path.display())).because(&error))
+    Script::from_toml(&read(path, "events")?).map_err(|error| {
+        CliError::usage(format!("the events file `{}` is refused", path.display()))
+            .because(&error)
+            .hint("its form stands in docs/flight-files.md, for example:\n[[event]]\nat_s = 12.5\ndo = \"hold\"")
+    })
 }
 
 fn read(path: &Path, what: &str) -> Result<String, CliError> {
-    std::fs::read_to_string(path)
-        .map_err(|error| CliError::usage(format!("cannot read the {what} file `{}`", path.display())).because(&error))
+    std::fs::read_to_string(path).map_err(|error| {
+        CliError::usage(format!("cannot read the {what} file `{}`", path.display()))
+            .because(&error)
+            .hint("paths are taken from the working directory")
+    })
 }
 
 /// Counts Ctrl-C. The first lands, closes everything and ends in exit code 5; the second ends the process at once.
@@ -280,9 +312,15 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     let time = summary.completion_time_s.map_or("nothing moved".to_owned(), |time| format!("{time:.1} s"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
     printer.result(&format!(
-        "{time}, {:.1} m flown, {} decisions, {} collisions{distance}",
-        summary.path_length_m, summary.decisions, summary.collisions,
+        "{time}, {:.1} m flown, {}, {}{distance}",
+        summary.path_length_m,
+        counted(summary.decisions, "decision"),
+        counted(summary.collisions, "collision"),
     ));
     printer.result(&format!("files: {}", out_dir.display()));
     Ok(())
+}
+
+fn counted(number: u32, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }

@@ -7,17 +7,15 @@ pub(crate) mod sim;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_flight::sim::Stage;
 
-use crate::error::{CliError, nearest};
+use crate::error::CliError;
 
-/// Loads a scene, with the nearest built-in name when there is none of that name.
+/// Loads a built-in scene or a scene file; its errors say what may have been meant.
 pub(crate) fn load_stage(name: &str) -> Result<Stage, CliError> {
-    let built_in = spf_sim::scene::Scene::built_in();
     Stage::load(name).map_err(|error| {
-        let shown = CliError::usage(format!("the scene `{name}` cannot be flown in")).because(&error);
-        match nearest(name, built_in.iter().copied()) {
-            Some(near) if near != name => shown.hint(format!("did you mean `{near}`?")),
-            _ => shown.hint(format!("built-in scenes: {}; or a scene file (docs/scene-format.md)", built_in.join(", "))),
-        }
+        let built_in = spf_sim::scene::Scene::built_in().join(", ");
+        CliError::usage(format!("the scene `{name}` cannot be flown in"))
+            .because(&error)
+            .hint(format!("built-in scenes: {built_in}; or a scene file (docs/scene-format.md)"))
     })
 }
 

@@ -1,6 +1,7 @@
 //! `spf sim`: the embedded simulator by itself.
 
-use std::path::Path;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 
 use spf_core::geometry::Pose;
 use spf_media::{frame::Rgb, png};
@@ -21,9 +22,12 @@ pub(crate) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let pose = args.pose.as_deref().map(parse_pose).transpose();
     let pose = pose.map_err(|expected| {
         CliError::usage(format!("--pose: `{}` is not {expected}", args.pose.as_deref().unwrap_or_default()))
+            .hint("for example --pose 0,0,3,90,-10: the origin, 3 m up, looking east and 10 degrees down")
     })?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
+    let legend = args.ids.as_ref().map(|path| path.with_extension("json"));
+    distinct(args, legend.as_ref())?;
     let stage = load_stage(&args.scene)?;
     let kind = kind.unwrap_or(stage.scene.default_craft);
     let pose = pose.unwrap_or_else(|| above_start(stage.scene.start, kind));
@@ -38,7 +42,6 @@ pub(crate) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
         write(path, &grey(&picture, &centimetres)?)?;
         written.push(path);
     }
-    let legend = args.ids.as_ref().map(|path| path.with_extension("json"));
     if let (Some(path), Some(ids), Some(legend)) = (&args.ids, &picture.ids, &legend) {
         write(path, &grey(&picture, ids)?)?;
         write(legend, format!("{:#}\n", stage.scene.legend_json()).as_bytes())?;
@@ -48,6 +51,17 @@ pub(crate) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
         printer.result(&path.display().to_string());
     }
     Ok(Exit::Success)
+}
+
+/// No picture is to overwrite another.
+fn distinct(args: &Render, legend: Option<&PathBuf>) -> Result<(), CliError> {
+    let paths: Vec<&PathBuf> =
+        [Some(&args.output), args.depth.as_ref(), args.ids.as_ref(), legend].into_iter().flatten().collect();
+    match paths.iter().enumerate().find(|(index, path)| paths[..*index].contains(path)) {
+        None => Ok(()),
+        Some((_, path)) => Err(CliError::usage(format!("`{}` would be written twice", path.display()))
+            .hint("give picture, depth and ids a file each; the legend of the ids takes their name with `.json`")),
+    }
 }
 
 /// The start is on the ground; a picture from there shows mostly ground.
@@ -75,7 +89,16 @@ fn grey(picture: &Picture, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    std::fs::write(path, bytes).map_err(|error| CliError::internal(format!("cannot write `{}`", path.display())).because(&error))
+    std::fs::write(path, bytes).map_err(|error| {
+        let what = format!("cannot write `{}`", path.display());
+        match error.kind() {
+            // A full disk is nobody's wrong usage; a folder that is not there is.
+            ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::IsADirectory | ErrorKind::PermissionDenied => {
+                CliError::usage(what).because(&error).hint("name a file in a folder that exists and can be written to")
+            }
+            _ => CliError::internal(what).because(&error),
+        }
+    })
 }
 
 fn parse_size(text: &str) -> Result<(u32, u32), CliError> {
@@ -88,7 +111,10 @@ fn parse_size(text: &str) -> Result<(u32, u32), CliError> {
 
 fn parse_kind(text: &str) -> Result<CraftKind, CliError> {
     CraftKind::from_name(text).ok_or_else(|| {
-        let near = nearest(text, ["quad", "tello"]).map_or(String::new(), |near| format!("; did you mean `{near}`?"));
-        CliError::usage(format!("--drone-model: `{text}` is not quad or tello{near}"))
+        let error = CliError::usage(format!("--drone-model: `{text}` is not quad or tello"));
+        match nearest(text, ["quad", "tello"]) {
+            Some(near) => error.hint(format!("did you mean `{near}`?")),
+            None => error.hint("the camera of this craft is used: quad or tello"),
+        }
     })
 }

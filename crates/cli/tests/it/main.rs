@@ -1,3 +1,16 @@
-//! Tests of the command as a user meets it.
+//! Tests of the command as a user meets it. Each runs the binary in a folder and an environment of its own.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod determinism;
+mod disk;
 mod edges;
+mod errors;
+mod flights;
+mod harness;
+mod json;
+mod operator;
+mod video;
+mod words;
+
+#[cfg(unix)]
+mod signals;

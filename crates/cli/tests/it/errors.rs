@@ -1,0 +1,181 @@
+//! Wrong usage: exit code 2, what is wrong and where, one hint, nothing on standard output and nothing left behind.
+
+use crate::harness::Lab;
+
+/// What each command line says, and that it says it as it should.
+fn refusals(lab: &Lab, lines: &[&[&str]]) -> String {
+    let before = lab.names(".");
+    let mut said = String::new();
+    for args in lines {
+        let run = lab.spf(args);
+        let shown: Vec<String> = args
+            .iter()
+            .map(|arg| if arg.contains(' ') || arg.is_empty() { format!("{arg:?}") } else { (*arg).to_owned() })
+            .collect();
+        assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""), "{args:?}: {}", run.stderr);
+        let hints = ["hint: ", "tip: ", "For more information, try '--help'."].map(|hint| run.stderr.matches(hint).count());
+        assert!(hints[0] == 1 || (hints[0] == 0 && hints[1] + hints[2] > 0), "{args:?} has {hints:?} hints: {}", run.stderr);
+        assert!(!run.stderr.contains('\u{1b}'), "{args:?}: control codes in {:?}", run.stderr);
+        said.push_str(&format!("$ spf {}\n{}\n", shown.join(" "), run.stderr));
+    }
+    assert_eq!(lab.names("."), before, "something was left behind");
+    said
+}
+
+#[test]
+fn of_flags() {
+    let said = refusals(
+        &Lab::new(),
+        &[
+            &["flyy", "x"],
+            &["fly"],
+            &["fly", "x", "--sceen", "city"],
+            &["fly", "  "],
+            &["fly", "x", "--scene", "citty"],
+            &["fly", "x", "--scene", "moon"],
+            &["fly", "x", "--start", "1,2"],
+            &["fly", "x", "--start", "-1,2,nan,4"],
+            &["fly", "x", "--start", "1,2,3,4,95"],
+            &["fly", "x", "--drone", "tello"],
+            &["fly", "x", "--drone-model", "telo"],
+            &["fly", "x", "--seed", "18446744073709551616"],
+            &["fly", "x", "--seed", "-1"],
+            &["fly", "x", "--vlm", "orcale"],
+            &["fly", "x", "--vlm", "oracle:prefect"],
+            &["fly", "x", "--policy", "spfff"],
+            &["fly", "x", "--preset", "papper"],
+            &["fly", "x", "--step", "fixed:0"],
+            &["fly", "x", "--step", "-1"],
+            &["fly", "x", "--motion", "both"],
+            &["fly", "x", "--think", "stopp"],
+            &["fly", "x", "--rate", "0"],
+            &["fly", "x", "--max-time", "nan"],
+            &["fly", "x", "--max-time", "-1"],
+            &["fly", "x", "--max-decisions", "1.5"],
+            &["fly", "x", "--max-decisions", "0"],
+            &["sim", "render", "cty", "-o", "x.png"],
+            &["sim", "render", "city", "-o", "x.png", "--pose", "north"],
+            &["sim", "render", "city", "-o", "x.png", "--size", "3x3"],
+            &["sim", "render", "city", "-o", "x.png", "--drone-model", "quat"],
+            &["sim", "render", "city", "-o", "nowhere/x.png", "--size", "16x16"],
+            &["sim", "render", "city", "-o", "x.png", "--depth", "x.png"],
+            &["sim", "render", "city", "-o", "x.png", "--ids", "ids.json"],
+        ],
+    );
+    insta::assert_snapshot!(said);
+}
+
+// The system's own words differ elsewhere.
+#[cfg(unix)]
+#[test]
+fn of_files() {
+    let lab = Lab::new();
+    for (name, content) in [
+        ("no-json.json", "hello"),
+        ("empty.json", "{}"),
+        ("open.json", r#"{"type": "Polygon", "coordinates": [[[0, 0], [1, 0], [1, 1]]]}"#),
+        ("dance.toml", "[[event]]\nat_s = 1\ndo = \"dance\"\n"),
+        ("evnt.toml", "[[evnt]]\nat_s = 1\n"),
+        ("late.toml", "[[event]]\nat_s = 1\ndo = \"hold\"\n\n[[event]]\nat_s = -2\ndo = \"land\"\n"),
+        ("mute.toml", "[[event]]\nat_s = 1\ndo = \"instruction\"\n"),
+        ("push.toml", "[[event]]\nat_s = 1\ndo = \"hold\"\nforward_m_s = 1\n"),
+        ("scene.toml", "format = 1\nnmae = \"x\"\n"),
+        ("errors.toml", "point_noise = \"much\"\n"),
+        ("full/mine.txt", ""),
+    ] {
+        std::fs::create_dir_all(lab.path(name).parent().unwrap()).unwrap();
+        lab.write(name, content);
+    }
+    lab.write("latin1.toml", b"[fly]\nscene = \"caf\xe9\"\n");
+    let said = refusals(
+        &lab,
+        &[
+            &["fly", "x", "--geofence", "nowhere.json"],
+            &["fly", "x", "--geofence", "no-json.json"],
+            &["fly", "x", "--geofence", "empty.json"],
+            &["fly", "x", "--geofence", "open.json"],
+            &["fly", "x", "--events", "nowhere.toml"],
+            &["fly", "x", "--events", "dance.toml"],
+            &["fly", "x", "--events", "evnt.toml"],
+            &["fly", "x", "--events", "late.toml"],
+            &["fly", "x", "--events", "mute.toml"],
+            &["fly", "x", "--events", "push.toml"],
+            &["fly", "x", "--scene", "scene.toml"],
+            &["fly", "x", "--scene", "./nowhere.toml"],
+            &["fly", "x", "--vlm", "oracle:./nowhere.toml"],
+            &["fly", "x", "--vlm", "oracle:./errors.toml"],
+            &["fly", "x", "--config", "nowhere.toml"],
+            &["fly", "x", "--config", "latin1.toml"],
+            &["fly", "x", "--out", "full"],
+            &["fly", "x", "--out", "scene.toml"],
+        ],
+    );
+    insta::assert_snapshot!(said);
+}
+
+#[test]
+fn of_the_configuration() {
+    let lab = Lab::new();
+    for (name, content) in [
+        ("key.toml", "# a flight\n[fly]\nseed = 1\nsceen = \"city\"\n"),
+        ("table.toml", "[fyl]\nscene = \"city\"\n"),
+        ("loose.toml", "scene = \"city\"\n"),
+        ("torn.toml", "[fly]\nseed = 1\n[envelope\n"),
+        ("list.toml", "[fly]\nscene = [\"city\"]\n"),
+        ("value.toml", "[fly]\n\nseed = -3\n"),
+        ("word.toml", "[fly]\npreset = \"papre\"\n"),
+        ("odd.toml", "[fly]\n\"sc\\nene\" = 1\n"),
+        ("inline.toml", "\n\nfly = { sede = 3 }\n"),
+        ("limits.toml", "[envelope]\nmin_altitude_m = 50\nmax_altitude_m = 10\n"),
+    ] {
+        lab.write(name, content);
+    }
+    let lines: Vec<Vec<String>> =
+        lab.names(".").into_iter().map(|name| ["fly", "x", "--config", &name].map(str::to_owned).to_vec()).collect();
+    let lines: Vec<Vec<&str>> = lines.iter().map(|line| line.iter().map(String::as_str).collect()).collect();
+    let lines: Vec<&[&str]> = lines.iter().map(Vec::as_slice).collect();
+    let said = refusals(&lab, &lines);
+    insta::assert_snapshot!(said);
+}
+
+#[test]
+fn of_variables() {
+    let lab = Lab::new();
+    let refused = |variables: &[(&str, &str)]| {
+        let output = lab.command(&["fly", "x"]).envs(variables.iter().copied()).output().unwrap();
+        assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let mut said = refused(&[("SPF_SEEDS", "1"), ("SPF_SCEEN", "city")]);
+    said.push_str(&refused(&[("SPF_SEED", "many")]));
+    lab.write(".env", "SPF_THNIK=stop\n");
+    said.push_str(&refused(&[]));
+    lab.write(".env", "SPF_THINK=never\n");
+    said.push_str(&refused(&[]));
+    insta::assert_snapshot!(said);
+    // The line may hold a key: it is not shown.
+    lab.write(".env", "API_KEY='secret\n");
+    let said = refused(&[]);
+    assert!(!said.contains("secret"), "{said}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_variable_that_is_no_text_is_refused() {
+    use std::os::unix::ffi::OsStrExt;
+    let lab = Lab::new();
+    let value = std::ffi::OsStr::from_bytes(b"caf\xe9");
+    let output = lab.command(&["fly", "x"]).env("SPF_SCENE", value).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8(output.stderr).unwrap().starts_with("error: environment SPF_SCENE: the value is not UTF-8"));
+}
+
+#[test]
+fn a_start_inside_something_leaves_no_folder() {
+    let lab = Lab::new();
+    // Half in the south wall of the tall white building.
+    let run = lab.spf(&["fly", "x", "--start", "-24,92,0.5,0", "--out", "mine"]);
+    assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""), "{}", run.stderr);
+    assert!(run.stderr.contains("is inside `") && run.stderr.contains("hint: choose another start"), "{}", run.stderr);
+    assert_eq!(lab.names("."), Vec::<String>::new());
+}

@@ -1,0 +1,113 @@
+//! What becomes of flights: outcomes and exit codes, and that flags reach the pilot.
+
+use serde_json::Value;
+
+use crate::harness::Lab;
+
+#[test]
+fn an_absent_target_is_not_found() {
+    let (code, summary) = Lab::new().fly("mine", &["fly to the elephant", "--vlm", "oracle:perfect"]);
+    assert_eq!((code, summary["outcome"].as_str()), (3, Some("not_found")), "{summary}");
+    assert_eq!(summary["targets"].as_array().unwrap().len(), 0);
+    assert!(summary["final_distance_m"].is_null());
+}
+
+#[test]
+fn spent_decisions_are_a_timeout() {
+    let (code, summary) = Lab::new().fly("mine", &["fly to the red crane", "--max-decisions", "1"]);
+    assert_eq!((code, summary["outcome"].as_str(), summary["decisions"].as_u64()), (3, Some("timeout"), Some(1)), "{summary}");
+}
+
+#[test]
+fn what_is_touched_is_a_collision() {
+    // Steps of 30 m from between two buildings, the next wall 12 m ahead and the one meant behind it.
+    let args = [
+        "fly to the tall white building",
+        "--start",
+        "-24,60,0,0",
+        "--step",
+        "fixed:30",
+        "--think",
+        "stop",
+        "--vlm",
+        "oracle:perfect",
+    ];
+    let (code, summary) = Lab::new().fly("mine", &args);
+    assert_eq!((code, summary["outcome"].as_str()), (4, Some("collision")), "{summary}");
+    assert_eq!((&summary["verified"], summary["collisions"].as_u64()), (&Value::Bool(false), Some(1)));
+}
+
+#[test]
+fn a_geofence_is_never_left() {
+    let lab = Lab::new();
+    let ring = "[[-6, -6], [8, -6], [8, 8], [-6, 8], [-6, -6]]";
+    lab.write("fence.json", format!("{{\"type\": \"Polygon\", \"coordinates\": [{ring}]}}"));
+    let (code, summary) = lab.fly("mine", &["fly to the red crane", "--geofence", "fence.json", "--max-time", "45"]);
+    assert!([(3, "timeout"), (5, "aborted")].contains(&(code, summary["outcome"].as_str().unwrap())), "{summary}");
+    assert!(summary["path_length_m"].as_f64().unwrap() > 8.0, "it flew: {summary}");
+    for decision in lab.decisions("mine") {
+        for pose in [&decision["pose"], &decision["pose_at_reply"]] {
+            let at = |axis: &str| pose["position"][axis].as_f64().unwrap();
+            // What is known drifts by the noise of the senses.
+            assert!((-7.0..=9.0).contains(&at("east")) && (-7.0..=9.0).contains(&at("north")), "{pose}");
+        }
+    }
+    // 68 m from the start to the crane; the fence ends 8 m on the way.
+    assert!(summary["final_distance_m"].as_f64().unwrap() > 55.0, "{summary}");
+}
+
+#[test]
+fn a_tello_flies_in_the_city() {
+    let (code, summary) = Lab::new().fly("mine", &["fly to the red crane", "--drone-model", "tello", "--max-time", "30"]);
+    assert_eq!(
+        (code, summary["outcome"].as_str(), summary["drone_model"].as_str()),
+        (3, Some("timeout"), Some("tello")),
+        "{summary}"
+    );
+    assert!(summary["path_length_m"].as_f64().unwrap() > 5.0, "{summary}");
+}
+
+#[test]
+fn flags_reach_the_pilot() {
+    let fly = |args: &[&str]| {
+        let mut all = vec!["fly to the red crane", "--max-time", "12"];
+        all.extend(args);
+        let lab = Lab::new();
+        let (code, summary) = lab.fly("mine", &all);
+        assert_eq!(code, 3, "{summary}");
+        (summary, lab.decisions("mine"))
+    };
+    let (summary, _) = fly(&["--preset", "paper", "--vlm", "oracle:poor", "--start", "5,-3,0,20"]);
+    let settings = &summary["settings"];
+    assert_eq!((&summary["preset"], &summary["vlm"]), (&Value::from("paper"), &Value::from("oracle:poor")));
+    assert_eq!([&settings["motion"], &settings["think"], &settings["lifting"]], ["sequential", "stop", "paper"]);
+
+    let flags =
+        ["--motion", "sequential", "--think", "stop", "--step", "fixed:2.5", "--rate", "20", "--avoid", "--max-decisions", "7"];
+    let (summary, decisions) = fly(&flags);
+    let settings = &summary["settings"];
+    assert_eq!([&settings["motion"], &settings["think"]], ["sequential", "stop"]);
+    assert_eq!(settings["step"]["fixed"], 2.5);
+    assert_eq!((settings["rate_hz"].as_f64(), settings["max_decisions"].as_u64()), (Some(20.0), Some(7)));
+    assert_eq!(settings["avoid"], true);
+    assert_eq!(decisions[0]["query"]["avoid"], true);
+
+    let (summary, decisions) = fly(&["--policy", "plain"]);
+    assert_eq!(summary["policy"], "plain");
+    assert!(!decisions[0]["reading"]["actions"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn the_configuration_reaches_the_pilot() {
+    let lab = Lab::new();
+    lab.write("spf.toml", "[fly]\nseed = 9\nmax_time_s = 4\nvideo = false\npreset = \"paper\"\n");
+    lab.write(".env", "SPF_SEED=10\nSPF_OUT=dotenv\n");
+    let output = lab.command(&["fly", "fly to the red crane", "--json", "--seed", "11"]).env("SPF_OUT", "mine").output().unwrap();
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(
+        (summary["seed"].as_u64(), summary["out_dir"].as_str(), summary["preset"].as_str()),
+        (Some(11), Some("mine"), Some("paper"))
+    );
+    assert_eq!(summary["finished_at_s"], 4.0);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "summary.json", "trajectory.svg"]);
+}

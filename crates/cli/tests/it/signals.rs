@@ -1,0 +1,106 @@
+//! Ctrl-C and kill, on the wall clock.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, ChildStderr, Command};
+
+use serde_json::Value;
+
+use crate::harness::{Lab, rows};
+
+/// A flight under way, and what it says.
+struct Flight {
+    child: Child,
+    talk: BufReader<ChildStderr>,
+    said: String,
+}
+
+impl Flight {
+    fn start(lab: &Lab, args: &[&str]) -> Self {
+        let mut all = vec!["fly", "fly to the red crane", "--realtime", "--json", "--no-video", "--out", "mine"];
+        all.extend(args);
+        let mut child = lab.command(&all).spawn().unwrap();
+        let talk = BufReader::new(child.stderr.take().unwrap());
+        Self { child, talk, said: String::new() }
+    }
+
+    /// Reads on until a line ends in `words`.
+    fn until(&mut self, words: &str) {
+        loop {
+            let mut line = String::new();
+            assert!(self.talk.read_line(&mut line).unwrap() > 0, "it ended before `{words}`: {}", self.said);
+            self.said.push_str(&line);
+            if line.trim_end().ends_with(words) {
+                return;
+            }
+        }
+    }
+
+    fn signal(&self, name: &str) {
+        let line = format!("kill -{name} {}", self.child.id());
+        assert!(Command::new("sh").args(["-c", &line]).status().unwrap().success());
+    }
+
+    /// Exit code, standard output, and all that was said.
+    fn end(mut self) -> (Option<i32>, String, String) {
+        self.talk.read_to_string(&mut self.said).unwrap();
+        let mut printed = String::new();
+        self.child.stdout.take().unwrap().read_to_string(&mut printed).unwrap();
+        (self.child.wait().unwrap().code(), printed, self.said)
+    }
+}
+
+#[test]
+fn ctrl_c_lands_and_closes_everything() {
+    let lab = Lab::new();
+    let mut flight = Flight::start(&lab, &[]);
+    flight.until(" flying");
+    flight.signal("INT");
+    let (code, printed, said) = flight.end();
+    assert_eq!(code, Some(5), "{said}");
+    let summary: Value = serde_json::from_str(&printed).unwrap();
+    assert_eq!(summary["outcome"], "aborted");
+    assert!(said.contains("operator: land") && said.contains("landing") && said.trim_end().ends_with("ended"), "{said}");
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "summary.json", "trajectory.svg"]);
+    lab.decisions("mine");
+}
+
+#[test]
+fn a_second_ctrl_c_stops_at_once() {
+    let lab = Lab::new();
+    let mut flight = Flight::start(&lab, &[]);
+    flight.until(" flying");
+    flight.signal("INT");
+    flight.until(" landing");
+    flight.signal("INT");
+    let (code, printed, said) = flight.end();
+    assert_eq!((code, printed.as_str()), (Some(5), ""), "{said}");
+    assert!(!said.contains("ended"), "{said}");
+    assert_eq!(lab.names("mine"), ["decisions.jsonl"]);
+}
+
+#[test]
+fn kill_leaves_whole_lines() {
+    let lab = Lab::new();
+    let mut flight = Flight::start(&lab, &[]);
+    loop {
+        flight.until("m]");
+        if flight.said.contains("  2. ") {
+            break;
+        }
+    }
+    flight.signal("KILL");
+    let (code, ..) = flight.end();
+    assert_eq!(code, None);
+    assert!(rows(&lab.path("mine/decisions.jsonl")).len() >= 2);
+}
+
+#[test]
+fn a_flight_on_the_wall_clock_ends_by_itself() {
+    let lab = Lab::new();
+    let (code, printed, said) = Flight::start(&lab, &["--max-time", "6"]).end();
+    assert_eq!(code, Some(3), "{said}");
+    let summary: Value = serde_json::from_str(&printed).unwrap();
+    assert_eq!(summary["outcome"], "timeout");
+    assert!(summary["finished_at_s"].as_f64().unwrap() >= 6.0);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "summary.json", "trajectory.svg"]);
+}

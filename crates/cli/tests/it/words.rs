@@ -1,0 +1,89 @@
+//! Help, version and the configuration, as they are printed.
+
+use crate::harness::Lab;
+
+/// Help as it is printed where there is no terminal.
+fn help(args: &[&str]) -> String {
+    let run = Lab::new().spf(args);
+    assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""));
+    run.stdout
+}
+
+#[test]
+fn help_of_spf() {
+    insta::assert_snapshot!(help(&["--help"]));
+}
+
+#[test]
+fn help_of_fly() {
+    insta::assert_snapshot!(help(&["fly", "--help"]));
+}
+
+#[test]
+fn help_of_sim_render() {
+    insta::assert_snapshot!(help(&["sim", "render", "--help"]));
+}
+
+#[test]
+fn version() {
+    assert_eq!(help(&["--version"]), concat!("spf ", env!("CARGO_PKG_VERSION"), "\n"));
+}
+
+#[test]
+fn without_a_command_the_way_in_is_shown() {
+    let run = Lab::new().spf(&[]);
+    assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""));
+    assert!(run.stderr.contains("spf fly \"Take off and fly to the red crane\""), "{}", run.stderr);
+}
+
+#[test]
+fn configuration_with_nothing_said() {
+    let run = Lab::new().spf(&["config", "show"]);
+    assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""));
+    insta::assert_snapshot!(run.stdout);
+}
+
+/// The lines of `spf config show` that are not defaults.
+fn said(stdout: &str) -> String {
+    stdout.lines().filter(|line| line.contains(" = ") && !line.contains("# default;")).map(|line| format!("{line}\n")).collect()
+}
+
+#[test]
+fn configuration_from_file_dotenv_and_environment() {
+    let lab = Lab::new();
+    lab.write(
+        "spf.toml",
+        "# mine\n[fly]\nscene = \"city\"\nseed = 18446744073709551615\npreset = \"paper\"\nmax_time_s = 90.5\n\n[envelope]\nmax_altitude_m = 40\n",
+    );
+    lab.write(".env", "SPF_PRESET=default\nSPF_MOTION=sequential\nGEMINI_API_KEY=not-ours\n");
+    let mut command = lab.command(&["config", "show"]);
+    command.env("SPF_MOTION", "blended").env("SPF_OUT", "007").env("SPF_VLM", "oracle:./a \"b\"\n.toml");
+    let output = command.output().unwrap();
+    let shown = String::from_utf8(output.stdout).unwrap();
+    insta::assert_snapshot!(said(&shown));
+
+    // What is printed is a configuration file of the same meaning.
+    let again = Lab::new();
+    again.write("spf.toml", &shown);
+    let run = again.spf(&["config", "show"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let values = |text: &str| -> Vec<String> {
+        text.lines().map(|line| line.split_once(" # ").map_or(line, |(value, _)| value).trim().to_owned()).collect()
+    };
+    assert_eq!(values(&run.stdout), values(&shown));
+}
+
+#[test]
+fn tables_of_every_spelling_name_their_line() {
+    let lab = Lab::new();
+    lab.write("a.toml", "fly.seed = 7\nenvelope = { max_altitude_m = 0x28 }\n[fly.preset]\n");
+    let run = lab.spf(&["config", "show", "--config", "a.toml"]);
+    assert_eq!(run.code, Some(2));
+    lab.write("b.toml", "fly.seed = 7\n\"fly\".\"scene\" = 'city'\nenvelope = { max_altitude_m = 40 }\n");
+    let run = lab.spf(&["config", "show", "--config", "b.toml"]);
+    insta::assert_snapshot!(said(&run.stdout), @r#"
+    scene = "city"                     # b.toml:2; SPF_SCENE: scene: a built-in name or a scene file
+    seed = 7                           # b.toml:1; SPF_SEED: seed of all chance, a whole number
+    max_altitude_m = 40                # b.toml:3; SPF_MAX_ALTITUDE_M: greatest height above take-off, metres; empty: 120
+    "#);
+}
