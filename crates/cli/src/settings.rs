@@ -35,7 +35,7 @@ pub(crate) const KEYS: &[Key] = &[
     key("fly.step", "SPF_STEP", "", "step length: adaptive or fixed:METRES; empty: the preset's"),
     key("fly.motion", "SPF_MOTION", "", "sequential or blended; empty: the preset's"),
     key("fly.think", "SPF_THINK", "", "stop or continuous; empty: the preset's"),
-    key("fly.rate_hz", "SPF_RATE_HZ", "10", "setpoints a second, 1 to 100"),
+    key("fly.rate_hz", "SPF_RATE_HZ", "10", "setpoints a second, 5 to 100"),
     key("fly.avoid", "SPF_AVOID", "false", "obstacle mode: true or false"),
     key("fly.vlm", "SPF_VLM", "oracle", "who points: oracle, oracle:NAME or oracle:FILE"),
     key("fly.seed", "SPF_SEED", "0", "seed of all chance, a whole number"),

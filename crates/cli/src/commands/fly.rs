@@ -90,10 +90,10 @@ fn give_back(out: &OutDir) {
     drop(std::fs::remove_dir(out.path()));
 }
 
-/// Dead time and braking from cruise.
+/// From the zero setpoint to standstill at cruise, seconds.
 fn standstill(kind: CraftKind) -> f64 {
     let craft = Model::of(kind).craft;
-    craft.dead_time + craft.cruise_speed / craft.acceleration
+    craft.standstill_time(craft.cruise_speed)
 }
 
 /// Flags over environment over file over defaults.
