@@ -1,4 +1,7 @@
 //! What can be typed: arguments only, no meaning (see `settings`).
+//!
+//! Doc comments here are help texts for a terminal.
+#![allow(rustdoc::broken_intra_doc_links, reason = "`heading_deg[,pitch_deg]` is no link")]
 
 use std::path::PathBuf;
 
