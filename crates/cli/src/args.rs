@@ -118,7 +118,7 @@ pub(crate) struct MethodArgs {
     /// Hold while the VLM thinks (stop) or keep flying the last plan (continuous) [default: the preset's]
     #[arg(long, value_name = "THINK")]
     pub(crate) think: Option<String>,
-    /// Setpoints a second, 1 to 100 [default: 10]
+    /// Setpoints a second, 5 to 100 [default: 10]
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     pub(crate) rate: Option<String>,
     /// Obstacle mode: ask for boxes of obstacles and keep clear of them

@@ -279,3 +279,41 @@ fn unknown_key(path: &impl std::fmt::Display, line: usize, full: &str) -> CliErr
 fn line_of(text: &str, at: usize) -> usize {
     1 + text.as_bytes()[..at.min(text.len())].iter().filter(|byte| **byte == b'\n').count()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn read(text: &str) -> Result<Settings, CliError> {
+        let mut settings = Settings(KEYS.iter().map(|key| (key.name, (key.default.to_owned(), Origin::Default))).collect());
+        settings.read_text(Path::new("spf.toml"), text)?;
+        Ok(settings)
+    }
+
+    #[test]
+    fn every_key_has_its_own_name_and_variable() {
+        for (index, key) in KEYS.iter().enumerate() {
+            assert!(key.env.starts_with("SPF_") && key.name.split('.').count() == 2, "{}", key.name);
+            assert!(KEYS[..index].iter().all(|other| other.name != key.name && other.env != key.env), "{}", key.name);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in ".{0,200}", key in "[a-z_.\"\\[\\] ]{0,20}", value in "[-+0-9a-z_.\"'{}\\[\\],]{0,20}") {
+            let _ = read(&text);
+            let _ = read(&format!("[fly]\n{key} = {value}\n"));
+            let _ = read(&format!("[fly]\nscene = {value}\nseed = {value}\n"));
+        }
+
+        #[test]
+        fn a_value_keeps_its_meaning_and_its_line(text in "[^\\p{Cc}]{0,40}", seed in any::<u64>(), lines in 0usize..5) {
+            let quoted = toml::Value::String(text.clone());
+            let settings = read(&format!("{}[fly]\nscene = {quoted}\nseed = {seed}\n", "\n".repeat(lines))).unwrap();
+            prop_assert_eq!(settings.get("fly.scene").unwrap_or_default(), text);
+            prop_assert_eq!(settings.parse::<u64>("fly.seed", "").unwrap(), Some(seed));
+            prop_assert_eq!(&settings.0["fly.seed"].1, &Origin::File(PathBuf::from("spf.toml"), lines + 3));
+        }
+    }
+}

@@ -182,7 +182,7 @@ fn method(settings: &Settings, preset: Preset) -> Result<PilotSettings, CliError
         method.think = think;
     }
     method.avoid = flag(settings, "fly.avoid")?;
-    if let Some(rate) = settings.number("fly.rate_hz", 1.0, 100.0)? {
+    if let Some(rate) = settings.number("fly.rate_hz", 5.0, 100.0)? {
         method.rate_hz = rate;
     }
     if let Some(seconds) = settings.number("fly.max_time_s", 1.0, 86_400.0)? {

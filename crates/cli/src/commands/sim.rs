@@ -118,3 +118,23 @@ fn parse_kind(text: &str) -> Result<CraftKind, CliError> {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_size_is_in_range_or_refused(text in "[0-9]{0,12}[xX]{0,2}[0-9]{0,12}|.{0,20}") {
+            if let Ok((width, height)) = parse_size(&text) {
+                prop_assert!(SIZES.contains(&width) && SIZES.contains(&height));
+            }
+        }
+
+        #[test]
+        fn a_size_reads_back(width in SIZES, height in SIZES) {
+            prop_assert_eq!(parse_size(&format!("{width}x{height}")).ok(), Some((width, height)));
+        }
+    }
+}
