@@ -1,0 +1,16 @@
+//! Any text as a scene: read or refused with its place, and what was read can be stood in, within what ids can count.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use spf_sim::scene::Scene;
+
+fuzz_target!(|text: &str| {
+    match Scene::parse(text, "fuzz.toml") {
+        Ok(scene) => {
+            assert!(scene.objects.len() <= usize::from(u16::MAX));
+            let start = scene.start.position;
+            assert!([start.east, start.north, start.up, scene.success_radius].into_iter().all(f64::is_finite));
+        }
+        Err(error) => assert!(error.to_string().starts_with("fuzz.toml:"), "{error}"),
+    }
+});
