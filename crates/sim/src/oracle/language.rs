@@ -10,6 +10,7 @@ pub(super) mod lexicon;
 mod phrase;
 pub(super) mod resolve;
 pub(super) mod spelling;
+mod vocabulary;
 
 pub use grammar::{Clause, Instruction, Verb, parse};
 pub use phrase::{Ordinal, Phrase, Relation, Side, Size};
