@@ -1,9 +1,10 @@
 //! `video.mp4`: what the camera sees, with what was decided drawn on it, in flight time.
 
 use std::path::Path;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 
+use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, project_displacement};
 use spf_core::pilot::{Action, Note, Pilot};
 use spf_core::query::Mark;
@@ -19,28 +20,46 @@ use crate::words;
 const FPS: u64 = 10;
 /// Half the camera's sides and a bit: a third of the drawing time, and text is still read easily.
 const SIZE: (u32, u32) = (640, 480);
-/// Pictures that may wait for the encoder.
-const WAITING: usize = 4;
+/// Pictures that may wait to be drawn.
+const WAITING: usize = 16;
 
-/// A video in the making. Drawing happens here, encoding in a thread of its own; the bytes depend on neither.
+/// What one picture shows.
+struct Shot {
+    at: Time,
+    /// Where the camera truly is.
+    pose: Pose,
+    /// Where the pilot believes to be.
+    known: Pose,
+    waypoint: Option<EnuPosition>,
+    boxes: Vec<Mark>,
+    title: String,
+    status: String,
+    decision: String,
+    craft: String,
+}
+
+/// A video in the making. Pictures are drawn and encoded in a thread of their own, so that no setpoint waits for one; the bytes
+/// do not depend on it. On the wall clock a picture for which there is no time is left out.
 pub(crate) struct Film {
     world: SimWorld,
     title: String,
     next: Time,
     decision: String,
-    waypoint: Option<spf_core::geometry::EnuPosition>,
+    waypoint: Option<EnuPosition>,
     boxes: Vec<Mark>,
     boxes_until: Time,
-    pictures: SyncSender<(Time, Rgb)>,
+    live: bool,
+    shots: SyncSender<Shot>,
     encoder: JoinHandle<Result<(), VideoError>>,
 }
 
 impl Film {
     /// Opens the file and starts the encoder.
-    pub(crate) fn start(path: &Path, world: SimWorld, title: &str) -> Result<Self, VideoError> {
+    pub(crate) fn start(path: &Path, world: SimWorld, title: &str, live: bool) -> Result<Self, VideoError> {
         let writer = VideoWriter::create(path, SIZE.0, SIZE.1, FPS as f64)?;
-        let (pictures, waiting) = sync_channel(WAITING);
-        let encoder = std::thread::spawn(move || encode(writer, &waiting));
+        let (shots, waiting) = sync_channel(WAITING);
+        let seen = world.clone();
+        let encoder = std::thread::spawn(move || encode(writer, &seen, &waiting));
         Ok(Self {
             world,
             title: title.to_owned(),
@@ -49,7 +68,8 @@ impl Film {
             waypoint: None,
             boxes: Vec::new(),
             boxes_until: Time::ZERO,
-            pictures,
+            live,
+            shots,
             encoder,
         })
     }
@@ -74,12 +94,17 @@ impl Film {
         }
     }
 
-    /// Draws every picture that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
+    /// Takes every picture that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
     pub(crate) fn advance(&mut self, now: Time, pilot: &Pilot) -> bool {
         while self.next <= now {
             let Some(pose) = self.world.true_pose_at(self.next) else { return true };
-            let picture = self.draw(self.next, &pose, pilot);
-            if self.pictures.send((self.next, picture)).is_err() {
+            let shot = self.shot(self.next, pose, pilot);
+            let open = if self.live {
+                !matches!(self.shots.try_send(shot), Err(TrySendError::Disconnected(_)))
+            } else {
+                self.shots.send(shot).is_ok()
+            };
+            if !open {
                 return false;
             }
             self.next += Duration::from_nanos(1_000_000_000 / FPS);
@@ -87,40 +112,34 @@ impl Film {
         true
     }
 
-    fn draw(&self, at: Time, pose: &spf_core::geometry::Pose, pilot: &Pilot) -> Rgb {
-        let mut picture = self.world.photograph(pose, Some(SIZE));
-        if at < self.boxes_until {
-            marks::draw(&mut picture, &self.boxes);
-        }
+    fn shot(&self, at: Time, pose: Pose, pilot: &Pilot) -> Shot {
         let known = pilot.known_pose(at);
-        // What was seen on one line and what was made of it on the next: together they are too long for the picture.
-        let (seen, then) = self.decision.split_once(" → ").unwrap_or((&self.decision, ""));
-        let status = format!("{:.1} s  {}", at.as_secs_f64(), words::phase(pilot.phase()));
         let heading = known.attitude.heading.to_degrees().rem_euclid(360.0);
-        let craft = format!("height {:.1} m  heading {heading:03.0}  decisions {}", known.position.up, pilot.decisions());
-        marks::draw_hud(&mut picture, &Hud { title: &self.title, status: &status, lines: &[seen, then, &craft] });
-        if let Some(goal) = self.waypoint {
-            // The plan lives in the pilot's world: it is drawn as the pilot believes to see it.
-            let ahead = known.position.displacement_to(goal, known.attitude.heading);
-            if let Some(point) = project_displacement(ahead, self.world.camera(), known.attitude, Lifting::Levelled) {
-                marks::draw_waypoint(&mut picture, point, &format!("{:.1} m", ahead.length()), Colour::WAYPOINT);
-            }
+        Shot {
+            at,
+            pose,
+            known,
+            waypoint: self.waypoint,
+            boxes: if at < self.boxes_until { self.boxes.clone() } else { Vec::new() },
+            title: self.title.clone(),
+            status: format!("{:.1} s  {}", at.as_secs_f64(), words::phase(pilot.phase())),
+            decision: self.decision.clone(),
+            craft: format!("height {:.1} m  heading {heading:03.0}  decisions {}", known.position.up, pilot.decisions()),
         }
-        picture
     }
 
     /// Ends the file.
     pub(crate) fn finish(self) -> Result<(), VideoError> {
-        drop(self.pictures);
+        drop(self.shots);
         // A panic of the encoder is a bug and goes on here.
         self.encoder.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }
 
-fn encode(mut writer: VideoWriter, pictures: &Receiver<(Time, Rgb)>) -> Result<(), VideoError> {
+fn encode(mut writer: VideoWriter, world: &SimWorld, shots: &Receiver<Shot>) -> Result<(), VideoError> {
     let mut trouble = None;
-    for (time, picture) in pictures {
-        if let Err(error) = writer.push(time, &picture) {
+    for shot in shots {
+        if let Err(error) = writer.push(shot.at, &draw(world, &shot)) {
             trouble = Some(error);
             break;
         }
@@ -128,4 +147,20 @@ fn encode(mut writer: VideoWriter, pictures: &Receiver<(Time, Rgb)>) -> Result<(
     // What was written until the trouble can still be played.
     let ended = writer.finish().map(|_| ());
     trouble.map_or(ended, Err)
+}
+
+fn draw(world: &SimWorld, shot: &Shot) -> Rgb {
+    let mut picture = world.photograph(&shot.pose, Some(SIZE));
+    marks::draw(&mut picture, &shot.boxes);
+    // What was seen on one line and what was made of it on the next: together they are too long for the picture.
+    let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
+    marks::draw_hud(&mut picture, &Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] });
+    if let Some(goal) = shot.waypoint {
+        // The plan lives in the pilot's world: it is drawn as the pilot believes to see it.
+        let ahead = shot.known.position.displacement_to(goal, shot.known.attitude.heading);
+        if let Some(point) = project_displacement(ahead, world.camera(), shot.known.attitude, Lifting::Levelled) {
+            marks::draw_waypoint(&mut picture, point, &format!("{:.1} m", ahead.length()), Colour::WAYPOINT);
+        }
+    }
+    picture
 }

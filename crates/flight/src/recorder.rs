@@ -43,13 +43,14 @@ pub struct Recorder {
 const PATH_STEP_S: f64 = 0.1;
 
 impl Recorder {
-    /// Opens the files in a folder. `title` heads the video.
+    /// Opens the files in a folder. `title` heads the video; `live` tells that the flight is on the wall clock.
     #[must_use]
-    pub fn new(out: OutDir, video: bool, title: &str, world: SimWorld) -> Self {
+    pub fn new(out: OutDir, video: bool, title: &str, world: SimWorld, live: bool) -> Self {
         let mut problems = Vec::new();
         let decisions = kept(&mut problems, JsonLines::create(&out.file("decisions.jsonl")));
-        let film =
-            video.then(|| Film::start(&out.file("video.mp4"), world.clone(), title)).and_then(|film| kept(&mut problems, film));
+        let film = video
+            .then(|| Film::start(&out.file("video.mp4"), world.clone(), title, live))
+            .and_then(|film| kept(&mut problems, film));
         Self {
             out,
             world,

@@ -161,8 +161,10 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         instruction: plan.instruction.clone(),
     });
     let vlm = Box::new(OracleVlm::new(plan.vlm.clone(), world.clone(), plan.errors.clone(), plan.seed));
-    let mut recorder =
-        plan.record.as_ref().map(|record| Recorder::new(record.out.clone(), record.video, &plan.instruction, world.clone()));
+    let mut recorder = plan
+        .record
+        .as_ref()
+        .map(|record| Recorder::new(record.out.clone(), record.video, &plan.instruction, world.clone(), plan.realtime));
     let mut judging = Judging { world: world.clone(), instruction: plan.instruction.clone(), start, settled: None };
     let (drone, pictures, script) = (Box::new(drone), Box::new(SimPictures::new(world.clone())), plan.script.clone());
     let mut around: Box<dyn World> = if plan.realtime {
