@@ -77,7 +77,7 @@ pub(crate) struct WorldArgs {
     /// Scene to fly in: a built-in name or a scene file [default: city]
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
-    /// Where to start: east,north,up,heading_deg[,pitch_deg] [default: the scene's]
+    /// Where to start: east,north,up,heading_deg; the craft stands on what is below [default: the scene's]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pub(crate) start: Option<String>,
     /// The drone: sim [default: sim]

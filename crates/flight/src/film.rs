@@ -23,6 +23,9 @@ const SIZE: (u32, u32) = (640, 480);
 /// Pictures that may wait to be drawn.
 const WAITING: usize = 16;
 
+/// Older poses may be forgotten by the simulator, which keeps ten seconds.
+const FORGOTTEN: Duration = Duration::from_secs(9);
+
 /// What one picture shows.
 struct Shot {
     at: Time,
@@ -97,7 +100,13 @@ impl Film {
     /// Takes every picture that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
     pub(crate) fn advance(&mut self, now: Time, pilot: &Pilot) -> bool {
         while self.next <= now {
-            let Some(pose) = self.world.true_pose_at(self.next) else { return true };
+            let Some(pose) = self.world.true_pose_at(self.next) else {
+                // Not flown yet; or so long ago that the simulator forgot, after a standstill of the whole machine: go on from here.
+                if now.since(self.next) > FORGOTTEN {
+                    self.next = now;
+                }
+                return true;
+            };
             let shot = self.shot(self.next, pose, pilot);
             let open = if self.live {
                 !matches!(self.shots.try_send(shot), Err(TrySendError::Disconnected(_)))
@@ -114,7 +123,7 @@ impl Film {
 
     fn shot(&self, at: Time, pose: Pose, pilot: &Pilot) -> Shot {
         let known = pilot.known_pose(at);
-        let heading = known.attitude.heading.to_degrees().rem_euclid(360.0);
+        let heading = known.attitude.heading.to_degrees().round().rem_euclid(360.0);
         Shot {
             at,
             pose,

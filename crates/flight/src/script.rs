@@ -111,13 +111,16 @@ impl Script {
                         up: row.up_m_s.unwrap_or(0.0),
                         yaw_rate: row.yaw_rate_deg_s.unwrap_or(0.0).to_radians(),
                     };
-                    let end = at + Duration::from_secs_f64(held);
+                    // Whatever the operator does next lets go of the key.
+                    let later = file.event.iter().map(|row| row.at_s).filter(|other| *other > row.at_s);
+                    let let_go = later.fold(f64::INFINITY, f64::min);
+                    let (end, cut) = (at + Duration::from_secs_f64(held.min(let_go - row.at_s)), let_go < row.at_s + held);
                     let mut now = at;
                     while now == at || now < end {
                         events.push((now, OperatorEvent::Setpoint(setpoint)));
                         now += REPEAT;
                     }
-                    if held > 0.0 {
+                    if held > 0.0 && !cut {
                         events.push((end, OperatorEvent::Setpoint(Setpoint::HOLD)));
                     }
                 }
@@ -149,6 +152,18 @@ mod tests {
             (Time::from_millis(1250), OperatorEvent::Setpoint(Setpoint::HOLD)),
         ];
         assert_eq!(script, Script::new(expected));
+    }
+
+    #[test]
+    fn a_later_event_lets_go_of_a_held_setpoint() {
+        let text = "[[event]]\nat_s = 1.0\ndo = \"setpoint\"\nup_m_s = 0.5\nfor_s = 9\n[[event]]\nat_s = 1.2\ndo = \"resume\"\n";
+        let up = OperatorEvent::Setpoint(Setpoint { up: 0.5, ..Setpoint::HOLD });
+        let expected = vec![
+            (Time::from_millis(1000), up.clone()),
+            (Time::from_millis(1100), up),
+            (Time::from_millis(1200), OperatorEvent::Resume),
+        ];
+        assert_eq!(Script::from_toml(text).unwrap(), Script::new(expected));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use serde::Serialize;
 use spf_core::envelope::Limits;
 use spf_core::executor::{Ending, Motion};
 use spf_core::geofence::Geofence;
-use spf_core::pilot::{PilotSettings, Preset, Think};
+use spf_core::pilot::{Outcome, PilotSettings, Preset, Think};
 use spf_core::step::StepRule;
 use spf_core::time::duration_from_secs;
 use spf_flight::sim::{FlightError, FlightPlan, PolicyKind, RecordPlan};
@@ -70,7 +70,7 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
     let flown = flown.map_err(|error| {
         give_back(&out);
         match error {
-            FlightError::StartBlocked { .. } => {
+            FlightError::StartBlocked { .. } | FlightError::StartOutside { .. } => {
                 CliError::usage("the flight cannot begin").because(&error).hint("choose another start with --start")
             }
             _ => CliError::internal("the flight cannot begin").because(&error),
@@ -303,13 +303,14 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         printer.data(&printed);
         return Ok(());
     }
-    let verified = match summary.verified {
+    // The verdict is about a belief of having arrived; of a flight that gave up or was ended it would say nothing.
+    let verified = match summary.verified.filter(|_| summary.outcome == Outcome::Reached) {
         Some(true) => ", verified by the simulator's ground truth",
         Some(false) => ", NOT verified by the simulator's ground truth",
         None => "",
     };
     printer.result(&format!("{}{verified}: {}", words::outcome(summary.outcome), summary.cause));
-    let time = summary.completion_time_s.map_or("nothing moved".to_owned(), |time| format!("{time:.1} s"));
+    let time = summary.completion_time_s.map_or("nothing moved".to_owned(), |time| format!("{time:.1} s from first motion"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
     printer.result(&format!(
         "{time}, {:.1} m flown, {}, {}{distance}",
@@ -318,6 +319,9 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         counted(summary.collisions, "collision"),
     ));
     printer.result(&format!("files: {}", out_dir.display()));
+    if summary.targets.is_empty() {
+        printer.say("hint: nothing in this scene fits these words, as the simulator's ground truth reads them");
+    }
     Ok(())
 }
 

@@ -80,7 +80,7 @@ impl Pilot {
                 self.enter(now, Phase::TakeOff);
             }
             Err(refusal) => {
-                self.settle_outcome(Outcome::Aborted, format!("take-off refused: {refusal}"));
+                self.settle_outcome(Outcome::Aborted, refusal.to_string());
                 self.enter(now, Phase::Ended);
             }
         }

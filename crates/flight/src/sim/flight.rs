@@ -8,7 +8,7 @@ use spf_core::craft::Craft;
 use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::executor::Motion;
-use spf_core::geometry::Pose;
+use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::grounding::GroundingProfile;
 use spf_core::pilot::{Action, Ending, Outcome, Pilot, PilotParts, PilotSettings, Preset};
 use spf_core::policy::Policy;
@@ -135,6 +135,18 @@ pub enum FlightError {
         /// Key of the object.
         object: String,
     },
+    /// The start is off the scene or below its ground.
+    #[error("the start at east {east}, north {north}, up {up} is not above the ground of the scene `{scene}`")]
+    StartOutside {
+        /// Metres east.
+        east: f64,
+        /// Metres north.
+        north: f64,
+        /// Metres up.
+        up: f64,
+        /// The scene.
+        scene: String,
+    },
     /// No thread could be started.
     #[error("no thread could be started for the VLM")]
     Thread(#[source] std::io::Error),
@@ -150,6 +162,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let world = SimWorld::new(stage.clone(), plan.kind, start, plan.seed);
     let drone = SimDrone::new(world.clone());
     let capabilities = drone.capabilities();
+    check_place(&stage, start.position)?;
     check_start(&stage, &world, capabilities.craft.radius)?;
     let mut pilot = Pilot::new(PilotParts {
         settings: plan.settings,
@@ -193,6 +206,20 @@ fn senses_of(kind: CraftKind) -> Senses {
         CraftKind::Quad => Senses::quad(),
         CraftKind::Tello => Senses::tello(),
     }
+}
+
+/// Within the scene's bounds on the map, and not below its ground.
+fn check_place(stage: &Stage, at: EnuPosition) -> Result<(), FlightError> {
+    let bounds = stage.scene.bounds;
+    let inside =
+        (bounds.min.east..=bounds.max.east).contains(&at.east) && (bounds.min.north..=bounds.max.north).contains(&at.north);
+    // Ground exactly at the height asked for is found from a hand above it.
+    let above = stage.collider.ground_below(EnuPosition { up: at.up + 0.1, ..at }).is_some();
+    if inside && above {
+        return Ok(());
+    }
+    let EnuPosition { east, north, up } = at;
+    Err(FlightError::StartOutside { east, north, up, scene: stage.scene.name.clone() })
 }
 
 fn check_start(stage: &Stage, world: &SimWorld, radius: f64) -> Result<(), FlightError> {
