@@ -8,6 +8,7 @@ mod grammar;
 mod lex;
 pub(super) mod lexicon;
 mod phrase;
+mod pieces;
 pub(super) mod resolve;
 pub(super) mod spelling;
 mod vocabulary;

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use super::lex::{singular, tokens};
 use super::lexicon;
 use super::phrase::{Ordinal, Phrase, longest, starts};
+use super::pieces::{filler, in_order, pieces};
 
 /// What is to be done with the target (DESIGN.md section 5: all but [`Verb::GoTo`] have a table of stages).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,206 +131,8 @@ enum Read {
     Context(Phrase),
 }
 
-/// A stretch of words, and how it was joined.
-#[derive(Clone, Debug, Default)]
-struct Piece {
-    words: Vec<String>,
-    /// To be done before the piece in front of it: "A after B".
-    first: bool,
-    /// To be done after the piece that follows it: "before A, B".
-    last: bool,
-}
-
-/// Cuts tokens into pieces at breaks, "then", and conjunctions that start something new.
-fn pieces(words: &[String]) -> Vec<Piece> {
-    let mut out = vec![Piece::default()];
-    let mut between = false;
-    let mut i = 0;
-    while i < words.len() {
-        let rest = &words[i..];
-        let word = rest[0].as_str();
-        let fresh = out.last().is_none_or(|p| p.words.iter().all(|w| filler(w)));
-        if word == "." || matches!(word, "then" | "afterwards" | "subsequently" | "thereafter" | "lastly") {
-            out.push(Piece::default());
-            between = false;
-            i += 1;
-        } else if let Some(n) = [
-            "after that",
-            "after this",
-            "after which",
-            "and after",
-            "followed by",
-            "and finally",
-            "later on",
-            "once there",
-            "once you are there",
-            "when you are there",
-            "when you get there",
-            "once you get there",
-            "once you arrive",
-            "when you arrive",
-            "once done",
-            "when done",
-            "from there",
-            "on your way",
-            "along the way",
-        ]
-        .iter()
-        .filter_map(|p| starts(rest, p))
-        .max()
-        {
-            out.push(Piece::default());
-            i += n;
-        } else if word == "if" {
-            // "If you see a car, fly to it": what is named is context. Elsewhere: "… if you cannot find it, look around".
-            if fresh && out.len() == 1 {
-                let end = rest.iter().position(|w| w == "," || w == "." || w == "then").unwrap_or(rest.len());
-                let mut context = vec!["if".to_owned()];
-                context.extend(rest[1..end].iter().cloned());
-                out.push(Piece { words: context, ..Piece::default() });
-                out.push(Piece::default());
-                i += end;
-            } else {
-                i += rest.iter().position(|w| w == ".").unwrap_or(rest.len());
-            }
-        } else if matches!(word, "before" | "after") || (word == "prior" && rest.get(1).is_some_and(|w| w == "to")) {
-            let skip = if word == "prior" { 2 } else { 1 };
-            let before = word != "after";
-            if fresh {
-                // "Before A, B": A is done last. "After A, B": in order.
-                let end = rest.iter().position(|w| w == "," || w == ".").unwrap_or(rest.len());
-                out.push(Piece { words: rest[skip.min(end)..end].to_vec(), first: false, last: before });
-                out.push(Piece::default());
-                i += end;
-            } else {
-                out.push(Piece { first: !before, ..Piece::default() });
-                i += skip;
-            }
-        } else if matches!(word, "," | "and" | "but") && !between && !fresh {
-            let ahead = rest
-                .iter()
-                .take_while(|w| {
-                    matches!(
-                        w.as_str(),
-                        "," | "and"
-                            | "but"
-                            | "then"
-                            | "also"
-                            | "please"
-                            | "now"
-                            | "next"
-                            | "finally"
-                            | "instead"
-                            | "just"
-                            | "lastly"
-                    )
-                })
-                .count();
-            let next = &rest[ahead..];
-            let afresh =
-                next.first().is_some_and(|w| {
-                    starts_verb(next).is_some()
-                        && !matches!(out.last().and_then(|p| p.words.last()).map(String::as_str), Some("the" | "a"))
-                        || negative(next).is_some()
-                        || ((word == "and" || word == ",") && lists(next, &out))
-                        || (word == "and" && w == "next")
-                }) || (word == "and" && rest.get(1).is_some_and(|w| w == "the") && rest.get(2).is_some_and(|w| w == "next"))
-                    || (rest[..ahead].iter().any(|w| w == "then"));
-            if afresh {
-                out.push(Piece::default());
-                i += ahead;
-            } else {
-                if let Some(piece) = out.last_mut() {
-                    piece.words.push(word.to_owned());
-                }
-                i += 1;
-            }
-        } else {
-            between |= word == "between";
-            if let Some(piece) = out.last_mut() {
-                if negative(rest).is_some() && !fresh && matches!(word, "without" | "avoiding" | "avoid") {
-                    out.push(Piece { words: vec![word.to_owned()], ..Piece::default() });
-                } else {
-                    piece.words.push(word.to_owned());
-                }
-            }
-            i += 1;
-        }
-    }
-    out.retain(|piece| piece.words.iter().any(|w| !filler(w)));
-    out
-}
-
-/// Whether "and" or a comma is followed by another target: "… and the needle", "… and to the car".
-fn lists(next: &[String], out: &[Piece]) -> bool {
-    let lead =
-        next.iter().take_while(|w| matches!(w.as_str(), "up" | "over" | "on" | "down" | "back" | "straight" | "finally")).count();
-    let next = &next[if next.get(lead).is_some_and(|w| matches!(w.as_str(), "to" | "towards")) { lead } else { 0 }..];
-    let to = next.first().is_some_and(|w| matches!(w.as_str(), "to" | "towards"));
-    let at = usize::from(to);
-    let article = next
-        .get(at)
-        .is_some_and(|w| matches!(w.as_str(), "the" | "a" | "an" | "another" | "its" | "through" | "around" | "over" | "behind"));
-    // The article must lead to a noun, and something with a verb or a noun must stand before.
-    let spoken = out.last().is_some_and(|p| p.words.iter().any(|w| !filler(w)));
-    let apposition = next.get(at + 1..).unwrap_or(&[]).iter().take_while(|w| *w != ",").any(|w| w == "one");
-    let forbidden = out.last().is_some_and(|p| negative(&p.words).is_some());
-    article && spoken && (!apposition || forbidden)
-}
-
-fn filler(word: &str) -> bool {
-    matches!(
-        word,
-        "," | "and"
-            | "but"
-            | "please"
-            | "now"
-            | "first"
-            | "also"
-            | "next"
-            | "so"
-            | "ok"
-            | "okay"
-            | "hey"
-            | "hi"
-            | "hello"
-            | "drone"
-            | "then"
-            | "just"
-            | "finally"
-            | "lastly"
-            | "well"
-            | "thanks"
-            | "instead"
-            | "firstly"
-            | "secondly"
-            | "the"
-            | "a"
-    )
-}
-
-/// Puts "A after B" and "before A, B" in the order of doing.
-fn in_order(pieces: &[Piece]) -> Vec<Vec<String>> {
-    let mut out: Vec<Vec<String>> = Vec::new();
-    let mut held: Option<Vec<String>> = None;
-    for piece in pieces {
-        if piece.last {
-            held = Some(piece.words.clone());
-            continue;
-        }
-        if piece.first && !out.is_empty() {
-            out.insert(out.len() - 1, piece.words.clone());
-        } else {
-            out.push(piece.words.clone());
-        }
-        out.extend(held.take());
-    }
-    out.extend(held);
-    out
-}
-
 /// Words that forbid, and how many they are.
-fn negative(words: &[String]) -> Option<usize> {
+pub(super) fn negative(words: &[String]) -> Option<usize> {
     [
         "dont",
         "do not",
@@ -366,7 +169,7 @@ fn negative(words: &[String]) -> Option<usize> {
 }
 
 /// A verb that starts here: how many words, and which.
-fn starts_verb(words: &[String]) -> Option<(usize, Verb)> {
+pub(super) fn starts_verb(words: &[String]) -> Option<(usize, Verb)> {
     let first = words.first()?;
     let mut base = words.to_vec();
     base.truncate(6);
