@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """Flies every instruction of a file with several seeds, oracles and presets, and prints a table of outcomes.
 
-    python3 docs/trials/run.py target/release/spf docs/trials/twenty.txt OUT_FOLDER [SEEDS]
+    python3 docs/trials/run.py target/release/spf docs/trials/twenty.txt OUT_FOLDER [SEEDS [SCENE]]
+
+SEEDS is 5 and SCENE `city` unless given; `twenty.txt` is for the city, the others are named for their scene.
 
 One letter a flight: V reached and verified by ground truth, u believed reached but not verified, n not found, t timeout,
 C collision, a aborted, f failed, E no flight at all.
@@ -22,6 +24,7 @@ PRESETS = ["default", "paper"]
 def main() -> None:
     spf, instructions, out = sys.argv[1:4]
     seeds = range(int(sys.argv[4]) if len(sys.argv) > 4 else 5)
+    scene = sys.argv[5] if len(sys.argv) > 5 else "city"
     with open(instructions, encoding="utf-8") as file:
         texts = [line.strip() for line in file if line.strip()]
     os.makedirs(out, exist_ok=True)
@@ -32,7 +35,7 @@ def main() -> None:
         i, seed, (oracle, preset) = job
         folder = os.path.join(out, f"{i:02d}-{seed}-{oracle.replace(':', '_')}-{preset}")
         command = [spf, "fly", texts[i], "--seed", str(seed), "--vlm", oracle, "--preset", preset]
-        command += ["--no-video", "--json", "--out", folder]
+        command += ["--scene", scene, "--no-video", "--json", "--out", folder]
         run = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "RAYON_NUM_THREADS": "1"})
         try:
             return json.loads(run.stdout)
