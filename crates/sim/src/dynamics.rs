@@ -29,8 +29,6 @@ const STANDABLE: f64 = 0.5;
 /// A craft lands by itself at this charge, and does not take off below the other.
 const BATTERY_LAND: f64 = 0.05;
 const BATTERY_TAKE_OFF: f64 = 0.10;
-/// Slowest sink rate of a landing, m/s.
-const TOUCH_DOWN_SPEED: f64 = 0.3;
 /// How often a landing looks for the ground below it, ticks.
 const GROUND_LOOK: u64 = 20;
 /// Commands waiting for their dead time; more than this in flight at once drops the oldest.
@@ -247,7 +245,7 @@ impl Dynamics {
                     self.landing_floor = self.floor_below(collider);
                 }
                 let height = self.body.position.up - self.landing_floor.unwrap_or(self.launch.up);
-                Setpoint { up: -height.clamp(TOUCH_DOWN_SPEED, self.model.landing_speed), ..Setpoint::HOLD }
+                Setpoint { up: -height.clamp(self.model.touch_down_speed, self.model.landing_speed), ..Setpoint::HOLD }
             }
             _ => match self.setpoint {
                 Some((setpoint, expires)) if now < expires => setpoint,

@@ -70,6 +70,9 @@ pub struct Model {
     pub spin_up: f64,
     /// Sink rate of an automatic landing, m/s.
     pub landing_speed: f64,
+    /// Sink rate with which a landing touches down, m/s; on the way from the landing speed to this the rate in m/s is the
+    /// height in m.
+    pub touch_down_speed: f64,
     /// Spread of the speed at which a craft that holds creeps away, along each horizontal axis, m/s.
     pub creep: f64,
     /// Share of the battery used per second in the air.
@@ -144,6 +147,7 @@ impl Model {
             take_off_speed: 1.0,
             spin_up: 0.5,
             landing_speed: 1.0,
+            touch_down_speed: 0.3,
             creep: 0.0,
             drain_flying: 1.0 / 1500.0,
             drain_idle: 1.0 / 20_000.0,
@@ -162,7 +166,8 @@ impl Model {
     }
 
     /// The Tello: [`Craft::tello`], 9° of tilt (slow mode), whose balance with drag at the manual's 4 m/s gives the drag;
-    /// climbs and sinks by itself at 0.5 m/s; drains 0.13 % a second in the air. The heading wanders by 2° and the hover
+    /// spins up for 1 s (a take-off then lasts the 3.9 s of a published log), climbs and sinks by itself at 0.5 m/s, down to
+    /// the ground; drains 0.13 % a second in the air. The heading wanders by 2° and the hover
     /// creeps at 2 cm/s, which over its time constant of 5 s is the 5–10 cm seen over textured floors.
     #[must_use]
     pub fn tello() -> Self {
@@ -180,8 +185,9 @@ impl Model {
             drag: GRAVITY * libm::tan(max_tilt) / 4.0,
             wind_lag: 1.0,
             take_off_speed: 0.5,
-            spin_up: 0.5,
+            spin_up: 1.0,
             landing_speed: 0.5,
+            touch_down_speed: 0.5,
             creep: 0.02,
             drain_flying: 0.0013,
             drain_idle: 0.0003,
