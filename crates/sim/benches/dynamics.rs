@@ -58,7 +58,7 @@ fn city() -> SceneGeometry {
     }
     let one = Vec3::ONE;
     let light = Light { to_sun: Vec3::Z, sun: one, sky_ambient: one, ground_ambient: one, zenith: one, horizon: one, haze: 0.0 };
-    SceneGeometry { parts, materials: Vec::new(), light }
+    SceneGeometry { parts, materials: Vec::new(), textures: Vec::new(), light }
 }
 
 fn collider() -> Arc<Collider> {

@@ -4,6 +4,8 @@
 
 use glam::{Vec2, Vec3};
 
+use crate::texture::Texture;
+
 /// A corner of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vertex {
@@ -11,7 +13,8 @@ pub struct Vertex {
     pub position: Vec3,
     /// Unit normal, outwards.
     pub normal: Vec3,
-    /// Texture coordinates, **metres** along the surface, so that a brick is a brick on every wall.
+    /// Texture coordinates: **metres** along the surface, so that a brick is a brick on every wall; for [`Pattern::Image`] one unit
+    /// a repetition, v down from the picture's top.
     pub uv: Vec2,
 }
 
@@ -59,7 +62,7 @@ pub struct Material {
     pub emission: Vec3,
 }
 
-/// Procedural patterns over the metric texture coordinates.
+/// Patterns over the texture coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pattern {
     /// One colour.
@@ -97,6 +100,13 @@ pub enum Pattern {
         /// Period, metres.
         period: f32,
     },
+    /// A picture, its light multiplied by the base colour.
+    Image {
+        /// Index into [`SceneGeometry::textures`]; one that is not there is white.
+        texture: u16,
+        /// Share of a mirror, 0..=1.
+        mirror: f32,
+    },
 }
 
 /// Light of a scene.
@@ -125,6 +135,8 @@ pub struct SceneGeometry {
     pub parts: Vec<Part>,
     /// Surfaces.
     pub materials: Vec<Material>,
+    /// Pictures that materials name.
+    pub textures: Vec<Texture>,
     /// Light.
     pub light: Light,
 }

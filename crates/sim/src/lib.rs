@@ -15,4 +15,5 @@ pub mod oracle;
 pub mod render;
 pub mod scene;
 pub mod senses;
+pub mod texture;
 pub mod wind;

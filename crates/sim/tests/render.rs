@@ -3,11 +3,12 @@
 
 mod yard;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
-use spf_sim::geometry::{Role, SceneGeometry};
+use spf_sim::geometry::{Pattern, Role, SceneGeometry};
 use spf_sim::render::{Channels, Picture, Renderer};
+use spf_sim::texture::Texture;
 
 fn pose(east: f64, north: f64, up: f64, heading_deg: f64) -> Pose {
     let attitude = Attitude { heading: heading_deg.to_radians(), ..Attitude::default() };
@@ -50,6 +51,35 @@ fn a_wall_is_where_it_stands_and_as_far() {
         }
     }
     assert_eq!(ids.iter().filter(|&&id| id == 9).count(), 96 * 48);
+}
+
+#[test]
+fn a_picture_hangs_upright_and_repeats() {
+    let mut scene = yard::empty();
+    // Red over green, left over right: red, white / green, black. Facing south, 8 m square, two repetitions across, one up.
+    let rgb = [[200, 10, 10], [230, 230, 230], [10, 160, 10], [5, 5, 5]].concat();
+    scene.geometry.textures.push(Texture::from_srgb(2, 2, &rgb).unwrap());
+    let picture = Pattern::Image { texture: 0, mirror: 0.0 };
+    scene.geometry.materials[9].pattern = picture;
+    scene.geometry.materials[9].colour = Vec3::ONE;
+    let corners = [(-4.0, 0.0), (4.0, 0.0), (4.0, 8.0), (-4.0, 8.0)].map(|(x, z)| Vec3::new(x, 10.0, z));
+    scene.add_quad(corners, 9, 2);
+    let wall = scene.geometry.parts.last_mut().unwrap();
+    for (vertex, uv) in wall.vertices.iter_mut().zip([(0.0, 1.0), (2.0, 1.0), (2.0, 0.0), (0.0, 0.0)]) {
+        vertex.uv = Vec2::from(uv);
+    }
+    let seen = Renderer::new(&scene.geometry).render(&level(), &pose(0.0, 0.0, 4.0, 0.0), Channels::RGB).rgb.unwrap();
+    // Where the wall's (x, z) is in the picture: 480 pixels a metre at 1 m, 10 m away.
+    let at = |x: f64, z: f64| {
+        let i = ((360.0 - (z - 4.0) * 48.0) as usize * 960 + (480.0 + x * 48.0) as usize) * 3;
+        [seen[i], seen[i + 1], seen[i + 2]]
+    };
+    for left in [-4.0, 0.0] {
+        let [red, white, green, black] = [(1.0, 6.0), (3.0, 6.0), (1.0, 2.0), (3.0, 2.0)].map(|(x, z)| at(left + x, z));
+        assert!(red[0] > 2 * red[1] && red[0] > 2 * red[2], "{red:?}");
+        assert!(green[1] > 2 * green[0] && green[1] > 2 * green[2], "{green:?}");
+        assert!(white.iter().all(|&c| c > 120) && black.iter().all(|&c| c < 60), "{white:?} {black:?}");
+    }
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod setup;
 mod shade;
 mod shadow;
 mod sky;
+mod texture;
 mod tile;
 mod view;
 
@@ -25,6 +26,7 @@ use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 
 use crate::geometry::{Light, Material, Part, SceneGeometry};
+use crate::texture::Texture;
 use ambient::Ambient;
 use noise::{Decay, Developed, Noise, Srgb};
 pub use picture::{Picture, SaveError};
@@ -80,6 +82,7 @@ struct Palette {
 pub struct Renderer {
     soup: Soup,
     materials: Vec<Material>,
+    textures: Vec<Texture>,
     light: Light,
     palette: OnceLock<Palette>,
     scratch: Mutex<Vec<Scratch>>,
@@ -104,6 +107,7 @@ impl Renderer {
         Self {
             soup: Soup::new(&scene.parts, &scene.materials),
             materials: scene.materials.clone(),
+            textures: scene.textures.clone(),
             light: scene.light.clone(),
             palette: OnceLock::new(),
             scratch: Mutex::default(),
@@ -180,7 +184,7 @@ impl Renderer {
         }
         if channels.rgb {
             let palette = self.palette();
-            let shader = Shader::new(&self.soup, actors, &self.materials, palette, view);
+            let shader = Shader::new(&self.soup, actors, (&self.materials, &self.textures), palette, view);
             scratch.rgb.resize(area * 3, 0);
             let samples = tile::Samples { near: &scratch.near, id: &scratch.id, columns };
             let bins = &scratch.solid;

@@ -126,6 +126,8 @@ impl Surface {
                     ..Self::matt(mix(base, accent, 0.3))
                 }
             }
+            // The picture itself is laid over it by the shader, which knows the textures.
+            Pattern::Image { mirror, .. } => Self { mirror, ..Self::matt(base) },
             Pattern::Stripes { .. } => {
                 let share = pulse(v * paint.cells.y, foot.y * paint.cells.y, 0.5);
                 Self::matt(mix(base, accent, share) * (1.0 + 0.03 * noise.faded(u, v, 1.0 / 0.9, wide)))

@@ -9,8 +9,10 @@ use super::pattern::{Paint, Surface};
 use super::prepare::{Soup, Triangle};
 use super::raster::NONE;
 use super::shadow::Receiver;
+use super::texture;
 use super::view::View;
 use crate::geometry::{Material, Pattern};
+use crate::texture::Texture;
 
 /// Shades pixels of one picture.
 pub(crate) struct Shader<'a> {
@@ -18,6 +20,7 @@ pub(crate) struct Shader<'a> {
     /// Triangles that this picture alone has; their ids follow the scene's.
     pub(super) actors: &'a Soup,
     pub(super) materials: &'a [Material],
+    textures: &'a [Texture],
     pub(super) palette: &'a Palette,
     pub(super) view: &'a View,
     /// Steps of the ray for a pixel right and a pixel down.
@@ -84,9 +87,15 @@ impl Facets {
 }
 
 impl<'a> Shader<'a> {
-    pub(super) fn new(soup: &'a Soup, actors: &'a Soup, materials: &'a [Material], palette: &'a Palette, view: &'a View) -> Self {
+    pub(super) fn new(
+        soup: &'a Soup,
+        actors: &'a Soup,
+        (materials, textures): (&'a [Material], &'a [Texture]),
+        palette: &'a Palette,
+        view: &'a View,
+    ) -> Self {
         let (right, down) = (view.right / view.fx, view.down / view.fy);
-        Self { soup, actors, materials, palette, view, right, down }
+        Self { soup, actors, materials, textures, palette, view, right, down }
     }
 
     fn triangle(&self, id: u32) -> (&Soup, &Triangle) {
@@ -196,7 +205,13 @@ impl<'a> Shader<'a> {
         let (dx, dy) = (facet.right * z - off * (facet.slant_right * z), facet.down * z - off * (facet.slant_down * z));
         let (dx, dy) = (dx.abs(), dy.abs());
         let foot = dx.max(dy) + dx.min(dy) * 0.35;
-        let surface = Surface::new(&facet.paint, facet.eye + off, foot, &self.palette.noise);
+        let uv = facet.eye + off;
+        let mut surface = Surface::new(&facet.paint, uv, foot, &self.palette.noise);
+        if let Pattern::Image { texture, .. } = facet.paint.pattern
+            && let Some(picture) = self.textures.get(usize::from(texture))
+        {
+            surface.albedo *= texture::sample(picture, uv, foot);
+        }
         let mut normal = facet.flat;
         let (direct, ambient) = if facet.smooth == 0 && surface.bump == Vec2::ZERO {
             facet.flat_light

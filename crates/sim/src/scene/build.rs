@@ -93,7 +93,7 @@ pub(super) fn build(raw: &RawScene, expanded: Expanded, source: &Source<'_>) -> 
         start: start(raw, &bounds, source)?,
         bounds,
         objects,
-        geometry: SceneGeometry { parts, materials: materials.list, light: light(&raw.light, source)? },
+        geometry: SceneGeometry { parts, materials: materials.list, textures: Vec::new(), light: light(&raw.light, source)? },
     })
 }
 

@@ -47,7 +47,7 @@ pub(crate) fn geometry(parts: Vec<Part>) -> SceneGeometry {
         horizon: Vec3::ONE,
         haze: 0.0,
     };
-    SceneGeometry { parts, materials: Vec::new(), light }
+    SceneGeometry { parts, materials: Vec::new(), textures: Vec::new(), light }
 }
 
 pub(crate) fn scene() -> Arc<Collider> {

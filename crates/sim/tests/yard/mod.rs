@@ -43,7 +43,7 @@ pub fn empty() -> Yard {
         horizon: Vec3::new(0.75, 0.85, 0.95),
         haze: 0.0012,
     };
-    let mut yard = Yard { geometry: SceneGeometry { parts: Vec::new(), materials, light } };
+    let mut yard = Yard { geometry: SceneGeometry { parts: Vec::new(), materials, textures: Vec::new(), light } };
     yard.add_quad(
         [(-2000.0, -2000.0, 0.0), (2000.0, -2000.0, 0.0), (2000.0, 2000.0, 0.0), (-2000.0, 2000.0, 0.0)].map(Vec3::from),
         0,
