@@ -1,9 +1,10 @@
 //! JPEG: encoded once, shared by everybody who sends or stores the picture.
 
+use std::io::Cursor;
 use std::sync::Arc;
 
 use image::codecs::jpeg::JpegEncoder;
-use image::{ExtendedColorType, ImageEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageFormat, ImageReader, Limits};
 
 use crate::frame::Rgb;
 
@@ -24,6 +25,28 @@ pub enum EncodeError {
         #[source]
         source: image::ImageError,
     },
+}
+
+/// Longest side of a picture that is decoded, pixels.
+const LONGEST_SIDE: u32 = 8192;
+
+/// Why a JPEG could not be decoded.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot decode the JPEG: it is damaged, or a side is longer than {LONGEST_SIDE} pixels")]
+pub struct DecodeError(#[from] image::ImageError);
+
+/// Decodes a JPEG file of at most 8192 pixels a side; grey becomes colour.
+///
+/// # Errors
+/// [`DecodeError`] if it is damaged or too large. Memory is bounded by the largest picture.
+pub fn decode(bytes: &[u8]) -> Result<Rgb, DecodeError> {
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Jpeg);
+    let mut limits = Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(LONGEST_SIDE), Some(LONGEST_SIDE));
+    reader.limits(limits);
+    let picture = reader.decode()?.into_rgb8();
+    let (width, height) = picture.dimensions();
+    Ok(Rgb::from_raw(width, height, picture.into_raw()).unwrap_or_else(|_| Rgb::new(width, height)))
 }
 
 /// A JPEG picture. Cloning shares the bytes.
@@ -86,11 +109,23 @@ mod tests {
     #[test]
     fn what_is_encoded_decodes_to_nearly_the_same() {
         let jpeg = Jpeg::encode(&Rgb::filled(33, 17, [200, 40, 90]), 90).unwrap();
-        let back = image::load_from_memory(jpeg.bytes()).unwrap().to_rgb8();
+        let back = decode(jpeg.bytes()).unwrap();
         assert_eq!((back.width(), back.height()), (33, 17));
-        for (got, want) in back.get_pixel(16, 8).0.iter().zip([200, 40, 90_u8]) {
+        for (got, want) in back.pixel(16, 8).unwrap().iter().zip([200, 40, 90_u8]) {
             assert!(got.abs_diff(want) <= 3, "{got} {want}");
         }
+    }
+
+    #[test]
+    fn damage_is_an_error() {
+        let bytes = Jpeg::encode(&Rgb::filled(64, 64, [200, 40, 90]), 90).unwrap();
+        assert!(decode(&bytes.bytes()[..100]).is_err());
+        assert!(decode(b"no picture").is_err());
+        // The size in the frame header (SOF0) said to be 60000 wide.
+        let mut large = bytes.bytes().to_vec();
+        let header = large.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
+        large[header + 7..header + 9].copy_from_slice(&60_000_u16.to_be_bytes());
+        assert!(decode(&large).is_err());
     }
 
     #[test]

@@ -6,6 +6,7 @@ mod body;
 pub mod collide;
 pub mod craft;
 pub mod dynamics;
+pub mod effects;
 pub mod frame_clock;
 pub mod geometry;
 mod mesh;

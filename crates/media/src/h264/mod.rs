@@ -1,7 +1,9 @@
-//! H.264: encoding, and cutting a byte stream into NAL units.
+//! H.264: encoding, decoding, and cutting a byte stream into NAL units.
 
+pub mod decode;
 pub mod encode;
 pub mod split;
 
+pub use decode::{Decoder, DecoderError};
 pub use encode::{AccessUnit, Encoder, EncoderError, EncoderSettings};
 pub use split::{NalKind, nal_units};

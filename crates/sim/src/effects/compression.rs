@@ -1,0 +1,120 @@
+//! The compressed link: a picture encoded and decoded again, by real codecs.
+
+use spf_core::time::Time;
+use spf_media::frame::Rgb;
+use spf_media::h264::{Decoder, Encoder, EncoderSettings};
+use spf_media::jpeg::{self, Jpeg};
+
+/// How pictures are compressed on their way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Compression {
+    /// JPEG of this quality, 1..=100.
+    Jpeg(u8),
+    /// A key picture of an H.264 stream with this quantiser, 10 (nearly lossless) ..= 40 (coarse).
+    H264(u8),
+}
+
+impl Compression {
+    /// The picture after the way. A picture that the codec does not hold stays as it is: those of less than 16 or more than 3840
+    /// pixels a side, of H.264.
+    pub(super) fn round_trip(self, picture: Rgb) -> Rgb {
+        let back = match self {
+            Self::Jpeg(quality) => Jpeg::encode(&picture, quality).ok().and_then(|jpeg| jpeg::decode(jpeg.bytes()).ok()),
+            Self::H264(quantiser) => key_picture(&picture, quantiser),
+        };
+        back.unwrap_or(picture)
+    }
+}
+
+impl std::fmt::Display for Compression {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Jpeg(quality) => write!(f, "jpeg:{quality}"),
+            Self::H264(quantiser) => write!(f, "h264:{quantiser}"),
+        }
+    }
+}
+
+/// Through an encoder and a decoder of its own, so that a picture does not depend on those before it.
+fn key_picture(picture: &Rgb, quantiser: u8) -> Option<Rgb> {
+    let (width, height) = (picture.width(), picture.height());
+    let even = padded(picture);
+    let settings = EncoderSettings { quantiser, ..EncoderSettings::for_size(even.width(), even.height(), 30.0) };
+    let unit = Encoder::new(settings).ok()?.encode(Time::ZERO, &even).ok()?;
+    let back = Decoder::new().ok()?.decode(&unit.annex_b).ok()??;
+    Some(cut(&back, width, height))
+}
+
+/// With even sides: the last column and row stand twice where they are odd, for 4:2:0 video has no odd sides.
+fn padded(picture: &Rgb) -> Rgb {
+    let (width, height) = (picture.width(), picture.height());
+    fitted(picture, width.next_multiple_of(2), height.next_multiple_of(2))
+}
+
+fn cut(picture: &Rgb, width: u32, height: u32) -> Rgb {
+    fitted(picture, width, height)
+}
+
+/// The upper left part of that size; beyond the picture its last pixels are repeated.
+fn fitted(picture: &Rgb, width: u32, height: u32) -> Rgb {
+    let mut out = Rgb::new(width, height);
+    for y in 0..height {
+        for x in 0..width {
+            let nearest = picture.pixel(x.min(picture.width().saturating_sub(1)), y.min(picture.height().saturating_sub(1)));
+            out.set_pixel(x, y, nearest.unwrap_or_default());
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Stripes of several widths and colours.
+    fn picture(width: u32, height: u32) -> Rgb {
+        let mut picture = Rgb::new(width, height);
+        for y in 0..height {
+            for x in 0..width {
+                picture.set_pixel(x, y, [(x * 5) as u8, if (x / 7 + y / 5) % 2 == 0 { 200 } else { 40 }, (y * 3) as u8]);
+            }
+        }
+        picture
+    }
+
+    fn error(compression: Compression, picture: &Rgb) -> f64 {
+        let back = compression.round_trip(picture.clone());
+        assert_eq!((back.width(), back.height()), (picture.width(), picture.height()));
+        let squares = back.data().iter().zip(picture.data()).map(|(a, b)| f64::from(a.abs_diff(*b)));
+        squares.map(|d| d * d).sum::<f64>() / picture.data().len() as f64
+    }
+
+    #[test]
+    fn coarser_is_worse_and_never_perfect() {
+        let picture = picture(97, 64);
+        for errors in [
+            [95, 60, 20, 5].map(|quality| error(Compression::Jpeg(quality), &picture)),
+            [12, 24, 32, 40].map(|quantiser| error(Compression::H264(quantiser), &picture)),
+        ] {
+            assert!(errors[0] > 0.0 && errors.is_sorted_by(|fine, coarse| fine < coarse), "{errors:?}");
+        }
+        // The chroma of either is halved both ways, which alone costs this picture some; luma is nearly kept.
+        assert!(error(Compression::H264(12), &picture) < 1000.0);
+    }
+
+    #[test]
+    fn a_plain_picture_comes_back_plain() {
+        for compression in [Compression::Jpeg(50), Compression::H264(16)] {
+            let back = compression.round_trip(Rgb::filled(33, 17, [90, 140, 60]));
+            assert_eq!((back.width(), back.height()), (33, 17));
+            for pixel in back.data().chunks_exact(3) {
+                assert!(pixel.iter().zip([90, 140, 60_u8]).all(|(a, b)| a.abs_diff(b) <= 6), "{compression:?} {pixel:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_codec_does_not_hold_stays() {
+        assert_eq!(Compression::H264(30).round_trip(picture(8, 8)), picture(8, 8));
+    }
+}
