@@ -215,6 +215,30 @@ fn a_small_scene_loads_with_pose_heading_and_place() {
 }
 
 #[test]
+fn a_scene_says_what_it_shows_and_from_where() {
+    let say = |line: &str| format!("{HEAD}{line}\n{TREE}");
+    let plain = Scene::parse(&say(""), "test.toml").unwrap();
+    // Without a word: from the start, at the height that the quad takes off to.
+    assert_eq!((plain.description.as_str(), plain.preview.position.up), ("", plain.start.position.up + 3.0));
+    let scene = Scene::parse(&say("description = \"A tree\"\npreview = \"-5,4,3,60,-10\""), "test.toml").unwrap();
+    let (east, pitch) = (scene.preview.position.east, scene.preview.attitude.pitch);
+    assert_eq!((scene.description.as_str(), east, pitch), ("A tree", -5.0, (-10.0f64).to_radians()));
+    assert!(refused(&say("preview = \"-51,4,3,60\"")).starts_with("test.toml:8: the preview lies outside `bounds`"));
+    assert!(refused(&say("description = \"two\\nlines\"")).starts_with("test.toml:8: a scene's description is one line"));
+    assert!(refused(&say(&format!("description = \"{}\"", "long".repeat(31)))).contains("at most 120 characters"));
+}
+
+#[test]
+fn the_built_in_scenes_are_made_of_many_kinds_of_mesh() {
+    let kinds = Scene::mesh_kinds();
+    let scenes: Vec<Scene> = Scene::built_in().into_iter().map(|name| Scene::load(name).unwrap()).collect();
+    let used: BTreeSet<&str> = scenes.iter().flat_map(|scene| &scene.objects).map(|object| object.mesh).collect();
+    assert!(used.iter().all(|kind| kinds.contains(kind)), "{used:?}");
+    assert!(used.len() >= 25, "{} kinds stand in a scene: {used:?}", used.len());
+    assert!(scenes.iter().all(|scene| !scene.description.is_empty()));
+}
+
+#[test]
 fn headings_turn_clockwise() {
     let slab = r#"
 [[objects]]

@@ -13,6 +13,7 @@ use super::surface::palette;
 use super::{Aabb, Object, Scene};
 use crate::geometry::{Light, Material, ObjectId, Part, Pattern, Role, SceneGeometry, Vertex};
 use crate::mesh::{Sketch, convex_hull};
+use crate::model::{CraftKind, Model};
 
 /// Most triangles of a scene: what a laptop still renders at several pictures a second.
 const MAX_TRIANGLES: usize = 500_000;
@@ -85,12 +86,16 @@ pub(super) fn build(raw: &RawScene, expanded: Expanded, source: &Source<'_>) -> 
         objects.push(object(placed, id, &ids, &parts[first..], &sketch, &to_world, source)?);
     }
     let bounds = bounds(raw, source)?;
+    let start = pose(&raw.start, "start", &bounds, source)?;
+    let preview = raw.preview.as_ref().map(|text| pose(text, "preview", &bounds, source)).transpose()?;
     Ok(Scene {
         name: checked_name(raw, source)?,
+        description: description(raw, source)?,
         near: radius(&raw.near_m, "near_m", source)?,
         success_radius: radius(&raw.success_radius_m, "success_radius_m", source)?,
         default_craft: raw.craft,
-        start: start(raw, &bounds, source)?,
+        preview: preview.unwrap_or_else(|| above(start, raw.craft)),
+        start,
         bounds,
         objects,
         geometry: SceneGeometry { parts, materials: materials.list, textures: Vec::new(), light: light(&raw.light, source)? },
@@ -179,7 +184,7 @@ fn object(
         tags.opening_of = Some(*id);
     }
     let opening = !parts.is_empty() && parts.iter().all(|p| p.role == Role::Opening);
-    Ok(Object { id, key: placed.key.clone(), tags, opening, bounds, outline })
+    Ok(Object { id, key: placed.key.clone(), tags, mesh: placed.mesh_kind, opening, bounds, outline })
 }
 
 fn checked_name(raw: &RawScene, source: &Source<'_>) -> Result<String, SceneError> {
@@ -188,6 +193,15 @@ fn checked_name(raw: &RawScene, source: &Source<'_>) -> Result<String, SceneErro
         return Err(source.error(&raw.name.span(), "a scene's name has 1 to 60 characters", None));
     }
     Ok(name.clone())
+}
+
+/// One line for lists of scenes.
+fn description(raw: &RawScene, source: &Source<'_>) -> Result<String, SceneError> {
+    let Some(text) = &raw.description else { return Ok(String::new()) };
+    if text.get_ref().chars().count() > 120 || text.get_ref().chars().any(char::is_control) {
+        return Err(source.error(&text.span(), "a scene's description is one line of at most 120 characters", None));
+    }
+    Ok(text.get_ref().clone())
 }
 
 fn radius(value: &toml::Spanned<f64>, key: &str, source: &Source<'_>) -> Result<f64, SceneError> {
@@ -210,19 +224,25 @@ fn bounds(raw: &RawScene, source: &Source<'_>) -> Result<Aabb, SceneError> {
     Ok(Aabb { min: corner(0), max: corner(1) })
 }
 
+/// The craft's view at take-off height; from the ground one sees mostly ground.
+fn above(start: Pose, craft: CraftKind) -> Pose {
+    let up = start.position.up + Model::of(craft).craft.take_off_height;
+    Pose { position: EnuPosition { up, ..start.position }, ..start }
+}
+
 /// A pose written `east,north,up,heading_deg[,pitch_deg]` (DESIGN.md section 7).
-fn start(raw: &RawScene, bounds: &Aabb, source: &Source<'_>) -> Result<Pose, SceneError> {
-    let at = raw.start.span();
-    let hint = || Some("write `start = \"east,north,up,heading_deg\"`".to_owned());
+fn pose(text: &toml::Spanned<String>, key: &str, bounds: &Aabb, source: &Source<'_>) -> Result<Pose, SceneError> {
+    let at = text.span();
+    let hint = || Some(format!("write `{key} = \"east,north,up,heading_deg\"`"));
     let numbers: Option<Vec<f64>> =
-        raw.start.get_ref().split(',').map(|n| n.trim().parse::<f64>().ok().filter(|v| v.abs() <= 2000.0)).collect();
+        text.get_ref().split(',').map(|n| n.trim().parse::<f64>().ok().filter(|v| v.abs() <= 2000.0)).collect();
     let (position, heading, pitch) = match numbers.as_deref() {
         Some(&[east, north, up, heading]) => (EnuPosition { east, north, up }, heading, 0.0),
         Some(&[east, north, up, heading, pitch]) => (EnuPosition { east, north, up }, heading, pitch),
-        _ => return Err(source.error(&at, format!("`{}` is no pose", raw.start.get_ref()), hint())),
+        _ => return Err(source.error(&at, format!("`{}` is no pose", text.get_ref()), hint())),
     };
     if !bounds.contains(position) {
-        return Err(source.error(&at, "the start lies outside `bounds`", hint()));
+        return Err(source.error(&at, format!("the {key} lies outside `bounds`"), hint()));
     }
     let attitude = Attitude { heading: wrap_angle(heading.to_radians()), pitch: wrap_angle(pitch.to_radians()), roll: 0.0 };
     Ok(Pose { position, attitude })

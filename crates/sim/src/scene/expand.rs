@@ -26,6 +26,8 @@ pub(super) struct Placed {
     pub(super) opening_of: Option<(String, Range<usize>)>,
     /// Index into the generators.
     pub(super) mesh: usize,
+    /// Kind of that generator.
+    pub(super) mesh_kind: &'static str,
     /// Slot and material, with the place in the text.
     pub(super) materials: Vec<(String, String, Range<usize>)>,
     /// East, north, up, metres.
@@ -58,8 +60,9 @@ pub(super) fn expand(raw: &RawScene, source: &Source<'_>) -> Result<Expanded, Sc
         let tags = tags(&merged, &span, source)?;
         let materials: Vec<_> =
             merged.materials.iter().map(|(slot, name)| (slot.clone(), name.get_ref().clone(), name.span())).collect();
-        out.meshes.push(generator(&merged, &span, source)?);
-        check_opening(&merged, out.meshes[out.meshes.len() - 1].as_ref(), &span, source)?;
+        let (mesh_kind, mesh) = generator(&merged, &span, source)?;
+        check_opening(&merged, mesh.as_ref(), &span, source)?;
+        out.meshes.push(mesh);
         let places = places(&merged, &span, source)?;
         let single = merged.places.is_none() && merged.repeat.is_none();
         for (i, (position, heading_deg)) in places.into_iter().enumerate() {
@@ -76,6 +79,7 @@ pub(super) fn expand(raw: &RawScene, source: &Source<'_>) -> Result<Expanded, Sc
                 tags: tags.clone(),
                 opening_of: merged.opening_of.as_ref().map(|o| (o.get_ref().clone(), o.span())),
                 mesh: out.meshes.len() - 1,
+                mesh_kind,
                 materials: materials.clone(),
                 position,
                 heading_deg,
@@ -150,7 +154,12 @@ fn tags(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<
     Ok(tags)
 }
 
-fn generator(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<Box<dyn Generator>, SceneError> {
+/// The kind of an object's mesh, and what draws it.
+fn generator(
+    object: &RawObject,
+    span: &Range<usize>,
+    source: &Source<'_>,
+) -> Result<(&'static str, Box<dyn Generator>), SceneError> {
     let Some(mesh) = &object.mesh else {
         let hint = "write `mesh = { kind = \"tree\", style = \"conifer\", height = 9.0 }`".to_owned();
         return Err(source.error(span, "an object has no `mesh`", Some(hint)));
@@ -160,18 +169,19 @@ fn generator(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Re
     let Some(toml::Value::String(kind)) = table.remove("kind") else {
         return Err(source.error(&at, "a mesh has no `kind`", Some("write `mesh = { kind = \"tree\", … }`".to_owned())));
     };
-    let Some((_, read)) = KINDS.iter().find(|(name, _)| *name == kind) else {
+    let Some(&(kind, read)) = KINDS.iter().find(|(name, _)| *name == kind) else {
         let hint = match nearest(&kind, KINDS.iter().map(|(name, _)| *name)) {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("kinds are `{}`", KINDS.iter().map(|(name, _)| *name).collect::<Vec<_>>().join("`, `")),
         };
         return Err(source.error(&at, format!("no mesh of kind `{kind}`"), Some(hint)));
     };
-    read(table).map_err(|e| {
+    let generator = read(table).map_err(|e| {
         let message = first_line(e.message());
         let hint = super::error::hint_from(&message);
         source.error(&at, format!("mesh `{kind}`: {message}"), hint)
-    })
+    })?;
+    Ok((kind, generator))
 }
 
 fn check_opening(object: &RawObject, mesh: &dyn Generator, span: &Range<usize>, source: &Source<'_>) -> Result<(), SceneError> {

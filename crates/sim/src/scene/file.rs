@@ -54,8 +54,10 @@ pub(super) struct RawScene {
     #[serde(rename = "format")]
     _format: u32,
     pub(super) name: Spanned<String>,
+    pub(super) description: Option<Spanned<String>>,
     pub(super) craft: CraftKind,
     pub(super) start: Spanned<String>,
+    pub(super) preview: Option<Spanned<String>>,
     pub(super) success_radius_m: Spanned<f64>,
     pub(super) near_m: Spanned<f64>,
     pub(super) bounds: Spanned<RawBounds>,

@@ -16,6 +16,7 @@ use spf_core::geometry::{EnuPosition, Pose};
 
 pub use self::error::SceneError;
 use crate::geometry::{ObjectId, SceneGeometry};
+use crate::mesh::KINDS;
 use crate::model::CraftKind;
 use crate::oracle::Tagged;
 
@@ -27,6 +28,8 @@ const BUILT_IN: &[(&str, &str)] = &[("city", include_str!("../../../../scenes/ci
 pub struct Scene {
     /// Name, as in the file.
     pub name: String,
+    /// What it shows, in one line for people; empty when the file says nothing.
+    pub description: String,
     /// Range at which the oracle believes a goal reached, metres: 3.0 in scenes of the simulation set, 0.8 in the real-world set.
     pub near: f64,
     /// The judge's radius about the nearest surface of the goal, metres.
@@ -35,6 +38,8 @@ pub struct Scene {
     pub default_craft: CraftKind,
     /// Where the craft stands before take-off.
     pub start: Pose,
+    /// From where the scene is best shown in one picture.
+    pub preview: Pose,
     /// Where flying makes sense; the ground may reach farther.
     pub bounds: Aabb,
     /// Everything that is seen, ids counting from 1.
@@ -52,6 +57,8 @@ pub struct Object {
     pub key: String,
     /// What people call it.
     pub tags: Tags,
+    /// Kind of its mesh, one of [`Scene::mesh_kinds`].
+    pub mesh: &'static str,
     /// Whether it is an opening, a surface that hides and touches nothing.
     pub opening: bool,
     /// Extent of its meshes.
@@ -147,6 +154,12 @@ impl Scene {
     #[must_use]
     pub fn built_in() -> Vec<&'static str> {
         BUILT_IN.iter().map(|(name, _)| *name).collect()
+    }
+
+    /// Every kind of mesh that a scene file can name, in alphabetical order.
+    #[must_use]
+    pub fn mesh_kinds() -> Vec<&'static str> {
+        KINDS.iter().map(|(name, _)| *name).collect()
     }
 
     /// The object of an id; none for 0 (nothing) and ids beyond the list.
