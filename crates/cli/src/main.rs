@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use crate::args::{Cli, Command, Config, Sim};
+use crate::args::{Cli, Command, Config};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
@@ -27,7 +27,7 @@ fn main() -> ExitCode {
         }
     };
     start_log(cli.verbose);
-    let printer = Printer::new(matches!(&cli.command, Command::Fly(fly) if fly.output.json));
+    let printer = Printer::new(cli.command.is_json());
     match run(&cli, printer) {
         Ok(exit) => exit.into(),
         Err(error) => {
@@ -40,7 +40,7 @@ fn main() -> ExitCode {
 fn run(cli: &Cli, printer: Printer) -> Result<Exit, CliError> {
     match &cli.command {
         Command::Fly(args) => commands::fly::fly(args, printer),
-        Command::Sim(Sim::Render(args)) => commands::sim::render(args, &printer),
+        Command::Sim(command) => commands::sim::sim(command, &printer),
         Command::Config(Config::Show { config }) => commands::config::show(config.as_deref(), &printer),
     }
 }

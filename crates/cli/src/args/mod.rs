@@ -3,9 +3,13 @@
 //! Doc comments here are help texts for a terminal.
 #![allow(rustdoc::broken_intra_doc_links, reason = "`heading_deg[,pitch_deg]` is no link")]
 
+mod sim;
+
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
+
+pub(crate) use sim::{Render, Scenes, Sim};
 
 /// See, Point, Fly: tell a drone in plain words where to go.
 ///
@@ -36,12 +40,23 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Fly an instruction in plain words
     Fly(Box<Fly>),
-    /// The embedded simulator: pictures of its scenes
+    /// The embedded simulator: its scenes and pictures of them
     #[command(subcommand)]
     Sim(Sim),
     /// The configuration in force, and where each value came from
     #[command(subcommand)]
     Config(Config),
+}
+
+impl Command {
+    /// Whether standard output is for one JSON object alone.
+    pub(crate) fn is_json(&self) -> bool {
+        match self {
+            Self::Fly(fly) => fly.output.json,
+            Self::Sim(Sim::Scenes(scenes)) => scenes.json,
+            Self::Sim(_) | Self::Config(_) => false,
+        }
+    }
 }
 
 /// Flies a simulated drone by language and leaves the evidence in a folder.
@@ -155,43 +170,6 @@ pub(crate) struct OutputArgs {
     /// Read this configuration file instead of ./spf.toml
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-}
-
-#[derive(Debug, Subcommand)]
-pub(crate) enum Sim {
-    /// Draw a scene from a pose into a PNG
-    Render(Render),
-}
-
-/// Draws what the simulated camera sees.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Example:
-  spf sim render city --pose 0,0,3,0 -o x.png --depth depth.png --ids ids.png
-
-Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). Ids are a 16-bit PNG; a JSON legend of \
-the same name is written beside it.")]
-pub(crate) struct Render {
-    /// Scene: a built-in name or a scene file
-    pub(crate) scene: String,
-    /// Camera pose: east,north,up,heading_deg[,pitch_deg] [default: the scene's start, at take-off height]
-    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
-    pub(crate) pose: Option<String>,
-    /// The picture to write
-    #[arg(short, long, value_name = "FILE")]
-    pub(crate) output: PathBuf,
-    /// Write the depth picture too
-    #[arg(long, value_name = "FILE")]
-    pub(crate) depth: Option<PathBuf>,
-    /// Write the id picture and its legend too
-    #[arg(long, value_name = "FILE")]
-    pub(crate) ids: Option<PathBuf>,
-    /// Picture size, WIDTHxHEIGHT [default: the camera's, 960x720]
-    #[arg(long, value_name = "WxH")]
-    pub(crate) size: Option<String>,
-    /// Camera of this craft: quad or tello [default: the scene's]
-    #[arg(long, value_name = "MODEL")]
-    pub(crate) drone_model: Option<String>,
 }
 
 #[derive(Debug, Subcommand)]

@@ -9,6 +9,7 @@ mod flights;
 mod harness;
 mod json;
 mod operator;
+mod scenes;
 mod video;
 mod words;
 

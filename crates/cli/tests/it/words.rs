@@ -25,6 +25,11 @@ fn help_of_sim_render() {
 }
 
 #[test]
+fn help_of_sim_scenes() {
+    insta::assert_snapshot!(help(&["sim", "scenes", "--help"]));
+}
+
+#[test]
 fn version() {
     assert_eq!(help(&["--version"]), concat!("spf ", env!("CARGO_PKG_VERSION"), "\n"));
 }

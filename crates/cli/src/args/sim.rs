@@ -1,0 +1,66 @@
+//! What can be typed after `spf sim`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Sim {
+    /// Draw a scene from a pose into a PNG
+    Render(Render),
+    /// List scenes and what is in them
+    Scenes(Scenes),
+}
+
+/// Draws what the simulated camera sees.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  spf sim render city --pose 0,0,3,0 -o x.png --depth depth.png --ids ids.png
+
+Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). Ids are a 16-bit PNG; a JSON legend of \
+the same name is written beside it.")]
+pub(crate) struct Render {
+    /// Scene: a built-in name or a scene file
+    pub(crate) scene: String,
+    /// Camera pose: east,north,up,heading_deg[,pitch_deg] [default: the scene's start, at take-off height]
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    pub(crate) pose: Option<String>,
+    /// The picture to write
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// Write the depth picture too
+    #[arg(long, value_name = "FILE")]
+    pub(crate) depth: Option<PathBuf>,
+    /// Write the id picture and its legend too
+    #[arg(long, value_name = "FILE")]
+    pub(crate) ids: Option<PathBuf>,
+    /// Picture size, WIDTHxHEIGHT [default: the camera's, 960x720]
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<String>,
+    /// Camera of this craft: quad or tello [default: the scene's]
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) drone_model: Option<String>,
+}
+
+/// Lists scenes: what they show, how large they are, what is in them.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf sim scenes
+  spf sim scenes --stats --pictures previews
+  spf sim scenes city my/yard.toml --json | jq '.scenes[].tags'")]
+pub(crate) struct Scenes {
+    /// Only these: built-in names or scene files [default: all built-in scenes]
+    #[arg(value_name = "SCENE")]
+    pub(crate) scenes: Vec<String>,
+    /// Meshes, triangles, materials, tags, loading time and memory too
+    #[arg(long)]
+    pub(crate) stats: bool,
+    /// Draw a picture of each scene into this folder, and print the paths
+    #[arg(long, value_name = "DIR")]
+    pub(crate) pictures: Option<PathBuf>,
+    /// Print one JSON object on standard output, and nothing else there
+    #[arg(long)]
+    pub(crate) json: bool,
+}

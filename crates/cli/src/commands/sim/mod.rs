@@ -1,0 +1,96 @@
+//! `spf sim`: the embedded simulator by itself.
+
+mod render;
+mod scenes;
+
+use std::io::ErrorKind;
+use std::path::Path;
+
+use spf_core::geometry::Pose;
+use spf_media::{frame::Rgb, png};
+use spf_sim::model::{CraftKind, Model};
+use spf_sim::render::Picture;
+
+use crate::args::Sim;
+use crate::error::{CliError, nearest};
+use crate::exit::Exit;
+use crate::printer::Printer;
+
+/// Sides of a picture, pixels.
+const SIZES: std::ops::RangeInclusive<u32> = 16..=8192;
+
+/// Runs one of the simulator's own commands.
+pub(crate) fn sim(command: &Sim, printer: &Printer) -> Result<Exit, CliError> {
+    match command {
+        Sim::Render(args) => render::render(args, printer),
+        Sim::Scenes(args) => scenes::scenes(args, printer),
+    }
+}
+
+/// The start is on the ground; a picture from there shows mostly ground.
+pub(super) fn above_start(mut start: Pose, kind: CraftKind) -> Pose {
+    start.position.up += Model::of(kind).craft.take_off_height;
+    start
+}
+
+/// The colour picture as a PNG file.
+pub(super) fn colour(picture: &Picture) -> Result<Vec<u8>, CliError> {
+    let data = picture.rgb.clone().unwrap_or_default();
+    let rgb = Rgb::from_raw(picture.width, picture.height, data)
+        .map_err(|error| CliError::internal("no picture was drawn").because(&error))?;
+    png::encode(&rgb).map_err(|error| CliError::internal("the picture cannot be encoded").because(&error))
+}
+
+/// Writes a file; the error says what is wrong with its place.
+pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    std::fs::write(path, bytes).map_err(|error| {
+        let what = format!("cannot write `{}`", path.display());
+        match error.kind() {
+            // A full disk is nobody's wrong usage; a folder that is not there is.
+            ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::IsADirectory | ErrorKind::PermissionDenied => {
+                CliError::usage(what).because(&error).hint("name a file in a folder that exists and can be written to")
+            }
+            _ => CliError::internal(what).because(&error),
+        }
+    })
+}
+
+/// `WIDTHxHEIGHT`.
+pub(super) fn parse_size(text: &str) -> Result<(u32, u32), CliError> {
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse::<u32>().ok()?, h.parse::<u32>().ok()?)));
+    sides.filter(|(w, h)| SIZES.contains(w) && SIZES.contains(h)).ok_or_else(|| {
+        CliError::usage(format!("--size: `{text}` is not a size"))
+            .hint("WIDTHxHEIGHT in pixels, each from 16 to 8192, for example 960x720")
+    })
+}
+
+/// `quad` or `tello`.
+pub(super) fn parse_kind(text: &str) -> Result<CraftKind, CliError> {
+    CraftKind::from_name(text).ok_or_else(|| {
+        let error = CliError::usage(format!("--drone-model: `{text}` is not quad or tello"));
+        match nearest(text, ["quad", "tello"]) {
+            Some(near) => error.hint(format!("did you mean `{near}`?")),
+            None => error.hint("the camera of this craft is used: quad or tello"),
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_size_is_in_range_or_refused(text in "[0-9]{0,12}[xX]{0,2}[0-9]{0,12}|.{0,20}") {
+            if let Ok((width, height)) = parse_size(&text) {
+                prop_assert!(SIZES.contains(&width) && SIZES.contains(&height));
+            }
+        }
+
+        #[test]
+        fn a_size_reads_back(width in SIZES, height in SIZES) {
+            prop_assert_eq!(parse_size(&format!("{width}x{height}")).ok(), Some((width, height)));
+        }
+    }
+}

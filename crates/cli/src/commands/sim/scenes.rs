@@ -1,0 +1,259 @@
+//! `spf sim scenes`: what scenes there are and what is in them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+use spf_flight::sim::Stage;
+use spf_sim::render::Channels;
+use spf_sim::scene::{Object, Scene};
+
+use super::{colour, write};
+use crate::args::Scenes;
+use crate::commands::load_stage;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::{Printer, table};
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Listing {
+    /// Every kind of mesh that a scene file can name.
+    mesh_kinds: Vec<&'static str>,
+    scenes: Vec<Entry>,
+}
+
+/// One scene.
+#[derive(Serialize)]
+struct Entry {
+    name: String,
+    description: String,
+    drone_model: &'static str,
+    /// East, north, up.
+    size_m: [f64; 3],
+    objects: usize,
+    tags: Vec<Tag>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    picture: Option<PathBuf>,
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    stats: Option<Stats>,
+}
+
+/// How many objects go by a name, and in which colours.
+#[derive(Serialize)]
+struct Tag {
+    name: String,
+    count: usize,
+    colours: BTreeSet<String>,
+}
+
+/// What `--stats` adds.
+#[derive(Serialize)]
+struct Stats {
+    meshes: usize,
+    mesh_kinds: BTreeSet<&'static str>,
+    triangles: usize,
+    materials: usize,
+    openings: usize,
+    /// Reading and checking the file, building meshes and collider.
+    load_s: f64,
+    /// Drawing the first colour picture, which makes shadow maps and tables.
+    first_picture_s: f64,
+    /// What the process grew by over both; none where the system does not tell.
+    memory_bytes: Option<u64>,
+}
+
+/// Lists scenes.
+pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError> {
+    if let Some(folder) = &args.pictures {
+        create(folder)?;
+    }
+    let built_in = || Scene::built_in().into_iter().map(str::to_owned).collect();
+    let names: Vec<String> = if args.scenes.is_empty() { built_in() } else { args.scenes.clone() };
+    let mut entries = Vec::new();
+    // All stay in memory until the end: what is freed would serve the next one and be missing from its figure.
+    let mut stages = Vec::new();
+    for name in &names {
+        let (stage, entry) = look_at(name, args)?;
+        stages.push(stage);
+        entries.push(entry);
+    }
+    let listing = Listing { mesh_kinds: Scene::mesh_kinds(), scenes: entries };
+    if printer.is_json() {
+        let text = serde_json::to_string(&listing)
+            .map_err(|error| CliError::internal("the list cannot be written as JSON").because(&error))?;
+        printer.data(&text);
+    } else {
+        tell(&listing, printer);
+    }
+    Ok(Exit::Success)
+}
+
+/// Loads a scene and takes down what is asked for.
+fn look_at(name: &str, args: &Scenes) -> Result<(Stage, Entry), CliError> {
+    let resident = resident_bytes();
+    let started = Instant::now();
+    let stage = load_stage(name)?;
+    let loaded = started.elapsed();
+    let mut entry = entry(&stage.scene);
+    if args.stats || args.pictures.is_some() {
+        let started = Instant::now();
+        let camera = stage.scene.default_craft.camera();
+        let picture = stage.renderer.render(&camera, &stage.scene.preview, Channels::RGB);
+        let drawn = started.elapsed();
+        if args.stats {
+            let grown = resident.zip(resident_bytes()).map(|(before, after)| after.saturating_sub(before));
+            entry.stats = Some(stats(&stage.scene, loaded, drawn, grown));
+        }
+        if let Some(folder) = &args.pictures {
+            let path = folder.join(format!("{}.png", file_stem(&stage.scene.name)));
+            write(&path, &colour(&picture)?)?;
+            entry.picture = Some(path);
+        }
+    }
+    Ok((stage, entry))
+}
+
+fn entry(scene: &Scene) -> Entry {
+    let (min, max) = (scene.bounds.min, scene.bounds.max);
+    Entry {
+        name: scene.name.clone(),
+        description: scene.description.clone(),
+        drone_model: scene.default_craft.name(),
+        size_m: [max.east - min.east, max.north - min.north, max.up - min.up],
+        objects: scene.objects.len(),
+        tags: tags(&scene.objects),
+        picture: None,
+        stats: None,
+    }
+}
+
+/// First names with their number, the commonest first.
+fn tags(objects: &[Object]) -> Vec<Tag> {
+    let mut named: BTreeMap<&str, Vec<&Object>> = BTreeMap::new();
+    for object in objects {
+        named.entry(object.tags.names.first().unwrap_or(&object.tags.kind)).or_default().push(object);
+    }
+    let tag = |(name, objects): (&str, Vec<&Object>)| Tag {
+        name: name.to_owned(),
+        count: objects.len(),
+        colours: objects.iter().filter_map(|object| object.tags.colour.clone()).collect(),
+    };
+    let mut tags: Vec<Tag> = named.into_iter().map(tag).collect();
+    tags.sort_by_key(|tag| core::cmp::Reverse(tag.count));
+    tags
+}
+
+fn stats(scene: &Scene, loaded: Duration, drawn: Duration, memory_bytes: Option<u64>) -> Stats {
+    Stats {
+        meshes: scene.geometry.parts.len(),
+        mesh_kinds: scene.objects.iter().map(|object| object.mesh).collect(),
+        triangles: scene.geometry.parts.iter().map(|part| part.triangles.len()).sum(),
+        materials: scene.geometry.materials.len(),
+        openings: scene.objects.iter().filter(|object| object.opening).count(),
+        load_s: loaded.as_secs_f64(),
+        first_picture_s: drawn.as_secs_f64(),
+        memory_bytes,
+    }
+}
+
+/// The list for people.
+fn tell(listing: &Listing, printer: &Printer) {
+    let size = |[east, north, up]: [f64; 3]| format!("{east:.0} x {north:.0} x {up:.0} m");
+    let mut rows = vec![["SCENE", "CRAFT", "SIZE", "OBJECTS", "WHAT IT SHOWS"].map(str::to_owned).to_vec()];
+    rows.extend(listing.scenes.iter().map(|scene| {
+        let objects = scene.objects.to_string();
+        vec![scene.name.clone(), scene.drone_model.to_owned(), size(scene.size_m), objects, scene.description.clone()]
+    }));
+    printer.result(&table(&rows));
+    if listing.scenes.iter().any(|scene| scene.stats.is_some()) {
+        tell_stats(listing, printer);
+    }
+    let pictures: Vec<_> = listing.scenes.iter().filter_map(|scene| scene.picture.as_ref()).collect();
+    if !pictures.is_empty() {
+        printer.result("");
+    }
+    for path in pictures {
+        printer.result(&path.display().to_string());
+    }
+}
+
+fn tell_stats(listing: &Listing, printer: &Printer) {
+    let head = ["SCENE", "MESHES", "KINDS", "TRIANGLES", "MATERIALS", "OPENINGS", "LOADED IN", "FIRST PICTURE", "MEMORY"];
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    rows.extend(listing.scenes.iter().filter_map(|scene| scene.stats.as_ref().map(|stats| (scene, stats))).map(
+        |(scene, stats)| {
+            vec![
+                scene.name.clone(),
+                stats.meshes.to_string(),
+                stats.mesh_kinds.len().to_string(),
+                stats.triangles.to_string(),
+                stats.materials.to_string(),
+                stats.openings.to_string(),
+                format!("{:.2} s", stats.load_s),
+                format!("{:.2} s", stats.first_picture_s),
+                stats.memory_bytes.map_or("?".to_owned(), |bytes| format!("{:.1} MB", bytes as f64 * 1e-6)),
+            ]
+        },
+    ));
+    printer.result(&format!("\n{}", table(&rows)));
+    for scene in &listing.scenes {
+        let words: Vec<String> = scene.tags.iter().map(tag_words).collect();
+        printer.result(&format!("\nIn {}: {}.", scene.name, words.join(", ")));
+    }
+    let kinds = &listing.mesh_kinds;
+    printer.result(&format!("\n{} kinds of mesh in all: {}.", kinds.len(), kinds.join(", ")));
+}
+
+/// `4 cars (black, red)`, without grammar: `car x4 (black, red)`.
+fn tag_words(tag: &Tag) -> String {
+    let count = if tag.count > 1 { format!(" x{}", tag.count) } else { String::new() };
+    let colours: Vec<&str> = tag.colours.iter().map(String::as_str).collect();
+    let colours = if colours.is_empty() { String::new() } else { format!(" ({})", colours.join(", ")) };
+    format!("{}{count}{colours}", tag.name)
+}
+
+/// A scene's name as part of a file's name: what is neither a letter, a digit, `-` nor `@` becomes `_`.
+fn file_stem(name: &str) -> String {
+    name.chars().map(|c| if c.is_alphanumeric() || c == '-' || c == '@' { c } else { '_' }).collect()
+}
+
+fn create(folder: &Path) -> Result<(), CliError> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        CliError::usage(format!("--pictures: cannot make the folder `{}`", folder.display()))
+            .because(&error)
+            .hint("name a folder that can be written to")
+    })
+}
+
+/// Memory that the process holds, where the system tells it (Linux).
+fn resident_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kibibytes| kibibytes * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn names_are_counted_the_commonest_first() {
+        let scene = Scene::load("city").unwrap();
+        let tags = tags(&scene.objects);
+        assert_eq!(tags.iter().map(|tag| tag.count).sum::<usize>(), scene.objects.len());
+        assert!(tags.windows(2).all(|pair| pair[0].count >= pair[1].count));
+        assert!(tags.iter().any(|tag| tag.name.contains("crane") && tag.colours.contains("red")));
+    }
+
+    proptest! {
+        #[test]
+        fn a_scene_cannot_name_a_file_elsewhere(name in ".{1,60}") {
+            let stem = file_stem(&name);
+            prop_assert_eq!(Path::new(&stem).components().count(), 1);
+            prop_assert!(!stem.contains(['/', '\\', '.', ':']));
+        }
+    }
+}

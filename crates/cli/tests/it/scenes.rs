@@ -1,0 +1,64 @@
+//! `spf sim scenes`.
+
+use serde_json::Value;
+
+use crate::harness::Lab;
+
+#[test]
+fn every_built_in_scene_is_listed_in_one_line() {
+    let run = Lab::new().spf(&["sim", "scenes"]);
+    assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""));
+    let lines: Vec<&str> = run.stdout.lines().collect();
+    assert!(lines[0].starts_with("SCENE ") && lines[0].ends_with("WHAT IT SHOWS"), "{}", run.stdout);
+    let city = lines.iter().find(|line| line.starts_with("city ")).unwrap_or_else(|| panic!("{}", run.stdout));
+    assert!(city.contains(" quad ") && city.contains("260 x 290 x 92 m") && city.contains("crane"), "{city}");
+    // The description column says something of every scene.
+    let column = lines[0].find("WHAT").unwrap();
+    assert!(lines[1..].iter().all(|line| line.len() > column + 10), "{}", run.stdout);
+}
+
+#[test]
+fn stats_count_what_is_there_and_pictures_are_drawn() {
+    let lab = Lab::new();
+    let run = lab.spf(&["sim", "scenes", "city", "--stats", "--json", "--pictures", "previews/small"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let printed: Value = serde_json::from_str(&run.stdout).unwrap();
+    let scenes = printed["scenes"].as_array().unwrap();
+    assert_eq!(scenes.len(), 1);
+    let city = &scenes[0];
+    let number = |key: &str| city[key].as_u64().unwrap_or_else(|| panic!("`{key}` in {city}"));
+    let objects = number("objects");
+    assert!(objects > 50 && number("meshes") > objects && number("triangles") > 10 * number("meshes"), "{city}");
+    assert!(number("materials") > 10 && number("openings") >= 1);
+    assert!(city["load_s"].as_f64().unwrap() > 0.0 && city["first_picture_s"].as_f64().unwrap() > 0.0);
+    if cfg!(target_os = "linux") {
+        assert!(number("memory_bytes") > number("triangles"), "{city}");
+    }
+    let tags = city["tags"].as_array().unwrap();
+    assert_eq!(tags.iter().map(|tag| tag["count"].as_u64().unwrap()).sum::<u64>(), objects);
+    let path = city["picture"].as_str().unwrap();
+    assert_eq!(lab.names("previews/small"), ["city.png"]);
+    let picture = lab.read(path);
+    assert!(picture.starts_with(b"\x89PNG") && picture.len() > 100_000, "{} bytes", picture.len());
+}
+
+#[test]
+fn with_nothing_asked_nothing_is_measured() {
+    let run = Lab::new().spf(&["sim", "scenes", "--json"]);
+    let printed: Value = serde_json::from_str(&run.stdout).unwrap();
+    for scene in printed["scenes"].as_array().unwrap() {
+        assert!(scene.get("load_s").is_none() && scene.get("picture").is_none(), "{scene}");
+    }
+}
+
+#[test]
+fn a_scene_that_is_not_there_is_named() {
+    let lab = Lab::new();
+    let run = lab.spf(&["sim", "scenes", "citty"]);
+    assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""));
+    assert!(run.stderr.contains("did you mean `city`?"), "{}", run.stderr);
+    lab.write("full", "a file");
+    let run = lab.spf(&["sim", "scenes", "--pictures", "full"]);
+    assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""));
+    assert!(run.stderr.contains("--pictures: cannot make the folder `full`"), "{}", run.stderr);
+}
