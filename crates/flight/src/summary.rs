@@ -45,6 +45,10 @@ pub struct Summary {
     pub settings: PilotSettings,
     /// The scene.
     pub scene: String,
+    /// The light that it was flown in.
+    pub light: String,
+    /// The weather that it was flown in.
+    pub weather: String,
     /// The drone.
     pub drone: String,
     /// The craft simulated.

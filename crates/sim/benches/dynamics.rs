@@ -57,7 +57,16 @@ fn city() -> SceneGeometry {
         parts.push(tower(2 + i, f32::from(i % 10) * 40.0 - 180.0, f32::from(i / 10) * 40.0 - 180.0, 20));
     }
     let one = Vec3::ONE;
-    let light = Light { to_sun: Vec3::Z, sun: one, sky_ambient: one, ground_ambient: one, zenith: one, horizon: one, haze: 0.0 };
+    let light = Light {
+        to_sun: Vec3::Z,
+        sun: one,
+        sky_ambient: one,
+        ground_ambient: one,
+        zenith: one,
+        horizon: one,
+        haze: 0.0,
+        ..Light::default()
+    };
     SceneGeometry { parts, materials: Vec::new(), textures: Vec::new(), light }
 }
 

@@ -109,7 +109,18 @@ pub enum Pattern {
     },
 }
 
-/// Light of a scene.
+/// A source of light that shines all round; what stands about it, its own shade included, holds its light back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lamp {
+    /// Where its light comes from, ENU metres; just outside of the lamp's own meshes, or they keep the light in.
+    pub position: Vec3,
+    /// Light on a surface that faces it from 1 m away, linear RGB in units of the sun's (which is about 1).
+    pub colour: Vec3,
+    /// Its light fades to nothing here, metres.
+    pub reach: f32,
+}
+
+/// Light of a scene. [`Light::default`] is a clear day with the sun high in the south-west.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
     /// Unit vector towards the sun.
@@ -126,6 +137,33 @@ pub struct Light {
     pub horizon: Vec3,
     /// Haze: extinction per metre.
     pub haze: f32,
+    /// How much of the sky is clouded: 0 none, 0.5 fair weather, 1 all of it.
+    pub clouds: f32,
+    /// Falling rain, 0 none to 1 heavy.
+    pub rain: f32,
+    /// What the film's exposure multiplies light by; none: chosen by the light there is.
+    pub exposure: Option<f32>,
+    /// The lamps that shine.
+    pub lamps: Vec<Lamp>,
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        Self {
+            // Azimuth 222°, elevation 46°.
+            to_sun: Vec3::new(-0.464_815, -0.516_229, 0.719_340).normalize(),
+            sun: Vec3::new(1.0, 0.93, 0.82),
+            sky_ambient: Vec3::new(0.30, 0.36, 0.45),
+            ground_ambient: Vec3::new(0.17, 0.16, 0.14),
+            zenith: Vec3::new(0.16, 0.34, 0.68),
+            horizon: Vec3::new(0.62, 0.72, 0.82),
+            haze: 0.0015,
+            clouds: 0.5,
+            rain: 0.0,
+            exposure: None,
+            lamps: Vec::new(),
+        }
+    }
 }
 
 /// All that is drawn and touched.

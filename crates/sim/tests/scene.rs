@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use spf_sim::geometry::{Part, Role};
 use spf_sim::model::CraftKind;
-use spf_sim::scene::{Scene, SceneError};
+use spf_sim::scene::{Conditions, Lighting, Scene, SceneError, Weather};
 
 const HEAD: &str = r#"format = 1
 name = "test"
@@ -304,6 +304,53 @@ fn a_scene_file_is_read_from_its_path() {
     let path = folder.path().join("mine.toml");
     std::fs::write(&path, format!("{HEAD}{TREE}")).unwrap();
     assert_eq!(Scene::load(path.to_str().unwrap()).unwrap().name, "test");
+}
+
+fn under(text: &str, lighting: Option<Lighting>, weather: Option<Weather>) -> Scene {
+    let folder = tempfile::tempdir().expect("a folder can be made");
+    let path = folder.path().join("mine.toml");
+    std::fs::write(&path, text).expect("a file can be written");
+    Scene::load_with(path.to_str().expect("temporary paths are text"), &Conditions { lighting, weather }).expect("it is sound")
+}
+
+#[test]
+fn keys_of_the_light_hold_until_another_is_asked_for() {
+    let light = "\n[light]\ntime = \"dusk\"\nsun_elevation_deg = 9.0\nhaze_per_m = 0.02\nexposure = 2.0\nsun = \"#ff0000\"\n";
+    let text = format!("{HEAD}{light}{TREE}");
+    let own = under(&text, None, None);
+    assert_eq!((own.lighting, own.weather), (Lighting::Dusk, Weather::Clear));
+    let elevation = |scene: &Scene| libm::asinf(scene.geometry.light.to_sun.z).to_degrees();
+    assert!((elevation(&own) - 9.0).abs() < 0.01);
+    assert_eq!((own.geometry.light.haze, own.geometry.light.exposure), (0.02, Some(2.0)));
+    assert_eq!(own.geometry.light.sun.truncate(), glam::Vec2::X);
+    // Named alike, nothing changes; another light keeps the air, another weather the sun's place.
+    assert_eq!(under(&text, Some(Lighting::Dusk), Some(Weather::Clear)).geometry.light, own.geometry.light);
+    let day = under(&text, Some(Lighting::Day), None);
+    assert!((elevation(&day) - 46.0).abs() < 0.01 && day.geometry.light.haze == 0.02 && day.geometry.light.exposure.is_none());
+    let rain = under(&text, None, Some(Weather::Rain));
+    assert!((elevation(&rain) - 9.0).abs() < 0.01 && rain.geometry.light.haze < 0.02 && rain.geometry.light.rain > 0.0);
+}
+
+#[test]
+fn lamps_shine_when_it_is_dark_or_always() {
+    let lamps = "\n[[lamps]]\nposition = [1.0, 2.0, 3.0]\ncolour = \"#ffffff\"\nstrength = 5.0\nreach_m = 8.0\nalways = true\n";
+    let post = "\n[[objects]]\nid = \"post\"\nposition = [3.0, 3.0]\nheading_deg = 90.0\nnames = [\"lamp\"]\nkind = \"structure\"\n\
+                mesh = { kind = \"street_lamp\", height = 6.0, arm = 1.5 }\n";
+    let text = format!("{HEAD}{lamps}{TREE}{post}");
+    let shining = |lighting| under(&text, Some(lighting), None).geometry.light.lamps;
+    assert_eq!(shining(Lighting::Day).len(), 1);
+    let [own, street] = shining(Lighting::Night)[..] else { panic!("two lamps") };
+    assert_eq!((own.position, own.colour, own.reach), (Vec3::new(1.0, 2.0, 3.0), Vec3::splat(5.0), 8.0));
+    // Its arm reaches east.
+    assert!((street.position - Vec3::new(3.0 + 1.88, 3.0, 5.84)).length() < 1e-3, "{street:?}");
+}
+
+#[test]
+fn a_lamp_out_of_range_is_refused() {
+    let lamp =
+        |more: &str| refused(&format!("{HEAD}\n[[lamps]]\nposition = [1.0, 2.0, 3.0]\ncolour = \"#ffffff\"\n{more}\n{TREE}"));
+    assert!(lamp("strength = 5.0\nreach_m = 1e9").contains("test.toml:9: `reach_m` must be from 0.5 to 60 metres"));
+    assert!(lamp("strength = -1.0\nreach_m = 5.0").contains("`strength` must be from 0 to 10000"));
 }
 
 #[test]

@@ -92,6 +92,8 @@ pub(crate) struct WorldArgs {
     /// Scene to fly in: a built-in name or a scene file [default: city]
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
+    #[command(flatten)]
+    pub(crate) conditions: ConditionArgs,
     /// Where to start: east,north,up,heading_deg; the craft stands on what is below [default: the scene's]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pub(crate) start: Option<String>,
@@ -110,6 +112,16 @@ pub(crate) struct WorldArgs {
     /// Fly on the wall clock instead of as fast as the machine can
     #[arg(long)]
     pub(crate) realtime: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ConditionArgs {
+    /// Light: day, overcast, dusk or night [default: the scene's]
+    #[arg(long, value_name = "LIGHT")]
+    pub(crate) light: Option<String>,
+    /// Weather: clear, haze or rain [default: the scene's]
+    #[arg(long, value_name = "WEATHER")]
+    pub(crate) weather: Option<String>,
 }
 
 #[derive(Debug, Args)]

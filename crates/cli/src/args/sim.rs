@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use super::ConditionArgs;
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum Sim {
     /// Draw a scene from a pose into a PNG
@@ -15,14 +17,17 @@ pub(crate) enum Sim {
 /// Draws what the simulated camera sees.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
+Examples:
   spf sim render city --pose 0,0,3,0 -o x.png --depth depth.png --ids ids.png
+  spf sim render city --light dusk --weather rain -o rain.png
 
 Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). Ids are a 16-bit PNG; a JSON legend of \
 the same name is written beside it.")]
 pub(crate) struct Render {
     /// Scene: a built-in name or a scene file
     pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) conditions: ConditionArgs,
     /// Camera pose: east,north,up,heading_deg[,pitch_deg] [default: the scene's start, at take-off height]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pub(crate) pose: Option<String>,

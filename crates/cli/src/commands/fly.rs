@@ -18,6 +18,7 @@ use spf_flight::world::Script;
 use spf_record::out_dir::OutDir;
 use spf_sim::model::{CraftKind, Model};
 use spf_sim::oracle::ErrorFile;
+use spf_sim::scene::{Conditions, Lighting, Weather};
 
 use crate::args::Fly;
 use crate::commands::{load_stage, parse_pose};
@@ -102,6 +103,8 @@ fn layered(args: &Fly) -> Result<Settings, CliError> {
     let (world, method, limits, output) = (&args.world, &args.method, &args.limits, &args.output);
     let on = |flag: bool| flag.then(|| "true".to_owned());
     settings.flag("fly.scene", "--scene", world.scene.clone());
+    settings.flag("fly.light", "--light", world.conditions.light.clone());
+    settings.flag("fly.weather", "--weather", world.conditions.weather.clone());
     settings.flag("fly.start", "--start", world.start.clone());
     settings.flag("fly.drone", "--drone", world.drone.clone());
     settings.flag("fly.drone_model", "--drone-model", world.drone_model.clone());
@@ -140,8 +143,12 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<FlightPlan
     let kind = settings.choice("fly.drone_model", &[("quad", CraftKind::Quad), ("tello", CraftKind::Tello)])?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let realtime = flag(settings, "fly.realtime")?;
+    let conditions = Conditions {
+        lighting: settings.choice("fly.light", &Lighting::ALL.map(|light| (light.name(), light)))?,
+        weather: settings.choice("fly.weather", &Weather::ALL.map(|weather| (weather.name(), weather)))?,
+    };
     // Everything that is only read is checked before the scene is loaded: errors come at once.
-    let stage = Arc::new(load_stage(settings.get("fly.scene").unwrap_or("city"))?);
+    let stage = Arc::new(load_stage(settings.get("fly.scene").unwrap_or("city"), &conditions)?);
     let kind = kind.unwrap_or(stage.scene.default_craft);
     Ok(FlightPlan {
         instruction: instruction.to_owned(),

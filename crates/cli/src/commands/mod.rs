@@ -6,13 +6,14 @@ pub(crate) mod sim;
 
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_flight::sim::Stage;
+use spf_sim::scene::{Conditions, Scene};
 
 use crate::error::CliError;
 
 /// Loads a built-in scene or a scene file; its errors say what may have been meant.
-pub(crate) fn load_stage(name: &str) -> Result<Stage, CliError> {
-    Stage::load(name).map_err(|error| {
-        let built_in = spf_sim::scene::Scene::built_in().join(", ");
+pub(crate) fn load_stage(name: &str, conditions: &Conditions) -> Result<Stage, CliError> {
+    Stage::load_with(name, conditions).map_err(|error| {
+        let built_in = Scene::built_in().join(", ");
         CliError::usage(format!("the scene `{name}` cannot be flown in"))
             .because(&error)
             .hint(format!("built-in scenes: {built_in}; or a scene file (docs/scene-format.md)"))

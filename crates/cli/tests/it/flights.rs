@@ -57,6 +57,18 @@ fn a_geofence_is_never_left() {
 }
 
 #[test]
+fn light_and_weather_are_flown_in_and_recorded() {
+    let lab = Lab::new();
+    let flown = |name: &str, more: &[&str]| {
+        let args = [&["fly to the red crane", "--max-decisions", "1"], more].concat();
+        let (_, summary) = lab.fly(name, &args);
+        ["light", "weather"].map(|key| summary[key].as_str().unwrap().to_owned())
+    };
+    assert_eq!(flown("own", &[]), ["day", "clear"]);
+    assert_eq!(flown("asked", &["--light", "dusk", "--weather", "rain"]), ["dusk", "rain"]);
+}
+
+#[test]
 fn a_tello_flies_in_the_city() {
     let (code, summary) = Lab::new().fly("mine", &["fly to the red crane", "--drone-model", "tello", "--max-time", "30"]);
     assert_eq!(

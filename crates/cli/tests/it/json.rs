@@ -13,6 +13,8 @@ const KEYS: &[&str] = &[
     "seed",
     "vlm",
     "preset",
+    "light",
+    "weather",
     "out_dir",
 ];
 

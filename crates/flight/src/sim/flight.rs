@@ -302,6 +302,8 @@ fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Se
         policy: plan.policy.name().to_owned(),
         settings: plan.settings,
         scene: stage.scene.name.clone(),
+        light: stage.scene.lighting.name().to_owned(),
+        weather: stage.scene.weather.name().to_owned(),
         drone: "sim".to_owned(),
         drone_model: plan.kind.name().to_owned(),
         late_replies: pilot.late_replies(),

@@ -6,7 +6,7 @@ use spf_core::geometry::EnuPosition;
 use spf_sim::collide::{Collider, ColliderError};
 use spf_sim::oracle::{Place, Placed, Tagged};
 use spf_sim::render::Renderer;
-use spf_sim::scene::{Scene, SceneError};
+use spf_sim::scene::{Conditions, Scene, SceneError};
 
 /// Scene, renderer, collider and tags.
 pub struct Stage {
@@ -38,7 +38,15 @@ impl Stage {
     /// # Errors
     /// [`StageError`] when there is no such scene or it is not sound.
     pub fn load(scene: &str) -> Result<Self, StageError> {
-        let scene = Scene::load(scene)?;
+        Self::load_with(scene, &Conditions::default())
+    }
+
+    /// The same under other light and weather than the file's own.
+    ///
+    /// # Errors
+    /// As [`Stage::load`].
+    pub fn load_with(scene: &str, conditions: &Conditions) -> Result<Self, StageError> {
+        let scene = Scene::load_with(scene, conditions)?;
         let collider = Arc::new(Collider::new(&scene.geometry)?);
         let renderer = Renderer::new(&scene.geometry);
         let tags = scene.tagged();

@@ -25,7 +25,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer};
 
 pub(crate) use polygon::convex_hull;
-pub(crate) use sketch::{Sketch, Surface};
+pub(crate) use sketch::{Bulb, Sketch, Surface};
 
 /// Material slots of a generator with the material each takes unless the scene says otherwise.
 pub(crate) type Slots = &'static [(&'static str, &'static str)];

@@ -8,7 +8,7 @@ use core::f64::consts::TAU;
 use glam::{Vec2, Vec3};
 
 use super::polygon::triangulate;
-use crate::geometry::{Role, Vertex};
+use crate::geometry::{Lamp, Role, Vertex};
 
 /// Cosine and sine of an angle in radians, the same bits on every machine.
 pub(super) fn cos_sin(angle: f64) -> (f32, f32) {
@@ -34,6 +34,15 @@ pub(crate) struct Surface {
     pub(crate) triangles: Vec<[u32; 3]>,
 }
 
+/// A lamp of a generator.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bulb {
+    /// As [`Lamp`], in the local frame.
+    pub(crate) lamp: Lamp,
+    /// Shines by day too.
+    pub(crate) always: bool,
+}
+
 /// What a generator has drawn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sketch {
@@ -41,13 +50,15 @@ pub(crate) struct Sketch {
     pub(crate) surfaces: Vec<Surface>,
     /// Footprint polygons, local x and y; empty means the convex hull of all corners.
     pub(crate) outline: Vec<Vec<Vec2>>,
+    /// Lamps that shine on things.
+    pub(crate) lamps: Vec<Bulb>,
     cells: Vec<(&'static str, Vec2)>,
 }
 
 impl Sketch {
     /// An empty sketch that knows the window cells of those slots whose material has windows.
     pub(crate) fn new(cells: Vec<(&'static str, Vec2)>) -> Self {
-        Self { surfaces: Vec::new(), outline: Vec::new(), cells }
+        Self { cells, ..Self::default() }
     }
 
     /// The solid surface of `slot`.
@@ -96,6 +107,10 @@ impl Sketch {
     pub(super) fn append(&mut self, other: &Self, turn: f64, offset: Vec3) {
         let (c, s) = cos_sin(turn);
         let rotate = |v: Vec3| Vec3::new(v.x * c + v.y * s, v.y * c - v.x * s, v.z);
+        self.lamps.extend(other.lamps.iter().map(|bulb| {
+            let lamp = Lamp { position: rotate(bulb.lamp.position) + offset, ..bulb.lamp };
+            Bulb { lamp, ..*bulb }
+        }));
         for surface in &other.surfaces {
             let target = self.with_role(surface.slot, surface.role);
             let first = target.vertices.len() as u32;
@@ -106,6 +121,16 @@ impl Sketch {
             }));
             target.triangles.extend(surface.triangles.iter().map(|t| t.map(|i| i + first)));
         }
+    }
+
+    /// A lamp that shines when it is dark.
+    pub(super) fn lamp(&mut self, position: Vec3, colour: Vec3, reach: f32) {
+        self.lamps.push(Bulb { lamp: Lamp { position, colour, reach }, always: false });
+    }
+
+    /// A lamp that shines by day too.
+    pub(super) fn lamp_by_day(&mut self, position: Vec3, colour: Vec3, reach: f32) {
+        self.lamps.push(Bulb { lamp: Lamp { position, colour, reach }, always: true });
     }
 
     /// Number of triangles.

@@ -135,6 +135,7 @@ impl Generator for Tunnel {
         let lamps = super::parts(2.0 * end, 6.0);
         for i in 0..lamps {
             let y = -end + 2.0 * end * (i as f32 + 0.5) / lamps as f32;
+            sketch.lamp_by_day(Vec3::new(0.0, y, 0.84 * self.height.0), Vec3::new(4.2, 3.3, 2.0), 3.0 * self.height.0);
             for x in [-0.28, 0.28] {
                 sketch.on("lamp").block(Vec3::new(x * self.width.0, y, 0.86 * self.height.0), Vec3::new(0.3, 1.6, 0.12));
             }

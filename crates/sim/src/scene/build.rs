@@ -8,10 +8,11 @@ use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 
 use super::error::{SceneError, nearest};
 use super::expand::{Expanded, Placed};
-use super::file::{RawLight, RawScene, Source};
+use super::file::{RawScene, Source};
+use super::light::{Conditions, Shining};
 use super::surface::palette;
 use super::{Aabb, Object, Scene};
-use crate::geometry::{Light, Material, ObjectId, Part, Pattern, Role, SceneGeometry, Vertex};
+use crate::geometry::{Material, ObjectId, Part, Pattern, Role, SceneGeometry, Vertex};
 use crate::mesh::{Sketch, convex_hull};
 use crate::model::{CraftKind, Model};
 
@@ -21,6 +22,8 @@ const MAX_TRIANGLES: usize = 500_000;
 /// Materials by name, each stored once.
 struct Materials<'a> {
     raw: &'a RawScene,
+    /// Whether lamps shine and windows glow.
+    lit: bool,
     list: Vec<Material>,
     index: BTreeMap<String, u16>,
 }
@@ -39,7 +42,7 @@ impl Materials<'_> {
             );
             return Err(source.error(at, format!("no material `{name}`"), Some(hint)));
         };
-        let material = material.material().map_err(|e| source.error(&span, format!("material `{name}`: {e}"), None))?;
+        let material = material.material(self.lit).map_err(|e| source.error(&span, format!("material `{name}`: {e}"), None))?;
         let index =
             u16::try_from(self.list.len()).map_err(|_| source.error(at, "a scene may have at most 65535 materials", None))?;
         self.list.push(material);
@@ -49,8 +52,14 @@ impl Materials<'_> {
 }
 
 /// Builds the scene.
-pub(super) fn build(raw: &RawScene, expanded: Expanded, source: &Source<'_>) -> Result<Scene, SceneError> {
-    let mut materials = Materials { raw, list: Vec::new(), index: BTreeMap::new() };
+pub(super) fn build(
+    raw: &RawScene,
+    expanded: Expanded,
+    conditions: &Conditions,
+    source: &Source<'_>,
+) -> Result<Scene, SceneError> {
+    let mut shining = Shining::new(raw, conditions, source)?;
+    let mut materials = Materials { raw, lit: shining.lit(), list: Vec::new(), index: BTreeMap::new() };
     // Every material is checked, also those that nothing uses.
     for (name, material) in &raw.materials {
         materials.get(name, &material.span(), source)?;
@@ -75,6 +84,9 @@ pub(super) fn build(raw: &RawScene, expanded: Expanded, source: &Source<'_>) -> 
             return Err(source.error(&placed.span, message, None));
         }
         let to_world = Frame::of(placed);
+        for lamp in &sketch.lamps {
+            shining.add(lamp, |p| to_world.point(p), to_world.scale, &placed.span, source)?;
+        }
         let first = parts.len();
         for surface in &sketch.surfaces {
             let Some(&(_, material)) = slots.iter().find(|(slot, _)| *slot == surface.slot) else {
@@ -98,7 +110,9 @@ pub(super) fn build(raw: &RawScene, expanded: Expanded, source: &Source<'_>) -> 
         start,
         bounds,
         objects,
-        geometry: SceneGeometry { parts, materials: materials.list, textures: Vec::new(), light: light(&raw.light, source)? },
+        lighting: shining.lighting,
+        weather: shining.weather,
+        geometry: SceneGeometry { parts, materials: materials.list, textures: Vec::new(), light: shining.light },
     })
 }
 
@@ -246,29 +260,4 @@ fn pose(text: &toml::Spanned<String>, key: &str, bounds: &Aabb, source: &Source<
     }
     let attitude = Attitude { heading: wrap_angle(heading.to_radians()), pitch: wrap_angle(pitch.to_radians()), roll: 0.0 };
     Ok(Pose { position, attitude })
-}
-
-/// The light; what the file leaves out is a clear day with the sun high in the south-west.
-fn light(raw: &RawLight, source: &Source<'_>) -> Result<Light, SceneError> {
-    let number = |value: &Option<toml::Spanned<f64>>, key: &str, default: f64, low: f64, high: f64| match value {
-        Some(v) if !(low..=high).contains(v.get_ref()) => {
-            Err(source.error(&v.span(), format!("`{key}` must be from {low} to {high}, not `{}`", v.get_ref()), None))
-        }
-        v => Ok(v.as_ref().map_or(default, |v| *v.get_ref())),
-    };
-    let azimuth = number(&raw.sun_azimuth_deg, "sun_azimuth_deg", 222.0, -360.0, 360.0)?.to_radians();
-    let elevation = number(&raw.sun_elevation_deg, "sun_elevation_deg", 46.0, 1.0, 90.0)?.to_radians();
-    let strength = number(&raw.sun_strength, "sun_strength", 1.0, 0.0, 10.0)? as f32;
-    let (ce, se) = (libm::cos(elevation), libm::sin(elevation));
-    let to_sun = Vec3::new((ce * libm::sin(azimuth)) as f32, (ce * libm::cos(azimuth)) as f32, se as f32);
-    let colour = |c: Option<super::surface::Colour>, default: Vec3| c.map_or(default, |c| c.0);
-    Ok(Light {
-        to_sun: to_sun.normalize(),
-        sun: colour(raw.sun, Vec3::new(1.0, 0.93, 0.82)) * strength,
-        sky_ambient: colour(raw.sky_ambient, Vec3::new(0.30, 0.36, 0.45)),
-        ground_ambient: colour(raw.ground_ambient, Vec3::new(0.17, 0.16, 0.14)),
-        zenith: colour(raw.zenith, Vec3::new(0.16, 0.34, 0.68)),
-        horizon: colour(raw.horizon, Vec3::new(0.62, 0.72, 0.82)),
-        haze: number(&raw.haze_per_m, "haze_per_m", 0.0015, 0.0, 1.0)? as f32,
-    })
 }

@@ -7,6 +7,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::error::{SceneError, hint_from};
+use super::light::{Lighting, Weather};
 use super::surface::{Colour, RawMaterial};
 use crate::model::CraftKind;
 
@@ -64,6 +65,8 @@ pub(super) struct RawScene {
     #[serde(default)]
     pub(super) light: RawLight,
     #[serde(default)]
+    pub(super) lamps: Vec<Spanned<RawLamp>>,
+    #[serde(default)]
     pub(super) materials: BTreeMap<String, Spanned<RawMaterial>>,
     #[serde(default)]
     pub(super) templates: BTreeMap<String, Spanned<RawObject>>,
@@ -79,10 +82,13 @@ pub(super) struct RawBounds {
     pub(super) up: [f64; 2],
 }
 
-/// Light as written; what is left out is a clear day.
+/// Light as written; what is left out is that of `time` and `weather`, and those are a clear day.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawLight {
+    pub(super) time: Option<Lighting>,
+    pub(super) weather: Option<Weather>,
+    pub(super) exposure: Option<Spanned<f64>>,
     pub(super) sun_azimuth_deg: Option<Spanned<f64>>,
     pub(super) sun_elevation_deg: Option<Spanned<f64>>,
     pub(super) sun_strength: Option<Spanned<f64>>,
@@ -92,6 +98,18 @@ pub(super) struct RawLight {
     pub(super) ground_ambient: Option<Colour>,
     pub(super) zenith: Option<Colour>,
     pub(super) horizon: Option<Colour>,
+}
+
+/// A lamp that belongs to no object.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawLamp {
+    pub(super) position: [f64; 3],
+    pub(super) colour: Colour,
+    pub(super) strength: f64,
+    pub(super) reach_m: f64,
+    #[serde(default)]
+    pub(super) always: bool,
 }
 
 /// An object or a template: all keys optional, checked after merging.

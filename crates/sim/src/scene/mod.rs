@@ -7,6 +7,7 @@ mod build;
 mod error;
 mod expand;
 mod file;
+mod light;
 mod surface;
 
 use glam::Vec3;
@@ -15,6 +16,7 @@ use serde_json::json;
 use spf_core::geometry::{EnuPosition, Pose};
 
 pub use self::error::SceneError;
+pub use self::light::{Conditions, Lighting, Weather};
 use crate::geometry::{ObjectId, SceneGeometry};
 use crate::mesh::KINDS;
 use crate::model::CraftKind;
@@ -44,6 +46,10 @@ pub struct Scene {
     pub bounds: Aabb,
     /// Everything that is seen, ids counting from 1.
     pub objects: Vec<Object>,
+    /// The light in force.
+    pub lighting: Lighting,
+    /// The weather in force.
+    pub weather: Weather,
     /// Meshes, materials, light.
     pub geometry: SceneGeometry,
 }
@@ -124,8 +130,16 @@ impl Scene {
     /// [`SceneError::Unknown`] for a name that no built-in scene has, [`SceneError::Read`] if the file cannot be read,
     /// [`SceneError::Invalid`] if it is no scene, with the line and a hint where there is one.
     pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
+        Self::load_with(name_or_path, &Conditions::default())
+    }
+
+    /// The same under other light and weather than the file's own.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn load_with(name_or_path: &str, conditions: &Conditions) -> Result<Self, SceneError> {
         if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
-            return Self::parse(text, &format!("scenes/{name}.toml"));
+            return Self::parse_with(text, &format!("scenes/{name}.toml"), conditions);
         }
         if !name_or_path.ends_with(".toml") {
             return Err(SceneError::unknown(name_or_path, &Self::built_in()));
@@ -136,7 +150,7 @@ impl Scene {
             return Err(SceneError::too_large(name_or_path));
         }
         let text = std::fs::read_to_string(name_or_path).map_err(read)?;
-        Self::parse(&text, name_or_path)
+        Self::parse_with(&text, name_or_path, conditions)
     }
 
     /// Reads a scene from its text; `file` names it in errors.
@@ -144,10 +158,14 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Invalid`].
     pub fn parse(text: &str, file: &str) -> Result<Self, SceneError> {
+        Self::parse_with(text, file, &Conditions::default())
+    }
+
+    fn parse_with(text: &str, file: &str, conditions: &Conditions) -> Result<Self, SceneError> {
         let source = file::Source::new(text, file);
         let raw = file::read(&source)?;
         let placed = expand::expand(&raw, &source)?;
-        build::build(&raw, placed, &source)
+        build::build(&raw, placed, conditions, &source)
     }
 
     /// Names of the built-in scenes.

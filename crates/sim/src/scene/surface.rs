@@ -61,11 +61,16 @@ pub(super) struct RawMaterial {
     #[serde(default)]
     two_sided: bool,
     emission: Option<Colour>,
+    /// Instead of `emission` where lamps are lit.
+    emission_lit: Option<Colour>,
 }
 
+/// What windows give off where lamps are lit: rooms behind them. The pattern leaves most of them dark.
+const ROOMS: Vec3 = Vec3::new(0.62, 0.40, 0.17);
+
 impl RawMaterial {
-    /// The material, or what is wrong with it.
-    pub(super) fn material(&self) -> Result<Material, String> {
+    /// The material, or what is wrong with it; `lit` says whether lamps are lit.
+    pub(super) fn material(&self, lit: bool) -> Result<Material, String> {
         let measure = |name: &str, value: Option<f32>, default: f32, low: f32, high: f32| match value.unwrap_or(default) {
             v if (low..=high).contains(&v) => Ok(v),
             v => Err(format!("`{name}` must be from {low} to {high}, not `{v}`")),
@@ -96,13 +101,15 @@ impl RawMaterial {
             PatternName::Water => Pattern::Water,
             PatternName::Stripes => Pattern::Stripes { period: measure("period", self.period, 1.0, 0.02, 100.0)? },
         };
+        let rooms = (self.pattern == PatternName::Windows).then_some(ROOMS);
+        let lamps = self.emission_lit.map(|c| c.0).or(rooms).filter(|_| lit);
         let dimmed = self.colour.0 * 0.7;
         Ok(Material {
             colour: self.colour.0,
             accent: self.accent.map_or(dimmed, |c| c.0),
             pattern,
             two_sided: self.two_sided,
-            emission: self.emission.map_or(Vec3::ZERO, |c| c.0),
+            emission: lamps.or(self.emission.map(|c| c.0)).unwrap_or(Vec3::ZERO),
         })
     }
 }
@@ -121,7 +128,7 @@ mod tests {
     #[test]
     fn every_palette_material_is_valid() {
         for (name, material) in palette() {
-            assert!(material.material().is_ok(), "{name}");
+            assert!(material.material(false).is_ok() && material.material(true).is_ok(), "{name}");
         }
         assert!(KINDS.windows(2).all(|pair| pair[0].0 < pair[1].0), "kinds are in order");
     }

@@ -46,6 +46,7 @@ pub(crate) fn geometry(parts: Vec<Part>) -> SceneGeometry {
         zenith: Vec3::ONE,
         horizon: Vec3::ONE,
         haze: 0.0,
+        ..Light::default()
     };
     SceneGeometry { parts, materials: Vec::new(), textures: Vec::new(), light }
 }

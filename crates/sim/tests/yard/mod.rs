@@ -42,6 +42,7 @@ pub fn empty() -> Yard {
         zenith: Vec3::new(0.16, 0.32, 0.75),
         horizon: Vec3::new(0.75, 0.85, 0.95),
         haze: 0.0012,
+        ..Light::default()
     };
     let mut yard = Yard { geometry: SceneGeometry { parts: Vec::new(), materials, textures: Vec::new(), light } };
     yard.add_quad(

@@ -10,8 +10,9 @@ use spf_core::geometry::Pose;
 use spf_media::{frame::Rgb, png};
 use spf_sim::model::{CraftKind, Model};
 use spf_sim::render::Picture;
+use spf_sim::scene::{Conditions, Lighting, Weather};
 
-use crate::args::Sim;
+use crate::args::{ConditionArgs, Sim};
 use crate::error::{CliError, nearest};
 use crate::exit::Exit;
 use crate::printer::Printer;
@@ -61,6 +62,25 @@ pub(super) fn parse_size(text: &str) -> Result<(u32, u32), CliError> {
     sides.filter(|(w, h)| SIZES.contains(w) && SIZES.contains(h)).ok_or_else(|| {
         CliError::usage(format!("--size: `{text}` is not a size"))
             .hint("WIDTHxHEIGHT in pixels, each from 16 to 8192, for example 960x720")
+    })
+}
+
+/// Light and weather asked for.
+pub(super) fn conditions(args: &ConditionArgs) -> Result<Conditions, CliError> {
+    let lighting = args.light.as_deref().map(|text| choice("--light", text, &Lighting::ALL.map(|l| (l.name(), l))));
+    let weather = args.weather.as_deref().map(|text| choice("--weather", text, &Weather::ALL.map(|w| (w.name(), w))));
+    Ok(Conditions { lighting: lighting.transpose()?, weather: weather.transpose()? })
+}
+
+/// One of some words.
+fn choice<T: Copy>(flag: &str, text: &str, words: &[(&str, T)]) -> Result<T, CliError> {
+    words.iter().find(|(word, _)| *word == text).map(|(_, choice)| *choice).ok_or_else(|| {
+        let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
+        let error = CliError::usage(format!("{flag}: `{text}` is not {}", known.join(" or ")));
+        match nearest(text, known) {
+            Some(near) => error.hint(format!("did you mean `{near}`?")),
+            None => error.hint("leave it out for the scene's own"),
+        }
     })
 }
 

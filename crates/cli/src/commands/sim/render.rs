@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use spf_media::png;
 use spf_sim::render::{Channels, Picture};
 
-use super::{above_start, colour, parse_kind, parse_size, write};
+use super::{above_start, colour, conditions, parse_kind, parse_size, write};
 use crate::args::Render;
 use crate::commands::{load_stage, parse_pose};
 use crate::error::CliError;
@@ -23,7 +23,8 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
     let legend = args.ids.as_ref().map(|path| path.with_extension("json"));
     distinct(args, legend.as_ref())?;
-    let stage = load_stage(&args.scene)?;
+    let conditions = conditions(&args.conditions)?;
+    let stage = load_stage(&args.scene, &conditions)?;
     let kind = kind.unwrap_or(stage.scene.default_craft);
     let pose = pose.unwrap_or_else(|| above_start(stage.scene.start, kind));
     let camera = kind.camera();

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use spf_flight::sim::Stage;
 use spf_sim::render::Channels;
-use spf_sim::scene::{Object, Scene};
+use spf_sim::scene::{Conditions, Object, Scene};
 
 use super::{colour, write};
 use crate::args::Scenes;
@@ -94,7 +94,7 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
 fn look_at(name: &str, args: &Scenes) -> Result<(Stage, Entry), CliError> {
     let resident = resident_bytes();
     let started = Instant::now();
-    let stage = load_stage(name)?;
+    let stage = load_stage(name, &Conditions::default())?;
     let loaded = started.elapsed();
     let mut entry = entry(&stage.scene);
     if args.stats || args.pictures.is_some() {
