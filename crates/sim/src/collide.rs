@@ -1,6 +1,6 @@
 //! True geometry as it is touched: distances, sweeps and rays over the solid parts of a scene (DESIGN.md section 5).
 //!
-//! Only [`Role::Solid`] parts take part; what is merely drawn and the openings touch nothing. Two levels: one triangle mesh an
+//! Only [`Role::Solid`] and [`Role::Glass`] parts take part; what is merely drawn and the openings touch nothing. Two levels: one triangle mesh an
 //! object, and a tree over the objects. Geometry is `f32` inside (parry's precision), which at 200 m from the origin is good
 //! to 0.02 mm; answers are metres in the world frame. Nothing here changes after construction, so that trials on any number
 //! of threads share one collider behind an `Arc`.
@@ -118,10 +118,10 @@ impl Collider {
     /// # Errors
     /// [`ColliderError::CornerOutOfRange`] and [`ColliderError::NotFinite`] for geometry that is none.
     pub fn new(scene: &SceneGeometry) -> Result<Self, ColliderError> {
-        let bodies = bodies(scene, Role::Solid)?;
+        let bodies = bodies(scene, &[Role::Solid, Role::Glass])?;
         let boxes: Vec<Aabb> = bodies.iter().map(|body| body.mesh.local_aabb()).collect();
         let tree = Bvh::from_leaves(BvhBuildStrategy::default(), &boxes);
-        Ok(Self { tree, bodies, openings: self::bodies(scene, Role::Opening)? })
+        Ok(Self { tree, bodies, openings: self::bodies(scene, &[Role::Opening])? })
     }
 
     /// The solid surface nearest to `point`; none in an empty scene.
@@ -208,10 +208,10 @@ impl Collider {
     }
 }
 
-/// One mesh an object from its parts of that role, ascending by id.
-fn bodies(scene: &SceneGeometry, role: Role) -> Result<Vec<Body>, ColliderError> {
+/// One mesh an object from its parts of those roles, ascending by id.
+fn bodies(scene: &SceneGeometry, roles: &[Role]) -> Result<Vec<Body>, ColliderError> {
     let mut soups: BTreeMap<ObjectId, Soup> = BTreeMap::new();
-    for (index, part) in scene.parts.iter().enumerate().filter(|(_, part)| part.role == role) {
+    for (index, part) in scene.parts.iter().enumerate().filter(|(_, part)| roles.contains(&part.role)) {
         soups.entry(part.object).or_default().add(index, part)?;
     }
     Ok(soups

@@ -43,6 +43,8 @@ pub enum Role {
     Solid,
     /// Drawn only.
     Visual,
+    /// Touched only: clear glass.
+    Glass,
     /// An opening (gate, tunnel mouth, hollow): drawn into the second id and depth picture only; hides nothing, touches nothing.
     Opening,
 }

@@ -9,7 +9,7 @@ mod text;
 
 pub use canvas::{Canvas, Colour, Point, Rect};
 pub use hud::{Hud, draw_hud};
-pub use text::TextStyle;
+pub use text::{Glyph, TextStyle, glyph};
 
 use spf_core::query::{ImagePoint, Mark};
 

@@ -89,6 +89,39 @@ fn unicode_of_version_2(table: &[u8]) -> Vec<Vec<char>> {
         .collect()
 }
 
+/// A character in the font's largest size, for those who draw letters out of something else than pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Glyph<'a> {
+    width: u32,
+    rows: &'a [u32],
+}
+
+impl<'a> Glyph<'a> {
+    /// Width, pixels; at most 32.
+    #[must_use]
+    pub const fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height, pixels.
+    #[must_use]
+    pub const fn height(&self) -> u32 {
+        self.rows.len() as u32
+    }
+
+    /// A word of bits for each row from the top; the left pixel is bit `width − 1`.
+    pub fn rows(&self) -> impl Iterator<Item = u32> + 'a {
+        self.rows.iter().copied()
+    }
+}
+
+/// The largest glyph of a character, 32×64; none for what the font lacks.
+#[must_use]
+pub fn glyph(character: char) -> Option<Glyph<'static>> {
+    let size = &SIZES[SIZES.len() - 1];
+    size.glyphs.get(&character).map(|rows| Glyph { width: size.width, rows })
+}
+
 /// A style of text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextStyle {

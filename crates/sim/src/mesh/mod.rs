@@ -11,12 +11,19 @@ mod furniture;
 mod ground;
 mod heavy;
 mod house;
+mod office;
 mod person;
+mod plant;
 mod polygon;
+mod room;
+mod round;
+mod seat;
+mod sign;
 mod sketch;
 mod tower;
 mod tree;
 mod tunnel;
+mod yard;
 
 use core::fmt::Debug;
 
@@ -36,6 +43,12 @@ pub(crate) trait Generator: Debug {
     fn slots(&self) -> Slots;
     /// Draws the thing. `seed` names the instance for those that grow by chance (trees).
     fn draw(&self, sketch: &mut Sketch, seed: &str);
+    /// Draws what walks at `phase` of its gait, whose cycle runs from 0 to 1 and takes 0.86 of the height in metres; false for
+    /// what does not walk.
+    #[allow(dead_code, reason = "actors alone ask for it")]
+    fn draw_walking(&self, _sketch: &mut Sketch, _phase: f32) -> bool {
+        false
+    }
     /// Whether it is an opening: a tagged surface that hides and touches nothing.
     fn is_opening(&self) -> bool {
         false
@@ -87,6 +100,36 @@ impl<'de> Deserialize<'de> for Count {
     }
 }
 
+/// An angle in degrees, 0..=170.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Degrees(pub(crate) f32);
+
+impl<'de> Deserialize<'de> for Degrees {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = f64::deserialize(deserializer)?;
+        if (0.0..=170.0).contains(&value) {
+            Ok(Self(value as f32))
+        } else {
+            Err(serde::de::Error::custom(format!("an angle must be from 0 to 170 degrees, not `{value}`")))
+        }
+    }
+}
+
+/// A share of a whole, 0..=1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Share(pub(crate) f32);
+
+impl<'de> Deserialize<'de> for Share {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = f64::deserialize(deserializer)?;
+        if (0.0..=1.0).contains(&value) {
+            Ok(Self(value as f32))
+        } else {
+            Err(serde::de::Error::custom(format!("a share must be from 0 to 1, not `{value}`")))
+        }
+    }
+}
+
 /// Width and length, or width, depth and height.
 pub(crate) type Size<const N: usize> = [Metres; N];
 
@@ -108,43 +151,69 @@ fn read<T: Generator + DeserializeOwned + 'static>(table: toml::Table) -> Result
 /// Every kind of mesh, in alphabetical order.
 pub(crate) const KINDS: &[(&str, Reader)] = &[
     ("bench", read::<furniture::Bench>),
+    ("bicycle", read::<yard::Bicycle>),
+    ("bin", read::<yard::Bin>),
     ("boat", read::<heavy::Boat>),
+    ("bottle", read::<office::Bottle>),
     ("bridge", read::<bridge::Bridge>),
     ("building", read::<building::Building>),
     ("bus", read::<heavy::Bus>),
     ("bus_shelter", read::<furniture::BusShelter>),
+    ("canopy", read::<yard::Canopy>),
     ("car", read::<car::Car>),
     ("car_park", read::<ground::CarPark>),
+    ("carton", read::<office::Carton>),
+    ("ceiling_lamp", read::<office::CeilingLamp>),
+    ("chair", read::<seat::Chair>),
     ("chimney", read::<tower::Chimney>),
     ("church", read::<house::Church>),
+    ("clock", read::<office::Clock>),
+    ("computer", read::<office::Computer>),
+    ("cone", read::<yard::Cone>),
     ("container", read::<furniture::Container>),
+    ("desk", read::<office::Desk>),
+    ("door", read::<room::Door>),
     ("excavator", read::<heavy::Excavator>),
+    ("extinguisher", read::<office::Extinguisher>),
     ("factory", read::<house::Factory>),
     ("fence", read::<furniture::Fence>),
     ("flagpole", read::<furniture::Flagpole>),
+    ("flower_bed", read::<plant::FlowerBed>),
     ("fountain", read::<ground::Fountain>),
     ("frame_building", read::<building::FrameBuilding>),
+    ("hedge", read::<plant::Hedge>),
     ("hill", read::<tunnel::Hill>),
     ("hollow_building", read::<building::HollowBuilding>),
     ("house", read::<house::House>),
     ("kiosk", read::<furniture::Kiosk>),
+    ("ladder", read::<yard::Ladder>),
     ("landing_pad", read::<ground::LandingPad>),
     ("lattice_mast", read::<crane::LatticeMast>),
     ("needle_tower", read::<tower::NeedleTower>),
     ("opening", read::<tunnel::Opening>),
+    ("parasol", read::<yard::Parasol>),
     ("person", read::<person::Person>),
     ("pile", read::<ground::Pile>),
     ("pond", read::<ground::Pond>),
+    ("potted_plant", read::<plant::PottedPlant>),
     ("quay", read::<ground::Quay>),
     ("ring_road", read::<ground::RingRoad>),
+    ("shelf", read::<office::Shelf>),
+    ("sign", read::<sign::Sign>),
     ("slab", read::<ground::Slab>),
     ("slide", read::<furniture::Slide>),
     ("street_lamp", read::<furniture::StreetLamp>),
+    ("table", read::<office::Table>),
     ("tower_crane", read::<crane::TowerCrane>),
     ("traffic_light", read::<furniture::TrafficLight>),
     ("tree", read::<tree::Tree>),
     ("truck", read::<heavy::Truck>),
     ("tunnel", read::<tunnel::Tunnel>),
     ("van", read::<car::Van>),
+    ("vending_machine", read::<office::VendingMachine>),
+    ("wall", read::<room::Wall>),
+    ("water_cooler", read::<office::WaterCooler>),
     ("water_tower", read::<tower::WaterTower>),
+    ("whiteboard", read::<office::Whiteboard>),
+    ("window", read::<room::Window>),
 ];

@@ -59,7 +59,7 @@ pub(crate) struct Soup {
 impl Soup {
     pub(crate) fn new(parts: &[Part], materials: &[Material]) -> Self {
         let mut soup = Self::default();
-        for part in parts {
+        for part in parts.iter().filter(|part| part.role != Role::Glass) {
             soup.add(part, materials);
         }
         soup
