@@ -110,9 +110,14 @@ fn corners(part: &Part, triangle: [u32; 3]) -> [Vec3; 3] {
 
 #[test]
 fn meshes_have_area_unit_normals_and_sides_that_agree() {
-    let scene = city();
+    for scene in Scene::built_in().into_iter().map(|name| Scene::load(name).unwrap()) {
+        check_meshes(&scene);
+    }
+}
+
+fn check_meshes(scene: &Scene) {
     for part in &scene.geometry.parts {
-        let key = &scene.object(part.object).unwrap().key;
+        let key = &scene.object(part.object).expect("every part is an object's").key;
         for vertex in &part.vertices {
             assert!((vertex.normal.length() - 1.0).abs() < 1e-3, "{key}: normal {:?}", vertex.normal);
             assert!(vertex.position.is_finite() && vertex.uv.is_finite(), "{key}");

@@ -23,7 +23,11 @@ use crate::model::CraftKind;
 use crate::oracle::Tagged;
 
 /// The scenes that come with the program: name and text.
-const BUILT_IN: &[(&str, &str)] = &[("city", include_str!("../../../../scenes/city.toml"))];
+const BUILT_IN: &[(&str, &str)] = &[
+    ("city", include_str!("../../../../scenes/city.toml")),
+    ("office", include_str!("../../../../scenes/office.toml")),
+    ("yard", include_str!("../../../../scenes/yard.toml")),
+];
 
 /// A loaded scene.
 #[derive(Clone, Debug)]
