@@ -3,26 +3,37 @@
 //! A generator is plain data read from a scene file. It names its material slots with their default materials, and draws in
 //! its own frame (x right, y forward, z up, metres). The table [`KINDS`] is the whole list.
 
+mod balloon;
 mod bridge;
 mod building;
 mod car;
+mod course;
 mod crane;
 mod furniture;
+mod garden;
+mod gate;
 mod ground;
 mod heavy;
 mod house;
+mod landscape;
+mod lookout;
+mod monorail;
 mod office;
 mod person;
+mod plane;
 mod plant;
 mod polygon;
+mod railway;
 mod room;
 mod round;
 mod seat;
 mod sign;
 mod sketch;
+mod skin;
 mod tower;
 mod tree;
 mod tunnel;
+mod way;
 mod yard;
 
 use core::fmt::Debug;
@@ -150,6 +161,8 @@ fn read<T: Generator + DeserializeOwned + 'static>(table: toml::Table) -> Result
 
 /// Every kind of mesh, in alphabetical order.
 pub(crate) const KINDS: &[(&str, Reader)] = &[
+    ("balloon", read::<balloon::Balloon>),
+    ("balloon_arch", read::<balloon::BalloonArch>),
     ("bench", read::<furniture::Bench>),
     ("bicycle", read::<yard::Bicycle>),
     ("bin", read::<yard::Bin>),
@@ -159,15 +172,18 @@ pub(crate) const KINDS: &[(&str, Reader)] = &[
     ("building", read::<building::Building>),
     ("bus", read::<heavy::Bus>),
     ("bus_shelter", read::<furniture::BusShelter>),
+    ("bush", read::<plant::Bush>),
     ("canopy", read::<yard::Canopy>),
     ("car", read::<car::Car>),
     ("car_park", read::<ground::CarPark>),
+    ("carriage", read::<railway::Carriage>),
     ("carton", read::<office::Carton>),
     ("ceiling_lamp", read::<office::CeilingLamp>),
     ("chair", read::<seat::Chair>),
     ("chimney", read::<tower::Chimney>),
     ("church", read::<house::Church>),
     ("clock", read::<office::Clock>),
+    ("clock_tower", read::<lookout::ClockTower>),
     ("computer", read::<office::Computer>),
     ("cone", read::<yard::Cone>),
     ("container", read::<furniture::Container>),
@@ -179,29 +195,49 @@ pub(crate) const KINDS: &[(&str, Reader)] = &[
     ("fence", read::<furniture::Fence>),
     ("flagpole", read::<furniture::Flagpole>),
     ("flower_bed", read::<plant::FlowerBed>),
+    ("footbridge", read::<garden::Footbridge>),
     ("fountain", read::<ground::Fountain>),
     ("frame_building", read::<building::FrameBuilding>),
+    ("gate", read::<gate::Gate>),
+    ("grove", read::<landscape::Grove>),
+    ("hangar", read::<garden::Hangar>),
     ("hedge", read::<plant::Hedge>),
     ("hill", read::<tunnel::Hill>),
     ("hollow_building", read::<building::HollowBuilding>),
+    ("hot_air_balloon", read::<balloon::HotAirBalloon>),
     ("house", read::<house::House>),
+    ("jetty", read::<garden::Jetty>),
     ("kiosk", read::<furniture::Kiosk>),
+    ("knoll", read::<landscape::Knoll>),
     ("ladder", read::<yard::Ladder>),
+    ("lake", read::<landscape::Lake>),
     ("landing_pad", read::<ground::LandingPad>),
     ("lattice_mast", read::<crane::LatticeMast>),
+    ("locomotive", read::<railway::Locomotive>),
+    ("lookout_tower", read::<lookout::LookoutTower>),
+    ("monorail_beam", read::<monorail::MonorailBeam>),
+    ("monorail_train", read::<monorail::MonorailTrain>),
     ("needle_tower", read::<tower::NeedleTower>),
     ("opening", read::<tunnel::Opening>),
+    ("oval_bed", read::<plant::OvalBed>),
     ("parasol", read::<yard::Parasol>),
+    ("patch", read::<landscape::Patch>),
+    ("path", read::<way::Path>),
+    ("pavilion", read::<garden::Pavilion>),
     ("person", read::<person::Person>),
+    ("picnic_table", read::<garden::PicnicTable>),
     ("pile", read::<ground::Pile>),
+    ("plane", read::<plane::Plane>),
     ("pond", read::<ground::Pond>),
     ("potted_plant", read::<plant::PottedPlant>),
     ("quay", read::<ground::Quay>),
+    ("railway_track", read::<railway::RailwayTrack>),
     ("ring_road", read::<ground::RingRoad>),
     ("shelf", read::<office::Shelf>),
     ("sign", read::<sign::Sign>),
     ("slab", read::<ground::Slab>),
     ("slide", read::<furniture::Slide>),
+    ("stream", read::<way::Stream>),
     ("street_lamp", read::<furniture::StreetLamp>),
     ("table", read::<office::Table>),
     ("tower_crane", read::<crane::TowerCrane>),
@@ -215,5 +251,7 @@ pub(crate) const KINDS: &[(&str, Reader)] = &[
     ("water_cooler", read::<office::WaterCooler>),
     ("water_tower", read::<tower::WaterTower>),
     ("whiteboard", read::<office::Whiteboard>),
+    ("windmill", read::<garden::Windmill>),
     ("window", read::<room::Window>),
+    ("windsock", read::<garden::Windsock>),
 ];

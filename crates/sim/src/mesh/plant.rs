@@ -1,13 +1,14 @@
-//! Plants in pots, hedges, flower beds.
+//! Plants in pots, hedges, bushes, flower beds.
 
 use core::f64::consts::TAU;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use serde::Deserialize;
 use spf_core::rng::Draw;
 
-use super::sketch::cos_sin;
-use super::{Generator, Metres, Size, Sketch, Slots, Surface, parts};
+use super::sketch::{cos_sin, on_circle};
+use super::tree::blob;
+use super::{Generator, Metres, Size, Sketch, Slots, Surface, parts, plan};
 
 /// A plant in a pot, of the whole height.
 #[derive(Clone, Copy, Debug, Deserialize)]
@@ -162,7 +163,7 @@ impl Generator for Hedge {
             let size = Vec3::new(w * more, step * 1.25, h * tall);
             sketch.on("leaf").cushion(Vec3::new(0.0, y, 0.0), size, 0.22 * w.min(h));
         }
-        let half = glam::Vec2::new(0.5 * w, 0.5 * l);
+        let half = Vec2::new(0.5 * w, 0.5 * l);
         sketch.outline_rect(-half, half);
     }
 }
@@ -212,5 +213,68 @@ impl Generator for FlowerBed {
             }
             sketch.append(&clump, draw.uniform() * TAU, Vec3::new(x, y, 0.88 * h));
         }
+    }
+}
+
+/// A round bush of several lumps, about as wide as high.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Bush {
+    height: Metres,
+}
+
+impl Generator for Bush {
+    fn slots(&self) -> Slots {
+        &[("leaf", "leaf")]
+    }
+
+    fn draw(&self, sketch: &mut Sketch, seed: &str) {
+        let mut draw = Draw::new(0, seed, &[]);
+        let h = self.height.0;
+        blob(sketch.on("leaf"), &mut draw, Vec3::Z * (0.5 * h), Vec3::new(0.5, 0.5, 0.5) * h, 1);
+        let turn = draw.uniform() as f32;
+        for i in 0..4 {
+            let size = (0.28 + 0.12 * draw.uniform() as f32) * h;
+            let at = on_circle(turn + (i as f32 + 0.4 * draw.uniform() as f32) / 4.0, 0.42 * h, 0.85 * size);
+            blob(sketch.on("leaf"), &mut draw, at, Vec3::splat(size), 1);
+        }
+        sketch.outline.push((0..12).map(|i| on_circle(i as f32 / 12.0, 0.6 * h, 0.0).truncate()).collect());
+    }
+}
+
+/// An oval flower bed: a stone edge, a low cushion of leaves, blossoms in two colours.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct OvalBed {
+    size: Size<2>,
+}
+
+/// Blossoms a bed has at most.
+const MOST_BLOSSOMS: f32 = 130.0;
+
+impl Generator for OvalBed {
+    fn slots(&self) -> Slots {
+        &[("edge", "stone"), ("leaf", "leaf"), ("petal", "signal_red_plain"), ("second", "hook_yellow")]
+    }
+
+    fn draw(&self, sketch: &mut Sketch, seed: &str) {
+        let mut draw = Draw::new(0, seed, &[]);
+        let half = plan(self.size) * 0.5;
+        let oval = |scale: f32, z: f32| {
+            (0..24).map(|i| (on_circle(i as f32 / 24.0, scale, 0.0).truncate() * half).extend(z)).collect::<Vec<Vec3>>()
+        };
+        let flat = |ring: Vec<Vec3>| ring.iter().map(|p| p.truncate()).collect::<Vec<Vec2>>();
+        sketch.on("edge").prism(&flat(oval(1.0, 0.0)), -0.1, 0.16);
+        sketch.skin(&[oval(0.93, 0.15), oval(0.8, 0.32), oval(0.45, 0.42), oval(0.0, 0.45)], |_, _| "leaf");
+        let blossoms = (half.x * half.y * 18.0).clamp(6.0, MOST_BLOSSOMS) as u32;
+        for i in 0..blossoms {
+            // The square root spreads them evenly over the oval.
+            let out = (draw.uniform() as f32).sqrt() * 0.86;
+            let at = (on_circle(draw.uniform() as f32, out, 0.0).truncate() * half).extend(0.52 - 0.2 * out * out);
+            let size = 0.13 + 0.06 * draw.uniform() as f32;
+            let slot = if i % 3 == 2 { "second" } else { "petal" };
+            sketch.on(slot).revolve(at, &[(0.0, -0.9 * size), (size, 0.2 * size), (0.0, 0.5 * size)], 6);
+        }
+        sketch.outline.push(flat(oval(1.0, 0.0)));
     }
 }

@@ -12,7 +12,7 @@ const HEAD: f32 = 3.2;
 
 /// The arch of a tunnel in (x, z): vertical sides, round head; counter-clockwise seen from behind, from the right foot over
 /// the head to the left foot.
-fn arch_line(width: f32, height: f32) -> Vec<Vec2> {
+pub(super) fn arch_line(width: f32, height: f32) -> Vec<Vec2> {
     let half = 0.5 * width;
     let spring = (height - half).max(0.3 * height);
     let mut line = vec![Vec2::new(half, 0.0)];
