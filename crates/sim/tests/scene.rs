@@ -135,19 +135,20 @@ fn check_meshes(scene: &Scene) {
 #[test]
 fn solids_enclose_a_positive_volume() {
     // The divergence theorem about a point on the ground below the middle: an open floor adds nothing. Sheets are left out.
-    let sheets = ["tunnel", "hill", "hollow"];
-    let scene = city();
-    for object in scene.objects.iter().filter(|o| !o.opening && !sheets.contains(&o.key.as_str())) {
-        let (min, max) = (object.bounds.min, object.bounds.max);
-        let origin = DVec3::new(0.5 * (min.east + max.east), 0.5 * (min.north + max.north), min.up);
-        let mut volume = 0.0;
-        for part in scene.geometry.parts.iter().filter(|p| p.object == object.id && p.role == Role::Solid) {
-            for &triangle in &part.triangles {
-                let [a, b, c] = corners(part, triangle).map(|p| p.as_dvec3() - origin);
-                volume += a.dot(b.cross(c)) / 6.0;
+    for (name, sheets) in [("city", ["tunnel", "hill", "hollow"].as_slice()), ("park", &[])] {
+        let scene = Scene::load(name).unwrap();
+        for object in scene.objects.iter().filter(|o| !o.opening && !sheets.contains(&o.key.as_str())) {
+            let (min, max) = (object.bounds.min, object.bounds.max);
+            let origin = DVec3::new(0.5 * (min.east + max.east), 0.5 * (min.north + max.north), min.up);
+            let mut volume = 0.0;
+            for part in scene.geometry.parts.iter().filter(|p| p.object == object.id && p.role == Role::Solid) {
+                for &triangle in &part.triangles {
+                    let [a, b, c] = corners(part, triangle).map(|p| p.as_dvec3() - origin);
+                    volume += a.dot(b.cross(c)) / 6.0;
+                }
             }
+            assert!(volume > 0.0, "{} of the {name}: volume {volume}", object.key);
         }
-        assert!(volume > 0.0, "{}: volume {volume}", object.key);
     }
 }
 
@@ -407,6 +408,9 @@ proptest! {
         kind in prop::sample::select(vec![
             "building", "hollow_building", "tower_crane", "lattice_mast", "needle_tower", "tunnel", "hill", "bridge", "tree",
             "house", "church", "factory", "frame_building", "fence", "bus", "truck", "fountain", "water_tower", "quay", "pile",
+            "gate", "balloon", "balloon_arch", "hot_air_balloon", "plane", "lookout_tower", "clock_tower", "lake", "knoll", "patch",
+            "grove", "bush", "oval_bed", "footbridge", "pavilion", "windmill", "jetty", "hangar", "windsock", "carriage", "monorail_train", "path",
+            "stream", "railway_track", "monorail_beam",
         ]),
         a in 0.01..300.0f64, b in 0.01..300.0f64, c in 0.01..300.0f64, n in 0u32..120,
     ) {
@@ -429,6 +433,23 @@ proptest! {
             "fountain" => format!("radius = {a}"),
             "water_tower" => format!("height = {a}"),
             "quay" => format!("width = {a}, length = {b}, depth = {c}"),
+            "gate" => format!("width = {a}, height = {b}, sill = {c}, number = {n}"),
+            "balloon" => format!("diameter = {a}, height = {b}"),
+            "balloon_arch" => format!("width = {a}, height = {b}"),
+            "hot_air_balloon" | "lookout_tower" | "clock_tower" | "windmill" | "windsock" => format!("height = {a}"),
+            "plane" => format!("span = {a}"),
+            "lake" => format!("size = [{a}, {b}], outlet_deg = {c}"),
+            "knoll" | "hangar" => format!("size = [{a}, {b}], height = {c}"),
+            "bush" => format!("height = {a}"),
+            "patch" | "jetty" | "oval_bed" => format!("size = [{a}, {b}]"),
+            "grove" => format!("size = [{a}, {b}], count = {n}"),
+            "footbridge" => format!("length = {a}, width = {b}, rise = {c}"),
+            "pavilion" => format!("radius = {a}"),
+            "carriage" => format!("length = {a}"),
+            "monorail_train" => format!("cars = {n}"),
+            "path" | "stream" => format!("points = [[0, 0], [{a}, {b}], [{c}, 400]], width = {a}"),
+            "railway_track" => format!("points = [[0, 0], [{a}, {b}], [{c}, 400]]"),
+            "monorail_beam" => format!("points = [[0, 0], [{a}, {b}], [{c}, 400]], height = {a}"),
             _ => format!("radius = {a}, height = {b}"),
         };
         let object = TREE.replace("kind = \"tree\", style = \"conifer\", height = 9.0", &format!("kind = \"{kind}\", {measures}"));

@@ -25,6 +25,7 @@ use crate::oracle::Tagged;
 /// The scenes that come with the program: name and text.
 const BUILT_IN: &[(&str, &str)] = &[
     ("city", include_str!("../../../../scenes/city.toml")),
+    ("park", include_str!("../../../../scenes/park.toml")),
     ("office", include_str!("../../../../scenes/office.toml")),
     ("yard", include_str!("../../../../scenes/yard.toml")),
 ];
@@ -128,7 +129,7 @@ impl Aabb {
 }
 
 impl Scene {
-    /// Loads a built-in scene by name (`city`), or a scene file by its path, which must end in `.toml`.
+    /// Loads a built-in scene by name (`city`, `park`), or a scene file by its path, which must end in `.toml`.
     ///
     /// # Errors
     /// [`SceneError::Unknown`] for a name that no built-in scene has, [`SceneError::Read`] if the file cannot be read,
