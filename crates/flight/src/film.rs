@@ -13,7 +13,7 @@ use spf_media::frame::Rgb;
 use spf_media::marks::{self, Colour, Hud};
 use spf_record::video::{VideoError, VideoWriter};
 
-use crate::sim::SimWorld;
+use crate::sim::{Moment, SimWorld};
 use crate::words;
 
 /// Pictures a flight second: the paper's controller acts ten times a second, so nothing is between two pictures.
@@ -29,8 +29,8 @@ const FORGOTTEN: Duration = Duration::from_secs(9);
 /// What one picture shows.
 struct Shot {
     at: Time,
-    /// Where the camera truly is.
-    pose: Pose,
+    /// Where the camera and the actors truly are.
+    moment: Moment,
     /// Where the pilot believes to be.
     known: Pose,
     waypoint: Option<EnuPosition>,
@@ -100,14 +100,14 @@ impl Film {
     /// Takes every picture that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
     pub(crate) fn advance(&mut self, now: Time, pilot: &Pilot) -> bool {
         while self.next <= now {
-            let Some(pose) = self.world.true_pose_at(self.next) else {
+            let Some(moment) = self.world.moment_at(self.next) else {
                 // Not flown yet; or so long ago that the simulator forgot, after a standstill of the whole machine: go on from here.
                 if now.since(self.next) > FORGOTTEN {
                     self.next = now;
                 }
                 return true;
             };
-            let shot = self.shot(self.next, pose, pilot);
+            let shot = self.shot(self.next, moment, pilot);
             let open = if self.live {
                 !matches!(self.shots.try_send(shot), Err(TrySendError::Disconnected(_)))
             } else {
@@ -121,12 +121,12 @@ impl Film {
         true
     }
 
-    fn shot(&self, at: Time, pose: Pose, pilot: &Pilot) -> Shot {
+    fn shot(&self, at: Time, moment: Moment, pilot: &Pilot) -> Shot {
         let known = pilot.known_pose(at);
         let heading = known.attitude.heading.to_degrees().round().rem_euclid(360.0);
         Shot {
             at,
-            pose,
+            moment,
             known,
             waypoint: self.waypoint,
             boxes: if at < self.boxes_until { self.boxes.clone() } else { Vec::new() },
@@ -159,7 +159,7 @@ fn encode(mut writer: VideoWriter, world: &SimWorld, shots: &Receiver<Shot>) -> 
 }
 
 fn draw(world: &SimWorld, shot: &Shot) -> Rgb {
-    let mut picture = world.photograph(&shot.pose, Some(SIZE));
+    let mut picture = world.photograph(&shot.moment, Some(SIZE));
     marks::draw(&mut picture, &shot.boxes);
     // What was seen on one line and what was made of it on the next: together they are too long for the picture.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));

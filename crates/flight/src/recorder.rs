@@ -9,6 +9,7 @@ use spf_core::time::Time;
 use spf_record::jsonl::JsonLines;
 use spf_record::out_dir::OutDir;
 use spf_record::trajectory::{DecisionMark, Outline, TrajectoryInput, trajectory_svg};
+use spf_sim::actors::ActorPlace;
 
 use crate::film::Film;
 use crate::run::Observer;
@@ -86,15 +87,15 @@ impl Recorder {
         if let Some(film) = self.film.take() {
             kept(&mut self.problems, film.finish());
         }
-        let stage = self.world.stage();
+        let (stage, actors) = (self.world.stage(), self.world.now().actors);
         let picture = trajectory_svg(&TrajectoryInput {
             title: summary.instruction.clone(),
             outcome: headline(summary),
-            outlines: outlines(stage),
+            outlines: outlines(stage, &actors),
             path: core::mem::take(&mut self.path),
             known_path: core::mem::take(&mut self.known_path),
             decisions: core::mem::take(&mut self.marks),
-            target: summary.targets.first().and_then(|key| centre(stage, key)),
+            target: summary.targets.first().and_then(|key| centre(stage, &actors, key)),
         });
         kept(&mut self.problems, self.out.write("trajectory.svg", picture.as_bytes()));
         kept(&mut self.problems, self.out.write_summary(summary));
@@ -126,20 +127,20 @@ fn headline(summary: &Summary) -> String {
     format!("{outcome}{time}, {flown:.1} m flown, {} decisions{distance}", summary.decisions)
 }
 
-/// The scene seen from above, lowest things first.
-fn outlines(stage: &Stage) -> Vec<Outline> {
+/// The scene seen from above with the actors at these places, lowest things first.
+fn outlines(stage: &Stage, actors: &[ActorPlace]) -> Vec<Outline> {
     let mut objects: Vec<_> = stage.scene.objects.iter().filter(|object| !object.opening && !object.outline.is_empty()).collect();
     objects.sort_by(|a, b| a.bounds.max.up.total_cmp(&b.bounds.max.up).then(a.id.cmp(&b.id)));
     let outline = |object: &&spf_sim::scene::Object| Outline {
         name: object.key.clone(),
         colour: colour(&object.tags),
-        polygons: object.outline.clone(),
+        polygons: stage.outline(object, actors),
     };
     objects.iter().map(outline).collect()
 }
 
-fn centre(stage: &Stage, key: &str) -> Option<EnuPosition> {
-    let bounds = stage.scene.by_key(key)?.bounds;
+fn centre(stage: &Stage, actors: &[ActorPlace], key: &str) -> Option<EnuPosition> {
+    let bounds = stage.bounds(stage.scene.by_key(key)?, actors);
     let middle = |low: f64, high: f64| 0.5 * (low + high);
     Some(EnuPosition {
         east: middle(bounds.min.east, bounds.max.east),

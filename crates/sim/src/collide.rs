@@ -118,10 +118,18 @@ impl Collider {
     /// # Errors
     /// [`ColliderError::CornerOutOfRange`] and [`ColliderError::NotFinite`] for geometry that is none.
     pub fn new(scene: &SceneGeometry) -> Result<Self, ColliderError> {
-        let bodies = bodies(scene, &[Role::Solid, Role::Glass])?;
+        Self::of_parts(&scene.parts)
+    }
+
+    /// As [`Collider::new`], from the parts alone.
+    ///
+    /// # Errors
+    /// As [`Collider::new`].
+    pub(crate) fn of_parts(parts: &[Part]) -> Result<Self, ColliderError> {
+        let bodies = bodies(parts, &[Role::Solid, Role::Glass])?;
         let boxes: Vec<Aabb> = bodies.iter().map(|body| body.mesh.local_aabb()).collect();
         let tree = Bvh::from_leaves(BvhBuildStrategy::default(), &boxes);
-        Ok(Self { tree, bodies, openings: self::bodies(scene, &[Role::Opening])? })
+        Ok(Self { tree, bodies, openings: self::bodies(parts, &[Role::Opening])? })
     }
 
     /// The solid surface nearest to `point`; none in an empty scene.
@@ -209,9 +217,9 @@ impl Collider {
 }
 
 /// One mesh an object from its parts of those roles, ascending by id.
-fn bodies(scene: &SceneGeometry, roles: &[Role]) -> Result<Vec<Body>, ColliderError> {
+fn bodies(parts: &[Part], roles: &[Role]) -> Result<Vec<Body>, ColliderError> {
     let mut soups: BTreeMap<ObjectId, Soup> = BTreeMap::new();
-    for (index, part) in scene.parts.iter().enumerate().filter(|(_, part)| roles.contains(&part.role)) {
+    for (index, part) in parts.iter().enumerate().filter(|(_, part)| roles.contains(&part.role)) {
         soups.entry(part.object).or_default().add(index, part)?;
     }
     Ok(soups

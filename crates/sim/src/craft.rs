@@ -4,10 +4,11 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use spf_core::command::Command;
-use spf_core::geometry::{Attitude, EnuVelocity, Pose, wrap_angle};
+use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, wrap_angle};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 
+use crate::actors::{self, ActorPlace, Cast, Traffic};
 use crate::collide::{Collider, between};
 use crate::dynamics::{Conditions, Dynamics, TICK};
 use crate::geometry::ObjectId;
@@ -17,6 +18,9 @@ use crate::senses::{Senses, exact};
 /// How far back [`SimCraft::true_pose_at`] remembers.
 pub const HISTORY: Duration = Duration::from_secs(10);
 const HISTORY_TICKS: usize = 2000;
+/// What a craft and an actor can come nearer to each other during one tick of the actors, metres: 50 m/s, which is more than
+/// both reach.
+const WATCH_REACH: f64 = 2.5;
 
 /// Ground truth. It belongs to the judge, the renderer and the recorder; no pilot may see it (DESIGN.md section 5, Truth).
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +51,15 @@ pub struct SimCraft {
     telemetry: Telemetry,
     /// Poses of the last ticks; the latest last.
     history: VecDeque<Pose>,
+    traffic: Traffic,
+    watch: Watch,
+}
+
+/// The actors that the craft can touch before the actors' next tick.
+#[derive(Clone, Debug, Default)]
+struct Watch {
+    until: Time,
+    actors: Vec<usize>,
 }
 
 impl SimCraft {
@@ -59,11 +72,18 @@ impl SimCraft {
     /// A craft under other conditions.
     #[must_use]
     pub fn with_conditions(collider: Arc<Collider>, model: Model, start: Pose, conditions: Conditions) -> Self {
+        Self::among(Arc::default(), collider, model, start, conditions)
+    }
+
+    /// A craft among the actors of its scene, who follow the seed of the conditions. They take no notice of it.
+    #[must_use]
+    pub fn among(cast: Arc<Cast>, collider: Arc<Collider>, model: Model, start: Pose, conditions: Conditions) -> Self {
         let dynamics = Dynamics::new(&collider, model, start, conditions);
         let mut senses = Senses::new(&dynamics, conditions.seed, conditions.exact);
         let telemetry = senses.report(&dynamics);
         let history = VecDeque::from([dynamics.pose()]);
-        Self { collider, dynamics, senses, telemetry, history }
+        let traffic = Traffic::new(cast, conditions.seed);
+        Self { collider, dynamics, senses, telemetry, history, traffic, watch: Watch::default() }
     }
 
     /// Takes a command given at `now`, valid until `valid_until` if it is a setpoint; see [`Dynamics::apply`].
@@ -74,7 +94,9 @@ impl SimCraft {
     /// Moves the world on to the last tick that ends at or before `now`.
     pub fn advance_to(&mut self, now: Time) {
         while self.dynamics.time() + TICK <= now {
+            let before = self.dynamics.pose().position;
             self.dynamics.step(&self.collider);
+            self.meet(before);
             if self.history.len() > HISTORY_TICKS {
                 self.history.pop_front();
             }
@@ -83,6 +105,46 @@ impl SimCraft {
                 self.telemetry = self.senses.report(&self.dynamics);
             }
         }
+    }
+
+    /// Lets the actors go on to the end of the tick, and finds out whether the craft, which was at `before`, has met one.
+    fn meet(&mut self, before: EnuPosition) {
+        let (now, after) = (self.dynamics.time(), self.dynamics.pose().position);
+        self.traffic.advance_to(now);
+        if !self.dynamics.airborne() || self.traffic.cast().is_empty() {
+            return;
+        }
+        let cast = self.traffic.cast().clone();
+        let then = now - TICK;
+        if then >= self.watch.until {
+            let spare = self.dynamics.model().craft.radius + WATCH_REACH;
+            let near = |actor: &usize| {
+                self.traffic.place_at(*actor, now).is_some_and(|place| cast.may_touch(*actor, &place, after, spare))
+            };
+            self.watch = Watch { until: then + actors::TICK, actors: (0..cast.len()).filter(near).collect() };
+        }
+        for &actor in &self.watch.actors {
+            let places = self.traffic.place_at(actor, then).zip(self.traffic.place_at(actor, now));
+            let Some((left, reached)) = places else { continue };
+            let radius = self.dynamics.model().craft.radius;
+            if let Some(centre) = cast.sweep(actor, [&left, &reached], before, after, radius) {
+                self.dynamics.strike(&self.collider, cast.object(actor), centre);
+                return;
+            }
+        }
+    }
+
+    /// Where the actors were at `at`, in the order of the cast. None when it lies in the future or more than
+    /// [`HISTORY`](actors::HISTORY) back.
+    #[must_use]
+    pub fn actors_at(&self, at: Time) -> Option<Vec<ActorPlace>> {
+        self.traffic.places_at(at)
+    }
+
+    /// The actors around it.
+    #[must_use]
+    pub fn cast(&self) -> &Arc<Cast> {
+        self.traffic.cast()
     }
 
     /// The latest report of the craft. Its `time` says when it was measured.

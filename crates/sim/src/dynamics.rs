@@ -223,8 +223,7 @@ impl Dynamics {
     }
 
     fn drain(&mut self, collider: &Collider) {
-        let turning = matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Landing);
-        let rate = if turning { self.model.drain_flying } else { self.model.drain_idle };
+        let rate = if self.airborne() { self.model.drain_flying } else { self.model.drain_idle };
         self.battery = (self.battery - rate * STEP).max(0.0);
         if self.battery <= BATTERY_LAND && matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Flying) {
             self.begin_landing(collider);
@@ -279,14 +278,28 @@ impl Dynamics {
             }
             // The ground that the craft is leaving.
             FlightPhase::TakingOff if contact.upward >= STANDABLE => {}
-            _ => {
-                self.contacts.push((now, contact.object));
-                self.crashed = true;
-                self.phase = FlightPhase::Stopped;
-                self.setpoint = None;
-                self.drop_from(collider, contact.centre);
-            }
+            _ => self.crash(collider, now, contact.object, contact.centre),
         }
+    }
+
+    /// Something that moves was hit during the last tick, with the body's centre at `centre`. In flight that is a collision.
+    pub(crate) fn strike(&mut self, collider: &Collider, object: ObjectId, centre: EnuPosition) {
+        if self.airborne() {
+            self.crash(collider, self.time(), object, centre);
+        }
+    }
+
+    /// Whether it flies with motors.
+    pub(crate) fn airborne(&self) -> bool {
+        matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Landing)
+    }
+
+    fn crash(&mut self, collider: &Collider, now: Time, object: ObjectId, centre: EnuPosition) {
+        self.contacts.push((now, object));
+        self.crashed = true;
+        self.phase = FlightPhase::Stopped;
+        self.setpoint = None;
+        self.drop_from(collider, centre);
     }
 
     fn drop_from(&mut self, collider: &Collider, centre: EnuPosition) {

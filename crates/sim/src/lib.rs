@@ -2,6 +2,7 @@
 //!
 //! Everything follows from the scene and the seed alone; there is no clock and no hash order in it.
 
+pub mod actors;
 mod body;
 pub mod collide;
 pub mod craft;

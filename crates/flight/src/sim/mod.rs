@@ -11,6 +11,6 @@ mod world;
 pub use flight::{FlightError, FlightPlan, Flown, PolicyKind, RecordPlan, fly};
 pub use oracle::OracleVlm;
 pub use pictures::SimPictures;
-pub use stage::{Stage, StageError};
+pub use stage::{Moment, Stage, StageError};
 pub use truth::Verdict;
 pub use world::{SimDrone, SimWorld};

@@ -36,13 +36,11 @@ impl OracleVlm {
 
     fn percept(&mut self, frame: FrameId) -> Result<&Percept, VlmError> {
         if self.percept.as_ref().is_none_or(|(of, _)| *of != frame) {
-            let pose = self
-                .world
-                .capture_pose(frame)
-                .ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
+            let moment =
+                self.world.capture(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
             let channels = Channels { depth: true, ids: true, openings: true, ..Channels::default() };
-            self.world.look_into(&pose, channels, &mut self.sight);
-            let in_frame = self.world.in_frame(&pose, &mut self.wide);
+            self.world.look_into(&moment, channels, &mut self.sight);
+            let in_frame = self.world.in_frame(&moment, &mut self.wide);
             let picture = &self.sight;
             let sight = Sight {
                 width: picture.width as usize,

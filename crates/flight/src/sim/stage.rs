@@ -2,13 +2,17 @@
 
 use std::sync::Arc;
 
-use spf_core::geometry::EnuPosition;
+use spf_core::camera::Camera;
+use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::time::Time;
+use spf_sim::actors::{ActorPlace, Cast, Traffic};
 use spf_sim::collide::{Collider, ColliderError};
+use spf_sim::geometry::ObjectId;
 use spf_sim::oracle::{Place, Placed, Tagged};
-use spf_sim::render::Renderer;
-use spf_sim::scene::{Conditions, Scene, SceneError};
+use spf_sim::render::{Channels, Frustum, Picture, Renderer};
+use spf_sim::scene::{Aabb, Conditions, Object, Scene, SceneError};
 
-/// Scene, renderer, collider and tags.
+/// Scene, renderer, collider, actors and tags.
 pub struct Stage {
     /// The scene.
     pub scene: Scene,
@@ -16,8 +20,19 @@ pub struct Stage {
     pub renderer: Renderer,
     /// Touches it.
     pub collider: Arc<Collider>,
+    /// Who moves in it.
+    pub cast: Arc<Cast>,
     /// What its objects are called.
     pub tags: Vec<Tagged>,
+}
+
+/// What there is to see at an instant: where the camera is, and where the actors are.
+#[derive(Clone, Debug)]
+pub struct Moment {
+    /// The camera's true pose.
+    pub pose: Pose,
+    /// The actors' places, in the order of the cast.
+    pub actors: Vec<ActorPlace>,
 }
 
 /// Why a scene cannot be flown in.
@@ -46,21 +61,79 @@ impl Stage {
     /// # Errors
     /// As [`Stage::load`].
     pub fn load_with(scene: &str, conditions: &Conditions) -> Result<Self, StageError> {
-        let scene = Scene::load_with(scene, conditions)?;
+        let mut scene = Scene::load_with(scene, conditions)?;
         let collider = Arc::new(Collider::new(&scene.geometry)?);
         let renderer = Renderer::new(&scene.geometry);
         let tags = scene.tagged();
-        Ok(Self { scene, renderer, collider, tags })
+        let cast = Arc::new(Cast::new(&scene.actors, &collider)?);
+        // The scene alone does not know on what its actors stand.
+        for (actor, place) in cast.starts().iter().enumerate() {
+            let object = scene.objects.get_mut(usize::from(cast.object(actor)).wrapping_sub(1));
+            if let Some((object, bounds)) = object.zip(cast.bounds(actor, place)) {
+                object.bounds = bounds;
+            }
+        }
+        Ok(Self { scene, renderer, collider, cast, tags })
     }
 
-    /// Tags and places of all objects, as the truth reads them.
-    pub(crate) fn placed(&self) -> Vec<Placed<'_>> {
-        self.scene.objects.iter().zip(&self.tags).map(|(object, tags)| Placed { tags, place: Some(place(object)) }).collect()
+    /// What there is to see from a pose at a time of the flight with that seed.
+    #[must_use]
+    pub fn moment(&self, pose: Pose, seed: u64, at: Time) -> Moment {
+        let mut traffic = Traffic::new(self.cast.clone(), seed);
+        traffic.advance_to(at);
+        Moment { pose, actors: traffic.places_at(at).unwrap_or_default() }
+    }
+
+    /// What there is to see from a pose when a flight begins.
+    #[must_use]
+    pub fn beginning(&self, pose: Pose) -> Moment {
+        Moment { pose, actors: self.cast.starts() }
+    }
+
+    /// A picture of a moment.
+    #[must_use]
+    pub fn render(&self, camera: &Camera, moment: &Moment, channels: Channels) -> Picture {
+        let mut picture = Picture::default();
+        self.render_into(camera, moment, channels, &mut picture);
+        picture
+    }
+
+    /// Draws a moment into the buffers of a picture.
+    pub fn render_into(&self, camera: &Camera, moment: &Moment, channels: Channels, picture: &mut Picture) {
+        let frustum = Frustum::new(camera, &moment.pose);
+        let actors = self.cast.parts(&moment.actors, |centre, radius| frustum.sees(centre, radius));
+        self.renderer.render_into(camera, &moment.pose, channels, &actors, picture);
+    }
+
+    /// Extent of an object when the actors are at these places.
+    pub(crate) fn bounds(&self, object: &Object, actors: &[ActorPlace]) -> Aabb {
+        let moved = self.cast.of_object(object.id).and_then(|actor| self.cast.bounds(actor, actors.get(actor)?));
+        moved.unwrap_or(object.bounds)
+    }
+
+    /// Footprint of an object when the actors are at these places.
+    pub(crate) fn outline(&self, object: &Object, actors: &[ActorPlace]) -> Vec<Vec<[f64; 2]>> {
+        let moved = self.cast.of_object(object.id).and_then(|actor| Some(self.cast.outline(actor, actors.get(actor)?)));
+        moved.unwrap_or_else(|| object.outline.clone())
+    }
+
+    /// Metres from a point to the nearest surface of an object when the actors are at these places.
+    pub(crate) fn distance_to(&self, object: ObjectId, actors: &[ActorPlace], point: EnuPosition) -> Option<f64> {
+        match self.cast.of_object(object) {
+            Some(actor) => self.cast.distance(actor, actors.get(actor)?, point),
+            None => self.collider.distance_to(object, point),
+        }
+    }
+
+    /// Tags and places of all objects when the actors are at these places, as the truth reads them.
+    pub(crate) fn placed(&self, actors: &[ActorPlace]) -> Vec<Placed<'_>> {
+        let placed = |(object, tags)| Placed { tags, place: Some(place(&self.bounds(object, actors))) };
+        self.scene.objects.iter().zip(&self.tags).map(placed).collect()
     }
 }
 
-fn place(object: &spf_sim::scene::Object) -> Place {
-    let (min, max) = (object.bounds.min, object.bounds.max);
+fn place(bounds: &Aabb) -> Place {
+    let (min, max) = (bounds.min, bounds.max);
     Place {
         centre: EnuPosition {
             east: 0.5 * (min.east + max.east),

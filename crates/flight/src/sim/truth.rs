@@ -7,6 +7,7 @@ use spf_sim::geometry::ObjectId;
 use spf_sim::oracle::resolve_truth;
 use spf_sim::render::{Channels, Picture};
 
+use super::stage::Moment;
 use super::world::SimWorld;
 
 /// An object fills at least this share of the frame's height to be in view …
@@ -34,14 +35,15 @@ pub struct Verdict {
 pub(crate) fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
     let stage = world.stage();
     let truth = world.truth();
-    let meant = resolve_truth(instruction, &stage.placed(), Some(*start));
+    let now = world.now();
+    let meant = resolve_truth(instruction, &stage.placed(&now.actors), Some(*start));
     let key = |id: &ObjectId| stage.tags.iter().find(|tags| tags.id == *id).map(|tags| tags.key.clone());
     let targets: Vec<String> = meant.objects.iter().filter_map(key).collect();
-    let distance = |id: ObjectId| stage.collider.distance_to(id, truth.pose.position);
+    let distance = |id: ObjectId| stage.distance_to(id, &now.actors, now.pose.position);
     let near: Vec<(ObjectId, f64)> =
         meant.objects.iter().filter_map(|id| distance(*id).map(|distance| (*id, distance))).collect();
     let nearest = near.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
-    let seen = in_view(world, &truth.pose);
+    let seen = in_view(world, &now);
     let within = |(id, distance): &(ObjectId, f64)| *distance <= stage.scene.success_radius && seen.contains(id);
     let verified = meant.checkable.then(|| truth.collided_with.is_empty() && near.iter().any(within));
     Verdict {
@@ -52,10 +54,10 @@ pub(crate) fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdic
     }
 }
 
-/// The objects that count as in view from a pose.
-fn in_view(world: &SimWorld, pose: &Pose) -> Vec<ObjectId> {
-    let picture = world.look(pose, Channels { ids: true, openings: true, ..Channels::default() });
-    let shares = world.in_frame(pose, &mut Picture::default());
+/// The objects that count as in view.
+fn in_view(world: &SimWorld, moment: &Moment) -> Vec<ObjectId> {
+    let picture = world.look(moment, Channels { ids: true, openings: true, ..Channels::default() });
+    let shares = world.in_frame(moment, &mut Picture::default());
     let (w, h) = (picture.width as usize, picture.height as usize);
     let mut seen = Vec::new();
     for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {

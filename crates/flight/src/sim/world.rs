@@ -12,11 +12,12 @@ use spf_core::time::Time;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 use spf_media::frame::Rgb;
 use spf_sim::craft::{SimCraft, Truth};
+use spf_sim::dynamics::Conditions;
 use spf_sim::frame_clock::FrameClock;
 use spf_sim::model::{CraftKind, Model};
 use spf_sim::render::{Channels, Picture};
 
-use super::stage::Stage;
+use super::stage::{Moment, Stage};
 
 /// How much wider than the camera's the view is in which the share of a silhouette inside the frame is counted.
 const WIDE: f64 = 2.5;
@@ -35,7 +36,8 @@ impl SimWorld {
     /// A craft on the ground below `start`.
     #[must_use]
     pub fn new(stage: Arc<Stage>, kind: CraftKind, start: Pose, seed: u64) -> Self {
-        let craft = SimCraft::new(stage.collider.clone(), Model::of(kind), start, seed);
+        let conditions = Conditions::new(seed);
+        let craft = SimCraft::among(stage.cast.clone(), stage.collider.clone(), Model::of(kind), start, conditions);
         let camera = kind.camera();
         Self { stage, camera, craft: Arc::new(Mutex::new(craft)) }
     }
@@ -68,45 +70,54 @@ impl SimWorld {
         self.craft().truth()
     }
 
-    /// The true pose at a time not longer ago than the simulator remembers. For the camera, the judge and the recorder alone.
+    /// What there was to see at a time not longer ago than the simulator remembers. For the camera, the judge and the recorder
+    /// alone.
     #[must_use]
-    pub fn true_pose_at(&self, at: Time) -> Option<Pose> {
-        self.craft().true_pose_at(at)
+    pub fn moment_at(&self, at: Time) -> Option<Moment> {
+        let craft = self.craft();
+        craft.true_pose_at(at).zip(craft.actors_at(at)).map(|(pose, actors)| Moment { pose, actors })
     }
 
-    /// The true pose at which a frame was captured.
+    /// What there is to see now.
     #[must_use]
-    pub fn capture_pose(&self, frame: FrameId) -> Option<Pose> {
-        self.true_pose_at(FrameClock::default().captured(frame))
+    pub fn now(&self) -> Moment {
+        let craft = self.craft();
+        Moment { pose: craft.dynamics().pose(), actors: craft.actors_at(craft.time()).unwrap_or_default() }
     }
 
-    /// What the camera sees from a pose.
+    /// What there was to see when a frame was captured.
     #[must_use]
-    pub fn look(&self, pose: &Pose, channels: Channels) -> Picture {
-        self.stage.renderer.render(&self.camera, pose, channels)
+    pub fn capture(&self, frame: FrameId) -> Option<Moment> {
+        self.moment_at(FrameClock::default().captured(frame))
     }
 
-    /// A photograph from a pose, at the camera's size or another.
+    /// What the camera sees at a moment.
     #[must_use]
-    pub fn photograph(&self, pose: &Pose, size: Option<(u32, u32)>) -> Rgb {
+    pub fn look(&self, moment: &Moment, channels: Channels) -> Picture {
+        self.stage.render(&self.camera, moment, channels)
+    }
+
+    /// A photograph of a moment, at the camera's size or another.
+    #[must_use]
+    pub fn photograph(&self, moment: &Moment, size: Option<(u32, u32)>) -> Rgb {
         let camera = size.map_or(self.camera, |(width, height)| self.camera.resized(width, height));
-        let picture = self.stage.renderer.render(&camera, pose, Channels { rgb: true, ..Channels::default() });
+        let picture = self.stage.render(&camera, moment, Channels::RGB);
         let (width, height) = (picture.width, picture.height);
         picture.rgb.and_then(|data| Rgb::from_raw(width, height, data).ok()).unwrap_or_else(|| Rgb::new(width, height))
     }
 
-    /// What the camera sees from a pose, into the buffers of an earlier picture: fresh pages cost a fifth of a decision.
-    pub fn look_into(&self, pose: &Pose, channels: Channels, picture: &mut Picture) {
-        self.stage.renderer.render_into(&self.camera, pose, channels, &[], picture);
+    /// What the camera sees at a moment, into the buffers of an earlier picture: fresh pages cost a fifth of a decision.
+    pub fn look_into(&self, moment: &Moment, channels: Channels, picture: &mut Picture) {
+        self.stage.render_into(&self.camera, moment, channels, picture);
     }
 
     /// Share of each object's silhouette that lies inside the frame, counted in a wider and coarser view; openings by their own.
     /// The view is drawn into `picture`.
     #[must_use]
-    pub fn in_frame(&self, pose: &Pose, picture: &mut Picture) -> BTreeMap<u16, f32> {
+    pub fn in_frame(&self, moment: &Moment, picture: &mut Picture) -> BTreeMap<u16, f32> {
         let wide = widened(&self.camera);
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        self.stage.renderer.render_into(&wide, pose, channels, &[], picture);
+        self.stage.render_into(&wide, moment, channels, picture);
         let (w, h) = (WIDE_SIZE.0 as usize, WIDE_SIZE.1 as usize);
         let inside = |i: usize, size: usize, centre: f64, focal: f64, low: f64, high: f64| {
             let tangent = (i as f64 + 0.5 - centre) / focal;

@@ -36,6 +36,7 @@ use setup::{Bins, tiles};
 use shade::Shader;
 use shadow::ShadowMap;
 use sky::Sky;
+pub use view::Frustum;
 use view::View;
 
 /// The greatest width and height of a picture, pixels; a larger camera is drawn up to this.

@@ -124,7 +124,7 @@ impl Bins {
 }
 
 /// Planes (inward normal, offset) that bound what the view sees.
-fn frustum(view: &View) -> [(Vec3, f32); 5] {
+pub(super) fn frustum(view: &View) -> [(Vec3, f32); 5] {
     let (left, right) = (-view.cx / view.fx, (view.width as f32 - view.cx) / view.fx);
     let (top, bottom) = (-view.cy / view.fy, (view.height as f32 - view.cy) / view.fy);
     [

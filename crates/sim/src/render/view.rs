@@ -4,6 +4,8 @@ use glam::Vec3;
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 
+use super::setup::frustum;
+
 /// A camera at a pose, in single precision: what the rasteriser and the shader need of both.
 ///
 /// Lens distortion is not drawn: pictures are those of the perfect pinhole with the same fx, fy, cx, cy.
@@ -64,6 +66,24 @@ impl View {
     }
 }
 
+/// What lies before a camera, roughly: for leaving out what moves before it is turned into the world.
+#[derive(Clone, Debug)]
+pub struct Frustum([(Vec3, f32); 5]);
+
+impl Frustum {
+    /// The room before `camera` at `pose`.
+    #[must_use]
+    pub fn new(camera: &Camera, pose: &Pose) -> Self {
+        Self(frustum(&View::new(camera, pose)))
+    }
+
+    /// Whether any part of the ball about `centre` may be in the picture; never false for one that is.
+    #[must_use]
+    pub fn sees(&self, centre: Vec3, radius: f32) -> bool {
+        self.0.iter().all(|(normal, offset)| normal.dot(centre) + radius * normal.length() >= *offset)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -73,6 +93,23 @@ mod tests {
         let camera = Camera { tilt, ..Camera::quad() };
         let attitude = Attitude { heading, pitch, roll };
         View::new(&camera, &Pose { position: EnuPosition::default(), attitude })
+    }
+
+    #[test]
+    fn a_ball_is_left_out_only_when_it_is_beside_or_behind() {
+        let (camera, pose) = (Camera::quad(), Pose::default());
+        let frustum = Frustum::new(&camera, &pose);
+        // 90 degrees wide, facing north: at 10 m the picture reaches 10 m to each side; a ball of 1 m reaches in from 1.4 m beyond.
+        for (centre, seen) in [
+            (Vec3::new(0.0, 10.0, 0.0), true),
+            (Vec3::new(11.3, 10.0, 0.0), true),
+            (Vec3::new(11.6, 10.0, 0.0), false),
+            (Vec3::new(0.0, -1.1, 0.0), false),
+            (Vec3::new(0.0, -0.9, 0.0), true),
+            (Vec3::new(0.0, 10.0, 12.0), false),
+        ] {
+            assert_eq!(frustum.sees(centre, 1.0), seen, "{centre}");
+        }
     }
 
     #[test]

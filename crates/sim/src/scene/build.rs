@@ -12,12 +12,16 @@ use super::file::{RawScene, Source};
 use super::light::{Conditions, Shining};
 use super::surface::palette;
 use super::{Aabb, Object, Scene};
+use crate::actors::{Actor, Course, Motion, first_clash};
 use crate::geometry::{Material, ObjectId, Part, Pattern, Role, SceneGeometry, Vertex};
 use crate::mesh::{Sketch, convex_hull};
 use crate::model::{CraftKind, Model};
 
 /// Most triangles of a scene: what a laptop still renders at several pictures a second.
 const MAX_TRIANGLES: usize = 500_000;
+
+/// Most objects that move: each looks out for all others.
+const MAX_ACTORS: usize = 200;
 
 /// Materials by name, each stored once.
 struct Materials<'a> {
@@ -66,7 +70,7 @@ pub(super) fn build(
     }
     let ids: BTreeMap<&str, ObjectId> =
         expanded.placed.iter().enumerate().map(|(i, p)| (p.key.as_str(), i as ObjectId + 1)).collect();
-    let (mut parts, mut objects) = (Vec::new(), Vec::new());
+    let (mut parts, mut objects, mut actors) = (Vec::new(), Vec::new(), Actors::default());
     let mut triangles = 0;
     for (i, placed) in expanded.placed.iter().enumerate() {
         let id = i as ObjectId + 1;
@@ -84,19 +88,26 @@ pub(super) fn build(
             return Err(source.error(&placed.span, message, None));
         }
         let to_world = Frame::of(placed);
-        for lamp in &sketch.lamps {
+        // A light that moves would need other shadows at every moment.
+        for lamp in sketch.lamps.iter().filter(|_| placed.motion.is_none()) {
             shining.add(lamp, |p| to_world.point(p), to_world.scale, &placed.span, source)?;
         }
-        let first = parts.len();
+        let mut own = Vec::with_capacity(sketch.surfaces.len());
         for surface in &sketch.surfaces {
             let Some(&(_, material)) = slots.iter().find(|(slot, _)| *slot == surface.slot) else {
                 unreachable!("a generator draws only on its own slots; a test draws them all");
             };
             let vertices = surface.vertices.iter().map(|v| to_world.vertex(v)).collect();
-            parts.push(Part { vertices, triangles: surface.triangles.clone(), material, object: id, role: surface.role });
+            own.push(Part { vertices, triangles: surface.triangles.clone(), material, object: id, role: surface.role });
         }
-        objects.push(object(placed, id, &ids, &parts[first..], &sketch, &to_world, source)?);
+        let mut object = object(placed, id, &ids, &own, &sketch, &to_world, source)?;
+        match &placed.motion {
+            Some(motion) => actors.add(motion, own, &mut object, placed, source)?,
+            None => parts.extend(own),
+        }
+        objects.push(object);
     }
+    actors.check(&expanded.placed, source)?;
     let bounds = bounds(raw, source)?;
     let start = pose(&raw.start, "start", &bounds, source)?;
     let preview = raw.preview.as_ref().map(|text| pose(text, "preview", &bounds, source)).transpose()?;
@@ -113,6 +124,7 @@ pub(super) fn build(
         lighting: shining.lighting,
         weather: shining.weather,
         geometry: SceneGeometry { parts, materials: materials.list, textures: Vec::new(), light: shining.light },
+        actors: actors.list,
     })
 }
 
@@ -199,6 +211,47 @@ fn object(
     }
     let opening = !parts.is_empty() && parts.iter().all(|p| p.role == Role::Opening);
     Ok(Object { id, key: placed.key.clone(), tags, mesh: placed.mesh_kind, opening, bounds, outline })
+}
+
+/// What moves by itself.
+#[derive(Default)]
+struct Actors {
+    list: Vec<Actor>,
+    courses: Vec<Course>,
+}
+
+impl Actors {
+    /// Adds one whose parts and object are in its own frame; the object is moved to where it begins.
+    fn add(
+        &mut self,
+        motion: &Motion,
+        parts: Vec<Part>,
+        object: &mut Object,
+        placed: &Placed,
+        source: &Source<'_>,
+    ) -> Result<(), SceneError> {
+        if self.list.len() >= MAX_ACTORS {
+            return Err(source.error(&placed.span, format!("a scene may have at most {MAX_ACTORS} objects that move"), None));
+        }
+        let outline = core::mem::take(&mut object.outline);
+        let actor = Actor { object: object.id, motion: motion.clone(), postures: vec![parts], outline };
+        let course = Course::new(&actor, None);
+        let start = course.start();
+        object.outline = start.outline(&actor.outline);
+        object.bounds = start.bounds(&actor.postures[0]).unwrap_or(object.bounds);
+        self.list.push(actor);
+        self.courses.push(course);
+        Ok(())
+    }
+
+    /// Nobody begins on somebody else.
+    fn check(&self, placed: &[Placed], source: &Source<'_>) -> Result<(), SceneError> {
+        let Some((first, second)) = first_clash(&self.courses) else { return Ok(()) };
+        let of = |actor: usize| &placed[usize::from(self.list[actor].object) - 1];
+        let message = format!("`{}` begins on `{}`", of(second).key, of(first).key);
+        let hint = "give one of them another `start`, a share of its path from 0 to 1".to_owned();
+        Err(source.error(&of(second).span, message, Some(hint)))
+    }
 }
 
 fn checked_name(raw: &RawScene, source: &Source<'_>) -> Result<String, SceneError> {

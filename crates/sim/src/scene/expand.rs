@@ -6,13 +6,15 @@ use std::ops::Range;
 use super::Tags;
 use super::error::{SceneError, nearest};
 use super::file::{RawObject, RawScene, Source, first_line};
+use super::motion::motion;
+use crate::actors::Motion;
 use crate::mesh::{Generator, KINDS};
 
 /// Most objects in a scene; ids are 16 bits, and a legend beyond this is no use to anyone.
 const MAX_OBJECTS: usize = 4000;
 
 /// Farthest place of an object, metres from the origin in each axis.
-const FARTHEST: f64 = 2000.0;
+pub(super) const FARTHEST: f64 = 2000.0;
 
 /// Longest word or phrase among the tags, characters.
 const LONGEST: usize = 80;
@@ -35,6 +37,8 @@ pub(super) struct Placed {
     /// Clockwise from north, degrees.
     pub(super) heading_deg: f64,
     pub(super) scale: f64,
+    /// How it moves by itself; `position` and `heading_deg` are then its path's.
+    pub(super) motion: Option<Motion>,
     pub(super) span: Range<usize>,
 }
 
@@ -62,8 +66,13 @@ pub(super) fn expand(raw: &RawScene, source: &Source<'_>) -> Result<Expanded, Sc
             merged.materials.iter().map(|(slot, name)| (slot.clone(), name.get_ref().clone(), name.span())).collect();
         let (mesh_kind, mesh) = generator(&merged, &span, source)?;
         check_opening(&merged, mesh.as_ref(), &span, source)?;
+        let motion = motion(&merged, source)?;
+        let places = match &motion {
+            Some(_) if mesh.is_opening() => return Err(source.error(&span, "an opening does not move by itself", None)),
+            Some(_) => vec![([0.0; 3], 0.0)],
+            None => places(&merged, &span, source)?,
+        };
         out.meshes.push(mesh);
-        let places = places(&merged, &span, source)?;
         let single = merged.places.is_none() && merged.repeat.is_none();
         for (i, (position, heading_deg)) in places.into_iter().enumerate() {
             let key = if single { key.clone() } else { format!("{key}_{}", i + 1) };
@@ -84,6 +93,7 @@ pub(super) fn expand(raw: &RawScene, source: &Source<'_>) -> Result<Expanded, Sc
                 position,
                 heading_deg,
                 scale: scale(&merged, source)?,
+                motion: motion.clone(),
                 span: span.clone(),
             });
         }
@@ -117,6 +127,8 @@ fn merge(raw: &RawScene, object: &RawObject, source: &Source<'_>) -> Result<RawO
         scale: object.scale.or(base.scale),
         places: object.places,
         repeat: object.repeat,
+        walk: object.walk.or(base.walk),
+        drive: object.drive.or(base.drive),
         opening_of: object.opening_of.or(base.opening_of),
         names: object.names.or(base.names),
         synonyms: object.synonyms.or(base.synonyms),

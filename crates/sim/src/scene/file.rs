@@ -8,6 +8,7 @@ use toml::Spanned;
 
 use super::error::{SceneError, hint_from};
 use super::light::{Lighting, Weather};
+use super::motion::RawMotion;
 use super::surface::{Colour, RawMaterial};
 use crate::model::CraftKind;
 
@@ -126,6 +127,8 @@ pub(super) struct RawObject {
     pub(super) scale: Option<Spanned<f64>>,
     pub(super) places: Option<Spanned<Vec<Vec<f64>>>>,
     pub(super) repeat: Option<Spanned<RawRepeat>>,
+    pub(super) walk: Option<Spanned<RawMotion>>,
+    pub(super) drive: Option<Spanned<RawMotion>>,
     pub(super) opening_of: Option<Spanned<String>>,
     pub(super) names: Option<Vec<String>>,
     pub(super) synonyms: Option<Vec<String>>,

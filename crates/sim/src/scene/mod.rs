@@ -8,6 +8,7 @@ mod error;
 mod expand;
 mod file;
 mod light;
+mod motion;
 mod surface;
 
 use glam::Vec3;
@@ -17,7 +18,8 @@ use spf_core::geometry::{EnuPosition, Pose};
 
 pub use self::error::SceneError;
 pub use self::light::{Conditions, Lighting, Weather};
-use crate::geometry::{ObjectId, SceneGeometry};
+use crate::actors::Actor;
+use crate::geometry::{ObjectId, Part, SceneGeometry};
 use crate::mesh::KINDS;
 use crate::model::CraftKind;
 use crate::oracle::Tagged;
@@ -55,8 +57,10 @@ pub struct Scene {
     pub lighting: Lighting,
     /// The weather in force.
     pub weather: Weather,
-    /// Meshes, materials, light.
+    /// Meshes of what stands still, materials, light.
     pub geometry: SceneGeometry,
+    /// What moves by itself, in the order of ids. Bounds and outlines of these objects are those of the beginning.
+    pub actors: Vec<Actor>,
 }
 
 /// One thing of a scene.
@@ -189,6 +193,11 @@ impl Scene {
     #[must_use]
     pub fn object(&self, id: ObjectId) -> Option<&Object> {
         self.objects.get(usize::from(id).checked_sub(1)?)
+    }
+
+    /// The meshes of everything: what stands still in the world, what moves in its own frame and first posture.
+    pub fn meshes(&self) -> impl Iterator<Item = &Part> {
+        self.geometry.parts.iter().chain(self.actors.iter().filter_map(|actor| actor.postures.first()).flatten())
     }
 
     /// The object of a key.

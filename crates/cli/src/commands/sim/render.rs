@@ -30,7 +30,7 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let camera = kind.camera();
     let camera = size.map_or(camera, |(width, height)| camera.resized(width, height));
     let channels = Channels { rgb: true, depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
-    let picture = stage.renderer.render(&camera, &pose, channels);
+    let picture = stage.render(&camera, &stage.beginning(pose), channels);
     let mut written = vec![args.output.as_path()];
     write(&args.output, &colour(&picture)?)?;
     if let (Some(path), Some(depth)) = (&args.depth, &picture.depth) {

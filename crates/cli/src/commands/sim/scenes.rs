@@ -100,7 +100,7 @@ fn look_at(name: &str, args: &Scenes) -> Result<(Stage, Entry), CliError> {
     if args.stats || args.pictures.is_some() {
         let started = Instant::now();
         let camera = stage.scene.default_craft.camera();
-        let picture = stage.renderer.render(&camera, &stage.scene.preview, Channels::RGB);
+        let picture = stage.render(&camera, &stage.beginning(stage.scene.preview), Channels::RGB);
         let drawn = started.elapsed();
         if args.stats {
             let grown = resident.zip(resident_bytes()).map(|(before, after)| after.saturating_sub(before));
@@ -147,9 +147,9 @@ fn tags(objects: &[Object]) -> Vec<Tag> {
 
 fn stats(scene: &Scene, loaded: Duration, drawn: Duration, memory_bytes: Option<u64>) -> Stats {
     Stats {
-        meshes: scene.geometry.parts.len(),
+        meshes: scene.meshes().count(),
         mesh_kinds: scene.objects.iter().map(|object| object.mesh).collect(),
-        triangles: scene.geometry.parts.iter().map(|part| part.triangles.len()).sum(),
+        triangles: scene.meshes().map(|part| part.triangles.len()).sum(),
         materials: scene.geometry.materials.len(),
         openings: scene.objects.iter().filter(|object| object.opening).count(),
         load_s: loaded.as_secs_f64(),

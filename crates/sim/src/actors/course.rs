@@ -1,0 +1,379 @@
+//! One actor on its path: what room it takes, and how it goes on from one tick to the next.
+
+use glam::DVec2;
+use spf_core::geometry::{EnuPosition, wrap_angle};
+use spf_core::rng::Draw;
+
+use super::footprint::Footprint;
+use super::place::ActorPlace;
+use super::route::{Route, Spot};
+use super::{Actor, Gait, Motion, Round};
+
+/// Length of a tick, seconds.
+pub(super) const STEP: f64 = 0.05;
+/// An actor this near to where it stops has arrived, metres.
+const ARRIVED: f64 = 0.01;
+/// How fast a person steps aside, m/s, and turns, rad/s.
+const ASIDE_SPEED: f64 = 0.5;
+const TURN_RATE: f64 = 3.5;
+/// A person turns on the spot until it faces its way within this, radians.
+const FACING: f64 = 1.0;
+/// A person looks so far for others in its way, metres.
+const NOTICED: f64 = 8.0;
+/// How far ahead vehicles look where a person wants to go, metres.
+pub(super) const WISH: f64 = 3.0;
+/// One that could not go on for so long turns round, or no longer gives way to what others only want to do; seconds.
+const PATIENCE: f64 = 12.0;
+/// Actors whose heights differ by more than this pass over one another, metres.
+const STOREY: f64 = 3.0;
+
+/// How something of this gait speeds up, slows down and keeps its distance; m/s² and metres.
+#[derive(Clone, Copy, Debug)]
+struct Manner {
+    speeding: f64,
+    /// Braking where it foresees the end.
+    braking: f64,
+    /// Braking for others, the hardest.
+    stopping: f64,
+    lateral: f64,
+    /// Free room to others when it goes on; persons come nearer to a vehicle than it comes to them.
+    gap: f64,
+    /// Distance of the places at which the way ahead is checked.
+    sample: f64,
+}
+
+const WALKING: Manner = Manner { speeding: 1.0, braking: 0.8, stopping: 2.0, lateral: 2.0, gap: 0.1, sample: 0.2 };
+const DRIVING: Manner = Manner { speeding: 1.5, braking: 1.5, stopping: 4.0, lateral: 2.0, gap: 0.5, sample: 0.5 };
+
+/// A path and what goes along it.
+#[derive(Clone, Debug)]
+pub(crate) struct Course {
+    pub(super) motion: Motion,
+    route: Route,
+    body: Footprint,
+    manner: Manner,
+}
+
+/// Where an actor is on its course, and how it moves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct State {
+    /// Metres along the route.
+    along: f64,
+    /// Metres to the right of the route's direction.
+    aside: f64,
+    pub(super) speed: f64,
+    back: bool,
+    /// Seconds of pause left; infinite at the end of the last way.
+    wait: f64,
+    /// On a round with a pause: the pause is over, the beginning not passed yet.
+    rested: bool,
+    heading: f64,
+    walked: f64,
+    cruise: f64,
+    /// Seconds without getting on.
+    blocked: f64,
+    pauses: u64,
+    seed: u64,
+    number: u64,
+}
+
+/// The room an actor may come to need until it stands: discs, checked against those of the others.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Claim {
+    centre: DVec2,
+    reach: f64,
+    up: f64,
+    radius: f64,
+    /// Empty until somebody comes near.
+    discs: Vec<DVec2>,
+}
+
+/// What another actor looks like to one that may have to step aside.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Seen {
+    pub(super) at: DVec2,
+    pub(super) velocity: DVec2,
+    pub(super) radius: f64,
+}
+
+impl Course {
+    /// The course of an actor; with `ground`, standing on it.
+    pub(crate) fn new(actor: &Actor, ground: Option<&crate::collide::Collider>) -> Self {
+        let manner = match actor.motion.gait {
+            Gait::Walk => WALKING,
+            Gait::Drive => DRIVING,
+        };
+        let route = Route::new(&actor.motion, manner.lateral, manner.braking, ground);
+        Self { motion: actor.motion.clone(), route, body: Footprint::of(&actor.postures, actor.motion.gait), manner }
+    }
+
+    /// Where it begins.
+    pub(crate) fn start(&self) -> ActorPlace {
+        self.place(&self.begin(0, 0))
+    }
+
+    /// The state at the beginning. Chance (pauses, a cruising speed up to a tenth below the given) follows from the seed and
+    /// the actor's number.
+    pub(super) fn begin(&self, seed: u64, number: u64) -> State {
+        let along = self.motion.start * self.route.length();
+        State {
+            along,
+            aside: 0.0,
+            speed: 0.0,
+            back: false,
+            wait: 0.0,
+            rested: false,
+            heading: bearing(self.route.at(along).direction),
+            walked: 0.0,
+            cruise: self.motion.speed * (1.0 - 0.1 * Draw::new(seed, "cruise", &[number]).uniform()),
+            blocked: 0.0,
+            pauses: 0,
+            seed,
+            number,
+        }
+    }
+
+    /// Where that is in the world.
+    pub(super) fn place(&self, state: &State) -> ActorPlace {
+        let (at, up, heading, pitch) = if self.body.axle > 0.0 {
+            let (rear, front) = (self.route.at(state.along - self.body.axle), self.route.at(state.along + self.body.axle));
+            let body = front.at - rear.at;
+            let pitch = libm::atan2(front.up - rear.up, body.length().max(1e-6));
+            (0.5 * (rear.at + front.at), 0.5 * (rear.up + front.up), bearing(body), pitch)
+        } else {
+            let spot = self.route.at(state.along);
+            (spot.at + spot.right() * state.aside, spot.up, state.heading, 0.0)
+        };
+        let position = EnuPosition { east: at.x, north: at.y, up };
+        ActorPlace { position, heading, pitch, walked: state.walked, speed: state.speed }
+    }
+
+    /// What others see of it.
+    pub(super) fn seen(&self, place: &ActorPlace) -> Seen {
+        let ahead = DVec2::new(libm::sin(place.heading), libm::cos(place.heading));
+        Seen { at: on_map(place), velocity: ahead * place.speed, radius: self.body.radius }
+    }
+
+    /// The bounds of the room that it needs until it stands, braking as hard as it can, written into `claim`. `place` is the
+    /// state's.
+    pub(super) fn claim(&self, state: &State, place: &ActorPlace, claim: &mut Claim) {
+        self.bound(state, place, self.stopping(state), claim);
+    }
+
+    /// The room itself, within bounds made for the same state; nothing when it is known already.
+    pub(super) fn fill(&self, state: &State, claim: &mut Claim) {
+        if claim.discs.is_empty() {
+            self.cover(state, self.stopping(state), claim);
+        }
+    }
+
+    /// The room that a person wants to go through next; none for a vehicle and for one that stands for a while.
+    pub(super) fn wish(&self, state: &State, place: &ActorPlace, claim: &mut Claim) -> bool {
+        if self.body.axle > 0.0 || state.wait > 0.0 {
+            return false;
+        }
+        let way = WISH.min(self.left(state));
+        self.bound(state, place, way, claim);
+        self.cover(state, way, claim);
+        true
+    }
+
+    fn bound(&self, state: &State, place: &ActorPlace, way: f64, claim: &mut Claim) {
+        claim.centre = on_map(place);
+        claim.reach = self.body.reach + way + 2.0 * libm::fabs(state.aside);
+        claim.up = place.position.up;
+        claim.radius = self.body.radius;
+        claim.discs.clear();
+    }
+
+    fn cover(&self, state: &State, way: f64, claim: &mut Claim) {
+        let samples = (way / self.manner.sample).ceil().max(1.0) as u32;
+        let sign = if state.back { -1.0 } else { 1.0 };
+        for k in 0..=samples {
+            let ahead = sign * way * f64::from(k) / f64::from(samples);
+            self.discs(&State { along: state.along + ahead, ..*state }, &mut claim.discs);
+        }
+    }
+
+    /// The way to standstill, metres.
+    fn stopping(&self, state: &State) -> f64 {
+        (state.speed * state.speed / (2.0 * self.manner.stopping)).min(self.left(state))
+    }
+
+    fn discs(&self, state: &State, discs: &mut Vec<DVec2>) {
+        let place = self.place(state);
+        let at = on_map(&place);
+        let forward = DVec2::new(libm::sin(place.heading), libm::cos(place.heading));
+        discs.extend(self.body.offsets.iter().map(|offset| at + forward * *offset));
+    }
+
+    /// Free room that it keeps to others when it goes on.
+    pub(super) fn gap(&self) -> f64 {
+        self.manner.gap
+    }
+
+    /// Whether it has waited long enough for what others only want to do.
+    pub(super) fn is_impatient(state: &State) -> bool {
+        state.blocked > PATIENCE
+    }
+
+    /// Metres to where it stops next; infinite on a round without a pause.
+    fn left(&self, state: &State) -> f64 {
+        if self.route.closed() && (self.motion.wait <= 0.0 || state.rested) {
+            return f64::INFINITY;
+        }
+        let left = if state.back { state.along } else { self.route.length() - state.along };
+        left.max(0.0)
+    }
+
+    /// The next state if `is_free` lets pass all that it needs then: the best that does. Braking as hard as it can is always
+    /// free.
+    pub(super) fn next(&self, state: &State, others: &[Seen], mut is_free: impl FnMut(&State, &ActorPlace) -> bool) -> State {
+        let mut now = *state;
+        if now.wait > 0.0 {
+            return self.resting(now);
+        }
+        if self.left(&now) < ARRIVED {
+            return self.arrived(now);
+        }
+        if Self::is_impatient(&now) && self.body.axle <= 0.0 && self.motion.round != Round::Once {
+            (now.back, now.blocked) = (!now.back, 0.0);
+        }
+        let spot = self.route.at(now.along);
+        let ahead = if now.back { -spot.direction } else { spot.direction };
+        let facing = self.body.axle > 0.0 || Self::turn_towards(&mut now, bearing(ahead)) < FACING;
+        let foreseen = libm::sqrt(2.0 * self.manner.braking * self.left(&now));
+        let limit = self.route.speed_limit(now.along, now.back).min(now.cruise).min(foreseen);
+        let least = (now.speed - self.manner.stopping * STEP).max(0.0);
+        let best = if facing { limit.min(now.speed + self.manner.speeding * STEP).max(least) } else { least };
+        let aim = self.step_aside(&now, &spot, others);
+        let shift = (aim - now.aside).clamp(-ASIDE_SPEED * STEP, ASIDE_SPEED * STEP);
+        let milder = (now.speed - 0.5 * self.manner.stopping * STEP).max(0.0);
+        for speed in [best, now.speed.min(best), milder.min(best), least] {
+            for shift in [shift, 0.0] {
+                let next = self.moved(&now, speed, shift);
+                if is_free(&next, &self.place(&next)) {
+                    return next;
+                }
+            }
+        }
+        self.moved(&now, least, 0.0)
+    }
+
+    fn moved(&self, now: &State, speed: f64, shift: f64) -> State {
+        let way = speed * STEP;
+        let along = self.route.wrapped(now.along + if now.back { -way } else { way });
+        let rested = now.rested && along > 0.5 * self.route.length();
+        let walked = now.walked + way + libm::fabs(shift);
+        let blocked = if speed > 0.0 || shift != 0.0 { 0.0 } else { now.blocked + STEP };
+        State { along, aside: now.aside + shift, speed, rested, walked, blocked, ..*now }
+    }
+
+    fn resting(&self, mut state: State) -> State {
+        state.speed = 0.0;
+        state.wait -= STEP;
+        if state.wait <= 0.0 {
+            state.wait = 0.0;
+            match self.motion.round {
+                Round::ThereAndBack => state.back = !state.back,
+                Round::Circle => state.rested = true,
+                Round::Once => {}
+            }
+        }
+        state
+    }
+
+    fn arrived(&self, mut state: State) -> State {
+        state.speed = 0.0;
+        state.pauses += 1;
+        state.wait = match self.motion.round {
+            Round::Once => f64::INFINITY,
+            // At least a tick: the pause is where it turns round.
+            Round::Circle | Round::ThereAndBack => {
+                let share = Draw::new(state.seed, "pause", &[state.number, state.pauses]).uniform();
+                (self.motion.wait * (0.5 + share)).max(STEP)
+            }
+        };
+        state
+    }
+
+    /// Turns a person towards a heading; how far it is off, radians.
+    fn turn_towards(state: &mut State, heading: f64) -> f64 {
+        let off = wrap_angle(heading - state.heading);
+        state.heading = wrap_angle(state.heading + off.clamp(-TURN_RATE * STEP, TURN_RATE * STEP));
+        libm::fabs(off)
+    }
+
+    /// Where beside its path a person wants to walk: to the right of the nearest that stands or comes in its way, or to the
+    /// left where there is no room, and on the path when nobody does. As it is for vehicles.
+    fn step_aside(&self, state: &State, spot: &Spot, others: &[Seen]) -> f64 {
+        if self.motion.aside <= 0.0 {
+            return state.aside;
+        }
+        let (right, sign) = (spot.right(), if state.back { -1.0 } else { 1.0 });
+        let here = spot.at + right * state.aside;
+        let mut nearest: Option<(f64, f64)> = None;
+        for other in others {
+            let (away, ahead) = (other.at - here, spot.direction * sign);
+            // Too far off, or itself.
+            if !(1e-6..NOTICED * NOTICED).contains(&away.length_squared()) {
+                continue;
+            }
+            let (distance, beside) = (away.dot(ahead), state.aside + away.dot(right));
+            let room = self.body.radius + other.radius + self.manner.gap + 0.1;
+            let coming = other.velocity.dot(ahead) < 0.3 * state.cruise && libm::fabs(other.velocity.dot(right)) < 0.5;
+            let in_the_way = libm::fabs(beside) < room && (-room..room + 3.0).contains(&distance);
+            if coming && in_the_way && nearest.is_none_or(|(d, _)| distance < d) {
+                let keep_right = beside + sign * room;
+                let keep_left = beside - sign * room;
+                let fits = |aside: f64| libm::fabs(aside) <= self.motion.aside;
+                let aim = if fits(keep_right) {
+                    keep_right
+                } else if fits(keep_left) {
+                    keep_left
+                } else {
+                    0.0
+                };
+                nearest = Some((distance, aim));
+            }
+        }
+        nearest.map_or(0.0, |(_, aim)| aim)
+    }
+}
+
+impl Claim {
+    /// Whether these bounds come nearer than `gap`, so that the discs must be compared.
+    pub(super) fn near(&self, other: &Self, gap: f64) -> bool {
+        let reach = self.reach + other.reach + gap;
+        libm::fabs(self.up - other.up) < STOREY && self.centre.distance_squared(other.centre) < reach * reach
+    }
+
+    /// Whether the room itself does.
+    pub(super) fn meets(&self, other: &Self, gap: f64) -> bool {
+        let room = self.radius + other.radius + gap;
+        let close = |a: &DVec2, b: &DVec2| a.distance_squared(*b) < room * room;
+        self.near(other, gap) && self.discs.iter().any(|a| other.discs.iter().any(|b| close(a, b)))
+    }
+}
+
+fn on_map(place: &ActorPlace) -> DVec2 {
+    DVec2::new(place.position.east, place.position.north)
+}
+
+/// Heading of a direction on the map, clockwise from north.
+fn bearing(direction: DVec2) -> f64 {
+    libm::atan2(direction.x, direction.y)
+}
+
+/// The first two courses whose actors begin on one another, by their place in the list.
+pub(crate) fn first_clash(courses: &[Course]) -> Option<(usize, usize)> {
+    let claim = |course: &Course| {
+        let (state, mut claim) = (course.begin(0, 0), Claim::default());
+        course.claim(&state, &course.place(&state), &mut claim);
+        course.fill(&state, &mut claim);
+        claim
+    };
+    let claims: Vec<Claim> = courses.iter().map(claim).collect();
+    let pairs = (0..courses.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
+    pairs.into_iter().find(|&(i, j)| claims[i].meets(&claims[j], courses[i].gap().min(courses[j].gap())))
+}
