@@ -1,9 +1,11 @@
 //! How open to the sky a place is: a coarse grid over the scene, from heights alone, so that streets, corners, tunnels and the
 //! insides of trees are darker than open ground.
 
+use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::lanes::{F, I, LANES, Simd, U, V3, whole};
 use super::noise::floor;
 use super::prepare::Soup;
 
@@ -25,7 +27,8 @@ pub(crate) struct Ambient {
     cells: Vec3,
     columns: usize,
     rows: usize,
-    open: Vec<u8>,
+    /// Openness in steps of 1/255 at the four corners of each cell's floor and of its ceiling, a byte each.
+    corners: Vec<[u32; 2]>,
 }
 
 impl Ambient {
@@ -35,7 +38,7 @@ impl Ambient {
             (low, high) = (low.min(cluster.low), high.max(cluster.high));
         }
         if low.x > high.x {
-            return Self { low: Vec3::ZERO, cell: 1.0, layer: 1.0, cells: Vec3::ONE, columns: 0, rows: 0, open: Vec::new() };
+            return Self { low: Vec3::ZERO, cell: 1.0, layer: 1.0, cells: Vec3::ONE, columns: 0, rows: 0, corners: Vec::new() };
         }
         low -= Vec3::new(6.0, 6.0, 0.5);
         high += Vec3::new(6.0, 6.0, 3.0);
@@ -44,10 +47,13 @@ impl Ambient {
         let (columns, rows) = ((size.x / cell) as usize + 2, (size.y / cell) as usize + 2);
         let layer = size.z.min(60.0) / (LAYERS - 1) as f32;
         let cells = Vec3::ONE / Vec3::new(cell, cell, layer);
-        let mut grid = Self { low, cell, layer, cells, columns, rows, open: Vec::new() };
+        let mut grid = Self { low, cell, layer, cells, columns, rows, corners: Vec::new() };
         let heights = grid.heights(soup);
-        grid.open =
+        let open: Vec<u8> =
             (0..LAYERS * rows).into_par_iter().flat_map_iter(|line| grid.line(&heights, line % rows, line / rows)).collect();
+        let at = |i: usize| u32::from(open.get(i).copied().unwrap_or(u8::MAX));
+        let four = |i: usize| at(i) | at(i + 1) << 8 | at(i + columns) << 16 | at(i + columns + 1) << 24;
+        grid.corners = (0..open.len()).map(|i| [four(i), four(i + columns * rows)]).collect();
         grid
     }
 
@@ -119,33 +125,41 @@ impl Ambient {
     }
 
     /// Openness at `p`: 1 outside of the grid, never quite 0.
-    #[inline]
-    pub(crate) fn open(&self, p: Vec3) -> f32 {
-        let at = (p - self.low) * self.cells;
-        let (columns, rows) = (self.columns, self.rows);
-        if !(at.x >= 0.0 && at.y >= 0.0 && at.x < columns as f32 - 1.0 && at.y < rows as f32 - 1.0 && at.z < LAYERS as f32 - 1.0)
-        {
-            return 1.0;
+    #[inline(always)]
+    pub(crate) fn open<S: Simd>(&self, p: V3<F<S>>) -> F<S> {
+        let simd = p.x.token();
+        let x = (p.x - self.low.x) * self.cells.x;
+        let y = (p.y - self.low.y) * self.cells.y;
+        let z = (p.z - self.low.z) * self.cells.z;
+        let (columns, rows) = (self.columns as f32 - 1.0, self.rows as f32 - 1.0);
+        let inside = x.simd_ge(0.0) & y.simd_ge(0.0) & x.simd_lt(columns) & y.simd_lt(rows) & z.simd_lt(LAYERS as f32 - 1.0);
+        if inside.all_false() {
+            return F::splat(simd, 1.0);
         }
-        let z = at.z.max(0.0);
-        let (ix, iy, iz) = (at.x as usize, at.y as usize, z as usize);
-        let (fx, fy, fz) = (at.x - ix as f32, at.y - iy as f32, z - iz as f32);
-        let start = (iz * rows + iy) * columns + ix;
-        let plane = |i: usize| {
-            let [[a, b], [c, d]] = [self.pair(i), self.pair(i + columns)];
-            let (top, bottom) = (a + (b - a) * fx, c + (d - c) * fx);
-            top + (bottom - top) * fy
-        };
-        let (low, high) = (plane(start), plane(start + columns * rows));
-        0.18 + 0.82 / 255.0 * (low + (high - low) * fz)
+        let none = F::splat(simd, 0.0);
+        let (x, y, z) = (inside.select(x, none), inside.select(y, none), inside.select(z, none).max(0.0));
+        let (x0, y0, z0) = (x.floor(), y.floor(), z.floor());
+        let place = (whole(z0) * self.rows as i32 + whole(y0)) * self.columns as i32 + whole(x0);
+        let corners: [[u32; 2]; LANES] = core::array::from_fn(
+            #[inline(always)]
+            |lane| self.corners.get(place[lane] as usize).copied().unwrap_or([u32::MAX; 2]),
+        );
+        let share = [x - x0, y - y0];
+        let (low, high) = (plane(simd, corners.map(|c| c[0]), share), plane(simd, corners.map(|c| c[1]), share));
+        let fz = z - z0;
+        inside.select((low + (high - low) * fz) * (0.82 / 255.0) + 0.18, F::splat(simd, 1.0))
     }
+}
 
-    /// Two neighbours along a row.
-    #[inline]
-    fn pair(&self, i: usize) -> [f32; 2] {
-        match self.open.get(i..i + 2) {
-            Some(&[a, b]) => [f32::from(a), f32::from(b)],
-            _ => [255.0; 2],
-        }
-    }
+/// Between four corners, a byte each, for eight places.
+#[inline(always)]
+fn plane<S: Simd>(simd: S, corners: [u32; LANES], [fx, fy]: [F<S>; 2]) -> F<S> {
+    let four = U::from_slice(simd, &corners);
+    let [a, b, c, d]: [I<S>; 4] = [four & 0xff, (four >> 8) & 0xff, (four >> 16) & 0xff, four >> 24].map(
+        #[inline(always)]
+        |byte| byte.bitcast(),
+    );
+    let [a, b, c, d]: [F<S>; 4] = [a.to_float(), b.to_float(), c.to_float(), d.to_float()];
+    let (near, far) = (a + (b - a) * fx, c + (d - c) * fx);
+    near + (far - near) * fy
 }

@@ -1,5 +1,8 @@
 //! More samples where surfaces meet: only the pixels on edges are drawn again, all samples of a pixel at once.
 
+use fearless_simd::prelude::*;
+
+use super::lanes::{I, Simd};
 use super::raster::{NONE, SUB, ScreenTriangle, TILE};
 
 /// Samples of an edge pixel.
@@ -25,10 +28,10 @@ pub(crate) struct Seen {
 #[derive(Debug)]
 pub(crate) struct Edges {
     pixels: Vec<Seen>,
-    /// Range of each block's pixels, and the least and greatest row and column of them.
-    blocks: [(u32, u32); BLOCKS],
-    /// Blocks that have pixels, a bit each.
-    wanted: u64,
+    /// Where each block's pixels start.
+    first: [u32; BLOCKS],
+    /// Each block's pixels, a bit each, row after row.
+    wanted: [u64; BLOCKS],
     /// The least nearness of each block where it is known, else what it was before: never too near.
     far: [f32; BLOCKS],
     stale: u64,
@@ -36,26 +39,24 @@ pub(crate) struct Edges {
 
 impl Default for Edges {
     fn default() -> Self {
-        Self { pixels: Vec::new(), blocks: [(0, 0); BLOCKS], wanted: 0, far: [0.0; BLOCKS], stale: 0 }
+        Self { pixels: Vec::new(), first: [0; BLOCKS], wanted: [0; BLOCKS], far: [0.0; BLOCKS], stale: 0 }
     }
 }
 
 impl Edges {
     pub(crate) fn clear(&mut self) {
         self.pixels.clear();
-        (self.blocks, self.wanted) = ([(0, 0); BLOCKS], 0);
+        self.wanted = [0; BLOCKS];
         (self.far, self.stale) = ([0.0; BLOCKS], 0);
     }
 
-    /// Adds a pixel. The pixels of a block come one after another.
+    /// Adds a pixel. The pixels of a block come one after another, row after row.
     pub(crate) fn push(&mut self, x: u8, y: u8) {
         let block = usize::from(y >> 3) * 8 + usize::from(x >> 3);
-        let end = self.pixels.len() as u32;
-        if self.wanted >> block & 1 == 0 {
-            self.wanted |= 1 << block;
-            self.blocks[block].0 = end;
+        if self.wanted[block] == 0 {
+            self.first[block] = self.pixels.len() as u32;
         }
-        self.blocks[block].1 = end + 1;
+        self.wanted[block] |= 1 << ((y & 7) << 3 | x & 7);
         self.pixels.push(Seen { x, y, near: [0.0; COUNT], id: [NONE; COUNT] });
     }
 
@@ -68,7 +69,8 @@ impl Edges {
     }
 
     /// Draws a triangle over the tile whose upper left pixel is given: nearer wins, the first of equals stays.
-    pub(crate) fn draw(&mut self, t: &ScreenTriangle, (x, y): (i32, i32)) {
+    #[inline(always)]
+    pub(crate) fn draw<S: Simd>(&mut self, simd: S, t: &ScreenTriangle, (x, y): (i32, i32)) {
         let (left, top) = (x * SUB, y * SUB);
         let [x0, x1, x2] = t.x;
         let [y0, y1, y2] = t.y;
@@ -95,7 +97,7 @@ impl Edges {
             }
         }
         // Steps to the samples are worked out when a block wants them.
-        let mut steps = None;
+        let (mut steps, mut across) = (None, None);
         let most = [0, 1, 2].map(|i| (a[i].max(0) + b[i].max(0)) * SPAN);
         let (da, db) = (a, b);
         let (a, b) = (a.map(|a| a * SUB), b.map(|b| b * SUB));
@@ -103,7 +105,7 @@ impl Edges {
         for by in py0 >> 3..=py1 >> 3 {
             for bx in px0 >> 3..=px1 >> 3 {
                 let block = (by * 8 + bx) as usize;
-                if self.wanted >> block & 1 == 0 {
+                if self.wanted[block] == 0 {
                     continue;
                 }
                 let at = [0, 1, 2].map(|i| e[i].wrapping_add(a[i].wrapping_mul(bx * 8)).wrapping_add(b[i].wrapping_mul(by * 8)));
@@ -117,14 +119,24 @@ impl Edges {
                 }
                 self.stale |= 1 << block;
                 let steps = steps.get_or_insert_with(|| Steps::new(t, da, db));
-                let (first, end) = self.blocks[block];
-                for seen in &mut self.pixels[first as usize..end as usize] {
-                    let (across, down) = (i32::from(seen.x & 7), i32::from(seen.y & 7));
-                    let e0 = at[0] + a[0] * across + b[0] * down;
-                    let e1 = at[1] + a[1] * across + b[1] * down;
-                    let e2 = at[2] + a[2] * across + b[2] * down;
-                    if (e0 + most[0]) | (e1 + most[1]) | (e2 + most[2]) >= 0 {
-                        steps.draw(t, [e0, e1, e2], z + t.slope_x * across as f32 + t.slope_y * down as f32, seen);
+                let across = *across.get_or_insert_with(|| a.map(|a| I::from_fn(simd, |k| a.wrapping_mul(k as i32))));
+                let rows = ((py0 - by * 8).max(0), (py1 - by * 8).min(7));
+                for row in rows.0..=rows.1 {
+                    let wanted = self.wanted[block] >> (row * 8) & 0xff;
+                    if wanted == 0 {
+                        continue;
+                    }
+                    let start = [0, 1, 2].map(|i| at[i] + b[i] * row);
+                    let [e0, e1, e2] = [0, 1, 2].map(|i| across[i] + (start[i] + most[i]));
+                    let mut hit = (e0 | e1 | e2).simd_ge(0).to_bitmask() & wanted;
+                    let before = (self.wanted[block] & ((1 << (row * 8)) - 1)).count_ones() + self.first[block];
+                    while hit != 0 {
+                        let k = hit.trailing_zeros();
+                        hit &= hit - 1;
+                        let index = before + (wanted & ((1 << k) - 1)).count_ones();
+                        let (e, across) = ([0, 1, 2].map(|i| start[i] + a[i] * k as i32), k as f32);
+                        let z = z + t.slope_x * across + t.slope_y * row as f32;
+                        steps.draw(t, e, z, &mut self.pixels[index as usize]);
                     }
                 }
             }
@@ -132,13 +144,13 @@ impl Edges {
     }
 
     /// The least nearness at the samples of a block.
-    #[inline]
+    #[inline(always)]
     fn far(&mut self, block: usize) -> f32 {
         if self.stale >> block & 1 == 1 {
             self.stale &= !(1 << block);
-            let (first, end) = self.blocks[block];
+            let (first, count) = (self.first[block] as usize, self.wanted[block].count_ones() as usize);
             let mut least = [f32::INFINITY; COUNT];
-            for seen in &self.pixels[first as usize..end as usize] {
+            for seen in &self.pixels[first..first + count] {
                 for (m, &v) in least.iter_mut().zip(&seen.near) {
                     *m = if v < *m { v } else { *m };
                 }
@@ -170,7 +182,7 @@ impl Steps {
     }
 
     /// `at` and `z` are those of the pixel's corner.
-    #[inline]
+    #[inline(always)]
     fn draw(&self, t: &ScreenTriangle, at: [i32; 3], z: f32, seen: &mut Seen) {
         let [first, second, third] = &self.edges;
         for s in 0..COUNT {

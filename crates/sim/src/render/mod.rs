@@ -5,8 +5,12 @@
 //! multiplication, division and square root, without fused operations, and integers for edges; the rest are tables from `libm`.
 
 mod ambient;
+mod develop;
 mod edge;
+mod facet;
+mod lanes;
 mod noise;
+mod packet;
 mod pattern;
 mod picture;
 mod prepare;
@@ -25,10 +29,14 @@ use rayon::prelude::*;
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 
-use crate::geometry::{Light, Material, Part, SceneGeometry};
+use crate::geometry::{Light, Material, Part, Pattern, SceneGeometry};
 use crate::texture::Texture;
 use ambient::Ambient;
-use noise::{Decay, Developed, Noise, Srgb};
+use develop::{Developed, Srgb};
+use glam::Vec3;
+use lanes::{Instructions, with_instructions};
+use noise::Noise;
+use pattern::Paint;
 pub use picture::{Picture, SaveError};
 use prepare::Soup;
 use raster::{NONE, SUB, TILE, TILE_AREA, Tile};
@@ -53,15 +61,27 @@ pub struct Channels {
     pub ids: bool,
     /// The second pair, ids and depth, of openings (DESIGN.md section 5).
     pub openings: bool,
+    /// How fine the colour picture is.
+    pub quality: Quality,
+}
+
+/// How fine a colour picture is. Other channels do not depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// With smooth edges: what is recorded and what a VLM is sent.
+    #[default]
+    Full,
+    /// Jagged edges, everything else as in [`Quality::Full`]: to look on while flying.
+    Live,
 }
 
 impl Channels {
     /// Colour alone.
-    pub const RGB: Self = Self { rgb: true, depth: false, ids: false, openings: false };
+    pub const RGB: Self = Self { rgb: true, depth: false, ids: false, openings: false, quality: Quality::Full };
     /// What the oracle reads: ids, depth and openings.
-    pub const TRUTH: Self = Self { rgb: false, depth: true, ids: true, openings: true };
+    pub const TRUTH: Self = Self { rgb: false, depth: true, ids: true, openings: true, quality: Quality::Full };
     /// Everything.
-    pub const ALL: Self = Self { rgb: true, depth: true, ids: true, openings: true };
+    pub const ALL: Self = Self { rgb: true, ..Self::TRUTH };
 }
 
 /// What only colour needs of a scene, made when the first colour picture is asked for.
@@ -69,7 +89,8 @@ impl Channels {
 struct Palette {
     sky: Sky,
     noise: Noise,
-    decay: Decay,
+    /// Of each material those for upright and for lying surfaces; then one for surfaces without a material.
+    paints: Vec<Paint>,
     ambient: Ambient,
     shadows: ShadowMap,
     srgb: Srgb,
@@ -87,6 +108,7 @@ pub struct Renderer {
     light: Light,
     palette: OnceLock<Palette>,
     scratch: Mutex<Vec<Scratch>>,
+    instructions: Instructions,
 }
 
 /// Memory that is used again from picture to picture. Samples are kept tile after tile.
@@ -112,7 +134,15 @@ impl Renderer {
             light: scene.light.clone(),
             palette: OnceLock::new(),
             scratch: Mutex::default(),
+            instructions: Instructions::best(),
         }
+    }
+
+    /// Draws with the instructions that every machine of this kind has, and not with wider vectors where there are any. The
+    /// pictures are the same, bit for bit, and take longer: this is there to show so.
+    #[must_use]
+    pub fn with_plain_instructions(self) -> Self {
+        Self { instructions: Instructions::plain(), ..self }
     }
 
     /// Triangles in the scene.
@@ -135,7 +165,7 @@ impl Renderer {
         let mut view = View::new(camera, pose);
         (view.width, view.height) = (view.width.min(MAX_SIDE), view.height.min(MAX_SIDE));
         picture.shape(view.width, view.height, channels);
-        if view.width == 0 || view.height == 0 || channels == Channels::default() {
+        if view.width == 0 || view.height == 0 || !(channels.rgb || channels.depth || channels.ids || channels.openings) {
             return;
         }
         let actors = Soup::new(actors, &self.materials);
@@ -158,7 +188,11 @@ impl Renderer {
             near.fill(0.0);
             id.fill(NONE);
             let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2));
-            solid.of(index).for_each(|t| tile.draw(t));
+            with_instructions!(self.instructions, _simd => {
+                for t in solid.of(index) {
+                    tile.draw(t);
+                }
+            });
         });
         let object = |id: u32| match self.soup.objects.get(id as usize) {
             Some(&object) => object,
@@ -185,7 +219,8 @@ impl Renderer {
         }
         if channels.rgb {
             let palette = self.palette();
-            let shader = Shader::new(&self.soup, actors, (&self.materials, &self.textures), palette, view);
+            let shader =
+                Shader::new(soups, (palette, &self.textures), view, self.instructions, channels.quality == Quality::Full);
             scratch.rgb.resize(area * 3, 0);
             let samples = tile::Samples { near: &scratch.near, id: &scratch.id, columns };
             let bins = &scratch.solid;
@@ -197,10 +232,12 @@ impl Renderer {
     }
 
     fn palette(&self) -> &Palette {
+        // Materials are checked when a scene is made; a part without one is black.
+        let black = Paint::new(Vec3::ZERO, Vec3::ZERO, Pattern::Plain, Vec3::ZERO);
         self.palette.get_or_init(|| Palette {
             sky: Sky::new(&self.light),
             noise: Noise::new(),
-            decay: Decay::new(),
+            paints: self.materials.iter().flat_map(Paint::both).chain([black]).collect(),
             ambient: Ambient::new(&self.soup),
             shadows: ShadowMap::new(&self.soup, &self.light),
             srgb: Srgb::new(),

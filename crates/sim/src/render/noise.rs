@@ -1,8 +1,8 @@
-//! Tables for the shader: smooth noise, and the display's transfer curve.
+//! Smooth noise from a table, and numbers drawn for lattice cells.
 
-use glam::Vec3;
+use fearless_simd::prelude::*;
 
-use super::shade::film;
+use super::lanes::{F, I, Simd, U, clamp, whole};
 
 /// Side of the noise table; noise repeats after this many cells.
 const SIDE: usize = 256;
@@ -10,7 +10,8 @@ const SIDE: usize = 256;
 /// Value noise from a table, −1..=1, with smooth steps between cells.
 #[derive(Debug)]
 pub(crate) struct Noise {
-    values: Box<[f32; SIDE * SIDE]>,
+    /// The values at the four corners of each cell, in steps of 1/127, a byte each: the upper two, then the lower two.
+    cells: Box<[u32; SIDE * SIDE]>,
 }
 
 /// A number 0..1 for a lattice cell.
@@ -30,103 +31,65 @@ pub(crate) fn floor(x: f32) -> i32 {
     whole - i32::from(x < whole as f32)
 }
 
+/// [`cell_hash`] for eight cells.
+#[inline(always)]
+pub(crate) fn cell_hashes<S: Simd>(x: I<S>, y: I<S>, salt: u32) -> F<S> {
+    let (x, y): (U<S>, U<S>) = (x.bitcast(), y.bitcast());
+    let h = (x * 0x9e37_79b1) ^ (y * 0x85eb_ca77) ^ salt.wrapping_mul(0xc2b2_ae3d);
+    let h = (h ^ (h >> 16)) * 0x85eb_ca6b;
+    let h = (h ^ (h >> 13)) * 0xc2b2_ae35;
+    let h: I<S> = (h >> 8).bitcast();
+    h.to_float::<F<S>>() * (1.0 / 16_777_216.0)
+}
+
 impl Noise {
     pub(crate) fn new() -> Self {
-        let cell = |i: usize| cell_hash((i % SIDE) as i32, (i / SIDE) as i32, 77) * 2.0 - 1.0;
-        let mut values = Box::new([0.0; SIDE * SIDE]);
-        values.iter_mut().enumerate().for_each(|(i, value)| *value = cell(i));
-        Self { values }
+        let value = |x: usize, y: usize| {
+            let steps = (cell_hash((x % SIDE) as i32, (y % SIDE) as i32, 77) * 255.0) as i32 - 127;
+            u32::from(steps as i8 as u8)
+        };
+        let mut cells = Box::new([0; SIDE * SIDE]);
+        for (i, cell) in cells.iter_mut().enumerate() {
+            let (x, y) = (i % SIDE, i / SIDE);
+            *cell = value(x, y) | value(x + 1, y) << 8 | value(x, y + 1) << 16 | value(x + 1, y + 1) << 24;
+        }
+        Self { cells }
     }
 
     /// Noise at (x, y), in cells.
-    #[inline]
-    pub(crate) fn at(&self, x: f32, y: f32) -> f32 {
-        let (ix, iy) = (floor(x), floor(y));
-        let (fx, fy) = (x - ix as f32, y - iy as f32);
-        let (sx, sy) = (fx * fx * (3.0 - 2.0 * fx), fy * fy * (3.0 - 2.0 * fy));
-        let (x0, y0) = (ix as usize & (SIDE - 1), (iy as usize & (SIDE - 1)) * SIDE);
-        let (x1, y1) = ((x0 + 1) & (SIDE - 1), (y0 + SIDE) & (SIDE * SIDE - 1));
-        let top = self.values[y0 + x0] + (self.values[y0 + x1] - self.values[y0 + x0]) * sx;
-        let bottom = self.values[y1 + x0] + (self.values[y1 + x1] - self.values[y1 + x0]) * sx;
-        top + (bottom - top) * sy
+    #[inline(always)]
+    pub(crate) fn at<S: Simd>(&self, x: F<S>, y: F<S>) -> F<S> {
+        let (x0, y0) = (x.floor(), y.floor());
+        let (fx, fy) = (x - x0, y - y0);
+        let (sx, sy) = (fx * fx * (3.0 - fx * 2.0), fy * fy * (3.0 - fy * 2.0));
+        let place = ((whole(y0) & (SIDE as i32 - 1)) << SIDE.ilog2()) | (whole(x0) & (SIDE as i32 - 1));
+        let cell = I::from_fn(
+            x.token(),
+            #[inline(always)]
+            |lane| self.cells[place[lane] as usize & (SIDE * SIDE - 1)] as i32,
+        );
+        // Bytes with a sign: up to the top, and down again.
+        let [a, b, c, d]: [F<S>; 4] = [
+            ((cell << 24) >> 24).to_float(),
+            ((cell << 16) >> 24).to_float(),
+            ((cell << 8) >> 24).to_float(),
+            (cell >> 24).to_float(),
+        ];
+        let (top, bottom) = (a + (b - a) * sx, c + (d - c) * sx);
+        (top + (bottom - top) * sy) * (1.0 / 127.0)
     }
 
     /// Noise of so many cells a metre, faded out as the footprint of a pixel nears the cell.
-    #[inline]
-    pub(crate) fn faded(&self, x: f32, y: f32, cells: f32, footprint: f32) -> f32 {
-        let fade = 1.6 - 1.6 * footprint * cells;
-        if fade <= 0.0 { 0.0 } else { self.at(x * cells, y * cells) * fade.min(1.0) }
-    }
-}
-
-/// Linear light 0..=1 to an sRGB byte (IEC 61966-2-1), by table.
-#[derive(Debug)]
-pub(crate) struct Srgb {
-    bytes: Vec<u8>,
-}
-
-impl Srgb {
-    pub(crate) fn new() -> Self {
-        let encode =
-            |linear: f64| if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 };
-        Self { bytes: (0..=4096).map(|i| (encode(f64::from(i) / 4096.0) * 255.0 + 0.5) as u8).collect() }
-    }
-
-    /// Values outside of 0..=1 are clamped.
-    #[inline]
-    pub(crate) fn byte(&self, linear: f32) -> u8 {
-        self.bytes[((linear.clamp(0.0, 1.0) * 4096.0 + 0.5) as usize).min(4096)]
-    }
-}
-
-/// Light on the film to an sRGB byte, by table: [`film`], then [`Srgb`].
-#[derive(Debug)]
-pub(crate) struct Developed {
-    bytes: Box<[u8; DEVELOPED]>,
-}
-
-/// Entries of the film's table: 4096 for each unit of light; the film is white at 8 units.
-const DEVELOPED: usize = 8 * 4096;
-
-impl Developed {
-    pub(crate) fn new() -> Self {
-        let srgb = Srgb::new();
-        let mut bytes = Box::new([0; DEVELOPED]);
-        bytes.iter_mut().enumerate().for_each(|(i, byte)| *byte = srgb.byte(film(Vec3::splat(i as f32 / 4096.0)).x));
-        Self { bytes }
-    }
-
-    /// Light below 0 is black, beyond the table white.
-    #[inline]
-    pub(crate) fn byte(&self, light: f32) -> u8 {
-        // Added to 2²³, a number is rounded to a whole one, which its lowest bits then hold.
-        let steps = (light * 4096.0).clamp(0.0, (DEVELOPED - 1) as f32) + 8_388_608.0;
-        self.bytes[steps.to_bits() as usize & (DEVELOPED - 1)]
-    }
-}
-
-/// `exp(−x)` for x ≥ 0 by table and line, error below 1e-4.
-#[derive(Debug)]
-pub(crate) struct Decay {
-    values: Vec<f32>,
-}
-
-impl Decay {
-    pub(crate) fn new() -> Self {
-        Self { values: (0..=514).map(|i| libm::exp(-f64::from(i) / 64.0) as f32).collect() }
-    }
-
-    #[inline]
-    pub(crate) fn at(&self, x: f32) -> f32 {
-        let x = (x * 64.0).clamp(0.0, 512.0);
-        let i = x as usize;
-        let (a, b) = (self.values[i], self.values[i + 1]);
-        a + (b - a) * (x - i as f32)
+    #[inline(always)]
+    pub(crate) fn faded<S: Simd>(&self, x: F<S>, y: F<S>, cells: f32, footprint: F<S>) -> F<S> {
+        let fade = clamp(1.6 - footprint * (1.6 * cells), 0.0, 1.0);
+        if fade.simd_gt(0.0).any_true() { self.at(x * cells, y * cells) * fade } else { fade }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::lanes::{Instructions, with_instructions};
     use super::*;
 
     #[test]
@@ -137,31 +100,24 @@ mod tests {
     }
 
     #[test]
-    fn tables_follow_their_functions() {
-        for i in 0..800 {
-            let x = i as f32 * 0.01;
-            assert!((Decay::new().at(x) - (-x).exp()).abs() < 1e-4);
-        }
-        let srgb = Srgb::new();
-        assert_eq!([srgb.byte(-1.0), srgb.byte(0.0), srgb.byte(0.2122), srgb.byte(2.0)], [0, 0, 127, 255]);
-    }
-
-    #[test]
-    fn developing_by_table_is_developing() {
-        let (srgb, developed) = (Srgb::new(), Developed::new());
-        assert_eq!([developed.byte(-1.0), developed.byte(9.0), developed.byte(f32::INFINITY)], [0, 255, 255]);
-        for i in 0..9000 {
-            let light = i as f32 * 0.000_9;
-            let exact = srgb.byte(film(Vec3::splat(light)).x);
-            assert!(developed.byte(light).abs_diff(exact) <= 1, "{light}");
-        }
-    }
-
-    #[test]
     fn noise_is_smooth_and_repeats() {
         let noise = Noise::new();
-        assert!((noise.at(3.0, 4.0) - noise.at(259.0, -252.0)).abs() < 1e-6);
-        assert!((noise.at(3.999_9, 4.0) - noise.at(4.0, 4.0)).abs() < 1e-3);
-        assert_eq!(noise.faded(3.2, 4.1, 1.0, 2.0), 0.0);
+        with_instructions!(Instructions::best(), simd => {
+            let at = |x: f32, y: f32| noise.at(F::splat(simd, x), F::splat(simd, y))[5];
+            assert!((at(3.0, 4.0) - at(259.0, -252.0)).abs() < 1e-6);
+            assert!((at(3.999_9, 4.0) - at(4.0, 4.0)).abs() < 1e-3);
+            assert!((0..300).all(|i| at(i as f32 * 0.37, i as f32 * -0.21).abs() <= 1.0));
+            let wide = F::splat(simd, 2.0);
+            assert_eq!(noise.faded(F::splat(simd, 3.2), F::splat(simd, 4.1), 1.0, wide)[0], 0.0);
+        });
+    }
+
+    #[test]
+    fn eight_hashes_are_the_hash() {
+        with_instructions!(Instructions::best(), simd => {
+            let (x, y) = (I::from_fn(simd, |i| i as i32 * 977 - 3000), I::from_fn(simd, |i| 5 - 131 * i as i32));
+            let found = cell_hashes(x, y, 5);
+            (0..8).for_each(|i| assert_eq!(found[i], cell_hash(x[i], y[i], 5)));
+        });
     }
 }

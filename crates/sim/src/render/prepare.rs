@@ -2,10 +2,13 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::geometry::{Material, Part, Role};
+use crate::geometry::{Material, Part, Role, Vertex};
 
 /// Triangles in a cluster, at most. Local corner numbers then fit a byte.
 const CLUSTER: usize = 64;
+
+/// Surfaces among which a triangle looks for its own.
+const REMEMBERED: usize = 8;
 
 /// What the shader knows of a triangle. Everything is an affine function of the world position, so that a pixel needs
 /// nothing but its position: no interpolation in the picture, and so exact perspective.
@@ -51,6 +54,9 @@ pub(crate) struct Soup {
     /// Corners of each triangle, counted from the start of its cluster's positions.
     pub(crate) corners: Vec<[u8; 3]>,
     pub(crate) triangles: Vec<Triangle>,
+    /// For each triangle the first of those that lie in its plane and are painted on in one piece with it, itself or an earlier one:
+    /// what is seen of either is shaded alike.
+    pub(crate) surfaces: Vec<u32>,
     pub(crate) objects: Vec<u16>,
     pub(crate) smooth: Vec<SmoothNormal>,
     pub(crate) clusters: Vec<Cluster>,
@@ -113,6 +119,9 @@ impl Soup {
                 self.smooth.push(SmoothNormal { axes: rows.map(|r| r.0), offset: Vec3::new(rows[0].1, rows[1].1, rows[2].1) });
                 self.smooth.len() as u32
             };
+            let index = self.triangles.len();
+            let known = (smooth == 0).then(|| self.piece(triangle_start, &[x, y, z]));
+            self.surfaces.push(known.flatten().unwrap_or(index as u32));
             self.triangles.push(Triangle {
                 normal: affine.normal,
                 offset: affine.normal.dot(affine.origin),
@@ -132,6 +141,28 @@ impl Soup {
             two_sided,
             opening: part.role == Role::Opening,
         });
+    }
+}
+
+impl Soup {
+    /// The flat surface among the last ones since triangle `start` that has these corners too.
+    fn piece(&self, start: usize, corners: &[Vertex; 3]) -> Option<u32> {
+        let earlier = self.triangles.iter().zip(&self.surfaces).enumerate().skip(start).rev();
+        let mut surfaces = earlier.filter(|&(i, (t, &surface))| surface as usize == i && t.smooth == 0).take(REMEMBERED);
+        surfaces.find(|(_, (t, _))| corners.iter().all(|c| t.has(c))).map(|(i, _)| i as u32)
+    }
+}
+
+impl Triangle {
+    /// True when a corner of another triangle lies in this one's plane, faces as it does, and has the texture coordinates that
+    /// this one's go on to.
+    fn has(&self, corner: &Vertex) -> bool {
+        let p = corner.position;
+        let (u, v) = (self.u_axis.dot(p) + self.u_offset, self.v_axis.dot(p) + self.v_offset);
+        corner.normal.dot(self.normal) > 0.9995
+            && (self.normal.dot(p) - self.offset).abs() < 1e-3
+            && (u - corner.uv.x).abs() < 1e-3
+            && (v - corner.uv.y).abs() < 1e-3
     }
 }
 

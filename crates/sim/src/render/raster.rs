@@ -27,7 +27,7 @@ pub(crate) struct ScreenTriangle {
     /// Range of nearness over the triangle.
     pub(crate) farthest: f32,
     pub(crate) nearest: f32,
-    /// What is written where the triangle is seen.
+    /// What is written where the triangle is seen; several triangles may have one.
     pub(crate) id: u32,
 }
 
@@ -141,6 +141,7 @@ impl<'a> Tile<'a> {
     }
 
     /// Draws a triangle: nearer wins, the first of equals stays.
+    #[inline(always)]
     pub(crate) fn draw(&mut self, t: &ScreenTriangle) {
         let (sx, sy) = self.sample;
         let (left, top) = (self.x * SUB + sx, self.y * SUB + sy);
@@ -191,7 +192,7 @@ impl<'a> Tile<'a> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "the inner loop's registers")]
     fn draw_block(
         &mut self,
@@ -225,7 +226,7 @@ impl<'a> Tile<'a> {
     }
 
     /// The least nearness in a block.
-    #[inline]
+    #[inline(always)]
     fn far(&mut self, block: usize) -> f32 {
         if self.stale >> block & 1 == 1 {
             self.stale &= !(1 << block);

@@ -38,6 +38,7 @@ pub(crate) const fn tiles(width: u32, height: u32) -> (usize, usize) {
 
 impl Bins {
     /// The triangles of `tile`, clusters near the eye first.
+    #[inline(always)]
     pub(crate) fn of(&self, tile: usize) -> impl Iterator<Item = &ScreenTriangle> {
         let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
         self.entries[range].iter().map(|&e| &self.groups[(e >> 16) as usize].triangles[(e & 0xffff) as usize])
@@ -179,7 +180,7 @@ impl Group {
                     base,
                     farthest: 1.0 / depths[0].max(depths[1]).max(depths[2]),
                     nearest: 1.0 / depths[0].min(depths[1]).min(depths[2]),
-                    id: first_id + t,
+                    id: first_id + soup.surfaces[t as usize],
                 };
                 self.triangles.extend(triangle.oriented());
             };

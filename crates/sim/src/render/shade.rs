@@ -1,17 +1,17 @@
-//! What colour a pixel has: surface, sun and shadow, sky light, mirror, haze, and the film's curve.
-//!
-//! What does not change over a triangle is worked out once for a triangle and a view ([`Facet`]); tiles keep the facets they used last.
+//! What light comes from the things at eight pixels: surface, sun and shadow, sky light, mirror, haze.
 
-use glam::{Vec2, Vec3};
+use fearless_simd::prelude::*;
+use glam::Vec3;
 
 use super::Palette;
-use super::pattern::{Paint, Surface};
+use super::facet::{Curve, Facet};
+use super::lanes::{F, Instructions, LANES, Simd, V3, clamp};
+use super::pattern::{Paint, Spot, Surface};
 use super::prepare::{Soup, Triangle};
 use super::raster::NONE;
-use super::shadow::Receiver;
 use super::texture;
 use super::view::View;
-use crate::geometry::{Material, Pattern};
+use crate::geometry::Pattern;
 use crate::texture::Texture;
 
 /// Shades pixels of one picture.
@@ -19,83 +19,53 @@ pub(crate) struct Shader<'a> {
     pub(super) soup: &'a Soup,
     /// Triangles that this picture alone has; their ids follow the scene's.
     pub(super) actors: &'a Soup,
-    pub(super) materials: &'a [Material],
-    textures: &'a [Texture],
     pub(super) palette: &'a Palette,
+    textures: &'a [Texture],
     pub(super) view: &'a View,
+    pub(super) instructions: Instructions,
+    pub(super) smooth_edges: bool,
     /// Steps of the ray for a pixel right and a pixel down.
     right: Vec3,
     down: Vec3,
 }
 
-/// A triangle in a view: what every pixel of it needs.
-#[derive(Clone, Debug)]
-pub(crate) struct Facet {
-    id: u32,
-    /// Towards the eye.
-    flat: Vec3,
-    /// 1 where the front is seen, −1 for the back.
-    side: f32,
-    /// Row in the soup's normals plus one; 0 for a flat triangle.
-    smooth: u32,
-    u_axis: Vec3,
-    v_axis: Vec3,
-    /// Texture coordinates of the eye itself.
-    eye: Vec2,
-    /// Change of (u, v) for a pixel right and a pixel down at 1 m of depth, as for a surface across the axis.
-    right: Vec2,
-    down: Vec2,
-    /// What the slant adds, for each metre that (u, v) is off the eye's.
-    slant_right: f32,
-    slant_down: f32,
-    paint: Paint,
-    emission: Vec3,
-    leaves: bool,
-    /// Cosine of the plane to the sun.
-    faces_sun: f32,
-    receiver: Receiver,
-    /// Sun and sky light of the flat plane, before shadow and openness.
-    flat_light: (f32, Vec3),
+/// A triangle made ready to be shaded.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shape {
+    /// Index into the palette's paints.
+    pub(crate) paint: u32,
+    curved: bool,
+    facet: Facet<f32>,
+    curve: Curve<f32>,
 }
 
-/// Film: a rational fit to the ACES curve (Narkowicz 2015), for each channel; 0..=1 in linear display light.
-#[inline]
-pub(crate) fn film(exposed: Vec3) -> Vec3 {
-    let x = exposed.max(Vec3::ZERO);
-    (x * (x * 2.51 + 0.03)) / (x * (x * 2.43 + 0.59) + 0.14)
+/// Where eight pixels are seen in the picture, and how near: 1/z.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub(crate) x: [f32; LANES],
+    pub(crate) y: [f32; LANES],
+    pub(crate) near: [f32; LANES],
 }
 
-/// Facets used last in a tile.
-#[derive(Default)]
-pub(crate) struct Facets(Vec<Option<Facet>>);
-
-/// Facets kept, a power of two.
-const KEPT: usize = 64;
-
-impl Facets {
-    #[inline]
-    fn of(&mut self, shader: &Shader<'_>, id: u32) -> &Facet {
-        if self.0.is_empty() {
-            self.0.resize(KEPT, None);
-        }
-        let slot = &mut self.0[id as usize & (KEPT - 1)];
-        if slot.as_ref().is_none_or(|f| f.id != id) {
-            *slot = None;
-        }
-        slot.get_or_insert_with(|| shader.facet(id))
-    }
+/// Rays through eight pixels.
+struct Rays<S: Simd> {
+    /// With a component of 1 along the optical axis, and its length.
+    ray: V3<F<S>>,
+    length: F<S>,
+    /// Unit vectors.
+    to: V3<F<S>>,
 }
 
 impl<'a> Shader<'a> {
     pub(super) fn new(
-        soup: &'a Soup,
-        actors: &'a Soup,
-        (materials, textures): (&'a [Material], &'a [Texture]),
-        palette: &'a Palette,
+        soups: [&'a Soup; 2],
+        (palette, textures): (&'a Palette, &'a [Texture]),
         view: &'a View,
+        instructions: Instructions,
+        smooth_edges: bool,
     ) -> Self {
         let (right, down) = (view.right / view.fx, view.down / view.fy);
-        Self { soup, actors, materials, textures, palette, view, right, down }
+        Self { soup: soups[0], actors: soups[1], palette, textures, view, instructions, smooth_edges, right, down }
     }
 
     fn triangle(&self, id: u32) -> (&Soup, &Triangle) {
@@ -123,134 +93,176 @@ impl<'a> Shader<'a> {
             }
     }
 
-    fn facet(&self, id: u32) -> Facet {
-        let (_, t) = self.triangle(id);
+    /// Makes triangle `id` ready.
+    pub(crate) fn shape(&self, id: u32) -> Shape {
+        let (soup, t) = self.triangle(id);
         let eye = self.view.eye;
         // The plane n·p = offset meets the ray r at z = height / (n·r).
         let height = t.offset - t.normal.dot(eye);
         let side = if height > 0.0 { -1.0 } else { 1.0 };
         let flat = t.normal * side;
         let over = 1.0 / if height.abs() < 1e-6 { 1e-6 } else { height };
-        // Materials are checked when a scene is made; a part without one is black.
-        let (paint, emission) = match self.materials.get(usize::from(t.material)) {
-            Some(m) => {
-                // Windows stand in walls: a roof of the same part is bare.
-                let roof = matches!(m.pattern, Pattern::Windows { .. }) && t.normal.z.abs() > 0.7;
-                let paint = if roof {
-                    Paint::new(m.colour * 0.8, m.accent, Pattern::Concrete { joint: 0.0 })
-                } else {
-                    Paint::new(m.colour, m.accent, m.pattern)
-                };
-                (paint, m.emission)
-            }
-            None => (Paint::new(Vec3::ZERO, Vec3::ZERO, Pattern::Plain), Vec3::ZERO),
-        };
-        let to_sun = self.palette.sky.light.to_sun;
-        let faces_sun = flat.dot(to_sun);
-        let leaves = paint.pattern == Pattern::Foliage;
-        Facet {
-            id,
-            flat,
-            side,
-            smooth: t.smooth,
-            u_axis: t.u_axis,
-            v_axis: t.v_axis,
-            eye: Vec2::new(t.u_axis.dot(eye) + t.u_offset, t.v_axis.dot(eye) + t.v_offset),
-            right: Vec2::new(t.u_axis.dot(self.right), t.v_axis.dot(self.right)),
-            down: Vec2::new(t.u_axis.dot(self.down), t.v_axis.dot(self.down)),
+        let paints = &self.palette.paints;
+        let paint = (2 * usize::from(t.material) + usize::from(t.normal.z.abs() > 0.7)).min(paints.len() - 1);
+        let faces_sun = flat.dot(self.palette.sky.light.to_sun);
+        let (direct, ambient) = self.flat_light(flat, paints[paint].pattern == Pattern::Foliage);
+        let facet = Facet {
+            flat: flat.into(),
+            u_axis: t.u_axis.into(),
+            v_axis: t.v_axis.into(),
+            eye_u: t.u_axis.dot(eye) + t.u_offset,
+            eye_v: t.v_axis.dot(eye) + t.v_offset,
+            right_u: t.u_axis.dot(self.right),
+            right_v: t.v_axis.dot(self.right),
+            down_u: t.u_axis.dot(self.down),
+            down_v: t.v_axis.dot(self.down),
             slant_right: t.normal.dot(self.right) * over,
             slant_down: t.normal.dot(self.down) * over,
-            paint,
-            emission,
-            leaves,
             faces_sun,
             receiver: self.palette.shadows.receiver(if faces_sun > 0.0 { flat } else { -flat }, faces_sun.abs()),
-            flat_light: self.unshaded(flat, leaves),
-        }
+            direct,
+            ambient: ambient.into(),
+        };
+        let curve = match (t.smooth as usize).checked_sub(1).map(|i| &soup.smooth[i]) {
+            Some(s) => Curve { rows: s.axes.map(|row| (row * side).into()), offset: (s.offset * side).into() },
+            None => Curve { rows: [Vec3::ZERO.into(); 3], offset: flat.into() },
+        };
+        Shape { paint: paint as u32, curved: t.smooth != 0, facet, curve }
     }
 
-    /// Share of the sun's light on a surface of unit `normal`, and light of sky and ground, both before anything stands between.
-    #[inline]
-    fn unshaded(&self, normal: Vec3, leaves: bool) -> (f32, Vec3) {
+    /// [`Shader::unshaded`] of one normal.
+    fn flat_light(&self, normal: Vec3, leaves: bool) -> (f32, Vec3) {
         let light = &self.palette.sky.light;
         let cosine = normal.dot(light.to_sun);
-        // Leaves let light through: their dark side is dimmer, not dark.
         let direct = if leaves { (0.72 * cosine + 0.28).max(0.12) } else { cosine.max(0.0) };
-        let up = 0.5 + 0.5 * normal.z;
-        // Walls in the shade differ a little by where they face, as skies are never even.
         let turn = 1.0 + 0.10 * normal.x - 0.06 * normal.y;
-        (direct, (light.ground_ambient + (light.sky_ambient - light.ground_ambient) * up) * turn)
+        (direct, (light.ground_ambient + (light.sky_ambient - light.ground_ambient) * (0.5 + 0.5 * normal.z)) * turn)
     }
 
-    /// Light on the film at picture position (`x`, `y`) where triangle `id` is seen at nearness `near`: [`film`] makes it display light.
-    #[inline]
-    pub(crate) fn exposed(&self, facets: &mut Facets, id: u32, near: f32, x: f32, y: f32) -> Vec3 {
-        let ray = self.view.forward + self.right * (x - self.view.cx) + self.down * (y - self.view.cy);
-        let length = ray.length_squared().sqrt();
-        let to = ray * (1.0 / length);
+    /// Share of the sun's light on surfaces of unit `normal`, and light of sky and ground, both before anything stands between.
+    #[inline(always)]
+    fn unshaded<S: Simd>(&self, normal: V3<F<S>>, leaves: bool) -> (F<S>, V3<F<S>>) {
+        let light = &self.palette.sky.light;
+        let cosine = normal.dot_same(light.to_sun);
+        // Leaves let light through: their dark side is dimmer, not dark.
+        let direct = if leaves { (cosine * 0.72 + 0.28).max(0.12) } else { cosine.max(0.0) };
+        let sky = V3::along(light.sky_ambient - light.ground_ambient, normal.z * 0.5 + 0.5).plus_same(light.ground_ambient);
+        // Walls in the shade differ a little by where they face, as skies are never even.
+        (direct, sky * (normal.x * 0.10 - normal.y * 0.06 + 1.0))
+    }
+
+    #[inline(always)]
+    fn rays<S: Simd>(&self, simd: S, place: &Place) -> Rays<S> {
+        let x = F::from_slice(simd, &place.x) - self.view.cx;
+        let y = F::from_slice(simd, &place.y) - self.view.cy;
+        let ray = (V3::along(self.right, x) + V3::along(self.down, y)).plus_same(self.view.forward);
+        let length = ray.dot(ray).sqrt();
+        Rays { ray, length, to: ray * (1.0 / length) }
+    }
+
+    /// Light on the film from the sky at eight pixels.
+    #[inline(always)]
+    pub(crate) fn sky<S: Simd>(&self, simd: S, place: &Place) -> V3<F<S>> {
         let sky = &self.palette.sky;
-        if id == NONE {
-            return sky.seen(to, &self.palette.noise, 1.0 / self.view.fx) * sky.exposure;
-        }
-        let z = 1.0 / near;
-        let lit = self.surface(facets.of(self, id), ray * z, to, z);
-        sky.hazed(lit, to, z * length, &self.palette.decay) * sky.exposure
+        let seen = sky.seen(self.rays(simd, place).to, &self.palette.noise, 1.0 / self.view.fx);
+        seen * F::splat(simd, sky.exposure)
     }
 
-    /// Light from the surface `away` from the eye, at depth `z`.
-    fn surface(&self, facet: &Facet, away: Vec3, to: Vec3, z: f32) -> Vec3 {
-        let p = self.view.eye + away;
-        let off = Vec2::new(facet.u_axis.dot(away), facet.v_axis.dot(away));
-        // A step across the picture moves the point on the plane: dP = z·(R − ray·(n·R)/(n·ray)).
-        let (dx, dy) = (facet.right * z - off * (facet.slant_right * z), facet.down * z - off * (facet.slant_down * z));
-        let (dx, dy) = (dx.abs(), dy.abs());
-        let foot = dx.max(dy) + dx.min(dy) * 0.35;
-        let uv = facet.eye + off;
-        let mut surface = Surface::new(&facet.paint, uv, foot, &self.palette.noise);
-        if let Pattern::Image { texture, .. } = facet.paint.pattern
+    /// Light on the film from triangles of one paint at eight pixels.
+    #[inline(always)]
+    pub(crate) fn exposed<S: Simd>(&self, simd: S, shapes: [&Shape; LANES], place: &Place) -> V3<F<S>> {
+        let rays = self.rays(simd, place);
+        let z = 1.0 / F::from_slice(simd, &place.near);
+        let facet = Facet::lanes(simd, shapes.map(|s| &s.facet));
+        let curve = shapes.iter().any(|s| s.curved).then(|| Curve::lanes(simd, shapes.map(|s| &s.curve)));
+        let paint = &self.palette.paints[shapes[0].paint as usize];
+        let lit = self.surface(&facet, curve.as_ref(), paint, &rays, z);
+        let sky = &self.palette.sky;
+        sky.hazed(lit, rays.to, z * rays.length) * F::splat(simd, sky.exposure)
+    }
+
+    /// Light from surfaces at depth `z`.
+    #[inline(always)]
+    fn surface<S: Simd>(
+        &self,
+        facet: &Facet<F<S>>,
+        curve: Option<&Curve<F<S>>>,
+        paint: &Paint,
+        rays: &Rays<S>,
+        z: F<S>,
+    ) -> V3<F<S>> {
+        let simd = z.token();
+        let away = rays.ray * z;
+        let p = away.plus_same(self.view.eye);
+        let spot = spot(facet, away, z);
+        let mut surface = Surface::new(paint, &spot, &self.palette.noise);
+        if let Pattern::Image { texture, .. } = paint.pattern
             && let Some(picture) = self.textures.get(usize::from(texture))
         {
-            surface.albedo *= texture::sample(picture, uv, foot);
+            surface.albedo = surface.albedo.times(texture::samples(picture, &spot));
         }
+        let leaves = paint.pattern == Pattern::Foliage;
         let mut normal = facet.flat;
-        let (direct, ambient) = if facet.smooth == 0 && surface.bump == Vec2::ZERO {
-            facet.flat_light
-        } else {
-            if facet.smooth != 0 {
-                let s = &self.triangle(facet.id).0.smooth[facet.smooth as usize - 1];
-                let n = Vec3::new(s.axes[0].dot(p), s.axes[1].dot(p), s.axes[2].dot(p)) + s.offset;
-                normal = unit(n, facet.flat * facet.side) * facet.side;
+        let (mut direct, mut ambient) = (facet.direct, facet.ambient);
+        if curve.is_some() || surface.bump.is_some() {
+            if let Some(curve) = curve {
+                let [x, y, z] = [curve.rows[0].dot(p), curve.rows[1].dot(p), curve.rows[2].dot(p)];
+                normal = (V3 { x, y, z } + curve.offset).unit_or(normal);
             }
-            if surface.bump != Vec2::ZERO {
-                normal = unit(normal + facet.u_axis * surface.bump.x + facet.v_axis * surface.bump.y, facet.flat);
+            if let Some([u, v]) = surface.bump {
+                normal = (normal + facet.u_axis * u + facet.v_axis * v).unit_or(facet.flat);
             }
-            self.unshaded(normal, facet.leaves)
-        };
-        let sun = if direct > 0.0 && (facet.faces_sun > 0.0 || facet.leaves) {
-            direct * self.palette.shadows.lit(p, &facet.receiver)
+            (direct, ambient) = self.unshaded(normal, leaves);
+        }
+        let mut sunlit = direct.simd_gt(0.0);
+        if !leaves {
+            sunlit &= facet.faces_sun.simd_gt(0.0);
+        }
+        let none = F::splat(simd, 0.0);
+        let sun = if sunlit.any_true() {
+            sunlit.select(direct * self.palette.shadows.lit(p, &facet.receiver, sunlit), none)
         } else {
-            0.0
+            none
         };
         let sky = &self.palette.sky;
-        let open = self.palette.ambient.open(p + facet.flat * 0.6);
-        let mut colour = surface.albedo * (sky.light.sun * sun + ambient * open) + facet.emission * surface.glow;
-        if surface.mirror > 0.0 {
-            let across = to.dot(normal);
-            let mirrored = to - normal * (2.0 * across);
-            let grazing = (1.0 + across).clamp(0.0, 1.0);
+        let open = self.palette.ambient.open(p + facet.flat * F::splat(simd, 0.6));
+        let mut colour = surface.albedo.times(V3::along(sky.light.sun, sun) + ambient * open);
+        if paint.emission != Vec3::ZERO {
+            colour = colour + V3::along(paint.emission, surface.glow.unwrap_or(F::splat(simd, 1.0)));
+        }
+        if let Some(mirror) = surface.mirror
+            && mirror.simd_gt(0.0).any_true()
+        {
+            let across = rays.to.dot(normal);
+            let mirrored = rays.to - normal * (across * 2.0);
+            let grazing = clamp(across + 1.0, 0.0, 1.0);
             let g2 = grazing * grazing;
-            let share = (0.08 + 0.92 * g2 * g2 * grazing) * surface.mirror;
-            let seen =
-                if mirrored.z > 0.0 { sky.clear(mirrored) } else { sky.light.horizon * 0.35 + sky.light.ground_ambient * 0.3 };
-            colour += (seen * (0.35 + 0.65 * open) - colour) * share;
+            let share = (g2 * g2 * grazing * 0.92 + 0.08) * mirror;
+            let below = sky.light.horizon * 0.35 + sky.light.ground_ambient * 0.3;
+            let seen = V3::select(mirrored.z.simd_gt(0.0), sky.clear(mirrored), V3::splat(simd, below));
+            colour = colour + (seen * (open * 0.65 + 0.35) - colour) * share;
         }
         colour
     }
 }
 
-/// `v` with length 1, or `other` when it has none.
-#[inline]
-fn unit(v: Vec3, other: Vec3) -> Vec3 {
-    let square = v.length_squared();
-    if square > 1e-12 { v * (1.0 / square.sqrt()) } else { other }
+/// Where on their surfaces pixels are, and how much of them they cover.
+#[inline(always)]
+fn spot<S: Simd>(facet: &Facet<F<S>>, away: V3<F<S>>, z: F<S>) -> Spot<S> {
+    let (u, v) = (facet.u_axis.dot(away), facet.v_axis.dot(away));
+    // A step across the picture moves the point on the plane: dP = z·(R − ray·(n·R)/(n·ray)).
+    let (slant_right, slant_down) = (facet.slant_right * z, facet.slant_down * z);
+    Spot {
+        u: facet.eye_u + u,
+        v: facet.eye_v + v,
+        foot_u: longer(facet.right_u * z - u * slant_right, facet.down_u * z - u * slant_down),
+        foot_v: longer(facet.right_v * z - v * slant_right, facet.down_v * z - v * slant_down),
+    }
+}
+
+/// About the length of (`x`, `y`).
+#[inline(always)]
+fn longer<S: Simd>(x: F<S>, y: F<S>) -> F<S> {
+    let (x, y) = (x.abs(), y.abs());
+    x.max(y) + x.min(y) * 0.35
 }

@@ -1,8 +1,10 @@
 //! The sun's map: for each point of a plane across the sun's rays, how near the sun the first surface is.
 
+use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::lanes::{F, I, LANES, M, Simd, V3, whole};
 use super::prepare::Soup;
 use super::raster::{NONE, SUB, ScreenTriangle, TILE, TILE_AREA, Tile, place};
 use super::setup::{Bins, tiles};
@@ -40,16 +42,15 @@ pub(crate) struct ShadowMap {
     blocks: Vec<(Vec3, Vec3)>,
 }
 
-/// A plane that light falls on.
-#[derive(Clone, Debug)]
-pub(crate) struct Receiver {
+/// A plane that light falls on, or one for each of eight pixels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Receiver<T> {
+    /// Unit normal, turned towards the sun.
+    pub(crate) normal: V3<T>,
     /// Off the surface by about the filter's radius, or a surface would shade itself.
-    shift: Vec3,
-    /// The normal's positive and negative parts.
-    positive: Vec3,
-    negative: Vec3,
+    pub(crate) shift: V3<T>,
     /// How far the filter reaches along the normal, metres.
-    margin: f32,
+    pub(crate) margin: T,
 }
 
 impl ShadowMap {
@@ -223,57 +224,85 @@ impl ShadowMap {
     }
 
     /// What [`ShadowMap::lit`] needs of a plane of unit `normal`, turned towards the sun, whose cosine to the sun is `cosine`.
-    pub(crate) fn receiver(&self, normal: Vec3, cosine: f32) -> Receiver {
+    pub(crate) fn receiver(&self, normal: Vec3, cosine: f32) -> Receiver<f32> {
         Receiver {
-            shift: normal * (self.texel * (2.2 - 1.2 * cosine)) + self.to_sun * (self.texel * 0.6),
-            positive: normal.max(Vec3::ZERO),
-            negative: normal.min(Vec3::ZERO),
+            normal: normal.into(),
+            shift: (normal * (self.texel * (2.2 - 1.2 * cosine)) + self.to_sun * (self.texel * 0.6)).into(),
             // The filter's outermost texels are almost two off, where they weigh nothing.
             margin: 1.75 * self.texel * (normal.dot(self.across).abs() + normal.dot(self.along).abs()),
         }
     }
 
-    /// Share of the sun's light that reaches `p` on a surface.
-    #[inline]
-    pub(crate) fn lit(&self, p: Vec3, on: &Receiver) -> f32 {
+    /// Share of the sun's light that reaches `p` on a surface; pixels outside of `asked` get any answer.
+    #[inline(always)]
+    pub(crate) fn lit<S: Simd>(&self, p: V3<F<S>>, on: &Receiver<F<S>>, asked: M<S>) -> F<S> {
+        let simd = p.x.token();
         let p = p + on.shift;
-        let at = self.project(p);
-        let (x, y) = (at.x - 1.5, at.y - 1.5);
-        if !(x >= 0.0 && y >= 0.0 && x < (self.width - 5) as f32 && y < (self.height - 5) as f32) {
-            return 1.0;
+        let at = V3 {
+            x: (p.dot_same(self.across) - self.low.x) * self.texels - 1.5,
+            y: (p.dot_same(self.along) - self.low.y) * self.texels - 1.5,
+            z: (p.dot_same(self.to_sun) - self.low.z) * self.scale,
+        };
+        let inside = at.x.simd_ge(0.0)
+            & at.y.simd_ge(0.0)
+            & at.x.simd_lt((self.width - 5) as f32)
+            & at.y.simd_lt((self.height - 5) as f32)
+            & asked;
+        let mut lit = F::splat(simd, 1.0);
+        let mut left = inside.to_bitmask() as u32;
+        if left == 0 {
+            return lit;
         }
-        let (ix, iy) = (x as usize, y as usize);
-        // All that the sun sees hereabouts lies behind the plane, or all before it.
-        let (low, high) = self.blocks[(iy + 1) / BLOCK * (self.width / BLOCK) + (ix + 1) / BLOCK];
-        let height = p.dot(on.positive) + p.dot(on.negative);
-        if on.positive.dot(high) + on.negative.dot(low) <= height - on.margin {
-            return 1.0;
+        let (x, y) = (whole(inside.select(at.x, F::splat(simd, 0.0))), whole(inside.select(at.y, F::splat(simd, 0.0))));
+        let block = ((y + 1) >> BLOCK.ilog2()) * (self.width / BLOCK) as i32 + ((x + 1) >> BLOCK.ilog2());
+        let height = p.dot(on.normal);
+        let (positive, negative) = (on.normal.positive(), on.normal.negative());
+        let mut unsure = 0;
+        // Neighbouring pixels share blocks.
+        while left != 0 {
+            let index = block[left.trailing_zeros() as usize];
+            let same = block.simd_eq(index);
+            left &= !(same.to_bitmask() as u32);
+            // All that the sun sees hereabouts lies behind the plane, or all before it.
+            let (low, high) = self.blocks[index as usize];
+            let behind = (positive.dot_same(high) + negative.dot_same(low)).simd_le(height - on.margin);
+            let before = (positive.dot_same(low) + negative.dot_same(high)).simd_gt(height + on.margin) & !behind;
+            lit = (same & before).select(F::splat(simd, 0.0), lit);
+            unsure |= (same & inside & !behind & !before).to_bitmask() as u32;
         }
-        if on.positive.dot(low) + on.negative.dot(high) > height + on.margin {
-            return 0.0;
+        if unsure == 0 {
+            return lit;
         }
-        self.filtered(at.z.max(0.0), x, y)
+        let mut shares: [f32; LANES] = lit.into();
+        while unsure != 0 {
+            let lane = unsure.trailing_zeros() as usize;
+            unsure &= unsure - 1;
+            shares[lane] = self.filtered(simd, at.z[lane].max(0.0), at.x[lane], at.y[lane]);
+        }
+        F::from_slice(simd, &shares)
     }
 
     /// Share of the texels about (`x`, `y`) no nearer to the sun than `own`.
-    fn filtered(&self, own: f32, x: f32, y: f32) -> f32 {
+    #[inline(always)]
+    fn filtered<S: Simd>(&self, simd: S, own: f32, x: f32, y: f32) -> f32 {
         let (ix, iy) = (x as usize, y as usize);
         // Nearness is whole, so comparing with the whole part of `own` is the same.
-        let own = own as u32;
+        let own = own as i32;
         // Three by three filter with linear weights: four by four texels.
         let (fx, fy) = (x - ix as f32, y - iy as f32);
-        let weights_x = [1.0 - fx, 1.0, 1.0, fx];
-        let weights_y = [1.0 - fy, 1.0, 1.0, fy];
-        let mut sum = 0.0;
-        for (j, wy) in weights_y.into_iter().enumerate() {
-            let row = &self.near[(iy + j) * self.width + ix..][..4];
-            let mut line = 0.0;
-            for (&near, wx) in row.iter().zip(weights_x) {
-                line += if u32::from(near) <= own { wx } else { 0.0 };
-            }
-            sum += line * wy;
+        let across = F::from_slice(simd, &[1.0 - fx, 1.0, 1.0, fx, 1.0 - fx, 1.0, 1.0, fx]);
+        let weights = [[1.0 - fy, 1.0], [1.0, fy]];
+        let mut sum = F::splat(simd, 0.0);
+        for (half, [first, second]) in weights.into_iter().enumerate() {
+            let start = (iy + 2 * half) * self.width + ix;
+            let (upper, lower) = (&self.near[start..start + 4], &self.near[start + self.width..start + self.width + 4]);
+            let texels: [i32; LANES] = core::array::from_fn(|k| i32::from(if k < 4 { upper[k] } else { lower[k - 4] }));
+            let down = F::from_slice(simd, &[first, first, first, first, second, second, second, second]);
+            let lit = I::from_slice(simd, &texels).simd_le(own);
+            sum += lit.select(across * down, F::splat(simd, 0.0));
         }
-        sum * (1.0 / 9.0)
+        let s: [f32; LANES] = sum.into();
+        (((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7]))) * (1.0 / 9.0)
     }
 }
 

@@ -1,8 +1,10 @@
 //! Sky: gradient, glow around the sun, clouds; and the haze that distance lays over things.
 
+use fearless_simd::prelude::*;
 use glam::Vec3;
 
-use super::noise::{Decay, Noise};
+use super::lanes::{F, Simd, V3, clamp, decay, smooth};
+use super::noise::Noise;
 use crate::geometry::Light;
 
 /// The light of a scene with what follows from it.
@@ -30,55 +32,54 @@ impl Sky {
         }
     }
 
-    /// Clear sky towards unit vector `to`: what glass mirrors and what haze fades into.
-    #[inline]
-    pub(crate) fn clear(&self, to: Vec3) -> Vec3 {
+    /// Clear sky towards unit vectors `to`: what glass mirrors and what haze fades into.
+    #[inline(always)]
+    pub(crate) fn clear<S: Simd>(&self, to: V3<F<S>>) -> V3<F<S>> {
         let low = 1.0 - to.z.max(0.0);
         let low2 = low * low;
-        let blue = self.light.zenith + (self.light.horizon - self.light.zenith) * (low2 * low2 * 0.7 + low2 * 0.3);
-        let c = to.dot(self.light.to_sun).max(0.0);
+        let blue = V3::along(self.light.horizon - self.light.zenith, low2 * (low2 * 0.7 + 0.3)).plus_same(self.light.zenith);
+        let c = to.dot_same(self.light.to_sun).max(0.0);
         let c2 = c * c;
-        let c8 = c2 * c2 * c2 * c2;
-        let c32 = c8 * c8 * c8 * c8;
-        blue + self.glow * (c8 * 0.05 + c32 * 0.10 + c32 * c32 * c32 * c32 * 0.2)
+        let c4 = c2 * c2;
+        let c8 = c4 * c4;
+        let c16 = c8 * c8;
+        let c32 = c16 * c16;
+        let c64 = c32 * c32;
+        blue + V3::along(self.glow, c8 * 0.05 + c32 * 0.10 + c64 * c64 * 0.2)
     }
 
     /// The sky as seen: clouds and the sun's disc too. `wide` is the angle of a pixel, radians.
-    pub(crate) fn seen(&self, to: Vec3, noise: &Noise, wide: f32) -> Vec3 {
+    #[inline(always)]
+    pub(crate) fn seen<S: Simd>(&self, to: V3<F<S>>, noise: &Noise, wide: f32) -> V3<F<S>> {
         let mut colour = self.clear(to);
-        let c = to.dot(self.light.to_sun);
+        let c = to.dot_same(self.light.to_sun);
         // The disc (half a degree across, drawn four times as wide, as a lens blooms).
-        let disc = ((c - 0.999_3) * (1.0 / 0.000_3)).clamp(0.0, 1.0);
-        colour += self.glow * (disc * 3.0);
-        if to.z > 0.015 {
-            let reach = 1.0 / (to.z + 0.06);
+        let disc = clamp((c - 0.999_3) * (1.0 / 0.000_3), 0.0, 1.0);
+        colour = colour + V3::along(self.glow, disc * 3.0);
+        if to.z.simd_gt(0.015).any_true() {
+            let reach = 1.0 / (to.z.max(0.015) + 0.06);
             let (x, y) = (to.x * reach, to.y * reach);
-            let footprint = wide * reach * reach;
+            let footprint = reach * reach * wide;
             let density = noise.faded(x + 3.1, y + 1.7, 1.0 / 0.85, footprint) * 0.55
                 + noise.faded(x - 5.3, y + 9.1, 1.0 / 0.36, footprint) * 0.28
                 + noise.faded(x + 17.0, y - 4.0, 1.0 / 0.15, footprint) * 0.15
                 + noise.faded(x - 2.0, y - 31.0, 1.0 / 0.06, footprint) * 0.08;
             let cover = smooth((density - 0.02) * 2.4) * smooth((to.z - 0.015) * 7.0) * 0.85;
             let thick = smooth((density - 0.12) * 1.8);
-            colour += (self.cloud_lit + (self.cloud_shade - self.cloud_lit) * (thick * 0.55) - colour) * cover;
+            let cloud = V3::along(self.cloud_shade - self.cloud_lit, thick * 0.55).plus_same(self.cloud_lit);
+            colour = colour + (cloud - colour) * cover;
         }
         colour
     }
 
-    /// Lays haze over `colour`, seen along unit vector `to` over `distance` metres.
-    #[inline]
-    pub(crate) fn hazed(&self, colour: Vec3, to: Vec3, distance: f32, decay: &Decay) -> Vec3 {
-        let clear = decay.at(self.light.haze * distance);
-        let c = to.dot(self.light.to_sun).max(0.0);
-        let c4 = c * c * c * c;
-        let veil = self.light.horizon + self.glow * (c4 * c4 * 0.06);
+    /// Lays haze over `colour`, seen along unit vectors `to` over `distance` metres.
+    #[inline(always)]
+    pub(crate) fn hazed<S: Simd>(&self, colour: V3<F<S>>, to: V3<F<S>>, distance: F<S>) -> V3<F<S>> {
+        let clear = decay(distance * self.light.haze);
+        let c = to.dot_same(self.light.to_sun).max(0.0);
+        let c2 = c * c;
+        let c4 = c2 * c2;
+        let veil = V3::along(self.glow * 0.06, c4 * c4).plus_same(self.light.horizon);
         veil + (colour - veil) * clear
     }
-}
-
-/// 0 below 0, 1 above 1, smooth between.
-#[inline]
-pub(crate) fn smooth(x: f32) -> f32 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
 }

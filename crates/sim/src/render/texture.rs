@@ -1,12 +1,24 @@
 //! Samples of textures: between two sizes of the picture and four texels of each, with more of them along a slant.
 
+use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};
 
+use super::lanes::{F, LANES, Simd, V3};
 use super::noise::floor;
+use super::pattern::Spot;
 use crate::texture::{Level, Texture, decoded};
 
 /// Most samples along the longer side of a pixel's footprint.
 const PROBES: f32 = 4.0;
+
+/// [`sample`] for eight pixels.
+#[inline(always)]
+pub(crate) fn samples<S: Simd>(texture: &Texture, at: &Spot<S>) -> V3<F<S>> {
+    let simd = at.u.token();
+    let found: [Vec3; LANES] =
+        core::array::from_fn(|i| sample(texture, Vec2::new(at.u[i], at.v[i]), Vec2::new(at.foot_u[i], at.foot_v[i])));
+    V3 { x: F::from_fn(simd, |i| found[i].x), y: F::from_fn(simd, |i| found[i].y), z: F::from_fn(simd, |i| found[i].z) }
+}
 
 /// Mean linear light about `uv` (one unit a repetition, v down from the top), where a pixel covers `foot` of u and of v.
 pub(crate) fn sample(texture: &Texture, uv: Vec2, foot: Vec2) -> Vec3 {
