@@ -12,6 +12,8 @@ pub(crate) enum Sim {
     Render(Render),
     /// List scenes and what is in them
     Scenes(Scenes),
+    /// Fly around in a scene from a browser
+    View(View),
 }
 
 /// Draws what the simulated camera sees.
@@ -68,4 +70,30 @@ pub(crate) struct Scenes {
     /// Print one JSON object on standard output, and nothing else there
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Flies around in a scene, by keyboard and mouse, in a page that a browser opens.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf sim view
+  spf sim view --scene city --light dusk --listen 127.0.0.1:8000
+
+The address is printed on standard output. The page needs nothing from elsewhere; keys and buttons are explained on it. It \
+answers on this machine alone unless --listen names another address.")]
+pub(crate) struct View {
+    /// Scene to begin in: a built-in name or a scene file
+    #[arg(long, value_name = "SCENE", default_value = "city")]
+    pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) conditions: ConditionArgs,
+    /// Where to begin: east,north,up,heading_deg[,pitch_deg] [default: where the scene is best shown]
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    pub(crate) pose: Option<String>,
+    /// Camera of this craft: quad or tello [default: the scene's]
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) drone_model: Option<String>,
+    /// Address and port to answer on; port 0 takes one that is free
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
+    pub(crate) listen: String,
 }

@@ -12,7 +12,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("spf-drone", &["spf-media", "spf-core"]),
     ("spf-sim", &["spf-media", "spf-core"]),
     ("spf-flight", &["spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
-    ("spf", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
+    ("spf-web", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
+    ("spf", &["spf-web", "spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
 ];
 
 #[test]

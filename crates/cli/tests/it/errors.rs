@@ -64,6 +64,9 @@ fn of_flags() {
             &["sim", "render", "city", "-o", "nowhere/x.png", "--size", "16x16"],
             &["sim", "render", "city", "-o", "x.png", "--depth", "x.png"],
             &["sim", "render", "city", "-o", "x.png", "--ids", "ids.json"],
+            &["sim", "view", "--listen", "nonsense"],
+            &["sim", "view", "--scene", "citty"],
+            &["sim", "view", "--pose", "1,2,3"],
         ],
     );
     insta::assert_snapshot!(said);

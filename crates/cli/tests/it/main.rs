@@ -11,6 +11,7 @@ mod json;
 mod operator;
 mod scenes;
 mod video;
+mod view;
 mod words;
 
 #[cfg(unix)]

@@ -30,6 +30,11 @@ fn help_of_sim_scenes() {
 }
 
 #[test]
+fn help_of_sim_view() {
+    insta::assert_snapshot!(help(&["sim", "view", "--help"]));
+}
+
+#[test]
 fn version() {
     assert_eq!(help(&["--version"]), concat!("spf ", env!("CARGO_PKG_VERSION"), "\n"));
 }

@@ -2,6 +2,7 @@
 
 mod render;
 mod scenes;
+mod view;
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -25,6 +26,7 @@ pub(crate) fn sim(command: &Sim, printer: &Printer) -> Result<Exit, CliError> {
     match command {
         Sim::Render(args) => render::render(args, printer),
         Sim::Scenes(args) => scenes::scenes(args, printer),
+        Sim::View(args) => view::view(args, printer),
     }
 }
 

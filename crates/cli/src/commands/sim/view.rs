@@ -1,0 +1,45 @@
+//! `spf sim view`: flying around in a scene from a browser.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use spf_sim::scene::Scene;
+use spf_web::view::{Beginning, Library, ViewError, Viewer};
+
+use super::{conditions, parse_kind};
+use crate::args::View;
+use crate::commands::{load_stage, parse_pose};
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+
+/// Serves the page until Ctrl-C.
+pub(super) fn view(args: &View, printer: &Printer) -> Result<Exit, CliError> {
+    let address: SocketAddr = args.listen.parse().map_err(|_| {
+        CliError::usage(format!("--listen: `{}` is not an address and a port", args.listen))
+            .hint("for example --listen 127.0.0.1:8000; port 0 takes one that is free")
+    })?;
+    let pose = args.pose.as_deref().map(parse_pose).transpose().map_err(|expected| {
+        CliError::usage(format!("--pose: `{}` is not {expected}", args.pose.as_deref().unwrap_or_default()))
+            .hint("for example --pose 0,0,3,90,-10: the origin, 3 m up, looking east and 10 degrees down")
+    })?;
+    let craft = args.drone_model.as_deref().map(parse_kind).transpose()?;
+    let conditions = conditions(&args.conditions)?;
+    // The port first: a page that cannot be had is not worth loading a scene for.
+    let viewer = Viewer::bind(address).map_err(|error| {
+        CliError::usage("the page cannot be served").because(&error).hint("--listen 127.0.0.1:0 takes a port that is free")
+    })?;
+    let stage = Arc::new(load_stage(&args.scene, &conditions)?);
+    let stopper = viewer.stopper();
+    ctrlc::set_handler(move || stopper.stop()).map_err(|error| CliError::internal("cannot listen for Ctrl-C").because(&error))?;
+    let address = viewer.address();
+    printer.result(&format!("http://{address}/"));
+    printer.say(&format!("Open this address in a browser to fly around in {}; Ctrl-C ends.", stage.scene.name));
+    if !address.ip().is_loopback() {
+        printer.say("warning: whoever can reach this address can look around too, and use this machine's time for it");
+    }
+    let library = Library::new(Scene::built_in().into_iter().map(str::to_owned), &args.scene, conditions, stage);
+    let beginning = Beginning { scene: args.scene.clone(), conditions, craft, pose };
+    viewer.serve(library, beginning).map_err(|error: ViewError| CliError::internal("the page broke off").because(&error))?;
+    Ok(Exit::Success)
+}

@@ -1,0 +1,238 @@
+//! The camera that a page flies: moved by held keys, stopped by what is solid.
+
+use spf_core::geometry::{Attitude, BodyDisplacement, EnuPosition, Pose, wrap_angle};
+use spf_sim::collide::Collider;
+use spf_sim::geometry::ObjectId;
+use spf_sim::scene::{Aabb, Scene};
+
+/// What held keys push it by, each −1..=1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Push {
+    pub(super) right: f64,
+    pub(super) forward: f64,
+    pub(super) up: f64,
+    pub(super) yaw: f64,
+    pub(super) pitch: f64,
+    pub(super) fast: bool,
+}
+
+impl Push {
+    fn is_none(&self) -> bool {
+        [self.right, self.forward, self.up, self.yaw, self.pitch].iter().all(|share| *share == 0.0)
+    }
+}
+
+/// Time in which speed follows the keys, s.
+const LAG: f64 = 0.12;
+/// Turning and nodding under a held key, rad/s.
+const YAW_RATE: f64 = 1.3;
+const PITCH_RATE: f64 = 0.8;
+/// How many times faster with the key for it.
+const FAST: f64 = 4.0;
+/// A scene is crossed in about this time at plain speed, s; the speed stays within these bounds, m/s.
+const CROSSING: f64 = 30.0;
+const SPEEDS: std::ops::RangeInclusive<f64> = 1.2..=8.0;
+/// How far outside the scene one may look at it from, metres.
+const MARGIN: f64 = 100.0;
+/// Distance kept from what was touched, so that the next move is not a touch at its start, metres.
+const SKIN: f64 = 2e-3;
+/// Below this it stands still, m/s.
+const STILL: f64 = 0.01;
+
+/// A pose with its velocity in a scene.
+#[derive(Debug)]
+pub(super) struct FreeCamera {
+    pose: Pose,
+    /// In the level frame of the heading, m/s.
+    velocity: BodyDisplacement,
+    touching: Option<ObjectId>,
+    plain_speed: f64,
+    room: Aabb,
+}
+
+impl FreeCamera {
+    /// Stands still at a pose.
+    pub(super) fn new(scene: &Scene, pose: Pose) -> Self {
+        let (min, max) = (scene.bounds.min, scene.bounds.max);
+        let width = (max.east - min.east).max(max.north - min.north);
+        let corner = |at: EnuPosition, by: f64| EnuPosition { east: at.east + by, north: at.north + by, up: at.up + by };
+        let room = Aabb { min: corner(min, -MARGIN), max: corner(max, MARGIN) };
+        let plain_speed = (width / CROSSING).clamp(*SPEEDS.start(), *SPEEDS.end());
+        let mut camera = Self { pose, velocity: BodyDisplacement::default(), touching: None, plain_speed, room };
+        camera.go(pose);
+        camera
+    }
+
+    pub(super) fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    /// Metres a second.
+    pub(super) fn speed(&self) -> f64 {
+        let BodyDisplacement { right, forward, up } = self.velocity;
+        (right * right + forward * forward + up * up).sqrt()
+    }
+
+    /// What stopped it in its last move.
+    pub(super) fn touching(&self) -> Option<ObjectId> {
+        self.touching
+    }
+
+    /// Jumps to a pose and stands still there.
+    pub(super) fn go(&mut self, pose: Pose) {
+        self.pose = Pose { position: within(&self.room, pose.position), ..pose };
+        self.velocity = BodyDisplacement::default();
+        self.touching = None;
+    }
+
+    /// Turns by radians, clockwise and nose up; straight up and down are the ends.
+    pub(super) fn turn(&mut self, yaw: f64, pitch: f64) {
+        let Attitude { heading, pitch: before, .. } = self.pose.attitude;
+        let quarter = core::f64::consts::FRAC_PI_2;
+        self.pose.attitude.heading = wrap_angle(heading + yaw);
+        self.pose.attitude.pitch = (before + pitch).clamp(-quarter, quarter);
+    }
+
+    /// Moves on by `seconds`; things stop it when there is a collider, and it slides along them as a sphere of `radius`.
+    /// Whether anything changed.
+    pub(super) fn advance(&mut self, push: &Push, seconds: f64, solid: Option<(&Collider, f64)>) -> bool {
+        if push.is_none() && self.speed() < STILL {
+            self.velocity = BodyDisplacement::default();
+            return false;
+        }
+        self.turn(push.yaw * YAW_RATE * seconds, push.pitch * PITCH_RATE * seconds);
+        let speed = self.plain_speed * if push.fast { FAST } else { 1.0 };
+        let share = 1.0 - (-seconds / LAG).exp();
+        let follow = |velocity: &mut f64, share_of_speed: f64| *velocity += (share_of_speed * speed - *velocity) * share;
+        follow(&mut self.velocity.right, push.right);
+        follow(&mut self.velocity.forward, push.forward);
+        follow(&mut self.velocity.up, push.up);
+        let BodyDisplacement { right, forward, up } = self.velocity;
+        let way = BodyDisplacement { right: right * seconds, forward: forward * seconds, up: up * seconds };
+        let from = self.pose.position;
+        let to = within(&self.room, from.displaced(way, self.pose.attitude.heading));
+        let (position, touching) = match solid {
+            Some((collider, radius)) => slide(collider, radius, from, to),
+            None => (to, None),
+        };
+        self.touching = touching;
+        if touching.is_some() && seconds > 0.0 {
+            // What was flown is what it flies: it does not push on against a wall.
+            let flown = from.displacement_to(position, self.pose.attitude.heading);
+            let rate = 1.0 / seconds;
+            self.velocity = BodyDisplacement { right: flown.right * rate, forward: flown.forward * rate, up: flown.up * rate };
+        }
+        self.pose.position = position;
+        true
+    }
+}
+
+fn within(room: &Aabb, at: EnuPosition) -> EnuPosition {
+    EnuPosition {
+        east: at.east.clamp(room.min.east, room.max.east),
+        north: at.north.clamp(room.min.north, room.max.north),
+        up: at.up.clamp(room.min.up, room.max.up),
+    }
+}
+
+/// Where a sphere comes to that wants to go straight from one place to another and slides along what is in the way.
+fn slide(collider: &Collider, radius: f64, from: EnuPosition, to: EnuPosition) -> (EnuPosition, Option<ObjectId>) {
+    let (mut at, mut goal, mut touched) = (from, to, None);
+    // Three planes meet in a corner; beyond that it stays where it is.
+    for _ in 0..4 {
+        let Some(contact) = collider.sweep(at, goal, radius) else { return (goal, touched) };
+        touched = Some(contact.object);
+        let out = difference(contact.centre, contact.surface);
+        let length = dot(out, out).sqrt();
+        if length < 1e-6 {
+            // On the surface itself there is no way out to be told.
+            return (goal, touched);
+        }
+        let normal = out.map(|part| part / length);
+        at = shifted(contact.centre, normal, SKIN.max(radius - length + SKIN));
+        let left = difference(goal, at);
+        goal = shifted(goal, normal, -dot(left, normal).min(0.0));
+    }
+    (at, touched)
+}
+
+fn difference(to: EnuPosition, from: EnuPosition) -> [f64; 3] {
+    [to.east - from.east, to.north - from.north, to.up - from.up]
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn shifted(at: EnuPosition, along: [f64; 3], by: f64) -> EnuPosition {
+    EnuPosition { east: at.east + along[0] * by, north: at.north + along[1] * by, up: at.up + along[2] * by }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::sync::LazyLock;
+
+    static CITY: LazyLock<(Scene, Collider)> = LazyLock::new(|| {
+        let scene = Scene::load("city").unwrap();
+        let collider = Collider::new(&scene.geometry).unwrap();
+        (scene, collider)
+    });
+
+    const RADIUS: f64 = 0.3;
+
+    fn fly(camera: &mut FreeCamera, push: Push, seconds: f64, solid: bool) {
+        let collider = solid.then_some((&CITY.1, RADIUS));
+        for _ in 0..(seconds * 30.0) as u32 {
+            camera.advance(&push, 1.0 / 30.0, collider);
+        }
+    }
+
+    #[test]
+    fn keys_move_along_the_heading_and_let_go_it_stands() {
+        let pose = Pose { position: EnuPosition { east: 0.0, north: 0.0, up: 50.0 }, attitude: Attitude::default() };
+        let mut camera = FreeCamera::new(&CITY.0, pose);
+        camera.turn(core::f64::consts::FRAC_PI_2, 0.0);
+        fly(&mut camera, Push { forward: 1.0, ..Push::default() }, 2.0, true);
+        let at = camera.pose().position;
+        // East at 8 m/s, less what the lag takes.
+        assert!((13.0..16.0).contains(&at.east) && at.north.abs() < 1e-6 && (at.up - 50.0).abs() < 1e-6, "{at:?}");
+        fly(&mut camera, Push::default(), 2.0, true);
+        assert!(!camera.advance(&Push::default(), 0.1, None));
+        assert_eq!(camera.speed(), 0.0);
+    }
+
+    #[test]
+    fn the_ground_stops_it_and_without_collisions_does_not() {
+        let high = Pose { position: EnuPosition { east: 0.0, north: 0.0, up: 5.0 }, attitude: Attitude::default() };
+        let down = Push { up: -1.0, forward: 0.3, ..Push::default() };
+        let mut camera = FreeCamera::new(&CITY.0, high);
+        fly(&mut camera, down, 4.0, true);
+        let at = camera.pose().position;
+        assert!((0.25..0.5).contains(&at.up), "{at:?}");
+        assert!(camera.touching().is_some() && at.north > 2.0, "it slides over the ground: {at:?}");
+        let mut ghost = FreeCamera::new(&CITY.0, high);
+        fly(&mut ghost, down, 4.0, false);
+        assert!(ghost.pose().position.up < -10.0);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn it_never_passes_through_a_surface(
+            pushes in prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64, any::<bool>()), 1..12),
+        ) {
+            let mut camera = FreeCamera::new(&CITY.0, CITY.0.preview);
+            for (right, forward, up, fast) in pushes {
+                for _ in 0..20 {
+                    let before = camera.pose().position;
+                    camera.advance(&Push { right, forward, up, fast, ..Push::default() }, 0.05, Some((&CITY.1, RADIUS)));
+                    let after = camera.pose().position;
+                    prop_assert!([after.east, after.north, after.up].iter().all(|metres| metres.is_finite()));
+                    prop_assert_eq!(CITY.1.segment_blocked(before, after), None);
+                }
+            }
+        }
+    }
+}

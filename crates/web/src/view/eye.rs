@@ -1,0 +1,352 @@
+//! The thread behind a page: it flies the page's camera and draws what that sees.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use spf_core::camera::Camera;
+use spf_core::time::Time;
+use spf_flight::sim::{Moment, Stage};
+use spf_sim::actors::Traffic;
+use spf_sim::model::{CraftKind, Model};
+use spf_sim::render::{Channels, Picture};
+use spf_sim::scene::{Conditions, Lighting, Weather};
+use tokio::sync::mpsc::Sender;
+
+use super::camera::{FreeCamera, Push};
+use super::message::{Channel, FromPage, Head, ToPage, Under};
+use super::quality::{Budget, Manner};
+use super::{Beginning, Library, draw, sight};
+
+/// Pictures that may be on their way to a page that has not shown them.
+const AHEAD: u64 = 2;
+/// At most 30 pictures a second.
+const PERIOD: Duration = Duration::from_millis(33);
+/// What a page said of its keys holds so long: a page that fell silent does not fly on.
+const KEYS_HOLD: Duration = Duration::from_millis(500);
+/// The camera rests when nothing moved it for so long; the picture is then drawn whole.
+const REST: Duration = Duration::from_millis(250);
+/// Longest step of motion: a slow picture makes the camera late, not a leap.
+const LONGEST_STEP: Duration = Duration::from_millis(250);
+/// How often a resting camera looks about.
+const IDLE: Duration = Duration::from_millis(200);
+/// How often a moving one does while it waits for the page.
+const TICK: Duration = Duration::from_millis(10);
+
+/// What goes out to a page.
+pub(super) enum Out {
+    /// JSON.
+    Text(String),
+    /// Head and JPEG.
+    Picture(Vec<u8>),
+}
+
+/// A page's camera in its scene.
+pub(super) struct Eye {
+    library: Arc<Library>,
+    out: Sender<Out>,
+    stage: Arc<Stage>,
+    name: String,
+    camera: FreeCamera,
+    /// None: the craft of the scene.
+    craft: Option<CraftKind>,
+    collide: bool,
+    /// Who walks and drives, by the time that this page has let pass.
+    traffic: Traffic,
+    time: Time,
+    running: bool,
+    push: Push,
+    pushed_at: Instant,
+    moved_at: Instant,
+    pointer: Option<[f64; 2]>,
+    under: Option<(u16, Under)>,
+    channel: Channel,
+    budget: Budget,
+    /// How `picture` was drawn; none before the first.
+    manner: Option<Manner>,
+    picture: Picture,
+    /// The camera that `picture` was drawn with.
+    lens: Camera,
+    /// The picture is not what the camera would see now.
+    stale: bool,
+    /// The picture is right, but for the line about what the pointer is on.
+    marked_anew: bool,
+    drawn_at: Option<Instant>,
+    draw_ms: f64,
+    frame: u64,
+    shown: u64,
+}
+
+/// The page is gone.
+pub(super) struct Gone;
+
+impl Eye {
+    /// Opens at the beginning.
+    ///
+    /// # Errors
+    /// A sentence for the page when the scene cannot be loaded.
+    pub(super) fn open(library: Arc<Library>, beginning: &Beginning, out: Sender<Out>) -> Result<Self, String> {
+        let stage = library.get(&beginning.scene, &beginning.conditions)?;
+        let camera = FreeCamera::new(&stage.scene, beginning.pose.unwrap_or(stage.scene.preview));
+        let lens = stage.scene.default_craft.camera();
+        let now = Instant::now();
+        Ok(Self {
+            library,
+            out,
+            name: beginning.scene.clone(),
+            camera,
+            craft: beginning.craft,
+            collide: true,
+            traffic: Traffic::new(stage.cast.clone(), 0),
+            time: Time::ZERO,
+            running: true,
+            push: Push::default(),
+            pushed_at: now,
+            moved_at: now,
+            pointer: None,
+            under: None,
+            channel: Channel::default(),
+            budget: Budget::default(),
+            manner: None,
+            picture: Picture::default(),
+            lens,
+            stale: true,
+            marked_anew: false,
+            drawn_at: None,
+            draw_ms: 0.0,
+            frame: 0,
+            shown: 0,
+            stage,
+        })
+    }
+
+    /// Flies and draws until the page is gone.
+    pub(super) fn run(mut self, inbox: &Receiver<FromPage>) -> Gone {
+        match self.live(inbox) {
+            Ok(never) => match never {},
+            Err(gone) => gone,
+        }
+    }
+
+    fn live(&mut self, inbox: &Receiver<FromPage>) -> Result<core::convert::Infallible, Gone> {
+        self.tell(&ToPage::Hello {
+            version: env!("CARGO_PKG_VERSION"),
+            scenes: self.library.names().to_vec(),
+            lights: Lighting::ALL.map(Lighting::name).to_vec(),
+            weathers: Weather::ALL.map(Weather::name).to_vec(),
+        })?;
+        self.tell_scene()?;
+        let mut before = Instant::now();
+        loop {
+            match inbox.recv_timeout(self.wait(Instant::now())) {
+                Ok(message) => self.follow(message)?,
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Err(Gone),
+            }
+            while let Ok(message) = inbox.try_recv() {
+                self.follow(message)?;
+            }
+            let now = Instant::now();
+            self.advance(now, now.duration_since(before).min(LONGEST_STEP));
+            before = now;
+            if self.may_send() && self.until_due(now).is_zero() && self.wants_picture(now) {
+                self.look(now)?;
+            }
+        }
+    }
+
+    /// How long nothing can happen but a message.
+    fn wait(&self, now: Instant) -> Duration {
+        if self.wants_picture(now) {
+            return if self.may_send() { self.until_due(now) } else { TICK };
+        }
+        if self.is_moving(now) || self.is_lively() { TICK } else { IDLE }
+    }
+
+    fn may_send(&self) -> bool {
+        self.frame - self.shown < AHEAD
+    }
+
+    fn until_due(&self, now: Instant) -> Duration {
+        self.drawn_at.map_or(Duration::ZERO, |at| (at + PERIOD).saturating_duration_since(now))
+    }
+
+    fn is_moving(&self, now: Instant) -> bool {
+        now.duration_since(self.moved_at) < REST
+    }
+
+    /// Whether things move by themselves.
+    fn is_lively(&self) -> bool {
+        self.running && !self.stage.cast.is_empty()
+    }
+
+    fn wants_picture(&self, now: Instant) -> bool {
+        let coarse = !self.is_moving(now) && self.manner != Some(self.next_manner(now));
+        self.stale || self.marked_anew || coarse
+    }
+
+    fn kind(&self) -> CraftKind {
+        self.craft.unwrap_or(self.stage.scene.default_craft)
+    }
+
+    fn next_manner(&self, now: Instant) -> Manner {
+        let camera = self.kind().camera();
+        self.budget.manner((camera.width, camera.height), self.is_moving(now))
+    }
+
+    fn advance(&mut self, now: Instant, step: Duration) {
+        if now.duration_since(self.pushed_at) > KEYS_HOLD {
+            self.push = Push::default();
+        }
+        if self.is_lively() {
+            self.time += step;
+            self.traffic.advance_to(self.time);
+            self.stale = true;
+        }
+        let radius = Model::of(self.kind()).craft.radius;
+        let solid = self.collide.then_some((self.stage.collider.as_ref(), radius));
+        if self.camera.advance(&self.push, step.as_secs_f64(), solid) {
+            self.moved(now);
+        }
+    }
+
+    fn moved(&mut self, now: Instant) {
+        self.moved_at = now;
+        self.stale = true;
+    }
+
+    /// Does what a page says.
+    fn follow(&mut self, message: FromPage) -> Result<(), Gone> {
+        match message {
+            FromPage::Fly { right, forward, up, yaw, pitch, fast } => {
+                self.push = Push { right, forward, up, yaw, pitch, fast };
+                self.pushed_at = Instant::now();
+            }
+            FromPage::Turn { yaw_deg, pitch_deg } => {
+                self.camera.turn(yaw_deg.to_radians(), pitch_deg.to_radians());
+                self.moved(Instant::now());
+            }
+            FromPage::Point { at } => return self.point(at),
+            // A page cannot have shown what was not sent.
+            FromPage::Shown { frame } => self.shown = self.shown.max(frame.min(self.frame)),
+            FromPage::Channel { channel } => (self.channel, self.stale) = (channel, true),
+            FromPage::Detail { detail } => (self.budget.detail, self.stale) = (detail, true),
+            FromPage::Craft { craft } => {
+                (self.craft, self.stale) = (Some(craft), true);
+                return self.tell_scene();
+            }
+            FromPage::Collide { on } => self.collide = on,
+            FromPage::Run { on } => self.running = on,
+            FromPage::Go { pose } => {
+                self.camera.go(pose.map_or(self.stage.scene.preview, Into::into));
+                self.stale = true;
+            }
+            FromPage::Scene { name } => return self.enter(name, Conditions::default()),
+            FromPage::Conditions { light, weather } => {
+                return self.enter(self.name.clone(), Conditions { lighting: light, weather });
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes to another scene, or into another light in the same place.
+    fn enter(&mut self, name: String, conditions: Conditions) -> Result<(), Gone> {
+        self.tell(&ToPage::Loading { name: name.clone() })?;
+        match self.library.get(&name, &conditions) {
+            Ok(stage) => {
+                if name != self.name {
+                    self.camera = FreeCamera::new(&stage.scene, stage.scene.preview);
+                }
+                (self.traffic, self.time) = (Traffic::new(stage.cast.clone(), 0), Time::ZERO);
+                (self.stage, self.name, self.stale, self.under) = (stage, name, true, None);
+            }
+            Err(reason) => self.tell(&ToPage::Refused { reason })?,
+        }
+        self.tell_scene()
+    }
+
+    /// The pointer moved over a picture that stands.
+    fn point(&mut self, at: Option<[f64; 2]>) -> Result<(), Gone> {
+        self.pointer = at;
+        let before = self.under.take();
+        self.under = self.seen_under_pointer();
+        let id = |under: &Option<(u16, Under)>| under.as_ref().map(|(id, _)| *id);
+        if id(&before) != id(&self.under) {
+            self.marked_anew = true;
+        } else if before != self.under && !self.stale {
+            self.tell(&ToPage::Under { under: self.under.as_ref().map(|(_, under)| under.clone()) })?;
+        }
+        Ok(())
+    }
+
+    fn seen_under_pointer(&self) -> Option<(u16, Under)> {
+        self.pointer.and_then(|at| sight::under(&self.stage, &self.lens, &self.picture, at))
+    }
+
+    /// Draws, if anything changed but the mark, and sends.
+    fn look(&mut self, now: Instant) -> Result<(), Gone> {
+        let manner = self.next_manner(now);
+        let (width, height) = manner.size;
+        let drawn = self.stale || self.manner != Some(manner);
+        if drawn {
+            self.lens = self.kind().camera().resized(width, height);
+            let channels = Channels { quality: manner.quality, ..draw::channels(self.channel) };
+            let actors = self.traffic.places_at(self.time).unwrap_or_default();
+            let moment = Moment { pose: self.camera.pose(), actors };
+            self.stage.render_into(&self.lens, &moment, channels, &mut self.picture);
+            self.draw_ms = milliseconds(now.elapsed());
+        }
+        (self.manner, self.stale, self.marked_anew, self.drawn_at) = (Some(manner), false, false, Some(now));
+        self.under = self.seen_under_pointer();
+        let encoding = Instant::now();
+        let jpeg = match draw::encode(&self.picture, self.channel, self.under.as_ref().map(|(id, _)| *id)) {
+            Ok(jpeg) => jpeg,
+            Err(error) => return self.tell(&ToPage::Refused { reason: error.to_string() }),
+        };
+        if drawn {
+            self.budget.took(&manner, now.elapsed());
+        }
+        self.frame += 1;
+        let touching = self.camera.touching().and_then(|id| self.stage.scene.object(id));
+        let head = Head {
+            frame: self.frame,
+            width,
+            height,
+            pose: self.camera.pose().into(),
+            speed_m_s: self.camera.speed(),
+            touching: touching.map(|object| object.key.clone()),
+            under: self.under.as_ref().map(|(_, under)| under.clone()),
+            channel: self.channel,
+            draw_ms: self.draw_ms,
+            encode_ms: milliseconds(encoding.elapsed()),
+        };
+        self.send(Out::Picture(head.with(jpeg.bytes())))
+    }
+
+    fn tell_scene(&self) -> Result<(), Gone> {
+        let scene = &self.stage.scene;
+        self.tell(&ToPage::Scene {
+            name: self.name.clone(),
+            title: scene.name.clone(),
+            description: scene.description.clone(),
+            objects: scene.objects.len(),
+            triangles: scene.meshes().map(|part| part.triangles.len()).sum(),
+            actors: self.stage.cast.len(),
+            craft: self.kind(),
+            light: scene.lighting,
+            weather: scene.weather,
+        })
+    }
+
+    fn tell(&self, message: &ToPage) -> Result<(), Gone> {
+        self.send(Out::Text(serde_json::to_string(message).unwrap_or_default()))
+    }
+
+    fn send(&self, out: Out) -> Result<(), Gone> {
+        self.out.blocking_send(out).map_err(|_| Gone)
+    }
+}
+
+fn milliseconds(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}

@@ -1,0 +1,112 @@
+//! Scenes that pages may ask for, each loaded once and shared by all that look at it.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use spf_flight::sim::Stage;
+use spf_sim::scene::Conditions;
+
+/// Most scenes kept that nobody looks at.
+const SPARE: usize = 3;
+
+/// A scene under a light and a weather.
+struct Loaded {
+    name: String,
+    conditions: Conditions,
+    stage: Arc<Stage>,
+}
+
+/// The scenes of a server, by the names that pages use.
+pub struct Library {
+    names: Vec<String>,
+    loaded: Mutex<Vec<Loaded>>,
+}
+
+impl core::fmt::Debug for Library {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Library").field("names", &self.names).finish_non_exhaustive()
+    }
+}
+
+impl Library {
+    /// A library of these scenes (built-in names or files) and of one that is loaded already. Pages can ask for no other.
+    #[must_use]
+    pub fn new(names: impl IntoIterator<Item = String>, name: &str, conditions: Conditions, stage: Arc<Stage>) -> Self {
+        let mut all: Vec<String> = names.into_iter().collect();
+        if !all.iter().any(|known| known == name) {
+            all.push(name.to_owned());
+        }
+        Self { names: all, loaded: Mutex::new(vec![Loaded { name: name.to_owned(), conditions, stage }]) }
+    }
+
+    /// What pages may ask for.
+    pub(super) fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// A scene; loads it when nobody has.
+    ///
+    /// # Errors
+    /// A sentence for the page.
+    pub(super) fn get(&self, name: &str, conditions: &Conditions) -> Result<Arc<Stage>, String> {
+        if !self.names.iter().any(|known| known == name) {
+            return Err(format!("no scene `{name}` in the list"));
+        }
+        let is_it = |loaded: &&Loaded| loaded.name == name && loaded.conditions == *conditions;
+        if let Some(found) = self.loaded().iter().find(is_it) {
+            return Ok(found.stage.clone());
+        }
+        // Loaded without the lock, so that others fly on; two that load the same at once cost time, not sense.
+        let stage = Arc::new(Stage::load_with(name, conditions).map_err(|error| error.to_string())?);
+        let mut loaded = self.loaded();
+        let mut spare = 0;
+        // From the newest: those that nobody looks at, beyond the few kept, go.
+        for index in (0..loaded.len()).rev() {
+            if Arc::strong_count(&loaded[index].stage) == 1 {
+                spare += 1;
+                if spare > SPARE {
+                    loaded.remove(index);
+                }
+            }
+        }
+        loaded.push(Loaded { name: name.to_owned(), conditions: *conditions, stage: stage.clone() });
+        Ok(stage)
+    }
+
+    fn loaded(&self) -> MutexGuard<'_, Vec<Loaded>> {
+        self.loaded.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use spf_sim::scene::{Lighting, Weather};
+
+    #[test]
+    fn pages_get_listed_scenes_alone_and_share_them() {
+        let own = Conditions::default();
+        let stage = Arc::new(Stage::load("city").unwrap());
+        let library = Library::new(["city".to_owned()], "city", own, stage.clone());
+        assert_eq!(library.names(), ["city"]);
+        assert!(Arc::ptr_eq(&library.get("city", &own).unwrap(), &stage));
+        assert_eq!(library.get("/etc/passwd.toml", &own).err().unwrap(), "no scene `/etc/passwd.toml` in the list");
+        let library = Library::new(["city".to_owned()], "./mine.toml", own, stage);
+        assert_eq!(library.names(), ["city", "./mine.toml"]);
+        assert!(library.get("city", &own).is_ok());
+    }
+
+    #[test]
+    fn what_nobody_looks_at_is_not_kept_for_ever() {
+        let own = Conditions::default();
+        let library = Library::new([], "city", own, Arc::new(Stage::load("city").unwrap()));
+        let looked_at = library.get("city", &own).unwrap();
+        for lighting in Lighting::ALL {
+            for weather in [Weather::Clear, Weather::Rain] {
+                let conditions = Conditions { lighting: Some(lighting), weather: Some(weather) };
+                assert_eq!(library.get("city", &conditions).unwrap().scene.lighting, lighting);
+            }
+        }
+        assert!(library.loaded().len() <= SPARE + 2);
+        assert!(Arc::ptr_eq(&library.get("city", &own).unwrap(), &looked_at));
+    }
+}

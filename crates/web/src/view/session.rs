@@ -1,0 +1,94 @@
+//! One page's connection: messages in, pictures out.
+
+use std::sync::mpsc::{TrySendError, sync_channel};
+use std::time::Duration;
+
+use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
+use tokio::sync::{mpsc, watch};
+use tokio::time::{Instant, interval_at, timeout};
+
+use super::eye::{Eye, Out};
+use super::message::{FromPage, ToPage};
+use super::server::Shared;
+
+/// Messages that may wait for the eye, which reads them all between two pictures.
+const INBOX: usize = 256;
+/// Messages that may wait for the socket: pictures are bounded by what the page has shown.
+const OUTBOX: usize = 4;
+/// A page that takes nothing for so long is gone.
+const SEND_TIMEOUT: Duration = Duration::from_secs(20);
+const PING: Duration = Duration::from_secs(15);
+/// A browser answers pings by itself.
+const SILENCE: Duration = Duration::from_secs(50);
+
+/// Serves a page until it leaves or the server stops.
+pub(super) async fn converse(mut socket: WebSocket, shared: &Shared, mut stop: watch::Receiver<bool>) {
+    let (to_eye, inbox) = sync_channel(INBOX);
+    let (out, mut outbox) = mpsc::channel(OUTBOX);
+    let (library, beginning) = (shared.library.clone(), shared.beginning.clone());
+    // The scene is loaded, flown in and drawn in a thread of its own; it ends when either channel does.
+    let spawned = std::thread::Builder::new().name("view".to_owned()).spawn(move || {
+        let refused = |reason| Out::Text(text(&ToPage::Refused { reason }));
+        match Eye::open(library, &beginning, out.clone()) {
+            Ok(eye) => drop(eye.run(&inbox)),
+            Err(reason) => drop(out.blocking_send(refused(reason))),
+        }
+    });
+    if let Err(error) = spawned {
+        tracing::error!("no thread for a page: {error}");
+        return;
+    }
+    let mut ping = interval_at(Instant::now() + PING, PING);
+    let mut heard = Instant::now();
+    loop {
+        let message = tokio::select! {
+            received = socket.recv() => {
+                let Some(Ok(received)) = received else { return };
+                heard = Instant::now();
+                let refused = match received {
+                    Message::Text(text) => hand_over(&text, |message| to_eye.try_send(message)),
+                    Message::Binary(_) => Err("messages are text".to_owned()),
+                    Message::Ping(_) | Message::Pong(_) => Ok(()),
+                    Message::Close(_) => return,
+                };
+                match refused {
+                    Ok(()) => continue,
+                    Err(reason) => Message::text(text(&ToPage::Refused { reason })),
+                }
+            }
+            out = outbox.recv() => match out {
+                Some(Out::Text(text)) => Message::text(text),
+                Some(Out::Picture(bytes)) => Message::binary(bytes),
+                None => return,
+            },
+            _ = ping.tick() => {
+                if heard.elapsed() > SILENCE {
+                    return;
+                }
+                Message::Ping(Vec::new().into())
+            }
+            // The value seen is a lock that must not be held over the sending.
+            () = async { drop(stop.wait_for(|stop| *stop).await) } => {
+                let frame = CloseFrame { code: close_code::AWAY, reason: "the server stops".into() };
+                drop(timeout(Duration::from_secs(1), socket.send(Message::Close(Some(frame)))).await);
+                return;
+            }
+        };
+        if !matches!(timeout(SEND_TIMEOUT, socket.send(message)).await, Ok(Ok(()))) {
+            return;
+        }
+    }
+}
+
+/// Reads a message and gives it to the eye; why not, otherwise.
+fn hand_over(text: &str, give: impl FnOnce(FromPage) -> Result<(), TrySendError<FromPage>>) -> Result<(), String> {
+    match give(FromPage::read(text)?) {
+        Err(TrySendError::Full(_)) => Err("too many messages at once".to_owned()),
+        // The eye is gone; its end of the pictures tells the same.
+        Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
+    }
+}
+
+fn text(message: &ToPage) -> String {
+    serde_json::to_string(message).unwrap_or_default()
+}
