@@ -56,6 +56,7 @@ pub(crate) struct Render {
 Examples:
   spf sim scenes
   spf sim scenes --stats --pictures previews
+  spf sim scenes --contact-sheet scenes.jpg
   spf sim scenes city my/yard.toml --json | jq '.scenes[].tags'")]
 pub(crate) struct Scenes {
     /// Only these: built-in names or scene files [default: all built-in scenes]
@@ -67,6 +68,9 @@ pub(crate) struct Scenes {
     /// Draw a picture of each scene into this folder, and print the paths
     #[arg(long, value_name = "DIR")]
     pub(crate) pictures: Option<PathBuf>,
+    /// Draw them under every light and weather, small, on one picture (.jpg or .png)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) contact_sheet: Option<PathBuf>,
     /// Print one JSON object on standard output, and nothing else there
     #[arg(long)]
     pub(crate) json: bool,

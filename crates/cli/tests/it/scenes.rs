@@ -62,3 +62,25 @@ fn a_scene_that_is_not_there_is_named() {
     assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""));
     assert!(run.stderr.contains("--pictures: cannot make the folder `full`"), "{}", run.stderr);
 }
+
+#[test]
+fn a_contact_sheet_shows_every_light_and_weather() {
+    let lab = Lab::new();
+    let run = lab.spf(&["sim", "scenes", "city", "--contact-sheet", "sheet.jpg"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stdout.ends_with("sheet.jpg\n"), "{}", run.stdout);
+    let sheet = image::load_from_memory(&lab.read("sheet.jpg")).unwrap().to_luma8();
+    // Four lights across, three weathers down, a title above.
+    assert!((990..1100).contains(&sheet.width()) && (570..700).contains(&sheet.height()), "{:?}", sheet.dimensions());
+    // Twelve pictures, each of its own.
+    let thumb = |index: u32| {
+        let (left, top) = (20 + index % 4 * 244, 46 + index / 4 * 184);
+        image::imageops::crop_imm(&sheet, left, top, 220, 150).to_image()
+    };
+    for (one, other) in (0..12).flat_map(|one| (0..one).map(move |other| (one, other))) {
+        let differ = thumb(one).pixels().zip(thumb(other).pixels()).filter(|(a, b)| a.0[0].abs_diff(b.0[0]) > 3).count();
+        assert!(differ > 220 * 150 / 100, "{one} and {other} differ in {differ} pixels");
+    }
+    let run = lab.spf(&["sim", "scenes", "city", "--contact-sheet", "sheet.gif"]);
+    assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""));
+}

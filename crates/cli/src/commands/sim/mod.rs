@@ -1,5 +1,6 @@
 //! `spf sim`: the embedded simulator by itself.
 
+mod contact_sheet;
 mod render;
 mod scenes;
 mod view;

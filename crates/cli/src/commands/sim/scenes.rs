@@ -1,15 +1,19 @@
 //! `spf sim scenes`: what scenes there are and what is in them.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use spf_flight::sim::Stage;
+use spf_media::frame::Rgb;
+use spf_media::jpeg::{EncodeError, Jpeg};
+use spf_media::png;
 use spf_sim::render::Channels;
 use spf_sim::scene::{Conditions, Object, Scene};
 
-use super::{colour, write};
+use super::{colour, contact_sheet, write};
 use crate::args::Scenes;
 use crate::commands::load_stage;
 use crate::error::CliError;
@@ -56,6 +60,8 @@ struct Stats {
     triangles: usize,
     materials: usize,
     openings: usize,
+    /// Objects that move by themselves.
+    actors: usize,
     /// Reading and checking the file, building meshes and collider.
     load_s: f64,
     /// Drawing the first colour picture, which makes shadow maps and tables.
@@ -69,6 +75,7 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
     if let Some(folder) = &args.pictures {
         create(folder)?;
     }
+    let encoded = args.contact_sheet.as_deref().map(encoder).transpose()?;
     let built_in = || Scene::built_in().into_iter().map(str::to_owned).collect();
     let names: Vec<String> = if args.scenes.is_empty() { built_in() } else { args.scenes.clone() };
     let mut entries = Vec::new();
@@ -87,7 +94,26 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
     } else {
         tell(&listing, printer);
     }
+    if let (Some(path), Some(encoded)) = (&args.contact_sheet, encoded) {
+        let sheet = contact_sheet::draw(&names, |name| printer.say(&format!("Drawing {name} under every light and weather.")))?;
+        write(path, &encoded(&sheet).map_err(|error| CliError::internal("the sheet cannot be encoded").because(&error))?)?;
+        printer.result(&path.display().to_string());
+    }
     Ok(Exit::Success)
+}
+
+/// Makes the bytes of a picture file.
+type Encoder = fn(&Rgb) -> Result<Vec<u8>, EncodeError>;
+
+/// How a picture is written into a file of that name.
+fn encoder(path: &Path) -> Result<Encoder, CliError> {
+    let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
+    match extension.as_str() {
+        "png" => Ok(png::encode),
+        "jpg" | "jpeg" => Ok(|picture| Jpeg::encode(picture, 82).map(|jpeg| jpeg.bytes().to_vec())),
+        _ => Err(CliError::usage(format!("--contact-sheet: `{}` is no name of a picture", path.display()))
+            .hint("end it in .jpg or .png")),
+    }
 }
 
 /// Loads a scene and takes down what is asked for.
@@ -152,6 +178,7 @@ fn stats(scene: &Scene, loaded: Duration, drawn: Duration, memory_bytes: Option<
         triangles: scene.meshes().map(|part| part.triangles.len()).sum(),
         materials: scene.geometry.materials.len(),
         openings: scene.objects.iter().filter(|object| object.opening).count(),
+        actors: scene.actors.len(),
         load_s: loaded.as_secs_f64(),
         first_picture_s: drawn.as_secs_f64(),
         memory_bytes,
@@ -180,7 +207,8 @@ fn tell(listing: &Listing, printer: &Printer) {
 }
 
 fn tell_stats(listing: &Listing, printer: &Printer) {
-    let head = ["SCENE", "MESHES", "KINDS", "TRIANGLES", "MATERIALS", "OPENINGS", "LOADED IN", "FIRST PICTURE", "MEMORY"];
+    let head =
+        ["SCENE", "MESHES", "KINDS", "TRIANGLES", "MATERIALS", "OPENINGS", "ACTORS", "LOADED IN", "FIRST PICTURE", "MEMORY"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     rows.extend(listing.scenes.iter().filter_map(|scene| scene.stats.as_ref().map(|stats| (scene, stats))).map(
         |(scene, stats)| {
@@ -191,6 +219,7 @@ fn tell_stats(listing: &Listing, printer: &Printer) {
                 stats.triangles.to_string(),
                 stats.materials.to_string(),
                 stats.openings.to_string(),
+                stats.actors.to_string(),
                 format!("{:.2} s", stats.load_s),
                 format!("{:.2} s", stats.first_picture_s),
                 stats.memory_bytes.map_or("?".to_owned(), |bytes| format!("{:.1} MB", bytes as f64 * 1e-6)),
