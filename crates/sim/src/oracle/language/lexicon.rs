@@ -242,7 +242,7 @@ pub(super) const SYNONYMS: &[&[&str]] = &[
     &["needle", "spire", "obelisk", "needle tower", "space needle", "mast", "pylon", "spike", "antenna"],
     &["tower", "spire"], &["road", "street", "avenue", "lane", "highway", "carriageway", "motorway", "boulevard"],
     &["lake", "pond"], &["truck", "lorry"], &["van", "minivan", "delivery van"], &["bus", "coach", "omnibus"],
-    &["train", "monorail", "railway train", "tram", "locomotive"],
+    &["train", "railway train"],
     &["person", "human", "pedestrian", "man", "woman", "guy", "people", "somebody", "walker"],
     &["bench", "park bench", "seat"], &["plane", "airplane", "aeroplane", "aircraft", "jet"],
     &["gate", "gateway", "portal", "archway", "arch"],
@@ -258,6 +258,7 @@ pub(super) const SYNONYMS: &[&[&str]] = &[
 /// A general word, and the words it takes in.
 #[rustfmt::skip]
 pub(super) const HYPERNYMS: &[(&str, &[&str])] = &[
+    ("train", &["monorail", "locomotive", "tram", "carriage"]),
     ("vehicle", &["car", "truck", "van", "bus", "taxi", "motorbike", "tram", "train", "suv", "ambulance", "tractor", "lorry", "excavator", "digger", "boat"]),
     ("plant", &["tree", "bush", "flower", "shrub"]),
     ("structure", &["building", "bridge", "tower", "crane", "needle", "tunnel", "monument"]),

@@ -100,13 +100,15 @@ pub struct Phrase {
     pub other: bool,
     /// "it", "the black one": the noun is that of an earlier phrase.
     pub pronoun: bool,
+    /// All its words as said, singular, without articles and marks: some names are whole descriptions.
+    pub said: Vec<String>,
 }
 
 impl Phrase {
     /// Whether the phrase says nothing at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        let Self { nouns, colours, sizes, soft, ordinal, side, relations, uses, not, other, pronoun, superlative: _ } = self;
+        let Self { nouns, colours, sizes, soft, ordinal, side, relations, uses, not, other, pronoun, superlative: _, said: _ } = self;
         nouns.is_empty()
             && colours.is_empty()
             && sizes.is_empty()
@@ -122,7 +124,8 @@ impl Phrase {
 
     /// Reads a noun phrase from the words after a verb and its preposition.
     pub(super) fn read(words: &[String]) -> Self {
-        let mut phrase = Self::default();
+        let said = words.iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an" | "," | ".")).map(|w| singular(w)).collect();
+        let mut phrase = Self { said, ..Self::default() };
         phrase.take(words, 0);
         phrase
     }
@@ -360,7 +363,14 @@ impl Phrase {
         } else if descriptive && !matches!(first, "with" | "used" | "for" | "has" | "having" | "made" | "to") {
             self.take(rest, depth + 1);
         } else {
-            self.uses.extend(rest.iter().filter(|w| w.len() > 1 && !lexicon::EMPTY.contains(&w.as_str())).cloned());
+            let empty = |w: &str| lexicon::EMPTY.contains(&w) || w.strip_suffix('s').is_some_and(|w| lexicon::EMPTY.contains(&w));
+            let telling = rest.iter().filter(|w| w.len() > 1 && !empty(w));
+            let before = self.uses.len();
+            self.uses.extend(telling.cloned());
+            // "The person who needs help": words that say little elsewhere are all there is to tell one by.
+            if self.uses.len() == before && !self.nouns.is_empty() {
+                self.uses.extend(rest.iter().filter(|w| w.len() > 1).cloned());
+            }
         }
     }
 }

@@ -63,12 +63,28 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
     {
         found = ordered(ordinal.number, ordinal.from, found, items);
     }
+    if found.is_empty() {
+        found = (0..items.len()).filter(|&i| described(&phrase.said, items[i].tags)).collect();
+    }
     found
 }
 
 /// Words of the tags at hand, for [`parse`](super::parse).
 pub(in super::super) fn vocabulary<'a>(tags: impl Iterator<Item = &'a Tagged>) -> BTreeSet<String> {
     tags.flat_map(words_of).collect()
+}
+
+/// Whether the words hold a name of the object that is a whole description: "person in the dark", "engine of the train". Taken
+/// apart, such a name would ask for an object called "dark".
+fn described(said: &[String], tags: &Tagged) -> bool {
+    let place = |w: &String| matches!(w.as_str(), "of" | "in" | "with" | "under" | "on");
+    tags.names.iter().chain(&tags.synonyms).any(|name| {
+        let mut name = split(name);
+        name.retain(|w| !matches!(w.as_str(), "the" | "a" | "an"));
+        // In the middle: "on ice" is no description of a thing.
+        let whole = name.iter().skip(1).rev().skip(1).any(place);
+        whole && said.windows(name.len()).any(|words| words == name)
+    })
 }
 
 /// Nouns with their spelling put right by the tags at hand.
