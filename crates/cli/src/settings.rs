@@ -26,7 +26,7 @@ const fn key(name: &'static str, env: &'static str, default: &'static str, doc: 
 
 /// Every key there is. Flags, file and environment all end here.
 pub(crate) const KEYS: &[Key] = &[
-    key("fly.scene", "SPF_SCENE", "city", "scene: a built-in name or a scene file"),
+    key("fly.scene", "SPF_SCENE", "city", "scene: a built-in name, scene file or .glb"),
     key("fly.light", "SPF_LIGHT", "", "day, overcast, dusk or night; empty: the scene's"),
     key("fly.weather", "SPF_WEATHER", "", "clear, haze or rain; empty: the scene's"),
     key("fly.start", "SPF_START", "", "start pose east,north,up,heading_deg[,pitch_deg]; empty: the scene's"),

@@ -10,6 +10,7 @@ pub mod dynamics;
 pub mod effects;
 pub mod frame_clock;
 pub mod geometry;
+mod gltf;
 mod mesh;
 pub mod model;
 pub mod noise;

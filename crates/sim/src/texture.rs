@@ -56,12 +56,16 @@ impl Texture {
             (linear.sqrt() * 255.0 + 0.5) as u8
         });
         let texel = |c: &[u8]| [root[usize::from(c[0])], root[usize::from(c[1])], root[usize::from(c[2])], u8::MAX];
-        let texels = rgb.chunks_exact(3).map(texel).collect();
-        let mut levels = vec![Level { width: width as usize, height: height as usize, texels }];
+        Some(Self::from_roots(width as usize, height as usize, rgb.chunks_exact(3).map(texel).collect()))
+    }
+
+    /// A texture from texels as they are kept, `width` × `height` of them and at least one.
+    pub(crate) fn from_roots(width: usize, height: usize, texels: Vec<[u8; 4]>) -> Self {
+        let mut levels = vec![Level { width, height, texels }];
         while let Some(half) = levels.last().and_then(Level::halved) {
             levels.push(half);
         }
-        Some(Self { levels: Arc::new(levels) })
+        Self { levels: Arc::new(levels) }
     }
 
     /// Width and height, texels.

@@ -89,7 +89,7 @@ pub(crate) struct Fly {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "World")]
 pub(crate) struct WorldArgs {
-    /// Scene to fly in: a built-in name or a scene file [default: city]
+    /// Scene to fly in: a built-in name, scene file or .glb [default: city]
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
     #[command(flatten)]

@@ -26,7 +26,7 @@ Examples:
 Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). Ids are a 16-bit PNG; a JSON legend of \
 the same name is written beside it.")]
 pub(crate) struct Render {
-    /// Scene: a built-in name or a scene file
+    /// Scene: a built-in name, scene file or .glb
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) conditions: ConditionArgs,

@@ -6,6 +6,7 @@ mod disk;
 mod edges;
 mod errors;
 mod flights;
+mod gltf;
 mod harness;
 mod json;
 mod operator;

@@ -92,7 +92,7 @@ fn tables_of_every_spelling_name_their_line() {
     lab.write("b.toml", "fly.seed = 7\n\"fly\".\"scene\" = 'city'\nenvelope = { max_altitude_m = 40 }\n");
     let run = lab.spf(&["config", "show", "--config", "b.toml"]);
     insta::assert_snapshot!(said(&run.stdout), @r#"
-    scene = "city"                     # b.toml:2; SPF_SCENE: scene: a built-in name or a scene file
+    scene = "city"                     # b.toml:2; SPF_SCENE: scene: a built-in name, scene file or .glb
     seed = 7                           # b.toml:1; SPF_SEED: seed of all chance, a whole number
     max_altitude_m = 40                # b.toml:3; SPF_MAX_ALTITUDE_M: greatest height above take-off, metres; empty: 120
     "#);

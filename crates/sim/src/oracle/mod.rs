@@ -28,6 +28,7 @@ pub use errors::{
     SeenErrors, WhichErrors,
 };
 pub use percept::{Percept, SIZE_SENT, Sight, Thing};
+pub(crate) use tags::SURFACES;
 pub use tags::{Place, Placed, Tagged, Viewpoint};
 pub use truth::{TruthTarget, resolve_truth};
 

@@ -48,7 +48,7 @@ impl Tagged {
 }
 
 /// Kinds that are ground or water.
-const SURFACES: [&str; 22] = [
+pub(crate) const SURFACES: [&str; 22] = [
     "ground", "road", "street", "path", "pavement", "sidewalk", "grass", "lawn", "field", "water", "lake", "pond", "river",
     "sea", "plaza", "square", "parking", "floor", "sky", "marking", "crossing", "terrain",
 ];

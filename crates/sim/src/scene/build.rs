@@ -5,10 +5,11 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
+use toml::Spanned;
 
 use super::error::{SceneError, nearest};
 use super::expand::{Expanded, Placed};
-use super::file::{RawScene, Source};
+use super::file::{RawBounds, RawScene, Source};
 use super::light::{Conditions, Shining};
 use super::surface::palette;
 use super::{Aabb, Object, Scene};
@@ -108,12 +109,12 @@ pub(super) fn build(
         objects.push(object);
     }
     actors.check(&expanded.placed, source)?;
-    let bounds = bounds(raw, source)?;
-    let start = pose(&raw.start, "start", &bounds, source)?;
-    let preview = raw.preview.as_ref().map(|text| pose(text, "preview", &bounds, source)).transpose()?;
+    let bounds = bounds(&raw.bounds, source)?;
+    let start = pose(&raw.start, "start", Some(&bounds), source)?;
+    let preview = raw.preview.as_ref().map(|text| pose(text, "preview", Some(&bounds), source)).transpose()?;
     Ok(Scene {
-        name: checked_name(raw, source)?,
-        description: description(raw, source)?,
+        name: checked_name(&raw.name, source)?,
+        description: description(raw.description.as_ref(), source)?,
         near: radius(&raw.near_m, "near_m", source)?,
         success_radius: radius(&raw.success_radius_m, "success_radius_m", source)?,
         default_craft: raw.craft,
@@ -254,24 +255,24 @@ impl Actors {
     }
 }
 
-fn checked_name(raw: &RawScene, source: &Source<'_>) -> Result<String, SceneError> {
-    let name = raw.name.get_ref();
+pub(super) fn checked_name(written: &Spanned<String>, source: &Source<'_>) -> Result<String, SceneError> {
+    let name = written.get_ref();
     if name.is_empty() || name.chars().count() > 60 || name.chars().any(char::is_control) {
-        return Err(source.error(&raw.name.span(), "a scene's name has 1 to 60 characters", None));
+        return Err(source.error(&written.span(), "a scene's name has 1 to 60 characters", None));
     }
     Ok(name.clone())
 }
 
 /// One line for lists of scenes.
-fn description(raw: &RawScene, source: &Source<'_>) -> Result<String, SceneError> {
-    let Some(text) = &raw.description else { return Ok(String::new()) };
+pub(super) fn description(written: Option<&Spanned<String>>, source: &Source<'_>) -> Result<String, SceneError> {
+    let Some(text) = written else { return Ok(String::new()) };
     if text.get_ref().chars().count() > 120 || text.get_ref().chars().any(char::is_control) {
         return Err(source.error(&text.span(), "a scene's description is one line of at most 120 characters", None));
     }
     Ok(text.get_ref().clone())
 }
 
-fn radius(value: &toml::Spanned<f64>, key: &str, source: &Source<'_>) -> Result<f64, SceneError> {
+pub(super) fn radius(value: &Spanned<f64>, key: &str, source: &Source<'_>) -> Result<f64, SceneError> {
     let v = *value.get_ref();
     if (0.1..=50.0).contains(&v) {
         return Ok(v);
@@ -279,12 +280,12 @@ fn radius(value: &toml::Spanned<f64>, key: &str, source: &Source<'_>) -> Result<
     Err(source.error(&value.span(), format!("`{key}` must be from 0.1 to 50 metres, not `{v}`"), None))
 }
 
-fn bounds(raw: &RawScene, source: &Source<'_>) -> Result<Aabb, SceneError> {
-    let b = raw.bounds.get_ref();
+pub(super) fn bounds(raw: &Spanned<RawBounds>, source: &Source<'_>) -> Result<Aabb, SceneError> {
+    let b = raw.get_ref();
     for range in [b.east, b.north, b.up] {
         if !(range[0] < range[1] && range.iter().all(|v| v.abs() <= 2000.0)) {
             let hint = "write `bounds = { east = [-100, 100], north = [-100, 100], up = [0, 60] }`".to_owned();
-            return Err(source.error(&raw.bounds.span(), "each range of `bounds` rises and stays within 2000 m", Some(hint)));
+            return Err(source.error(&raw.span(), "each range of `bounds` rises and stays within 2000 m", Some(hint)));
         }
     }
     let corner = |i: usize| EnuPosition { east: b.east[i], north: b.north[i], up: b.up[i] };
@@ -292,25 +293,30 @@ fn bounds(raw: &RawScene, source: &Source<'_>) -> Result<Aabb, SceneError> {
 }
 
 /// The craft's view at take-off height; from the ground one sees mostly ground.
-fn above(start: Pose, craft: CraftKind) -> Pose {
+pub(crate) fn above(start: Pose, craft: CraftKind) -> Pose {
     let up = start.position.up + Model::of(craft).craft.take_off_height;
     Pose { position: EnuPosition { up, ..start.position }, ..start }
 }
 
-/// A pose written `east,north,up,heading_deg[,pitch_deg]` (DESIGN.md section 7).
-fn pose(text: &toml::Spanned<String>, key: &str, bounds: &Aabb, source: &Source<'_>) -> Result<Pose, SceneError> {
-    let at = text.span();
-    let hint = || Some(format!("write `{key} = \"east,north,up,heading_deg\"`"));
-    let numbers: Option<Vec<f64>> =
-        text.get_ref().split(',').map(|n| n.trim().parse::<f64>().ok().filter(|v| v.abs() <= 2000.0)).collect();
+/// A pose written `east,north,up,heading_deg[,pitch_deg]` (DESIGN.md section 7); none for other texts.
+pub(crate) fn parse_pose(text: &str) -> Option<Pose> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse::<f64>().ok().filter(|v| v.abs() <= 2000.0)).collect();
     let (position, heading, pitch) = match numbers.as_deref() {
         Some(&[east, north, up, heading]) => (EnuPosition { east, north, up }, heading, 0.0),
         Some(&[east, north, up, heading, pitch]) => (EnuPosition { east, north, up }, heading, pitch),
-        _ => return Err(source.error(&at, format!("`{}` is no pose", text.get_ref()), hint())),
+        _ => return None,
     };
-    if !bounds.contains(position) {
+    let attitude = Attitude { heading: wrap_angle(heading.to_radians()), pitch: wrap_angle(pitch.to_radians()), roll: 0.0 };
+    Some(Pose { position, attitude })
+}
+
+/// The pose of a key, within `bounds` where there are some.
+pub(super) fn pose(text: &Spanned<String>, key: &str, bounds: Option<&Aabb>, source: &Source<'_>) -> Result<Pose, SceneError> {
+    let at = text.span();
+    let hint = || Some(format!("write `{key} = \"east,north,up,heading_deg\"`"));
+    let pose = parse_pose(text.get_ref()).ok_or_else(|| source.error(&at, format!("`{}` is no pose", text.get_ref()), hint()))?;
+    if bounds.is_some_and(|bounds| !bounds.contains(pose.position)) {
         return Err(source.error(&at, format!("the {key} lies outside `bounds`"), hint()));
     }
-    let attitude = Attitude { heading: wrap_angle(heading.to_radians()), pitch: wrap_angle(pitch.to_radians()), roll: 0.0 };
-    Ok(Pose { position, attitude })
+    Ok(pose)
 }

@@ -37,12 +37,22 @@ pub enum SceneError {
         /// What to do.
         hint: Option<String>,
     },
+    /// The model file cannot be made a world.
+    #[error("{file}: {message}{}", hint.as_ref().map(|h| format!("\n\nhint: {h}")).unwrap_or_default())]
+    Model {
+        /// The file.
+        file: String,
+        /// What is wrong, and where in it.
+        message: String,
+        /// What to do.
+        hint: Option<String>,
+    },
 }
 
 impl SceneError {
     pub(super) fn unknown(name: &str, known: &[&str]) -> Self {
         let hint = nearest(name, known.iter().copied()).map_or_else(
-            || format!("built-in scenes are `{}`; a scene file's path ends in `.toml`", known.join("`, `")),
+            || format!("built-in scenes are `{}`; a scene file's path ends in `.toml`, `.glb` or `.gltf`", known.join("`, `")),
             |near| format!("did you mean `{near}`?"),
         );
         Self::Unknown { name: name.to_owned(), hint }
@@ -66,7 +76,7 @@ pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
 }
 
 /// The hint that a parser's message allows: the nearest of the names it lists between backticks.
-pub(super) fn hint_from(message: &str) -> Option<String> {
+pub(crate) fn hint_from(message: &str) -> Option<String> {
     let mut quoted = message.split('`').skip(1).step_by(2);
     let wrong = quoted.next()?;
     if !message.starts_with("unknown") {

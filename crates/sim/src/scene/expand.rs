@@ -11,13 +11,13 @@ use crate::actors::Motion;
 use crate::mesh::{Generator, KINDS};
 
 /// Most objects in a scene; ids are 16 bits, and a legend beyond this is no use to anyone.
-const MAX_OBJECTS: usize = 4000;
+pub(crate) const MAX_OBJECTS: usize = 4000;
 
 /// Farthest place of an object, metres from the origin in each axis.
 pub(super) const FARTHEST: f64 = 2000.0;
 
 /// Longest word or phrase among the tags, characters.
-const LONGEST: usize = 80;
+pub(crate) const LONGEST: usize = 80;
 
 /// One object of the scene before its mesh is drawn.
 #[derive(Debug)]

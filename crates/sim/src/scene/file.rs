@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use toml::Spanned;
 
 use super::error::{SceneError, hint_from};
@@ -150,8 +151,8 @@ pub(super) struct RawRepeat {
     pub(super) step: [f64; 2],
 }
 
-/// Reads the text into its keys and checks the format version first.
-pub(super) fn read(source: &Source<'_>) -> Result<RawScene, SceneError> {
+/// Reads the text into its keys, those of a scene or of a scene that names a model, and checks the format version first.
+pub(super) fn read<T: DeserializeOwned>(source: &Source<'_>) -> Result<T, SceneError> {
     if source.text.len() > MAX_BYTES {
         return Err(SceneError::too_large(source.file));
     }

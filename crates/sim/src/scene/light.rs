@@ -159,24 +159,28 @@ pub struct Conditions {
 }
 
 /// The light of a scene while it is put together.
-pub(super) struct Shining {
-    pub(super) lighting: Lighting,
-    pub(super) weather: Weather,
-    pub(super) light: Light,
+pub(crate) struct Shining {
+    pub(crate) lighting: Lighting,
+    pub(crate) weather: Weather,
+    pub(crate) light: Light,
 }
 
 impl Shining {
     /// The light of the file under these conditions, with the lamps that belong to no object.
     pub(super) fn new(raw: &RawScene, conditions: &Conditions, source: &Source<'_>) -> Result<Self, SceneError> {
-        let own = (raw.light.time.unwrap_or_default(), raw.light.weather.unwrap_or_default());
-        let (lighting, weather) = (conditions.lighting.unwrap_or(own.0), conditions.weather.unwrap_or(own.1));
-        let light = light(&raw.light, lighting, weather, own, source)?;
-        let mut shining = Self { lighting, weather, light };
+        let mut shining = Self::of(&raw.light, conditions, source)?;
         for lamp in &raw.lamps {
             let bulb = bulb(lamp, source)?;
             shining.add(&bulb, |p| p, 1.0, &lamp.span(), source)?;
         }
         Ok(shining)
+    }
+
+    /// The light alone.
+    pub(super) fn of(raw: &RawLight, conditions: &Conditions, source: &Source<'_>) -> Result<Self, SceneError> {
+        let own = (raw.time.unwrap_or_default(), raw.weather.unwrap_or_default());
+        let (lighting, weather) = (conditions.lighting.unwrap_or(own.0), conditions.weather.unwrap_or(own.1));
+        Ok(Self { lighting, weather, light: light(raw, lighting, weather, own, source)? })
     }
 
     /// Whether lamps are lit.

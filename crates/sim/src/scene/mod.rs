@@ -10,16 +10,24 @@ mod file;
 mod light;
 mod motion;
 mod surface;
+mod wrapper;
+
+use std::path::Path;
 
 use glam::Vec3;
 use serde::Serialize;
 use serde_json::json;
 use spf_core::geometry::{EnuPosition, Pose};
 
+pub(crate) use self::build::{above, parse_pose};
 pub use self::error::SceneError;
+pub(crate) use self::error::hint_from;
+pub(crate) use self::expand::{LONGEST as LONGEST_TAG, MAX_OBJECTS};
+pub(crate) use self::light::Shining;
 pub use self::light::{Conditions, Lighting, Weather};
 use crate::actors::Actor;
 use crate::geometry::{ObjectId, Part, SceneGeometry};
+use crate::gltf::{self, Wishes};
 use crate::mesh::KINDS;
 use crate::model::CraftKind;
 use crate::oracle::Tagged;
@@ -72,7 +80,7 @@ pub struct Object {
     pub key: String,
     /// What people call it.
     pub tags: Tags,
-    /// Kind of its mesh, one of [`Scene::mesh_kinds`].
+    /// Kind of its mesh, one of [`Scene::mesh_kinds`], or `gltf` for one out of a model file.
     pub mesh: &'static str,
     /// Whether it is an opening, a surface that hides and touches nothing.
     pub opening: bool,
@@ -132,12 +140,25 @@ impl Aabb {
     }
 }
 
+/// Whether a path is that of a model.
+fn is_model(path: &str) -> bool {
+    let end = Path::new(path).extension().unwrap_or_default();
+    end.eq_ignore_ascii_case("glb") || end.eq_ignore_ascii_case("gltf")
+}
+
+/// The light of a scene that says nothing of it.
+fn own_light(conditions: &Conditions) -> Result<Shining, SceneError> {
+    Shining::of(&file::RawLight::default(), conditions, &file::Source::new("", ""))
+}
+
 impl Scene {
-    /// Loads a built-in scene by name (`city`, `park`), or a scene file by its path, which must end in `.toml`.
+    /// Loads a built-in scene by name (`city`, `park`), or a file by its path: a scene file, which ends in `.toml`, or a glTF 2.0 model,
+    /// which ends in `.glb` or `.gltf` (`docs/gltf.md`).
     ///
     /// # Errors
     /// [`SceneError::Unknown`] for a name that no built-in scene has, [`SceneError::Read`] if the file cannot be read,
-    /// [`SceneError::Invalid`] if it is no scene, with the line and a hint where there is one.
+    /// [`SceneError::Invalid`] if it is no scene, with the line and a hint where there is one, [`SceneError::Model`] if a model
+    /// cannot be made a world.
     pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
         Self::load_with(name_or_path, &Conditions::default())
     }
@@ -148,7 +169,10 @@ impl Scene {
     /// As [`Scene::load`].
     pub fn load_with(name_or_path: &str, conditions: &Conditions) -> Result<Self, SceneError> {
         if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
-            return Self::parse_with(text, &format!("scenes/{name}.toml"), conditions);
+            return Self::parse_with(text, &format!("scenes/{name}.toml"), None, conditions);
+        }
+        if is_model(name_or_path) {
+            return gltf::load(name_or_path, &Wishes::default(), own_light(conditions)?);
         }
         if !name_or_path.ends_with(".toml") {
             return Err(SceneError::unknown(name_or_path, &Self::built_in()));
@@ -159,7 +183,7 @@ impl Scene {
             return Err(SceneError::too_large(name_or_path));
         }
         let text = std::fs::read_to_string(name_or_path).map_err(read)?;
-        Self::parse_with(&text, name_or_path, conditions)
+        Self::parse_with(&text, name_or_path, Path::new(name_or_path).parent(), conditions)
     }
 
     /// Reads a scene from its text; `file` names it in errors.
@@ -167,11 +191,22 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Invalid`].
     pub fn parse(text: &str, file: &str) -> Result<Self, SceneError> {
-        Self::parse_with(text, file, &Conditions::default())
+        Self::parse_with(text, file, None, &Conditions::default())
     }
 
-    fn parse_with(text: &str, file: &str, conditions: &Conditions) -> Result<Self, SceneError> {
+    /// Reads a scene from the bytes of a `.glb` or `.gltf` that names no other files; `file` names it in errors.
+    ///
+    /// # Errors
+    /// [`SceneError::Model`].
+    pub fn parse_model(bytes: &[u8], file: &str) -> Result<Self, SceneError> {
+        gltf::parse(bytes, file, None, &Wishes::default(), own_light(&Conditions::default())?)
+    }
+
+    fn parse_with(text: &str, file: &str, folder: Option<&Path>, conditions: &Conditions) -> Result<Self, SceneError> {
         let source = file::Source::new(text, file);
+        if wrapper::names_a_model(text) {
+            return wrapper::load(&source, folder, conditions);
+        }
         let raw = file::read(&source)?;
         let placed = expand::expand(&raw, &source)?;
         build::build(&raw, placed, conditions, &source)

@@ -1,0 +1,110 @@
+//! Worlds that other people's exporters wrote, flown in.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+use crate::harness::{Lab, rows, skip, warn};
+
+/// A virtual environment of Python with the exporters, made once and kept; none where Python or the packages are not to be had.
+fn python() -> Option<PathBuf> {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/gltf");
+    let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join("interop-gltf");
+    let (python, marker) = (place.join("bin/python"), place.join("requirements.txt"));
+    let wanted = std::fs::read(here.join("requirements.txt")).unwrap();
+    // Written last, so that what was broken off is made again.
+    if std::fs::read(&marker).is_ok_and(|made| made == wanted) {
+        return Some(python);
+    }
+    let ran = |command: &mut Command| match command.output() {
+        Ok(Output { status, .. }) if status.success() => true,
+        Ok(output) => {
+            warn(&String::from_utf8_lossy(&output.stderr));
+            false
+        }
+        Err(_) => false,
+    };
+    let made = ran(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&place))
+        && ran(Command::new(&python).args(["-m", "pip", "install", "-q", "-r"]).arg(here.join("requirements.txt")));
+    if !made {
+        skip("python3 with the packages of tests/it/gltf/requirements.txt");
+        return None;
+    }
+    std::fs::write(marker, wanted).unwrap();
+    Some(python)
+}
+
+/// The object of a key in a legend of ids.
+fn object<'a>(legend: &'a Value, key: &str) -> Option<&'a Value> {
+    legend["objects"].as_array().unwrap().iter().find(|object| object["key"] == key)
+}
+
+/// Both worlds in one test, for they share the environment.
+#[test]
+fn worlds_of_trimesh_and_pygltflib_are_flown_in() {
+    let Some(python) = python() else { return };
+    let lab = Lab::new();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/gltf/make.py");
+    let made = Command::new(python).arg(script).arg(lab.path(".")).output().unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    untagged(&lab);
+    tagged(&lab);
+    a_broken_file(&lab);
+}
+
+fn legend(lab: &Lab, scene: &str) -> Value {
+    let run = lab.spf(&["sim", "render", scene, "-o", "seen.png", "--ids", "ids.png", "--size", "320x240"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(lab.read("seen.png").starts_with(b"\x89PNG"));
+    serde_json::from_slice(&lab.read("ids.json")).unwrap()
+}
+
+/// Names alone tell what is what, and the start is found.
+fn untagged(lab: &Lab) {
+    let legend = legend(lab, "yard.glb");
+    assert_eq!(legend["scene"], "yard");
+    let car = object(&legend, "red_car_001").unwrap();
+    assert_eq!((&car["tags"]["names"][0], &car["tags"]["colour"]), (&"red car".into(), &"red".into()));
+    assert_eq!(object(&legend, "ground").unwrap()["tags"]["kind"], "ground");
+    assert_eq!(object(&legend, "gate").unwrap()["tags"]["colour"], "orange");
+    // 8 m east and 22 m north, a car's height: what is z up in the script was turned to y up, and back.
+    let bounds = &car["bounds"];
+    let middle = |axis: &str| 0.5 * (bounds["min"][axis].as_f64().unwrap() + bounds["max"][axis].as_f64().unwrap());
+    assert!((middle("east") - 8.0).abs() < 0.1 && (middle("north") - 22.0).abs() < 0.1, "{bounds}");
+    assert!((bounds["max"]["up"].as_f64().unwrap() - 1.7).abs() < 0.01, "{bounds}");
+    let (code, flown) = lab.fly("car", &["--scene", "yard.glb", "fly to the red car", "--vlm", "oracle:perfect"]);
+    assert_eq!((code, &flown["verified"], &flown["targets"][0]), (0, &true.into(), &"red_car_001".into()), "{flown}");
+    // What is not there is not found.
+    let (code, flown) = lab.fly("none", &["--scene", "yard.glb", "fly to the helicopter", "--max-time", "60"]);
+    assert_eq!((code, &flown["verified"]), (3, &false.into()), "{flown}");
+}
+
+/// Extras tell names, opening and start; buffers and pictures lie beside the file.
+fn tagged(lab: &Lab) {
+    assert!(lab.names(".").iter().any(|name| name.ends_with(".bin")) && lab.names(".").iter().any(|name| name.ends_with(".png")));
+    let legend = legend(lab, "tagged.gltf");
+    assert_eq!(legend["scene"], "tagged yard");
+    assert_eq!(object(&legend, "red_car_001").unwrap()["tags"]["uses"][0], "drive to work");
+    assert!(object(&legend, "tower").is_none(), "the tower is ignored");
+    let (gate, opening) = (object(&legend, "gate").unwrap(), object(&legend, "gate_opening").unwrap());
+    assert_eq!((&opening["opening"], &opening["tags"]["opening_of"]), (&true.into(), &gate["id"]));
+    let (code, flown) = lab.fly("through", &["--scene", "tagged.gltf", "fly through the archway", "--vlm", "oracle:perfect"]);
+    assert_eq!((code, &flown["outcome"], &flown["collisions"]), (0, &"reached".into(), &0.into()), "{flown}");
+    // From 18 m south of the gate's posts to beyond them, between them.
+    let rows = rows(&lab.path("through/decisions.jsonl"));
+    let place = |row: &Value| {
+        let at = &row["pose"]["position"];
+        (at["east"].as_f64().unwrap(), at["north"].as_f64().unwrap(), at["up"].as_f64().unwrap())
+    };
+    let (first, last) = (place(&rows[0]), place(&rows[rows.len() - 1]));
+    assert!(first.1 < -14.0 && last.1 > 14.0 && last.0.abs() < 2.5, "{first:?} {last:?}");
+}
+
+fn a_broken_file(lab: &Lab) {
+    let whole = lab.read("yard.glb");
+    lab.write("broken.glb", &whole[..whole.len() / 2]);
+    let run = lab.spf(&["fly", "--scene", "broken.glb", "fly to the red car"]);
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert!(run.stderr.contains("broken.glb: ") && run.stderr.contains("hint: "), "{}", run.stderr);
+}

@@ -1,0 +1,145 @@
+//! From bytes to the checked JSON of a glTF file, without trusting a number in it.
+
+use std::borrow::Cow;
+
+use gltf::json::validation::{Checked, Validate};
+use gltf::json::{Path, Root, mesh::Semantic};
+use serde::Deserialize;
+use serde_json::json;
+
+use super::problem::{Problem, short};
+
+/// Longest file, and most bytes of all buffers of a file together.
+pub(super) const MAX_BYTES: u64 = 256 << 20;
+/// Longest JSON text, bytes; embedded buffers and images are part of it.
+const MAX_JSON_BYTES: usize = 128 << 20;
+/// Most values in the JSON text. What they become in memory is bounded with them.
+const MAX_JSON_VALUES: usize = 500_000;
+
+/// A file's description, and the binary chunk that came with it.
+pub(super) struct Container<'a> {
+    pub(super) root: Root,
+    pub(super) blob: Option<Cow<'a, [u8]>>,
+}
+
+/// What is looked at before all else.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Head {
+    asset: Version,
+    #[serde(default)]
+    extensions_required: Vec<String>,
+}
+
+#[derive(Deserialize)]
+struct Version {
+    version: String,
+}
+
+/// Reads a `.glb` or the JSON of a `.gltf`.
+pub(super) fn read(bytes: &[u8]) -> Result<Container<'_>, Problem> {
+    let (json, blob) = if bytes.starts_with(b"glTF") { split(bytes)? } else { (Cow::Borrowed(bytes), None) };
+    let root = root(&json)?;
+    Ok(Container { root, blob })
+}
+
+type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
+
+fn split(bytes: &[u8]) -> Result<Chunks<'_>, Problem> {
+    // The reader subtracts the header's length from the one that the file claims.
+    let claimed = bytes.get(8..12).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
+    if claimed < 12 {
+        return Err(Problem::new("the file is cut short in its header"));
+    }
+    let glb = gltf::Glb::from_slice(bytes).map_err(|e| {
+        let cut = "the file is cut short or is no glTF 2.0: fetch or export it again";
+        Problem::new(format!("the binary container cannot be read: {}", said(&e))).hint(cut)
+    })?;
+    Ok((glb.json, glb.bin))
+}
+
+/// What an error of the reader says.
+fn said(error: &gltf::Error) -> String {
+    match error {
+        gltf::Error::Binary(inner) => inner.to_string(),
+        other => other.to_string(),
+    }
+}
+
+fn root(text: &[u8]) -> Result<Root, Problem> {
+    if text.len() > MAX_JSON_BYTES {
+        let message = format!("its description is longer than {} MiB", MAX_JSON_BYTES >> 20);
+        return Err(Problem::new(message).hint("save as .glb, or keep buffers and images in files of their own"));
+    }
+    // Each value but the first stands after one of these, so this bounds what reading can allocate.
+    let values = text.iter().filter(|byte| matches!(byte, b'{' | b'[' | b',')).count();
+    if values > MAX_JSON_VALUES {
+        let message = format!("its description has more than {MAX_JSON_VALUES} values");
+        return Err(Problem::new(message).hint("join meshes and leave out animations"));
+    }
+    let broken = |e: serde_json::Error| Problem::new(format!("its description cannot be read: {e}"));
+    let head: Head = serde_json::from_slice(text).map_err(|e| broken(e).hint("a scene is a .glb or .gltf file of glTF 2.0"))?;
+    if !head.asset.version.starts_with("2.") {
+        let message = format!("it is glTF {}", short(&head.asset.version));
+        return Err(Problem::new(message).hint("export it as glTF 2.0"));
+    }
+    head.extensions_required.iter().try_for_each(|name| supported(name))?;
+    let mut root: Root = serde_json::from_slice(text).map_err(broken)?;
+    // Checked above, against what is done here and not against what the reader knows.
+    root.extensions_required.clear();
+    complete_positions(&mut root)?;
+    validate(&root)?;
+    Ok(root)
+}
+
+/// Refuses extensions without which the file cannot be understood.
+fn supported(name: &str) -> Result<(), Problem> {
+    let harmless = ["KHR_materials_", "KHR_lights_", "EXT_lights_", "KHR_texture_transform", "KHR_xmp"];
+    if harmless.iter().any(|prefix| name.starts_with(prefix)) && !name.ends_with("pbrSpecularGlossiness") {
+        return Ok(());
+    }
+    let remedy = match name {
+        "KHR_draco_mesh_compression" => "export without compression (Blender: untick Data > Compression)",
+        "EXT_meshopt_compression" | "KHR_meshopt_compression" => "export without compression",
+        "KHR_mesh_quantization" => "export without quantisation: coordinates as 32-bit floats",
+        "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => {
+            "export the textures as PNG or JPEG"
+        }
+        "EXT_mesh_gpu_instancing" => "export each instance as a node",
+        _ => "export without it",
+    };
+    Err(Problem::new(format!("it needs the extension `{}`, which is not supported", short(name))).hint(remedy))
+}
+
+/// The reader's check demands the extent of positions, which nothing here uses, and follows their index before it has looked
+/// whether that leads anywhere.
+fn complete_positions(root: &mut Root) -> Result<(), Problem> {
+    let positions = Checked::Valid(Semantic::Positions);
+    for (m, mesh) in root.meshes.iter().enumerate() {
+        for primitive in &mesh.primitives {
+            let Some(index) = primitive.attributes.get(&positions) else {
+                return Err(Problem::new(format!("mesh {m} has no positions")));
+            };
+            let Some(accessor) = root.accessors.get_mut(index.value()) else {
+                return Err(Problem::new(format!("the positions of mesh {m} are not in the file")));
+            };
+            accessor.min = Some(json!([0.0, 0.0, 0.0]));
+            accessor.max = Some(json!([0.0, 0.0, 0.0]));
+        }
+    }
+    Ok(())
+}
+
+fn validate(root: &Root) -> Result<(), Problem> {
+    let mut first = None;
+    root.validate(root, Path::new, &mut |path, error| {
+        if first.is_none() {
+            first = Some(format!("{}: {}", path(), error.to_string().to_lowercase()));
+        }
+    });
+    match first {
+        None => Ok(()),
+        Some(found) => Err(Problem::new(format!("it is no sound glTF 2.0: {found}"))
+            .hint("export it again; the Khronos glTF Validator says more")),
+    }
+}

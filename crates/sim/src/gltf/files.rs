@@ -1,0 +1,131 @@
+//! Buffers and images that a file names: inside it, in data URIs, or beside it in its folder.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Component, Path, PathBuf};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use gltf::json::{Index, Root, buffer};
+use percent_encoding::percent_decode_str;
+
+use super::container::MAX_BYTES;
+use super::problem::{Problem, missing};
+
+/// Where a file's other files may lie, and how much of them may still be read.
+pub(super) struct Surroundings {
+    folder: Option<PathBuf>,
+    left: u64,
+}
+
+impl Surroundings {
+    /// `folder` is that of the file; none when a file comes without one and may name no other.
+    pub(super) fn new(folder: Option<&Path>) -> Self {
+        // The folder of a bare name is the working directory.
+        let folder = folder.map(|f| if f.as_os_str().is_empty() { PathBuf::from(".") } else { f.to_owned() });
+        Self { folder, left: MAX_BYTES }
+    }
+
+    /// The bytes behind a URI.
+    pub(super) fn read(&mut self, uri: &str) -> Result<Vec<u8>, Problem> {
+        let bytes = match uri.strip_prefix("data:") {
+            Some(data) => self.embedded(data)?,
+            None => self.beside(uri)?,
+        };
+        self.left = self.left.saturating_sub(bytes.len() as u64);
+        Ok(bytes)
+    }
+
+    fn too_much() -> Problem {
+        Problem::new(format!("its buffers and images are larger than {} MiB", MAX_BYTES >> 20))
+            .hint("make the textures smaller and the meshes coarser")
+    }
+
+    fn embedded(&self, data: &str) -> Result<Vec<u8>, Problem> {
+        let bad = || Problem::new("it holds a data URI that is not base64");
+        let (kind, payload) = data.split_once(',').ok_or_else(bad)?;
+        if !kind.ends_with(";base64") {
+            return Err(bad());
+        }
+        if payload.len() as u64 / 4 * 3 > self.left {
+            return Err(Self::too_much());
+        }
+        STANDARD.decode(payload).map_err(|_| bad())
+    }
+
+    fn beside(&self, uri: &str) -> Result<Vec<u8>, Problem> {
+        let shown: String = uri.chars().take(120).collect();
+        let path = self.path(uri, &shown)?;
+        let unreadable = |e: std::io::Error| {
+            Problem::new(format!("cannot read `{shown}`, which it names: {e}")).hint("keep the file and its parts together")
+        };
+        let file = File::open(&path).map_err(unreadable)?;
+        let about = file.metadata().map_err(unreadable)?;
+        if !about.is_file() {
+            return Err(Problem::new(format!("`{shown}`, which it names, is no file")));
+        }
+        if about.len() > self.left {
+            return Err(Self::too_much());
+        }
+        let mut bytes = Vec::with_capacity(about.len() as usize);
+        file.take(self.left).read_to_end(&mut bytes).map_err(unreadable)?;
+        Ok(bytes)
+    }
+
+    /// The path behind a relative URI, inside the folder.
+    fn path(&self, uri: &str, shown: &str) -> Result<PathBuf, Problem> {
+        let outside = || {
+            Problem::new(format!("it names `{shown}`, which is not a file in its folder"))
+                .hint("copy it beside the scene and name it relatively, or save all in one .glb")
+        };
+        let folder = self.folder.as_ref().ok_or_else(outside)?;
+        let decoded = percent_decode_str(uri).decode_utf8().map_err(|_| outside())?;
+        let relative = Path::new(decoded.as_ref());
+        let inward = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+        if decoded.is_empty() || decoded.contains([':', '\\', '\0']) || !relative.components().all(inward) {
+            return Err(outside());
+        }
+        let path = folder.join(relative);
+        // Links may lead out.
+        if let (Ok(folder), Ok(path)) = (folder.canonicalize(), path.canonicalize())
+            && !path.starts_with(folder)
+        {
+            return Err(outside());
+        }
+        Ok(path)
+    }
+}
+
+/// All buffers of a file, as long as they say.
+pub(super) struct Buffers<'a>(Vec<Cow<'a, [u8]>>);
+
+impl<'a> Buffers<'a> {
+    pub(super) fn load(root: &Root, blob: Option<Cow<'a, [u8]>>, around: &mut Surroundings) -> Result<Self, Problem> {
+        let mut blob = blob;
+        let mut buffers = Vec::new();
+        for (i, buffer) in root.buffers.iter().enumerate() {
+            let bytes = match &buffer.uri {
+                Some(uri) => Cow::Owned(around.read(uri)?),
+                None => blob.take().ok_or_else(|| Problem::new(format!("buffer {i} has no data")))?,
+            };
+            if (bytes.len() as u64) < buffer.byte_length.0 {
+                let message = format!("buffer {i} is cut short: {} of {} bytes", bytes.len(), buffer.byte_length.0);
+                return Err(Problem::new(message).hint("fetch or export the file again"));
+            }
+            buffers.push(bytes);
+        }
+        Ok(Self(buffers))
+    }
+
+    /// The bytes of a buffer view, and the step between its elements if it has one.
+    pub(super) fn view(&self, root: &Root, index: Index<buffer::View>) -> Result<(&[u8], Option<usize>), Problem> {
+        let view = root.buffer_views.get(index.value()).ok_or_else(|| missing("buffer view", index.value()))?;
+        let buffer = self.0.get(view.buffer.value()).ok_or_else(|| missing("buffer", view.buffer.value()))?;
+        let start = view.byte_offset.unwrap_or_default().0;
+        let range = usize::try_from(start).ok().zip(start.checked_add(view.byte_length.0).and_then(|e| usize::try_from(e).ok()));
+        let bytes = range.and_then(|(start, end)| buffer.get(start..end));
+        let bytes = bytes.ok_or_else(|| Problem::new(format!("buffer view {} reaches beyond its buffer", index.value())))?;
+        Ok((bytes, view.byte_stride.map(|stride| stride.0)))
+    }
+}

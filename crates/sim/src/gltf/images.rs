@@ -1,0 +1,172 @@
+//! Pictures of a file: PNG and JPEG, looked at before they are decoded, made smaller until all fit.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Cursor;
+
+use gltf::json::{Root, texture};
+use image::{DynamicImage, ImageError, ImageFormat, ImageReader, Limits};
+
+use super::files::{Buffers, Surroundings};
+use super::problem::{Problem, missing};
+use crate::texture::{MAX_SIDE, Texture};
+
+/// Most memory of all textures together, bytes.
+const MAX_MEMORY: u64 = 256 << 20;
+/// Longest side that is kept, texels.
+const KEPT_SIDE: u32 = 4096;
+/// Most pixels that are decoded, of all pictures together.
+const MAX_PIXELS: u64 = 1 << 29;
+/// Most memory that decoding one picture may take, bytes.
+const MAX_DECODING: u64 = 256 << 20;
+
+/// The pictures that are used.
+#[derive(Debug, Default)]
+pub(super) struct Images {
+    pub(super) textures: Vec<Texture>,
+    by_image: BTreeMap<usize, u16>,
+}
+
+struct Encoded<'a> {
+    image: usize,
+    bytes: Cow<'a, [u8]>,
+    format: ImageFormat,
+    size: (u32, u32),
+}
+
+impl Images {
+    /// Reads the pictures of these materials: those on their surfaces and those that glow.
+    pub(super) fn load(
+        root: &Root,
+        used: &BTreeSet<usize>,
+        buffers: &Buffers<'_>,
+        around: &mut Surroundings,
+    ) -> Result<Self, Problem> {
+        let materials = used.iter().filter_map(|&index| root.materials.get(index));
+        let infos = materials.flat_map(|m| [&m.pbr_metallic_roughness.base_color_texture, &m.emissive_texture]).flatten();
+        let wanted: BTreeSet<usize> = infos.filter_map(|info| source(root, info)).collect();
+        let mut encoded = Vec::new();
+        for image in wanted {
+            encoded.push(open(root, image, buffers, around)?);
+        }
+        let pixels = |e: &Encoded<'_>| u64::from(e.size.0) * u64::from(e.size.1);
+        if encoded.iter().map(pixels).sum::<u64>() > MAX_PIXELS {
+            let message = format!("its textures have more than {} million pixels", MAX_PIXELS >> 20);
+            return Err(Problem::new(message).hint("make the textures smaller"));
+        }
+        let halvings = halvings(&encoded.iter().map(|e| e.size).collect::<Vec<_>>());
+        let mut images = Self::default();
+        for (encoded, halvings) in encoded.into_iter().zip(halvings) {
+            let index = images.push(decode(&encoded)?.coarser(halvings))?;
+            images.by_image.insert(encoded.image, index);
+        }
+        Ok(images)
+    }
+
+    /// The texture behind a material's reference.
+    pub(super) fn of(&self, root: &Root, info: &texture::Info) -> Option<u16> {
+        self.by_image.get(&source(root, info)?).copied()
+    }
+
+    /// Adds a texture.
+    pub(super) fn push(&mut self, texture: Texture) -> Result<u16, Problem> {
+        // The greatest number stands for a texture that is not there.
+        let index = u16::try_from(self.textures.len()).ok().filter(|&index| index < u16::MAX);
+        let index = index.ok_or_else(|| Problem::new("it has more than 65534 textures"))?;
+        self.textures.push(texture);
+        Ok(index)
+    }
+}
+
+fn source(root: &Root, info: &texture::Info) -> Option<usize> {
+    root.textures.get(info.index.value()).map(|texture| texture.source.value())
+}
+
+/// How often each picture is halved so that all fit the memory.
+fn halvings(sizes: &[(u32, u32)]) -> Vec<usize> {
+    let own = |(w, h): (u32, u32)| (0..).find(|&n| w.max(h) >> n <= KEPT_SIDE).unwrap_or(0);
+    // Four bytes a texel, and a third more for the smaller copies.
+    let memory = |all: u32| -> u64 {
+        let side = |side: u32, n: u32| u64::from((side >> n).max(1));
+        sizes.iter().map(|&(w, h)| (side(w, own((w, h)).max(all)) * side(h, own((w, h)).max(all)) * 16).div_ceil(3)).sum()
+    };
+    let all = (0..16).find(|&n| memory(n) <= MAX_MEMORY).unwrap_or(16);
+    sizes.iter().map(|&size| own(size).max(all) as usize).collect()
+}
+
+fn open<'a>(root: &Root, image: usize, buffers: &'a Buffers<'_>, around: &mut Surroundings) -> Result<Encoded<'a>, Problem> {
+    let found = root.images.get(image).ok_or_else(|| missing("image", image))?;
+    let bytes = match (found.buffer_view, &found.uri) {
+        (Some(view), _) => Cow::Borrowed(buffers.view(root, view)?.0),
+        (None, Some(uri)) => Cow::Owned(around.read(uri)?),
+        (None, None) => return Err(Problem::new(format!("image {image} has no data"))),
+    };
+    let format = match image::guess_format(&bytes) {
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
+        _ => {
+            let message = format!("image {image} is neither PNG nor JPEG");
+            return Err(Problem::new(message).hint("export the textures as PNG or JPEG"));
+        }
+    };
+    let size = reader(&bytes, format).into_dimensions().map_err(|e| unreadable(image, &e))?;
+    if size.0.max(size.1) > MAX_SIDE {
+        let message = format!("image {image} has {} × {} pixels, at most {MAX_SIDE} a side are read", size.0, size.1);
+        return Err(Problem::new(message).hint("make the texture smaller"));
+    }
+    Ok(Encoded { image, bytes, format, size })
+}
+
+fn reader(bytes: &[u8], format: ImageFormat) -> ImageReader<Cursor<&[u8]>> {
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MAX_DECODING);
+    reader.limits(limits);
+    reader
+}
+
+fn unreadable(image: usize, error: &ImageError) -> Problem {
+    Problem::new(format!("image {image} cannot be read: {error}"))
+        .hint("export the texture again as PNG or JPEG, 8 bits a channel")
+}
+
+fn decode(encoded: &Encoded<'_>) -> Result<Texture, Problem> {
+    let picture = reader(&encoded.bytes, encoded.format).decode().map_err(|e| unreadable(encoded.image, &e))?;
+    let (width, height) = (picture.width(), picture.height());
+    let rgb = if picture.color().has_alpha() { filled(picture) } else { picture.into_rgb8().into_raw() };
+    Texture::from_srgb(width, height, &rgb).ok_or_else(|| Problem::new(format!("image {} has no pixels", encoded.image)))
+}
+
+/// Colours without alpha: what is clear takes the mean colour of what is not, for nobody has looked at its own.
+fn filled(picture: DynamicImage) -> Vec<u8> {
+    let rgba = picture.into_rgba8();
+    let (mut sum, mut count) = ([0_u64; 3], 0_u64);
+    for pixel in rgba.pixels().filter(|p| p.0[3] >= 128) {
+        (0..3).for_each(|k| sum[k] += u64::from(pixel.0[k]));
+        count += 1;
+    }
+    let mean = sum.map(|s| s.checked_div(count).unwrap_or(128) as u8);
+    let colour = |p: &image::Rgba<u8>| if p.0[3] >= 128 { [p.0[0], p.0[1], p.0[2]] } else { mean };
+    rgba.pixels().flat_map(colour).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_halved_until_all_fit() {
+        assert_eq!(halvings(&[(4096, 4096), (16, 16)]), [0, 0]);
+        assert_eq!(halvings(&[(8192, 64), (1, 1)]), [1, 0]);
+        // Four pictures of 4096 take 341 MiB.
+        assert_eq!(halvings(&[(4096, 4096); 4]), [1; 4]);
+        assert_eq!(halvings(&[(4096, 2048); 5]), [0; 5]);
+        assert!(halvings(&[(8192, 8192); 65_000]).iter().all(|&n| n == 9));
+    }
+
+    #[test]
+    fn clear_pixels_take_the_mean_of_the_others() {
+        let mut rgba = image::RgbaImage::from_pixel(2, 1, image::Rgba([200, 100, 0, 255]));
+        rgba.put_pixel(1, 0, image::Rgba([0, 255, 0, 0]));
+        assert_eq!(filled(DynamicImage::ImageRgba8(rgba)), [200, 100, 0, 200, 100, 0]);
+    }
+}

@@ -1,0 +1,258 @@
+//! Triangles of a mesh at its place in the world.
+
+use std::collections::BTreeMap;
+
+use glam::{DMat3, DVec3, Vec2, Vec3};
+use gltf::json::Index;
+use gltf::json::accessor::Accessor;
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
+
+use super::accessor::Accessors;
+use super::material::{Look, shade_of};
+use super::normals::{cross, smooth};
+use super::problem::Problem;
+use super::walk::{Placed, point};
+use crate::geometry::Vertex;
+
+/// Most triangles of a file, each as often as it is placed.
+pub(super) const MAX_TRIANGLES: usize = 2_000_000;
+/// Most corners before they are joined, likewise.
+const MAX_CORNERS: usize = 6_000_000;
+/// Farthest corner from the origin in each axis, metres.
+const FARTHEST: f32 = 2000.0;
+/// Twice the area of the smallest triangle that is kept, square metres.
+const SMALLEST: f32 = 1e-10;
+
+/// Corners and triangles in the world.
+#[derive(Debug, Default)]
+pub(super) struct Drawn {
+    pub(super) vertices: Vec<Vertex>,
+    pub(super) triangles: Vec<[u32; 3]>,
+}
+
+/// Reads meshes and keeps count.
+pub(super) struct Meshes<'a> {
+    pub(super) accessors: Accessors<'a>,
+    triangles: usize,
+    corners: usize,
+    /// Points and lines, which are not drawn.
+    pub(super) skipped: usize,
+}
+
+/// What a primitive brings, before it is placed.
+struct Attributes {
+    positions: Vec<[f32; 3]>,
+    normals: Option<Vec<[f32; 3]>>,
+    uv: Option<Vec<[f32; 2]>>,
+    colours: Option<Vec<[f32; 4]>>,
+}
+
+impl<'a> Meshes<'a> {
+    pub(super) fn new(accessors: Accessors<'a>) -> Self {
+        Self { accessors, triangles: 0, corners: 0, skipped: 0 }
+    }
+
+    /// Whether a primitive has colours at its corners.
+    pub(super) fn is_coloured(primitive: &Primitive) -> bool {
+        attribute(primitive, Semantic::Colors(0)).is_some()
+    }
+
+    /// The triangles of a primitive, none for points and lines. `of` says whose they are.
+    pub(super) fn draw(&mut self, primitive: &Primitive, placed: &Placed, look: &Look, of: &str) -> Result<Drawn, Problem> {
+        let Checked::Valid(mode) = primitive.mode else { return Err(Problem::new(format!("{of} has no known mode"))) };
+        if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
+            self.skipped += 1;
+            return Ok(Drawn::default());
+        }
+        self.count(primitive, mode)?;
+        let attributes = self.attributes(primitive, look, of)?;
+        let corners = match primitive.indices {
+            Some(index) => self.accessors.indices(index)?,
+            None => (0..attributes.positions.len() as u32).collect(),
+        };
+        if let Some(wrong) = corners.iter().find(|&&i| i as usize >= attributes.positions.len()) {
+            let message = format!("{of} names corner {wrong} of {}", attributes.positions.len());
+            return Err(Problem::new(message).hint("export the file again"));
+        }
+        place(&attributes, triangles(&corners, mode), placed, look, of)
+    }
+
+    /// Counts before anything is read, so that no small file becomes a large scene.
+    fn count(&mut self, primitive: &Primitive, mode: Mode) -> Result<(), Problem> {
+        let positions = position(primitive)?;
+        let corners = self.accessors.count(positions)?;
+        let named = primitive.indices.map_or(Ok(corners), |index| self.accessors.count(index))?;
+        self.corners += corners.max(named);
+        self.triangles += if mode == Mode::Triangles { named / 3 } else { named.saturating_sub(2) };
+        if self.triangles > MAX_TRIANGLES || self.corners > MAX_CORNERS {
+            let message = format!("it has more than {MAX_TRIANGLES} triangles or {MAX_CORNERS} corners");
+            return Err(Problem::new(message).hint("make its meshes coarser (Blender: the Decimate modifier)"));
+        }
+        Ok(())
+    }
+
+    fn attributes(&self, primitive: &Primitive, look: &Look, of: &str) -> Result<Attributes, Problem> {
+        let accessors = &self.accessors;
+        let wrap = |p: Problem| Problem { message: format!("{of}: {}", p.message), ..p };
+        let positions = accessors.vectors::<3>(position(primitive)?, 3, 0.0, false).map_err(wrap)?;
+        let normals = attribute(primitive, Semantic::Normals).map(|i| accessors.vectors::<3>(i, 3, 0.0, false));
+        let set = look.picture.as_ref().map(|picture| Semantic::TexCoords(picture.set));
+        let uv = set.and_then(|set| attribute(primitive, set)).map(|i| accessors.vectors::<2>(i, 2, 0.0, true));
+        let coloured = look.by_corner.then(|| attribute(primitive, Semantic::Colors(0))).flatten();
+        let colours = coloured.map(|i| accessors.vectors::<4>(i, 3, 1.0, true));
+        // Attributes with another number of corners than the positions are left out, as if they were not there.
+        let count = positions.len();
+        Ok(Attributes {
+            positions,
+            normals: normals.transpose().map_err(wrap)?.filter(|list| list.len() == count),
+            uv: uv.transpose().map_err(wrap)?.filter(|list| list.len() == count),
+            colours: colours.transpose().map_err(wrap)?.filter(|list| list.len() == count),
+        })
+    }
+}
+
+fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<Index<Accessor>> {
+    primitive.attributes.get(&Checked::Valid(semantic)).copied()
+}
+
+fn position(primitive: &Primitive) -> Result<Index<Accessor>, Problem> {
+    attribute(primitive, Semantic::Positions).ok_or_else(|| Problem::new("a mesh has no positions"))
+}
+
+/// The triangles of a list, a strip or a fan, as its order means them.
+fn triangles(corners: &[u32], mode: Mode) -> Vec<[u32; 3]> {
+    match mode {
+        Mode::TriangleStrip => {
+            let turned = |(i, w): (usize, &[u32])| if i.is_multiple_of(2) { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
+            corners.windows(3).enumerate().map(turned).collect()
+        }
+        Mode::TriangleFan => corners.windows(2).skip(1).map(|w| [w[0], w[1], corners[0]]).collect(),
+        _ => corners.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect(),
+    }
+}
+
+fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look: &Look, of: &str) -> Result<Drawn, Problem> {
+    let positions: Vec<Vec3> = from.positions.iter().map(|&p| point(&placed.to_world, p)).collect();
+    let turn = DMat3::from_mat4(placed.to_world);
+    if turn.determinant() < 0.0 {
+        // A mirrored mesh shows its back.
+        triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    }
+    for &i in triangles.iter().flatten() {
+        let p = positions[i as usize];
+        if !p.is_finite() {
+            return Err(Problem::new(format!("{of} has a corner that is no finite point")).hint("export the file again"));
+        }
+        if p.abs().max_element() > FARTHEST {
+            let message =
+                format!("{of} reaches {:.0} m from the origin, at most {FARTHEST} m can be flown in", p.abs().max_element());
+            let hint =
+                "move the model to the origin, or scale it down: `spf_scale` of its scene, or `scale` of a scene file's [gltf]";
+            return Err(Problem::new(message).hint(hint));
+        }
+    }
+    triangles.retain(|t| cross(t.map(|i| positions[i as usize])).length() > SMALLEST);
+    let given = from.normals.as_ref().map(|normals| {
+        let upright = normal_matrix(turn);
+        normals.iter().map(|&n| (upright * DVec3::from(n.map(f64::from))).as_vec3().normalize_or_zero()).collect::<Vec<_>>()
+    });
+    let computed = if given.is_none() { smooth(&positions, &triangles) } else { Vec::new() };
+    let mut weld = Weld::new(positions.len());
+    let mut drawn = Vec::with_capacity(triangles.len());
+    for (t, corners) in triangles.iter().enumerate() {
+        let flat = cross(corners.map(|i| positions[i as usize])).normalize_or_zero();
+        let normals = match &given {
+            Some(given) => facing(corners.map(|i| given[i as usize]), flat),
+            None => computed[t],
+        };
+        let own = from.colours.as_ref().map(|colours| shade_of(corners.map(|i| colours[i as usize])));
+        let corner = |k: usize| {
+            let i = corners[k];
+            let position = positions[i as usize];
+            let uv = match (own, &look.picture, &from.uv) {
+                (Some(shade), _, _) => shade,
+                (None, Some(picture), Some(uv)) => picture.at(uv[i as usize]),
+                // What no picture covers has metres, slanted so that no upright or level plane is seen edge-on.
+                _ => Vec2::new(position.x + 0.31 * position.z, position.y + 0.47 * position.z),
+            };
+            (i, Vertex { position, normal: normals[k], uv })
+        };
+        drawn.push([0, 1, 2].map(|k| weld.corner(corner(k))));
+    }
+    Ok(Drawn { vertices: weld.vertices, triangles: drawn })
+}
+
+/// Turns normals as the surface turns, also where a scale is not the same in all directions.
+fn normal_matrix(turn: DMat3) -> DMat3 {
+    let [x, y, z] = [turn.x_axis, turn.y_axis, turn.z_axis];
+    let sign = if turn.determinant() < 0.0 { -1.0 } else { 1.0 };
+    DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * sign
+}
+
+/// Normals of a triangle's corners as given; the triangle's own where they are none or look away from it.
+fn facing(given: [Vec3; 3], flat: Vec3) -> [Vec3; 3] {
+    given.map(|n| if n.dot(flat) > 0.05 { n } else { flat })
+}
+
+/// Joins corners that agree in everything.
+struct Weld {
+    vertices: Vec<Vertex>,
+    /// For each corner of the file the last that was made of it, plus one.
+    last: Vec<u32>,
+    /// For each made corner the one made before it of the same, plus one.
+    before: Vec<u32>,
+}
+
+impl Weld {
+    /// How many variants of a corner are looked through.
+    const TRIES: usize = 24;
+
+    fn new(count: usize) -> Self {
+        Self { vertices: Vec::new(), last: vec![0; count], before: Vec::new() }
+    }
+
+    fn corner(&mut self, (source, vertex): (u32, Vertex)) -> u32 {
+        let mut at = self.last[source as usize];
+        for _ in 0..Self::TRIES {
+            let Some(made) = at.checked_sub(1) else { break };
+            if self.vertices[made as usize] == vertex {
+                return made;
+            }
+            at = self.before[made as usize];
+        }
+        self.before.push(self.last[source as usize]);
+        self.vertices.push(vertex);
+        self.last[source as usize] = self.vertices.len() as u32;
+        self.vertices.len() as u32 - 1
+    }
+}
+
+/// Area of some triangles, square metres, by the word for the colour that they have.
+pub(super) fn add_areas(areas: &mut BTreeMap<&'static str, f32>, drawn: &Drawn, word: impl Fn(&Vertex) -> &'static str) {
+    for triangle in &drawn.triangles {
+        let corners = triangle.map(|i| drawn.vertices[i as usize]);
+        *areas.entry(word(&corners[0])).or_default() += 0.5 * cross(corners.map(|c| c.position)).length();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_and_fans_keep_their_side() {
+        assert_eq!(triangles(&[0, 1, 2, 3, 4], Mode::TriangleStrip), [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
+        assert_eq!(triangles(&[0, 1, 2, 3], Mode::TriangleFan), [[1, 2, 0], [2, 3, 0]]);
+        assert_eq!(triangles(&[0, 1, 2, 3], Mode::Triangles), [[0, 1, 2]]);
+        assert!(triangles(&[], Mode::TriangleFan).is_empty() && triangles(&[1, 2], Mode::TriangleStrip).is_empty());
+    }
+
+    #[test]
+    fn normals_follow_an_uneven_scale() {
+        // A slope of 45 degrees stretched to twice its width: its normal stands up.
+        let turn = DMat3::from_diagonal(DVec3::new(2.0, 1.0, 1.0));
+        let normal = (normal_matrix(turn) * DVec3::new(1.0, 0.0, 1.0)).normalize();
+        assert!((normal - DVec3::new(1.0, 0.0, 2.0).normalize()).length() < 1e-12);
+    }
+}

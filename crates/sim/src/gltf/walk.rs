@@ -1,0 +1,210 @@
+//! Nodes of a file: where each mesh stands, and which object it is part of.
+
+use std::collections::BTreeSet;
+
+use glam::{DMat4, DQuat, DVec3, Vec3};
+use gltf::json::{Index, Root, scene::Node};
+use spf_core::geometry::EnuPosition;
+
+use super::UpAxis;
+use super::problem::{Problem, missing, short};
+use super::spec::{self, NodeSpec};
+
+/// Most nodes of a file.
+const MAX_NODES: usize = 50_000;
+/// Most nodes above one another.
+const MAX_DEPTH: usize = 200;
+
+/// A mesh at its place.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    /// Index of the mesh.
+    pub(super) mesh: usize,
+    /// Index into [`Walked::owners`].
+    pub(super) owner: usize,
+    pub(super) to_world: DMat4,
+    pub(super) solid: bool,
+}
+
+/// A node that becomes an object.
+#[derive(Clone, Debug)]
+pub(super) struct Owner {
+    /// Its name, or its mesh's; may be empty.
+    pub(super) name: String,
+    pub(super) spec: NodeSpec,
+    /// The object above it, for openings.
+    pub(super) above: Option<usize>,
+}
+
+impl Owner {
+    pub(super) fn is_opening(&self) -> bool {
+        self.spec.opening.is_some_and(|o| o.0)
+    }
+}
+
+/// A place to start from, found among the nodes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Viewpoint {
+    pub(super) position: EnuPosition,
+    /// Radians clockwise from north.
+    pub(super) heading: f64,
+}
+
+/// What stands in a file's scene.
+#[derive(Debug, Default)]
+pub(super) struct Walked {
+    pub(super) placed: Vec<Placed>,
+    pub(super) owners: Vec<Owner>,
+    /// The node called `spf_start`, else the first camera.
+    pub(super) start: Option<Viewpoint>,
+}
+
+/// From the file's axes to the world's: y up with −z north, or z up with y north.
+pub(super) fn axes(up: UpAxis, scale: f64) -> DMat4 {
+    let [x, y, z] = match up {
+        UpAxis::Y => [DVec3::X, DVec3::Z, DVec3::NEG_Y],
+        UpAxis::Z => [DVec3::X, DVec3::Y, DVec3::Z],
+    };
+    DMat4::from_cols((x * scale).extend(0.0), (y * scale).extend(0.0), (z * scale).extend(0.0), DVec3::ZERO.extend(1.0))
+}
+
+struct Visit {
+    node: usize,
+    above: DMat4,
+    /// The tagged node that owns what is not tagged itself.
+    tagged: Option<usize>,
+    /// The object next above, tagged or not.
+    object: Option<usize>,
+    solid: bool,
+    depth: usize,
+}
+
+/// Walks the file's scene.
+pub(super) fn walk(root: &Root, axes: DMat4, scene: usize) -> Result<Walked, Problem> {
+    let mut walk = Walk { root, out: Walked::default(), seen: BTreeSet::new(), camera: None };
+    let tops: Vec<usize> = match root.scenes.get(scene) {
+        Some(scene) => scene.nodes.iter().map(Index::value).collect(),
+        None => tops(root),
+    };
+    let visit = |node| Visit { node, above: axes, tagged: None, object: None, solid: true, depth: 0 };
+    // The last is visited first, so that ids follow the file's order.
+    let mut stack: Vec<Visit> = tops.into_iter().rev().map(visit).collect();
+    while let Some(next) = stack.pop() {
+        walk.visit(next, &mut stack)?;
+    }
+    walk.out.start = walk.out.start.or(walk.camera);
+    Ok(walk.out)
+}
+
+/// Nodes that are nobody's child: what a file without scenes shows.
+fn tops(root: &Root) -> Vec<usize> {
+    let children: BTreeSet<usize> = root.nodes.iter().filter_map(|n| n.children.as_ref()).flatten().map(Index::value).collect();
+    (0..root.nodes.len()).filter(|node| !children.contains(node)).collect()
+}
+
+struct Walk<'a> {
+    root: &'a Root,
+    out: Walked,
+    seen: BTreeSet<usize>,
+    camera: Option<Viewpoint>,
+}
+
+impl Walk<'_> {
+    fn visit(&mut self, visit: Visit, stack: &mut Vec<Visit>) -> Result<(), Problem> {
+        let node = self.root.nodes.get(visit.node).ok_or_else(|| missing("node", visit.node))?;
+        if !self.seen.insert(visit.node) {
+            let message = format!("node {} is below itself or below two nodes", visit.node);
+            return Err(Problem::new(message).hint("nodes form a tree; export the file again"));
+        }
+        if self.seen.len() > MAX_NODES || visit.depth > MAX_DEPTH {
+            let message = format!("it has more than {MAX_NODES} nodes, or more than {MAX_DEPTH} above one another");
+            return Err(Problem::new(message).hint("join meshes"));
+        }
+        let name = node.name.clone().unwrap_or_default();
+        let spec = self.spec(node, &name, visit.node)?;
+        if spec.as_ref().and_then(|s| s.ignore).is_some_and(|ignore| ignore.0) {
+            return Ok(());
+        }
+        let to_world = visit.above * local(node);
+        if is_start(&name) {
+            self.out.start = self.out.start.or(viewpoint(to_world));
+        } else if node.camera.is_some() {
+            self.camera = self.camera.or(viewpoint(to_world));
+        }
+        let solid = visit.solid && spec.as_ref().and_then(|s| s.solid).is_none_or(|solid| solid.0);
+        let (mut tagged, mut object) = (visit.tagged, visit.object);
+        if let Some(spec) = spec {
+            tagged = Some(self.own(self.name_of(node, name.clone()), spec, visit.object));
+            object = tagged;
+        }
+        if let Some(mesh) = node.mesh {
+            let owner = match tagged {
+                Some(owner) => owner,
+                None => self.own(self.name_of(node, name), NodeSpec::default(), visit.object),
+            };
+            object = Some(owner);
+            self.out.placed.push(Placed { mesh: mesh.value(), owner, to_world, solid });
+        }
+        let below = node.children.iter().flatten().rev();
+        let depth = visit.depth + 1;
+        stack.extend(below.map(|child| Visit { node: child.value(), above: to_world, tagged, object, solid, depth }));
+        Ok(())
+    }
+
+    fn own(&mut self, name: String, spec: NodeSpec, above: Option<usize>) -> usize {
+        self.out.owners.push(Owner { name, spec, above });
+        self.out.owners.len() - 1
+    }
+
+    fn name_of(&self, node: &Node, name: String) -> String {
+        let of_mesh = || node.mesh.and_then(|m| self.root.meshes.get(m.value())).and_then(|m| m.name.clone());
+        if name.is_empty() { of_mesh().unwrap_or_default() } else { name }
+    }
+
+    /// The extras of a node over those of its mesh.
+    fn spec(&self, node: &Node, name: &str, index: usize) -> Result<Option<NodeSpec>, Problem> {
+        let mesh = node.mesh.and_then(|m| self.root.meshes.get(m.value()));
+        let below = mesh.map_or(Ok(None), |mesh| spec::ours(&mesh.extras))?;
+        let own = spec::ours(&node.extras)?;
+        let Some(mut all) = below.or_else(|| own.as_ref().map(|_| serde_json::Map::new())) else { return Ok(None) };
+        all.extend(own.unwrap_or_default());
+        spec::read(all, &format!("node {index} `{}`", short(name))).map(Some)
+    }
+}
+
+/// `spf_start`, however the program writes or numbers it.
+fn is_start(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    name.strip_prefix("spf_start").is_some_and(|rest| rest.bytes().all(|b| b == b'.' || b == b'_' || b.is_ascii_digit()))
+}
+
+/// A node's place above its children.
+fn local(node: &Node) -> DMat4 {
+    if let Some(m) = node.matrix {
+        return DMat4::from_cols_array(&m.map(f64::from));
+    }
+    let wide = |v: [f32; 3]| DVec3::from(v.map(f64::from));
+    let [x, y, z, w] = node.rotation.unwrap_or_default().0.map(f64::from);
+    let turn = DQuat::from_xyzw(x, y, z, w);
+    // Exporters round; a turn of no length is none.
+    let turn = if turn.length_squared() > 1e-12 { turn.normalize() } else { DQuat::IDENTITY };
+    let (scale, moved) = (wide(node.scale.unwrap_or([1.0; 3])), wide(node.translation.unwrap_or_default()));
+    DMat4::from_scale_rotation_translation(scale, turn, moved)
+}
+
+/// Where a node is and looks: along its own −z, as cameras do, which is forward of an empty of Blender.
+fn viewpoint(to_world: DMat4) -> Option<Viewpoint> {
+    let at = to_world.w_axis.truncate();
+    let ahead = to_world.transform_vector3(DVec3::NEG_Z);
+    // Looking straight down, the picture's top says where ahead is.
+    let level = |v: DVec3| (v.x * v.x + v.y * v.y > 1e-6 * v.length_squared()).then_some(v);
+    let ahead = level(ahead).or_else(|| level(to_world.transform_vector3(DVec3::Y)));
+    let heading = ahead.map_or(0.0, |v| libm::atan2(v.x, v.y));
+    let usable = at.is_finite() && heading.is_finite();
+    usable.then_some(Viewpoint { position: EnuPosition { east: at.x, north: at.y, up: at.z }, heading })
+}
+
+/// A point of the file in the world.
+pub(super) fn point(to_world: &DMat4, p: [f32; 3]) -> Vec3 {
+    to_world.transform_point3(DVec3::from(p.map(f64::from))).as_vec3()
+}
