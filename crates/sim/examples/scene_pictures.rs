@@ -1,6 +1,6 @@
 //! Pictures of a scene from given viewpoints, each with a list of the objects that fill more than 1 % of it.
 //!
-//! `cargo run -p spf-sim --example scene_pictures -- city OUT_FOLDER [east,north,up,heading_deg[,pitch_deg] …]`
+//! `cargo run -p spf-sim --example scene_pictures -- city[:LIGHT[:WEATHER]] OUT_FOLDER [east,north,up,heading_deg[,pitch_deg] …]`
 //! Without poses: five views of the city. The list goes into `N.txt` beside `N.png`.
 
 use std::fmt::Write as _;
@@ -9,14 +9,19 @@ use std::path::Path;
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_sim::render::{Channels, Renderer};
-use spf_sim::scene::Scene;
+use spf_sim::scene::{Conditions, Lighting, Scene, Weather};
 
 const VIEWS: [&str; 5] = ["0,0,3,0", "-6,6,8,300", "12,-14,7,62", "-28,4,9,318,-2", "48,-12,24,338,-10"];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let usage = "give a scene and a folder";
-    let scene = Scene::load(&arguments.next().ok_or(usage)?)?;
+    let scene = arguments.next().ok_or(usage)?;
+    let mut words = scene.split(':');
+    let name = words.next().ok_or(usage)?;
+    let lighting = words.next().map(|light| Lighting::from_name(light).ok_or("no such light")).transpose()?;
+    let weather = words.next().map(|weather| Weather::from_name(weather).ok_or("no such weather")).transpose()?;
+    let scene = Scene::load_with(name, &Conditions { lighting, weather })?;
     let folder = arguments.next().ok_or(usage)?;
     std::fs::create_dir_all(&folder)?;
     let given: Vec<String> = arguments.collect();

@@ -143,6 +143,8 @@ pub struct Light {
     pub clouds: f32,
     /// Falling rain, 0 none to 1 heavy.
     pub rain: f32,
+    /// Whether there are places so dark that things in them are hard to make out.
+    pub dark_places: bool,
     /// What the film's exposure multiplies light by; none: chosen by the light there is.
     pub exposure: Option<f32>,
     /// The lamps that shine.
@@ -162,6 +164,7 @@ impl Default for Light {
             haze: 0.0015,
             clouds: 0.5,
             rain: 0.0,
+            dark_places: false,
             exposure: None,
             lamps: Vec::new(),
         }

@@ -41,6 +41,7 @@ impl OracleVlm {
             let channels = Channels { depth: true, ids: true, openings: true, ..Channels::default() };
             self.world.look_into(&moment, channels, &mut self.sight);
             let in_frame = self.world.in_frame(&moment, &mut self.wide);
+            let light = self.world.light_on(&moment, &self.sight);
             let picture = &self.sight;
             let sight = Sight {
                 width: picture.width as usize,
@@ -51,7 +52,7 @@ impl OracleVlm {
                 opening_depth: picture.opening_depth.as_deref().unwrap_or_default(),
                 camera: self.world.camera(),
                 in_frame: &in_frame,
-                light: &Default::default(),
+                light: &light,
             };
             let percept = self.oracle.percept(frame, &sight, &self.world.stage().tags);
             self.percept = Some((frame, percept));

@@ -111,6 +111,14 @@ impl SimWorld {
         self.stage.render_into(&self.camera, moment, channels, picture);
     }
 
+    /// Light on each thing of a picture with ids and depth of a moment, as in [`Renderer::light_on`].
+    ///
+    /// [`Renderer::light_on`]: spf_sim::render::Renderer::light_on
+    #[must_use]
+    pub fn light_on(&self, moment: &Moment, picture: &Picture) -> BTreeMap<u16, f32> {
+        self.stage.renderer.light_on(&self.camera, &moment.pose, picture)
+    }
+
     /// Share of each object's silhouette that lies inside the frame, counted in a wider and coarser view; openings by their own.
     /// The view is drawn into `picture`.
     #[must_use]

@@ -1,28 +1,32 @@
-//! How open to the sky a place is: a coarse grid over the scene, from heights alone, so that streets, corners, tunnels and the
-//! insides of trees are darker than open ground.
+//! How open to the sky a place is: a grid over the scene, from the directions of the sky that are seen there, so that streets,
+//! corners, tunnels, rooms and the insides of trees are darker than open ground, and rooms are light about their windows.
 
 use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::lanes::{F, I, LANES, Simd, U, V3, whole};
-use super::noise::floor;
 use super::prepare::Soup;
+use super::visibility::{self, Map, centres};
 
 /// Cells along the longer side, at most, and layers.
 const CELLS: usize = 192;
 const LAYERS: usize = 24;
 /// Least side of a cell, metres.
-const FINEST: f32 = 1.5;
-/// Heights are kept this much finer than cells.
-const FINER: usize = 2;
+const FINEST: f32 = 0.4;
+/// Openness of a place that sees no sky: light gets about corners.
+const CLOSED: f32 = 0.09;
+/// Directions of the sky that are looked towards.
+const DIRECTIONS: usize = 36;
+/// Points that are looked from together.
+const NEIGHBOURS: usize = 8192;
+/// Points below the ground are looked from this far above it, metres.
+const ABOVE: f32 = 0.3;
 
 /// Openness, 0 (closed in) to 1 (open), on a grid.
 #[derive(Debug)]
 pub(crate) struct Ambient {
     low: Vec3,
-    cell: f32,
-    layer: f32,
     /// Cells a metre.
     cells: Vec3,
     columns: usize,
@@ -38,90 +42,56 @@ impl Ambient {
             (low, high) = (low.min(cluster.low), high.max(cluster.high));
         }
         if low.x > high.x {
-            return Self { low: Vec3::ZERO, cell: 1.0, layer: 1.0, cells: Vec3::ONE, columns: 0, rows: 0, corners: Vec::new() };
+            return Self { low: Vec3::ZERO, cells: Vec3::ONE, columns: 0, rows: 0, corners: Vec::new() };
         }
-        low -= Vec3::new(6.0, 6.0, 0.5);
-        high += Vec3::new(6.0, 6.0, 3.0);
+        let rim = (0.25 * (high - low).truncate().max_element()).clamp(1.0, 6.0);
+        low -= Vec3::new(rim, rim, 0.5);
+        high += Vec3::new(rim, rim, 3.0);
         let size = high - low;
         let cell = (size.x.max(size.y) / CELLS as f32).max(FINEST);
         let (columns, rows) = ((size.x / cell) as usize + 2, (size.y / cell) as usize + 2);
         let layer = size.z.min(60.0) / (LAYERS - 1) as f32;
-        let cells = Vec3::ONE / Vec3::new(cell, cell, layer);
-        let mut grid = Self { low, cell, layer, cells, columns, rows, corners: Vec::new() };
-        let heights = grid.heights(soup);
-        let open: Vec<u8> =
-            (0..LAYERS * rows).into_par_iter().flat_map_iter(|line| grid.line(&heights, line % rows, line / rows)).collect();
+        let step = Vec3::new(cell, cell, layer);
+        let grid = Self { low, cells: Vec3::ONE / step, columns, rows, corners: Vec::new() };
+        let ground = grid.ground(soup, cell);
+        let points: Vec<Vec3> = (0..LAYERS * rows * columns)
+            .map(|i| {
+                let (column, row, up) = (i % columns, i / columns % rows, i / (columns * rows));
+                let p = low + Vec3::new(column as f32, row as f32, up as f32) * step;
+                // What lies under the ground stands for the air above it, which pixels on the ground read.
+                Vec3::new(p.x, p.y, p.z.max(ground[row * columns + column] + ABOVE))
+            })
+            .collect();
+        let open = openness(soup, &points, (low, high), 0.75 * cell);
         let at = |i: usize| u32::from(open.get(i).copied().unwrap_or(u8::MAX));
         let four = |i: usize| at(i) | at(i + 1) << 8 | at(i + columns) << 16 | at(i + columns + 1) << 24;
-        grid.corners = (0..open.len()).map(|i| [four(i), four(i + columns * rows)]).collect();
-        grid
+        Self { corners: (0..open.len()).map(|i| [four(i), four(i + columns * rows)]).collect(), ..grid }
     }
 
-    /// The highest surface over each fine cell.
-    fn heights(&self, soup: &Soup) -> Vec<f32> {
-        let (width, height) = (self.columns * FINER, self.rows * FINER);
-        let fine = self.cell / FINER as f32;
-        let mut heights = vec![self.low.z; width * height];
+    /// The lowest surface that looks upwards at each column of points; far below where there is none.
+    fn ground(&self, soup: &Soup, cell: f32) -> Vec<f32> {
+        let mut ground = vec![f32::INFINITY; self.columns * self.rows];
         for cluster in soup.clusters.iter().filter(|c| !c.opening) {
             for i in cluster.triangles.0..cluster.triangles.1 {
-                let corners = soup.corners[i as usize].map(|k| soup.positions[cluster.positions.0 as usize + usize::from(k)]);
-                let [a, b, c] = corners.map(|p| (p - self.low) / fine);
-                let (least, most) = (a.min(b).min(c), a.max(b).max(c));
                 let t = &soup.triangles[i as usize];
-                if t.normal.z.abs() < 0.05 {
+                if t.normal.z < 0.3 {
                     continue;
                 }
-                let clamp = |x: f32, end: usize| floor(x.clamp(-1.0, end as f32)).clamp(0, end as i32 - 1) as usize;
-                for y in clamp(least.y, height)..=clamp(most.y, height) {
-                    for x in clamp(least.x, width)..=clamp(most.x, width) {
-                        let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
-                        let side = |p: Vec3, q: Vec3| (q.x - p.x) * (py - p.y) - (q.y - p.y) * (px - p.x);
-                        let (u, v, w) = (side(a, b), side(b, c), side(c, a));
-                        if (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0) {
-                            let at = self.low + Vec3::new(px, py, 0.0) * fine;
-                            let z = (t.offset - t.normal.x * at.x - t.normal.y * at.y) / t.normal.z;
-                            let slot = &mut heights[y * width + x];
-                            *slot = slot.max(z.min(least.z.max(most.z) * fine + self.low.z));
-                        }
-                    }
-                }
+                let corners = soup.corners[i as usize].map(|k| {
+                    let p = soup.positions[cluster.positions.0 as usize + usize::from(k)];
+                    // Points lie at whole numbers, centres of cells half a one farther.
+                    (p - self.low) / cell + 0.5
+                });
+                centres(corners, (self.columns, self.rows), |x, y| {
+                    let at = self.low + Vec3::new(x as f32, y as f32, 0.0) * cell;
+                    let z = (t.offset - t.normal.x * at.x - t.normal.y * at.y) / t.normal.z;
+                    let slot = &mut ground[y * self.columns + x];
+                    *slot = slot.min(z);
+                });
             }
         }
-        heights
-    }
-
-    /// Openness along one line of one layer: how much of the sky's half sphere stands above the horizon of heights around.
-    fn line(&self, heights: &[f32], row: usize, layer: usize) -> Vec<u8> {
-        use core::f32::consts::FRAC_1_SQRT_2 as H;
-        /// Eight ways round, as steps.
-        const WAYS: [(f32, f32); 8] = [(1.0, 0.0), (H, H), (0.0, 1.0), (-H, H), (-1.0, 0.0), (-H, -H), (0.0, -1.0), (H, -H)];
-        let (width, height) = (self.columns * FINER, self.rows * FINER);
-        let fine = self.cell / FINER as f32;
-        let z = self.low.z + layer as f32 * self.layer;
-        let look = |x: f32, y: f32| {
-            let (x, y) = (x as usize, y as usize);
-            heights[y.min(height - 1) * width + x.min(width - 1)]
-        };
-        (0..self.columns)
-            .map(|column| {
-                let (x, y) = ((column * FINER) as f32, (row * FINER) as f32);
-                let mut open = 0.0;
-                for (dx, dy) in WAYS {
-                    let mut steepest = 0.0f32;
-                    let mut step = 1.0f32;
-                    while step < 24.0 {
-                        let rise = look((x + dx * step).max(0.0), (y + dy * step).max(0.0)) - z;
-                        steepest = steepest.max(rise / (step * fine));
-                        step *= 1.5;
-                    }
-                    // The share of a cosine-weighted sky above an elevation with this tangent.
-                    open += 1.0 / (1.0 + steepest * steepest);
-                }
-                let roof = look(x, y) - z;
-                let under = 1.0 - 0.55 * (roof * 0.4).clamp(0.0, 1.0);
-                (open / 8.0 * under * 255.0) as u8
-            })
-            .collect()
+        ground.iter_mut().filter(|z| z.is_infinite()).for_each(|z| *z = f32::MIN);
+        ground
     }
 
     /// Openness at `p`: 1 outside of the grid, never quite 0.
@@ -147,7 +117,7 @@ impl Ambient {
         let share = [x - x0, y - y0];
         let (low, high) = (plane(simd, corners.map(|c| c[0]), share), plane(simd, corners.map(|c| c[1]), share));
         let fz = z - z0;
-        inside.select((low + (high - low) * fz) * (0.82 / 255.0) + 0.18, F::splat(simd, 1.0))
+        inside.select((low + (high - low) * fz) * ((1.0 - CLOSED) / 255.0) + CLOSED, F::splat(simd, 1.0))
     }
 }
 
@@ -162,4 +132,19 @@ fn plane<S: Simd>(simd: S, corners: [u32; LANES], [fx, fy]: [F<S>; 2]) -> F<S> {
     let [a, b, c, d]: [F<S>; 4] = [a.to_float(), b.to_float(), c.to_float(), d.to_float()];
     let (near, far) = (a + (b - a) * fx, c + (d - c) * fx);
     near + (far - near) * fy
+}
+
+/// The share of the sky that each point sees, in steps of 1/255.
+fn openness(soup: &Soup, points: &[Vec3], bounds: (Vec3, Vec3), texel: f32) -> Vec<u8> {
+    let maps: Vec<Map> = visibility::sky(DIRECTIONS).into_par_iter().map(|to| Map::new(soup, to, bounds, texel)).collect();
+    let share = 255.0 / DIRECTIONS as f32;
+    // A map after the other for neighbouring points: they read the same part of it.
+    let near = |points: &[Vec3]| {
+        let mut seen = vec![0u8; points.len()];
+        for map in &maps {
+            seen.iter_mut().zip(points).for_each(|(seen, &p)| *seen += u8::from(map.sees(p)));
+        }
+        seen.into_iter().map(|seen| (f32::from(seen) * share + 0.5) as u8).collect::<Vec<u8>>()
+    };
+    points.par_chunks(NEIGHBOURS).flat_map_iter(near).collect()
 }

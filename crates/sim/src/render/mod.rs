@@ -5,15 +5,19 @@
 //! multiplication, division and square root, without fused operations, and integers for edges; the rest are tables from `libm`.
 
 mod ambient;
+mod contact;
 mod develop;
 mod edge;
 mod facet;
+mod lamps;
 mod lanes;
+mod meter;
 mod noise;
 mod packet;
 mod pattern;
 mod picture;
 mod prepare;
+mod rain;
 mod raster;
 mod setup;
 mod shade;
@@ -22,7 +26,10 @@ mod sky;
 mod texture;
 mod tile;
 mod view;
+mod visibility;
+mod walls;
 
+use std::collections::BTreeSet;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use rayon::prelude::*;
@@ -32,8 +39,10 @@ use spf_core::geometry::Pose;
 use crate::geometry::{Light, Material, Part, Pattern, SceneGeometry};
 use crate::texture::Texture;
 use ambient::Ambient;
+use contact::Contact;
 use develop::{Developed, Srgb};
 use glam::Vec3;
+use lamps::LampLight;
 use lanes::{Instructions, with_instructions};
 use noise::Noise;
 use pattern::Paint;
@@ -92,6 +101,10 @@ struct Palette {
     /// Of each material those for upright and for lying surfaces; then one for surfaces without a material.
     paints: Vec<Paint>,
     ambient: Ambient,
+    lamps: LampLight,
+    contact: Contact,
+    /// Things that give off light.
+    glowing: BTreeSet<u16>,
     shadows: ShadowMap,
     srgb: Srgb,
     /// From light on the film to bytes at once.
@@ -228,6 +241,9 @@ impl Renderer {
                 work.shade(&shader, bins, &samples, index, rgb);
             });
             picture.take_rgb(&scratch.rgb, columns);
+            if let Some(rgb) = picture.rgb.as_mut().filter(|_| self.light.rain > 0.0) {
+                rain::fall(rgb, view, palette, palette.exposure(view.eye), |x, y| samples.near_at(x, y));
+            }
         }
     }
 
@@ -239,6 +255,9 @@ impl Renderer {
             noise: Noise::new(),
             paints: self.materials.iter().flat_map(Paint::both).chain([black]).collect(),
             ambient: Ambient::new(&self.soup),
+            lamps: LampLight::new(&self.soup, &self.light.lamps),
+            contact: Contact::new(&self.soup),
+            glowing: self.glowing(),
             shadows: ShadowMap::new(&self.soup, &self.light),
             srgb: Srgb::new(),
             developed: Developed::new(),

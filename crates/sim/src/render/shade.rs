@@ -4,6 +4,7 @@ use fearless_simd::prelude::*;
 use glam::Vec3;
 
 use super::Palette;
+use super::contact::Contact;
 use super::facet::{Curve, Facet};
 use super::lanes::{F, Instructions, LANES, Simd, V3, clamp};
 use super::pattern::{Paint, Spot, Surface};
@@ -13,6 +14,11 @@ use super::texture;
 use super::view::View;
 use crate::geometry::Pattern;
 use crate::texture::Texture;
+
+/// Share of a mirror that level ground is in heavy rain.
+const WET: f32 = 0.75;
+/// Moving things farther away than this darken no ground, metres.
+const STANDING: f32 = 80.0;
 
 /// Shades pixels of one picture.
 pub(crate) struct Shader<'a> {
@@ -24,6 +30,10 @@ pub(crate) struct Shader<'a> {
     pub(super) view: &'a View,
     pub(super) instructions: Instructions,
     pub(super) smooth_edges: bool,
+    /// What light is multiplied by on the film.
+    exposure: f32,
+    /// Where this picture's own things stand.
+    standing: Contact,
     /// Steps of the ray for a pixel right and a pixel down.
     right: Vec3,
     down: Vec3,
@@ -65,7 +75,21 @@ impl<'a> Shader<'a> {
         smooth_edges: bool,
     ) -> Self {
         let (right, down) = (view.right / view.fx, view.down / view.fy);
-        Self { soup: soups[0], actors: soups[1], palette, textures, view, instructions, smooth_edges, right, down }
+        let exposure = palette.exposure(view.eye);
+        let standing = Contact::about(soups[1], view.eye, STANDING);
+        Self {
+            soup: soups[0],
+            actors: soups[1],
+            palette,
+            textures,
+            view,
+            instructions,
+            smooth_edges,
+            exposure,
+            standing,
+            right,
+            down,
+        }
     }
 
     fn triangle(&self, id: u32) -> (&Soup, &Triangle) {
@@ -165,7 +189,7 @@ impl<'a> Shader<'a> {
     pub(crate) fn sky<S: Simd>(&self, simd: S, place: &Place) -> V3<F<S>> {
         let sky = &self.palette.sky;
         let seen = sky.seen(self.rays(simd, place).to, &self.palette.noise, 1.0 / self.view.fx);
-        seen * F::splat(simd, sky.exposure)
+        seen * F::splat(simd, self.exposure)
     }
 
     /// Light on the film from triangles of one paint at eight pixels.
@@ -178,7 +202,18 @@ impl<'a> Shader<'a> {
         let paint = &self.palette.paints[shapes[0].paint as usize];
         let lit = self.surface(&facet, curve.as_ref(), paint, &rays, z);
         let sky = &self.palette.sky;
-        sky.hazed(lit, rays.to, z * rays.length) * F::splat(simd, sky.exposure)
+        sky.hazed(lit, rays.to, z * rays.length) * F::splat(simd, self.exposure)
+    }
+
+    /// Light on surfaces but for the sun's: of sky and ground (`ambient`), of lamps, less where something stands on them.
+    #[inline(always)]
+    fn even<S: Simd>(&self, p: V3<F<S>>, flat: V3<F<S>>, normal: V3<F<S>>, ambient: V3<F<S>>) -> V3<F<S>> {
+        let light = ambient + self.palette.lamps.on(p, flat, normal);
+        let level = flat.z.simd_gt(0.5);
+        if level.all_false() {
+            return light;
+        }
+        light * (1.0 - self.palette.contact.dark(p, level).max(self.standing.dark(p, level)))
     }
 
     /// Light from surfaces at depth `z`.
@@ -226,9 +261,14 @@ impl<'a> Shader<'a> {
         };
         let sky = &self.palette.sky;
         let open = self.palette.ambient.open(p + facet.flat * F::splat(simd, 0.6));
-        let mut colour = surface.albedo.times(V3::along(sky.light.sun, sun) + ambient * open);
+        let even = self.even(p, facet.flat, normal, ambient * open);
+        let mut colour = surface.albedo.times(V3::along(sky.light.sun, sun) + even);
         if paint.emission != Vec3::ZERO {
             colour = colour + V3::along(paint.emission, surface.glow.unwrap_or(F::splat(simd, 1.0)));
+        }
+        let wet = sky.light.rain * WET;
+        if wet > 0.0 && surface.mirror.is_none() {
+            surface.mirror = Some(clamp((facet.flat.z - 0.9) * 20.0, 0.0, 1.0) * clamp((open - 0.45) * 4.0, 0.0, 1.0) * wet);
         }
         if let Some(mirror) = surface.mirror
             && mirror.simd_gt(0.0).any_true()

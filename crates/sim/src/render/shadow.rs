@@ -53,6 +53,15 @@ pub(crate) struct Receiver<T> {
     pub(crate) margin: T,
 }
 
+impl Receiver<f32> {
+    /// The same for eight pixels.
+    #[inline(always)]
+    pub(crate) fn splat<S: Simd>(&self, simd: S) -> Receiver<F<S>> {
+        let v3 = |v: V3<f32>| V3 { x: F::splat(simd, v.x), y: F::splat(simd, v.y), z: F::splat(simd, v.z) };
+        Receiver { normal: v3(self.normal), shift: v3(self.shift), margin: F::splat(simd, self.margin) }
+    }
+}
+
 impl ShadowMap {
     pub(crate) fn new(soup: &Soup, light: &Light) -> Self {
         let to_sun = light.to_sun.normalize_or(Vec3::Z);

@@ -4,14 +4,22 @@ use fearless_simd::prelude::*;
 use glam::Vec3;
 
 use super::lanes::{F, Simd, V3, clamp, decay, smooth};
+use super::meter::luminance;
 use super::noise::Noise;
 use crate::geometry::Light;
+
+/// The film's greatest exposure by itself: nights stay dark.
+const DARKEST: f32 = 2.0;
+/// About this far away all ground fades into the sky's foot, metres: it has no edge.
+const FAR: f32 = 480.0;
 
 /// The light of a scene with what follows from it.
 #[derive(Debug)]
 pub(crate) struct Sky {
     pub(crate) light: Light,
     glow: Vec3,
+    /// Light of a low sun along the horizon.
+    sunset: Vec3,
     cloud_lit: Vec3,
     cloud_shade: Vec3,
     /// What the film's exposure multiplies light by: white ground in the sun is bright in any daylight, and nights stay dark.
@@ -22,9 +30,13 @@ impl Sky {
     pub(crate) fn new(light: &Light) -> Self {
         let cloud_lit = light.horizon * 0.55 + light.sun * 0.42;
         let ground = light.sun * light.to_sun.z.max(0.3) + light.sky_ambient;
-        let exposure = (0.95 / ground.dot(Vec3::new(0.21, 0.72, 0.07)).max(1e-3)).clamp(0.3, 1.8);
+        // Under clouds the sky itself is a great part of the picture, and people leave it grey.
+        let white = 0.92 - 0.6 * (light.clouds - 0.5).clamp(0.0, 0.5);
+        let exposure = (white / luminance(ground).max(1e-3)).clamp(0.3, DARKEST);
+        let low = ((0.3 - light.to_sun.z) * 4.0).clamp(0.0, 1.0);
         Self {
             exposure,
+            sunset: light.sun * (0.85 * low * low * (3.0 - 2.0 * low)),
             light: light.clone(),
             glow: light.sun,
             cloud_lit,
@@ -45,7 +57,16 @@ impl Sky {
         let c16 = c8 * c8;
         let c32 = c16 * c16;
         let c64 = c32 * c32;
-        blue + V3::along(self.glow, c8 * 0.05 + c32 * 0.10 + c64 * c64 * 0.2)
+        let low6 = low2 * low2 * low2;
+        let band = V3::along(self.sunset, self.sided(to) * low6);
+        blue + band + V3::along(self.glow, c8 * 0.05 + c32 * 0.10 + c64 * c64 * 0.2)
+    }
+
+    /// How far to the evening's side of the sky unit vectors point, 0 to 1.
+    #[inline(always)]
+    fn sided<S: Simd>(&self, to: V3<F<S>>) -> F<S> {
+        let side = to.dot_same(self.light.to_sun) * 0.5 + 0.5;
+        side * side * side
     }
 
     /// The sky as seen: clouds and the sun's disc too. `wide` is the angle of a pixel, radians.
@@ -64,8 +85,9 @@ impl Sky {
                 + noise.faded(x - 5.3, y + 9.1, 1.0 / 0.36, footprint) * 0.28
                 + noise.faded(x + 17.0, y - 4.0, 1.0 / 0.15, footprint) * 0.15
                 + noise.faded(x - 2.0, y - 31.0, 1.0 / 0.06, footprint) * 0.08;
-            let cover = smooth((density - 0.02) * 2.4) * smooth((to.z - 0.015) * 7.0) * 0.85;
-            let thick = smooth((density - 0.12) * 1.8);
+            let more = self.light.clouds - 0.5;
+            let cover = smooth((density + (more * 1.8 - 0.02)) * 2.4) * smooth((to.z - 0.015) * 7.0) * 0.85;
+            let thick = smooth((density + (more * 0.5 - 0.12)) * 1.8);
             let cloud = V3::along(self.cloud_shade - self.cloud_lit, thick * 0.55).plus_same(self.cloud_lit);
             colour = colour + (cloud - colour) * cover;
         }
@@ -75,11 +97,14 @@ impl Sky {
     /// Lays haze over `colour`, seen along unit vectors `to` over `distance` metres.
     #[inline(always)]
     pub(crate) fn hazed<S: Simd>(&self, colour: V3<F<S>>, to: V3<F<S>>, distance: F<S>) -> V3<F<S>> {
-        let clear = decay(distance * self.light.haze);
+        let far = distance * (1.0 / FAR);
+        let clear = decay(distance * self.light.haze + far * far);
         let c = to.dot_same(self.light.to_sun).max(0.0);
         let c2 = c * c;
         let c4 = c2 * c2;
-        let veil = V3::along(self.glow * 0.06, c4 * c4).plus_same(self.light.horizon);
+        // As the clear sky at the horizon.
+        let glow = V3::along(self.glow * 0.06, c4 * c4) + V3::along(self.sunset, self.sided(to));
+        let veil = glow.plus_same(self.light.horizon);
         veil + (colour - veil) * clear
     }
 }

@@ -23,6 +23,11 @@ impl Samples<'_> {
         (y / TILE as usize * self.columns + x / TILE as usize) * TILE_AREA + place(x % TILE as usize, y % TILE as usize)
     }
 
+    /// 1/z of what is seen at a pixel, 0 for the sky.
+    pub(crate) fn near_at(&self, x: usize, y: usize) -> f32 {
+        self.near[self.place(x, y)]
+    }
+
     #[inline]
     fn at(&self, x: usize, y: usize) -> (f32, u32) {
         let i = self.place(x, y);

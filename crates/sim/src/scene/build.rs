@@ -29,6 +29,8 @@ struct Materials<'a> {
     raw: &'a RawScene,
     /// Whether lamps shine and windows glow.
     lit: bool,
+    /// Whether the ground is wet.
+    wet: bool,
     list: Vec<Material>,
     index: BTreeMap<String, u16>,
 }
@@ -47,7 +49,8 @@ impl Materials<'_> {
             );
             return Err(source.error(at, format!("no material `{name}`"), Some(hint)));
         };
-        let material = material.material(self.lit).map_err(|e| source.error(&span, format!("material `{name}`: {e}"), None))?;
+        let material =
+            material.material(self.lit, self.wet).map_err(|e| source.error(&span, format!("material `{name}`: {e}"), None))?;
         let index =
             u16::try_from(self.list.len()).map_err(|_| source.error(at, "a scene may have at most 65535 materials", None))?;
         self.list.push(material);
@@ -64,7 +67,7 @@ pub(super) fn build(
     source: &Source<'_>,
 ) -> Result<Scene, SceneError> {
     let mut shining = Shining::new(raw, conditions, source)?;
-    let mut materials = Materials { raw, lit: shining.lit(), list: Vec::new(), index: BTreeMap::new() };
+    let mut materials = Materials { raw, lit: shining.lit(), wet: shining.wet(), list: Vec::new(), index: BTreeMap::new() };
     // Every material is checked, also those that nothing uses.
     for (name, material) in &raw.materials {
         materials.get(name, &material.span(), source)?;

@@ -91,6 +91,8 @@ pub(super) struct RawLight {
     pub(super) time: Option<Lighting>,
     pub(super) weather: Option<Weather>,
     pub(super) exposure: Option<Spanned<f64>>,
+    #[serde(default)]
+    pub(super) dark_places: bool,
     pub(super) sun_azimuth_deg: Option<Spanned<f64>>,
     pub(super) sun_elevation_deg: Option<Spanned<f64>>,
     pub(super) sun_strength: Option<Spanned<f64>>,

@@ -72,13 +72,13 @@ impl Lighting {
             }
             Self::Dusk => {
                 let sun = Vec3::new(0.62, 0.27, 0.10);
-                let (sky_ambient, ground_ambient) = (Vec3::new(0.115, 0.125, 0.19), Vec3::new(0.075, 0.065, 0.07));
-                let (zenith, horizon) = (Vec3::new(0.045, 0.08, 0.21), Vec3::new(0.34, 0.24, 0.25));
+                let (sky_ambient, ground_ambient) = (Vec3::new(0.088, 0.098, 0.155), Vec3::new(0.058, 0.050, 0.055));
+                let (zenith, horizon) = (Vec3::new(0.036, 0.065, 0.18), Vec3::new(0.28, 0.19, 0.20));
                 (4.0, Light { sun, sky_ambient, ground_ambient, zenith, horizon, haze: 0.002, clouds: 0.45, ..light })
             }
             Self::Night => {
                 let sun = Vec3::new(0.020, 0.026, 0.040);
-                let (sky_ambient, ground_ambient) = (Vec3::new(0.009, 0.012, 0.022), Vec3::new(0.006, 0.006, 0.008));
+                let (sky_ambient, ground_ambient) = (Vec3::new(0.011, 0.014, 0.025), Vec3::new(0.007, 0.007, 0.009));
                 let (zenith, horizon) = (Vec3::new(0.002, 0.004, 0.011), Vec3::new(0.016, 0.019, 0.030));
                 (38.0, Light { sun, sky_ambient, ground_ambient, zenith, horizon, haze: 0.002, clouds: 0.4, ..light })
             }
@@ -129,7 +129,7 @@ impl Weather {
                 sky_ambient: grey(light.sky_ambient, 0.4, 1.15),
                 zenith: light.zenith.lerp(grey(light.horizon, 0.3, 1.0), 0.55),
                 horizon: grey(light.horizon, 0.35, 1.0),
-                haze: 0.010,
+                haze: 0.007,
                 clouds: light.clouds * 0.6,
                 ..light
             },
@@ -138,9 +138,9 @@ impl Weather {
                 // Clouds spread a part of the sun's light.
                 sky_ambient: grey(light.sky_ambient + light.sun * 0.12, 0.7, 1.0),
                 ground_ambient: grey(light.ground_ambient, 0.6, 0.9),
-                zenith: grey(light.zenith.lerp(light.horizon, 0.4), 0.8, 0.75),
-                horizon: grey(light.horizon, 0.8, 0.72),
-                haze: 0.011,
+                zenith: grey(light.zenith.lerp(light.horizon, 0.4), 0.8, 0.6),
+                horizon: grey(light.horizon, 0.8, 0.55),
+                haze: 0.009,
                 clouds: 1.0,
                 rain: 1.0,
                 ..light
@@ -186,6 +186,11 @@ impl Shining {
     /// Whether lamps are lit.
     pub(super) const fn lit(&self) -> bool {
         self.lighting.lit()
+    }
+
+    /// Whether the ground is wet.
+    pub(super) const fn wet(&self) -> bool {
+        matches!(self.weather, Weather::Rain)
     }
 
     /// Adds a lamp if it shines now; `to_world` moves a point of its frame, `scale` its lengths.
@@ -253,6 +258,7 @@ fn light(
     if let Some(haze) = haze.filter(|_| weather == own.1) {
         light.haze = haze as f32;
     }
+    light.dark_places = raw.dark_places || lighting.lit();
     let kept = lighting == own.0;
     let elevation = elevation.filter(|_| kept).unwrap_or(named_elevation).to_radians();
     let (ce, se) = (libm::cos(elevation), libm::sin(elevation));

@@ -69,8 +69,9 @@ pub(super) struct RawMaterial {
 const ROOMS: Vec3 = Vec3::new(0.62, 0.40, 0.17);
 
 impl RawMaterial {
-    /// The material, or what is wrong with it; `lit` says whether lamps are lit.
-    pub(super) fn material(&self, lit: bool) -> Result<Material, String> {
+    /// The material, or what is wrong with it; `lit` says whether lamps are lit, `wet` whether
+    /// it rains.
+    pub(super) fn material(&self, lit: bool, wet: bool) -> Result<Material, String> {
         let measure = |name: &str, value: Option<f32>, default: f32, low: f32, high: f32| match value.unwrap_or(default) {
             v if (low..=high).contains(&v) => Ok(v),
             v => Err(format!("`{name}` must be from {low} to {high}, not `{v}`")),
@@ -103,9 +104,12 @@ impl RawMaterial {
         };
         let rooms = (self.pattern == PatternName::Windows).then_some(ROOMS);
         let lamps = self.emission_lit.map(|c| c.0).or(rooms).filter(|_| lit);
+        // Water fills the pores of stone.
+        let porous = matches!(self.pattern, PatternName::Asphalt | PatternName::Concrete | PatternName::Brick);
+        let soaked = if wet && porous { 0.62 } else { 1.0 };
         let dimmed = self.colour.0 * 0.7;
         Ok(Material {
-            colour: self.colour.0,
+            colour: self.colour.0 * soaked,
             accent: self.accent.map_or(dimmed, |c| c.0),
             pattern,
             two_sided: self.two_sided,
@@ -128,7 +132,7 @@ mod tests {
     #[test]
     fn every_palette_material_is_valid() {
         for (name, material) in palette() {
-            assert!(material.material(false).is_ok() && material.material(true).is_ok(), "{name}");
+            assert!(material.material(false, true).is_ok() && material.material(true, false).is_ok(), "{name}");
         }
         assert!(KINDS.windows(2).all(|pair| pair[0].0 < pair[1].0), "kinds are in order");
     }

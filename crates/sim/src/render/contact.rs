@@ -1,0 +1,258 @@
+//! Soft darkness where things stand: what is a hand above the ground keeps the sky's light from it, sun or no sun.
+//!
+//! A map seen from above, in tiles that exist only about the feet of things. Each texel knows how dark the ground is and at what
+//! height that ground lies, so that neither the tops of things nor another floor are darkened.
+
+use std::collections::BTreeMap;
+
+use fearless_simd::prelude::*;
+use glam::{Vec2, Vec3};
+
+use super::lanes::{F, M, Simd, V3};
+use super::noise::floor;
+use super::prepare::{Cluster, Soup};
+use super::visibility::centres;
+
+/// Side of a texel, metres.
+const TEXEL: f32 = 0.1;
+/// Texels along a tile.
+const TILE: usize = 32;
+/// Most tiles, 4 KiB each.
+const TILES: usize = 8192;
+/// Things larger than this (hills, grounds) stand on nothing, metres.
+const LARGEST: f32 = 45.0;
+/// Things lower than this are ground, metres.
+const LOWEST: f32 = 0.12;
+/// What hangs higher than this above the ground darkens it no more, metres.
+const REACH: f32 = 1.0;
+/// Radii of the two blurs, texels: for what touches the ground, and for what is above it.
+const BLURS: [usize; 2] = [2, 5];
+/// Texels that a patch is wider than its thing on each side.
+const RIM: usize = 2 * BLURS[1] + 1;
+/// Ground this far above or below where the thing stands is another's, metres.
+const STEP: f32 = 0.3;
+
+/// Darkness about the feet of things.
+#[derive(Debug, Default)]
+pub(crate) struct Contact {
+    low: Vec3,
+    columns: usize,
+    rows: usize,
+    /// The number of each tile, from 1; 0 for none.
+    tiles: Vec<u16>,
+    /// Darkness in the lowest byte, in steps of 1/255; above it the height over `low`, centimetres.
+    texels: Vec<u32>,
+}
+
+impl Contact {
+    /// The map of all things of `soup` that are at most `far` from `eye`.
+    pub(crate) fn about(soup: &Soup, eye: Vec3, far: f32) -> Self {
+        Self::of(soup, |low, high| (low - eye).max(eye - high).max(Vec3::ZERO).length_squared() < far * far)
+    }
+
+    /// The map of all things of `soup`.
+    pub(crate) fn new(soup: &Soup) -> Self {
+        Self::of(soup, |_, _| true)
+    }
+
+    fn of(soup: &Soup, wanted: impl Fn(Vec3, Vec3) -> bool) -> Self {
+        let mut things: BTreeMap<u16, Vec<&Cluster>> = BTreeMap::new();
+        for cluster in soup.clusters.iter().filter(|c| !c.opening && wanted(c.low, c.high)) {
+            things.entry(soup.objects[cluster.triangles.0 as usize]).or_default().push(cluster);
+        }
+        let patches: Vec<Patch> = things.values().filter_map(|clusters| Patch::new(soup, clusters)).collect();
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for patch in &patches {
+            let end = patch.corner + Vec2::new(patch.width as f32, patch.height as f32) * TEXEL;
+            (low, high) = (low.min(patch.corner.extend(patch.ground)), high.max(end.extend(patch.ground)));
+        }
+        if patches.is_empty() {
+            return Self::default();
+        }
+        low.z -= STEP;
+        let tile = TILE as f32 * TEXEL;
+        // A scene reaches 2 km each way, its things rarely half a kilometre.
+        let size = ((high - low) / tile).min(Vec3::splat(1024.0));
+        let (columns, rows) = (size.x as usize + 2, size.y as usize + 2);
+        let mut map = Self { low, columns, rows, tiles: vec![0; columns * rows], texels: Vec::new() };
+        patches.iter().for_each(|patch| map.add(patch));
+        map
+    }
+
+    fn add(&mut self, patch: &Patch) {
+        let start = (patch.corner - self.low.truncate()) / TEXEL;
+        let (x0, y0) = ((start.x + 0.5) as usize, (start.y + 0.5) as usize);
+        let height = ((patch.ground - self.low.z) * 100.0).clamp(0.0, 1_000_000.0) as u32;
+        for (i, &dark) in patch.dark.iter().enumerate().filter(|(_, dark)| **dark > 0.02) {
+            let (x, y) = (x0 + i % patch.width, y0 + i / patch.width);
+            if x / TILE >= self.columns || y / TILE >= self.rows {
+                continue;
+            }
+            let tile = &mut self.tiles[y / TILE * self.columns + x / TILE];
+            if *tile == 0 {
+                if self.texels.len() >= TILES * TILE * TILE {
+                    return;
+                }
+                self.texels.resize(self.texels.len() + TILE * TILE, 0);
+                *tile = (self.texels.len() / (TILE * TILE)) as u16;
+            }
+            let texel = &mut self.texels[(usize::from(*tile) - 1) * TILE * TILE + y % TILE * TILE + x % TILE];
+            let dark = (dark * 255.0) as u32;
+            if dark > *texel & 0xff {
+                *texel = height << 8 | dark;
+            }
+        }
+    }
+
+    #[inline]
+    fn texel(&self, x: usize, y: usize) -> u32 {
+        let tile = match self.tiles.get(y / TILE * self.columns + x / TILE) {
+            Some(&tile) if tile > 0 && x / TILE < self.columns => usize::from(tile) - 1,
+            _ => return 0,
+        };
+        self.texels.get(tile * TILE * TILE + y % TILE * TILE + x % TILE).copied().unwrap_or(0)
+    }
+
+    /// How dark the ground is at `p`, 0 to 1, where `level` says that a surface is ground.
+    #[inline(always)]
+    pub(crate) fn dark<S: Simd>(&self, p: V3<F<S>>, level: M<S>) -> F<S> {
+        let (simd, none) = (p.x.token(), F::splat(p.x.token(), 0.0));
+        if self.texels.is_empty() {
+            return none;
+        }
+        // Beyond the map.
+        let x = level.select(p.x, F::splat(simd, f32::MIN));
+        F::from_fn(simd, |lane| self.dark_at(Vec3::new(x[lane], p.y[lane], p.z[lane])))
+    }
+
+    #[inline]
+    fn dark_at(&self, p: Vec3) -> f32 {
+        let at = (p.truncate() - self.low.truncate()) * (1.0 / TEXEL) - 0.5;
+        if !(at.x >= 0.0 && at.y >= 0.0 && at.x < (self.columns * TILE) as f32 && at.y < (self.rows * TILE) as f32) {
+            return 0.0;
+        }
+        let (x, y) = (at.x as usize, at.y as usize);
+        let (inner, tile) = (x % TILE + 1 < TILE && y % TILE + 1 < TILE, y / TILE * self.columns + x / TILE);
+        if inner && self.tiles[tile] == 0 {
+            return 0.0;
+        }
+        let four = [self.texel(x, y), self.texel(x + 1, y), self.texel(x, y + 1), self.texel(x + 1, y + 1)];
+        if four == [0; 4] {
+            return 0.0;
+        }
+        let over = p.z - self.low.z;
+        let dark = four.map(|texel| {
+            let off = ((texel >> 8) as f32 * 0.01 - over).abs();
+            (texel & 0xff) as f32 * (1.0 / 255.0) * (2.0 - off * (2.0 / STEP)).clamp(0.0, 1.0)
+        });
+        let (fx, fy) = (at.x - x as f32, at.y - y as f32);
+        let (near, far) = (dark[0] + (dark[1] - dark[0]) * fx, dark[2] + (dark[3] - dark[2]) * fx);
+        near + (far - near) * fy
+    }
+}
+
+/// The darkness about one thing.
+struct Patch {
+    /// Its south-western corner.
+    corner: Vec2,
+    /// The height that it stands at.
+    ground: f32,
+    width: usize,
+    height: usize,
+    dark: Vec<f32>,
+}
+
+impl Patch {
+    /// None for what is no thing that stands.
+    fn new(soup: &Soup, clusters: &[&Cluster]) -> Option<Self> {
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for cluster in clusters {
+            (low, high) = (low.min(cluster.low), high.max(cluster.high));
+        }
+        let size = high - low;
+        if size.z < LOWEST || size.x.max(size.y) > LARGEST {
+            return None;
+        }
+        let rim = RIM as f32 * TEXEL;
+        // On the raster of the map, so that patches are added texel by texel.
+        let snap = |x: f32| floor((x - rim) / TEXEL) as f32 * TEXEL;
+        let corner = Vec2::new(snap(low.x), snap(low.y));
+        let (width, height) = ((size.x / TEXEL) as usize + 2 * RIM + 2, (size.y / TEXEL) as usize + 2 * RIM + 2);
+        // How far above the ground the lowest surface is.
+        let mut over = vec![f32::INFINITY; width * height];
+        for cluster in clusters {
+            for i in cluster.triangles.0..cluster.triangles.1 {
+                let corners = soup.corners[i as usize].map(|k| {
+                    let p = soup.positions[cluster.positions.0 as usize + usize::from(k)];
+                    ((p.truncate() - corner) / TEXEL).extend(p.z - low.z)
+                });
+                if corners.iter().all(|p| p.z > REACH) {
+                    continue;
+                }
+                lower(&mut over, (width, height), corners);
+            }
+        }
+        let touching: Vec<f32> = over.iter().map(|&h| (1.0 - h / (0.3 * REACH)).clamp(0.0, 1.0)).collect();
+        let hanging: Vec<f32> = over.iter().map(|&h| (1.0 - h / REACH).clamp(0.0, 1.0)).collect();
+        let touching = blurred(touching, width, BLURS[0]);
+        let hanging = blurred(hanging, width, BLURS[1]);
+        let dark = touching.iter().zip(&hanging).map(|(t, h)| 1.0 - (1.0 - 0.6 * t) * (1.0 - 0.6 * h)).collect();
+        Some(Self { corner, ground: low.z, width, height, dark })
+    }
+}
+
+/// Lowers `over` to a triangle whose corners are texels and height. What stands upright counts by its edges.
+fn lower(over: &mut [f32], (width, height): (usize, usize), corners: [Vec3; 3]) {
+    let n = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    if n.z.abs() > 1e-6 {
+        centres(corners, (width, height), |x, y| {
+            let (dx, dy) = (x as f32 + 0.5 - corners[0].x, y as f32 + 0.5 - corners[0].y);
+            let h = corners[0].z - (n.x * dx + n.y * dy) / n.z;
+            let slot = &mut over[y * width + x];
+            *slot = slot.min(h.max(0.0));
+        });
+    }
+    for i in 0..3 {
+        let (a, b) = (corners[i], corners[(i + 1) % 3]);
+        if a.z.min(b.z) > REACH {
+            continue;
+        }
+        let steps = (b - a).truncate().abs().max_element() as usize + 1;
+        for k in 0..=steps {
+            let p = a + (b - a) * (k as f32 / steps as f32);
+            let (x, y) = (p.x.max(0.0) as usize, p.y.max(0.0) as usize);
+            if x < width && y < height {
+                let slot = &mut over[y * width + x];
+                *slot = slot.min(p.z.max(0.0));
+            }
+        }
+    }
+}
+
+/// Blurred twice by a box of this radius, along both axes.
+fn blurred(mut picture: Vec<f32>, width: usize, radius: usize) -> Vec<f32> {
+    let height = picture.len() / width.max(1);
+    for _ in 0..2 {
+        for y in 0..height {
+            means(&mut picture, y * width, 1, width, radius);
+        }
+        for x in 0..width {
+            means(&mut picture, x, width, height, radius);
+        }
+    }
+    picture
+}
+
+/// Replaces a line of numbers by their running means.
+fn means(picture: &mut [f32], first: usize, stride: usize, count: usize, radius: usize) {
+    let line: Vec<f32> = (0..count).map(|i| picture[first + i * stride]).collect();
+    let share = 1.0 / (2 * radius + 1) as f32;
+    let mut sum: f32 = line.iter().take(radius).sum();
+    for i in 0..count {
+        sum += line.get(i + radius).copied().unwrap_or(0.0);
+        if i > radius {
+            sum -= line[i - radius - 1];
+        }
+        picture[first + i * stride] = (sum * share).max(0.0);
+    }
+}

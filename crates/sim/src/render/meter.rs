@@ -1,0 +1,111 @@
+//! How bright things are on the film: the camera's exposure, and the light on each thing that is seen.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use fearless_simd::prelude::*;
+use glam::Vec3;
+use spf_core::camera::Camera;
+use spf_core::geometry::Pose;
+
+use super::lanes::{F, Instructions, V3, smooth, with_instructions};
+use super::view::View;
+use super::{Palette, Picture, Renderer};
+
+/// Exposure under a roof over that outside, at most.
+const GREATEST: f32 = 5.0;
+/// White things that come to less than this on the film are hard to make out; more light makes them no easier.
+const CLEAR: f32 = 0.06;
+/// Things that give off this much are seen in any dark.
+const GLOWING: f32 = 0.1;
+
+impl Palette {
+    /// What light is multiplied by on the film of a camera at `eye`: the scene's own value if it names one.
+    pub(super) fn exposure(&self, eye: Vec3) -> f32 {
+        let light = &self.sky.light;
+        if let Some(exposure) = light.exposure {
+            return exposure;
+        }
+        let outside = self.sky.exposure;
+        let (open, covered) = with_instructions!(Instructions::plain(), simd => {
+            let open = self.ambient.open(V3::splat(simd, eye));
+            (open[0], smooth((F::splat(simd, 0.6) - open) * 4.0)[0])
+        });
+        let here = luminance(light.sky_ambient) * open + 0.4 * luminance(self.lamps.at(eye));
+        let inside = (0.5 / here.max(1e-3)).clamp(outside, outside * GREATEST);
+        outside + (inside - outside) * covered
+    }
+}
+
+impl Renderer {
+    /// Light on each thing in `picture`, which needs ids and depth and was drawn from `pose`: 0 dark to 1, where it is as clear as
+    /// by day; what is not listed is clear. It is the mean over up to some twenty of the thing's pixels of what a white surface
+    /// there would come to on the film; things that glow are clear.
+    ///
+    /// Nothing is worked out in scenes without dark places, and all things there are clear.
+    #[must_use]
+    pub fn light_on(&self, camera: &Camera, pose: &Pose, picture: &Picture) -> BTreeMap<u16, f32> {
+        let (Some(ids), Some(depth)) = (&picture.ids, &picture.depth) else { return BTreeMap::new() };
+        if picture.width == 0 || !self.light.dark_places {
+            return BTreeMap::new();
+        }
+        let palette = self.palette();
+        let view = View::new(camera, pose);
+        let exposure = palette.exposure(view.eye);
+        let mut seen: BTreeMap<u16, (u32, u32, f32)> = BTreeMap::new();
+        let (mut last, mut count) = (0, 0);
+        for (i, (&id, &z)) in ids.iter().zip(depth).enumerate() {
+            if id == 0 || z <= 0.0 {
+                continue;
+            }
+            if id != last {
+                // Most pixels are like the one before.
+                if last != 0 {
+                    seen.entry(last).or_default().0 = count;
+                }
+                (last, count) = (id, seen.get(&id).map_or(0, |thing| thing.0));
+            }
+            count += 1;
+            // The first, second, fourth, … pixel: spread over the thing, however large.
+            if count.is_power_of_two() {
+                let (x, y) = (i as u32 % picture.width, i as u32 / picture.width);
+                let ray = view.forward
+                    + view.right * ((x as f32 + 0.5 - view.cx) / view.fx)
+                    + view.down * ((y as f32 + 0.5 - view.cy) / view.fy);
+                // A little towards the eye, off the surface.
+                let at = view.eye + ray * (z * 0.99) - ray * 0.3f32.min(0.1 * z);
+                let thing = seen.entry(id).or_default();
+                thing.1 += 1;
+                thing.2 += palette.white(at) * exposure;
+            }
+        }
+        let light = |(_, samples, sum): (u32, u32, f32)| (sum / samples.max(1) as f32 / CLEAR).clamp(0.0, 1.0);
+        seen.into_iter().map(|(id, thing)| (id, if palette.glowing.contains(&id) { 1.0 } else { light(thing) })).collect()
+    }
+
+    /// Things that give off light of their own.
+    pub(super) fn glowing(&self) -> BTreeSet<u16> {
+        let glows = |material: u16| self.materials.get(usize::from(material)).is_some_and(|m| luminance(m.emission) >= GLOWING);
+        let triangles = self.soup.triangles.iter().zip(&self.soup.objects);
+        triangles.filter(|(t, _)| glows(t.material)).map(|(_, &object)| object).collect()
+    }
+}
+
+impl Palette {
+    /// Luminance of the light on a white surface at `p`, over all ways that it may face.
+    fn white(&self, p: Vec3) -> f32 {
+        let light = &self.sky.light;
+        let (open, sun) = with_instructions!(Instructions::plain(), simd => {
+            let p = V3::splat(simd, p);
+            let receiver = self.shadows.receiver(light.to_sun, 1.0).splat(simd);
+            let all = F::splat(simd, 0.0).simd_ge(0.0);
+            (self.ambient.open(p)[0], self.shadows.lit(p, &receiver, all)[0])
+        });
+        let even = luminance(light.sky_ambient + light.ground_ambient) * 0.5 * open;
+        even + luminance(light.sun) * sun * 0.25 + luminance(self.lamps.at(p)) * 0.25
+    }
+}
+
+/// Of linear RGB.
+pub(super) fn luminance(colour: Vec3) -> f32 {
+    colour.dot(Vec3::new(0.21, 0.72, 0.07))
+}

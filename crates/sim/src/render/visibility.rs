@@ -1,0 +1,139 @@
+//! What stands before a far light: a map of the first surfaces that parallel rays meet, drawn for points in the air, not for pixels.
+
+use glam::Vec3;
+
+use super::prepare::Soup;
+
+/// Nearness to the light of the first surface, on a grid across its rays.
+pub(crate) struct Map {
+    across: Vec3,
+    along: Vec3,
+    to: Vec3,
+    low: Vec3,
+    texel: f32,
+    /// Texels a metre.
+    texels: f32,
+    width: usize,
+    height: usize,
+    near: Vec<f32>,
+}
+
+impl Map {
+    /// The map of parallel rays from unit vector `to` for the points of a box, with texels of so many metres.
+    pub(crate) fn new(soup: &Soup, to: Vec3, (low, high): (Vec3, Vec3), texel: f32) -> Self {
+        let across = to.cross(if to.z.abs() < 0.9 { Vec3::Z } else { Vec3::X }).normalize_or(Vec3::X);
+        let along = across.cross(to);
+        let mut map =
+            Self { across, along, to, low: Vec3::INFINITY, texel, texels: 1.0 / texel, width: 0, height: 0, near: Vec::new() };
+        let mut top = Vec3::NEG_INFINITY;
+        for i in 0..8 {
+            let corner = Vec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low);
+            let p = map.turned(corner);
+            (map.low, top) = (map.low.min(p), top.max(p));
+        }
+        let size = (top - map.low) / texel;
+        (map.width, map.height) = (size.x as usize + 2, size.y as usize + 2);
+        map.near = vec![f32::NEG_INFINITY; map.width * map.height];
+        for cluster in soup.clusters.iter().filter(|c| !c.opening) {
+            let corners: Vec<Vec3> = soup.positions[cluster.positions.0 as usize..cluster.positions.1 as usize]
+                .iter()
+                .map(|&p| (map.turned(p) - map.low) / Vec3::new(texel, texel, 1.0))
+                .collect();
+            for i in cluster.triangles.0..cluster.triangles.1 {
+                map.draw(soup.corners[i as usize].map(|k| corners[usize::from(k)]));
+            }
+        }
+        map
+    }
+
+    #[inline]
+    fn turned(&self, p: Vec3) -> Vec3 {
+        Vec3::new(p.dot(self.across), p.dot(self.along), p.dot(self.to))
+    }
+
+    fn draw(&mut self, triangle: [Vec3; 3]) {
+        let n = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
+        if n.z.abs() < 1e-9 {
+            return;
+        }
+        let slope = (n.x / n.z, n.y / n.z);
+        let (width, height) = (self.width, self.height);
+        centres(triangle, (width, height), |x, y| {
+            let (dx, dy) = (x as f32 + 0.5 - triangle[0].x, y as f32 + 0.5 - triangle[0].y);
+            let near = &mut self.near[y * width + x];
+            *near = near.max(triangle[0].z - slope.0 * dx - slope.1 * dy);
+        });
+    }
+
+    /// Whether nothing stands between the light and `p`, but for things nearer to `p` than half a texel.
+    #[inline]
+    pub(crate) fn sees(&self, p: Vec3) -> bool {
+        let at = self.turned(p) - self.low;
+        let cell = |metres: f32, end: usize| (metres * self.texels).clamp(0.0, (end - 1) as f32) as usize;
+        let (x, y) = (cell(at.x, self.width), cell(at.y, self.height));
+        self.near[y * self.width + x] <= at.z + 0.5 * self.texel
+    }
+}
+
+/// Calls `seen` with the cells of a grid whose centres lie in the triangle, seen along z.
+pub(crate) fn centres([a, b, c]: [Vec3; 3], (width, height): (usize, usize), mut seen: impl FnMut(usize, usize)) {
+    let (least, most) = (a.min(b).min(c), a.max(b).max(c));
+    let (right, bottom) = (width as f32, height as f32);
+    if most.x <= 0.0 || most.y <= 0.0 || least.x >= right || least.y >= bottom {
+        return;
+    }
+    let span = |low: f32, high: f32, end: f32| (low - 0.5).clamp(0.0, end) as usize..(high + 0.5).clamp(0.0, end) as usize;
+    let side = |p: Vec3, q: Vec3, x: f32, y: f32| (q.x - p.x) * (y - p.y) - (q.y - p.y) * (x - p.x);
+    for y in span(least.y, most.y, bottom) {
+        for x in span(least.x, most.x, right) {
+            let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
+            let (u, v, w) = (side(a, b, px, py), side(b, c, px, py), side(c, a, px, py));
+            if (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0) {
+                seen(x, y);
+            }
+        }
+    }
+}
+
+/// Unit vectors over the upper half sphere, each standing for the same share of what a level surface gets from an even sky: a
+/// spiral of equal steps.
+pub(crate) fn sky(count: usize) -> Vec<Vec3> {
+    /// π(3 − √5).
+    const GOLDEN: f64 = 2.399_963_229_728_653;
+    (0..count)
+        .map(|i| {
+            let share = (i as f64 + 0.5) / count as f64;
+            let (level, turn) = (libm::sqrt(share), i as f64 * GOLDEN);
+            let up = libm::sqrt(1.0 - share);
+            Vec3::new((level * libm::cos(turn)) as f32, (level * libm::sin(turn)) as f32, up as f32)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_even_sky_gives_a_level_surface_its_weighted_mean() {
+        let sky = sky(64);
+        assert!(sky.iter().all(|to| to.z > 0.0 && (to.length() - 1.0).abs() < 1e-6));
+        // The mean of the cosine under its own weight is 2/3; the way round cancels out.
+        let mean = sky.iter().sum::<Vec3>() / 64.0;
+        assert!((mean.z - 2.0 / 3.0).abs() < 0.01 && mean.truncate().length() < 0.03, "{mean}");
+    }
+
+    #[test]
+    fn cells_of_a_triangle_are_those_whose_centres_it_covers() {
+        let (mut area, corner) = (0, |x: f32, y: f32| Vec3::new(x, y, 0.0));
+        centres([corner(-5.0, 0.0), corner(10.0, 0.0), corner(10.0, 30.0)], (10, 20), |x, y| {
+            // Right of the line from (−5, 0) to (10, 30).
+            assert!((y as f32 + 0.5) <= 2.0 * (x as f32 + 0.5) + 10.0);
+            area += 1;
+        });
+        assert_eq!(
+            area,
+            10 * 20 - (0..20).map(|y| (0..10).filter(|x| y as f32 + 0.5 > 2.0 * (*x as f32 + 0.5) + 10.0).count()).sum::<usize>()
+        );
+    }
+}
