@@ -170,7 +170,8 @@ impl Generator for Shelf {
 fn books(sketch: &mut Sketch, draw: &mut Draw, start: Vec3, room: f32, high: f32) {
     let mut x = 0.02;
     let mut slot = "blue";
-    while x < room - 0.08 {
+    // Whoever wants a longer row puts several shelves.
+    while x < room.min(6.0) - 0.08 {
         let chance = draw.uniform() as f32;
         if chance < 0.10 {
             x += 0.05 + 0.25 * draw.uniform() as f32;

@@ -189,7 +189,7 @@ impl Generator for Door {
     }
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
-        let (half, h) = (0.5 * self.width.0, self.height.0);
+        let (half, h) = ((0.5 * self.width.0).max(0.2), self.height.0.max(0.5));
         for side in [-1.0, 1.0] {
             let x = side * (half - 0.5 * POST);
             sketch.on("frame").block(Vec3::new(x, 0.0, 0.0), Vec3::new(POST, 2.0 * FRAME, h));

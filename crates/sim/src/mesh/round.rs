@@ -1,10 +1,11 @@
-//! Rounded solids: skins over a row of cross-sections, with normals that run smoothly over them.
+//! Rounded solids: limbs, ellipsoids and cushions, as skins over a row of cross-sections.
 
 use core::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{Vec2, Vec3};
 
 use super::sketch::{Surface, cos_sin, on_circle};
+use super::skin::cells;
 
 /// A cross-section of a skin: a superellipse with half axes `side` and `up`. Their cross product points along the skin.
 #[derive(Clone, Copy, Debug)]
@@ -82,23 +83,8 @@ impl Surface {
             .collect();
         let grid: Vec<Vec<Vec3>> =
             rings.iter().map(|r| shape.iter().map(|p| r.centre + r.side * p.x + r.up * p.y).collect()).collect();
-        let normals: Vec<Vec<Vec3>> =
-            (0..rings.len()).map(|i| (0..count).map(|j| normal(&rings, &grid, i, j)).collect()).collect();
-        let mut v = 0.0;
-        for i in 1..rings.len() {
-            let next =
-                v + (rings[i].centre - rings[i - 1].centre).length().max(0.5 * (girth(&rings[i]) - girth(&rings[i - 1])).abs());
-            let round = TAU as f32 * girth(&rings[i]).max(girth(&rings[i - 1]));
-            for j in 0..count {
-                let k = (j + 1) % count;
-                let at = |row: usize, column: usize| (grid[row][column], normals[row][column]);
-                let [a, b, c, d] = [at(i - 1, j), at(i - 1, k), at(i, k), at(i, j)];
-                let (u0, u1) = (round * j as f32 / count as f32, round * (j + 1) as f32 / count as f32);
-                let uv = [Vec2::new(u0, v), Vec2::new(u1, v), Vec2::new(u1, next), Vec2::new(u0, next)];
-                self.smooth([a.0, b.0, c.0], [a.1, b.1, c.1], [uv[0], uv[1], uv[2]]);
-                self.smooth([a.0, c.0, d.0], [a.1, c.1, d.1], [uv[0], uv[2], uv[3]]);
-            }
-            v = next;
+        for cell in cells(&grid) {
+            self.cell(&cell);
         }
     }
 
@@ -167,25 +153,4 @@ fn capped(rings: &[Ring], caps: [f32; 2]) -> Vec<Ring> {
         all.extend(cap(last, caps[1]));
     }
     all
-}
-
-fn girth(ring: &Ring) -> f32 {
-    0.5 * (ring.side.length() + ring.up.length())
-}
-
-/// Normal of a grid point from its neighbours round the ring and along the skin.
-fn normal(rings: &[Ring], grid: &[Vec<Vec3>], i: usize, j: usize) -> Vec3 {
-    let count = grid[i].len();
-    let last = rings.len() - 1;
-    let (before, after) = (i.saturating_sub(1), (i + 1).min(last));
-    let round = |row: usize| grid[row][(j + 1) % count] - grid[row][(j + count - 1) % count];
-    // A pole has no way round of its own.
-    let pole = |row: usize| rings[row].side.length_squared() < 1e-12;
-    if pole(i) {
-        let neighbour = if pole(before) { after } else { before };
-        let along = rings[neighbour].side.cross(rings[neighbour].up).normalize_or(Vec3::Z);
-        return if neighbour > i { -along } else { along };
-    }
-    let along = |a: usize, b: usize| (grid[b][j] - grid[a][j]).normalize_or_zero();
-    round(i).cross(along(before, i) + along(i, after)).normalize_or(rings[i].side.cross(rings[i].up).normalize_or(Vec3::Z))
 }

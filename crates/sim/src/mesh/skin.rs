@@ -2,32 +2,16 @@
 
 use glam::{Vec2, Vec3};
 
-use super::Sketch;
 use super::sketch::on_circle;
+use super::{Sketch, Surface};
 
 impl Sketch {
     /// A skin through closed rings of equally many corners, at least two rings of three. Each ring turns counter-clockwise
     /// about the direction in which the rings follow each other. `slot` names the slot of the cell between ring `i` and
     /// `i + 1`, corner `j` and `j + 1`. The ends stay open; a ring whose corners coincide closes one to a point.
     pub(super) fn skin(&mut self, rings: &[Vec<Vec3>], slot: impl Fn(usize, usize) -> &'static str) {
-        let normals = normals(rings);
-        let mut v = 0.0;
-        for i in 0..rings.len() - 1 {
-            let (low, high) = (&rings[i], &rings[i + 1]);
-            let step = (centre(high) - centre(low)).length();
-            let mut u = [0.0; 2];
-            for j in 0..low.len() {
-                let k = (j + 1) % low.len();
-                let next = [u[0] + (low[k] - low[j]).length(), u[1] + (high[k] - high[j]).length()];
-                let (a, b, c, d) = (low[j], low[k], high[k], high[j]);
-                let (na, nb, nc, nd) = (normals[i][j], normals[i][k], normals[i + 1][k], normals[i + 1][j]);
-                let at = |u: f32, v: f32| Vec2::new(u, v);
-                let surface = self.on(slot(i, j));
-                surface.smooth([a, b, c], [na, nb, nc], [at(u[0], v), at(next[0], v), at(next[1], v + step)]);
-                surface.smooth([a, c, d], [na, nc, nd], [at(u[0], v), at(next[1], v + step), at(u[1], v + step)]);
-                u = next;
-            }
-            v += step;
+        for cell in cells(rings) {
+            self.on(slot(cell.ring, cell.column)).cell(&cell);
         }
     }
 
@@ -37,6 +21,51 @@ impl Sketch {
         let rings: Vec<Vec<Vec3>> = profile.iter().map(ring).collect();
         self.skin(&rings, |_, _| slot);
     }
+}
+
+/// A cell of a skin: its corners with their normals and texture coordinates, counter-clockwise from outside.
+pub(super) struct Cell {
+    ring: usize,
+    column: usize,
+    corners: [Vec3; 4],
+    normals: [Vec3; 4],
+    uv: [Vec2; 4],
+}
+
+impl Surface {
+    /// The two triangles of a cell.
+    pub(super) fn cell(&mut self, cell: &Cell) {
+        for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
+            let pick = |of: &[Vec3; 4]| [of[a], of[b], of[c]];
+            self.smooth(pick(&cell.corners), pick(&cell.normals), [cell.uv[a], cell.uv[b], cell.uv[c]]);
+        }
+    }
+}
+
+/// The cells of a skin through rings (as [`Sketch::skin`] takes them), in their order; texture coordinates are metres round
+/// the rings and along the skin.
+pub(super) fn cells(rings: &[Vec<Vec3>]) -> Vec<Cell> {
+    let normals = normals(rings);
+    let (mut cells, mut v) = (Vec::new(), 0.0);
+    for i in 0..rings.len() - 1 {
+        let (low, high) = (&rings[i], &rings[i + 1]);
+        let end = v + (centre(high) - centre(low)).length();
+        let mut u = [0.0; 2];
+        for j in 0..low.len() {
+            let k = (j + 1) % low.len();
+            let next = [u[0] + (low[k] - low[j]).length(), u[1] + (high[k] - high[j]).length()];
+            cells.push(Cell {
+                ring: i,
+                column: j,
+                corners: [low[j], low[k], high[k], high[j]],
+                normals: [normals[i][j], normals[i][k], normals[i + 1][k], normals[i + 1][j]],
+                uv: [Vec2::new(u[0], v), Vec2::new(next[0], v), Vec2::new(next[1], end), Vec2::new(u[1], end)],
+            });
+            u = next;
+        }
+        v = end;
+    }
+    cells
 }
 
 fn centre(ring: &[Vec3]) -> Vec3 {
