@@ -12,6 +12,7 @@ use spf_core::time::{Duration, Time};
 use spf_media::frame::Rgb;
 use spf_media::marks::{self, Colour, Hud};
 use spf_record::video::{VideoError, VideoWriter};
+use spf_sim::effects;
 
 use crate::sim::{Moment, SimWorld};
 use crate::words;
@@ -28,9 +29,8 @@ const FORGOTTEN: Duration = Duration::from_secs(9);
 
 /// What one picture shows.
 struct Shot {
-    at: Time,
-    /// Where the camera and the actors truly are.
-    moment: Moment,
+    /// What its light comes from.
+    light: effects::Shot<Moment>,
     /// Where the pilot believes to be.
     known: Pose,
     waypoint: Option<EnuPosition>,
@@ -100,14 +100,15 @@ impl Film {
     /// Takes every picture that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
     pub(crate) fn advance(&mut self, now: Time, pilot: &Pilot) -> bool {
         while self.next <= now {
-            let Some(moment) = self.world.moment_at(self.next) else {
-                // Not flown yet; or so long ago that the simulator forgot, after a standstill of the whole machine: go on from here.
+            let Some(light) = self.world.shot(self.next) else {
+                // Not flown yet, or the shutter is open; or so long ago that the simulator forgot, after a standstill of the
+                // whole machine: go on from here.
                 if now.since(self.next) > FORGOTTEN {
                     self.next = now;
                 }
                 return true;
             };
-            let shot = self.shot(self.next, moment, pilot);
+            let shot = self.shot(light, pilot);
             let open = if self.live {
                 !matches!(self.shots.try_send(shot), Err(TrySendError::Disconnected(_)))
             } else {
@@ -121,12 +122,12 @@ impl Film {
         true
     }
 
-    fn shot(&self, at: Time, moment: Moment, pilot: &Pilot) -> Shot {
+    fn shot(&self, light: effects::Shot<Moment>, pilot: &Pilot) -> Shot {
+        let at = light.at();
         let known = pilot.known_pose(at);
         let heading = known.attitude.heading.to_degrees().round().rem_euclid(360.0);
         Shot {
-            at,
-            moment,
+            light,
             known,
             waypoint: self.waypoint,
             boxes: if at < self.boxes_until { self.boxes.clone() } else { Vec::new() },
@@ -148,7 +149,7 @@ impl Film {
 fn encode(mut writer: VideoWriter, world: &SimWorld, shots: &Receiver<Shot>) -> Result<(), VideoError> {
     let mut trouble = None;
     for shot in shots {
-        if let Err(error) = writer.push(shot.at, &draw(world, &shot)) {
+        if let Err(error) = writer.push(shot.light.at(), &draw(world, &shot)) {
             trouble = Some(error);
             break;
         }
@@ -159,7 +160,7 @@ fn encode(mut writer: VideoWriter, world: &SimWorld, shots: &Receiver<Shot>) -> 
 }
 
 fn draw(world: &SimWorld, shot: &Shot) -> Rgb {
-    let mut picture = world.photograph(&shot.moment, Some(SIZE));
+    let mut picture = world.photograph(&shot.light, Some(SIZE));
     marks::draw(&mut picture, &shot.boxes);
     // What was seen on one line and what was made of it on the next: together they are too long for the picture.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));

@@ -53,6 +53,15 @@ pub struct Summary {
     pub drone: String,
     /// The craft simulated.
     pub drone_model: String,
+    /// The wind, as `--wind` takes it; left out in still air.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wind: Option<String>,
+    /// The charge at the start, 0 to 1; left out when it was full.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub battery: Option<f64>,
+    /// What the camera did to its pictures, as `--camera-effects` takes it; left out when nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_effects: Option<String>,
     /// Answers that came when nobody waited for them any more.
     pub late_replies: u32,
 }

@@ -18,5 +18,6 @@ pub mod oracle;
 pub mod render;
 pub mod scene;
 pub mod senses;
+pub mod surroundings;
 pub mod texture;
 pub mod wind;

@@ -1,5 +1,7 @@
 //! Wind: a steady part and seeded gusts. Still air unless asked for.
 
+use std::str::FromStr;
+
 use spf_core::geometry::EnuVelocity;
 use spf_core::rng::Draw;
 
@@ -17,6 +19,64 @@ pub struct Wind {
     pub gust: f64,
     /// How long a gust lasts: the time constant of its correlation, seconds. Zero is read as 2 s.
     pub gust_time: f64,
+}
+
+/// Strongest wind and gusts that are read from text, m/s: a storm; no craft here holds against more than 15.
+const STRONGEST: f64 = 30.0;
+/// Longest a gust lasts, s.
+const LONGEST_GUST: f64 = 600.0;
+
+/// Why a text is no wind.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is no wind: metres a second, then if wanted from=DEGREES, gust=METRES_A_SECOND and gust_time=SECONDS")]
+pub struct WindError(String);
+
+impl FromStr for Wind {
+    type Err = WindError;
+
+    /// `SPEED[,from=DEG][,gust=SD][,gust_time=S]`: the speed in m/s (0 to 30), where it blows from in degrees clockwise from north
+    /// (north unless said), the standard deviation of the gusts along each axis in m/s and how long one lasts.
+    fn from_str(text: &str) -> Result<Self, WindError> {
+        let wrong = || WindError(text.chars().take(80).collect());
+        let number = |text: &str, low: f64, high: f64| {
+            text.trim().parse::<f64>().ok().filter(|value| (low..=high).contains(value)).ok_or_else(wrong)
+        };
+        let mut parts = text.split(',');
+        let speed = number(parts.next().unwrap_or_default(), 0.0, STRONGEST)?;
+        let (mut from, mut wind) = (0.0, Self::default());
+        for part in parts {
+            let (name, value) = part.split_once('=').ok_or_else(wrong)?;
+            match name.trim() {
+                "from" => from = number(value, -360.0, 360.0)?,
+                "gust" => wind.gust = number(value, 0.0, STRONGEST)?,
+                "gust_time" => wind.gust_time = number(value, 0.01, LONGEST_GUST)?,
+                _ => return Err(wrong()),
+            }
+        }
+        let (sin, cos) = libm::sincos(from.to_radians());
+        (wind.east, wind.north) = (-speed * sin, -speed * cos);
+        Ok(wind)
+    }
+}
+
+impl std::fmt::Display for Wind {
+    /// As it is read, to a thousandth.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let rounded = |value: f64| libm::round(value * 1000.0) / 1000.0 + 0.0;
+        let speed = libm::hypot(self.east, self.north);
+        write!(f, "{}", rounded(speed))?;
+        if speed > 0.0 {
+            let from = libm::atan2(-self.east, -self.north).to_degrees();
+            write!(f, ",from={}", rounded(if from < 0.0 { from + 360.0 } else { from }))?;
+        }
+        if self.gust > 0.0 {
+            write!(f, ",gust={}", rounded(self.gust))?;
+        }
+        if self.gust_time > 0.0 {
+            write!(f, ",gust_time={}", rounded(self.gust_time))?;
+        }
+        Ok(())
+    }
 }
 
 /// The air at one instant after the other, one simulation tick apart.
@@ -37,5 +97,47 @@ impl Air {
     /// The wind during the next tick.
     pub(crate) fn advance(&mut self) -> EnuVelocity {
         EnuVelocity { east: self.steady.east + self.east.advance(), north: self.steady.north + self.north.advance(), up: 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn read(text: &str) -> Option<Wind> {
+        text.parse().ok()
+    }
+
+    #[test]
+    fn wind_blows_from_where_it_is_said_to() {
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
+        let north = read("3").unwrap();
+        assert!(near(north.east, 0.0) && near(north.north, -3.0) && north.gust == 0.0, "{north:?}");
+        let west = read("2, from=270, gust=1.5, gust_time=4").unwrap();
+        assert!(near(west.east, 2.0) && near(west.north, 0.0), "{west:?}");
+        assert_eq!((west.gust, west.gust_time), (1.5, 4.0));
+        assert_eq!(west.to_string(), "2,from=270,gust=1.5,gust_time=4");
+    }
+
+    #[test]
+    fn what_is_no_wind_is_refused() {
+        for text in ["", "strong", "-1", "31", "3,gust", "3,gust=-1", "3,from=400", "3,gust_time=0", "NaN", "3,up=1"] {
+            assert_eq!(read(text), None, "{text}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_read_or_refused(text in ".{0,60}", parts in "[0-9]{1,2}(,(from|gust|gust_time)=[0-9.]{0,5}){0,4}") {
+            for text in [text, parts] {
+                if let Some(wind) = read(&text) {
+                    let again = read(&wind.to_string()).unwrap();
+                    let near = |a: f64, b: f64| (a - b).abs() < 2e-3;
+                    prop_assert!(near(again.east, wind.east) && near(again.north, wind.north), "{wind:?} {again:?}");
+                    prop_assert!(near(again.gust, wind.gust));
+                }
+            }
+        }
     }
 }

@@ -68,6 +68,7 @@ Examples:
   spf fly \"Fly to the white needle tower, keep clear of everything\" --avoid --out needle
   spf fly \"Find the bridge\" --json | jq .outcome
   spf fly \"Fly to the tall white building\" --vlm oracle:poor --geofence fence.geojson
+  spf fly \"Go to the bridge\" --wind 3,from=270,gust=1 --camera-effects blur,noise,lens=tello_ros
 
 The oracle answers in place of a VLM: it sees the simulator's own id and depth pictures through errors (perfect, default, \
 poor, or a file). No number made with it is a VLM's.
@@ -106,6 +107,16 @@ pub(crate) struct WorldArgs {
     /// Seed of all chance: the same seed gives the same flight, byte for byte [default: 0]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) seed: Option<String>,
+    /// Wind: metres a second[,from=DEG][,gust=M_S][,gust_time=S], from the north unless said [default: still air]
+    #[arg(long, value_name = "WIND", allow_hyphen_values = true)]
+    pub(crate) wind: Option<String>,
+    /// Battery charge at the start, 0 to 1 [default: 1]
+    #[arg(long, value_name = "CHARGE", allow_negative_numbers = true)]
+    pub(crate) battery: Option<String>,
+    /// What the camera does to its pictures: blur, noise, exposure, lens, compression, each with =STRENGTH, or all [default:
+    /// none]
+    #[arg(long, value_name = "EFFECTS")]
+    pub(crate) camera_effects: Option<String>,
     /// Operator events at given times (TOML; see docs/flight-files.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) events: Option<PathBuf>,

@@ -22,6 +22,7 @@ pub(crate) enum Sim {
 Examples:
   spf sim render city --pose 0,0,3,0 -o x.png --depth depth.png --ids ids.png
   spf sim render city --light dusk --weather rain -o rain.png
+  spf sim render city -o x.png --camera-effects blur=20,noise=5,lens=wide --moving 2,0,0,60
 
 Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). Ids are a 16-bit PNG; a JSON legend of \
 the same name is written beside it.")]
@@ -48,6 +49,13 @@ pub(crate) struct Render {
     /// Camera of this craft: quad or tello [default: the scene's]
     #[arg(long, value_name = "MODEL")]
     pub(crate) drone_model: Option<String>,
+    /// What the camera does to the picture: blur, noise, exposure, lens, compression, each with =STRENGTH, or all [default:
+    /// none]
+    #[arg(long, value_name = "EFFECTS")]
+    pub(crate) camera_effects: Option<String>,
+    /// How the craft moves, for motion blur: forward,right,up,yaw in m/s and degrees/s [default: at rest]
+    #[arg(long, value_name = "MOTION", allow_hyphen_values = true)]
+    pub(crate) moving: Option<String>,
 }
 
 /// Lists scenes: what they show, how large they are, what is in them.

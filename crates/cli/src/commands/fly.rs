@@ -11,14 +11,16 @@ use spf_core::geofence::Geofence;
 use spf_core::pilot::{Outcome, PilotSettings, Preset, Think};
 use spf_core::step::StepRule;
 use spf_core::time::duration_from_secs;
-use spf_flight::sim::{FlightError, FlightPlan, PolicyKind, RecordPlan};
+use spf_flight::sim::{Circumstances, FlightError, FlightPlan, PolicyKind, RecordPlan};
 use spf_flight::summary::Summary;
 use spf_flight::words;
 use spf_flight::world::Script;
 use spf_record::out_dir::OutDir;
+use spf_sim::effects::EffectsError;
 use spf_sim::model::{CraftKind, Model};
 use spf_sim::oracle::ErrorFile;
 use spf_sim::scene::{Conditions, Lighting, Weather};
+use spf_sim::wind::WindError;
 
 use crate::args::Fly;
 use crate::commands::{load_stage, parse_pose};
@@ -109,6 +111,9 @@ fn layered(args: &Fly) -> Result<Settings, CliError> {
     settings.flag("fly.drone", "--drone", world.drone.clone());
     settings.flag("fly.drone_model", "--drone-model", world.drone_model.clone());
     settings.flag("fly.seed", "--seed", world.seed.clone());
+    settings.flag("fly.wind", "--wind", world.wind.clone());
+    settings.flag("fly.battery", "--battery", world.battery.clone());
+    settings.flag("camera.effects", "--camera-effects", world.camera_effects.clone());
     settings.flag("fly.realtime", "--realtime", on(world.realtime));
     settings.flag("fly.vlm", "--vlm", method.vlm.clone());
     settings.flag("fly.policy", "--policy", method.policy.clone());
@@ -147,6 +152,7 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<FlightPlan
         lighting: settings.choice("fly.light", &Lighting::ALL.map(|light| (light.name(), light)))?,
         weather: settings.choice("fly.weather", &Weather::ALL.map(|weather| (weather.name(), weather)))?,
     };
+    let circumstances = circumstances(settings)?;
     // Everything that is only read is checked before the scene is loaded: errors come at once.
     let stage = Arc::new(load_stage(settings.get("fly.scene").unwrap_or("city"), &conditions)?);
     let kind = kind.unwrap_or(stage.scene.default_craft);
@@ -154,6 +160,7 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<FlightPlan
         instruction: instruction.to_owned(),
         start,
         kind,
+        circumstances,
         policy,
         preset,
         settings: method,
@@ -167,6 +174,22 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<FlightPlan
         record: None,
         stage,
     })
+}
+
+fn circumstances(settings: &Settings) -> Result<Circumstances, CliError> {
+    let refused = |name, what, error: &dyn std::error::Error| settings.wrong(name, what).because(error);
+    let mut circumstances = Circumstances::default();
+    if let Some(wind) = settings.get("fly.wind") {
+        circumstances.wind = wind.parse().map_err(|error: WindError| refused("fly.wind", "a wind", &error))?;
+    }
+    if let Some(charge) = settings.number("fly.battery", 0.0, 1.0)? {
+        circumstances.battery = charge;
+    }
+    if let Some(effects) = settings.get("camera.effects") {
+        circumstances.effects =
+            effects.parse().map_err(|error: EffectsError| refused("camera.effects", "a list of camera effects", &error))?;
+    }
+    Ok(circumstances)
 }
 
 fn method(settings: &Settings, preset: Preset) -> Result<PilotSettings, CliError> {

@@ -17,14 +17,16 @@ use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::time::Time;
 use spf_drone::Drone;
 use spf_record::out_dir::OutDir;
+use spf_sim::effects::Effects;
 use spf_sim::model::CraftKind;
 use spf_sim::oracle::ErrorFile;
+use spf_sim::wind::Wind;
 
 use super::oracle::OracleVlm;
 use super::pictures::SimPictures;
 use super::stage::Stage;
 use super::truth::{Verdict, judge};
-use super::world::{SimDrone, SimWorld};
+use super::world::{Circumstances, SimDrone, SimWorld};
 use crate::recorder::Recorder;
 use crate::run::{Observer, World, run};
 use crate::summary::Summary;
@@ -78,6 +80,8 @@ pub struct FlightPlan {
     pub start: Option<Pose>,
     /// In what.
     pub kind: CraftKind,
+    /// Under what circumstances.
+    pub circumstances: Circumstances,
     /// Who decides.
     pub policy: PolicyKind,
     /// The named preset that `settings` began as.
@@ -159,7 +163,7 @@ pub enum FlightError {
 pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
     let stage = plan.stage.clone();
     let start = plan.start.unwrap_or(stage.scene.start);
-    let world = SimWorld::new(stage.clone(), plan.kind, start, plan.seed);
+    let world = SimWorld::under(&plan.circumstances, stage.clone(), plan.kind, start, plan.seed);
     let drone = SimDrone::new(world.clone());
     let capabilities = drone.capabilities();
     check_place(&stage, start.position)?;
@@ -282,6 +286,7 @@ fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Se
         path_length: 0.0,
         collisions: 0,
     });
+    let circumstances = &plan.circumstances;
     Summary {
         format: 1,
         instruction: settled.instruction,
@@ -306,6 +311,9 @@ fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Se
         weather: stage.scene.weather.name().to_owned(),
         drone: "sim".to_owned(),
         drone_model: plan.kind.name().to_owned(),
+        wind: Some(circumstances.wind).filter(|wind| *wind != Wind::default()).map(|wind| wind.to_string()),
+        battery: Some(circumstances.battery).filter(|charge| *charge != 1.0),
+        camera_effects: Some(&circumstances.effects).filter(|effects| !effects.is_none()).map(Effects::to_string),
         late_replies: pilot.late_replies(),
     }
 }

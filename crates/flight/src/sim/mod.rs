@@ -13,4 +13,4 @@ pub use oracle::OracleVlm;
 pub use pictures::SimPictures;
 pub use stage::{Moment, Stage, StageError};
 pub use truth::Verdict;
-pub use world::{SimDrone, SimWorld};
+pub use world::{Circumstances, SimDrone, SimWorld};

@@ -37,9 +37,9 @@ impl Picture for SimPicture<'_> {
             return Ok(encoded.clone());
         }
         let frame = self.query.frame;
-        let moment =
-            self.world.capture(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
-        let mut picture = self.world.photograph(&moment, self.query.image_size);
+        let shot =
+            self.world.capture_shot(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
+        let mut picture = self.world.photograph(&shot, self.query.image_size);
         spf_media::marks::draw(&mut picture, &self.query.marks);
         let encoded =
             spf_media::jpeg::Jpeg::encode(&picture, JPEG_QUALITY).map_err(|error| VlmError::Picture(error.to_string()))?.shared();

@@ -7,6 +7,7 @@ use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::time::Time;
 use spf_sim::actors::{ActorPlace, Cast, Traffic};
 use spf_sim::collide::{Collider, ColliderError};
+use spf_sim::effects::Posed;
 use spf_sim::geometry::ObjectId;
 use spf_sim::oracle::{Place, Placed, Tagged};
 use spf_sim::render::{Channels, Frustum, Picture, Renderer};
@@ -33,6 +34,12 @@ pub struct Moment {
     pub pose: Pose,
     /// The actors' places, in the order of the cast.
     pub actors: Vec<ActorPlace>,
+}
+
+impl Posed for Moment {
+    fn pose(&self) -> &Pose {
+        &self.pose
+    }
 }
 
 /// Why a scene cannot be flown in.

@@ -13,33 +13,58 @@ use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 use spf_media::frame::Rgb;
 use spf_sim::craft::{SimCraft, Truth};
 use spf_sim::dynamics::Conditions;
+use spf_sim::effects::{Effects, Eye, Shot};
 use spf_sim::frame_clock::FrameClock;
 use spf_sim::model::{CraftKind, Model};
 use spf_sim::render::{Channels, Picture};
+use spf_sim::surroundings::Surroundings;
+use spf_sim::wind::Wind;
 
 use super::stage::{Moment, Stage};
 
-/// How much wider than the camera's the view is in which the share of a silhouette inside the frame is counted.
-const WIDE: f64 = 2.5;
-/// Size of that view, pixels.
-const WIDE_SIZE: (u32, u32) = (320, 240);
+/// What a flight meets besides its scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Circumstances {
+    /// The wind.
+    pub wind: Wind,
+    /// Battery charge at the start, 0..=1.
+    pub battery: f64,
+    /// What the camera does to its pictures.
+    pub effects: Effects,
+}
+
+impl Default for Circumstances {
+    /// Still air, a full battery, a perfect camera.
+    fn default() -> Self {
+        Self { wind: Wind::default(), battery: 1.0, effects: Effects::default() }
+    }
+}
 
 /// One simulated craft in its scene, shared by the driver, the oracle's eye, the recorder and the judge.
 #[derive(Clone)]
 pub struct SimWorld {
     stage: Arc<Stage>,
-    camera: Camera,
+    eye: Arc<Eye>,
+    surroundings: Arc<Surroundings>,
     craft: Arc<Mutex<SimCraft>>,
 }
 
 impl SimWorld {
-    /// A craft on the ground below `start`.
+    /// A craft on the ground below `start`, in still air, with a full battery and a perfect camera.
     #[must_use]
     pub fn new(stage: Arc<Stage>, kind: CraftKind, start: Pose, seed: u64) -> Self {
-        let conditions = Conditions::new(seed);
+        Self::under(&Circumstances::default(), stage, kind, start, seed)
+    }
+
+    /// A craft on the ground below `start`, under other circumstances.
+    #[must_use]
+    pub fn under(circumstances: &Circumstances, stage: Arc<Stage>, kind: CraftKind, start: Pose, seed: u64) -> Self {
+        let Circumstances { wind, battery, effects } = circumstances;
+        let conditions = Conditions { wind: *wind, battery: *battery, ..Conditions::new(seed) };
         let craft = SimCraft::among(stage.cast.clone(), stage.collider.clone(), Model::of(kind), start, conditions);
-        let camera = kind.camera();
-        Self { stage, camera, craft: Arc::new(Mutex::new(craft)) }
+        let eye = Eye::new(kind.camera(), effects.clone(), seed);
+        let surroundings = Arc::new(Surroundings::of(eye.camera()));
+        Self { stage, eye: Arc::new(eye), surroundings, craft: Arc::new(Mutex::new(craft)) }
     }
 
     fn craft(&self) -> MutexGuard<'_, SimCraft> {
@@ -53,10 +78,10 @@ impl SimWorld {
         &self.stage
     }
 
-    /// Its camera.
+    /// Its camera, with its lens.
     #[must_use]
     pub fn camera(&self) -> &Camera {
-        &self.camera
+        self.eye.camera()
     }
 
     /// Moves the world on to `now`.
@@ -91,24 +116,39 @@ impl SimWorld {
         self.moment_at(FrameClock::default().captured(frame))
     }
 
+    /// What a photograph captured at `at` takes its light from; none while its shutter is open, and when it is too long ago.
+    #[must_use]
+    pub fn shot(&self, at: Time) -> Option<Shot<Moment>> {
+        self.eye.shot(at, |at| self.moment_at(at))
+    }
+
+    /// The same for a frame.
+    #[must_use]
+    pub fn capture_shot(&self, frame: FrameId) -> Option<Shot<Moment>> {
+        self.shot(FrameClock::default().captured(frame))
+    }
+
     /// What the camera sees at a moment.
     #[must_use]
     pub fn look(&self, moment: &Moment, channels: Channels) -> Picture {
-        self.stage.render(&self.camera, moment, channels)
+        let mut picture = Picture::default();
+        self.look_into(moment, channels, &mut picture);
+        picture
     }
 
-    /// A photograph of a moment, at the camera's size or another.
+    /// A photograph, at the camera's size or another.
     #[must_use]
-    pub fn photograph(&self, moment: &Moment, size: Option<(u32, u32)>) -> Rgb {
-        let camera = size.map_or(self.camera, |(width, height)| self.camera.resized(width, height));
-        let picture = self.stage.render(&camera, moment, Channels::RGB);
-        let (width, height) = (picture.width, picture.height);
-        picture.rgb.and_then(|data| Rgb::from_raw(width, height, data).ok()).unwrap_or_else(|| Rgb::new(width, height))
+    pub fn photograph(&self, shot: &Shot<Moment>, size: Option<(u32, u32)>) -> Rgb {
+        self.eye.photograph(shot, size, |camera, moment, picture| {
+            self.stage.render_into(camera, moment, Channels::RGB, picture);
+        })
     }
 
     /// What the camera sees at a moment, into the buffers of an earlier picture: fresh pages cost a fifth of a decision.
     pub fn look_into(&self, moment: &Moment, channels: Channels, picture: &mut Picture) {
-        self.stage.render_into(&self.camera, moment, channels, picture);
+        self.eye.look(self.camera(), picture, |camera, picture| {
+            self.stage.render_into(camera, moment, channels, picture);
+        });
     }
 
     /// Light on each thing of a picture with ids and depth of a moment, as in [`Renderer::light_on`].
@@ -116,51 +156,16 @@ impl SimWorld {
     /// [`Renderer::light_on`]: spf_sim::render::Renderer::light_on
     #[must_use]
     pub fn light_on(&self, moment: &Moment, picture: &Picture) -> BTreeMap<u16, f32> {
-        self.stage.renderer.light_on(&self.camera, &moment.pose, picture)
+        self.stage.renderer.light_on(self.camera(), &moment.pose, picture)
     }
 
-    /// Share of each object's silhouette that lies inside the frame, counted in a wider and coarser view; openings by their own.
-    /// The view is drawn into `picture`.
+    /// Share of each object's silhouette that lies inside the frame; openings by their own. The view in which they are counted is
+    /// drawn into `picture`.
     #[must_use]
     pub fn in_frame(&self, moment: &Moment, picture: &mut Picture) -> BTreeMap<u16, f32> {
-        let wide = widened(&self.camera);
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        self.stage.render_into(&wide, moment, channels, picture);
-        let (w, h) = (WIDE_SIZE.0 as usize, WIDE_SIZE.1 as usize);
-        let inside = |i: usize, size: usize, centre: f64, focal: f64, low: f64, high: f64| {
-            let tangent = (i as f64 + 0.5 - centre) / focal;
-            i < size && (low..=high).contains(&tangent)
-        };
-        let camera = &self.camera;
-        let (left, right) = (-camera.cx / camera.fx, (f64::from(camera.width) - camera.cx) / camera.fx);
-        let (top, bottom) = (-camera.cy / camera.fy, (f64::from(camera.height) - camera.cy) / camera.fy);
-        let columns: Vec<bool> = (0..w).map(|x| inside(x, w, wide.cx, wide.fx, left, right)).collect();
-        let rows: Vec<bool> = (0..h).map(|y| inside(y, h, wide.cy, wide.fy, top, bottom)).collect();
-        let mut counts = vec![(0u32, 0u32); self.stage.scene.objects.len() + 1];
-        for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {
-            for (y, row) in ids.chunks_exact(w).enumerate() {
-                for (x, id) in row.iter().enumerate() {
-                    let count = &mut counts[usize::from(*id)];
-                    count.0 += 1;
-                    count.1 += u32::from(columns[x] && rows[y]);
-                }
-            }
-        }
-        let seen = counts.iter().enumerate().skip(1).filter(|(_, (all, _))| *all > 0);
-        seen.map(|(id, (all, inside))| (id as u16, *inside as f32 / *all as f32)).collect()
-    }
-}
-
-fn widened(camera: &Camera) -> Camera {
-    let (w, h) = (f64::from(WIDE_SIZE.0), f64::from(WIDE_SIZE.1));
-    Camera {
-        width: WIDE_SIZE.0,
-        height: WIDE_SIZE.1,
-        fx: camera.fx * w / f64::from(camera.width) / WIDE,
-        fy: camera.fy * h / f64::from(camera.height) / WIDE,
-        cx: 0.5 * w,
-        cy: 0.5 * h,
-        ..*camera
+        self.stage.render_into(self.surroundings.camera(), moment, channels, picture);
+        self.surroundings.shares(picture)
     }
 }
 
@@ -190,7 +195,7 @@ impl Drone for SimDrone {
     }
 
     fn capabilities(&self) -> Capabilities {
-        Capabilities { craft: self.world.craft().dynamics().model().craft, camera: self.world.camera }
+        Capabilities { craft: self.world.craft().dynamics().model().craft, camera: *self.world.camera() }
     }
 
     fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
@@ -214,7 +219,7 @@ impl Drone for SimDrone {
             self.telemetry_at = craft.next_telemetry(at);
             return Some((at, DroneEvent::Telemetry(telemetry)));
         }
-        let camera = &self.world.camera;
+        let camera = self.world.camera();
         let meta = self.clock.meta(self.frame, camera.width, camera.height);
         drop(craft);
         self.frame = FrameId(self.frame.0 + 1);

@@ -18,28 +18,31 @@ const MOST: usize = 16;
 /// What is nearest in most pictures, metres: translation blurs as if everything were this near.
 const NEAR: f64 = 3.0;
 
-/// An instant of a picture, and where the craft was.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment {
-    /// When.
-    pub at: Time,
-    /// Where.
-    pub pose: Pose,
+/// An instant that can be drawn: where the camera is, and whatever else moves.
+pub trait Posed {
+    /// Where the craft is.
+    fn pose(&self) -> &Pose;
 }
 
-/// When and where a picture takes its light from.
+impl Posed for Pose {
+    fn pose(&self) -> &Pose {
+        self
+    }
+}
+
+/// What a picture takes its light from: one moment `M`, or several while the shutter is open.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shot {
+pub struct Shot<M> {
     at: Time,
     /// At least one.
-    moments: Vec<Moment>,
+    moments: Vec<M>,
 }
 
-impl Shot {
+impl<M> Shot<M> {
     /// A picture of one moment, of whatever is at rest.
     #[must_use]
-    pub fn still(at: Time, pose: Pose) -> Self {
-        Self { at, moments: vec![Moment { at, pose }] }
+    pub fn still(at: Time, moment: M) -> Self {
+        Self { at, moments: vec![moment] }
     }
 
     /// The capture time: the middle of the exposure.
@@ -50,26 +53,28 @@ impl Shot {
 
     /// The moments, in order of time.
     #[must_use]
-    pub fn moments(&self) -> &[Moment] {
+    pub fn moments(&self) -> &[M] {
         &self.moments
     }
 }
 
-pub(super) fn shot(camera: &Camera, shutter: Option<Duration>, at: Time, pose_at: impl Fn(Time) -> Option<Pose>) -> Option<Shot> {
-    let pose = pose_at(at)?;
-    let Some(shutter) = shutter else { return Some(Shot::still(at, pose)) };
+pub(super) fn shot<M: Posed>(
+    camera: &Camera,
+    shutter: Option<Duration>,
+    at: Time,
+    moment_at: impl Fn(Time) -> Option<M>,
+) -> Option<Shot<M>> {
+    let capture = moment_at(at)?;
+    let Some(shutter) = shutter else { return Some(Shot::still(at, capture)) };
     // Before the flight began there was nothing to see: a shutter that opens then opens at its beginning.
     let opens = Time::from_nanos(at.as_nanos().saturating_sub(shutter.as_nanos() as u64 / 2));
     let closes = at + shutter / 2;
     let open = closes.since(opens).as_nanos() as u64;
-    let count = moments(camera, &pose_at(opens)?, &pose_at(closes)?);
+    let count = moments(camera, moment_at(opens)?.pose(), moment_at(closes)?.pose());
     if count == 1 {
-        return Some(Shot::still(at, pose));
+        return Some(Shot::still(at, capture));
     }
-    let moment = |i: usize| {
-        let at = opens + Duration::from_nanos(open * (2 * i as u64 + 1) / (2 * count as u64));
-        Some(Moment { at, pose: pose_at(at)? })
-    };
+    let moment = |i: usize| moment_at(opens + Duration::from_nanos(open * (2 * i as u64 + 1) / (2 * count as u64)));
     Some(Shot { at, moments: (0..count).map(moment).collect::<Option<_>>()? })
 }
 
@@ -83,7 +88,7 @@ fn moments(camera: &Camera, from: &Pose, to: &Pose) -> usize {
 }
 
 /// Draws every moment and puts the mean of their light into `picture`.
-pub(super) fn add_up(moments: &[Moment], picture: &mut Picture, mut draw: impl FnMut(&Moment, &mut Picture)) {
+pub(super) fn add_up<M>(moments: &[M], picture: &mut Picture, mut draw: impl FnMut(&M, &mut Picture)) {
     let curve = Curve::get();
     let mut sum: Vec<f32> = Vec::new();
     for moment in moments {
@@ -113,8 +118,9 @@ mod tests {
         let shutter = Some(Duration::from_millis(10));
         let shot = shot(&Camera::quad(), shutter, Time::from_millis(1000), flying).unwrap();
         // 3 cm at 3 m with 480 pixels a radian: 4.8 pixels.
-        let at: Vec<u64> = shot.moments().iter().map(|moment| moment.at.as_nanos()).collect();
-        assert_eq!(at, [996_250_000, 998_750_000, 1_001_250_000, 1_003_750_000]);
+        let at: Vec<f64> = shot.moments().iter().map(|pose| pose.position.north / 3.0 * 1000.0 - 1000.0).collect();
+        assert_eq!(at.len(), 4);
+        assert!(at.iter().zip([-3.75, -1.25, 1.25, 3.75]).all(|(at, expected)| (at - expected).abs() < 1e-9), "{at:?}");
     }
 
     #[test]

@@ -16,12 +16,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 use spf_core::camera::Camera;
-use spf_core::geometry::Pose;
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
 
 use crate::render::Picture;
-pub use blur::{Moment, Shot};
+pub use blur::{Posed, Shot};
 pub use compression::Compression;
 pub use lens::Lens;
 use lens::Remap;
@@ -76,14 +75,19 @@ impl Eye {
         self.keep_scratch(straight);
     }
 
-    /// When and where a picture captured at `at` takes its light from: the times around it while the shutter is open, as many as
-    /// the motion needs. `pose_at` tells the craft's pose; none when it does not know one of them (yet, or any more).
-    pub fn shot(&self, at: Time, pose_at: impl Fn(Time) -> Option<Pose>) -> Option<Shot> {
-        blur::shot(&self.camera, self.effects.shutter, at, pose_at)
+    /// What a picture captured at `at` takes its light from: the moments around it while the shutter is open, as many as the
+    /// motion needs. `moment_at` tells what there is to see at a time; none when it does not know one of them (yet, or any more).
+    pub fn shot<M: Posed>(&self, at: Time, moment_at: impl Fn(Time) -> Option<M>) -> Option<Shot<M>> {
+        blur::shot(&self.camera, self.effects.shutter, at, moment_at)
     }
 
     /// A photograph at another size than the camera's or at its own. `draw` draws the colour picture of a pinhole at one moment.
-    pub fn photograph(&self, shot: &Shot, size: Option<(u32, u32)>, mut draw: impl FnMut(&Camera, &Moment, &mut Picture)) -> Rgb {
+    pub fn photograph<M>(
+        &self,
+        shot: &Shot<M>,
+        size: Option<(u32, u32)>,
+        mut draw: impl FnMut(&Camera, &M, &mut Picture),
+    ) -> Rgb {
         let camera = size.map_or(self.camera, |(width, height)| self.camera.resized(width, height));
         let mut picture = Picture::default();
         if let [moment] = shot.moments() {
@@ -153,7 +157,7 @@ impl Eye {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spf_core::geometry::{Attitude, EnuPosition};
+    use spf_core::geometry::{Attitude, EnuPosition, Pose};
 
     /// A white stripe whose place follows the heading.
     fn stripe(camera: &Camera, pose: &Pose, picture: &mut Picture) {
@@ -175,7 +179,7 @@ mod tests {
         let camera = Camera { width: 96, height: 16, fx: 200.0, fy: 200.0, cx: 48.0, cy: 8.0, ..Camera::tello() };
         let eye = Eye::new(camera, effects.parse().unwrap(), 3);
         let shot = eye.shot(at, turning).unwrap();
-        eye.photograph(&shot, None, |camera, moment, picture| stripe(camera, &moment.pose, picture))
+        eye.photograph(&shot, None, stripe)
     }
 
     #[test]
@@ -229,7 +233,7 @@ mod tests {
         let grey = |stops: &str| {
             let eye = Eye::new(Camera::quad().resized(16, 16), format!("exposure={stops}").parse().unwrap(), 0);
             let shot = eye.shot(Time::ZERO, |_| Some(Pose::default())).unwrap();
-            let draw = |camera: &Camera, _: &Moment, picture: &mut Picture| {
+            let draw = |camera: &Camera, _: &Pose, picture: &mut Picture| {
                 (picture.width, picture.height) = (camera.width, camera.height);
                 picture.rgb = Some(vec![100; 16 * 16 * 3]);
             };

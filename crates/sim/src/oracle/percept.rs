@@ -161,10 +161,10 @@ fn thing(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, depth
     }
 }
 
-/// Straight-line distance per metre of depth along the optical axis, at an image point.
+/// Straight-line distance per metre of depth along the optical axis, at an image point as the lens shows it.
 pub(super) fn stretch(camera: &Camera, at: ImagePoint) -> f64 {
-    let (right, up) = slopes(camera, at);
-    sqrt(1.0 + right * right + up * up)
+    let ray = camera.ray(at);
+    sqrt(1.0 + ray.right * ray.right + ray.up * ray.up)
 }
 
 /// Metres right and up per metre along the optical axis. Lens distortion is left out: a looker does not undo it.

@@ -2,10 +2,14 @@
 
 use std::path::PathBuf;
 
+use spf_core::geometry::{Attitude, BodyDisplacement, Pose, wrap_angle};
+use spf_core::time::Time;
+use spf_media::jpeg::EncodeError;
 use spf_media::png;
+use spf_sim::effects::{Effects, EffectsError, Eye};
 use spf_sim::render::{Channels, Picture};
 
-use super::{above_start, colour, conditions, parse_kind, parse_size, write};
+use super::{above_start, conditions, parse_kind, parse_size, write};
 use crate::args::Render;
 use crate::commands::{load_stage, parse_pose};
 use crate::error::CliError;
@@ -22,17 +26,27 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
     let legend = args.ids.as_ref().map(|path| path.with_extension("json"));
+    let effects = args.camera_effects.as_deref().map(parse_effects).transpose()?.unwrap_or_default();
+    let motion = args.moving.as_deref().map(parse_motion).transpose()?.unwrap_or_default();
     distinct(args, legend.as_ref())?;
     let conditions = conditions(&args.conditions)?;
     let stage = load_stage(&args.scene, &conditions)?;
     let kind = kind.unwrap_or(stage.scene.default_craft);
     let pose = pose.unwrap_or_else(|| above_start(stage.scene.start, kind));
-    let camera = kind.camera();
-    let camera = size.map_or(camera, |(width, height)| camera.resized(width, height));
-    let channels = Channels { rgb: true, depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
-    let picture = stage.render(&camera, &stage.beginning(pose), channels);
+    let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
+    let eye = Eye::new(camera, effects, 0);
+    let shot = eye.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
+    let shot = shot.ok_or_else(|| CliError::internal("the shutter is open at times that have no pose"))?;
+    let photograph = eye.photograph(&shot, None, |camera, pose, picture| {
+        stage.render_into(camera, &stage.beginning(*pose), Channels::RGB, picture);
+    });
+    let channels = Channels { depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
+    let mut picture = Picture::default();
+    eye.look(eye.camera(), &mut picture, |camera, picture| {
+        stage.render_into(camera, &stage.beginning(pose), channels, picture);
+    });
     let mut written = vec![args.output.as_path()];
-    write(&args.output, &colour(&picture)?)?;
+    write(&args.output, &encoded(png::encode(&photograph))?)?;
     if let (Some(path), Some(depth)) = (&args.depth, &picture.depth) {
         let centimetres: Vec<u16> = depth.iter().map(|metres| centimetres(*metres)).collect();
         write(path, &grey(&picture, &centimetres)?)?;
@@ -67,6 +81,69 @@ fn centimetres(metres: f32) -> u16 {
 }
 
 fn grey(picture: &Picture, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
-    png::encode_grey16(picture.width, picture.height, pixels)
-        .map_err(|error| CliError::internal("the picture cannot be encoded").because(&error))
+    encoded(png::encode_grey16(picture.width, picture.height, pixels))
+}
+
+fn encoded(file: Result<Vec<u8>, EncodeError>) -> Result<Vec<u8>, CliError> {
+    file.map_err(|error| CliError::internal("the picture cannot be encoded").because(&error))
+}
+
+/// A time at which the shutter has had time to open.
+const CAPTURE: Time = Time::from_millis(1000);
+
+/// A steady motion, for motion blur.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Motion {
+    /// Metres a second along the body.
+    along: BodyDisplacement,
+    /// Radians a second, clockwise.
+    yaw: f64,
+}
+
+impl Motion {
+    /// Where the craft is at `at`, when it is at `pose` at the capture.
+    fn pose(&self, pose: &Pose, at: Time) -> Pose {
+        let seconds = at.as_secs_f64() - CAPTURE.as_secs_f64();
+        let BodyDisplacement { right, forward, up } = self.along;
+        let moved = BodyDisplacement { right: right * seconds, forward: forward * seconds, up: up * seconds };
+        let heading = wrap_angle(pose.attitude.heading + self.yaw * seconds);
+        Pose { position: pose.position.displaced(moved, pose.attitude.heading), attitude: Attitude { heading, ..pose.attitude } }
+    }
+}
+
+fn parse_effects(text: &str) -> Result<Effects, CliError> {
+    text.parse().map_err(|error: EffectsError| {
+        CliError::usage(format!("--camera-effects: `{text}` is not a list of camera effects")).because(&error).hint(
+            "for example --camera-effects blur=20,noise=5,lens=wide,exposure=-1,compression=jpeg:30 (docs/camera-effects.md)",
+        )
+    })
+}
+
+/// `forward,right,up,yaw`; what is left out is 0.
+fn parse_motion(text: &str) -> Result<Motion, CliError> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let numbers = numbers.filter(|numbers| numbers.len() <= 4 && numbers.iter().all(|number: &f64| number.abs() <= 1000.0));
+    let Some(numbers) = numbers else {
+        return Err(CliError::usage(format!("--moving: `{text}` is not a motion"))
+            .hint("forward,right,up,yaw in m/s and degrees/s, for example --moving 3,0,0,90"));
+    };
+    let number = |index: usize| numbers.get(index).copied().unwrap_or(0.0);
+    let along = BodyDisplacement { forward: number(0), right: number(1), up: number(2) };
+    Ok(Motion { along, yaw: number(3).to_radians() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_motion_is_finite_or_refused(text in "[-+0-9.,einfa ]{0,40}|.{0,40}") {
+            if let Ok(motion) = parse_motion(&text) {
+                let pose = motion.pose(&Pose::default(), Time::ZERO);
+                prop_assert!(pose.position.east.is_finite() && pose.attitude.heading.abs() <= core::f64::consts::PI);
+            }
+        }
+    }
 }
