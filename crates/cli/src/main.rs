@@ -37,10 +37,10 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(cli: &Cli, printer: Printer) -> Result<Exit, CliError> {
+fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
     match &cli.command {
         Command::Fly(args) => commands::fly::fly(args, printer),
-        Command::Sim(command) => commands::sim::sim(command, &printer),
+        Command::Sim(command) => commands::sim::sim(command, &mut printer),
         Command::Config(Config::Show { config }) => commands::config::show(config.as_deref(), &printer),
     }
 }

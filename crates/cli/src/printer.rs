@@ -28,6 +28,27 @@ impl Printer {
         }
     }
 
+    /// Starts a live line that counts to `total` and says how long it will take; `done` are done already.
+    pub(crate) fn start_count(&mut self, total: u64, done: u64) {
+        if std::io::stderr().is_terminal() {
+            let bar = ProgressBar::new(total).with_position(done);
+            bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
+            if let Ok(style) = ProgressStyle::with_template("{wide_bar} {pos}/{len}, {eta} left") {
+                bar.set_style(style);
+            }
+            // What was done before says nothing about the speed now.
+            bar.reset_eta();
+            self.live = Some(bar);
+        }
+    }
+
+    /// Counts to `done`.
+    pub(crate) fn count(&self, done: u64) {
+        if let Some(bar) = &self.live {
+            bar.set_position(done);
+        }
+    }
+
     /// Replaces the live line's text.
     pub(crate) fn live(&self, text: &str) {
         if let Some(bar) = &self.live {

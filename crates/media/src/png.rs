@@ -14,6 +14,17 @@ pub fn encode(picture: &Rgb) -> Result<Vec<u8>, EncodeError> {
     write(picture.data(), picture.width(), picture.height(), ExtendedColorType::Rgb8)
 }
 
+/// Encodes a grey picture of 8 bits a pixel, rows from the top.
+///
+/// # Errors
+/// [`EncodeError::Picture`] if a side is zero.
+///
+/// # Panics
+/// If `pixels` does not hold `width × height` values: a programming error of the caller.
+pub fn encode_grey8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
+    write(pixels, width, height, ExtendedColorType::L8)
+}
+
 /// Encodes a grey picture of 16 bits a pixel, rows from the top.
 ///
 /// # Errors
@@ -48,6 +59,11 @@ mod tests {
         picture.set_pixel(4, 3, [255, 0, 128]);
         let back = image::load_from_memory(&encode(&picture).unwrap()).unwrap().to_rgb8();
         assert_eq!(back.into_raw(), picture.into_data());
+
+        let mask = [0, 255, 255, 0, 7, 0];
+        let back = image::load_from_memory(&encode_grey8(2, 3, &mask).unwrap()).unwrap();
+        assert_eq!(back.color(), image::ColorType::L8);
+        assert_eq!(back.to_luma8().into_raw(), mask);
 
         let depth = [0, 1, 655, 65_535, 256, 40_000];
         let back = image::load_from_memory(&encode_grey16(3, 2, &depth).unwrap()).unwrap().to_luma16();

@@ -45,7 +45,8 @@ impl City {
     /// Keys that the last stage may mean, sorted.
     fn keys(&self, instruction: &str) -> Vec<&str> {
         let found = resolve_truth(instruction, &self.placed(), Some(self.scene.start)).objects;
-        let mut keys: Vec<&str> = found.iter().map(|id| self.tags.iter().find(|tags| tags.id == *id).unwrap().key.as_str()).collect();
+        let mut keys: Vec<&str> =
+            found.iter().map(|id| self.tags.iter().find(|tags| tags.id == *id).unwrap().key.as_str()).collect();
         keys.sort_unstable();
         keys
     }

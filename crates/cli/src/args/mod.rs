@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-pub(crate) use sim::{Render, Scenes, Sim, View};
+pub(crate) use sim::{Dataset, Render, Scenes, Sim, View};
 
 /// See, Point, Fly: tell a drone in plain words where to go.
 ///

@@ -9,11 +9,13 @@ use super::ConditionArgs;
 #[derive(Debug, Subcommand)]
 pub(crate) enum Sim {
     /// Draw a scene from a pose into a PNG
-    Render(Render),
+    Render(Box<Render>),
     /// List scenes and what is in them
     Scenes(Scenes),
     /// Fly around in a scene from a browser
     View(View),
+    /// Make labelled pointing data: pictures, instructions, what they mean
+    Dataset(Box<Dataset>),
 }
 
 /// Draws what the simulated camera sees.
@@ -108,4 +110,59 @@ pub(crate) struct View {
     /// Address and port to answer on; port 0 takes one that is free
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
     pub(crate) listen: String,
+}
+
+/// Makes labelled pointing data: pictures, instructions, and what they mean in the picture.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf sim dataset --scene city -n 200 -o data
+  spf sim dataset --scene city -n 1000 --seed 7 -o data --camera-effects noise,lens=tello_ros --pictures png
+  spf sim dataset --scene city -n 2000 --seed 7 -o data --resume
+
+A quarter of the targets are not in the picture, and a quarter of the pictures hold something of the target's name in another \
+colour or quality. docs/dataset.md describes the files; the same command gives the same bytes. Ctrl-C leaves whole examples, and \
+--resume goes on with them.")]
+pub(crate) struct Dataset {
+    /// Scene, or several joined by commas, shown in turn: built-in names or scene files
+    #[arg(long, value_name = "SCENE", default_value = "city")]
+    pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) conditions: ConditionArgs,
+    /// How many examples
+    #[arg(short = 'n', long = "count", value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    pub(crate) count: u64,
+    /// Folder for the files; must be new or empty
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Seed of views and words
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Share of examples whose target is not in the picture
+    #[arg(long, value_name = "SHARE", default_value_t = 0.25, allow_negative_numbers = true)]
+    pub(crate) absent: f64,
+    /// Share of examples with something that resembles the target
+    #[arg(long, value_name = "SHARE", default_value_t = 0.25, allow_negative_numbers = true)]
+    pub(crate) look_alikes: f64,
+    /// Least pixels of a target, counted at 960x720
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    pub(crate) min_pixels: u32,
+    /// Picture size, WIDTHxHEIGHT [default: the camera's, 960x720]
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<String>,
+    /// Camera of this craft: quad or tello [default: the first scene's]
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) drone_model: Option<String>,
+    /// What the camera does to its pictures: noise, exposure, lens, compression, each with =STRENGTH, or all [default: none]
+    #[arg(long, value_name = "EFFECTS")]
+    pub(crate) camera_effects: Option<String>,
+    /// How pictures are kept: png or jpeg:QUALITY
+    #[arg(long, value_name = "FORMAT", default_value = "jpeg:90")]
+    pub(crate) pictures: String,
+    /// Go on with the dataset that is in the folder
+    #[arg(long, conflicts_with = "overwrite")]
+    pub(crate) resume: bool,
+    /// Make the dataset that is in the folder anew
+    #[arg(long)]
+    pub(crate) overwrite: bool,
 }

@@ -305,7 +305,7 @@ fn read(path: &Path, what: &str) -> Result<String, CliError> {
 }
 
 /// Counts Ctrl-C. The first lands, closes everything and ends in exit code 5; the second ends the process at once.
-fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
+pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
     let count = Arc::new(AtomicU32::new(0));
     let counted = count.clone();
     ctrlc::set_handler(move || {

@@ -35,6 +35,11 @@ fn help_of_sim_view() {
 }
 
 #[test]
+fn help_of_sim_dataset() {
+    insta::assert_snapshot!(help(&["sim", "dataset", "--help"]));
+}
+
+#[test]
 fn version() {
     assert_eq!(help(&["--version"]), concat!("spf ", env!("CARGO_PKG_VERSION"), "\n"));
 }

@@ -8,21 +8,21 @@ use spf_core::reply::Look;
 
 /// The visible pixels of one object.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Mask {
+pub struct Mask {
     /// The object.
-    pub(super) id: u16,
+    pub id: u16,
     /// Pixels.
-    pub(super) area: u64,
+    pub area: u64,
     /// First column.
-    pub(super) left: usize,
+    pub left: usize,
     /// Last column.
-    pub(super) right: usize,
+    pub right: usize,
     /// First row.
-    pub(super) top: usize,
+    pub top: usize,
     /// Last row.
-    pub(super) bottom: usize,
+    pub bottom: usize,
     /// Column and row of the pixel deepest inside.
-    pub(super) deepest: (usize, usize),
+    pub deepest: (usize, usize),
     /// Pixels on the left edge of the picture, the right, the upper, the lower.
     edges: [u64; 4],
     /// Sums of columns and rows, for the centroid.
@@ -58,8 +58,9 @@ struct Run {
     side: u16,
 }
 
-/// All masks of an id picture in ascending order of id; id 0 is nothing. `ids` is whole rows of `width`.
-pub(super) fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
+/// All masks of an id picture in ascending order of id; id 0 is nothing. `ids` is whole rows of `width`, at most 65535 a side.
+#[must_use]
+pub fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
     if width == 0 || ids.iter().all(|&id| id == 0) {
         return Vec::new();
     }

@@ -27,6 +27,7 @@ pub use errors::{
     ActErrors, BoxErrors, DoneErrors, ErrorFile, ErrorFileError, LabelErrors, LatencyErrors, PointErrors, RangeErrors, Reading,
     SeenErrors, WhichErrors,
 };
+pub use masks::{Mask, masks};
 pub use percept::{Percept, SIZE_SENT, Sight, Thing};
 pub(crate) use tags::SURFACES;
 pub use tags::{Place, Placed, Tagged, Viewpoint};

@@ -1,6 +1,7 @@
 //! `spf sim`: the embedded simulator by itself.
 
 mod contact_sheet;
+mod dataset;
 mod render;
 mod scenes;
 mod view;
@@ -10,6 +11,7 @@ use std::path::Path;
 
 use spf_core::geometry::Pose;
 use spf_media::{frame::Rgb, png};
+use spf_sim::effects::{Effects, EffectsError};
 use spf_sim::model::{CraftKind, Model};
 use spf_sim::render::Picture;
 use spf_sim::scene::{Conditions, Lighting, Weather};
@@ -23,11 +25,12 @@ use crate::printer::Printer;
 const SIZES: std::ops::RangeInclusive<u32> = 16..=8192;
 
 /// Runs one of the simulator's own commands.
-pub(crate) fn sim(command: &Sim, printer: &Printer) -> Result<Exit, CliError> {
+pub(crate) fn sim(command: &Sim, printer: &mut Printer) -> Result<Exit, CliError> {
     match command {
         Sim::Render(args) => render::render(args, printer),
         Sim::Scenes(args) => scenes::scenes(args, printer),
         Sim::View(args) => view::view(args, printer),
+        Sim::Dataset(args) => dataset::dataset(args, printer),
     }
 }
 
@@ -56,6 +59,21 @@ pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
             }
             _ => CliError::internal(what).because(&error),
         }
+    })
+}
+
+/// 16-bit depth: 0 is none or beyond 655 m.
+pub(super) fn centimetres(metres: f32) -> u16 {
+    let centimetres = (metres * 100.0).round();
+    if (1.0..=65_535.0).contains(&centimetres) { centimetres as u16 } else { 0 }
+}
+
+/// A list of camera effects.
+pub(super) fn parse_effects(text: &str) -> Result<Effects, CliError> {
+    text.parse().map_err(|error: EffectsError| {
+        CliError::usage(format!("--camera-effects: `{text}` is not a list of camera effects")).because(&error).hint(
+            "for example --camera-effects blur=20,noise=5,lens=wide,exposure=-1,compression=jpeg:30 (docs/camera-effects.md)",
+        )
     })
 }
 

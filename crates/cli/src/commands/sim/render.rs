@@ -6,10 +6,10 @@ use spf_core::geometry::{Attitude, BodyDisplacement, Pose, wrap_angle};
 use spf_core::time::Time;
 use spf_media::jpeg::EncodeError;
 use spf_media::png;
-use spf_sim::effects::{Effects, EffectsError, Eye};
+use spf_sim::effects::Eye;
 use spf_sim::render::{Channels, Picture};
 
-use super::{above_start, conditions, parse_kind, parse_size, write};
+use super::{above_start, centimetres, conditions, parse_effects, parse_kind, parse_size, write};
 use crate::args::Render;
 use crate::commands::{load_stage, parse_pose};
 use crate::error::CliError;
@@ -74,12 +74,6 @@ fn distinct(args: &Render, legend: Option<&PathBuf>) -> Result<(), CliError> {
     }
 }
 
-/// 16-bit depth: 0 is none or beyond 655 m.
-fn centimetres(metres: f32) -> u16 {
-    let centimetres = (metres * 100.0).round();
-    if (1.0..=65_535.0).contains(&centimetres) { centimetres as u16 } else { 0 }
-}
-
 fn grey(picture: &Picture, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
     encoded(png::encode_grey16(picture.width, picture.height, pixels))
 }
@@ -109,14 +103,6 @@ impl Motion {
         let heading = wrap_angle(pose.attitude.heading + self.yaw * seconds);
         Pose { position: pose.position.displaced(moved, pose.attitude.heading), attitude: Attitude { heading, ..pose.attitude } }
     }
-}
-
-fn parse_effects(text: &str) -> Result<Effects, CliError> {
-    text.parse().map_err(|error: EffectsError| {
-        CliError::usage(format!("--camera-effects: `{text}` is not a list of camera effects")).because(&error).hint(
-            "for example --camera-effects blur=20,noise=5,lens=wide,exposure=-1,compression=jpeg:30 (docs/camera-effects.md)",
-        )
-    })
 }
 
 /// `forward,right,up,yaw`; what is left out is 0.

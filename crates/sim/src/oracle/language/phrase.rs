@@ -108,7 +108,8 @@ impl Phrase {
     /// Whether the phrase says nothing at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        let Self { nouns, colours, sizes, soft, ordinal, side, relations, uses, not, other, pronoun, superlative: _, said: _ } = self;
+        let Self { nouns, colours, sizes, soft, ordinal, side, relations, uses, not, other, pronoun, superlative: _, said: _ } =
+            self;
         nouns.is_empty()
             && colours.is_empty()
             && sizes.is_empty()

@@ -1,0 +1,152 @@
+//! The folder of a dataset: whose it is, what is in it already, and rows that are whole or not there.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use spf_flight::dataset::record::{Head, Row};
+
+use crate::commands::sim::write;
+use crate::error::CliError;
+
+const HEAD: &str = "dataset.json";
+const ROWS: &str = "examples.jsonl";
+/// Folders that belong to a dataset.
+const FOLDERS: [&str; 6] = ["pictures", "ids", "depth", "openings", "masks", "legends"];
+/// Longest row that is read back, bytes; a longer one is not ours.
+const LONGEST_ROW: usize = 4 << 20;
+
+/// A folder that examples are put into.
+pub(super) struct Folder {
+    path: PathBuf,
+    rows: File,
+    /// Bytes of whole rows.
+    length: u64,
+    /// Whole rows.
+    examples: u64,
+}
+
+impl Folder {
+    /// Takes a new or an empty folder, goes on with one of the same head (`resume`), or begins one anew (`overwrite`).
+    pub(super) fn open(path: &Path, head: &Head, resume: bool, overwrite: bool) -> Result<Self, CliError> {
+        fs::create_dir_all(path).map_err(|error| unusable(path, &error))?;
+        let mut entries = fs::read_dir(path).map_err(|error| unusable(path, &error))?;
+        let is_dataset = path.join(HEAD).exists();
+        if entries.next().is_some() {
+            let shown = path.display();
+            match (resume || overwrite, is_dataset) {
+                (false, true) => {
+                    return Err(CliError::usage(format!("the folder `{shown}` holds a dataset"))
+                        .hint("go on with it by --resume, make it anew by --overwrite, or name another folder"));
+                }
+                (_, false) => {
+                    return Err(CliError::usage(format!("the folder `{shown}` is not empty and holds no dataset"))
+                        .hint("name a new or an empty folder with -o DIR"));
+                }
+                (true, true) if resume => check_same(path, head)?,
+                (true, true) => clear(path)?,
+            }
+        }
+        for name in FOLDERS {
+            fs::create_dir_all(path.join(name)).map_err(|error| unusable(&path.join(name), &error))?;
+        }
+        let text = serde_json::to_string_pretty(head)
+            .map_err(|error| CliError::internal("the dataset's head cannot be written as JSON").because(&error))?;
+        write(&path.join(HEAD), format!("{text}\n").as_bytes())?;
+        let file = path.join(ROWS);
+        let (length, examples) = if file.exists() { whole_rows(&file)? } else { (0, 0) };
+        let rows = OpenOptions::new().create(true).append(true).open(&file).map_err(|error| unusable(&file, &error))?;
+        // A row that was cut short is no row.
+        rows.set_len(length).map_err(|error| unusable(&file, &error))?;
+        Ok(Self { path: path.to_owned(), rows, length, examples })
+    }
+
+    /// The folder.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Examples that are there.
+    pub(super) fn examples(&self) -> u64 {
+        self.examples
+    }
+
+    /// Writes a file of the folder.
+    pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), CliError> {
+        write(&self.path.join(name), bytes).map_err(with_way_on)
+    }
+
+    /// Appends a row, whole or not at all. Its pictures must be there already.
+    pub(super) fn push(&mut self, row: &Row) -> Result<(), CliError> {
+        let text = serde_json::to_string(row)
+            .map_err(|error| CliError::internal("an example cannot be written as JSON").because(&error))?;
+        let line = format!("{text}\n");
+        if let Err(error) = self.rows.write_all(line.as_bytes()) {
+            // What was written of it is taken back; if that fails too, the next --resume does it.
+            self.rows.set_len(self.length).ok();
+            let what = format!("cannot write `{}`", self.path.join(ROWS).display());
+            return Err(with_way_on(CliError::internal(what).because(&error)));
+        }
+        self.length += line.len() as u64;
+        self.examples += 1;
+        Ok(())
+    }
+}
+
+fn with_way_on(error: CliError) -> CliError {
+    error.hint("the examples so far are whole: make room on the disk, then give the same command with --resume")
+}
+
+fn unusable(path: &Path, error: &std::io::Error) -> CliError {
+    let what = format!("cannot use `{}` for the dataset", path.display());
+    match error.kind() {
+        ErrorKind::StorageFull => with_way_on(CliError::internal(what).because(error)),
+        _ => CliError::usage(what).because(error).hint("name a folder that can be made and written to with -o DIR"),
+    }
+}
+
+/// Only the same recipe gives the rest of the same dataset; more examples may be asked for than at first.
+fn check_same(path: &Path, head: &Head) -> Result<(), CliError> {
+    let file = path.join(HEAD);
+    let text = fs::read_to_string(&file).map_err(|error| unusable(&file, &error))?;
+    let there: Head = serde_json::from_str(&text).map_err(|error| {
+        CliError::usage(format!("`{}` is not a dataset of this version", file.display()))
+            .because(&error)
+            .hint("make it anew with --overwrite, or name another folder")
+    })?;
+    if (Head { examples: head.examples, ..there.clone() }) == *head {
+        return Ok(());
+    }
+    Err(CliError::usage(format!("the dataset in `{}` was made with other settings", path.display()))
+        .hint(format!("{HEAD} there says which; give the same, or make it anew with --overwrite")))
+}
+
+/// Takes away what a dataset consists of, and nothing else.
+fn clear(path: &Path) -> Result<(), CliError> {
+    let missing = |error: &std::io::Error| error.kind() == ErrorKind::NotFound;
+    for name in FOLDERS {
+        fs::remove_dir_all(path.join(name))
+            .or_else(|error| if missing(&error) { Ok(()) } else { Err(unusable(path, &error)) })?;
+    }
+    for name in [ROWS, HEAD] {
+        fs::remove_file(path.join(name)).or_else(|error| if missing(&error) { Ok(()) } else { Err(unusable(path, &error)) })?;
+    }
+    Ok(())
+}
+
+/// Length and number of the whole rows at the beginning of the file, numbered from 0 without a gap.
+fn whole_rows(file: &Path) -> Result<(u64, u64), CliError> {
+    let mut reader = BufReader::new(File::open(file).map_err(|error| unusable(file, &error))?);
+    let (mut length, mut rows, mut line) = (0, 0, Vec::new());
+    loop {
+        line.clear();
+        let read = std::io::Read::take(&mut reader, LONGEST_ROW as u64).read_until(b'\n', &mut line);
+        let read = read.map_err(|error| unusable(file, &error))?;
+        let whole = line.ends_with(b"\n") && serde_json::from_slice::<Row>(&line).is_ok_and(|row| row.number == rows);
+        if !whole {
+            return Ok((length, rows));
+        }
+        length += read as u64;
+        rows += 1;
+    }
+}

@@ -1,0 +1,135 @@
+//! `spf sim dataset`: labelled pointing data in a folder (docs/dataset.md).
+
+mod files;
+mod folder;
+
+use std::sync::atomic::Ordering;
+
+use spf_flight::dataset::record::{FORMAT, Head, Row, SceneHead};
+use spf_flight::dataset::{Generator, Kind, Recipe};
+use spf_flight::sim::Stage;
+use spf_sim::model::CraftKind;
+
+use super::{conditions, parse_effects, parse_kind, parse_size};
+use crate::args::Dataset;
+use crate::commands::fly::interrupts;
+use crate::commands::load_stage;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+use files::{PictureFormat, write_example};
+use folder::Folder;
+
+/// Makes a dataset, or the rest of one.
+pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, CliError> {
+    let format = PictureFormat::parse(&args.pictures)?;
+    let size = args.size.as_deref().map(parse_size).transpose()?;
+    let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
+    let effects = args.camera_effects.as_deref().map(parse_effects).transpose()?.unwrap_or_default();
+    let (absent, look_alikes) = (share("--absent", args.absent)?, share("--look-alikes", args.look_alikes)?);
+    if absent + look_alikes > 1.0 {
+        return Err(CliError::usage("--absent and --look-alikes together are more than 1")
+            .hint("they are shares of the examples; the rest holds its target and no look-alike on purpose"));
+    }
+    let conditions = conditions(&args.conditions)?;
+    let names: Vec<&str> = args.scene.split(',').map(str::trim).collect();
+    let stages = names.iter().map(|name| load_stage(name, &conditions)).collect::<Result<Vec<Stage>, _>>()?;
+    let kind = kind.unwrap_or_else(|| stages.first().map_or(CraftKind::Quad, |stage| stage.scene.default_craft));
+    let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
+    let recipe = Recipe { seed: args.seed, camera, effects, absent, look_alikes, min_pixels: args.min_pixels };
+    let mut generators: Vec<Generator<'_>> = stages.iter().map(|stage| Generator::new(stage, recipe.clone())).collect();
+    for (name, generator) in names.iter().zip(&generators) {
+        check_scene(name, generator, &recipe)?;
+    }
+    let head = head(args, &names, &stages, kind, &recipe, &generators);
+    let mut folder = Folder::open(&args.output, &head, args.resume, args.overwrite)?;
+    for (scene, stage) in head.scenes.iter().zip(&stages) {
+        folder.write(&scene.legend, format!("{:#}\n", stage.scene.legend_json()).as_bytes())?;
+    }
+    let interrupts = interrupts()?;
+    let first = folder.examples();
+    if first > 0 {
+        printer.say(&format!("{first} of {} examples are there already", args.count));
+    }
+    printer.start_count(args.count, first);
+    let mut counts = [0_u64; 3];
+    for number in first..args.count {
+        if interrupts.load(Ordering::Relaxed) > 0 {
+            printer.end_live();
+            printer.say(&format!("stopped after {number} of {} examples; the same command with --resume goes on", args.count));
+            return Ok(Exit::Aborted);
+        }
+        let index = (number % generators.len() as u64) as usize;
+        let example = generators[index].example(number).ok_or_else(|| no_view(names[index], recipe.kind(number), number))?;
+        counts[example.kind as usize] += 1;
+        let files = write_example(&folder, number, &example, format)?;
+        folder.push(&Row::of(number, &head.scenes[index], &example, files))?;
+        printer.count(number + 1);
+    }
+    printer.end_live();
+    let [present, alike, absent] = counts;
+    printer.say(&format!("made {present} with their target, {alike} with a look-alike besides, {absent} without their target"));
+    printer.result(&folder.path().display().to_string());
+    Ok(Exit::Success)
+}
+
+fn head(
+    args: &Dataset,
+    names: &[&str],
+    stages: &[Stage],
+    kind: CraftKind,
+    recipe: &Recipe,
+    generators: &[Generator<'_>],
+) -> Head {
+    let scene = |(index, (name, stage)): (usize, (&&str, &Stage))| SceneHead {
+        name: (*name).to_owned(),
+        legend: format!("legends/{index}.json"),
+        light: stage.scene.lighting.name().to_owned(),
+        weather: stage.scene.weather.name().to_owned(),
+        near_m: stage.scene.near,
+    };
+    Head {
+        format: FORMAT,
+        seed: recipe.seed,
+        examples: args.count,
+        scenes: names.iter().zip(stages).enumerate().map(scene).collect(),
+        drone_model: kind.name().to_owned(),
+        camera: generators.first().map_or(recipe.camera, |generator| *generator.camera()),
+        camera_effects: recipe.effects.to_string(),
+        absent: recipe.absent,
+        look_alikes: recipe.look_alikes,
+        min_pixels: recipe.min_pixels,
+        pictures: args.pictures.clone(),
+    }
+}
+
+/// A scene in which no two things share a name can show no look-alike, however long one looks.
+fn check_scene(name: &str, generator: &Generator<'_>, recipe: &Recipe) -> Result<(), CliError> {
+    let needs = [(Kind::Present, 1.0), (Kind::LookAlike, recipe.look_alikes)];
+    match needs.into_iter().find(|(kind, share)| *share > 0.0 && !generator.can_make(*kind)) {
+        None => Ok(()),
+        Some((Kind::LookAlike, _)) => {
+            let what = format!("no two things in the scene `{name}` share a name and differ in colour or quality");
+            Err(CliError::usage(what).hint("leave look-alikes out with --look-alikes 0"))
+        }
+        Some(_) => Err(CliError::usage(format!("nothing in the scene `{name}` can be pointed at"))
+            .hint("a scene for data needs objects besides ground and water")),
+    }
+}
+
+fn no_view(scene: &str, kind: Kind, number: u64) -> CliError {
+    let what = match kind {
+        Kind::Present => "shows its target",
+        Kind::LookAlike => "shows a target and something like it",
+        Kind::Absent => "shows something and lacks something with a name of its own",
+    };
+    CliError::usage(format!("no view of the scene `{scene}` was found that {what} (example {number})"))
+        .hint("try a smaller --min-pixels, or a smaller --look-alikes or --absent")
+}
+
+fn share(flag: &str, value: f64) -> Result<f64, CliError> {
+    if (0.0..=1.0).contains(&value) {
+        return Ok(value);
+    }
+    Err(CliError::usage(format!("{flag}: `{value}` is not a share")).hint("a number from 0 to 1, for example 0.25"))
+}

@@ -1,0 +1,129 @@
+//! Where a picture is taken from: poses at flying heights in free space, with something to see.
+
+use spf_core::camera::Camera;
+use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
+use spf_core::rng::Draw;
+
+use spf_sim::actors::ActorPlace;
+use spf_sim::scene::Object;
+
+use crate::sim::Stage;
+
+/// Farthest that a thing is looked at from, metres.
+const FARTHEST: f64 = 120.0;
+/// Least and greatest height above the start, metres.
+const HEIGHTS: (f64, f64) = (0.4, 25.0);
+/// A craft with this radius would fit, metres.
+const ROOM: f64 = 0.4;
+/// Standard deviation of pitch and roll: a hovering craft in a breeze, radians.
+const TILT: f64 = 0.026;
+/// How far from the middle of the picture the thing may be, of half the field of view.
+const ASIDE: f64 = 0.8;
+
+/// Poses in one scene, with its actors at these places.
+pub(super) struct Views<'a> {
+    pub(super) stage: &'a Stage,
+    pub(super) actors: &'a [ActorPlace],
+    pub(super) camera: &'a Camera,
+}
+
+impl Views<'_> {
+    /// A pose that looks towards an object from a distance drawn log-uniformly, and from any side; none where that place is not
+    /// free.
+    pub(super) fn of(&self, object: &Object, draw: &mut Draw) -> Option<Pose> {
+        let scene = &self.stage.scene;
+        let bounds = self.stage.bounds(object, self.actors);
+        let (min, max) = (bounds.min, bounds.max);
+        // Towards any part of it: from the middle of something large one is always far away.
+        let mut part = |low: f64, high: f64| low + draw.uniform() * (high - low);
+        let (east, north) = (part(min.east, max.east), part(min.north, max.north));
+        // Near enough for the last decisions of a flight, or as far as the scene reaches.
+        let away = log_uniform(draw, 0.7 * scene.near, FARTHEST);
+        let bearing = core::f64::consts::TAU * draw.uniform();
+        let position = EnuPosition {
+            east: east - away * libm::sin(bearing),
+            north: north - away * libm::cos(bearing),
+            up: scene.start.position.up + log_uniform(draw, HEIGHTS.0, HEIGHTS.1),
+        };
+        if !self.is_free(position) {
+            return None;
+        }
+        let (sideways, _) = self.camera.half_fov();
+        let aside = ASIDE * sideways * (2.0 * draw.uniform() - 1.0);
+        let attitude = Attitude { heading: wrap_angle(bearing + aside), pitch: TILT * draw.normal(), roll: TILT * draw.normal() };
+        Some(Pose { position, attitude })
+    }
+
+    /// Whether a craft can hover there: within the scene's bounds, above ground, clear of everything and inside of nothing.
+    fn is_free(&self, position: EnuPosition) -> bool {
+        let Stage { scene, collider, cast, .. } = self.stage;
+        let touched = |(actor, place)| cast.distance(actor, place, position).is_some_and(|distance| distance < ROOM);
+        scene.bounds.contains(position)
+            && collider.ground_below(position).is_some()
+            && collider.contact(position, ROOM).is_none()
+            && !self.actors.iter().enumerate().any(touched)
+            && !scene.objects.iter().any(|object| self.is_inside(object, position))
+    }
+
+    /// Whether a position lies inside an object's outline and height. What the start lies inside of too (a room, a roof overhead) is
+    /// no obstacle.
+    fn is_inside(&self, object: &Object, position: EnuPosition) -> bool {
+        let inside = |p: EnuPosition| {
+            let outline = || self.stage.outline(object, self.actors);
+            !object.opening
+                && self.stage.bounds(object, self.actors).contains(p)
+                && outline().iter().any(|polygon| surrounds(polygon, p))
+        };
+        let start = self.stage.scene.start.position;
+        inside(position) && !inside(EnuPosition { up: start.up + HEIGHTS.0, ..start })
+    }
+}
+
+fn log_uniform(draw: &mut Draw, low: f64, high: f64) -> f64 {
+    low * libm::exp(draw.uniform() * libm::log(high / low))
+}
+
+/// Whether a polygon, east and north, surrounds a position on the map: a line from it to the west crosses an odd number of sides.
+fn surrounds(polygon: &[[f64; 2]], p: EnuPosition) -> bool {
+    let mut inside = false;
+    for (i, a) in polygon.iter().enumerate() {
+        let b = polygon[(i + 1) % polygon.len()];
+        if (a[1] > p.north) != (b[1] > p.north) {
+            let share = (p.north - a[1]) / (b[1] - a[1]);
+            inside ^= p.east > a[0] + share * (b[0] - a[0]);
+        }
+    }
+    inside
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polygon_surrounds_its_middle_alone() {
+        let square = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+        let at = |east, north| EnuPosition { east, north, up: 0.0 };
+        assert!(surrounds(&square, at(2.0, 2.0)));
+        for outside in [at(-1.0, 2.0), at(5.0, 2.0), at(2.0, -1.0), at(2.0, 5.0)] {
+            assert!(!surrounds(&square, outside));
+        }
+    }
+
+    #[test]
+    fn poses_in_the_city_are_free_and_near_and_far() {
+        let stage = Stage::load("city").unwrap();
+        let (camera, actors) = (Camera::quad(), stage.cast.starts());
+        let views = Views { stage: &stage, actors: &actors, camera: &camera };
+        let Stage { scene, collider, .. } = &stage;
+        let crane = scene.objects.iter().find(|object| object.tags.names.iter().any(|name| name.contains("crane"))).unwrap();
+        let mut draw = Draw::new(1, "test", &[]);
+        let poses: Vec<Pose> = (0..400).filter_map(|_| views.of(crane, &mut draw)).collect();
+        assert!(poses.len() > 50, "{}", poses.len());
+        for pose in &poses {
+            assert!(collider.contact(pose.position, 0.3).is_none() && scene.bounds.contains(pose.position));
+        }
+        let distances = || poses.iter().filter_map(|pose| collider.distance_to(crane.id, pose.position));
+        assert!(distances().fold(f64::MAX, f64::min) < 6.0 && distances().fold(0.0, f64::max) > 60.0);
+    }
+}
