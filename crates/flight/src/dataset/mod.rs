@@ -257,7 +257,7 @@ impl<'a> Generator<'a> {
         if !self.is_large(mask.area, f64::from(self.recipe.min_pixels), &truth) || self.is_blocked(&truth, focus) {
             return None;
         }
-        let visible = self.visible(&moment, &seen);
+        let visible = self.visible(&moment, &truth, &seen);
         let share = mask.area as f64 / (f64::from(truth.width) * f64::from(truth.height));
         let in_frame = visible.iter().find(|thing| thing.id == focus)?.in_frame;
         if share > FILLS || (share < 0.1 && in_frame < IN_FRAME) {
@@ -310,7 +310,8 @@ impl<'a> Generator<'a> {
         blocked as f64 > BLOCKED * ids.len() as f64
     }
 
-    fn visible(&mut self, moment: &Moment, seen: &[Mask]) -> Vec<Visible> {
+    fn visible(&mut self, moment: &Moment, truth: &Picture, seen: &[Mask]) -> Vec<Visible> {
+        let light = self.stage.renderer.light_on(self.eye.camera(), &moment.pose, truth);
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.stage.render_into(self.around.camera(), moment, channels, &mut self.scratch);
         let shares = self.around.shares(&self.scratch);
@@ -322,7 +323,8 @@ impl<'a> Generator<'a> {
                 opening: tags.opening,
                 pixels: mask.area,
                 in_frame: shares.get(&mask.id).copied().unwrap_or(1.0),
-                light: 1.0,
+                // What is not listed is clear.
+                light: light.get(&mask.id).copied().unwrap_or(1.0),
             })
         };
         seen.iter().filter_map(visible).collect()

@@ -100,7 +100,7 @@ fn coloured(tags: &Tagged) -> Vec<String> {
     let plain = all.filter(|name| !name.contains(colour.as_str()));
     // A person's colour is that of the clothes.
     let clothes = tags.kind == "person";
-    plain.map(|name| if clothes { format!("{name} in {colour} clothes") } else { format!("{colour} {name}") }).collect()
+    plain.map(|name| if clothes { format!("{name} in {colour}") } else { format!("{colour} {name}") }).collect()
 }
 
 fn with_qualities(tags: &Tagged, names: &[String]) -> Vec<String> {
@@ -159,7 +159,7 @@ mod tests {
             .map(|tags| Tagged { kind: "person".to_owned(), ..tags });
         let objects = people.each_ref().map(|tags| Placed { tags, place: None });
         let told = coloured(&people[1]);
-        assert_eq!(told[0], "person in blue clothes");
+        assert_eq!(told[0], "person in blue");
         assert_eq!(resolve_truth(&format!("Fly to the {}", told[0]), &objects, None).objects, [2]);
         let lamp = Tagged { uses: vec!["give light".to_owned()], ..tags(3, "lamp", "white", "bright") };
         let objects = [Placed { tags: &red, place: None }, Placed { tags: &lamp, place: None }];
