@@ -181,7 +181,7 @@ fn one_thread_and_many_give_the_same_bits() {
     assert_eq!(one, draw(2));
     assert_eq!(one, draw(5));
     // The same on every machine. A change of looks changes it: then look at the pictures, and write the new value here.
-    insta::assert_snapshot!(format!("{one:016x?}"), @"[5bba9175167a1791, bd19d13286ed0bba]");
+    insta::assert_snapshot!(format!("{one:016x?}"), @"[499d941158cd6058, 846dbf4494788c88]");
 }
 
 #[test]
