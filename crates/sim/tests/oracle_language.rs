@@ -140,6 +140,9 @@ fn names_may_be_whole_descriptions() {
     assert_eq!(keys("yard", "Fly to the person in the dark area"), "person_in_the_dark");
     assert_eq!(keys("office", "find the person in the dark"), "person_in_the_dark");
     assert_eq!(keys("yard", "Fly to the person who needs help"), "person_lying");
+    let yard = City::of("yard");
+    let others: Vec<Placed<'_>> = yard.placed().into_iter().filter(|o| o.tags.key != "person_lying").collect();
+    assert!(resolve_truth("Fly to the person who needs help", &others, None).objects.is_empty());
 }
 
 #[test]

@@ -152,11 +152,9 @@ fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
         (false, true) => named,
         // "A vehicle that carries goods": the use chooses among the named, and does not refuse them.
         (false, false) => {
-            if named == 0 {
-                0
-            } else {
-                used * 10 + named
-            }
+            // "Who needs help": said of nobody in sight, it is nobody in sight.
+            let only = phrase.uses.iter().all(|w| lexicon::EMPTY.contains(&stem(w).as_str()));
+            if named == 0 || (only && used == 0) { 0 } else { used * 10 + named }
         }
         (true, false) => used,
         // "The red one", "the tallest thing": whatever has the colour or the rank.
