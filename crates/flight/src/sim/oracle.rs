@@ -15,6 +15,11 @@ pub struct OracleVlm {
     oracle: Oracle,
     /// All queries on one frame share its percept.
     percept: Option<(FrameId, Percept)>,
+}
+
+/// What the oracle looks at while it forms a percept: eight megabytes, lent by the stage and given back.
+#[derive(Default)]
+pub(super) struct Eyes {
     sight: SimPicture,
     wide: SimPicture,
 }
@@ -24,25 +29,18 @@ impl OracleVlm {
     #[must_use]
     pub fn new(name: String, world: SimWorld, errors: ErrorFile, seed: u64) -> Self {
         let near = world.stage().scene.near;
-        Self {
-            name,
-            oracle: Oracle::new(errors, near, seed),
-            world,
-            percept: None,
-            sight: SimPicture::default(),
-            wide: SimPicture::default(),
-        }
+        Self { name, oracle: Oracle::new(errors, near, seed), world, percept: None }
     }
 
     fn percept(&mut self, frame: FrameId) -> Result<&Percept, VlmError> {
         if self.percept.as_ref().is_none_or(|(of, _)| *of != frame) {
             let moment =
                 self.world.capture(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
-            let channels = Channels { depth: true, ids: true, openings: true, ..Channels::default() };
-            self.world.look_into(&moment, channels, &mut self.sight);
-            let in_frame = self.world.in_frame(&moment, &mut self.wide);
-            let light = self.world.light_on(&moment, &self.sight);
-            let picture = &self.sight;
+            let mut eyes = self.world.stage().eyes();
+            self.world.look_into(&moment, Channels::TRUTH, &mut eyes.sight);
+            let in_frame = self.world.in_frame(&moment, &mut eyes.wide);
+            let light = self.world.light_on(&moment, &eyes.sight);
+            let picture = &eyes.sight;
             let sight = Sight {
                 width: picture.width as usize,
                 height: picture.height as usize,
@@ -55,6 +53,7 @@ impl OracleVlm {
                 light: &light,
             };
             let percept = self.oracle.percept(frame, &sight, &self.world.stage().tags);
+            self.world.stage().give_back(eyes);
             self.percept = Some((frame, percept));
         }
         self.percept.as_ref().map(|(_, percept)| percept).ok_or_else(|| VlmError::Picture("no percept".to_owned()))

@@ -1,6 +1,6 @@
 //! A scene made ready to fly in; shared by every flight in it.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use spf_core::camera::Camera;
 use spf_core::geometry::{EnuPosition, Pose};
@@ -12,6 +12,8 @@ use spf_sim::geometry::ObjectId;
 use spf_sim::oracle::{Place, Placed, Tagged};
 use spf_sim::render::{Channels, Frustum, Picture, Renderer};
 use spf_sim::scene::{Aabb, Conditions, Object, Scene, SceneError};
+
+use super::oracle::Eyes;
 
 /// Scene, renderer, collider, actors and tags.
 pub struct Stage {
@@ -25,6 +27,8 @@ pub struct Stage {
     pub cast: Arc<Cast>,
     /// What its objects are called.
     pub tags: Vec<Tagged>,
+    /// Eyes that nobody looks through now. So memory goes by how many look at once, not by how many fly.
+    eyes: Mutex<Vec<Eyes>>,
 }
 
 /// What there is to see at an instant: where the camera is, and where the actors are.
@@ -80,7 +84,17 @@ impl Stage {
                 object.bounds = bounds;
             }
         }
-        Ok(Self { scene, renderer, collider, cast, tags })
+        Ok(Self { scene, renderer, collider, cast, tags, eyes: Mutex::default() })
+    }
+
+    /// Eyes to look through; they come back by [`Stage::give_back`].
+    pub(super) fn eyes(&self) -> Eyes {
+        self.eyes.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    /// For whoever looks next.
+    pub(super) fn give_back(&self, eyes: Eyes) {
+        self.eyes.lock().unwrap_or_else(PoisonError::into_inner).push(eyes);
     }
 
     /// What there is to see from a pose at a time of the flight with that seed.

@@ -299,7 +299,10 @@ impl Eye {
         (self.manner, self.stale, self.marked_anew, self.drawn_at) = (Some(manner), false, false, Some(now));
         self.under = self.seen_under_pointer();
         let encoding = Instant::now();
-        let jpeg = match draw::encode(&self.picture, self.channel, self.under.as_ref().map(|(id, _)| *id)) {
+        // A line about the ground would run about everything that stands on it.
+        let is_thing = |id: &u16| self.stage.tags.get(usize::from(*id).wrapping_sub(1)).is_some_and(|tags| !tags.is_surface());
+        let marked = self.under.as_ref().map(|(id, _)| *id).filter(is_thing);
+        let jpeg = match draw::encode(&self.picture, self.channel, marked) {
             Ok(jpeg) => jpeg,
             Err(error) => return self.tell(&ToPage::Refused { reason: error.to_string() }),
         };

@@ -1,0 +1,89 @@
+//! What each further trial in one process adds to its memory, the scene being shared:
+//! `cargo run --release -p spf-flight --example trial_memory`. Linux only: it reads what the kernel says is resident.
+//!
+//! A trial is a simulated craft, its pilot, the oracle and the lockstep world between them, as `spf fly --no-video` has them.
+//! Each is flown for 20 s of flight and then kept, with all it remembers.
+
+#![allow(clippy::print_stdout, reason = "an example's output")]
+
+use std::error::Error;
+use std::sync::Arc;
+
+use spf_core::avoid::PathShape;
+use spf_core::envelope::Limits;
+use spf_core::estimator::Senses;
+use spf_core::grounding::GroundingProfile;
+use spf_core::pilot::{Pilot, PilotParts, PilotSettings, Preset};
+use spf_core::policy::spf::{Spf, SpfSettings};
+use spf_core::time::duration_from_secs;
+use spf_drone::Drone;
+use spf_flight::run::run;
+use spf_flight::sim::{OracleVlm, SimDrone, SimPictures, SimWorld, Stage};
+use spf_flight::world::{Lockstep, Script};
+use spf_sim::model::CraftKind;
+use spf_sim::oracle::ErrorFile;
+
+/// Numbers of trials that are reported.
+const COUNTS: [usize; 4] = [1, 2, 10, 100];
+
+/// A trial that has flown, all of it.
+fn flown(stage: &Arc<Stage>, seed: u64) -> Result<(Pilot, Lockstep), Box<dyn Error>> {
+    let world = SimWorld::new(stage.clone(), CraftKind::Quad, stage.scene.start, seed);
+    let drone = SimDrone::new(world.clone());
+    let capabilities = drone.capabilities();
+    let settings = PilotSettings { max_time: duration_from_secs(20.0), ..PilotSettings::preset(Preset::Default) };
+    let mut pilot = Pilot::new(PilotParts {
+        settings,
+        craft: capabilities.craft,
+        senses: Senses::quad(),
+        camera: capabilities.camera,
+        limits: Limits::for_craft(&capabilities.craft),
+        policy: Box::new(Spf::new(SpfSettings {
+            step: settings.step,
+            lifting: settings.lifting,
+            avoid: settings.avoid,
+            confirm_done: settings.confirm_done,
+            grounding: GroundingProfile::default(),
+            craft: capabilities.craft,
+            shape: PathShape::Straight,
+        })),
+        instruction: "fly to the red crane".to_owned(),
+    });
+    let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("default")?, seed);
+    let pictures = Box::new(SimPictures::new(world));
+    let mut around = Lockstep::new(Box::new(drone), Box::new(oracle), pictures, Script::default(), Arc::default());
+    run(&mut pilot, &mut around, &mut []);
+    Ok((pilot, around))
+}
+
+/// Resident memory of this process, KiB.
+fn resident() -> Result<u64, Box<dyn Error>> {
+    let status = std::fs::read_to_string("/proc/self/status")?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).ok_or("the kernel tells no VmRSS")?;
+    Ok(line.trim().trim_end_matches("kB").trim().parse()?)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let empty = resident()?;
+    let stage = Arc::new(Stage::load("city")?);
+    let loaded = resident()?;
+    println!("process {empty} KiB, with the scene {loaded} KiB");
+    println!("| trials | resident | per further trial |\n|---|---|---|");
+    let mut trials = Vec::new();
+    let mut first = 0;
+    for count in COUNTS {
+        while trials.len() < count {
+            trials.push(flown(&stage, trials.len() as u64)?);
+        }
+        let now = resident()?;
+        if count == 1 {
+            first = now;
+            println!("| 1 | {now} KiB | – ({} KiB for the first) |", now.saturating_sub(loaded));
+        } else {
+            println!("| {count} | {now} KiB | {} KiB |", now.saturating_sub(first) / (count as u64 - 1));
+        }
+    }
+    let decisions: u32 = trials.iter().map(|(pilot, _)| pilot.decisions()).sum();
+    println!("{} handles to one scene, {decisions} decisions in all", Arc::strong_count(&stage));
+    Ok(())
+}
