@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};
 
-use super::lanes::{F, M, Simd, V3};
+use super::lanes::{F, LANES, M, Simd, V3, whole};
 use super::noise::floor;
 use super::prepare::{Cluster, Soup};
 use super::visibility::centres;
@@ -120,9 +120,38 @@ impl Contact {
         if self.texels.is_empty() {
             return none;
         }
-        // Beyond the map.
-        let x = level.select(p.x, F::splat(simd, f32::MIN));
-        F::from_fn(simd, |lane| self.dark_at(Vec3::new(x[lane], p.y[lane], p.z[lane])))
+        let (x, y) = ((p.x - self.low.x) * (1.0 / TEXEL) - 0.5, (p.y - self.low.y) * (1.0 / TEXEL) - 0.5);
+        let inside = x.simd_ge(0.0)
+            & y.simd_ge(0.0)
+            & x.simd_lt((self.columns * TILE) as f32)
+            & y.simd_lt((self.rows * TILE) as f32)
+            & level;
+        let mut left = inside.to_bitmask() as u32;
+        if left == 0 {
+            return none;
+        }
+        let (x, y) = (whole(inside.select(x, none)), whole(inside.select(y, none)));
+        let last = TILE as i32 - 1;
+        // A texel's neighbours may lie in the next tile.
+        let on_rim = ((x & last).simd_eq(last) | (y & last).simd_eq(last)).to_bitmask() as u32;
+        let tile = (y >> TILE.ilog2()) * self.columns as i32 + (x >> TILE.ilog2());
+        let mut asked = left;
+        while left != 0 {
+            // Neighbouring pixels share tiles, and most ground has none.
+            let index = tile[left.trailing_zeros() as usize];
+            let same = tile.simd_eq(index).to_bitmask() as u32;
+            left &= !same;
+            if self.tiles[index as usize] == 0 {
+                asked &= !same | on_rim;
+            }
+        }
+        let mut dark = [0.0; LANES];
+        while asked != 0 {
+            let lane = asked.trailing_zeros() as usize;
+            asked &= asked - 1;
+            dark[lane] = self.dark_at(Vec3::new(p.x[lane], p.y[lane], p.z[lane]));
+        }
+        F::from_slice(simd, &dark)
     }
 
     #[inline]

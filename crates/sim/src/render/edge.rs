@@ -119,23 +119,26 @@ impl Edges {
                 }
                 self.stale |= 1 << block;
                 let steps = steps.get_or_insert_with(|| Steps::new(t, da, db));
-                let across = *across.get_or_insert_with(|| a.map(|a| I::from_fn(simd, |k| a.wrapping_mul(k as i32))));
+                let across = across.get_or_insert_with(
+                    #[inline(always)]
+                    || [multiples(simd, a[0]), multiples(simd, a[1]), multiples(simd, a[2])],
+                );
                 let rows = ((py0 - by * 8).max(0), (py1 - by * 8).min(7));
                 for row in rows.0..=rows.1 {
                     let wanted = self.wanted[block] >> (row * 8) & 0xff;
                     if wanted == 0 {
                         continue;
                     }
-                    let start = [0, 1, 2].map(|i| at[i] + b[i] * row);
-                    let [e0, e1, e2] = [0, 1, 2].map(|i| across[i] + (start[i] + most[i]));
-                    let mut hit = (e0 | e1 | e2).simd_ge(0).to_bitmask() & wanted;
+                    let e = [at[0] + b[0] * row, at[1] + b[1] * row, at[2] + b[2] * row];
+                    let inside = (across[0] + (e[0] + most[0])) | (across[1] + (e[1] + most[1])) | (across[2] + (e[2] + most[2]));
+                    let mut hit = inside.simd_ge(0).to_bitmask() & wanted;
                     let before = (self.wanted[block] & ((1 << (row * 8)) - 1)).count_ones() + self.first[block];
                     while hit != 0 {
-                        let k = hit.trailing_zeros();
+                        let k = hit.trailing_zeros() as i32;
                         hit &= hit - 1;
                         let index = before + (wanted & ((1 << k) - 1)).count_ones();
-                        let (e, across) = ([0, 1, 2].map(|i| start[i] + a[i] * k as i32), k as f32);
-                        let z = z + t.slope_x * across + t.slope_y * row as f32;
+                        let e = [e[0] + a[0] * k, e[1] + a[1] * k, e[2] + a[2] * k];
+                        let z = z + t.slope_x * k as f32 + t.slope_y * row as f32;
                         steps.draw(t, e, z, &mut self.pixels[index as usize]);
                     }
                 }
@@ -159,6 +162,16 @@ impl Edges {
         }
         self.far[block]
     }
+}
+
+/// `step` times 0 to 7.
+#[inline(always)]
+fn multiples<S: Simd>(simd: S, step: i32) -> I<S> {
+    I::from_fn(
+        simd,
+        #[inline(always)]
+        |k| step.wrapping_mul(k as i32),
+    )
 }
 
 /// How a triangle's edges and nearness change from a pixel's corner to its samples.

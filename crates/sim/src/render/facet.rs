@@ -90,7 +90,14 @@ impl Curve<f32> {
     /// The curves of eight pixels.
     #[inline(always)]
     pub(crate) fn lanes<S: Simd>(simd: S, of: [&Self; LANES]) -> Curve<F<S>> {
-        let number = |read: Read<Self>| F::from_fn(simd, |lane| read(of[lane]));
+        Self::gather(
+            #[inline(always)]
+            |read| F::from_fn(simd, |lane| read(of[lane])),
+        )
+    }
+
+    #[inline(always)]
+    fn gather<T>(number: impl Fn(Read<Self>) -> T) -> Curve<T> {
         let v3 = |x: Read<Self>, y: Read<Self>, z: Read<Self>| V3 { x: number(x), y: number(y), z: number(z) };
         Curve {
             rows: [

@@ -9,6 +9,7 @@ mod contact;
 mod develop;
 mod edge;
 mod facet;
+mod joins;
 mod lamps;
 mod lanes;
 mod meter;

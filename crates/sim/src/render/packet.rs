@@ -99,18 +99,25 @@ impl Packets {
         }
     }
 
-    /// Says that `pixel` is pushed in several parts.
+    /// Says that `pixel` comes in several parts.
     pub(crate) fn blend(&mut self, pixel: u16) {
         self.blended.push(pixel);
+        self.sums.resize(TILE_AREA, [0.0; 3]);
+        self.sums[usize::from(pixel)] = [0.0; 3];
     }
 
-    /// Shades all, into three bytes a pixel.
+    /// Adds samples of a pixel that look like another pixel, which is shaded already.
+    #[inline]
+    pub(crate) fn add_like(&mut self, shader: &Shader<'_>, pixel: u16, colour: [u8; 3], samples: u8) {
+        let sum = &mut self.sums[usize::from(pixel)];
+        for (sum, byte) in sum.iter_mut().zip(colour) {
+            *sum += shader.palette.srgb.linear(byte) * f32::from(samples);
+        }
+    }
+
+    /// Shades what was pushed, into three bytes a pixel or, of pixels in parts, into their sums.
     #[inline(always)]
     pub(crate) fn shade<S: Simd>(&mut self, simd: S, shader: &Shader<'_>, rgb: &mut [u8]) {
-        self.sums.resize(TILE_AREA, [0.0; 3]);
-        for &pixel in &self.blended {
-            self.sums[usize::from(pixel)] = [0.0; 3];
-        }
         for packet in &self.packets {
             let light = if packet.sky {
                 shader.sky(simd, &packet.place)
@@ -132,6 +139,12 @@ impl Packets {
                 add(&mut self.sums, packet, light.map(film));
             }
         }
+        self.packets.clear();
+        self.open.fill(0);
+    }
+
+    /// Writes the pixels that came in parts.
+    pub(crate) fn put_blended(&self, shader: &Shader<'_>, rgb: &mut [u8]) {
         for &pixel in &self.blended {
             let pixel = usize::from(pixel);
             let bytes = self.sums[pixel].map(|sum| shader.palette.srgb.byte(sum / COUNT as f32));

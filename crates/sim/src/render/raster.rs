@@ -85,24 +85,32 @@ impl ScreenTriangle {
     /// triangle may touch, and with the triangle's nearness there.
     pub(crate) fn squares(&self, (x, y): (i32, i32), width: i32, height: i32, mut touched: impl FnMut(usize, usize, f32)) {
         let Some([left, right, top, bottom]) = self.pixels(x + width, y + height) else { return };
+        // Each edge's value at the centre of pixel 0 of row 0, moved out by half a pixel, and its steps right and down. Whole
+        // numbers below 2⁵³, and so exact.
+        let half = i64::from(SUB / 2);
+        let edges = [0, 1, 2].map(|i| {
+            let j = (i + 1) % 3;
+            let a = i64::from(self.y[i] - self.y[j]);
+            let b = i64::from(self.x[j] - self.x[i]);
+            let e = a * (half - i64::from(self.x[i])) + b * (half - i64::from(self.y[i])) + (a.abs() + b.abs()) * half;
+            let (right, down) = ((a * i64::from(SUB)) as f64, (b * i64::from(SUB)) as f64);
+            (e as f64, down, 1.0 / right)
+        });
         for py in top.max(y)..=bottom {
             let (mut first, mut last) = (i64::from(left.max(x)), i64::from(right));
-            for i in 0..3 {
-                let j = (i + 1) % 3;
-                let a = i64::from(self.y[i] - self.y[j]);
-                let b = i64::from(self.x[j] - self.x[i]);
-                // The edge's value at the centre of pixel 0 of this row, moved out by half a pixel.
-                let half = i64::from(SUB / 2);
-                let e = a * (half - i64::from(self.x[i]))
-                    + b * (i64::from(py * SUB) + half - i64::from(self.y[i]))
-                    + (a.abs() + b.abs()) * half;
-                let step = a * i64::from(SUB);
-                if step > 0 {
-                    first = first.max((-e).div_euclid(step));
-                } else if step < 0 {
-                    last = last.min(e.div_euclid(-step));
-                } else if e < 0 {
-                    last = first - 1;
+            for (e, down, over) in edges {
+                let e = e + down * f64::from(py);
+                // Where the value is 0.
+                let zero = -e * over;
+                if over.is_infinite() {
+                    last = if e < 0.0 { first - 1 } else { last };
+                    continue;
+                }
+                let before = zero as i64 - i64::from(zero < 0.0);
+                if over > 0.0 {
+                    first = first.max(before + i64::from(before as f64 != zero));
+                } else {
+                    last = last.min(before);
                 }
             }
             for px in first..=last {

@@ -9,7 +9,6 @@ use super::facet::{Curve, Facet};
 use super::lanes::{F, Instructions, LANES, Simd, V3, clamp};
 use super::pattern::{Paint, Spot, Surface};
 use super::prepare::{Soup, Triangle};
-use super::raster::NONE;
 use super::texture;
 use super::view::View;
 use crate::geometry::Pattern;
@@ -101,12 +100,7 @@ impl<'a> Shader<'a> {
     }
 
     /// True when two triangles belong to one smooth surface, so that their common edge is not seen.
-    #[inline]
-    pub(crate) fn continuous(&self, a: u32, b: u32) -> bool {
-        a == b || (a != NONE && b != NONE && self.joined(a, b))
-    }
-
-    fn joined(&self, a: u32, b: u32) -> bool {
+    pub(crate) fn joined(&self, a: u32, b: u32) -> bool {
         let ((_, s), (_, t)) = (self.triangle(a), self.triangle(b));
         let curved = s.smooth != 0 && t.smooth != 0;
         s.material == t.material

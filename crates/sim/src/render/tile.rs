@@ -1,7 +1,10 @@
 //! Colours of one tile: each pixel once, and more samples where surfaces meet.
 
+use fearless_simd::prelude::*;
+
 use super::edge::{COUNT, Edges, SAMPLES, Seen};
-use super::lanes::{Simd, with_instructions};
+use super::joins::Joins;
+use super::lanes::{LANES, Simd, U, with_instructions};
 use super::packet::Packets;
 use super::raster::{SUB, TILE, TILE_AREA, place};
 use super::setup::Bins;
@@ -38,9 +41,11 @@ impl Samples<'_> {
 /// Memory of one task.
 #[derive(Default)]
 pub(crate) struct Work {
-    /// The tile and its rim, row after row.
-    rimmed: Vec<(f32, u32)>,
+    /// Nearness and triangles of the tile and its rim, row after row.
+    near: Vec<f32>,
+    ids: Vec<u32>,
     edges: Edges,
+    joins: Joins,
     packets: Packets,
 }
 
@@ -63,21 +68,34 @@ impl Work {
         with_instructions!(shader.instructions, simd => {
             if shader.smooth_edges {
                 self.gather(samples, left, top, width, height);
-                let edges = self.find_edges(shader, bins, index, area);
+                let edges = self.find_edges(simd, shader, bins, index, area);
                 self.fill(shader, samples, index, area, &edges);
-                self.fill_edges(simd, shader, bins, index, area);
+                self.packets.shade(simd, shader, rgb);
+                if !self.edges.is_empty() {
+                    self.draw_edges(simd, bins, index, area);
+                    self.fill_edges(shader, area, &edges, rgb);
+                    self.packets.shade(simd, shader, rgb);
+                    self.packets.put_blended(shader, rgb);
+                }
             } else {
                 self.fill(shader, samples, index, area, &[0; TILE as usize]);
+                self.packets.shade(simd, shader, rgb);
             }
-            self.packets.shade(simd, shader, rgb);
         });
     }
 
     /// Pixels, a bit each, where surfaces meet.
     #[inline(always)]
-    fn find_edges(&mut self, shader: &Shader<'_>, bins: &Bins, index: usize, area: Area) -> [u64; TILE as usize] {
+    fn find_edges<S: Simd>(
+        &mut self,
+        simd: S,
+        shader: &Shader<'_>,
+        bins: &Bins,
+        index: usize,
+        area: Area,
+    ) -> [u64; TILE as usize] {
         let mut edges = self.slivers(bins, index, area);
-        let borders = self.borders();
+        let borders = self.borders(simd);
         let inside = u64::MAX >> (TILE as usize - area.width);
         for (y, (bits, borders)) in edges.iter_mut().zip(borders).enumerate().take(area.height) {
             let mut maybe = borders & !*bits & inside;
@@ -121,18 +139,40 @@ impl Work {
         }
     }
 
-    /// Draws the pixels on edges again with more samples, and hands on each surface in them once, amid its samples.
+    /// Draws the pixels on edges again with more samples.
     #[inline(always)]
-    fn fill_edges<S: Simd>(&mut self, simd: S, shader: &Shader<'_>, bins: &Bins, index: usize, area: Area) {
-        if self.edges.is_empty() {
-            return;
-        }
+    fn draw_edges<S: Simd>(&mut self, simd: S, bins: &Bins, index: usize, area: Area) {
         for t in bins.of(index) {
             self.edges.draw(simd, t, (area.left as i32, area.top as i32));
         }
+    }
+
+    /// Hands on each surface in a pixel on an edge once: it looks as beside the edge or, where it is nowhere else, is shaded amid
+    /// its samples.
+    fn fill_edges(&mut self, shader: &Shader<'_>, area: Area, edges: &[u64; TILE as usize], rgb: &[u8]) {
         for seen in self.edges.seen() {
-            let corner = ((area.left + usize::from(seen.x)) as f32, (area.top + usize::from(seen.y)) as f32);
-            part(shader, &mut self.packets, seen, corner);
+            let (x, y) = (usize::from(seen.x), usize::from(seen.y));
+            let pixel = (y * TILE as usize + x) as u16;
+            let mut groups = [Group::default(); COUNT];
+            let count = part(shader, &mut self.joins, seen, &mut groups);
+            if count > 1 {
+                self.packets.blend(pixel);
+            }
+            for group in &groups[..count] {
+                let like = shaded_beside(edges, area, x, y)
+                    .into_iter()
+                    .flatten()
+                    .find(|&(x, y)| count > 1 && self.joins.continuous(shader, group.id, self.ids[(y + 1) * RIMMED + x + 1]));
+                if let Some((x, y)) = like {
+                    let from = (y * TILE as usize + x) * 3;
+                    self.packets.add_like(shader, pixel, [rgb[from], rgb[from + 1], rgb[from + 2]], group.count);
+                    continue;
+                }
+                let share = 1.0 / f32::from(group.count);
+                let step = share / SUB as f32;
+                let at = ((area.left + x) as f32 + group.x as f32 * step, (area.top + y) as f32 + group.y as f32 * step);
+                self.packets.push(shader, group.id, at, group.near * share, pixel, group.count);
+            }
         }
     }
 
@@ -146,7 +186,7 @@ impl Work {
                 continue;
             }
             t.squares(corner, area.width as i32, area.height as i32, |x, y, near| {
-                if near > self.rimmed[(y + 1) * RIMMED + x + 1].0 {
+                if near > self.near[(y + 1) * RIMMED + x + 1] {
                     rows[y] |= 1 << x;
                 }
             });
@@ -156,75 +196,87 @@ impl Work {
 
     #[inline(always)]
     fn gather(&mut self, samples: &Samples<'_>, left: usize, top: usize, width: usize, height: usize) {
-        self.rimmed.clear();
+        self.near.resize(RIMMED * RIMMED, 0.0);
+        self.ids.resize(RIMMED * RIMMED, 0);
         for y in 0..RIMMED {
             let sy = (top + y).saturating_sub(1).min(height - 1);
-            self.rimmed.push(samples.at(left.saturating_sub(1), sy));
+            let (near, ids) = (&mut self.near[y * RIMMED..][..RIMMED], &mut self.ids[y * RIMMED..][..RIMMED]);
             // Eight pixels of a row lie together. Those beyond the picture are never looked at but for the first, at the right.
-            for x in (left..left + TILE as usize).step_by(8) {
-                let start = samples.place(x, sy);
-                let (near, id) = (&samples.near[start..start + 8], &samples.id[start..start + 8]);
-                self.rimmed.extend(near.iter().copied().zip(id.iter().copied()));
+            for x in (0..TILE as usize).step_by(8) {
+                let start = samples.place(left + x, sy);
+                near[x + 1..x + 9].copy_from_slice(&samples.near[start..start + 8]);
+                ids[x + 1..x + 9].copy_from_slice(&samples.id[start..start + 8]);
             }
-            self.rimmed.push(samples.at((left + TILE as usize).min(width - 1), sy));
-        }
-        // The picture's last column stands for the one beyond.
-        if let Some(beyond) = width.checked_sub(left).filter(|&w| w < TILE as usize) {
-            for y in 0..RIMMED {
-                self.rimmed[y * RIMMED + beyond + 1] = self.rimmed[y * RIMMED + beyond];
+            (near[0], ids[0]) = samples.at(left.saturating_sub(1), sy);
+            (near[RIMMED - 1], ids[RIMMED - 1]) = samples.at((left + TILE as usize).min(width - 1), sy);
+            // The picture's last column stands for the one beyond.
+            if width - left < TILE as usize {
+                (near[width - left + 1], ids[width - left + 1]) = (near[width - left], ids[width - left]);
             }
         }
     }
 
     /// Pixels, a bit each, that have another triangle beside, above or below them.
     #[inline(always)]
-    fn borders(&self) -> [u64; TILE as usize] {
+    fn borders<S: Simd>(&self, simd: S) -> [u64; TILE as usize] {
         let mut rows = [0; TILE as usize];
         for (y, bits) in rows.iter_mut().enumerate() {
-            let [above, own, below] = [0, 1, 2].map(|k| &self.rimmed[(y + k) * RIMMED..][..RIMMED]);
-            for x in 0..TILE as usize {
-                let id = own[x + 1].1;
-                let other = (above[x + 1].1 != id) | (below[x + 1].1 != id) | (own[x].1 != id) | (own[x + 2].1 != id);
-                *bits |= u64::from(other) << x;
+            for x in (0..TILE as usize).step_by(LANES) {
+                let at = (y + 1) * RIMMED + x + 1;
+                let ids = |at: usize| U::from_slice(simd, &self.ids[at..at + LANES]);
+                let own = ids(at);
+                let other = own.simd_ne(ids(at - RIMMED))
+                    | own.simd_ne(ids(at + RIMMED))
+                    | own.simd_ne(ids(at - 1))
+                    | own.simd_ne(ids(at + 1));
+                *bits |= other.to_bitmask() << x;
             }
         }
         rows
     }
 
     /// True when another surface is seen beside, above or below.
-    fn on_edge(&self, shader: &Shader<'_>, x: usize, y: usize) -> bool {
+    fn on_edge(&mut self, shader: &Shader<'_>, x: usize, y: usize) -> bool {
         let at = (y + 1) * RIMMED + x + 1;
-        let id = self.rimmed[at].1;
-        [at - RIMMED, at - 1, at + 1, at + RIMMED].into_iter().any(|other| {
-            let other = self.rimmed[other].1;
-            other != id && !shader.continuous(id, other)
-        })
+        let beside = [at - RIMMED, at - 1, at + 1, at + RIMMED];
+        beside.into_iter().any(|other| !self.joins.continuous(shader, self.ids[at], self.ids[other]))
     }
 }
 
-/// Hands on the surfaces seen in the pixel whose upper left corner is at (`x`, `y`).
-fn part(shader: &Shader<'_>, packets: &mut Packets, seen: &Seen, (x, y): (f32, f32)) {
-    let pixel = u16::from(seen.y) * TILE as u16 + u16::from(seen.x);
-    let all = (1u32 << COUNT) - 1;
-    let mut left = all;
+/// Pixels of the tile left, right, above and below that are not on edges.
+fn shaded_beside(edges: &[u64; TILE as usize], area: Area, x: usize, y: usize) -> [Option<(usize, usize)>; 4] {
+    let shaded = |x: usize, y: usize| {
+        // Before the first is beyond the last.
+        (x < area.width && y < area.height && edges[y] >> x & 1 == 0).then_some((x, y))
+    };
+    [shaded(x.wrapping_sub(1), y), shaded(x + 1, y), shaded(x, y.wrapping_sub(1)), shaded(x, y + 1)]
+}
+
+/// Samples of a pixel that show one surface: how many, and the sums of their nearness and places.
+#[derive(Clone, Copy, Debug, Default)]
+struct Group {
+    id: u32,
+    count: u8,
+    near: f32,
+    x: i32,
+    y: i32,
+}
+
+/// Parts a pixel's samples by surfaces; the number of groups.
+fn part(shader: &Shader<'_>, joins: &mut Joins, seen: &Seen, groups: &mut [Group; COUNT]) -> usize {
+    let mut left = (1u32 << COUNT) - 1;
+    let mut count = 0;
     while left != 0 {
-        let first = left == all;
-        let id = seen.id[left.trailing_zeros() as usize];
-        let (mut near, mut sx, mut sy, mut count) = (0.0, 0, 0, 0u8);
+        let mut group = Group { id: seen.id[left.trailing_zeros() as usize], ..Group::default() };
         for (j, (across, down)) in SAMPLES.into_iter().enumerate() {
-            if left >> j & 1 == 1 && shader.continuous(id, seen.id[j]) {
+            if left >> j & 1 == 1 && joins.continuous(shader, group.id, seen.id[j]) {
                 left &= !(1 << j);
-                near += seen.near[j];
-                sx += across;
-                sy += down;
-                count += 1;
+                group.near += seen.near[j];
+                (group.x, group.y, group.count) = (group.x + across, group.y + down, group.count + 1);
             }
         }
-        let share = 1.0 / f32::from(count);
-        let step = share / SUB as f32;
-        packets.push(shader, id, (x + sx as f32 * step, y + sy as f32 * step), near * share, pixel, count);
-        if first && left != 0 {
-            packets.blend(pixel);
-        }
+        groups[count] = group;
+        count += 1;
     }
+    count
 }

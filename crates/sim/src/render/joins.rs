@@ -1,0 +1,35 @@
+//! Which triangles belong to one smooth surface, remembered, for the pixels of an edge ask the same again and again.
+
+use super::raster::NONE;
+use super::shade::Shader;
+
+/// Answers kept, a power of two.
+const KEPT: usize = 256;
+
+/// Answers about pairs of triangles in one picture.
+#[derive(Debug)]
+pub(crate) struct Joins {
+    answers: Vec<(u32, u32, bool)>,
+}
+
+impl Default for Joins {
+    fn default() -> Self {
+        Self { answers: vec![(NONE, NONE, true); KEPT] }
+    }
+}
+
+impl Joins {
+    /// True when the common edge of two triangles is not seen.
+    #[inline]
+    pub(crate) fn continuous(&mut self, shader: &Shader<'_>, a: u32, b: u32) -> bool {
+        if a == b || a == NONE || b == NONE {
+            return a == b;
+        }
+        let (a, b) = (a.min(b), a.max(b));
+        let slot = &mut self.answers[(a.wrapping_mul(0x9e37_79b1) ^ b.wrapping_mul(0x85eb_ca77)) as usize >> 8 & (KEPT - 1)];
+        if (slot.0, slot.1) != (a, b) {
+            *slot = (a, b, shader.joined(a, b));
+        }
+        slot.2
+    }
+}
