@@ -30,7 +30,7 @@ SIZES = [(960, 720), (640, 480)]
 RUNS = {
     "spf": ("spf", {}, {}, "textures by procedure, sun shadows, ambient occlusion, haze, edges anti-aliased"),
     "spf-1": ("spf", {"threads": 1}, {}, "the same on one core"),
-    "tiny": ("pybullet", {"shadow": 1}, {}, "PyBullet TinyRenderer: one colour a material, shadows, no anti-aliasing"),
+    "tiny": ("pybullet", {"shadow": 1}, {}, "PyBullet TinyRenderer: one colour a material, shadow pass on (its map covers little of a town), no anti-aliasing"),
     "tiny-plain": ("pybullet", {"shadow": 0}, {}, "PyBullet TinyRenderer: no shadows, no anti-aliasing"),
     "mujoco": (
         "mujoco", {"shadow": True, "samples": 4}, {"MUJOCO_GL": "osmesa"},
@@ -64,20 +64,15 @@ def timed(draw, poses, frames):
     return {"frames": frames, "wall_s": time.perf_counter() - started, "cpu_s": busy() - before}
 
 
-def check(picture):
-    """A peer that draws nothing is fast: the picture must have many colours."""
-    import numpy
-
-    colours = len(numpy.unique(numpy.asarray(picture)[..., :3].reshape(-1, 3) // 16, axis=0))
-    if colours < 30:
-        raise RuntimeError(f"the picture has {colours} colours only: nothing was drawn")
-
-
-def save(picture, name):
+def keep(picture, name):
+    """Writes the last picture beside the scene, for people to look at. A peer that draws nothing is fast: it must show much."""
     import numpy
 
     data = numpy.ascontiguousarray(numpy.asarray(picture)[..., :3], dtype=numpy.uint8)
     (SCENE / f"{name}.ppm").write_bytes(b"P6 %d %d 255\n" % (data.shape[1], data.shape[0]) + data.tobytes())
+    colours = len(numpy.unique(data.reshape(-1, 3) // 16, axis=0))
+    if colours < 20:
+        raise RuntimeError(f"the picture has {colours} colours only: nothing was drawn")
 
 
 def target(pose):
@@ -115,8 +110,7 @@ def pybullet(width, height, frames, shadow):
 
     result = timed(draw, town["path"], frames)
     picture = numpy.asarray(last[2], dtype=numpy.uint8).reshape(height, width, 4)
-    check(picture)
-    save(picture, f"tiny-{shadow}-{width}")
+    keep(picture, f"tiny-{shadow}-{width}")
     return result
 
 
@@ -133,10 +127,10 @@ def mujoco(width, height, frames, shadow, samples):
         for index, material in enumerate(town["materials"]))
     xml = f"""<mujoco><compiler meshdir="{SCENE}"/><statistic extent="100" center="0 30 10"/>
       <visual><global offwidth="{width}" offheight="{height}" fovy="{town['vertical_fov_deg']}"/>
-        <quality shadowsize="2048" offsamples="{samples}"/><map znear="0.001" zfar="10"/><headlight active="0"/></visual>
+        <quality shadowsize="2048" offsamples="{samples}"/><map znear="0.001" zfar="10"/><headlight ambient="0.35 0.37 0.4" diffuse="0 0 0" specular="0 0 0"/></visual>
       <asset>{assets}</asset>
       <worldbody><light directional="true" castshadow="{str(shadow).lower()}" dir="{numbers(-v for v in town['to_sun'])}"
-        pos="0 0 100" diffuse="0.8 0.8 0.75" ambient="0.35 0.37 0.4"/>{geoms}</worldbody></mujoco>"""
+        pos="0 0 100" diffuse="0.8 0.8 0.75"/>{geoms}</worldbody></mujoco>"""
     model = mj.MjModel.from_xml_string(xml)
     data = mj.MjData(model)
     mj.mj_forward(model, data)
@@ -158,8 +152,7 @@ def mujoco(width, height, frames, shadow, samples):
         last[:] = [renderer.render()]
 
     result = timed(draw, town["path"], frames)
-    check(last[0])
-    save(last[0], f"mujoco-{shadow}-{width}")
+    keep(last[0], f"mujoco-{shadow}-{width}")
     return result
 
 
@@ -226,8 +219,7 @@ def llvmpipe(width, height, frames, shadow, samples):
 
     result = timed(draw, town["path"], frames)
     picture = numpy.frombuffer(bytes(pixels), dtype=numpy.uint8).reshape(height, width, 3)[::-1]
-    check(picture)
-    save(picture, f"llvmpipe-{shadow}-{width}")
+    keep(picture, f"llvmpipe-{shadow}-{width}")
     return result
 
 
