@@ -261,9 +261,10 @@ fn wrong_messages_are_told_and_change_nothing() {
     let turned = |shown: &Shown| (shown.number("heading_deg") - before.number("heading_deg")).rem_euclid(360.0).round();
     let after = page.show_until("a turn", |shown| turned(shown) == 5.0);
     assert_eq!(after.number("north"), before.number("north"));
-    // Longer than any message: this connection ends, the server does not.
+    // Longer than any message: it is not read, and the server goes on. Pictures under way may still come.
     drop(page.0.send(Message::text("x".repeat(100_000))));
-    while let Ok(message) = page.0.read() {
+    for _ in 0..100 {
+        let Ok(message) = page.0.read() else { break };
         assert!(!matches!(message, Message::Text(text) if text.contains("refused")), "it was read");
     }
     served.page().show();
