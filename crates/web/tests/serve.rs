@@ -6,7 +6,7 @@ use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::{Arc, LazyLock};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use spf_flight::sim::Stage;
@@ -46,7 +46,7 @@ impl Served {
     fn page(&self) -> Page {
         let request = format!("ws://{}/socket", self.address).into_client_request().unwrap();
         let stream = TcpStream::connect(self.address).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let (socket, _) = tungstenite::client(request, stream).unwrap();
         let mut page = Page(socket);
         let hello = page.text("hello");
@@ -63,6 +63,14 @@ impl Drop for Served {
 }
 
 struct Page(WebSocket<TcpStream>);
+
+/// How long a page waits for anything at all.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+enum Received {
+    Text(Value),
+    Picture(Shown),
+}
 
 /// A picture's head and its JPEG.
 struct Shown {
@@ -85,25 +93,45 @@ impl Page {
         self.0.send(Message::text(message.to_string())).unwrap();
     }
 
+    /// The next message that is not a ping; a picture is told to be shown, for the server waits for that.
+    ///
+    /// # Panics
+    /// When none comes: pings keep the socket's own timeout from passing.
+    fn next(&mut self) -> Received {
+        let begun = Instant::now();
+        while begun.elapsed() < PATIENCE {
+            match self.0.read().unwrap() {
+                Message::Text(text) => return Received::Text(serde_json::from_str(&text).unwrap()),
+                Message::Binary(bytes) => {
+                    let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
+                    let head: Value = serde_json::from_slice(&bytes[4..4 + length]).unwrap();
+                    self.say(json!({"type": "shown", "frame": head["frame"]}));
+                    return Received::Picture(Shown { head, jpeg: bytes[4 + length..].to_vec() });
+                }
+                _ => {}
+            }
+        }
+        panic!("nothing but pings for {} s", PATIENCE.as_secs());
+    }
+
     /// The next text of a type; what comes before it is passed over.
     fn text(&mut self, kind: &str) -> Value {
-        loop {
-            let Message::Text(text) = self.0.read().unwrap() else { continue };
-            let message: Value = serde_json::from_str(&text).unwrap();
-            if message["type"] == kind {
+        let begun = Instant::now();
+        while begun.elapsed() < PATIENCE {
+            if let Received::Text(message) = self.next()
+                && message["type"] == kind
+            {
                 return message;
             }
         }
+        panic!("no text of type {kind} in {} s", PATIENCE.as_secs());
     }
 
-    /// The next picture, told to be shown.
+    /// The next picture.
     fn show(&mut self) -> Shown {
         loop {
-            if let Message::Binary(bytes) = self.0.read().unwrap() {
-                let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
-                let head: Value = serde_json::from_slice(&bytes[4..4 + length]).unwrap();
-                self.say(json!({"type": "shown", "frame": head["frame"]}));
-                return Shown { head, jpeg: bytes[4 + length..].to_vec() };
+            if let Received::Picture(shown) = self.next() {
+                return shown;
             }
         }
     }
