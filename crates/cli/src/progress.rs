@@ -34,21 +34,10 @@ impl<'a> Progress<'a> {
             Note::LateReply(id) => format!("answer {} came too late and moves nothing", id.0),
             // A held key repeats its setpoint ten times a second; the phase says enough.
             Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _) => return,
-            Note::Operator(event) => format!("operator: {}", operator(event)),
-            Note::OperatorIgnored(event, why) => format!("operator: {} ignored: {why}", operator(event)),
+            Note::Operator(event) => format!("operator: {}", words::operator(event)),
+            Note::OperatorIgnored(event, why) => format!("operator: {} ignored: {why}", words::operator(event)),
         };
         self.printer.say(&format!("{:6.1} s  {}", now.as_secs_f64(), one_line(&line)));
-    }
-}
-
-fn operator(event: &OperatorEvent) -> String {
-    match event {
-        OperatorEvent::Hold => "hold".to_owned(),
-        OperatorEvent::Resume => "resume".to_owned(),
-        OperatorEvent::Setpoint(_) => "setpoint".to_owned(),
-        OperatorEvent::Instruction(text) => format!("new instruction \"{text}\""),
-        OperatorEvent::Land => "land".to_owned(),
-        OperatorEvent::Stop => "stop the motors".to_owned(),
     }
 }
 

@@ -7,22 +7,27 @@ use std::thread::JoinHandle;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, project_displacement};
 use spf_core::pilot::{Action, Note, Pilot};
-use spf_core::query::Mark;
+use spf_core::query::{ImageBox, ImagePoint, Mark};
 use spf_core::time::{Duration, Time};
 use spf_media::frame::Rgb;
+use spf_media::jpeg::Jpeg;
 use spf_media::marks::{self, Colour, Hud};
 use spf_record::video::{VideoError, VideoWriter};
 use spf_sim::effects;
 
+use crate::log::{Outlet, PictureMarks};
 use crate::sim::{Moment, SimWorld};
 use crate::words;
 
 /// Pictures a flight second: the paper's controller acts ten times a second, so nothing is between two pictures.
 const FPS: u64 = 10;
 /// Half the camera's sides and a bit: a third of the drawing time, and text is still read easily.
-const SIZE: (u32, u32) = (640, 480);
+pub(crate) const SIZE: (u32, u32) = (640, 480);
 /// Pictures that may wait to be drawn.
 const WAITING: usize = 16;
+
+/// Quality of the JPEG pictures in the log: a far car keeps its edges.
+const JPEG_QUALITY: u8 = 80;
 
 /// Older poses may be forgotten by the simulator, which keeps ten seconds.
 const FORGOTTEN: Duration = Duration::from_secs(9);
@@ -34,7 +39,7 @@ struct Shot {
     /// Where the pilot believes to be.
     known: Pose,
     waypoint: Option<EnuPosition>,
-    boxes: Vec<Mark>,
+    boxes: Vec<(ImageBox, String)>,
     title: String,
     status: String,
     decision: String,
@@ -49,7 +54,7 @@ pub(crate) struct Film {
     next: Time,
     decision: String,
     waypoint: Option<EnuPosition>,
-    boxes: Vec<Mark>,
+    boxes: Vec<(ImageBox, String)>,
     boxes_until: Time,
     live: bool,
     shots: SyncSender<Shot>,
@@ -57,12 +62,12 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    /// Opens the file and starts the encoder.
-    pub(crate) fn start(path: &Path, world: SimWorld, title: &str, live: bool) -> Result<Self, VideoError> {
+    /// Opens the file and starts the encoder. The pictures go to the `log` too, as the camera saw them.
+    pub(crate) fn start(path: &Path, world: SimWorld, title: &str, log: Option<Outlet>, live: bool) -> Result<Self, VideoError> {
         let writer = VideoWriter::create(path, SIZE.0, SIZE.1, FPS as f64)?;
         let (shots, waiting) = sync_channel(WAITING);
         let seen = world.clone();
-        let encoder = std::thread::spawn(move || encode(writer, &seen, &waiting));
+        let encoder = std::thread::spawn(move || encode(writer, &seen, &waiting, log.as_ref()));
         Ok(Self {
             world,
             title: title.to_owned(),
@@ -84,7 +89,7 @@ impl Film {
                 self.decision = format!("{}. {}", decision.number, words::decision(decision));
                 self.waypoint = decision.goal.filter(|_| !decision.passed).map(|goal| goal.position);
                 let boxes = decision.reading.reply.iter().flat_map(|reply| &reply.boxes);
-                self.boxes = boxes.map(|b| Mark::Box { area: b.area, label: format!("{} {}", b.name, b.depth) }).collect();
+                self.boxes = boxes.map(|b| (b.area, format!("{} {}", b.name, b.depth))).collect();
                 // Boxes belong to the frame that was decided on; soon they would be drawn over something else.
                 self.boxes_until = now + Duration::from_millis(600);
             }
@@ -146,10 +151,18 @@ impl Film {
     }
 }
 
-fn encode(mut writer: VideoWriter, world: &SimWorld, shots: &Receiver<Shot>) -> Result<(), VideoError> {
+fn encode(mut writer: VideoWriter, world: &SimWorld, shots: &Receiver<Shot>, log: Option<&Outlet>) -> Result<(), VideoError> {
     let mut trouble = None;
     for shot in shots {
-        if let Err(error) = writer.push(shot.light.at(), &draw(world, &shot)) {
+        let mut picture = world.photograph(&shot.light, Some(SIZE));
+        let marks = PictureMarks { waypoint: waypoint(world, &shot), boxes: shot.boxes.clone() };
+        if let Some(log) = log
+            && let Ok(jpeg) = Jpeg::encode(&picture, JPEG_QUALITY)
+        {
+            log.picture(shot.light.at(), jpeg.bytes().to_vec().into(), SIZE, &marks);
+        }
+        annotate(&mut picture, &shot, marks);
+        if let Err(error) = writer.push(shot.light.at(), &picture) {
             trouble = Some(error);
             break;
         }
@@ -159,18 +172,20 @@ fn encode(mut writer: VideoWriter, world: &SimWorld, shots: &Receiver<Shot>) -> 
     trouble.map_or(ended, Err)
 }
 
-fn draw(world: &SimWorld, shot: &Shot) -> Rgb {
-    let mut picture = world.photograph(&shot.light, Some(SIZE));
-    marks::draw(&mut picture, &shot.boxes);
+/// Where the plan's end is in the picture. The plan lives in the pilot's world: it is drawn as the pilot believes to see it.
+fn waypoint(world: &SimWorld, shot: &Shot) -> Option<(ImagePoint, String)> {
+    let ahead = shot.known.position.displacement_to(shot.waypoint?, shot.known.attitude.heading);
+    let point = project_displacement(ahead, world.camera(), shot.known.attitude, Lifting::Levelled)?;
+    Some((point, format!("{:.1} m", ahead.length())))
+}
+
+fn annotate(picture: &mut Rgb, shot: &Shot, drawn: PictureMarks) {
+    let boxes: Vec<Mark> = drawn.boxes.into_iter().map(|(area, label)| Mark::Box { area, label }).collect();
+    marks::draw(picture, &boxes);
     // What was seen on one line and what was made of it on the next: together they are too long for the picture.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
-    marks::draw_hud(&mut picture, &Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] });
-    if let Some(goal) = shot.waypoint {
-        // The plan lives in the pilot's world: it is drawn as the pilot believes to see it.
-        let ahead = shot.known.position.displacement_to(goal, shot.known.attitude.heading);
-        if let Some(point) = project_displacement(ahead, world.camera(), shot.known.attitude, Lifting::Levelled) {
-            marks::draw_waypoint(&mut picture, point, &format!("{:.1} m", ahead.length()), Colour::WAYPOINT);
-        }
+    marks::draw_hud(picture, &Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] });
+    if let Some((point, caption)) = drawn.waypoint {
+        marks::draw_waypoint(picture, point, &caption, Colour::WAYPOINT);
     }
-    picture
 }

@@ -5,6 +5,8 @@
 
 pub mod dataset;
 mod film;
+pub mod log;
+mod outline;
 pub mod picture;
 pub mod recorder;
 pub mod run;

@@ -1,19 +1,20 @@
-//! Writes the out folder of a flight: `decisions.jsonl`, `video.mp4`, `trajectory.svg`, `summary.json`.
+//! Writes the out folder of a flight: `flight.mcap`, `decisions.jsonl`, `video.mp4`, `trajectory.svg`, `summary.json`.
 //!
 //! A flight goes on when recording cannot: the first failure of each file is kept and told at the end.
 
 use serde::Serialize;
 use spf_core::geometry::EnuPosition;
-use spf_core::pilot::{Action, Decision, Note, Phase, Pilot};
+use spf_core::pilot::{Action, Decision, Event, Note, Phase, Pilot};
 use spf_core::time::Time;
 use spf_record::jsonl::JsonLines;
 use spf_record::out_dir::OutDir;
-use spf_record::trajectory::{DecisionMark, Outline, TrajectoryInput, trajectory_svg};
-use spf_sim::actors::ActorPlace;
+use spf_record::trajectory::{DecisionMark, TrajectoryInput, trajectory_svg};
 
-use crate::film::Film;
+use crate::film::{self, Film};
+use crate::log::{FlightLog, Head};
+use crate::outline;
 use crate::run::Observer;
-use crate::sim::{SimWorld, Stage};
+use crate::sim::SimWorld;
 use crate::summary::Summary;
 use crate::words;
 
@@ -30,6 +31,7 @@ struct Row<'a> {
 pub struct Recorder {
     out: OutDir,
     world: SimWorld,
+    log: Option<FlightLog>,
     decisions: Option<JsonLines>,
     film: Option<Film>,
     path: Vec<(Time, EnuPosition)>,
@@ -37,24 +39,57 @@ pub struct Recorder {
     marks: Vec<DecisionMark>,
     flown: f64,
     last_known: Option<EnuPosition>,
-    problems: Vec<String>,
+    problems: Problems,
 }
+
+/// What could not be recorded.
+#[derive(Default)]
+struct Problems {
+    /// The files.
+    files: Vec<String>,
+    /// Why, for a person.
+    told: Vec<String>,
+}
+
+impl Problems {
+    /// The value, or a note of why there is none.
+    fn kept<T, E: std::error::Error>(&mut self, file: &str, result: Result<T, E>) -> Option<T> {
+        result.map_err(|error| self.note(file, in_full(&error))).ok()
+    }
+
+    fn note(&mut self, file: &str, why: String) {
+        if !self.files.iter().any(|known| known == file) {
+            self.files.push(file.to_owned());
+            self.told.push(why);
+        }
+    }
+}
+
+const LOG: &str = "flight.mcap";
+const DECISIONS: &str = "decisions.jsonl";
+const VIDEO: &str = "video.mp4";
+const TRAJECTORY: &str = "trajectory.svg";
 
 /// The path in the picture has a point this often.
 const PATH_STEP_S: f64 = 0.1;
 
 impl Recorder {
-    /// Opens the files in a folder. `title` heads the video; `live` tells that the flight is on the wall clock.
+    /// Opens the files in a folder. `live` tells that the flight is on the wall clock.
     #[must_use]
-    pub fn new(out: OutDir, video: bool, title: &str, world: SimWorld, live: bool) -> Self {
-        let mut problems = Vec::new();
-        let decisions = kept(&mut problems, JsonLines::create(&out.file("decisions.jsonl")));
+    pub fn new(out: OutDir, video: bool, head: &Head, world: SimWorld, live: bool) -> Self {
+        let mut problems = Problems::default();
+        let scene = outline::prisms(world.stage());
+        let log = FlightLog::start(&out.file(LOG), head, &scene, world.clone(), live);
+        let log = problems.kept(LOG, log);
+        let decisions = problems.kept(DECISIONS, JsonLines::create(&out.file(DECISIONS)));
+        let pictures = log.as_ref().filter(|_| video).map(|log| log.pictures(film::SIZE));
         let film = video
-            .then(|| Film::start(&out.file("video.mp4"), world.clone(), title, live))
-            .and_then(|film| kept(&mut problems, film));
+            .then(|| Film::start(&out.file(VIDEO), world.clone(), &head.instruction, pictures, live))
+            .and_then(|film| problems.kept(VIDEO, film));
         Self {
             out,
             world,
+            log,
             decisions,
             film,
             path: Vec::new(),
@@ -70,7 +105,7 @@ impl Recorder {
         if let Some(rows) = &mut self.decisions
             && let Err(error) = rows.push(&Row { decision, flown_m: self.flown })
         {
-            self.problems.push(in_full(&error));
+            self.problems.note(DECISIONS, in_full(&error));
             self.decisions = None;
         }
         self.marks.push(DecisionMark {
@@ -81,31 +116,38 @@ impl Recorder {
         });
     }
 
-    /// Closes the files and writes the summary; what could not be written is returned.
+    /// Closes the files and writes the summary, into which goes what could not be recorded; why is returned.
     #[must_use]
-    pub fn finish(mut self, summary: &Summary) -> Vec<String> {
+    pub fn finish(mut self, summary: &mut Summary) -> Vec<String> {
         if let Some(film) = self.film.take() {
-            kept(&mut self.problems, film.finish());
+            self.problems.kept(VIDEO, film.finish());
         }
         let (stage, actors) = (self.world.stage(), self.world.now().actors);
         let picture = trajectory_svg(&TrajectoryInput {
             title: summary.instruction.clone(),
             outcome: headline(summary),
-            outlines: outlines(stage, &actors),
+            outlines: outline::outlines(stage, &actors),
             path: core::mem::take(&mut self.path),
             known_path: core::mem::take(&mut self.known_path),
             decisions: core::mem::take(&mut self.marks),
-            target: summary.targets.first().and_then(|key| centre(stage, &actors, key)),
+            target: summary.targets.first().and_then(|key| outline::centre(stage, &actors, key)),
         });
-        kept(&mut self.problems, self.out.write("trajectory.svg", picture.as_bytes()));
-        kept(&mut self.problems, self.out.write_summary(summary));
-        self.problems
+        self.problems.kept(TRAJECTORY, self.out.write(TRAJECTORY, picture.as_bytes()));
+        summary.not_recorded.clone_from(&self.problems.files);
+        // The log comes last but one: it holds the summary.
+        if let Some(log) = self.log.take() {
+            match self.problems.kept(LOG, log.finish(summary)) {
+                Some(0) | None => {}
+                Some(lost) => {
+                    let why = format!("the flight log lacks {lost} messages: the disk was too slow for them");
+                    self.problems.note(LOG, why);
+                }
+            }
+            summary.not_recorded.clone_from(&self.problems.files);
+        }
+        self.problems.kept("summary.json", self.out.write_summary(summary));
+        self.problems.told
     }
-}
-
-/// The value, or a note of why there is none.
-fn kept<T, E: std::error::Error>(problems: &mut Vec<String>, result: Result<T, E>) -> Option<T> {
-    result.map_err(|error| problems.push(in_full(&error))).ok()
 }
 
 /// An error with its causes on one line.
@@ -127,51 +169,17 @@ fn headline(summary: &Summary) -> String {
     format!("{outcome}{time}, {flown:.1} m flown, {} decisions{distance}", summary.decisions)
 }
 
-/// The scene seen from above with the actors at these places, lowest things first.
-fn outlines(stage: &Stage, actors: &[ActorPlace]) -> Vec<Outline> {
-    let mut objects: Vec<_> = stage.scene.objects.iter().filter(|object| !object.opening && !object.outline.is_empty()).collect();
-    objects.sort_by(|a, b| a.bounds.max.up.total_cmp(&b.bounds.max.up).then(a.id.cmp(&b.id)));
-    let outline = |object: &&spf_sim::scene::Object| Outline {
-        name: object.key.clone(),
-        colour: colour(&object.tags),
-        polygons: stage.outline(object, actors),
-    };
-    objects.iter().map(outline).collect()
-}
-
-fn centre(stage: &Stage, actors: &[ActorPlace], key: &str) -> Option<EnuPosition> {
-    let bounds = stage.bounds(stage.scene.by_key(key)?, actors);
-    let middle = |low: f64, high: f64| 0.5 * (low + high);
-    Some(EnuPosition {
-        east: middle(bounds.min.east, bounds.max.east),
-        north: middle(bounds.min.north, bounds.max.north),
-        up: middle(bounds.min.up, bounds.max.up),
-    })
-}
-
-/// A colour on the map: ground by what it is, everything else by its colour in words.
-fn colour(tags: &spf_sim::scene::Tags) -> [u8; 3] {
-    let named = |words: &[&str]| words.iter().any(|word| tags.names.iter().chain(&tags.synonyms).any(|name| name.contains(word)));
-    match (tags.kind.as_str(), tags.colour.as_deref()) {
-        ("water", _) => [170, 205, 230],
-        ("tree", _) => [130, 180, 110],
-        ("ground", _) if named(&["road", "street", "avenue", "junction", "car park"]) => [204, 204, 208],
-        ("ground", _) if named(&["crossing"]) => [236, 236, 236],
-        ("ground", _) if named(&["grass", "lawn", "park", "meadow", "hill"]) => [216, 230, 202],
-        ("ground", _) => [232, 228, 218],
-        (_, Some(word)) if word.contains("red") => [205, 70, 60],
-        (_, Some(word)) if word.contains("yellow") => [230, 190, 60],
-        (_, Some(word)) if word.contains("green") => [110, 160, 90],
-        (_, Some(word)) if word.contains("blue") => [90, 130, 200],
-        (_, Some(word)) if word.contains("black") => [60, 60, 64],
-        (_, Some(word)) if word.contains("white") => [246, 246, 246],
-        (_, Some(word)) if word.contains("brown") || word.contains("orange") || word.contains("beige") => [190, 150, 110],
-        _ => [190, 186, 180],
-    }
-}
-
 impl Observer for Recorder {
-    fn action(&mut self, now: Time, action: &Action, _pilot: &Pilot) {
+    fn event(&mut self, now: Time, event: &Event) {
+        if let Some(log) = &mut self.log {
+            log.event(now, event);
+        }
+    }
+
+    fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
+        if let Some(log) = &mut self.log {
+            log.action(now, action, pilot);
+        }
         if let Action::Note(Note::Decision(decision)) = action {
             self.decided(decision);
         }
@@ -181,6 +189,9 @@ impl Observer for Recorder {
     }
 
     fn time(&mut self, now: Time, pilot: &Pilot) {
+        if let Some(log) = &mut self.log {
+            log.time(now, pilot);
+        }
         let known = pilot.known_pose(now);
         if pilot.phase() != Phase::Ground {
             if let Some(last) = self.last_known {
@@ -197,7 +208,7 @@ impl Observer for Recorder {
             && !film.advance(now, pilot)
         {
             // Disk full, most often: the flight goes on without its film, and says so at the end.
-            kept(&mut self.problems, self.film.take().map_or(Ok(()), Film::finish));
+            self.problems.kept(VIDEO, self.film.take().map_or(Ok(()), Film::finish));
         }
     }
 }

@@ -64,4 +64,7 @@ pub struct Summary {
     pub camera_effects: Option<String>,
     /// Answers that came when nobody waited for them any more.
     pub late_replies: u32,
+    /// Files that could not be recorded, or not to their end; left out when all were.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_recorded: Vec<String>,
 }

@@ -1,7 +1,7 @@
 //! Words for people: one place for how an outcome, a phase or a decision is said.
 
 use spf_core::avoid::Avoidance;
-use spf_core::pilot::{Decision, Outcome, Phase};
+use spf_core::pilot::{Decision, OperatorEvent, Outcome, Phase};
 use spf_core::reply::{Look, Status};
 
 /// An outcome.
@@ -28,6 +28,19 @@ pub fn phase(phase: Phase) -> &'static str {
         Phase::Manual => "flown by hand",
         Phase::Landing => "landing",
         Phase::Ended => "ended",
+    }
+}
+
+/// What an operator did.
+#[must_use]
+pub fn operator(event: &OperatorEvent) -> String {
+    match event {
+        OperatorEvent::Hold => "hold".to_owned(),
+        OperatorEvent::Resume => "resume".to_owned(),
+        OperatorEvent::Setpoint(_) => "setpoint".to_owned(),
+        OperatorEvent::Instruction(text) => format!("new instruction \"{text}\""),
+        OperatorEvent::Land => "land".to_owned(),
+        OperatorEvent::Stop => "stop the motors".to_owned(),
     }
 }
 

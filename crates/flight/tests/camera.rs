@@ -78,6 +78,7 @@ fn what_is_pointed_at_is_what_is_lifted_to() {
 fn flown(circumstances: Circumstances, kind: CraftKind, seed: u64) -> Summary {
     let plan = FlightPlan {
         stage: city(),
+        scene: "city".to_owned(),
         instruction: "fly to the red crane".to_owned(),
         start: None,
         kind,

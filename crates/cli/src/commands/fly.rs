@@ -154,9 +154,11 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<FlightPlan
     };
     let circumstances = circumstances(settings)?;
     // Everything that is only read is checked before the scene is loaded: errors come at once.
-    let stage = Arc::new(load_stage(settings.get("fly.scene").unwrap_or("city"), &conditions)?);
+    let scene = settings.get("fly.scene").unwrap_or("city");
+    let stage = Arc::new(load_stage(scene, &conditions)?);
     let kind = kind.unwrap_or(stage.scene.default_craft);
     Ok(FlightPlan {
+        scene: scene.to_owned(),
         instruction: instruction.to_owned(),
         start,
         kind,

@@ -121,5 +121,5 @@ fn the_configuration_reaches_the_pilot() {
         (Some(11), Some("mine"), Some("paper"))
     );
     assert_eq!(summary["finished_at_s"], 4.0);
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
 }

@@ -35,7 +35,7 @@ fn one_object_with_every_key_and_plain_talk() {
     assert_eq!(printed["vlm"], "oracle");
     assert_eq!(printed["preset"], "default");
     let folder = printed["out_dir"].as_str().unwrap();
-    assert_eq!(lab.names(folder), ["decisions.jsonl", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names(folder), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
 
     // The file is what was printed, but for the folder.
     let mut file: serde_json::Map<String, serde_json::Value> =
@@ -70,7 +70,7 @@ fn a_closed_pipe_ends_nothing() {
     drop(child.stdout.take());
     drop(child.stderr.take());
     assert_eq!(child.wait().unwrap().code(), Some(3));
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
 }
 
 #[test]

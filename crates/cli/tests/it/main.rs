@@ -10,6 +10,7 @@ mod flights;
 mod gltf;
 mod harness;
 mod json;
+mod log;
 mod operator;
 mod python;
 mod scenes;

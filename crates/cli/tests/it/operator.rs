@@ -21,7 +21,7 @@ fn fly(max_time: &str, events: &str) -> (i32, Value, Vec<Value>, String) {
     ];
     let run = lab.spf(&args);
     let summary = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
     (run.code.unwrap(), summary, lab.decisions("mine"), run.stderr)
 }
 

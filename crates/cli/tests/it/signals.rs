@@ -60,7 +60,7 @@ fn ctrl_c_lands_and_closes_everything() {
     let summary: Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(summary["outcome"], "aborted");
     assert!(said.contains("operator: land") && said.contains("landing") && said.trim_end().ends_with("ended"), "{said}");
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
     lab.decisions("mine");
 }
 
@@ -75,7 +75,7 @@ fn a_second_ctrl_c_stops_at_once() {
     let (code, printed, said) = flight.end();
     assert_eq!((code, printed.as_str()), (Some(5), ""), "{said}");
     assert!(!said.contains("ended"), "{said}");
-    assert_eq!(lab.names("mine"), ["decisions.jsonl"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap"]);
 }
 
 #[test]
@@ -102,5 +102,5 @@ fn a_flight_on_the_wall_clock_ends_by_itself() {
     let summary: Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(summary["outcome"], "timeout");
     assert!(summary["finished_at_s"].as_f64().unwrap() >= 6.0);
-    assert_eq!(lab.names("mine"), ["decisions.jsonl", "summary.json", "trajectory.svg"]);
+    assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
 }

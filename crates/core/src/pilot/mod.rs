@@ -81,6 +81,8 @@ pub struct Pilot {
     hold_after_take_off: bool,
     first_motion: Option<Time>,
     next_tick: Time,
+    /// What was asked of the envelope last.
+    wanted: Setpoint,
     /// The envelope's reaction, and its change of a setpoint, that were told last.
     told_reaction: Option<Cause>,
     told_change: Option<Cause>,
@@ -140,6 +142,7 @@ impl Pilot {
             hold_after_take_off: false,
             first_motion: None,
             next_tick: Time::ZERO,
+            wanted: Setpoint::HOLD,
             told_reaction: None,
             told_change: None,
         };
@@ -220,6 +223,12 @@ impl Pilot {
     #[must_use]
     pub fn first_motion(&self) -> Option<Time> {
         self.first_motion
+    }
+
+    /// The setpoint that was asked of the envelope last, before it was cleared. For recording.
+    #[must_use]
+    pub fn wanted(&self) -> Setpoint {
+        self.wanted
     }
 
     /// The craft's pose at `now`, as known.

@@ -142,13 +142,17 @@ impl Pilot {
         let mut finished = false;
         let by_hand = self.phase == Phase::Manual && !self.link_lost;
         let clearance = match self.manual.filter(|(_, until)| by_hand && now < *until) {
-            Some((setpoint, _)) => self.envelope.clear_manual(now, setpoint),
+            Some((setpoint, _)) => {
+                self.wanted = setpoint;
+                self.envelope.clear_manual(now, setpoint)
+            }
             None => {
                 let mut setpoint = Setpoint::HOLD;
                 if self.executing {
                     let tick = self.executor.tick(now, known);
                     (setpoint, finished) = (tick.setpoint, tick.finished);
                 }
+                self.wanted = setpoint;
                 self.envelope.clear_setpoint(now, setpoint)
             }
         };

@@ -15,7 +15,7 @@ use spf_core::policy::Policy;
 use spf_core::policy::plain::{Plain, PlainSettings};
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::time::Time;
-use spf_drone::Drone;
+use spf_drone::{Capabilities, Drone};
 use spf_record::out_dir::OutDir;
 use spf_sim::effects::Effects;
 use spf_sim::model::CraftKind;
@@ -27,6 +27,7 @@ use super::pictures::SimPictures;
 use super::stage::Stage;
 use super::truth::{Verdict, judge};
 use super::world::{Circumstances, SimDrone, SimWorld};
+use crate::log::{Head, SimHead};
 use crate::recorder::Recorder;
 use crate::run::{Observer, World, run};
 use crate::summary::Summary;
@@ -74,6 +75,8 @@ impl PolicyKind {
 pub struct FlightPlan {
     /// Where.
     pub stage: Arc<Stage>,
+    /// What the person called the scene: a built-in name or a path.
+    pub scene: String,
     /// What the person said.
     pub instruction: String,
     /// From where; `None`: the scene's start.
@@ -178,10 +181,10 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         instruction: plan.instruction.clone(),
     });
     let vlm = Box::new(OracleVlm::new(plan.vlm.clone(), world.clone(), plan.errors.clone(), plan.seed));
-    let mut recorder = plan
-        .record
-        .as_ref()
-        .map(|record| Recorder::new(record.out.clone(), record.video, &plan.instruction, world.clone(), plan.realtime));
+    let mut recorder = plan.record.as_ref().map(|record| {
+        let head = head(&plan, drone.name(), &capabilities, start);
+        Recorder::new(record.out.clone(), record.video, &head, world.clone(), plan.realtime)
+    });
     let mut judging = Judging { world: world.clone(), instruction: plan.instruction.clone(), start, settled: None };
     let (drone, pictures, script) = (Box::new(drone), Box::new(SimPictures::new(world.clone())), plan.script.clone());
     let mut around: Box<dyn World> = if plan.realtime {
@@ -199,9 +202,49 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         }
         run(&mut pilot, around.as_mut(), &mut all);
     }
-    let summary = summarise(&plan, &stage, &pilot, judging.settled);
-    let recording_problems = recorder.map(|recorder| recorder.finish(&summary)).unwrap_or_default();
+    let mut summary = summarise(&plan, &stage, &pilot, judging.settled);
+    let recording_problems = recorder.map(|recorder| recorder.finish(&mut summary)).unwrap_or_default();
     Ok(Flown { summary, recording_problems })
+}
+
+/// The head of the flight's log.
+fn head(plan: &FlightPlan, drone: &str, capabilities: &Capabilities, start: Pose) -> Head {
+    let (scene, circumstances) = (&plan.stage.scene, &plan.circumstances);
+    Head {
+        format: spf_record::log::FORMAT,
+        program: env!("CARGO_PKG_VERSION").to_owned(),
+        instruction: plan.instruction.clone(),
+        policy: plan.policy.name().to_owned(),
+        preset: plan.preset,
+        settings: plan.settings,
+        craft: capabilities.craft,
+        senses: senses_of(plan.kind),
+        camera: capabilities.camera,
+        limits: plan.limits.clone(),
+        vlm: plan.vlm.clone(),
+        drone: drone.to_owned(),
+        sim: Some(SimHead {
+            scene: plan.scene.clone(),
+            light: scene.lighting.name().to_owned(),
+            weather: scene.weather.name().to_owned(),
+            drone_model: plan.kind.name().to_owned(),
+            seed: plan.seed,
+            start,
+            wind: wind_of(circumstances),
+            battery: circumstances.battery,
+            camera_effects: effects_of(circumstances),
+        }),
+    }
+}
+
+/// The wind, as `--wind` takes it; `None` in still air.
+fn wind_of(circumstances: &Circumstances) -> Option<String> {
+    Some(circumstances.wind).filter(|wind| *wind != Wind::default()).map(|wind| wind.to_string())
+}
+
+/// What the camera does to its pictures, as `--camera-effects` takes it; `None` when nothing.
+fn effects_of(circumstances: &Circumstances) -> Option<String> {
+    Some(&circumstances.effects).filter(|effects| !effects.is_none()).map(Effects::to_string)
 }
 
 /// What the telemetry of a simulated craft tells.
@@ -311,9 +354,10 @@ fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Se
         weather: stage.scene.weather.name().to_owned(),
         drone: "sim".to_owned(),
         drone_model: plan.kind.name().to_owned(),
-        wind: Some(circumstances.wind).filter(|wind| *wind != Wind::default()).map(|wind| wind.to_string()),
+        wind: wind_of(circumstances),
         battery: Some(circumstances.battery).filter(|charge| *charge != 1.0),
-        camera_effects: Some(&circumstances.effects).filter(|effects| !effects.is_none()).map(Effects::to_string),
+        camera_effects: effects_of(circumstances),
         late_replies: pilot.late_replies(),
+        not_recorded: Vec::new(),
     }
 }

@@ -1,0 +1,234 @@
+//! What is told of a flight in its log, `flight.mcap`: every input of the pilot and every output, and what people's tools show
+//! (docs/flight-log.md).
+
+mod rows;
+mod topics;
+
+pub use rows::{
+    Cancelled, CommandName, CommandRow, Head, LinkRow, NoteKind, NoteRow, OperatorRow, ReplyRow, SimHead, TruthRow, Wake,
+};
+pub use topics::Channel;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use bytes::Bytes;
+use serde::Serialize;
+use spf_core::command::Command;
+use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::pilot::{Action, Decision, Event, Note, Pilot};
+use spf_core::query::{ImageBox, ImagePoint, Query, QueryId};
+use spf_core::time::{Duration, Time};
+use spf_record::log::foxglove::{self, Level, Prism};
+use spf_record::log::{Log, LogError, LogSender, Message};
+
+use crate::sim::SimWorld;
+use crate::summary::Summary;
+use crate::words;
+
+/// Poses are told this often, flight time.
+const POSE_EVERY: Duration = Duration::from_millis(50);
+/// Queries whose times are remembered; a pilot has at most eight out.
+const REMEMBERED: usize = 64;
+
+/// The log of a flight in the making.
+pub(crate) struct FlightLog {
+    log: Log,
+    out: Outlet,
+    world: SimWorld,
+    /// The pilot was woken at this time, and nothing has been told of it yet.
+    woken: Option<Time>,
+    posed: Option<Time>,
+    asked: BTreeMap<QueryId, Time>,
+}
+
+/// Where messages of a flight go; any number of threads may hold one.
+#[derive(Clone)]
+pub(crate) struct Outlet(LogSender);
+
+impl Outlet {
+    /// A message of one of our own forms.
+    fn row<T: Serialize>(&self, channel: Channel, at: Time, row: &T) {
+        // Our rows are structures of plain values: they always have a JSON form.
+        if let Ok(data) = serde_json::to_vec(row) {
+            self.put(channel, at, data.into());
+        }
+    }
+
+    fn put(&self, channel: Channel, at: Time, data: Bytes) {
+        self.0.send(Message { topic: channel as usize, time: at, data });
+    }
+
+    /// A camera picture, and what is to be drawn on it.
+    pub(crate) fn picture(&self, at: Time, jpeg: Bytes, size: (u32, u32), marks: &PictureMarks) {
+        self.put(Channel::Image, at, foxglove::encode(&foxglove::image(at, jpeg)));
+        let drawn = foxglove::annotations(at, size, marks.waypoint.clone(), &marks.boxes);
+        self.put(Channel::Annotations, at, foxglove::encode(&drawn));
+    }
+}
+
+/// What is drawn on a picture of the log.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PictureMarks {
+    /// Where the craft flies to, and how far that is.
+    pub(crate) waypoint: Option<(ImagePoint, String)>,
+    /// Obstacles that the VLM reported.
+    pub(crate) boxes: Vec<(ImageBox, String)>,
+}
+
+impl FlightLog {
+    /// Starts the log with the flight's head and the scene's outline. A `live` flight waits for no disk.
+    pub(crate) fn start(path: &Path, head: &Head, scene: &[Prism], world: SimWorld, live: bool) -> Result<Self, LogError> {
+        let log = Log::create(path, &topics::all(), !live)?;
+        let out = Outlet(log.sender());
+        out.row(Channel::Flight, Time::ZERO, head);
+        out.put(Channel::Scene, Time::ZERO, foxglove::encode(&foxglove::scene(Time::ZERO, scene)));
+        Ok(Self { log, out, world, woken: None, posed: None, asked: BTreeMap::new() })
+    }
+
+    /// For pictures, which come from another thread; and the camera that they are taken by, at their size.
+    pub(crate) fn pictures(&self, size: (u32, u32)) -> Outlet {
+        let camera = self.world.camera().resized(size.0, size.1);
+        self.out.put(Channel::Calibration, Time::ZERO, foxglove::encode(&foxglove::calibration(Time::ZERO, &camera)));
+        self.out.clone()
+    }
+
+    /// The pilot was woken.
+    pub(crate) fn time(&mut self, now: Time, pilot: &Pilot) {
+        self.wake();
+        self.woken = Some(now);
+        if self.posed.is_none_or(|at| now.since(at) >= POSE_EVERY) {
+            self.posed = Some(now);
+            self.poses(now, &pilot.known_pose(now));
+        }
+    }
+
+    fn poses(&self, now: Time, known: &Pose) {
+        let truth = self.world.truth().pose;
+        let tilt = self.world.camera().tilt;
+        self.out.put(Channel::Transforms, now, foxglove::encode(&foxglove::transforms(now, known, tilt)));
+        self.out.put(Channel::PoseKnown, now, foxglove::encode(&foxglove::pose(now, known)));
+        self.out.put(Channel::PoseTrue, now, foxglove::encode(&foxglove::pose(now, &truth)));
+    }
+
+    /// Tells of a time at which the pilot was woken and nothing happened.
+    fn wake(&mut self) {
+        if let Some(at) = self.woken.take() {
+            self.out.row(Channel::Wake, at, &Wake { at });
+        }
+    }
+
+    /// The pilot was told this.
+    pub(crate) fn event(&mut self, now: Time, event: &Event) {
+        self.woken = None;
+        match event {
+            Event::Frame(frame) => self.out.row(Channel::Frame, now, frame),
+            Event::Telemetry(telemetry) => self.out.row(Channel::Telemetry, now, telemetry),
+            Event::Reply { id, text } => self.reply(now, *id, Some(text), None, false),
+            Event::Chunk { id, text } => self.reply(now, *id, Some(text), None, true),
+            Event::ReplyFailed { id, reason } => self.reply(now, *id, None, Some(reason), false),
+            Event::Operator(event) => self.out.row(Channel::Operator, now, &OperatorRow { event: event.clone() }),
+            Event::LinkLost => self.out.row(Channel::Link, now, &LinkRow { lost: true }),
+            Event::LinkRestored => self.out.row(Channel::Link, now, &LinkRow { lost: false }),
+        }
+    }
+
+    fn reply(&mut self, now: Time, id: QueryId, text: Option<&String>, failed: Option<&String>, part: bool) {
+        let asked = if part { self.asked.get(&id).copied() } else { self.asked.remove(&id) };
+        let latency_s = asked.map(|asked| now.since(asked).as_secs_f64());
+        self.out.row(Channel::Reply, now, &ReplyRow { id, text: text.cloned(), failed: failed.cloned(), part, latency_s });
+    }
+
+    /// The pilot wanted this.
+    pub(crate) fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
+        self.wake();
+        if let Some((channel, data)) = output(action, pilot) {
+            self.out.put(channel, now, data);
+        }
+        match action {
+            Action::Ask(query) => self.ask(now, query),
+            Action::Note(note) => self.note(now, note),
+            Action::Finished(ending) => {
+                let line = format!("{}: {}", words::outcome(ending.outcome), ending.cause);
+                self.line(now, Level::Info, line);
+            }
+            Action::Cancel(_) | Action::Command(_) => {}
+        }
+    }
+
+    fn ask(&mut self, now: Time, query: &Query) {
+        if self.asked.len() >= REMEMBERED {
+            self.asked.pop_first();
+        }
+        self.asked.insert(query.id, now);
+        // The truth about the frame, from which its ids and depth can be drawn again.
+        if let Some(moment) = self.world.capture(query.frame) {
+            self.out.row(Channel::Truth, now, &TruthRow { frame: query.frame, pose: moment.pose });
+        }
+    }
+
+    fn note(&self, now: Time, note: &Note) {
+        let (level, line) = match note {
+            Note::Phase(phase) => (Level::Info, words::phase(*phase).to_owned()),
+            Note::Decision(decision) => {
+                self.plan(now, decision);
+                (Level::Info, format!("{}. {}", decision.number, words::decision(decision)))
+            }
+            Note::Envelope(cause) => (Level::Warning, format!("envelope: {cause}")),
+            Note::LateReply(id) => (Level::Warning, format!("answer {} came too late and moves nothing", id.0)),
+            Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable answer: {reason}")),
+            Note::Operator(event) => (Level::Info, format!("operator: {}", words::operator(event))),
+            Note::OperatorIgnored(event, why) => (Level::Warning, format!("operator: {} ignored: {why}", words::operator(event))),
+        };
+        self.line(now, level, line);
+    }
+
+    fn plan(&self, now: Time, decision: &Decision) {
+        let end: Option<EnuPosition> = decision.goal.filter(|_| !decision.passed).map(|goal| goal.position);
+        if let Some(end) = end {
+            let plan = foxglove::plan(now, decision.pose_at_reply.position, end);
+            self.out.put(Channel::Plan, now, foxglove::encode(&plan));
+        }
+    }
+
+    fn line(&self, now: Time, level: Level, line: String) {
+        self.out.put(Channel::Log, now, foxglove::encode(&foxglove::log_line(now, level, line)));
+    }
+
+    /// Ends the log with the flight's summary. Returns how many messages the disk was too slow for.
+    pub(crate) fn finish(mut self, summary: &Summary) -> Result<u64, LogError> {
+        self.wake();
+        let at = Time::from_secs_f64(summary.finished_at_s).max(self.posed.unwrap_or_default());
+        self.out.row(Channel::Summary, at, summary);
+        let Self { log, out, .. } = self;
+        drop(out);
+        log.finish().map(|facts| facts.lost)
+    }
+}
+
+/// What of the pilot's outputs is compared when a flight is replayed: its channel and its bytes.
+pub(crate) fn output(action: &Action, pilot: &Pilot) -> Option<(Channel, Bytes)> {
+    let (channel, data) = match action {
+        Action::Ask(query) => (Channel::Query, serde_json::to_vec(query)),
+        Action::Cancel(id) => (Channel::Cancel, serde_json::to_vec(&Cancelled { id: *id })),
+        Action::Command(cleared) => {
+            let (name, cleared_setpoint) = match cleared.get() {
+                Command::TakeOff => (CommandName::TakeOff, None),
+                Command::Setpoint(setpoint) => (CommandName::Setpoint, Some(*setpoint)),
+                Command::Land => (CommandName::Land, None),
+                Command::EmergencyStop => (CommandName::EmergencyStop, None),
+            };
+            let row = CommandRow {
+                command: name,
+                wanted: cleared_setpoint.map(|_| pilot.wanted()),
+                cleared: cleared_setpoint,
+                valid_until: cleared_setpoint.map(|_| cleared.valid_until()),
+            };
+            (Channel::Command, serde_json::to_vec(&row))
+        }
+        Action::Note(Note::Decision(decision)) => (Channel::Decision, serde_json::to_vec(decision)),
+        Action::Note(note) => (Channel::Note, serde_json::to_vec(&NoteRow::of(note)?)),
+        Action::Finished(ending) => (Channel::Finished, serde_json::to_vec(ending)),
+    };
+    data.ok().map(|data| (channel, data.into()))
+}

@@ -1,0 +1,200 @@
+//! The topics of a flight log, in one list.
+
+use schemars::JsonSchema;
+use spf_core::frame::FrameMeta;
+use spf_core::pilot::{Decision, Ending};
+use spf_core::query::Query;
+use spf_core::telemetry::Telemetry;
+use spf_record::log::{Topic, foxglove};
+
+use super::rows::{Cancelled, CommandRow, Head, LinkRow, NoteRow, OperatorRow, ReplyRow, TruthRow, Wake};
+use crate::summary::Summary;
+
+/// A topic of a flight log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Channel {
+    /// The flight's head.
+    Flight,
+    /// Input: woken, and nothing had happened.
+    Wake,
+    /// Input: telemetry.
+    Telemetry,
+    /// Input: a camera frame arrived.
+    Frame,
+    /// Input: an answer, or none.
+    Reply,
+    /// Input: the operator.
+    Operator,
+    /// Input: the link.
+    Link,
+    /// Output: a question.
+    Query,
+    /// Output: a question is given up.
+    Cancel,
+    /// Output: a command, before and after the envelope.
+    Command,
+    /// Output: a decision.
+    Decision,
+    /// Output: other notes.
+    Note,
+    /// Output: the outcome.
+    Finished,
+    /// Ground truth about the frames asked about.
+    Truth,
+    /// The summary.
+    Summary,
+    /// Camera pictures.
+    Image,
+    /// What is to be drawn on them.
+    Annotations,
+    /// The camera that they were taken by.
+    Calibration,
+    /// World, body, camera.
+    Transforms,
+    /// Pose as known.
+    PoseKnown,
+    /// Pose in truth.
+    PoseTrue,
+    /// The scene in outline.
+    Scene,
+    /// The plan in force.
+    Plan,
+    /// Lines for people.
+    Log,
+}
+
+impl Channel {
+    /// Every channel, in the order of their numbers.
+    pub const ALL: [Self; 24] = [
+        Self::Flight,
+        Self::Wake,
+        Self::Telemetry,
+        Self::Frame,
+        Self::Reply,
+        Self::Operator,
+        Self::Link,
+        Self::Query,
+        Self::Cancel,
+        Self::Command,
+        Self::Decision,
+        Self::Note,
+        Self::Finished,
+        Self::Truth,
+        Self::Summary,
+        Self::Image,
+        Self::Annotations,
+        Self::Calibration,
+        Self::Transforms,
+        Self::PoseKnown,
+        Self::PoseTrue,
+        Self::Scene,
+        Self::Plan,
+        Self::Log,
+    ];
+
+    /// The channel of a topic; `None` for one that no flight log has.
+    #[must_use]
+    pub fn of_topic(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|channel| channel.name() == name)
+    }
+
+    /// Whether the pilot was told this.
+    #[must_use]
+    pub fn is_input(self) -> bool {
+        (Self::Wake..=Self::Link).contains(&self)
+    }
+
+    /// Whether the pilot gave this out, so that a replay compares it.
+    #[must_use]
+    pub fn is_output(self) -> bool {
+        (Self::Query..=Self::Finished).contains(&self)
+    }
+
+    /// Its topic's name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Flight => "/flight",
+            Self::Wake => "/wake",
+            Self::Telemetry => "/telemetry",
+            Self::Frame => "/frame",
+            Self::Reply => "/reply",
+            Self::Operator => "/operator",
+            Self::Link => "/link",
+            Self::Query => "/query",
+            Self::Cancel => "/cancel",
+            Self::Command => "/command",
+            Self::Decision => "/decision",
+            Self::Note => "/note",
+            Self::Finished => "/finished",
+            Self::Truth => "/truth",
+            Self::Summary => "/summary",
+            Self::Image => "/camera/image",
+            Self::Annotations => "/camera/annotations",
+            Self::Calibration => "/camera/calibration",
+            Self::Transforms => "/tf",
+            Self::PoseKnown => "/pose/known",
+            Self::PoseTrue => "/pose/true",
+            Self::Scene => "/scene",
+            Self::Plan => "/plan",
+            Self::Log => "/log",
+        }
+    }
+
+    fn form(self) -> Topic {
+        fn json<T: JsonSchema>(channel: Channel, schema: &'static str) -> Topic {
+            Topic::of_json::<T>(channel.name(), schema)
+        }
+        let name = self.name();
+        match self {
+            Self::Flight => json::<Head>(self, "spf.Flight"),
+            Self::Wake => json::<Wake>(self, "spf.Wake"),
+            Self::Telemetry => json::<Telemetry>(self, "spf.Telemetry"),
+            Self::Frame => json::<FrameMeta>(self, "spf.Frame"),
+            Self::Reply => json::<ReplyRow>(self, "spf.Reply"),
+            Self::Operator => json::<OperatorRow>(self, "spf.Operator"),
+            Self::Link => json::<LinkRow>(self, "spf.Link"),
+            Self::Query => json::<Query>(self, "spf.Query"),
+            Self::Cancel => json::<Cancelled>(self, "spf.Cancel"),
+            Self::Command => json::<CommandRow>(self, "spf.Command"),
+            Self::Decision => json::<Decision>(self, "spf.Decision"),
+            Self::Note => json::<NoteRow>(self, "spf.Note"),
+            Self::Finished => json::<Ending>(self, "spf.Finished"),
+            Self::Truth => json::<TruthRow>(self, "spf.Truth"),
+            Self::Summary => json::<Summary>(self, "spf.Summary"),
+            Self::Image => Topic::of_foxglove::<foxglove::CompressedImage>(name),
+            Self::Annotations => Topic::of_foxglove::<foxglove::ImageAnnotations>(name),
+            Self::Calibration => Topic::of_foxglove::<foxglove::CameraCalibration>(name),
+            Self::Transforms => Topic::of_foxglove::<foxglove::FrameTransforms>(name),
+            Self::PoseKnown | Self::PoseTrue => Topic::of_foxglove::<foxglove::PoseInFrame>(name),
+            Self::Scene | Self::Plan => Topic::of_foxglove::<foxglove::SceneUpdate>(name),
+            Self::Log => Topic::of_foxglove::<foxglove::Log>(name),
+        }
+    }
+}
+
+/// The topics of a log, in the order of [`Channel::ALL`].
+pub(super) fn all() -> Vec<Topic> {
+    Channel::ALL.into_iter().map(Channel::form).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_channel_stands_at_its_number_and_has_its_own_name() {
+        for (index, channel) in Channel::ALL.into_iter().enumerate() {
+            assert_eq!(channel as usize, index);
+            assert_eq!(Channel::of_topic(channel.name()), Some(channel));
+            assert!(!(channel.is_input() && channel.is_output()));
+        }
+    }
+
+    #[test]
+    fn every_topic_has_a_schema() {
+        for topic in all() {
+            assert!(!topic.definition.is_empty() && topic.schema.contains('.'), "{}", topic.name);
+        }
+    }
+}

@@ -1,0 +1,315 @@
+//! Foxglove's own message types, made from ours, so that its tools and others that know them show a flight.
+//!
+//! Reference frames: `world` is ENU (x east, y north, z up, metres from the scene's origin). `body` is FLU (x forward, y left,
+//! z up, tilted with the craft) at the pose *as known*. `camera` is the optical frame: x right in the picture, y down, z into it.
+
+pub use foxglove::messages::{
+    CameraCalibration, CompressedImage, FrameTransforms, ImageAnnotations, Log, PoseInFrame, SceneUpdate,
+};
+
+use bytes::{Bytes, BytesMut};
+use foxglove::Encode;
+use foxglove::messages::{
+    CircleAnnotation, Color, FrameTransform, LinePrimitive, Point2, Point3, PointsAnnotation, Quaternion, SceneEntity,
+    TextAnnotation, Timestamp, Vector3, line_primitive, log, points_annotation,
+};
+use spf_core::camera::Camera;
+use spf_core::geometry::{Attitude, EnuPosition, Pose};
+use spf_core::query::{ImageBox, ImagePoint};
+use spf_core::time::Time;
+
+/// The reference frame of the world.
+const WORLD: &str = "world";
+/// The reference frame of the craft as known.
+const BODY: &str = "body";
+/// The reference frame of the picture.
+const CAMERA: &str = "camera";
+
+/// Side of the cross drawn where the craft flies to, and thickness of lines, pixels of the picture.
+const RING: f64 = 24.0;
+const LINE: f64 = 2.0;
+
+/// How much a line of the log matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// What happens in every flight.
+    Info,
+    /// Done, but not as asked.
+    Warning,
+    /// Something was lost.
+    Error,
+}
+
+/// A message's bytes.
+#[must_use]
+pub fn encode<M: Encode>(message: &M) -> Bytes {
+    let mut buffer = BytesMut::with_capacity(message.encoded_len().unwrap_or(256));
+    // The only error is a buffer that cannot grow; this one can.
+    message.encode(&mut buffer).ok();
+    buffer.freeze()
+}
+
+/// A camera picture as JPEG, captured at `at`.
+#[must_use]
+pub fn image(at: Time, jpeg: Bytes) -> CompressedImage {
+    CompressedImage { timestamp: Some(stamp(at)), frame_id: CAMERA.to_owned(), data: jpeg, format: "jpeg".to_owned() }
+}
+
+/// What is to be drawn on the picture captured at `at`: where the craft flies to with a caption, and boxes with theirs.
+#[must_use]
+pub fn annotations(
+    at: Time,
+    size: (u32, u32),
+    waypoint: Option<(ImagePoint, String)>,
+    boxes: &[(ImageBox, String)],
+) -> ImageAnnotations {
+    let timestamp = Some(stamp(at));
+    let pixel = |u: f64, v: f64| Point2 { x: u * f64::from(size.0), y: v * f64::from(size.1) };
+    let text = |position, text: &str, color| TextAnnotation {
+        timestamp,
+        position: Some(position),
+        text: text.to_owned(),
+        font_size: 14.0,
+        text_color: Some(color),
+        background_color: Some(Color { r: 0.0, g: 0.0, b: 0.0, a: 0.5 }),
+        metadata: Vec::new(),
+    };
+    let (magenta, orange) = (Color { r: 1.0, g: 0.2, b: 0.9, a: 1.0 }, Color { r: 1.0, g: 0.6, b: 0.1, a: 1.0 });
+    let mut drawn = ImageAnnotations { timestamp, ..ImageAnnotations::default() };
+    if let Some((point, caption)) = waypoint {
+        drawn.circles.push(CircleAnnotation {
+            timestamp,
+            position: Some(pixel(point.u, point.v)),
+            diameter: RING,
+            thickness: LINE,
+            fill_color: None,
+            outline_color: Some(magenta),
+            metadata: Vec::new(),
+        });
+        let mut below = pixel(point.u, point.v);
+        below.y += RING;
+        drawn.texts.push(text(below, &caption, magenta));
+    }
+    for (area, caption) in boxes {
+        let corners = [(area.left, area.top), (area.right, area.top), (area.right, area.bottom), (area.left, area.bottom)];
+        drawn.points.push(PointsAnnotation {
+            timestamp,
+            r#type: points_annotation::Type::LineLoop.into(),
+            points: corners.map(|(u, v)| pixel(u, v)).to_vec(),
+            outline_color: Some(orange),
+            thickness: LINE,
+            ..PointsAnnotation::default()
+        });
+        drawn.texts.push(text(pixel(area.left, area.top), caption, orange));
+    }
+    drawn
+}
+
+/// The camera with its lens.
+#[must_use]
+pub fn calibration(at: Time, camera: &Camera) -> CameraCalibration {
+    let Camera { width, height, fx, fy, cx, cy, distortion, .. } = *camera;
+    CameraCalibration {
+        timestamp: Some(stamp(at)),
+        frame_id: CAMERA.to_owned(),
+        width,
+        height,
+        distortion_model: "plumb_bob".to_owned(),
+        d: vec![distortion.k1, distortion.k2, distortion.p1, distortion.p2, 0.0],
+        k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: vec![fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    }
+}
+
+/// World to body, and body to camera, whose mount tilts by `tilt` radians below the body's forward axis.
+#[must_use]
+pub fn transforms(at: Time, body: &Pose, tilt: f64) -> FrameTransforms {
+    let link = |parent: &str, child: &str, translation: Vector3, rotation: Quaternion| FrameTransform {
+        timestamp: Some(stamp(at)),
+        parent_frame_id: parent.to_owned(),
+        child_frame_id: child.to_owned(),
+        translation: Some(translation),
+        rotation: Some(rotation),
+    };
+    let EnuPosition { east, north, up } = body.position;
+    FrameTransforms {
+        transforms: vec![
+            link(WORLD, BODY, Vector3 { x: east, y: north, z: up }, flu_rotation(body.attitude)),
+            link(BODY, CAMERA, Vector3::default(), optical_rotation(tilt)),
+        ],
+    }
+}
+
+/// A pose in the world.
+#[must_use]
+pub fn pose(at: Time, pose: &Pose) -> PoseInFrame {
+    let EnuPosition { east, north, up } = pose.position;
+    let pose = foxglove::messages::Pose {
+        position: Some(Vector3 { x: east, y: north, z: up }),
+        orientation: Some(flu_rotation(pose.attitude)),
+    };
+    PoseInFrame { timestamp: Some(stamp(at)), frame_id: WORLD.to_owned(), pose: Some(pose) }
+}
+
+/// A thing of the scene as its outline at two heights: closed polygons of east and north, and edges between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prism {
+    /// What it is called.
+    pub name: String,
+    /// Closed polygons of east and north, metres.
+    pub polygons: Vec<Vec<[f64; 2]>>,
+    /// From which height, metres.
+    pub bottom: f64,
+    /// To which height, metres.
+    pub top: f64,
+    /// Red, green, blue.
+    pub colour: [u8; 3],
+}
+
+/// The scene in outline.
+#[must_use]
+pub fn scene(at: Time, things: &[Prism]) -> SceneUpdate {
+    let entities = things.iter().map(|thing| {
+        let [r, g, b] = thing.colour.map(|value| f64::from(value) / 255.0);
+        entity(at, format!("scene/{}", thing.name), edges(thing), Color { r, g, b, a: 1.0 })
+    });
+    SceneUpdate { deletions: Vec::new(), entities: entities.collect() }
+}
+
+/// The plan of a decision: from where it was made to where it ends. A plan replaces the one before.
+#[must_use]
+pub fn plan(at: Time, from: EnuPosition, to: EnuPosition) -> SceneUpdate {
+    let magenta = Color { r: 1.0, g: 0.2, b: 0.9, a: 1.0 };
+    let entity = entity(at, "plan".to_owned(), vec![corner(from), corner(to)], magenta);
+    SceneUpdate { deletions: Vec::new(), entities: vec![entity] }
+}
+
+/// A line for a person.
+#[must_use]
+pub fn log_line(at: Time, level: Level, message: String) -> Log {
+    let level = match level {
+        Level::Info => log::Level::Info,
+        Level::Warning => log::Level::Warning,
+        Level::Error => log::Level::Error,
+    };
+    Log { timestamp: Some(stamp(at)), level: level.into(), message, name: "spf".to_owned(), ..Log::default() }
+}
+
+/// Flight time as a time stamp: seconds since the flight began. A flight of 136 years would not fit.
+fn stamp(at: Time) -> Timestamp {
+    let nanos = at.as_nanos();
+    Timestamp::new(u32::try_from(nanos / 1_000_000_000).unwrap_or(u32::MAX), (nanos % 1_000_000_000) as u32)
+}
+
+fn entity(at: Time, id: String, points: Vec<Point3>, color: Color) -> SceneEntity {
+    let line = LinePrimitive {
+        r#type: line_primitive::Type::LineList.into(),
+        thickness: LINE,
+        scale_invariant: true,
+        points,
+        color: Some(color),
+        ..LinePrimitive::default()
+    };
+    SceneEntity { timestamp: Some(stamp(at)), frame_id: WORLD.to_owned(), id, lines: vec![line], ..SceneEntity::default() }
+}
+
+/// Pairs of ends: both outlines, and an upright at each corner.
+fn edges(thing: &Prism) -> Vec<Point3> {
+    let mut ends = Vec::new();
+    for polygon in &thing.polygons {
+        for (index, &[east, north]) in polygon.iter().enumerate() {
+            let [next_east, next_north] = polygon[(index + 1) % polygon.len()];
+            let at = |east, north, up| corner(EnuPosition { east, north, up });
+            for up in [thing.bottom, thing.top] {
+                ends.extend([at(east, north, up), at(next_east, next_north, up)]);
+            }
+            ends.extend([at(east, north, thing.bottom), at(east, north, thing.top)]);
+        }
+    }
+    ends
+}
+
+fn corner(at: EnuPosition) -> Point3 {
+    Point3 { x: at.east, y: at.north, z: at.up }
+}
+
+/// From FLU to ENU: roll (right side down), then pitch (nose up), then heading (clockwise from north).
+fn flu_rotation(attitude: Attitude) -> Quaternion {
+    let yaw = core::f64::consts::FRAC_PI_2 - attitude.heading;
+    // A nose that rises turns about the left axis the other way round.
+    turn_z(yaw, turn_y(-attitude.pitch, turn_x(attitude.roll)))
+}
+
+/// From the optical frame to FLU, tilted downwards.
+fn optical_rotation(tilt: f64) -> Quaternion {
+    let level = Quaternion { x: -0.5, y: 0.5, z: -0.5, w: 0.5 };
+    turn_y(tilt, level)
+}
+
+fn turn_x(angle: f64) -> Quaternion {
+    Quaternion { x: libm::sin(0.5 * angle), y: 0.0, z: 0.0, w: libm::cos(0.5 * angle) }
+}
+
+/// Turns by `q`, then about y.
+fn turn_y(angle: f64, q: Quaternion) -> Quaternion {
+    let (s, c) = (libm::sin(0.5 * angle), libm::cos(0.5 * angle));
+    Quaternion { x: c * q.x + s * q.z, y: c * q.y + s * q.w, z: c * q.z - s * q.x, w: c * q.w - s * q.y }
+}
+
+/// Turns by `q`, then about z.
+fn turn_z(angle: f64, q: Quaternion) -> Quaternion {
+    let (s, c) = (libm::sin(0.5 * angle), libm::cos(0.5 * angle));
+    Quaternion { x: c * q.x - s * q.y, y: c * q.y + s * q.x, z: c * q.z + s * q.w, w: c * q.w - s * q.z }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A vector turned by a quaternion: v + 2w(q×v) + 2q×(q×v).
+    fn turned(q: Quaternion, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let axis = [q.x, q.y, q.z];
+        let once = cross(axis, [x, y, z]);
+        let twice = cross(axis, once);
+        [x + 2.0 * (q.w * once[0] + twice[0]), y + 2.0 * (q.w * once[1] + twice[1]), z + 2.0 * (q.w * once[2] + twice[2])]
+    }
+
+    fn close(a: [f64; 3], b: [f64; 3]) {
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
+    }
+
+    #[test]
+    fn the_body_looks_where_its_heading_says() {
+        let attitude = |heading: f64, pitch: f64, roll: f64| Attitude { heading, pitch, roll };
+        let forward = [1.0, 0.0, 0.0];
+        // Heading 0 is north, a quarter turn clockwise is east.
+        close(turned(flu_rotation(attitude(0.0, 0.0, 0.0)), forward), [0.0, 1.0, 0.0]);
+        close(turned(flu_rotation(attitude(core::f64::consts::FRAC_PI_2, 0.0, 0.0)), forward), [1.0, 0.0, 0.0]);
+        // Nose up by 30°: the nose is half a metre up; right side down: the left wing rises.
+        let up = turned(flu_rotation(attitude(0.0, 30f64.to_radians(), 0.0)), forward);
+        assert!((up[2] - 0.5).abs() < 1e-9, "{up:?}");
+        let left = turned(flu_rotation(attitude(0.0, 0.0, 30f64.to_radians())), [0.0, 1.0, 0.0]);
+        assert!((left[2] - 0.5).abs() < 1e-9, "{left:?}");
+    }
+
+    #[test]
+    fn the_picture_is_upright_and_the_lens_looks_down_by_its_tilt() {
+        let tilt = 30f64.to_radians();
+        // Into the picture: forward and half a metre down. Right in the picture: the body's right.
+        let into = turned(optical_rotation(tilt), [0.0, 0.0, 1.0]);
+        close(into, [libm::cos(tilt), 0.0, -0.5]);
+        close(turned(optical_rotation(tilt), [1.0, 0.0, 0.0]), [0.0, -1.0, 0.0]);
+        // Down in the picture: down, and back by the tilt.
+        close(turned(optical_rotation(tilt), [0.0, 1.0, 0.0]), [-0.5, 0.0, -libm::cos(tilt)]);
+    }
+
+    #[test]
+    fn a_square_has_twelve_edges() {
+        let polygon = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let thing = Prism { name: "hut".to_owned(), polygons: vec![polygon], bottom: 0.0, top: 3.0, colour: [0; 3] };
+        let update = scene(Time::ZERO, &[thing]);
+        assert_eq!(update.entities[0].lines[0].points.len(), 2 * 12);
+    }
+}

@@ -1,0 +1,151 @@
+//! The file of a log, chunk by chunk.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use mcap::{Compression, McapError, WriteOptions, Writer};
+
+use super::{FORMAT, FORMAT_KEY, HEAD, Message, STARTED_KEY, Topic};
+
+/// Uncompressed size at which a chunk is closed whatever its age; it is what the writer holds in memory.
+const CHUNK_SIZE: u64 = 512 * 1024;
+
+/// Why the log cannot be written. Whatever it is, a flight goes on without.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogError {
+    /// The file cannot be made or written.
+    #[error("cannot write the flight log `{path}`: check the space on the disk and the rights of its folder")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: io::Error,
+    },
+    /// The messages could not be put into the file's form.
+    #[error("cannot form the flight log `{path}`")]
+    Form {
+        /// The file.
+        path: PathBuf,
+        /// What was wrong.
+        #[source]
+        source: McapError,
+    },
+    /// No thread could be started to write it.
+    #[error("no thread could be started to write the flight log `{path}`")]
+    Thread {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: io::Error,
+    },
+}
+
+impl LogError {
+    pub(super) fn of(path: &Path, error: McapError) -> Self {
+        let path = path.to_owned();
+        match error {
+            McapError::Io(source) => Self::Write { path, source },
+            source => Self::Form { path, source },
+        }
+    }
+}
+
+/// Writes messages; each chunk goes out in one piece.
+pub(super) struct LogWriter {
+    path: PathBuf,
+    writer: Writer<NoSeek<BufWriter<File>>>,
+    file: File,
+    channels: Vec<u16>,
+    sequence: u32,
+    /// Messages since the last chunk was closed.
+    open: bool,
+    /// Where the last whole chunk ends.
+    whole: u64,
+}
+
+impl LogWriter {
+    pub(super) fn create(path: &Path, topics: &[Topic]) -> Result<Self, LogError> {
+        Self::begin(path, topics).map_err(|error| LogError::of(path, error))
+    }
+
+    fn begin(path: &Path, topics: &[Topic]) -> Result<Self, McapError> {
+        let file = File::create(path)?;
+        let writer = NoSeek::new(BufWriter::new(file.try_clone()?));
+        // Chunks are put together in memory and written whole: an unfinished one would have to be guessed at after a crash.
+        let options = WriteOptions::new()
+            .compression(Some(Compression::Lz4))
+            .chunk_size(Some(CHUNK_SIZE))
+            .disable_seeking(true)
+            .library(concat!("spf ", env!("CARGO_PKG_VERSION")));
+        let mut writer = options.create(writer)?;
+        writer.write_metadata(&head(SystemTime::now()))?;
+        let mut channels = Vec::with_capacity(topics.len());
+        for topic in topics {
+            let schema = writer.add_schema(&topic.schema, topic.schema_encoding, &topic.definition)?;
+            channels.push(writer.add_channel(schema, topic.name, topic.encoding, &BTreeMap::new())?);
+        }
+        let mut log = Self { path: path.to_owned(), writer, file, channels, sequence: 0, open: true, whole: 0 };
+        log.close_chunk()?;
+        Ok(log)
+    }
+
+    /// Adds a message to the chunk that is open.
+    pub(super) fn push(&mut self, message: &Message) -> Result<(), McapError> {
+        let time = message.time.as_nanos();
+        let Some(&channel_id) = self.channels.get(message.topic) else { return Ok(()) };
+        // One count over all topics, so that whoever reads topic by topic can put them in order again.
+        let header = MessageHeader { channel_id, sequence: self.sequence, log_time: time, publish_time: time };
+        self.sequence = self.sequence.wrapping_add(1);
+        self.open = true;
+        self.writer.write_to_known_channel(&header, &message.data)
+    }
+
+    /// Whether there are messages that no closed chunk holds.
+    pub(super) fn is_open(&self) -> bool {
+        self.open
+    }
+
+    /// Hands everything so far to the system.
+    pub(super) fn close_chunk(&mut self) -> Result<(), McapError> {
+        self.writer.flush()?;
+        self.open = false;
+        self.whole = self.file.stream_position()?;
+        Ok(())
+    }
+
+    /// Writes index and summary. Returns the size of the file.
+    pub(super) fn finish(mut self) -> Result<u64, LogError> {
+        if let Err(error) = self.close_chunk().and_then(|()| self.writer.finish()) {
+            return Err(self.fail(error));
+        }
+        let Self { path, writer, file, whole, .. } = self;
+        let ended = writer.into_inner().into_inner().flush().and_then(|()| file.metadata());
+        // Half an index is none.
+        let ended = ended.inspect_err(|_| drop(file.set_len(whole)));
+        ended.map(|data| data.len()).map_err(|source| LogError::Write { path, source })
+    }
+
+    /// Gives up after a failure: the file is cut behind its last whole chunk, so that what is there can be read.
+    pub(super) fn fail(self, error: McapError) -> LogError {
+        let Self { path, writer, mut file, whole, .. } = self;
+        // It tries to end the file when it is dropped, which may write some of it.
+        drop(writer);
+        // What cannot be cut off stays: a reader stops there, and the error to come matters more.
+        file.set_len(whole).and_then(|()| file.flush()).ok();
+        LogError::of(&path, error)
+    }
+}
+
+fn head(now: SystemTime) -> Metadata {
+    let started = now.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos());
+    let entries = [(FORMAT_KEY, FORMAT.to_string()), (STARTED_KEY, started.to_string())];
+    Metadata { name: HEAD.to_owned(), metadata: entries.map(|(key, value)| (key.to_owned(), value)).into() }
+}
