@@ -9,6 +9,7 @@ pub mod log;
 mod outline;
 pub mod picture;
 pub mod recorder;
+pub mod replay;
 pub mod run;
 pub mod script;
 pub mod sim;

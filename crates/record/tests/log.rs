@@ -4,9 +4,10 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use proptest::prelude::*;
 use schemars::JsonSchema;
 use spf_core::time::Time;
-use spf_record::log::{Entry, Log, LogError, LogReader, Message, ReadError, Topic, foxglove};
+use spf_record::log::{Entry, Log, LogError, LogReader, Message, ReadError, Topic, foxglove, repair, rewrite};
 
 #[derive(JsonSchema)]
 #[allow(dead_code, reason = "only its schema is used")]
@@ -107,4 +108,94 @@ fn other_files_are_refused() {
     std::fs::write(&path, "Dear reader, this is a long letter and no log.").unwrap();
     let (entries, trouble) = read(&path);
     assert!(entries.is_empty() && matches!(trouble, Some(ReadError::Broken(_))), "{trouble:?}");
+}
+
+/// A log of some chunks, as bytes.
+fn sample() -> Vec<u8> {
+    static SAMPLE: std::sync::OnceLock<Vec<u8>> = std::sync::OnceLock::new();
+    let make = || {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("flight.mcap");
+        let log = Log::create(&path, &topics(), true).unwrap();
+        for number in 0..2000 {
+            log.sender().send(if number % 50 == 0 { picture(number) } else { row(number) });
+        }
+        log.finish().unwrap();
+        std::fs::read(&path).unwrap()
+    };
+    SAMPLE.get_or_init(make).clone()
+}
+
+fn entries_of(bytes: &[u8]) -> Vec<Entry> {
+    LogReader::new(bytes).map(Result::unwrap).collect()
+}
+
+#[test]
+fn a_torn_log_is_repaired_in_its_place_and_a_whole_one_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight.mcap");
+    let whole = sample();
+    std::fs::write(&path, &whole[..whole.len() * 2 / 3]).unwrap();
+    let repaired = repair(&path).unwrap();
+    assert!(matches!(repaired.trouble, Some(ReadError::Torn)) && repaired.messages > 500, "{repaired:?}");
+    let kept = std::fs::read(&path).unwrap();
+    assert_eq!(entries_of(&kept).len() as u64, repaired.messages);
+    assert_eq!(entries_of(&kept), entries_of(&whole)[..entries_of(&kept).len()]);
+    assert!(LogReader::new(&kept[..]).head().is_none(), "not before the first message");
+    let again = repair(&path).unwrap();
+    assert!(again.trouble.is_none() && std::fs::read(&path).unwrap() == kept, "{again:?}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no part is left");
+
+    std::fs::write(&path, &whole[..100]).unwrap();
+    assert!(repair(&path).is_err(), "there is nothing to keep");
+    assert_eq!(std::fs::read(&path).unwrap(), whole[..100]);
+}
+
+#[test]
+fn a_later_format_is_refused() {
+    let bytes = sample();
+    // The number of the format is the only `1` behind its key; the record has no checksum of its own.
+    let at = bytes.windows(7).position(|window| window == b"format\x01").unwrap() + 6 + 4;
+    let mut later = bytes;
+    later[at] = b'9';
+    let first = LogReader::new(&later[..]).next().unwrap();
+    assert!(matches!(first, Err(ReadError::Format(9))), "{first:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Wherever a log is cut, and whatever rubbish follows, what is whole before the cut is kept, and nothing else.
+    #[test]
+    fn a_cut_log_keeps_its_whole_chunks(cut in 0.0..1.0f64, tail in proptest::collection::vec(any::<u8>(), 0..400)) {
+        let whole = sample();
+        let all = entries_of(&whole);
+        let mut torn = whole[..(cut * whole.len() as f64) as usize].to_vec();
+        torn.extend(tail);
+        match rewrite(&torn[..], Vec::new()) {
+            Ok((found, copy)) => {
+                let kept = entries_of(&copy);
+                prop_assert_eq!(kept.len() as u64, found.messages);
+                prop_assert!(kept == all[..kept.len()]);
+                // A chunk holds some nine pictures: no more than one and a bit of them is lost.
+                let pictures = |entries: &[Entry]| entries.iter().filter(|entry| entry.topic == "/image").count() as f64;
+                prop_assert!(pictures(&kept) >= cut * pictures(&all) - 12.0, "{} of {}", pictures(&kept), pictures(&all));
+            }
+            Err(error) => prop_assert!(false, "{error:?}"),
+        }
+    }
+
+    /// Any bytes at all end in entries or an error.
+    #[test]
+    fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..600), magic: bool, flips in proptest::collection::vec((any::<u16>(), any::<u8>()), 0..6)) {
+        let mut whole = sample();
+        for (at, value) in flips {
+            whole[usize::from(at)] ^= value;
+        }
+        let crafted = if magic { [b"\x89MCAP0\r\n".to_vec(), bytes].concat() } else { bytes };
+        for bytes in [crafted, whole] {
+            assert!(LogReader::new(&bytes[..]).count() < 5000);
+            drop(rewrite(&bytes[..], Vec::new()));
+        }
+    }
 }

@@ -3,12 +3,14 @@
 //! Doc comments here are help texts for a terminal.
 #![allow(rustdoc::broken_intra_doc_links, reason = "`heading_deg[,pitch_deg]` is no link")]
 
+mod log;
 mod sim;
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub(crate) use log::{Cat, Info, Log, Repair, Replay};
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, View};
 
 /// See, Point, Fly: tell a drone in plain words where to go.
@@ -24,7 +26,7 @@ pub(crate) use sim::{Dataset, Render, Scenes, Sim, View};
 Start here, no key and no GPU needed:
   spf fly \"Take off and fly to the red crane\"
 
-Exit codes: 0 reached (and verified, where there is truth), 1 internal error, 2 usage or configuration, 3 not reached, \
+Exit codes: 0 reached (and verified, where there is truth), 1 internal error (of replay: a difference), 2 usage or configuration, 3 not reached, \
 4 collision, 5 aborted (operator, envelope, geofence, battery), 6 failed (VLM, video or link gave out)."
 )]
 pub(crate) struct Cli {
@@ -43,6 +45,11 @@ pub(crate) enum Command {
     /// The embedded simulator: its scenes and pictures of them
     #[command(subcommand)]
     Sim(Sim),
+    /// Flight logs (flight.mcap): what is in them, and repair
+    #[command(subcommand)]
+    Log(Log),
+    /// Replay a flight from its log, and tell what the pilot would do otherwise now
+    Replay(Replay),
     /// The configuration in force, and where each value came from
     #[command(subcommand)]
     Config(Config),
@@ -54,7 +61,9 @@ impl Command {
         match self {
             Self::Fly(fly) => fly.output.json,
             Self::Sim(Sim::Scenes(scenes)) => scenes.json,
-            Self::Sim(_) | Self::Config(_) => false,
+            Self::Log(Log::Info(info)) => info.json,
+            Self::Replay(replay) => replay.json,
+            Self::Sim(_) | Self::Log(_) | Self::Config(_) => false,
         }
     }
 }

@@ -2,6 +2,8 @@
 
 pub(crate) mod config;
 pub(crate) mod fly;
+pub(crate) mod log;
+pub(crate) mod replay;
 pub(crate) mod sim;
 
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};

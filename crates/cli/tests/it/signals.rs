@@ -91,7 +91,16 @@ fn kill_leaves_whole_lines() {
     flight.signal("KILL");
     let (code, ..) = flight.end();
     assert_eq!(code, None);
-    assert!(rows(&lab.path("mine/decisions.jsonl")).len() >= 2);
+    let rows = rows(&lab.path("mine/decisions.jsonl"));
+    assert!(rows.len() >= 2);
+
+    // The log lacks at most the last second, and opens whole once repaired.
+    let repaired = lab.spf(&["log", "repair", "mine/flight.mcap"]);
+    assert_eq!(repaired.code, Some(0), "{}", repaired.stderr);
+    let told: Value = serde_json::from_str(&lab.spf(&["log", "info", "mine/flight.mcap", "--json"]).stdout).unwrap();
+    assert_eq!(told["whole"], true);
+    let decided = rows[rows.len() - 1]["answered"].as_u64().unwrap() as f64 * 1e-9;
+    assert!(told["until_s"].as_f64().unwrap() > decided - 1.5, "{told}");
 }
 
 #[test]

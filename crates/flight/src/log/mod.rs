@@ -5,7 +5,7 @@ mod rows;
 mod topics;
 
 pub use rows::{
-    Cancelled, CommandName, CommandRow, Head, LinkRow, NoteKind, NoteRow, OperatorRow, ReplyRow, SimHead, TruthRow, Wake,
+    Cancelled, CommandName, CommandRow, GapRow, Head, LinkRow, NoteKind, NoteRow, OperatorRow, ReplyRow, SimHead, TruthRow, Wake,
 };
 pub use topics::Channel;
 
@@ -40,6 +40,8 @@ pub(crate) struct FlightLog {
     woken: Option<Time>,
     posed: Option<Time>,
     asked: BTreeMap<QueryId, Time>,
+    /// Messages that the disk was too slow for, and that the log has not been told of.
+    missing: u64,
 }
 
 /// Where messages of a flight go; any number of threads may hold one.
@@ -48,15 +50,13 @@ pub(crate) struct Outlet(LogSender);
 
 impl Outlet {
     /// A message of one of our own forms.
-    fn row<T: Serialize>(&self, channel: Channel, at: Time, row: &T) {
+    fn row<T: Serialize>(&self, channel: Channel, at: Time, row: &T) -> bool {
         // Our rows are structures of plain values: they always have a JSON form.
-        if let Ok(data) = serde_json::to_vec(row) {
-            self.put(channel, at, data.into());
-        }
+        serde_json::to_vec(row).is_ok_and(|data| self.put(channel, at, data.into()))
     }
 
-    fn put(&self, channel: Channel, at: Time, data: Bytes) {
-        self.0.send(Message { topic: channel as usize, time: at, data });
+    fn put(&self, channel: Channel, at: Time, data: Bytes) -> bool {
+        self.0.send(Message { topic: channel as usize, time: at, data })
     }
 
     /// A camera picture, and what is to be drawn on it.
@@ -83,7 +83,7 @@ impl FlightLog {
         let out = Outlet(log.sender());
         out.row(Channel::Flight, Time::ZERO, head);
         out.put(Channel::Scene, Time::ZERO, foxglove::encode(&foxglove::scene(Time::ZERO, scene)));
-        Ok(Self { log, out, world, woken: None, posed: None, asked: BTreeMap::new() })
+        Ok(Self { log, out, world, woken: None, posed: None, asked: BTreeMap::new(), missing: 0 })
     }
 
     /// For pictures, which come from another thread; and the camera that they are taken by, at their size.
@@ -91,6 +91,25 @@ impl FlightLog {
         let camera = self.world.camera().resized(size.0, size.1);
         self.out.put(Channel::Calibration, Time::ZERO, foxglove::encode(&foxglove::calibration(Time::ZERO, &camera)));
         self.out.clone()
+    }
+
+    /// A message of one of our own forms.
+    fn row<T: Serialize>(&mut self, channel: Channel, at: Time, row: &T) {
+        self.tell_gap(at);
+        self.missing += u64::from(!self.out.row(channel, at, row));
+    }
+
+    /// One of Foxglove's.
+    fn put<M: foxglove::Encode>(&mut self, channel: Channel, at: Time, message: &M) {
+        self.tell_gap(at);
+        self.missing += u64::from(!self.out.put(channel, at, foxglove::encode(message)));
+    }
+
+    /// A log with something left out says where: a replay cannot go on from there.
+    fn tell_gap(&mut self, at: Time) {
+        if self.missing > 0 && self.out.row(Channel::Gap, at, &GapRow { messages: self.missing }) {
+            self.missing = 0;
+        }
     }
 
     /// The pilot was woken.
@@ -103,18 +122,18 @@ impl FlightLog {
         }
     }
 
-    fn poses(&self, now: Time, known: &Pose) {
+    fn poses(&mut self, now: Time, known: &Pose) {
         let truth = self.world.truth().pose;
         let tilt = self.world.camera().tilt;
-        self.out.put(Channel::Transforms, now, foxglove::encode(&foxglove::transforms(now, known, tilt)));
-        self.out.put(Channel::PoseKnown, now, foxglove::encode(&foxglove::pose(now, known)));
-        self.out.put(Channel::PoseTrue, now, foxglove::encode(&foxglove::pose(now, &truth)));
+        self.put(Channel::Transforms, now, &foxglove::transforms(now, known, tilt));
+        self.put(Channel::PoseKnown, now, &foxglove::pose(now, known));
+        self.put(Channel::PoseTrue, now, &foxglove::pose(now, &truth));
     }
 
     /// Tells of a time at which the pilot was woken and nothing happened.
     fn wake(&mut self) {
         if let Some(at) = self.woken.take() {
-            self.out.row(Channel::Wake, at, &Wake { at });
+            self.row(Channel::Wake, at, &Wake { at });
         }
     }
 
@@ -122,28 +141,29 @@ impl FlightLog {
     pub(crate) fn event(&mut self, now: Time, event: &Event) {
         self.woken = None;
         match event {
-            Event::Frame(frame) => self.out.row(Channel::Frame, now, frame),
-            Event::Telemetry(telemetry) => self.out.row(Channel::Telemetry, now, telemetry),
+            Event::Frame(frame) => self.row(Channel::Frame, now, frame),
+            Event::Telemetry(telemetry) => self.row(Channel::Telemetry, now, telemetry),
             Event::Reply { id, text } => self.reply(now, *id, Some(text), None, false),
             Event::Chunk { id, text } => self.reply(now, *id, Some(text), None, true),
             Event::ReplyFailed { id, reason } => self.reply(now, *id, None, Some(reason), false),
-            Event::Operator(event) => self.out.row(Channel::Operator, now, &OperatorRow { event: event.clone() }),
-            Event::LinkLost => self.out.row(Channel::Link, now, &LinkRow { lost: true }),
-            Event::LinkRestored => self.out.row(Channel::Link, now, &LinkRow { lost: false }),
+            Event::Operator(event) => self.row(Channel::Operator, now, &OperatorRow { event: event.clone() }),
+            Event::LinkLost => self.row(Channel::Link, now, &LinkRow { lost: true }),
+            Event::LinkRestored => self.row(Channel::Link, now, &LinkRow { lost: false }),
         }
     }
 
     fn reply(&mut self, now: Time, id: QueryId, text: Option<&String>, failed: Option<&String>, part: bool) {
         let asked = if part { self.asked.get(&id).copied() } else { self.asked.remove(&id) };
         let latency_s = asked.map(|asked| now.since(asked).as_secs_f64());
-        self.out.row(Channel::Reply, now, &ReplyRow { id, text: text.cloned(), failed: failed.cloned(), part, latency_s });
+        self.row(Channel::Reply, now, &ReplyRow { id, text: text.cloned(), failed: failed.cloned(), part, latency_s });
     }
 
     /// The pilot wanted this.
     pub(crate) fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
         self.wake();
         if let Some((channel, data)) = output(action, pilot) {
-            self.out.put(channel, now, data);
+            self.tell_gap(now);
+            self.missing += u64::from(!self.out.put(channel, now, data));
         }
         match action {
             Action::Ask(query) => self.ask(now, query),
@@ -163,11 +183,11 @@ impl FlightLog {
         self.asked.insert(query.id, now);
         // The truth about the frame, from which its ids and depth can be drawn again.
         if let Some(moment) = self.world.capture(query.frame) {
-            self.out.row(Channel::Truth, now, &TruthRow { frame: query.frame, pose: moment.pose });
+            self.row(Channel::Truth, now, &TruthRow { frame: query.frame, pose: moment.pose });
         }
     }
 
-    fn note(&self, now: Time, note: &Note) {
+    fn note(&mut self, now: Time, note: &Note) {
         let (level, line) = match note {
             Note::Phase(phase) => (Level::Info, words::phase(*phase).to_owned()),
             Note::Decision(decision) => {
@@ -183,23 +203,23 @@ impl FlightLog {
         self.line(now, level, line);
     }
 
-    fn plan(&self, now: Time, decision: &Decision) {
+    fn plan(&mut self, now: Time, decision: &Decision) {
         let end: Option<EnuPosition> = decision.goal.filter(|_| !decision.passed).map(|goal| goal.position);
         if let Some(end) = end {
             let plan = foxglove::plan(now, decision.pose_at_reply.position, end);
-            self.out.put(Channel::Plan, now, foxglove::encode(&plan));
+            self.put(Channel::Plan, now, &plan);
         }
     }
 
-    fn line(&self, now: Time, level: Level, line: String) {
-        self.out.put(Channel::Log, now, foxglove::encode(&foxglove::log_line(now, level, line)));
+    fn line(&mut self, now: Time, level: Level, line: String) {
+        self.put(Channel::Log, now, &foxglove::log_line(now, level, line));
     }
 
     /// Ends the log with the flight's summary. Returns how many messages the disk was too slow for.
     pub(crate) fn finish(mut self, summary: &Summary) -> Result<u64, LogError> {
         self.wake();
         let at = Time::from_secs_f64(summary.finished_at_s).max(self.posed.unwrap_or_default());
-        self.out.row(Channel::Summary, at, summary);
+        self.row(Channel::Summary, at, summary);
         let Self { log, out, .. } = self;
         drop(out);
         log.finish().map(|facts| facts.lost)

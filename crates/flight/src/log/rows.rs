@@ -139,6 +139,13 @@ pub struct CommandRow {
     pub valid_until: Option<Time>,
 }
 
+/// Messages are missing before this one: the disk was too slow for them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct GapRow {
+    /// How many.
+    pub messages: u64,
+}
+
 /// An answer is no longer waited for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Cancelled {

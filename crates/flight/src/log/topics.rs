@@ -7,7 +7,7 @@ use spf_core::query::Query;
 use spf_core::telemetry::Telemetry;
 use spf_record::log::{Topic, foxglove};
 
-use super::rows::{Cancelled, CommandRow, Head, LinkRow, NoteRow, OperatorRow, ReplyRow, TruthRow, Wake};
+use super::rows::{Cancelled, CommandRow, GapRow, Head, LinkRow, NoteRow, OperatorRow, ReplyRow, TruthRow, Wake};
 use crate::summary::Summary;
 
 /// A topic of a flight log.
@@ -27,6 +27,8 @@ pub enum Channel {
     Operator,
     /// Input: the link.
     Link,
+    /// Messages are missing here.
+    Gap,
     /// Output: a question.
     Query,
     /// Output: a question is given up.
@@ -65,7 +67,7 @@ pub enum Channel {
 
 impl Channel {
     /// Every channel, in the order of their numbers.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 25] = [
         Self::Flight,
         Self::Wake,
         Self::Telemetry,
@@ -73,6 +75,7 @@ impl Channel {
         Self::Reply,
         Self::Operator,
         Self::Link,
+        Self::Gap,
         Self::Query,
         Self::Cancel,
         Self::Command,
@@ -121,6 +124,7 @@ impl Channel {
             Self::Reply => "/reply",
             Self::Operator => "/operator",
             Self::Link => "/link",
+            Self::Gap => "/gap",
             Self::Query => "/query",
             Self::Cancel => "/cancel",
             Self::Command => "/command",
@@ -154,6 +158,7 @@ impl Channel {
             Self::Reply => json::<ReplyRow>(self, "spf.Reply"),
             Self::Operator => json::<OperatorRow>(self, "spf.Operator"),
             Self::Link => json::<LinkRow>(self, "spf.Link"),
+            Self::Gap => json::<GapRow>(self, "spf.Gap"),
             Self::Query => json::<Query>(self, "spf.Query"),
             Self::Cancel => json::<Cancelled>(self, "spf.Cancel"),
             Self::Command => json::<CommandRow>(self, "spf.Command"),

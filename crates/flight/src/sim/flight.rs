@@ -52,14 +52,20 @@ impl PolicyKind {
         }
     }
 
-    fn policy(self, settings: &PilotSettings, craft: Craft) -> Box<dyn Policy> {
+    /// The policy of that name.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        [Self::Spf, Self::Plain].into_iter().find(|kind| kind.name() == name)
+    }
+
+    pub(crate) fn policy(self, settings: &PilotSettings, craft: Craft, grounding: GroundingProfile) -> Box<dyn Policy> {
         match self {
             Self::Spf => Box::new(Spf::new(SpfSettings {
                 step: settings.step,
                 lifting: settings.lifting,
                 avoid: settings.avoid,
                 confirm_done: settings.confirm_done,
-                grounding: GroundingProfile::default(),
+                grounding,
                 craft,
                 shape: match settings.motion {
                     Motion::Sequential => PathShape::LevelThenClimb,
@@ -177,7 +183,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         senses: senses_of(plan.kind),
         camera: capabilities.camera,
         limits: plan.limits.clone(),
-        policy: plan.policy.policy(&plan.settings, capabilities.craft),
+        policy: plan.policy.policy(&plan.settings, capabilities.craft, GroundingProfile::default()),
         instruction: plan.instruction.clone(),
     });
     let vlm = Box::new(OracleVlm::new(plan.vlm.clone(), world.clone(), plan.errors.clone(), plan.seed));

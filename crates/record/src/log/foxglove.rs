@@ -3,16 +3,19 @@
 //! Reference frames: `world` is ENU (x east, y north, z up, metres from the scene's origin). `body` is FLU (x forward, y left,
 //! z up, tilted with the craft) at the pose *as known*. `camera` is the optical frame: x right in the picture, y down, z into it.
 
+pub use foxglove::Encode;
 pub use foxglove::messages::{
     CameraCalibration, CompressedImage, FrameTransforms, ImageAnnotations, Log, PoseInFrame, SceneUpdate,
 };
 
 use bytes::{Bytes, BytesMut};
-use foxglove::Encode;
+use foxglove::Decode;
 use foxglove::messages::{
     CircleAnnotation, Color, FrameTransform, LinePrimitive, Point2, Point3, PointsAnnotation, Quaternion, SceneEntity,
     TextAnnotation, Timestamp, Vector3, line_primitive, log, points_annotation,
 };
+use serde::Serialize;
+use serde_json::Value;
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::query::{ImageBox, ImagePoint};
@@ -47,6 +50,25 @@ pub fn encode<M: Encode>(message: &M) -> Bytes {
     // The only error is a buffer that cannot grow; this one can.
     message.encode(&mut buffer).ok();
     buffer.freeze()
+}
+
+/// A message of one of the types that a flight log has, as JSON; `None` for other types and for bytes that are none of it. Bytes in it
+/// become base64.
+#[must_use]
+pub fn to_json(schema: &str, data: &[u8]) -> Option<Value> {
+    fn read<M: Decode + Serialize>(data: &[u8]) -> Option<Value> {
+        M::decode(data).ok().and_then(|message| serde_json::to_value(message).ok())
+    }
+    match schema {
+        "foxglove.CameraCalibration" => read::<CameraCalibration>(data),
+        "foxglove.CompressedImage" => read::<CompressedImage>(data),
+        "foxglove.FrameTransforms" => read::<FrameTransforms>(data),
+        "foxglove.ImageAnnotations" => read::<ImageAnnotations>(data),
+        "foxglove.Log" => read::<Log>(data),
+        "foxglove.PoseInFrame" => read::<PoseInFrame>(data),
+        "foxglove.SceneUpdate" => read::<SceneUpdate>(data),
+        _ => None,
+    }
 }
 
 /// A camera picture as JPEG, captured at `at`.

@@ -8,10 +8,12 @@
 pub mod foxglove;
 mod queue;
 mod reader;
+mod repair;
 mod writer;
 
 pub use queue::{Log, LogFacts, LogSender};
-pub use reader::{Entry, LogReader, ReadError};
+pub use reader::{Entry, LogHead, LogReader, ReadError};
+pub use repair::{RepairError, Repaired, Rewrite, repair, rewrite};
 pub use writer::LogError;
 
 use std::borrow::Cow;

@@ -91,28 +91,29 @@ impl Log {
 }
 
 impl LogSender {
-    /// Puts a message into the log. After a failure of the log nothing happens: [`Log::finish`] tells.
-    pub fn send(&self, message: Message) {
+    /// Puts a message into the log. False when the disk is too slow and it was left out; after a failure of the log nothing
+    /// happens: [`Log::finish`] tells.
+    pub fn send(&self, message: Message) -> bool {
         let large = message.data.len() >= LARGE;
+        if large && self.large.fetch_add(1, Ordering::Relaxed) >= LARGE_WAITING && !self.patient {
+            return self.leave_out(large);
+        }
         if self.patient {
-            if large {
-                self.large.fetch_add(1, Ordering::Relaxed);
-            }
-            // The log has failed; the flight goes on.
             self.queue.send(message).ok();
-            return;
+            return true;
         }
-        if large && self.large.fetch_add(1, Ordering::Relaxed) >= LARGE_WAITING {
+        match self.queue.try_send(message) {
+            Err(TrySendError::Full(_)) => self.leave_out(large),
+            Ok(()) | Err(TrySendError::Disconnected(_)) => true,
+        }
+    }
+
+    fn leave_out(&self, large: bool) -> bool {
+        self.lost.fetch_add(1, Ordering::Relaxed);
+        if large {
             self.large.fetch_sub(1, Ordering::Relaxed);
-            self.lost.fetch_add(1, Ordering::Relaxed);
-            return;
         }
-        if let Err(TrySendError::Full(_)) = self.queue.try_send(message) {
-            self.lost.fetch_add(1, Ordering::Relaxed);
-            if large {
-                self.large.fetch_sub(1, Ordering::Relaxed);
-            }
-        }
+        false
     }
 }
 

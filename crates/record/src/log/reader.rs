@@ -1,14 +1,19 @@
 //! Reading a log message by message, in the order in which they were written.
 
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use bytes::Bytes;
 use mcap::McapError;
-use mcap::io::MessageReader;
-use mcap::sans_io::LinearReaderOptions;
+use mcap::read::{ChannelAccumulator, parse_record};
+use mcap::records::{Metadata, Record};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use spf_core::time::Time;
+
+use super::{FORMAT, FORMAT_KEY, HEAD, STARTED_KEY};
 
 /// Longest record or chunk that is read, bytes: a crafted file must not take all memory.
 const LONGEST_RECORD: usize = 64 * 1024 * 1024;
@@ -21,11 +26,14 @@ pub enum ReadError {
     #[error("the file cannot be read")]
     Read(#[source] io::Error),
     /// The file ends in the middle: the process that wrote it was killed, or the disk was full.
-    #[error("the log ends in the middle; `spf log repair` keeps everything before")]
+    #[error("the log ends in the middle")]
     Torn,
     /// It is no MCAP file, or a broken one.
-    #[error("the file is no MCAP file, or it is broken there")]
+    #[error("the file is no MCAP file, or it is broken")]
     Broken(#[source] McapError),
+    /// It was written by a later version.
+    #[error("the log has format {0}, and this program reads formats up to {FORMAT}")]
+    Format(u32),
 }
 
 impl From<McapError> for ReadError {
@@ -56,8 +64,21 @@ pub struct Entry {
     pub data: Bytes,
 }
 
+/// What a log tells of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LogHead {
+    /// Version of its topics and messages.
+    pub format: u32,
+    /// Wall clock at its begin, Unix nanoseconds.
+    pub started_at_ns: u64,
+}
+
 /// The messages of a log in the order of the file. After the first error there is nothing more.
-pub struct LogReader<R>(MessageReader<R>);
+pub struct LogReader<R> {
+    pieces: Pieces<R>,
+    head: Option<LogHead>,
+    failed: bool,
+}
 
 impl LogReader<BufReader<File>> {
     /// Opens a file.
@@ -72,8 +93,38 @@ impl LogReader<BufReader<File>> {
 impl<R: Read> LogReader<R> {
     /// Reads from anywhere. Chunks with a wrong checksum are errors; memory is bounded by the longest chunk, at most 64 MiB.
     pub fn new(source: R) -> Self {
-        let options = LinearReaderOptions::default().with_prevalidate_chunk_crcs(true).with_record_length_limit(LONGEST_RECORD);
-        Self(MessageReader::new_with_options(source, options))
+        Self { pieces: Pieces::new(source), head: None, failed: false }
+    }
+
+    /// What the log told of itself; known once the first message was read. None in an MCAP file that is no flight log.
+    #[must_use]
+    pub fn head(&self) -> Option<LogHead> {
+        self.head
+    }
+
+    fn take_head(&mut self, metadata: &BTreeMap<String, String>) -> Result<(), ReadError> {
+        let number = |key: &str| metadata.get(key).and_then(|text| text.parse::<u64>().ok()).unwrap_or(0);
+        let format = u32::try_from(number(FORMAT_KEY)).unwrap_or(u32::MAX);
+        if format > FORMAT {
+            return Err(ReadError::Format(format));
+        }
+        self.head = Some(LogHead { format, started_at_ns: number(STARTED_KEY) });
+        Ok(())
+    }
+
+    fn entry(&mut self) -> Option<Result<Entry, ReadError>> {
+        loop {
+            match self.pieces.next()? {
+                Err(error) => return Some(Err(error.into())),
+                Ok(Piece::Metadata(metadata)) if metadata.name == HEAD => {
+                    if let Err(error) = self.take_head(&metadata.metadata) {
+                        return Some(Err(error));
+                    }
+                }
+                Ok(Piece::Metadata(_)) => {}
+                Ok(Piece::Message(message)) => return Some(Ok(entry_of(message))),
+            }
+        }
     }
 }
 
@@ -81,17 +132,101 @@ impl<R: Read> Iterator for LogReader<R> {
     type Item = Result<Entry, ReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let message = match self.0.next()? {
-            Ok(message) => message,
-            Err(error) => return Some(Err(error.into())),
-        };
-        Some(Ok(Entry {
-            topic: message.channel.topic.clone(),
-            encoding: message.channel.message_encoding.clone(),
-            schema: message.channel.schema.as_ref().map(|schema| schema.name.clone()).unwrap_or_default(),
-            time: Time::from_nanos(message.log_time),
-            sequence: message.sequence,
-            data: message.data.into_owned().into(),
-        }))
+        if self.failed {
+            return None;
+        }
+        let entry = self.entry();
+        self.failed = !matches!(entry, Some(Ok(_)));
+        entry
+    }
+}
+
+fn entry_of(message: mcap::Message<'static>) -> Entry {
+    Entry {
+        topic: message.channel.topic.clone(),
+        encoding: message.channel.message_encoding.clone(),
+        schema: message.channel.schema.as_ref().map(|schema| schema.name.clone()).unwrap_or_default(),
+        time: Time::from_nanos(message.log_time),
+        sequence: message.sequence,
+        data: message.data.into_owned().into(),
+    }
+}
+
+/// What is read of a file.
+pub(super) enum Piece {
+    /// A record of metadata.
+    Metadata(Metadata),
+    /// A message with its channel and schema.
+    Message(mcap::Message<'static>),
+}
+
+/// The pieces of a file, one after the other, to its proper end or an error.
+pub(super) struct Pieces<R> {
+    source: R,
+    reader: LinearReader,
+    channels: ChannelAccumulator<'static>,
+    /// Behind the data come index and summary, which repeat what is known.
+    past_data: bool,
+}
+
+impl<R: Read> Pieces<R> {
+    pub(super) fn new(source: R) -> Self {
+        // Whole chunks or nothing: their checksum is looked at before their messages.
+        let options = LinearReaderOptions::default().with_prevalidate_chunk_crcs(true).with_record_length_limit(LONGEST_RECORD);
+        let reader = LinearReader::new_with_options(options);
+        Self { source, reader, channels: ChannelAccumulator::default(), past_data: false }
+    }
+
+    fn read(&mut self) -> Result<Option<Piece>, McapError> {
+        while let Some(event) = self.reader.next_event() {
+            let (opcode, data) = match event? {
+                LinearReadEvent::ReadRequest(size) => {
+                    let got = read_some(&mut self.source, self.reader.insert(size))?;
+                    self.reader.notify_read(got);
+                    continue;
+                }
+                LinearReadEvent::Record { opcode, data } => (opcode, data),
+            };
+            match parse_record(opcode, data)? {
+                Record::DataEnd(_) => self.past_data = true,
+                _ if self.past_data => {}
+                Record::Schema { header, data } => {
+                    self.channels.add_schema(header, Cow::Owned(data.into_owned()))?;
+                }
+                Record::Channel(channel) => self.channels.add_channel(channel)?,
+                Record::Metadata(metadata) => return Ok(Some(Piece::Metadata(metadata))),
+                Record::Message { header, data } => {
+                    let unknown = McapError::UnknownChannel(header.sequence, header.channel_id);
+                    let channel = self.channels.get(header.channel_id).ok_or(unknown)?;
+                    return Ok(Some(Piece::Message(mcap::Message {
+                        channel,
+                        sequence: header.sequence,
+                        log_time: header.log_time,
+                        publish_time: header.publish_time,
+                        data: Cow::Owned(data.into_owned()),
+                    })));
+                }
+                _ => {}
+            }
+        }
+        Ok(None)
+    }
+}
+
+impl<R: Read> Iterator for Pieces<R> {
+    type Item = Result<Piece, McapError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.read().transpose()
+    }
+}
+
+fn read_some(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
+    loop {
+        match source.read(buffer) {
+            // A signal came in between; nothing read would mean the end.
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            read => return read,
+        }
     }
 }

@@ -79,13 +79,7 @@ impl LogWriter {
     fn begin(path: &Path, topics: &[Topic]) -> Result<Self, McapError> {
         let file = File::create(path)?;
         let writer = NoSeek::new(BufWriter::new(file.try_clone()?));
-        // Chunks are put together in memory and written whole: an unfinished one would have to be guessed at after a crash.
-        let options = WriteOptions::new()
-            .compression(Some(Compression::Lz4))
-            .chunk_size(Some(CHUNK_SIZE))
-            .disable_seeking(true)
-            .library(concat!("spf ", env!("CARGO_PKG_VERSION")));
-        let mut writer = options.create(writer)?;
+        let mut writer = options().create(writer)?;
         writer.write_metadata(&head(SystemTime::now()))?;
         let mut channels = Vec::with_capacity(topics.len());
         for topic in topics {
@@ -142,6 +136,16 @@ impl LogWriter {
         file.set_len(whole).and_then(|()| file.flush()).ok();
         LogError::of(&path, error)
     }
+}
+
+/// How a log is written. Chunks are put together in memory and written whole: an unfinished one would have to be guessed at after
+/// a crash.
+pub(super) fn options() -> WriteOptions {
+    WriteOptions::new()
+        .compression(Some(Compression::Lz4))
+        .chunk_size(Some(CHUNK_SIZE))
+        .disable_seeking(true)
+        .library(concat!("spf ", env!("CARGO_PKG_VERSION")))
 }
 
 fn head(now: SystemTime) -> Metadata {

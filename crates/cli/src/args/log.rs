@@ -1,0 +1,74 @@
+//! What can be typed after `spf log`, and `spf replay`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Log {
+    /// Tell what is in a flight log
+    Info(Info),
+    /// Print messages of a flight log as JSON lines
+    Cat(Cat),
+    /// Make a whole log of one that was torn by a kill, a crash or a full disk
+    Repair(Repair),
+}
+
+/// Tells what is in a flight log: the flight, its topics, and whether the log is whole.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf log info flights/001-fly-to-the-red-crane/flight.mcap
+  spf log info flight.mcap --json | jq '.topics[\"/camera/image\"].messages'")]
+pub(crate) struct Info {
+    /// The flight log
+    pub(crate) file: PathBuf,
+    /// Print one JSON object on standard output, and nothing else there
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Prints messages as JSON, one a line: `time_s`, `topic`, `message`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf log cat flight.mcap /command | jq -c '[.time_s, .message.wanted.forward, .message.cleared.forward]'
+  spf log cat flight.mcap /query /reply
+
+Topics stand in docs/flight-log.md and in what `spf log info` prints. Bytes (pictures) are printed as base64.")]
+pub(crate) struct Cat {
+    /// The flight log
+    pub(crate) file: PathBuf,
+    /// Only these topics [default: all]
+    #[arg(value_name = "TOPIC")]
+    pub(crate) topics: Vec<String>,
+}
+
+/// Reads a torn log as far as it goes and puts a whole one, with its index, in its place.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  spf log repair flight.mcap
+
+What cannot be read, at most the last second of a flight that was killed, is gone. A log that is whole stays as it is.")]
+pub(crate) struct Repair {
+    /// The flight log
+    pub(crate) file: PathBuf,
+}
+
+/// Flies a recorded flight again, on paper: the pilot is told what it was told, and what it wants is compared.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf replay flight.mcap
+  spf replay flight.mcap --json | jq '.differences[0]'
+
+Parsing, projection, policy, executor and envelope run on the recorded frames, telemetry and replies. Nobody is asked and \
+nothing is drawn. Exit code 1 when anything differs.")]
+pub(crate) struct Replay {
+    /// The flight log
+    pub(crate) file: PathBuf,
+    /// Print one JSON object on standard output, and nothing else there
+    #[arg(long)]
+    pub(crate) json: bool,
+}

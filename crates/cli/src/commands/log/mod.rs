@@ -1,0 +1,39 @@
+//! `spf log`: flight logs for people who want what is in them.
+
+mod cat;
+mod info;
+mod repair;
+
+use std::path::Path;
+
+use spf_record::log::ReadError;
+
+use crate::args::Log;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+
+/// Runs one of the commands about logs.
+pub(crate) fn log(command: &Log, printer: &Printer) -> Result<Exit, CliError> {
+    match command {
+        Log::Info(args) => info::info(args, printer),
+        Log::Cat(args) => cat::cat(args, printer),
+        Log::Repair(args) => repair::repair(args, printer),
+    }
+}
+
+/// The error for a log that cannot be read.
+pub(crate) fn unreadable(path: &Path, error: &ReadError) -> CliError {
+    let told = CliError::usage(format!("the flight log `{}` cannot be read", path.display())).because(error);
+    match error {
+        ReadError::Format(_) => told.hint("a later version of spf wrote it: read it with that"),
+        ReadError::Read(_) => told.hint("name the flight.mcap in a flight's folder"),
+        _ => told.hint(format!("`spf log repair {}` keeps what can be read of a flight log", path.display())),
+    }
+}
+
+/// Says that a log ends early; what came before is all there.
+pub(crate) fn warn_torn(path: &Path, printer: &Printer) {
+    let path = path.display();
+    printer.say(&format!("warning: `{path}` ends in the middle of the flight; `spf log repair {path}` makes it whole"));
+}

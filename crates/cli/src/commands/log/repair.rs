@@ -1,0 +1,27 @@
+//! `spf log repair`: a whole log of a torn one.
+
+use spf_record::log::{ReadError, RepairError};
+
+use super::unreadable;
+use crate::args::Repair;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+
+/// Repairs a log in its place.
+pub(super) fn repair(args: &Repair, printer: &Printer) -> Result<Exit, CliError> {
+    let path = args.file.display();
+    let repaired = spf_record::log::repair(&args.file).map_err(|error| match &error {
+        RepairError::Nothing { source: source @ ReadError::Read(_), .. } => unreadable(&args.file, source),
+        RepairError::Nothing { .. } => CliError::usage(format!("`{path}` cannot be repaired"))
+            .because(&error)
+            .hint("name the flight.mcap in a flight's folder"),
+        _ => CliError::internal(format!("`{path}` cannot be repaired")).because(&error),
+    })?;
+    let (messages, until) = (repaired.messages, repaired.until);
+    printer.result(&match repaired.trouble {
+        None => format!("`{path}` is whole: {messages} messages up to {until}"),
+        Some(trouble) => format!("repaired `{path}` ({trouble}): {messages} messages up to {until} are kept"),
+    });
+    Ok(Exit::Success)
+}

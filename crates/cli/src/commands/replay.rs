@@ -1,0 +1,53 @@
+//! `spf replay`: a recorded flight again, on paper.
+
+use serde_json::Value;
+use spf_flight::replay::{Changes, Difference, ReplayError, Report, replay as fly_again};
+use spf_record::log::LogReader;
+
+use super::log::{unreadable, warn_torn};
+use crate::args::Replay;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+
+/// Replays a log and tells every difference.
+pub(crate) fn replay(args: &Replay, printer: &Printer) -> Result<Exit, CliError> {
+    let path = args.file.display();
+    let reader = LogReader::open(&args.file).map_err(|error| unreadable(&args.file, &error))?;
+    let report = fly_again(reader, &Changes::default()).map_err(|error| match &error {
+        ReplayError::Read(source) => unreadable(&args.file, source),
+        _ => CliError::usage(format!("`{path}` cannot be replayed"))
+            .because(&error)
+            .hint("only a flight log that spf wrote can be replayed: flight.mcap in a flight's folder"),
+    })?;
+    if args.json {
+        let text = serde_json::to_string(&report).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+        printer.data(&text);
+    } else {
+        tell(&report, printer);
+    }
+    if report.torn {
+        warn_torn(&args.file, printer);
+    }
+    Ok(if report.differences.is_empty() { Exit::Success } else { Exit::Internal })
+}
+
+fn tell(report: &Report, printer: &Printer) {
+    for difference in &report.differences {
+        printer.result(&line(difference));
+    }
+    let Report { inputs, outputs, differences, .. } = report;
+    printer.result(&match differences.len() {
+        0 => format!("no difference: {inputs} inputs told again, {outputs} outputs the same"),
+        1 => format!("1 difference in {outputs} outputs after {inputs} inputs"),
+        many => format!("{many} differences in {outputs} outputs after {inputs} inputs"),
+    });
+}
+
+fn line(difference: &Difference) -> String {
+    let Difference { time_s, topic, at, recorded, replayed, more } = difference;
+    let value = |value: &Option<Value>| value.as_ref().map_or_else(|| "nothing".to_owned(), Value::to_string);
+    let (then, now) = (value(recorded), value(replayed));
+    let more = if *more > 0 { format!(" (and at {more} places more)") } else { String::new() };
+    format!("{time_s:8.3} s  {topic} {at}: recorded {then}, now {now}{more}")
+}

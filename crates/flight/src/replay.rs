@@ -1,0 +1,298 @@
+//! Replaying a flight from its log: the pilot is told again what it was told then, at the times it was told, and what it wants is
+//! compared with what it wanted then.
+//!
+//! Nothing is flown and nobody is asked. Parsing, projection, policy, executor and envelope run as in flight, so a log is a
+//! regression test of all of them.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use spf_core::grounding::GroundingProfile;
+use spf_core::pilot::{Event, Pilot, PilotParts, PilotSettings};
+use spf_core::time::Time;
+use spf_record::log::{Entry, ReadError};
+
+use crate::log::{Channel, Head, LinkRow, OperatorRow, ReplyRow, output};
+use crate::sim::PolicyKind;
+
+/// Why a log cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReplayError {
+    /// The file is not readable, not even at its begin.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// It does not begin with a flight's head.
+    #[error("the log does not begin with a flight's head on `/flight`")]
+    NoHead,
+    /// A message is not of the form its topic has.
+    #[error("message {sequence} on `{topic}` cannot be read")]
+    Message {
+        /// Its topic.
+        topic: String,
+        /// Its number.
+        sequence: u32,
+        /// What is wrong.
+        #[source]
+        source: serde_json::Error,
+    },
+    /// A policy that this program does not have.
+    #[error("the policy `{0}` is not known")]
+    Policy(String),
+    /// The flight had gone on while the disk was too slow for the log.
+    #[error("messages are missing at {0}, for which the disk was too slow: the flight cannot be replayed from there")]
+    Gap(Time),
+}
+
+/// A change of the method, to see what it would change.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Changes {
+    /// Other settings than those of the flight.
+    pub settings: Option<PilotSettings>,
+    /// How numbers in replies are read.
+    pub grounding: GroundingProfile,
+}
+
+/// Something that the pilot wants now and did not want then, or the other way round.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Difference {
+    /// Flight time, seconds.
+    pub time_s: f64,
+    /// The topic.
+    pub topic: &'static str,
+    /// Where in the message they part (a JSON pointer); empty when one of them is not there at all.
+    pub at: String,
+    /// What was recorded there.
+    pub recorded: Option<Value>,
+    /// What the replay has there.
+    pub replayed: Option<Value>,
+    /// At how many places more the two messages differ.
+    pub more: usize,
+}
+
+/// What came of a replay.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Report {
+    /// Inputs told to the pilot, wake-ups included.
+    pub inputs: u64,
+    /// Recorded outputs compared.
+    pub outputs: u64,
+    /// Whether the log ends before the flight does.
+    pub torn: bool,
+    /// Every difference.
+    pub differences: Vec<Difference>,
+}
+
+/// Replays a log, entry by entry; memory does not grow with the flight but for the differences.
+///
+/// # Errors
+/// [`ReplayError`]. A log that is torn is replayed as far as it goes.
+pub fn replay(entries: impl IntoIterator<Item = Result<Entry, ReadError>>, changes: &Changes) -> Result<Report, ReplayError> {
+    let mut entries = entries.into_iter();
+    let head = head(&mut entries)?;
+    let mut replay = Replay::new(&head, changes)?;
+    for entry in entries {
+        let entry = match entry {
+            Ok(entry) => entry,
+            Err(ReadError::Torn) => return Ok(replay.end(true)),
+            Err(error) => return Err(error.into()),
+        };
+        replay.take(&entry)?;
+    }
+    Ok(replay.end(false))
+}
+
+/// The flight's head, with which a log begins.
+///
+/// # Errors
+/// [`ReplayError::NoHead`] and what reading meets.
+pub fn head(entries: &mut impl Iterator<Item = Result<Entry, ReadError>>) -> Result<Head, ReplayError> {
+    let first = entries.next().ok_or(ReplayError::NoHead)??;
+    if first.topic != Channel::Flight.name() {
+        return Err(ReplayError::NoHead);
+    }
+    row(&first)
+}
+
+/// A message of one of our own forms.
+///
+/// # Errors
+/// [`ReplayError::Message`].
+pub fn row<T: DeserializeOwned>(entry: &Entry) -> Result<T, ReplayError> {
+    serde_json::from_slice(&entry.data).map_err(|source| ReplayError::Message {
+        topic: entry.topic.clone(),
+        sequence: entry.sequence,
+        source,
+    })
+}
+
+/// Messages of one channel, in order.
+type Outputs = BTreeMap<Channel, Vec<Vec<u8>>>;
+
+/// A pilot that lives through the flight again.
+struct Replay {
+    pilot: Pilot,
+    now: Time,
+    /// What the pilot wanted since the last input, now and then.
+    replayed: Outputs,
+    recorded: Outputs,
+    report: Report,
+}
+
+impl Replay {
+    fn new(head: &Head, changes: &Changes) -> Result<Self, ReplayError> {
+        let policy = PolicyKind::of_name(&head.policy).ok_or_else(|| ReplayError::Policy(head.policy.clone()))?;
+        let settings = changes.settings.unwrap_or(head.settings);
+        let pilot = Pilot::new(PilotParts {
+            settings,
+            craft: head.craft,
+            senses: head.senses,
+            camera: head.camera,
+            limits: head.limits.clone(),
+            policy: policy.policy(&settings, head.craft, changes.grounding),
+            instruction: head.instruction.clone(),
+        });
+        let (replayed, recorded) = (Outputs::new(), Outputs::new());
+        let mut replay = Self { pilot, now: Time::ZERO, replayed, recorded, report: Report::default() };
+        replay.poll();
+        Ok(replay)
+    }
+
+    fn take(&mut self, entry: &Entry) -> Result<(), ReplayError> {
+        let Some(channel) = Channel::of_topic(&entry.topic) else { return Ok(()) };
+        if channel == Channel::Gap {
+            return Err(ReplayError::Gap(entry.time));
+        }
+        if channel.is_output() {
+            self.report.outputs += 1;
+            self.recorded.entry(channel).or_default().push(entry.data.to_vec());
+        } else if channel.is_input() {
+            let event = event(channel, entry)?;
+            self.compare();
+            self.report.inputs += 1;
+            self.now = entry.time;
+            if let Some(event) = event {
+                self.pilot.handle(self.now, event);
+            }
+            self.poll();
+        }
+        Ok(())
+    }
+
+    /// Everything that the pilot wants now.
+    fn poll(&mut self) {
+        while let Some(action) = self.pilot.poll(self.now) {
+            if let Some((channel, data)) = output(&action, &self.pilot) {
+                self.replayed.entry(channel).or_default().push(data.to_vec());
+            }
+        }
+    }
+
+    /// Compares what was wanted between two inputs, topic by topic.
+    fn compare(&mut self) {
+        let (replayed, recorded) = (core::mem::take(&mut self.replayed), core::mem::take(&mut self.recorded));
+        let channels = replayed.keys().chain(recorded.keys()).copied().collect::<std::collections::BTreeSet<_>>();
+        for channel in channels {
+            let of = |outputs: &Outputs, index: usize| outputs.get(&channel).and_then(|list| list.get(index)).cloned();
+            let longest = [&replayed, &recorded].map(|outputs| outputs.get(&channel).map_or(0, Vec::len)).into_iter().max();
+            for index in 0..longest.unwrap_or(0) {
+                let (then, now) = (of(&recorded, index), of(&replayed, index));
+                if then != now {
+                    let difference = difference(self.now, channel, then.as_deref(), now.as_deref());
+                    self.report.differences.push(difference);
+                }
+            }
+        }
+    }
+
+    fn end(mut self, torn: bool) -> Report {
+        self.report.torn = torn;
+        // Of a torn log the last outputs may be lost.
+        if !torn {
+            self.compare();
+        }
+        self.report
+    }
+}
+
+/// What the pilot was told by a message; `None` when it was only woken.
+fn event(channel: Channel, entry: &Entry) -> Result<Option<Event>, ReplayError> {
+    Ok(Some(match channel {
+        Channel::Telemetry => Event::Telemetry(row(entry)?),
+        Channel::Frame => Event::Frame(row(entry)?),
+        Channel::Operator => Event::Operator(row::<OperatorRow>(entry)?.event),
+        Channel::Link => match row::<LinkRow>(entry)?.lost {
+            true => Event::LinkLost,
+            false => Event::LinkRestored,
+        },
+        Channel::Reply => match row::<ReplyRow>(entry)? {
+            ReplyRow { id, text: Some(text), part: true, .. } => Event::Chunk { id, text },
+            ReplyRow { id, text: Some(text), .. } => Event::Reply { id, text },
+            ReplyRow { id, failed, .. } => Event::ReplyFailed { id, reason: failed.unwrap_or_default() },
+        },
+        _ => return Ok(None),
+    }))
+}
+
+fn difference(now: Time, channel: Channel, then: Option<&[u8]>, again: Option<&[u8]>) -> Difference {
+    let value = |data: Option<&[u8]>| data.and_then(|data| serde_json::from_slice::<Value>(data).ok());
+    let (then, again) = (value(then), value(again));
+    let mut places = Vec::new();
+    if let (Some(then), Some(again)) = (&then, &again) {
+        part(String::new(), then, again, &mut places);
+    }
+    let (at, recorded, replayed) = if places.is_empty() { (String::new(), then, again) } else { places.swap_remove(0) };
+    let more = places.len();
+    Difference { time_s: now.as_secs_f64(), topic: channel.name(), at, recorded, replayed, more }
+}
+
+/// A place where two values differ, and both there.
+type Place = (String, Option<Value>, Option<Value>);
+
+/// Every place where two values differ.
+fn part(at: String, then: &Value, again: &Value, places: &mut Vec<Place>) {
+    match (then, again) {
+        (Value::Object(then), Value::Object(again)) => {
+            let keys = then.keys().chain(again.keys().filter(|key| !then.contains_key(*key)));
+            for key in keys {
+                let at = format!("{at}/{}", key.replace('~', "~0").replace('/', "~1"));
+                both(at, then.get(key), again.get(key), places);
+            }
+        }
+        (Value::Array(then), Value::Array(again)) => {
+            for index in 0..then.len().max(again.len()) {
+                both(format!("{at}/{index}"), then.get(index), again.get(index), places);
+            }
+        }
+        _ if then != again => places.push((at, Some(then.clone()), Some(again.clone()))),
+        _ => {}
+    }
+}
+
+fn both(at: String, then: Option<&Value>, again: Option<&Value>, places: &mut Vec<Place>) {
+    match (then, again) {
+        (Some(then), Some(again)) => part(at, then, again, places),
+        (then, again) => places.push((at, then.cloned(), again.cloned())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_difference_names_its_place() {
+        let of = |then: Value, again: Value| {
+            let bytes = |value: &Value| serde_json::to_vec(value).unwrap();
+            difference(Time::from_millis(1500), Channel::Command, Some(&bytes(&then)), Some(&bytes(&again)))
+        };
+        let found = of(json!({"a": 1, "b": {"c/d": [1, 2, 3]}}), json!({"a": 1, "b": {"c/d": [1, 5]}}));
+        assert_eq!((found.time_s, found.topic, &*found.at), (1.5, "/command", "/b/c~1d/1"));
+        assert_eq!((found.recorded, found.replayed, found.more), (Some(json!(2)), Some(json!(5)), 1));
+        let gone = difference(Time::ZERO, Channel::Query, Some(b"{\"a\":1}"), None);
+        assert_eq!((&*gone.at, gone.recorded, gone.replayed), ("", Some(json!({"a": 1})), None));
+    }
+}

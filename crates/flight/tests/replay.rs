@@ -1,0 +1,116 @@
+//! A flight is the same when its log is replayed, and is not when the method is another.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use spf_core::command::Setpoint;
+use spf_core::envelope::Limits;
+use spf_core::grounding::{AxisOrder, GroundingProfile};
+use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
+use spf_core::step::StepRule;
+use spf_core::time::{Duration, Time};
+use spf_flight::replay::{Changes, Report, replay};
+use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, RecordPlan, Stage, fly};
+use spf_flight::world::Script;
+use spf_record::log::LogReader;
+use spf_record::out_dir::OutDir;
+use spf_sim::model::{CraftKind, Model};
+use spf_sim::oracle::ErrorFile;
+
+/// Thirty seconds, in which some answers come too late.
+fn settings() -> PilotSettings {
+    let (max_time, reply_timeout) = (Duration::from_secs(30), Duration::from_secs(2));
+    PilotSettings { max_time, reply_timeout, ..PilotSettings::preset(Preset::Default) }
+}
+
+/// A flight with everything that a pilot can be told: frames, telemetry, replies good and bad, an operator.
+fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
+    let kind = CraftKind::Quad;
+    let at = Time::from_millis;
+    let hand = OperatorEvent::Setpoint(Setpoint { right: 9.0, ..Setpoint::HOLD });
+    let events = vec![
+        (at(11_000), hand),
+        (at(11_500), OperatorEvent::Resume),
+        (at(19_000), OperatorEvent::Instruction("fly to the black car".to_owned())),
+    ];
+    let mut plan = FlightPlan {
+        stage: Arc::new(Stage::load("city").unwrap()),
+        scene: "city".to_owned(),
+        instruction: "fly to the red crane".to_owned(),
+        start: None,
+        kind,
+        circumstances: Circumstances::default(),
+        policy: PolicyKind::Spf,
+        preset: Preset::Default,
+        settings: settings(),
+        limits: Limits::for_craft(&Model::of(kind).craft),
+        vlm: "oracle".to_owned(),
+        errors: ErrorFile::named("default").unwrap(),
+        seed: 3,
+        script: Script::new(events),
+        realtime: false,
+        interrupts: Arc::default(),
+        record: Some(RecordPlan { out: OutDir::at(folder).unwrap(), video: false }),
+    };
+    change(&mut plan);
+    let flown = fly(plan, &mut []).unwrap();
+    assert!(flown.recording_problems.is_empty(), "{:?}", flown.recording_problems);
+    folder.join("flight.mcap")
+}
+
+fn replayed(log: &Path, changes: &Changes) -> Report {
+    replay(LogReader::open(log).unwrap(), changes).unwrap()
+}
+
+fn differs_at(report: &Report, topic: &str) -> bool {
+    report.differences.iter().any(|difference| difference.topic == topic)
+}
+
+#[test]
+fn a_flight_is_the_same_again_and_another_method_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = flown(&folder.path().join("flight"), |_| {});
+    let same = replayed(&log, &Changes::default());
+    assert_eq!(same.differences, []);
+    assert!(!same.torn && same.inputs > 1000 && same.outputs > 200, "{} {}", same.inputs, same.outputs);
+
+    // A hundredth more in the exponent is another step, and so another way.
+    let with_exponent = |exponent| {
+        let step = StepRule::Adaptive { scale: 10.0, labels: 10, min: 0.1, exponent };
+        Changes { settings: Some(PilotSettings { step, ..settings() }), ..Changes::default() }
+    };
+    let other = replayed(&log, &with_exponent(1.01 * 1.8));
+    assert!(differs_at(&other, "/decision") && differs_at(&other, "/command"), "{} differences", other.differences.len());
+    assert_eq!(replayed(&log, &with_exponent(1.8)).differences, [], "only the exponent made the difference");
+
+    let grounding = GroundingProfile { order: AxisOrder::Xy, ..GroundingProfile::default() };
+    let swapped = replayed(&log, &Changes { grounding, ..Changes::default() });
+    let waypoint = |at: &str| at.starts_with("/reading") || at.starts_with("/query");
+    assert!(swapped.differences.iter().any(|d| d.topic == "/decision" && waypoint(&d.at)), "{:?}", swapped.differences.first());
+}
+
+#[test]
+fn other_policies_and_presets_are_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = flown(&folder.path().join("plain"), |plan| plan.policy = PolicyKind::Plain);
+    assert_eq!(replayed(&plain, &Changes::default()).differences, []);
+    let paper = flown(&folder.path().join("paper"), |plan| {
+        let max_time = plan.settings.max_time;
+        (plan.preset, plan.settings) = (Preset::Paper, PilotSettings { max_time, ..PilotSettings::preset(Preset::Paper) });
+        plan.settings.avoid = true;
+    });
+    assert_eq!(replayed(&paper, &Changes::default()).differences, []);
+}
+
+#[test]
+fn a_torn_log_is_replayed_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = flown(&folder.path().join("flight"), |_| {});
+    let whole = std::fs::read(&log).unwrap();
+    for share in [0.3, 0.6, 0.9] {
+        std::fs::write(&log, &whole[..(share * whole.len() as f64) as usize]).unwrap();
+        let report = replayed(&log, &Changes::default());
+        assert!(report.torn && report.differences.is_empty(), "{share}: {:?}", report.differences.first());
+    }
+}

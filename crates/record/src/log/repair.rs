@@ -1,0 +1,130 @@
+//! A log that was torn becomes a whole one again.
+
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+
+use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
+use mcap::{McapError, Writer};
+use spf_core::time::Time;
+
+use super::reader::{Piece, Pieces, ReadError};
+use super::writer;
+
+/// Why a log cannot be repaired.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RepairError {
+    /// Nothing in it can be read.
+    #[error("nothing can be read from `{path}`")]
+    Nothing {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: ReadError,
+    },
+    /// The repaired log cannot be written.
+    #[error("cannot write the repaired log `{path}`")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: io::Error,
+    },
+}
+
+/// What a repair found.
+#[derive(Debug)]
+pub struct Repaired {
+    /// Messages kept.
+    pub messages: u64,
+    /// Flight time of the latest of them.
+    pub until: Time,
+    /// What ended the reading; `None` when the log was whole.
+    pub trouble: Option<ReadError>,
+}
+
+/// Reads a log as far as it goes and puts a whole one in its place; one that is whole stays as it is. The old file is there until
+/// the new one is complete.
+///
+/// # Errors
+/// [`RepairError`]; the file is then as it was.
+pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
+    let nothing = |source| RepairError::Nothing { path: path.to_owned(), source };
+    let source = File::open(path).map_err(|error| nothing(ReadError::Read(error)))?;
+    let beside = path.with_extension("mcap.part");
+    let failed = |source| RepairError::Write { path: beside.clone(), source };
+    let part = File::create(&beside).map_err(failed)?;
+    let rewritten = rewrite(BufReader::new(source), BufWriter::new(part)).and_then(|(found, mut file)| {
+        let synced = file.flush().and_then(|()| file.get_ref().sync_all());
+        synced.map(|()| found).map_err(Rewrite::Write)
+    });
+    let outcome = match rewritten {
+        Ok(found) if found.messages == 0 => Err(nothing(found.trouble.unwrap_or(ReadError::Torn))),
+        Ok(found) if found.trouble.is_none() => Ok(found),
+        Ok(found) => return std::fs::rename(&beside, path).map(|()| found).map_err(failed),
+        Err(Rewrite::Write(source)) => Err(failed(source)),
+        Err(Rewrite::Form(source)) => Err(nothing(source.into())),
+    };
+    // The part is of no use; that it cannot be taken away adds nothing.
+    std::fs::remove_file(&beside).ok();
+    outcome
+}
+
+/// Why rewriting stopped, apart from the source's own end.
+#[derive(Debug)]
+pub enum Rewrite {
+    /// The copy cannot be written.
+    Write(io::Error),
+    /// What was read cannot be put into a log's form.
+    Form(McapError),
+}
+
+impl From<McapError> for Rewrite {
+    fn from(error: McapError) -> Self {
+        match error {
+            McapError::Io(error) => Self::Write(error),
+            error => Self::Form(error),
+        }
+    }
+}
+
+/// Copies what can be read of `source` into a whole log. For [`repair`] and for tests that have no files.
+///
+/// # Errors
+/// [`Rewrite`]: trouble of the copy. Trouble of the source is part of what was [found](Repaired).
+pub fn rewrite<R: Read, W: Write>(source: R, copy: W) -> Result<(Repaired, W), Rewrite> {
+    let mut writer = writer::options().create(NoSeek::new(copy))?;
+    let mut found = Repaired { messages: 0, until: Time::ZERO, trouble: None };
+    for piece in Pieces::new(source) {
+        match piece {
+            Ok(Piece::Metadata(metadata)) => writer.write_metadata(&metadata)?,
+            Ok(Piece::Message(message)) => {
+                copy_message(&mut writer, &message)?;
+                found.messages += 1;
+                found.until = found.until.max(Time::from_nanos(message.log_time));
+            }
+            Err(error) => {
+                found.trouble = Some(error.into());
+                break;
+            }
+        }
+    }
+    writer.finish()?;
+    Ok((found, writer.into_inner().into_inner()))
+}
+
+fn copy_message<W: Write>(writer: &mut Writer<NoSeek<W>>, message: &mcap::Message<'_>) -> Result<(), McapError> {
+    let channel = &message.channel;
+    let schema = match &channel.schema {
+        Some(schema) => writer.add_schema(&schema.name, &schema.encoding, &schema.data)?,
+        None => 0,
+    };
+    let channel_id = writer.add_channel(schema, &channel.topic, &channel.message_encoding, &channel.metadata)?;
+    let header =
+        MessageHeader { channel_id, sequence: message.sequence, log_time: message.log_time, publish_time: message.publish_time };
+    writer.write_to_known_channel(&header, &message.data)
+}
