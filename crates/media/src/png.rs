@@ -44,7 +44,7 @@ fn write(bytes: &[u8], width: u32, height: u32, colour: ExtendedColorType) -> Re
         format: "PNG",
         width,
         height,
-        source,
+        source: source.into(),
     })?;
     Ok(file)
 }
