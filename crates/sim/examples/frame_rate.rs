@@ -1,6 +1,7 @@
 //! Pictures a second on a fixed path through the city at street height, and how the cost grows with triangles and with pixels.
 //!
-//! `cargo run --release -p spf-sim --example frame_rate [path | triangles | pixels …]`; all three without an argument.
+//! `cargo run --release -p spf-sim --example frame_rate [path | triangles | pixels …]`; all three without an argument. After `path`
+//! the names of presets (`full`, `live`, `"ids and depth"`) leave out the others.
 //! Wall time counts, so the machine must be idle; the time that all cores together spend is given beside it (Linux only) and
 //! suffers less from other programs.
 
@@ -102,7 +103,7 @@ fn fly(renderer: &Renderer, camera: &Camera, poses: &[Pose], channels: Channels,
     })
 }
 
-fn report_path() -> Result<(), Failure> {
+fn report_path(presets: &[(&str, Channels)]) -> Result<(), Failure> {
     let renderer = Renderer::new(&Scene::load("city")?.geometry);
     let poses = path();
     let mut shares = Vec::new();
@@ -122,7 +123,7 @@ fn report_path() -> Result<(), Failure> {
     }
     println!("| size | cores | preset | median | worst 5 % | CPU time a picture |\n|---|---|---|---|---|---|");
     for (width, threads) in [(960, 2), (960, 1), (640, 2), (640, 1)] {
-        for (name, channels) in PRESETS {
+        for &(name, channels) in presets {
             let took = fly(&renderer, &camera(width), &poses, channels, threads)?;
             let (median, worst) = (1e3 / took.within(0.5), 1e3 / took.within(0.95));
             println!(
@@ -170,8 +171,11 @@ fn report_pixels() -> Result<(), Failure> {
 fn main() -> Result<(), Failure> {
     let asked: Vec<String> = std::env::args().skip(1).collect();
     let wanted = |what: &str| asked.is_empty() || asked.iter().any(|a| a == what);
+    let named = |name: &str| asked.iter().any(|a| a == name);
     if wanted("path") {
-        report_path()?;
+        let presets: Vec<_> =
+            PRESETS.into_iter().filter(|(name, _)| named(name) || !PRESETS.iter().any(|(n, _)| named(n))).collect();
+        report_path(&presets)?;
     }
     if wanted("triangles") {
         println!("\nCPU time of a picture of 960×720 in a town, one core:");

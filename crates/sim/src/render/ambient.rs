@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::lanes::{F, I, LANES, Simd, U, V3, whole};
+use super::lanes::{F, LANES, Simd, U, V3, four_bytes, whole};
 use super::prepare::Soup;
 use super::visibility::{self, Map, centres};
 
@@ -110,28 +110,17 @@ impl Ambient {
         let (x, y, z) = (inside.select(x, none), inside.select(y, none), inside.select(z, none).max(0.0));
         let (x0, y0, z0) = (x.floor(), y.floor(), z.floor());
         let place = (whole(z0) * self.rows as i32 + whole(y0)) * self.columns as i32 + whole(x0);
-        let corners: [[u32; 2]; LANES] = core::array::from_fn(
-            #[inline(always)]
-            |lane| self.corners.get(place[lane] as usize).copied().unwrap_or([u32::MAX; 2]),
-        );
+        let place: [i32; LANES] = place.into();
+        let (mut floor, mut ceiling) = ([0; LANES], [0; LANES]);
+        for lane in 0..LANES {
+            [floor[lane], ceiling[lane]] = self.corners.get(place[lane] as usize).copied().unwrap_or([u32::MAX; 2]);
+        }
         let share = [x - x0, y - y0];
-        let (low, high) = (plane(simd, corners.map(|c| c[0]), share), plane(simd, corners.map(|c| c[1]), share));
+        let low = four_bytes(U::from_slice(simd, &floor), share);
+        let high = four_bytes(U::from_slice(simd, &ceiling), share);
         let fz = z - z0;
         inside.select((low + (high - low) * fz) * ((1.0 - CLOSED) / 255.0) + CLOSED, F::splat(simd, 1.0))
     }
-}
-
-/// Between four corners, a byte each, for eight places.
-#[inline(always)]
-fn plane<S: Simd>(simd: S, corners: [u32; LANES], [fx, fy]: [F<S>; 2]) -> F<S> {
-    let four = U::from_slice(simd, &corners);
-    let [a, b, c, d]: [I<S>; 4] = [four & 0xff, (four >> 8) & 0xff, (four >> 16) & 0xff, four >> 24].map(
-        #[inline(always)]
-        |byte| byte.bitcast(),
-    );
-    let [a, b, c, d]: [F<S>; 4] = [a.to_float(), b.to_float(), c.to_float(), d.to_float()];
-    let (near, far) = (a + (b - a) * fx, c + (d - c) * fx);
-    near + (far - near) * fy
 }
 
 /// The share of the sky that each point sees, in steps of 1/255.

@@ -1,23 +1,23 @@
 //! Soft darkness where things stand: what is a hand above the ground keeps the sky's light from it, sun or no sun.
 //!
-//! A map seen from above, in tiles that exist only about the feet of things. Each texel knows how dark the ground is and at what
-//! height that ground lies, so that neither the tops of things nor another floor are darkened.
+//! A map seen from above, in tiles that exist only about the feet of things. Each cell knows how dark the ground is at its corners
+//! and at what height that ground lies, so that neither the tops of things nor another floor are darkened.
 
 use std::collections::BTreeMap;
 
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};
 
-use super::lanes::{F, LANES, M, Simd, V3, whole};
+use super::lanes::{F, I, LANES, M, Simd, U, V3, clamp, each, four_bytes, whole};
 use super::noise::floor;
 use super::prepare::{Cluster, Soup};
 use super::visibility::centres;
 
 /// Side of a texel, metres.
 const TEXEL: f32 = 0.1;
-/// Texels along a tile.
+/// Cells between texels along a tile.
 const TILE: usize = 32;
-/// Most tiles, 4 KiB each.
+/// Most tiles, 8 KiB each.
 const TILES: usize = 8192;
 /// Things larger than this (hills, grounds) stand on nothing, metres.
 const LARGEST: f32 = 45.0;
@@ -38,10 +38,37 @@ pub(crate) struct Contact {
     low: Vec3,
     columns: usize,
     rows: usize,
-    /// The number of each tile, from 1; 0 for none.
+    /// The number of each tile; 0 for one in which nothing stands.
     tiles: Vec<u16>,
-    /// Darkness in the lowest byte, in steps of 1/255; above it the height over `low`, centimetres.
-    texels: Vec<u32>,
+    /// The cells of the tiles, row after row of each.
+    cells: Vec<Cell>,
+}
+
+/// The square between four texels.
+#[derive(Clone, Copy, Debug, Default)]
+struct Cell {
+    /// Darkness at the corners, in steps of 1/255, a byte each: the two of lesser y, then the others.
+    corners: u32,
+    /// Height of the ground over the map's `low`, centimetres.
+    height: u32,
+}
+
+impl Cell {
+    /// Takes on what another thing does to a corner. Of grounds at different heights the darkest counts.
+    fn darken(&mut self, corner: u32, dark: u8, height: u32) {
+        let darkest = self.corners.to_le_bytes().into_iter().max().unwrap_or(0);
+        let other_ground = height.abs_diff(self.height) > (STEP * 100.0) as u32;
+        if other_ground && dark <= darkest {
+            return;
+        }
+        let before = if other_ground { 0 } else { self.corners };
+        let shift = 8 * corner;
+        let own = (before >> shift & 0xff).max(u32::from(dark));
+        self.corners = before & !(0xff << shift) | own << shift;
+        if dark > darkest {
+            self.height = height;
+        }
+    }
 }
 
 impl Contact {
@@ -69,12 +96,14 @@ impl Contact {
         if patches.is_empty() {
             return Self::default();
         }
-        low.z -= STEP;
+        // A texel darkens the cells about it, those before it too.
+        low -= Vec3::new(TEXEL, TEXEL, STEP);
         let tile = TILE as f32 * TEXEL;
         // A scene reaches 2 km each way, its things rarely half a kilometre.
         let size = ((high - low) / tile).min(Vec3::splat(1024.0));
         let (columns, rows) = (size.x as usize + 2, size.y as usize + 2);
-        let mut map = Self { low, columns, rows, tiles: vec![0; columns * rows], texels: Vec::new() };
+        // The first tile is that of nothing.
+        let mut map = Self { low, columns, rows, tiles: vec![0; columns * rows], cells: vec![Cell::default(); TILE * TILE] };
         patches.iter().for_each(|patch| map.add(patch));
         map
     }
@@ -85,39 +114,36 @@ impl Contact {
         let height = ((patch.ground - self.low.z) * 100.0).clamp(0.0, 1_000_000.0) as u32;
         for (i, &dark) in patch.dark.iter().enumerate().filter(|(_, dark)| **dark > 0.02) {
             let (x, y) = (x0 + i % patch.width, y0 + i / patch.width);
-            if x / TILE >= self.columns || y / TILE >= self.rows {
-                continue;
-            }
-            let tile = &mut self.tiles[y / TILE * self.columns + x / TILE];
-            if *tile == 0 {
-                if self.texels.len() >= TILES * TILE * TILE {
-                    return;
-                }
-                self.texels.resize(self.texels.len() + TILE * TILE, 0);
-                *tile = (self.texels.len() / (TILE * TILE)) as u16;
-            }
-            let texel = &mut self.texels[(usize::from(*tile) - 1) * TILE * TILE + y % TILE * TILE + x % TILE];
-            let dark = (dark * 255.0) as u32;
-            if dark > *texel & 0xff {
-                *texel = height << 8 | dark;
+            for corner in 0..4 {
+                let Some((x, y)) = x.checked_sub(corner & 1).zip(y.checked_sub(corner >> 1)) else { continue };
+                let Some(cell) = self.cell_mut(x, y) else { continue };
+                cell.darken(corner as u32, (dark * 255.0) as u8, height);
             }
         }
     }
 
-    #[inline]
-    fn texel(&self, x: usize, y: usize) -> u32 {
-        let tile = match self.tiles.get(y / TILE * self.columns + x / TILE) {
-            Some(&tile) if tile > 0 && x / TILE < self.columns => usize::from(tile) - 1,
-            _ => return 0,
-        };
-        self.texels.get(tile * TILE * TILE + y % TILE * TILE + x % TILE).copied().unwrap_or(0)
+    /// A cell, whose tile is made if need be; none beyond the map, or when there are too many tiles.
+    fn cell_mut(&mut self, x: usize, y: usize) -> Option<&mut Cell> {
+        if x / TILE >= self.columns || y / TILE >= self.rows {
+            return None;
+        }
+        let tile = &mut self.tiles[y / TILE * self.columns + x / TILE];
+        if *tile == 0 {
+            let made = self.cells.len() / (TILE * TILE);
+            if made > TILES {
+                return None;
+            }
+            *tile = made as u16;
+            self.cells.resize((made + 1) * TILE * TILE, Cell::default());
+        }
+        self.cells.get_mut(usize::from(*tile) * TILE * TILE + y % TILE * TILE + x % TILE)
     }
 
     /// How dark the ground is at `p`, 0 to 1, where `level` says that a surface is ground.
     #[inline(always)]
     pub(crate) fn dark<S: Simd>(&self, p: V3<F<S>>, level: M<S>) -> F<S> {
         let (simd, none) = (p.x.token(), F::splat(p.x.token(), 0.0));
-        if self.texels.is_empty() {
+        if self.cells.is_empty() {
             return none;
         }
         let (x, y) = ((p.x - self.low.x) * (1.0 / TEXEL) - 0.5, (p.y - self.low.y) * (1.0 / TEXEL) - 0.5);
@@ -126,57 +152,32 @@ impl Contact {
             & x.simd_lt((self.columns * TILE) as f32)
             & y.simd_lt((self.rows * TILE) as f32)
             & level;
-        let mut left = inside.to_bitmask() as u32;
-        if left == 0 {
+        if inside.all_false() {
             return none;
         }
-        let (x, y) = (whole(inside.select(x, none)), whole(inside.select(y, none)));
+        let (x, y) = (inside.select(x, none), inside.select(y, none));
+        let (column, row) = (whole(x), whole(y));
+        let tile: [i32; LANES] = ((row >> TILE.ilog2()) * self.columns as i32 + (column >> TILE.ilog2())).into();
+        let tiles: [u16; LANES] = each(
+            #[inline(always)]
+            |lane| self.tiles.get(tile[lane] as usize).copied().unwrap_or(0),
+        );
+        // Most ground has nothing standing on it.
+        if tiles == [0; LANES] {
+            return none;
+        }
         let last = TILE as i32 - 1;
-        // A texel's neighbours may lie in the next tile.
-        let on_rim = ((x & last).simd_eq(last) | (y & last).simd_eq(last)).to_bitmask() as u32;
-        let tile = (y >> TILE.ilog2()) * self.columns as i32 + (x >> TILE.ilog2());
-        let mut asked = left;
-        while left != 0 {
-            // Neighbouring pixels share tiles, and most ground has none.
-            let index = tile[left.trailing_zeros() as usize];
-            let same = tile.simd_eq(index).to_bitmask() as u32;
-            left &= !same;
-            if self.tiles[index as usize] == 0 {
-                asked &= !same | on_rim;
-            }
+        let within: [i32; LANES] = (((row & last) << TILE.ilog2()) | (column & last)).into();
+        let (mut corners, mut height) = ([0; LANES], [0; LANES]);
+        for lane in 0..LANES {
+            let cell =
+                self.cells.get(usize::from(tiles[lane]) * TILE * TILE + within[lane] as usize).copied().unwrap_or_default();
+            (corners[lane], height[lane]) = (cell.corners, cell.height as i32);
         }
-        let mut dark = [0.0; LANES];
-        while asked != 0 {
-            let lane = asked.trailing_zeros() as usize;
-            asked &= asked - 1;
-            dark[lane] = self.dark_at(Vec3::new(p.x[lane], p.y[lane], p.z[lane]));
-        }
-        F::from_slice(simd, &dark)
-    }
-
-    #[inline]
-    fn dark_at(&self, p: Vec3) -> f32 {
-        let at = (p.truncate() - self.low.truncate()) * (1.0 / TEXEL) - 0.5;
-        if !(at.x >= 0.0 && at.y >= 0.0 && at.x < (self.columns * TILE) as f32 && at.y < (self.rows * TILE) as f32) {
-            return 0.0;
-        }
-        let (x, y) = (at.x as usize, at.y as usize);
-        let (inner, tile) = (x % TILE + 1 < TILE && y % TILE + 1 < TILE, y / TILE * self.columns + x / TILE);
-        if inner && self.tiles[tile] == 0 {
-            return 0.0;
-        }
-        let four = [self.texel(x, y), self.texel(x + 1, y), self.texel(x, y + 1), self.texel(x + 1, y + 1)];
-        if four == [0; 4] {
-            return 0.0;
-        }
-        let over = p.z - self.low.z;
-        let dark = four.map(|texel| {
-            let off = ((texel >> 8) as f32 * 0.01 - over).abs();
-            (texel & 0xff) as f32 * (1.0 / 255.0) * (2.0 - off * (2.0 / STEP)).clamp(0.0, 1.0)
-        });
-        let (fx, fy) = (at.x - x as f32, at.y - y as f32);
-        let (near, far) = (dark[0] + (dark[1] - dark[0]) * fx, dark[2] + (dark[3] - dark[2]) * fx);
-        near + (far - near) * fy
+        let (corners, height) = (U::from_slice(simd, &corners), I::from_slice(simd, &height));
+        let dark = four_bytes(corners, [x - column.to_float::<F<S>>(), y - row.to_float::<F<S>>()]);
+        let off = (height.to_float::<F<S>>() * 0.01 - (p.z - self.low.z)).abs();
+        inside.select(dark * clamp(2.0 - off * (2.0 / STEP), 0.0, 1.0) * (1.0 / 255.0), none)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use fearless_simd::prelude::*;
 
-use super::lanes::{F, Instructions, LANES, Simd, U, V3, clamp, with_instructions};
+use super::lanes::{F, Instructions, LANES, Simd, U, V3, clamp, each, with_instructions};
 
 /// Film: a rational fit to the ACES curve (Narkowicz 2015), for each channel; light 0 or more to 0..=1 in linear display light.
 #[inline(always)]
@@ -71,10 +71,11 @@ impl Developed {
             #[inline(always)]
             |light| -> U<S> { (clamp(light * 4096.0, 0.0, (DEVELOPED - 1) as f32) + 8_388_608.0).bitcast() },
         );
+        let [red, green, blue]: [[u32; LANES]; 3] = [steps.x.into(), steps.y.into(), steps.z.into()];
         let byte = |steps: u32| self.bytes[steps as usize & (DEVELOPED - 1)];
-        core::array::from_fn(
+        each(
             #[inline(always)]
-            |lane| [byte(steps.x[lane]), byte(steps.y[lane]), byte(steps.z[lane])],
+            |lane| [byte(red[lane]), byte(green[lane]), byte(blue[lane])],
         )
     }
 }

@@ -2,7 +2,7 @@
 
 use fearless_simd::prelude::*;
 
-use super::lanes::{I, Simd};
+use super::lanes::{I, Simd, each};
 use super::raster::{NONE, SUB, ScreenTriangle, TILE};
 
 /// Samples of an edge pixel.
@@ -167,11 +167,11 @@ impl Edges {
 /// `step` times 0 to 7.
 #[inline(always)]
 fn multiples<S: Simd>(simd: S, step: i32) -> I<S> {
-    I::from_fn(
-        simd,
+    let multiples = each(
         #[inline(always)]
         |k| step.wrapping_mul(k as i32),
-    )
+    );
+    I::from_slice(simd, &multiples)
 }
 
 /// How a triangle's edges and nearness change from a pixel's corner to its samples.

@@ -2,7 +2,7 @@
 
 use fearless_simd::prelude::*;
 
-use super::lanes::{F, LANES, Simd, V3};
+use super::lanes::{F, LANES, Simd, V3, each};
 use super::shadow::Receiver;
 
 /// A triangle in a view (`T` is a number), or the triangles of eight pixels (`T` is a vector).
@@ -54,7 +54,13 @@ impl Facet<f32> {
         } else {
             Self::gather(
                 #[inline(always)]
-                |read| F::from_fn(simd, |lane| read(of[lane])),
+                |read| {
+                    let numbers = each(
+                        #[inline(always)]
+                        |lane| read(of[lane]),
+                    );
+                    F::from_slice(simd, &numbers)
+                },
             )
         }
     }
@@ -92,7 +98,13 @@ impl Curve<f32> {
     pub(crate) fn lanes<S: Simd>(simd: S, of: [&Self; LANES]) -> Curve<F<S>> {
         Self::gather(
             #[inline(always)]
-            |read| F::from_fn(simd, |lane| read(of[lane])),
+            |read| {
+                let numbers = each(
+                    #[inline(always)]
+                    |lane| read(of[lane]),
+                );
+                F::from_slice(simd, &numbers)
+            },
         )
     }
 

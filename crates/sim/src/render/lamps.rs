@@ -106,18 +106,20 @@ impl LampLight {
         }
         let at = V3::select(inside, at, dark);
         let mut parts = [[0.0f32; LANES]; 6];
+        let [x, y, z]: [[f32; LANES]; 3] = [at.x.into(), at.y.into(), at.z.into()];
         for lane in 0..LANES {
-            let sum = self.between([at.x[lane], at.y[lane], at.z[lane]]);
+            let sum = self.between([x[lane], y[lane], z[lane]]);
             for (part, sum) in parts.iter_mut().zip(sum) {
                 part[lane] = sum;
             }
         }
-        let [r, g, b, x, y, z] = [0, 1, 2, 3, 4, 5].map(
-            #[inline(always)]
-            |k| F::from_slice(simd, &parts[k]),
-        );
-        let root = V3 { x: r, y: g, z: b } * F::splat(simd, 1.0 / 255.0);
-        let from = V3 { x, y, z }.plus_same(Vec3::splat(-128.0)) * F::splat(simd, 1.0 / 127.0);
+        let three = |k: usize| V3 {
+            x: F::from_slice(simd, &parts[k]),
+            y: F::from_slice(simd, &parts[k + 1]),
+            z: F::from_slice(simd, &parts[k + 2]),
+        };
+        let root = three(0) * F::splat(simd, 1.0 / 255.0);
+        let from = three(3).plus_same(Vec3::splat(-128.0)) * F::splat(simd, 1.0 / 127.0);
         // Of light from all sides alike a fourth falls on each surface.
         let even = (1.0 - from.dot(from)).max(0.0) * 0.25;
         let share = (normal.dot(from).max(0.0) + even) * BRIGHTEST;

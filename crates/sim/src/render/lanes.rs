@@ -181,6 +181,17 @@ impl<S: Simd> V3<F<S>> {
     }
 }
 
+/// A value for each pixel. The library's way of filling an array is not always inlined, and what it calls is then compiled without
+/// the wide instructions.
+#[inline(always)]
+pub(crate) fn each<T: Copy + Default>(mut value: impl FnMut(usize) -> T) -> [T; LANES] {
+    let mut all = [T::default(); LANES];
+    for (lane, one) in all.iter_mut().enumerate() {
+        *one = value(lane);
+    }
+    all
+}
+
 /// `x` kept within `low` and `high`.
 #[inline(always)]
 pub(crate) fn clamp<S: Simd>(x: F<S>, low: f32, high: f32) -> F<S> {
@@ -198,6 +209,17 @@ pub(crate) fn smooth<S: Simd>(x: F<S>) -> F<S> {
 #[inline(always)]
 pub(crate) fn whole<S: Simd>(x: F<S>) -> I<S> {
     x.to_int()
+}
+
+/// Between the four corners of a square, a byte each (the two of lesser y, then the others): 0..=255 at (x, y), 0..=1 each.
+#[inline(always)]
+pub(crate) fn four_bytes<S: Simd>(corners: U<S>, [x, y]: [F<S>; 2]) -> F<S> {
+    // Spelled out: a closure that is not inlined has no wide instructions, and a call for each operation.
+    let (a, b): (I<S>, I<S>) = ((corners & 0xff).bitcast(), ((corners >> 8) & 0xff).bitcast());
+    let (c, d): (I<S>, I<S>) = (((corners >> 16) & 0xff).bitcast(), (corners >> 24).bitcast());
+    let (a, b, c, d): (F<S>, F<S>, F<S>, F<S>) = (a.to_float(), b.to_float(), c.to_float(), d.to_float());
+    let (near, far) = (a + (b - a) * x, c + (d - c) * x);
+    near + (far - near) * y
 }
 
 /// `exp(−x)` for x ≥ 0; relative error below 1e-5, and never below 2⁻¹²⁰.

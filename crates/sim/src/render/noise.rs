@@ -2,7 +2,7 @@
 
 use fearless_simd::prelude::*;
 
-use super::lanes::{F, I, Simd, U, clamp, whole};
+use super::lanes::{F, I, LANES, Simd, U, clamp, each, whole};
 
 /// Side of the noise table; noise repeats after this many cells.
 const SIDE: usize = 256;
@@ -63,18 +63,15 @@ impl Noise {
         let (fx, fy) = (x - x0, y - y0);
         let (sx, sy) = (fx * fx * (3.0 - fx * 2.0), fy * fy * (3.0 - fy * 2.0));
         let place = ((whole(y0) & (SIDE as i32 - 1)) << SIDE.ilog2()) | (whole(x0) & (SIDE as i32 - 1));
-        let cell = I::from_fn(
-            x.token(),
+        let place: [i32; LANES] = place.into();
+        let cell = each(
             #[inline(always)]
             |lane| self.cells[place[lane] as usize & (SIDE * SIDE - 1)] as i32,
         );
+        let cell = I::from_slice(x.token(), &cell);
         // Bytes with a sign: up to the top, and down again.
-        let [a, b, c, d]: [F<S>; 4] = [
-            ((cell << 24) >> 24).to_float(),
-            ((cell << 16) >> 24).to_float(),
-            ((cell << 8) >> 24).to_float(),
-            (cell >> 24).to_float(),
-        ];
+        let (a, b): (F<S>, F<S>) = (((cell << 24) >> 24).to_float(), ((cell << 16) >> 24).to_float());
+        let (c, d): (F<S>, F<S>) = (((cell << 8) >> 24).to_float(), (cell >> 24).to_float());
         let (top, bottom) = (a + (b - a) * sx, c + (d - c) * sx);
         (top + (bottom - top) * sy) * (1.0 / 127.0)
     }

@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::lanes::{F, I, LANES, M, Simd, V3, whole};
+use super::lanes::{F, I, LANES, M, Simd, V3, each, whole};
 use super::prepare::Soup;
 use super::raster::{NONE, SUB, ScreenTriangle, TILE, TILE_AREA, Tile, place};
 use super::setup::{Bins, tiles};
@@ -305,7 +305,10 @@ impl ShadowMap {
         for (half, [first, second]) in weights.into_iter().enumerate() {
             let start = (iy + 2 * half) * self.width + ix;
             let (upper, lower) = (&self.near[start..start + 4], &self.near[start + self.width..start + self.width + 4]);
-            let texels: [i32; LANES] = core::array::from_fn(|k| i32::from(if k < 4 { upper[k] } else { lower[k - 4] }));
+            let texels: [i32; LANES] = each(
+                #[inline(always)]
+                |k| i32::from(if k < 4 { upper[k] } else { lower[k - 4] }),
+            );
             let down = F::from_slice(simd, &[first, first, first, first, second, second, second, second]);
             let lit = I::from_slice(simd, &texels).simd_le(own);
             sum += lit.select(across * down, F::splat(simd, 0.0));
