@@ -4,6 +4,15 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::pilot::{Outcome, PilotSettings, Preset};
 
+/// Something touched in flight.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Touch {
+    /// Key of the object in the scene.
+    pub object: String,
+    /// Flight time, seconds.
+    pub at_s: f64,
+}
+
 /// One flight. Neither folder nor wall time stand in it: it follows from the seed alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
@@ -29,6 +38,9 @@ pub struct Summary {
     pub final_distance_m: Option<f64>,
     /// Things touched in flight.
     pub collisions: u32,
+    /// What was touched, in order; where there is truth.
+    #[serde(default)]
+    pub touched: Vec<Touch>,
     /// Keys of the objects that the instruction may mean.
     pub targets: Vec<String>,
     /// Whether the nearest of them was in view.

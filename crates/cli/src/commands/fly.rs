@@ -344,8 +344,10 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     printer.result(&format!("{}{verified}: {}", words::outcome(summary.outcome), summary.cause));
     let time = summary.completion_time_s.map_or("nothing moved".to_owned(), |time| format!("{time:.1} s from first motion"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
+    let touched: Vec<&str> = summary.touched.iter().map(|touch| touch.object.as_str()).collect();
+    let touched = if touched.is_empty() { String::new() } else { format!(" (with {})", touched.join(", ")) };
     printer.result(&format!(
-        "{time}, {:.1} m flown, {}, {}{distance}",
+        "{time}, {:.1} m flown, {}, {}{touched}{distance}",
         summary.path_length_m,
         counted(summary.decisions, "decision"),
         counted(summary.collisions, "collision"),

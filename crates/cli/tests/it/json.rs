@@ -10,6 +10,7 @@ const KEYS: &[&str] = &[
     "decisions",
     "final_distance_m",
     "collisions",
+    "touched",
     "seed",
     "vlm",
     "preset",

@@ -18,6 +18,7 @@ use spf_core::time::Time;
 use spf_drone::{Capabilities, Drone};
 use spf_record::out_dir::OutDir;
 use spf_sim::effects::Effects;
+use spf_sim::geometry::ObjectId;
 use spf_sim::model::CraftKind;
 use spf_sim::oracle::ErrorFile;
 use spf_sim::wind::Wind;
@@ -30,7 +31,7 @@ use super::world::{Circumstances, SimDrone, SimWorld};
 use crate::log::{Head, SimHead};
 use crate::recorder::Recorder;
 use crate::run::{Observer, World, run};
-use crate::summary::Summary;
+use crate::summary::{Summary, Touch};
 use crate::world::{Live, Lockstep, Script};
 
 /// Which policy decides.
@@ -281,10 +282,7 @@ fn check_start(stage: &Stage, world: &SimWorld, radius: f64) -> Result<(), Fligh
     at.up += 0.1;
     match stage.collider.contact(at, 0.9 * radius) {
         None => Ok(()),
-        Some(id) => {
-            let object = stage.tags.iter().find(|tags| tags.id == id).map_or_else(|| id.to_string(), |tags| tags.key.clone());
-            Err(FlightError::StartBlocked { east: at.east, north: at.north, up: at.up, object })
-        }
+        Some(id) => Err(FlightError::StartBlocked { east: at.east, north: at.north, up: at.up, object: stage.key(id) }),
     }
 }
 
@@ -295,7 +293,7 @@ struct Settled {
     ending: Ending,
     verdict: Verdict,
     path_length: f64,
-    collisions: usize,
+    touched: Vec<Touch>,
 }
 
 struct Judging {
@@ -311,13 +309,14 @@ impl Observer for Judging {
             self.world.advance_to(now);
             let truth = self.world.truth();
             let verdict = judge(&self.world, &self.instruction, &self.start);
+            let touch = |&(at, id): &(Time, ObjectId)| Touch { object: self.world.stage().key(id), at_s: at.as_secs_f64() };
             self.settled = Some(Settled {
                 at: now,
                 instruction: self.instruction.clone(),
                 ending: ending.clone(),
                 verdict,
                 path_length: truth.path_length,
-                collisions: truth.collided_with.len(),
+                touched: truth.collided_with.iter().map(touch).collect(),
             });
         }
         if let Action::Note(spf_core::pilot::Note::Operator(spf_core::pilot::OperatorEvent::Instruction(text))) = action {
@@ -333,7 +332,7 @@ fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Se
         ending: Ending { outcome: Outcome::Failed, cause: "the flight ended without an outcome".to_owned() },
         verdict: Verdict::default(),
         path_length: 0.0,
-        collisions: 0,
+        touched: Vec::new(),
     });
     let circumstances = &plan.circumstances;
     Summary {
@@ -347,7 +346,8 @@ fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Se
         path_length_m: settled.path_length,
         decisions: pilot.decisions(),
         final_distance_m: settled.verdict.final_distance_m,
-        collisions: u32::try_from(settled.collisions).unwrap_or(u32::MAX),
+        collisions: u32::try_from(settled.touched.len()).unwrap_or(u32::MAX),
+        touched: settled.touched,
         targets: settled.verdict.targets,
         target_in_view: settled.verdict.in_view,
         seed: plan.seed,

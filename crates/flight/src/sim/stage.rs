@@ -87,6 +87,11 @@ impl Stage {
         Ok(Self { scene, renderer, collider, cast, tags, eyes: Mutex::default() })
     }
 
+    /// An object's key in the scene; its number where it has none.
+    pub(crate) fn key(&self, id: ObjectId) -> String {
+        self.tags.iter().find(|tags| tags.id == id).map_or_else(|| id.to_string(), |tags| tags.key.clone())
+    }
+
     /// Eyes to look through; they come back by [`Stage::give_back`].
     pub(super) fn eyes(&self) -> Eyes {
         self.eyes.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
