@@ -1,11 +1,17 @@
-//! Any text as a scene: read or refused with its place, and what was read can be stood in, within what ids can count.
+//! Any text as a scene and as a variant of one: read or refused with its place, and what was read can be stood in, within what
+//! ids can count.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spf_sim::scene::Scene;
+use spf_sim::scene::{Scene, SceneError};
 
 fuzz_target!(|text: &str| {
-    match Scene::parse(text, "fuzz.toml") {
+    look_at(Scene::parse(text, "fuzz.toml"));
+    look_at(Scene::parse_variant(text, "fuzz.toml", text.len() as u64));
+});
+
+fn look_at(read: Result<Scene, SceneError>) {
+    match read {
         Ok(scene) => {
             assert!(scene.objects.len() <= usize::from(u16::MAX));
             let start = scene.start.position;
@@ -13,4 +19,4 @@ fuzz_target!(|text: &str| {
         }
         Err(error) => assert!(error.to_string().starts_with("fuzz.toml:"), "{error}"),
     }
-});
+}

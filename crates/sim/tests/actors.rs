@@ -75,10 +75,10 @@ impl Stage {
         Self::new(&text).expect("the scene is sound")
     }
 
-    /// Hulls of the solid parts of all postures in the actors' own frames.
-    fn hulls(&self) -> Vec<Vec<DVec2>> {
-        let hull = |postures: &Vec<Vec<spf_sim::geometry::Part>>| {
-            let solid = postures.iter().flatten().filter(|part| part.role == Role::Solid);
+    /// Hulls of the solid parts of the first postures (the very first is that of standing) in the actors' own frames.
+    fn hulls(&self, postures: usize) -> Vec<Vec<DVec2>> {
+        let hull = |all: &Vec<Vec<spf_sim::geometry::Part>>| {
+            let solid = all.iter().take(postures).flatten().filter(|part| part.role == Role::Solid);
             hull(solid.flat_map(|p| &p.vertices).map(|v| DVec2::new(v.position.x.into(), v.position.y.into())).collect())
         };
         self.scene.actors.iter().map(|actor| hull(&actor.postures)).collect()
@@ -125,7 +125,7 @@ fn overlap(a: &[DVec2], b: &[DVec2]) -> bool {
 
 /// The first two actors that overlap at a time, looked at every quarter of a tick.
 fn first_overlap(stage: &Stage, seed: u64, seconds: u64) -> Option<(usize, usize, f64)> {
-    let hulls = stage.hulls();
+    let hulls = stage.hulls(1);
     let mut traffic = Traffic::new(stage.cast.clone(), seed);
     for step in 0..seconds * 80 {
         let at = Time::from_nanos(step * 12_500_000);
@@ -277,7 +277,7 @@ fn the_actors_of_built_in_scenes_are_free() {
         let cast = Arc::new(Cast::new(&scene.actors, &collider).unwrap());
         let stage = Stage { scene, collider, cast };
         assert_eq!(first_overlap(&stage, 1, 300), None, "{name}");
-        let (hulls, start) = (stage.hulls(), stage.scene.start.position);
+        let (hulls, start) = (stage.hulls(usize::MAX), stage.scene.start.position);
         let mut traffic = Traffic::new(stage.cast.clone(), 1);
         let mut places = Vec::new();
         for step in 0..600 {
@@ -299,7 +299,7 @@ fn the_actors_of_built_in_scenes_are_free() {
             }
         }
         for (actor, place) in stage.scene.actors.iter().zip(&places) {
-            assert!(place.walked > 100.0, "{name}: {} got {:.0} m on", actor.object, place.walked);
+            assert!(place.walked > 60.0, "{name}: {} got {:.0} m on", actor.object, place.walked);
         }
     }
 }

@@ -104,12 +104,22 @@ impl Course {
             Gait::Drive => DRIVING,
         };
         let route = Route::new(&actor.motion, manner.lateral, manner.braking, ground);
-        Self { motion: actor.motion.clone(), route, body: Footprint::of(&actor.postures, actor.motion.gait), manner }
+        Self { motion: actor.motion.clone(), route, body: Footprint::of(actor), manner }
     }
 
     /// Where it begins.
     pub(crate) fn start(&self) -> ActorPlace {
         self.place(&self.begin(0, 0))
+    }
+
+    /// Lets it begin elsewhere, at a share of its path.
+    pub(crate) fn set_start(&mut self, start: f64) {
+        self.motion.start = start;
+    }
+
+    /// Its way on the map, a point at least every half metre, and how far its body reaches to the sides.
+    pub(crate) fn way(&self) -> (Vec<DVec2>, f64) {
+        (self.route.points(), self.body.radius)
     }
 
     /// The state at the beginning. Chance (pauses, a cruising speed up to a tenth below the given) follows from the seed and
@@ -365,15 +375,23 @@ fn bearing(direction: DVec2) -> f64 {
     libm::atan2(direction.x, direction.y)
 }
 
+/// The room that an actor takes where it begins.
+fn first_claim(course: &Course) -> Claim {
+    let (state, mut claim) = (course.begin(0, 0), Claim::default());
+    course.claim(&state, &course.place(&state), &mut claim);
+    course.fill(&state, &mut claim);
+    claim
+}
+
+/// Whether an actor begins on one of others.
+pub(crate) fn begins_on<'a>(course: &Course, mut others: impl Iterator<Item = &'a Course>) -> bool {
+    let own = first_claim(course);
+    others.any(|other| own.meets(&first_claim(other), course.gap().min(other.gap())))
+}
+
 /// The first two courses whose actors begin on one another, by their place in the list.
 pub(crate) fn first_clash(courses: &[Course]) -> Option<(usize, usize)> {
-    let claim = |course: &Course| {
-        let (state, mut claim) = (course.begin(0, 0), Claim::default());
-        course.claim(&state, &course.place(&state), &mut claim);
-        course.fill(&state, &mut claim);
-        claim
-    };
-    let claims: Vec<Claim> = courses.iter().map(claim).collect();
+    let claims: Vec<Claim> = courses.iter().map(first_claim).collect();
     let pairs = (0..courses.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
     pairs.into_iter().find(|&(i, j)| claims[i].meets(&claims[j], courses[i].gap().min(courses[j].gap())))
 }

@@ -2,8 +2,8 @@
 
 use glam::DVec2;
 
-use super::Gait;
-use crate::geometry::{Part, Role};
+use super::{Actor, Gait};
+use crate::geometry::Role;
 
 /// Discs in a row along the body's forward axis.
 #[derive(Clone, Debug)]
@@ -19,16 +19,17 @@ pub(crate) struct Footprint {
 }
 
 impl Footprint {
-    /// The discs that cover the solid parts of all postures, however they turn.
-    pub(crate) fn of(postures: &[Vec<Part>], gait: Gait) -> Self {
-        let solid = postures.iter().flatten().filter(|part| part.role == Role::Solid);
+    /// The discs that cover the solid parts of an actor as it stands, however it turns. The step of one that walks reaches
+    /// farther, into the room that it holds until it stands.
+    pub(crate) fn of(actor: &Actor) -> Self {
+        let solid = actor.postures.iter().take(1).flatten().filter(|part| part.role == Role::Solid);
         let (mut half, mut round) = (DVec2::splat(0.05), 0.05_f64);
         for vertex in solid.flat_map(|part| &part.vertices) {
             let at = DVec2::new(f64::from(vertex.position.x), f64::from(vertex.position.y));
             half = half.max(at.abs());
             round = round.max(at.length());
         }
-        match gait {
+        match actor.motion.gait {
             Gait::Walk => Self { radius: round, offsets: vec![0.0], axle: 0.0, reach: round },
             Gait::Drive => {
                 let count = (half.y / half.x).ceil().clamp(1.0, 12.0);

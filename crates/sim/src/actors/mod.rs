@@ -12,7 +12,7 @@ mod route;
 mod traffic;
 
 pub use cast::Cast;
-pub(crate) use course::{Course, first_clash};
+pub(crate) use course::{Course, begins_on, first_clash};
 pub use place::ActorPlace;
 pub use traffic::{HISTORY, TICK, Traffic};
 

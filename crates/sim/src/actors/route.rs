@@ -73,6 +73,11 @@ impl Route {
         self.knots.last().map_or(0.0, |knot| knot.along)
     }
 
+    /// Points of it, in order.
+    pub(crate) fn points(&self) -> Vec<DVec2> {
+        self.knots.iter().map(|knot| knot.at).collect()
+    }
+
     /// Whether it leads back to its beginning.
     pub(crate) fn closed(&self) -> bool {
         self.closed

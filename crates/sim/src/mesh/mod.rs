@@ -56,7 +56,6 @@ pub(crate) trait Generator: Debug {
     fn draw(&self, sketch: &mut Sketch, seed: &str);
     /// Draws what walks at `phase` of its gait, whose cycle runs from 0 to 1 and takes 0.86 of the height in metres; false for
     /// what does not walk.
-    #[allow(dead_code, reason = "actors alone ask for it")]
     fn draw_walking(&self, _sketch: &mut Sketch, _phase: f32) -> bool {
         false
     }

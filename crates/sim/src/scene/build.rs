@@ -13,13 +13,19 @@ use super::file::{RawBounds, RawScene, Source};
 use super::light::{Conditions, Shining};
 use super::surface::palette;
 use super::{Aabb, Object, Scene};
-use crate::actors::{Actor, Course, Motion, first_clash};
+use crate::actors::{Actor, Course, Gait, Motion, first_clash};
 use crate::geometry::{Material, ObjectId, Part, Pattern, Role, SceneGeometry, Vertex};
-use crate::mesh::{Sketch, convex_hull};
+use crate::mesh::{Generator, Sketch, Surface, convex_hull};
 use crate::model::{CraftKind, Model};
 
 /// Most triangles of a scene: what a laptop still renders at several pictures a second.
-const MAX_TRIANGLES: usize = 500_000;
+pub(super) const MAX_TRIANGLES: usize = 500_000;
+
+/// Postures of one double step: about as many a second as a flight's video has pictures.
+const GAIT: u32 = 12;
+
+/// Most triangles of all postures of all who walk.
+const MAX_GAIT_TRIANGLES: usize = 8 * MAX_TRIANGLES;
 
 /// Most objects that move: each looks out for all others.
 const MAX_ACTORS: usize = 200;
@@ -74,8 +80,8 @@ pub(super) fn build(
     }
     let ids: BTreeMap<&str, ObjectId> =
         expanded.placed.iter().enumerate().map(|(i, p)| (p.key.as_str(), i as ObjectId + 1)).collect();
-    let (mut parts, mut objects, mut actors) = (Vec::new(), Vec::new(), Actors::default());
-    let mut triangles = 0;
+    let (mut all, mut objects, mut actors) = (Vec::new(), Vec::new(), Actors::default());
+    let (mut triangles, mut gait_triangles) = (0, 0);
     for (i, placed) in expanded.placed.iter().enumerate() {
         let id = i as ObjectId + 1;
         let generator = &expanded.meshes[placed.mesh];
@@ -96,18 +102,21 @@ pub(super) fn build(
         for lamp in sketch.lamps.iter().filter(|_| placed.motion.is_none()) {
             shining.add(lamp, |p| to_world.point(p), to_world.scale, &placed.span, source)?;
         }
-        let mut own = Vec::with_capacity(sketch.surfaces.len());
-        for surface in &sketch.surfaces {
-            let Some(&(_, material)) = slots.iter().find(|(slot, _)| *slot == surface.slot) else {
-                unreachable!("a generator draws only on its own slots; a test draws them all");
-            };
-            let vertices = surface.vertices.iter().map(|v| to_world.vertex(v)).collect();
-            own.push(Part { vertices, triangles: surface.triangles.clone(), material, object: id, role: surface.role });
-        }
+        let own = parts(&sketch, &slots, &to_world, id);
         let mut object = object(placed, id, &ids, &own, &sketch, &to_world, source)?;
         match &placed.motion {
-            Some(motion) => actors.add(motion, own, &mut object, placed, source)?,
-            None => parts.extend(own),
+            Some(motion) => {
+                let mut postures = vec![own];
+                let gait = gait(generator.as_ref(), motion);
+                gait_triangles += gait.iter().map(Sketch::triangle_count).sum::<usize>();
+                if gait_triangles > MAX_GAIT_TRIANGLES {
+                    let message = format!("the postures of those who walk have more than {MAX_GAIT_TRIANGLES} triangles");
+                    return Err(source.error(&placed.span, message, Some("let fewer persons walk".to_owned())));
+                }
+                postures.extend(gait.iter().map(|sketch| parts(sketch, &slots, &to_world, id)));
+                actors.add(motion, postures, &mut object, placed, source)?;
+            }
+            None => all.extend(own),
         }
         objects.push(object);
     }
@@ -127,9 +136,30 @@ pub(super) fn build(
         objects,
         lighting: shining.lighting,
         weather: shining.weather,
-        geometry: SceneGeometry { parts, materials: materials.list, textures: Vec::new(), light: shining.light },
+        geometry: SceneGeometry { parts: all, materials: materials.list, textures: Vec::new(), light: shining.light },
         actors: actors.list,
     })
+}
+
+/// The meshes of a sketch.
+fn parts(sketch: &Sketch, slots: &[(&'static str, u16)], to_world: &Frame, object: ObjectId) -> Vec<Part> {
+    let part = |surface: &Surface| {
+        let Some(&(_, material)) = slots.iter().find(|(slot, _)| *slot == surface.slot) else {
+            unreachable!("a generator draws only on its own slots; a test draws them all");
+        };
+        let vertices = surface.vertices.iter().map(|v| to_world.vertex(v)).collect();
+        Part { vertices, triangles: surface.triangles.clone(), material, object, role: surface.role }
+    };
+    sketch.surfaces.iter().map(part).collect()
+}
+
+/// What a person looks like on its way; nothing for what does not walk.
+fn gait(generator: &dyn Generator, motion: &Motion) -> Vec<Sketch> {
+    let drawn = |k: u32| {
+        let mut sketch = Sketch::default();
+        generator.draw_walking(&mut sketch, k as f32 / GAIT as f32).then_some(sketch)
+    };
+    if motion.gait == Gait::Walk { (0..GAIT).map_while(drawn).collect() } else { Vec::new() }
 }
 
 /// The material of each slot: the generator's default unless the object names another.
@@ -229,7 +259,7 @@ impl Actors {
     fn add(
         &mut self,
         motion: &Motion,
-        parts: Vec<Part>,
+        postures: Vec<Vec<Part>>,
         object: &mut Object,
         placed: &Placed,
         source: &Source<'_>,
@@ -238,7 +268,7 @@ impl Actors {
             return Err(source.error(&placed.span, format!("a scene may have at most {MAX_ACTORS} objects that move"), None));
         }
         let outline = core::mem::take(&mut object.outline);
-        let actor = Actor { object: object.id, motion: motion.clone(), postures: vec![parts], outline };
+        let actor = Actor { object: object.id, motion: motion.clone(), postures, outline };
         let course = Course::new(&actor, None);
         let start = course.start();
         object.outline = start.outline(&actor.outline);

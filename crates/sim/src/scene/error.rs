@@ -58,6 +58,16 @@ impl SceneError {
         Self::Unknown { name: name.to_owned(), hint }
     }
 
+    pub(super) fn bad_seed(scene: &str, seed: &str) -> Self {
+        let hint = format!("the seed of a variant is a whole number from 0 to {}, as in `{scene}@17`", u64::MAX);
+        Self::Unknown { name: format!("{scene}@{seed}"), hint }
+    }
+
+    pub(super) fn no_variants(file: &str, line: usize) -> Self {
+        let hint = "leave out `@` and the number, or say under `[vary]` what may change (docs/scene-format.md)".to_owned();
+        Self::Invalid { file: file.to_owned(), line, message: "this scene has no variants".to_owned(), hint: Some(hint) }
+    }
+
     pub(super) fn too_large(file: &str) -> Self {
         Self::Invalid {
             file: file.to_owned(),

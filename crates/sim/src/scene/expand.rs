@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use toml::Spanned;
+
 use super::Tags;
 use super::error::{SceneError, nearest};
 use super::file::{RawObject, RawScene, Source, first_line};
@@ -39,66 +41,95 @@ pub(super) struct Placed {
     pub(super) scale: f64,
     /// How it moves by itself; `position` and `heading_deg` are then its path's.
     pub(super) motion: Option<Motion>,
+    /// The key that fits it better in a variant.
+    pub(super) new_key: Option<String>,
     pub(super) span: Range<usize>,
 }
 
 /// The objects and the generators they are drawn with.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Expanded {
     pub(super) placed: Vec<Placed>,
     pub(super) meshes: Vec<Box<dyn Generator>>,
+    keys: BTreeSet<String>,
+}
+
+impl Expanded {
+    /// Whether an object has that id.
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.keys.contains(key)
+    }
+
+    /// Takes the last object, which stood by itself, out again.
+    pub(super) fn pop(&mut self) {
+        self.meshes.pop();
+        if let Some(last) = self.placed.pop() {
+            self.keys.remove(&last.key);
+        }
+    }
 }
 
 /// Unrolls all objects of a file.
 pub(super) fn expand(raw: &RawScene, source: &Source<'_>) -> Result<Expanded, SceneError> {
-    let mut out = Expanded { placed: Vec::new(), meshes: Vec::new() };
-    let mut keys = BTreeSet::new();
+    let mut out = Expanded::default();
     for object in &raw.objects {
-        let span = object.span();
-        let merged = merge(raw, object.get_ref(), source)?;
-        let key = merged.id.clone().unwrap_or_default();
-        if key.is_empty() || !key.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_') {
-            let hint = "write `id = \"red_crane\"`: lower case letters, digits and `_`".to_owned();
-            return Err(source.error(&span, "an object has no usable `id`", Some(hint)));
-        }
-        let tags = tags(&merged, &span, source)?;
-        let materials: Vec<_> =
-            merged.materials.iter().map(|(slot, name)| (slot.clone(), name.get_ref().clone(), name.span())).collect();
-        let (mesh_kind, mesh) = generator(&merged, &span, source)?;
-        check_opening(&merged, mesh.as_ref(), &span, source)?;
-        let motion = motion(&merged, source)?;
-        let places = match &motion {
-            Some(_) if mesh.is_opening() => return Err(source.error(&span, "an opening does not move by itself", None)),
-            Some(_) => vec![([0.0; 3], 0.0)],
-            None => places(&merged, &span, source)?,
-        };
-        out.meshes.push(mesh);
-        let single = merged.places.is_none() && merged.repeat.is_none();
-        for (i, (position, heading_deg)) in places.into_iter().enumerate() {
-            let key = if single { key.clone() } else { format!("{key}_{}", i + 1) };
-            if !keys.insert(key.clone()) {
-                let hint = "each `id` stands once; rows and places add `_1`, `_2`, …".to_owned();
-                return Err(source.error(&span, format!("the id `{key}` is given twice"), Some(hint)));
-            }
-            if out.placed.len() >= MAX_OBJECTS {
-                return Err(source.error(&span, format!("a scene may have at most {MAX_OBJECTS} objects"), None));
-            }
-            out.placed.push(Placed {
-                key,
-                tags: tags.clone(),
-                opening_of: merged.opening_of.as_ref().map(|o| (o.get_ref().clone(), o.span())),
-                mesh: out.meshes.len() - 1,
-                mesh_kind,
-                materials: materials.clone(),
-                position,
-                heading_deg,
-                scale: scale(&merged, source)?,
-                motion: motion.clone(),
-                span: span.clone(),
-            });
-        }
+        unroll(raw, object, &mut out, source)?;
     }
     Ok(out)
+}
+
+/// Unrolls one entry: a thing, a row of things, or one at each of some places.
+pub(super) fn unroll(
+    raw: &RawScene,
+    object: &Spanned<RawObject>,
+    out: &mut Expanded,
+    source: &Source<'_>,
+) -> Result<(), SceneError> {
+    let span = object.span();
+    let merged = merge(raw, object.get_ref(), source)?;
+    let key = merged.id.clone().unwrap_or_default();
+    if key.is_empty() || !key.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_') {
+        let hint = "write `id = \"red_crane\"`: lower case letters, digits and `_`".to_owned();
+        return Err(source.error(&span, "an object has no usable `id`", Some(hint)));
+    }
+    let tags = tags(&merged, &span, source)?;
+    let materials: Vec<_> =
+        merged.materials.iter().map(|(slot, name)| (slot.clone(), name.get_ref().clone(), name.span())).collect();
+    let (mesh_kind, mesh) = generator(&merged, &span, source)?;
+    check_opening(&merged, mesh.as_ref(), &span, source)?;
+    let motion = motion(&merged, source)?;
+    let places = match &motion {
+        Some(_) if mesh.is_opening() => return Err(source.error(&span, "an opening does not move by itself", None)),
+        Some(_) => vec![([0.0; 3], 0.0)],
+        None => places(&merged, &span, source)?,
+    };
+    out.meshes.push(mesh);
+    let single = merged.places.is_none() && merged.repeat.is_none();
+    for (i, (position, heading_deg)) in places.into_iter().enumerate() {
+        let key = if single { key.clone() } else { format!("{key}_{}", i + 1) };
+        if !out.keys.insert(key.clone()) {
+            let hint = "each `id` stands once; rows and places add `_1`, `_2`, …".to_owned();
+            return Err(source.error(&span, format!("the id `{key}` is given twice"), Some(hint)));
+        }
+        if out.placed.len() >= MAX_OBJECTS {
+            return Err(source.error(&span, format!("a scene may have at most {MAX_OBJECTS} objects"), None));
+        }
+        out.placed.push(Placed {
+            key,
+            tags: tags.clone(),
+            opening_of: merged.opening_of.as_ref().map(|o| (o.get_ref().clone(), o.span())),
+            mesh: out.meshes.len() - 1,
+            mesh_kind,
+            materials: materials.clone(),
+            position,
+            heading_deg,
+            scale: scale(&merged, source)?,
+            motion: motion.clone(),
+            new_key: None,
+            span: span.clone(),
+        });
+    }
+    Ok(())
 }
 
 /// An object over its template: what the object says wins, `materials` are joined.

@@ -11,6 +11,7 @@ use super::error::{SceneError, hint_from};
 use super::light::{Lighting, Weather};
 use super::motion::RawMotion;
 use super::surface::{Colour, RawMaterial};
+use super::variant::RawVary;
 use crate::model::CraftKind;
 
 /// Longest scene file that is read, bytes.
@@ -28,6 +29,11 @@ pub(super) struct Source<'a> {
 impl<'a> Source<'a> {
     pub(super) const fn new(text: &'a str, file: &'a str) -> Self {
         Self { text, file }
+    }
+
+    /// The file's name.
+    pub(super) const fn name(&self) -> &'a str {
+        self.file
     }
 
     /// An error at the start of a span.
@@ -73,6 +79,7 @@ pub(super) struct RawScene {
     #[serde(default)]
     pub(super) templates: BTreeMap<String, Spanned<RawObject>>,
     pub(super) objects: Vec<Spanned<RawObject>>,
+    pub(super) vary: Option<RawVary>,
 }
 
 /// Flying room, metres.

@@ -10,6 +10,7 @@ mod file;
 mod light;
 mod motion;
 mod surface;
+mod variant;
 mod wrapper;
 
 use std::path::Path;
@@ -146,6 +147,11 @@ fn is_model(path: &str) -> bool {
     end.eq_ignore_ascii_case("glb") || end.eq_ignore_ascii_case("gltf")
 }
 
+/// Whether a name is the path of a file that a scene can be read from.
+fn is_file(name: &str) -> bool {
+    is_model(name) || name.ends_with(".toml")
+}
+
 /// The light of a scene that says nothing of it.
 fn own_light(conditions: &Conditions) -> Result<Shining, SceneError> {
     Shining::of(&file::RawLight::default(), conditions, &file::Source::new("", ""))
@@ -153,7 +159,7 @@ fn own_light(conditions: &Conditions) -> Result<Shining, SceneError> {
 
 impl Scene {
     /// Loads a built-in scene by name (`city`, `park`), or a file by its path: a scene file, which ends in `.toml`, or a glTF 2.0 model,
-    /// which ends in `.glb` or `.gltf` (`docs/gltf.md`).
+    /// which ends in `.glb` or `.gltf` (`docs/gltf.md`). With `@` and a number behind it (`city@17`), the variant of that seed.
     ///
     /// # Errors
     /// [`SceneError::Unknown`] for a name that no built-in scene has, [`SceneError::Read`] if the file cannot be read,
@@ -168,13 +174,17 @@ impl Scene {
     /// # Errors
     /// As [`Scene::load`].
     pub fn load_with(name_or_path: &str, conditions: &Conditions) -> Result<Self, SceneError> {
+        let (name_or_path, seed) = variant::split(name_or_path)?;
         if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
-            return Self::parse_with(text, &format!("scenes/{name}.toml"), None, conditions);
+            return Self::parse_with(text, &format!("scenes/{name}.toml"), None, conditions, seed);
         }
         if is_model(name_or_path) {
+            if seed.is_some() {
+                return Err(SceneError::no_variants(name_or_path, 1));
+            }
             return gltf::load(name_or_path, &Wishes::default(), own_light(conditions)?);
         }
-        if !name_or_path.ends_with(".toml") {
+        if !is_file(name_or_path) {
             return Err(SceneError::unknown(name_or_path, &Self::built_in()));
         }
         let read = |source| SceneError::Read { path: name_or_path.to_owned(), source };
@@ -183,7 +193,7 @@ impl Scene {
             return Err(SceneError::too_large(name_or_path));
         }
         let text = std::fs::read_to_string(name_or_path).map_err(read)?;
-        Self::parse_with(&text, name_or_path, Path::new(name_or_path).parent(), conditions)
+        Self::parse_with(&text, name_or_path, Path::new(name_or_path).parent(), conditions, seed)
     }
 
     /// Reads a scene from its text; `file` names it in errors.
@@ -191,7 +201,15 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Invalid`].
     pub fn parse(text: &str, file: &str) -> Result<Self, SceneError> {
-        Self::parse_with(text, file, None, &Conditions::default())
+        Self::parse_with(text, file, None, &Conditions::default(), None)
+    }
+
+    /// The variant of a seed of a scene from its text; `file` names it in errors.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`], also for a scene without `vary` tables.
+    pub fn parse_variant(text: &str, file: &str, seed: u64) -> Result<Self, SceneError> {
+        Self::parse_with(text, file, None, &Conditions::default(), Some(seed))
     }
 
     /// Reads a scene from the bytes of a `.glb` or `.gltf` that names no other files; `file` names it in errors.
@@ -202,14 +220,28 @@ impl Scene {
         gltf::parse(bytes, file, None, &Wishes::default(), own_light(&Conditions::default())?)
     }
 
-    fn parse_with(text: &str, file: &str, folder: Option<&Path>, conditions: &Conditions) -> Result<Self, SceneError> {
+    fn parse_with(
+        text: &str,
+        file: &str,
+        folder: Option<&Path>,
+        conditions: &Conditions,
+        seed: Option<u64>,
+    ) -> Result<Self, SceneError> {
         let source = file::Source::new(text, file);
         if wrapper::names_a_model(text) {
+            if seed.is_some() {
+                return Err(SceneError::no_variants(file, 1));
+            }
             return wrapper::load(&source, folder, conditions);
         }
-        let raw = file::read(&source)?;
-        let placed = expand::expand(&raw, &source)?;
-        build::build(&raw, placed, conditions, &source)
+        let mut raw = file::read(&source)?;
+        let mut expanded = expand::expand(&raw, &source)?;
+        let Some(seed) = seed else { return build::build(&raw, expanded, conditions, &source) };
+        let mut conditions = *conditions;
+        variant::vary(&mut raw, &mut expanded, &mut conditions, seed, &source)?;
+        let mut scene = build::build(&raw, expanded, &conditions, &source)?;
+        scene.name = format!("{}@{seed}", scene.name);
+        Ok(scene)
     }
 
     /// Names of the built-in scenes.

@@ -1,0 +1,328 @@
+//! Variants of a scene: laid out, coloured, peopled and lit otherwise, from a seed (`docs/scene-format.md`, "Variants").
+//!
+//! What may change stands in the file's `vary` tables. Each table draws from the seed and its own number alone, so a table
+//! more leaves what the others do as it was. A change that would put one thing into another, or something before the start,
+//! is drawn again, and given up after some tries.
+
+mod layout;
+mod paint;
+mod room;
+mod shape;
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use serde::Deserialize;
+use spf_core::rng::Draw;
+use toml::Spanned;
+
+use self::room::Room;
+use super::error::{SceneError, nearest};
+use super::expand::{Expanded, Placed};
+use super::file::{RawScene, Source};
+use super::light::{Conditions, Lighting, Weather};
+
+/// Most tables of a kind.
+const MAX_TABLES: usize = 64;
+
+/// The `vary` tables as written.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawVary {
+    #[serde(default)]
+    shuffle: Vec<RawShuffle>,
+    #[serde(default)]
+    jitter: Vec<RawJitter>,
+    #[serde(default)]
+    repaint: Vec<RawRepaint>,
+    #[serde(default)]
+    depart: Vec<RawDepart>,
+    #[serde(default)]
+    add: Vec<Spanned<RawAdd>>,
+    #[serde(default)]
+    light: RawVaryLight,
+}
+
+impl RawVary {
+    /// Refuses more tables than anyone writes: each costs some work.
+    fn check_number(&self, source: &Source<'_>) -> Result<(), SceneError> {
+        let numbers = [self.shuffle.len(), self.jitter.len(), self.repaint.len(), self.depart.len(), self.add.len()];
+        if numbers.iter().all(|number| *number <= MAX_TABLES) {
+            return Ok(());
+        }
+        Err(source.error(&(0..0), format!("there may be at most {MAX_TABLES} tables of each kind under `vary`"), None))
+    }
+}
+
+/// Objects that change places.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawShuffle {
+    objects: Spanned<Vec<String>>,
+}
+
+/// Objects that stand a little elsewhere.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawJitter {
+    objects: Spanned<Vec<String>>,
+    distance_m: Spanned<f64>,
+    turn_deg: Option<Spanned<f64>>,
+    /// Whether they move as one, turning about the first.
+    #[serde(default)]
+    together: bool,
+}
+
+/// Objects that take other colours: word and material change together.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawRepaint {
+    objects: Spanned<Vec<String>>,
+    slot: String,
+    colours: Spanned<BTreeMap<String, Spanned<String>>>,
+}
+
+/// Actors that begin elsewhere on their paths.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawDepart {
+    objects: Spanned<Vec<String>>,
+}
+
+/// Things that come in addition, at some of the places.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawAdd {
+    id: String,
+    like: Spanned<String>,
+    mesh: Option<Spanned<toml::Table>>,
+    count: Spanned<[u32; 2]>,
+    places: Spanned<Vec<Vec<f64>>>,
+    slot: Option<String>,
+    #[serde(default)]
+    colours: BTreeMap<String, Spanned<String>>,
+}
+
+/// Light and weather to choose from.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawVaryLight {
+    #[serde(default)]
+    times: Vec<Lighting>,
+    #[serde(default)]
+    weathers: Vec<Weather>,
+    sun_azimuth_deg: Option<Spanned<[f64; 2]>>,
+    sun_elevation_deg: Option<Spanned<[f64; 2]>>,
+}
+
+/// Splits the seed of a variant off a scene's name: `city@17` is variant 17 of `city`. What stands before the `@` must be a
+/// scene's name, so that other paths may have an `@`.
+pub(super) fn split(name: &str) -> Result<(&str, Option<u64>), SceneError> {
+    let Some((scene, seed)) = name.rsplit_once('@') else { return Ok((name, None)) };
+    let is_scene = super::BUILT_IN.iter().any(|(known, _)| *known == scene) || super::is_file(scene);
+    if !is_scene {
+        return Ok((name, None));
+    }
+    let digits = !seed.is_empty() && seed.bytes().all(|b| b.is_ascii_digit());
+    match seed.parse() {
+        Ok(number) if digits => Ok((scene, Some(number))),
+        _ => Err(SceneError::bad_seed(scene, seed)),
+    }
+}
+
+/// Turns a scene into its variant of that seed; light and weather that the conditions leave open are drawn too.
+pub(super) fn vary(
+    raw: &mut RawScene,
+    expanded: &mut Expanded,
+    conditions: &mut Conditions,
+    seed: u64,
+    source: &Source<'_>,
+) -> Result<(), SceneError> {
+    let Some(tables) = raw.vary.take() else { return Err(SceneError::no_variants(source.name(), 1)) };
+    tables.check_number(source)?;
+    let mut room = Room::new(raw, &expanded.placed, &expanded.meshes);
+    if room.is_full() {
+        return Ok(());
+    }
+    for (table, number) in tables.shuffle.iter().zip(0..) {
+        let who = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
+        layout::shuffle(&who, &mut expanded.placed, &mut room, &mut Draw::new(seed, "vary shuffle", &[number]));
+    }
+    for (table, number) in tables.jitter.iter().zip(0..) {
+        let who = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
+        let reach = layout::Reach {
+            distance: within(&table.distance_m, "distance_m", 0.0, 1000.0, source)?,
+            turn_deg: table.turn_deg.as_ref().map_or(Ok(0.0), |v| within(v, "turn_deg", 0.0, 180.0, source))?,
+        };
+        let mut draw = Draw::new(seed, "vary jitter", &[number]);
+        let groups: Vec<&[usize]> = if table.together { vec![&who] } else { who.chunks(1).collect() };
+        for group in groups {
+            layout::jitter(group, reach, &mut expanded.placed, &mut room, &mut draw);
+        }
+    }
+    for (table, number) in tables.depart.iter().zip(0..) {
+        let who = select(&table.objects, &expanded.placed, Wanted::Moving, source)?;
+        layout::depart(&who, &mut expanded.placed, &mut room, &mut Draw::new(seed, "vary depart", &[number]));
+    }
+    for (table, number) in tables.add.iter().zip(0..) {
+        layout::add(table, raw, expanded, &mut room, &mut Draw::new(seed, "vary add", &[number]), source)?;
+    }
+    for (table, number) in tables.repaint.iter().zip(0..) {
+        let mut draw = Draw::new(seed, "vary repaint", &[number]);
+        repaint(table, raw, expanded, &room, &mut draw, source)?;
+    }
+    paint::rename(&mut expanded.placed);
+    relight(&tables.light, raw, conditions, seed, source)
+}
+
+/// Other colours for the things of one table: each colour once before one comes again.
+fn repaint(
+    table: &RawRepaint,
+    raw: &RawScene,
+    expanded: &mut Expanded,
+    room: &Room,
+    draw: &mut Draw,
+    source: &Source<'_>,
+) -> Result<(), SceneError> {
+    let who = select(&table.objects, &expanded.placed, Wanted::Any, source)?;
+    let colours = paint::order(table.colours.get_ref(), draw);
+    if colours.is_empty() {
+        let hint = "write `{ red = \"red_paint\" }`".to_owned();
+        return Err(source.error(&table.colours.span(), "`colours` is empty", Some(hint)));
+    }
+    for (&object, (word, material)) in who.iter().zip(colours.iter().cycle()) {
+        let slots = expanded.meshes[expanded.placed[object].mesh].slots();
+        if object == who[0] || slots.iter().all(|(slot, _)| *slot != table.slot) {
+            paint::check(table.colours.get_ref(), &table.slot, slots, raw, &table.objects.span(), source)?;
+        }
+        let thing = &mut expanded.placed[object];
+        if room.spend(paint::text_length(thing)) {
+            paint::paint(thing, &table.slot, word, material);
+        }
+    }
+    Ok(())
+}
+
+/// Light, weather and the sun's place.
+fn relight(
+    table: &RawVaryLight,
+    raw: &mut RawScene,
+    conditions: &mut Conditions,
+    seed: u64,
+    source: &Source<'_>,
+) -> Result<(), SceneError> {
+    let pick = |draw: &mut Draw, n: usize| (n > 0).then(|| draw.below(n));
+    let (mut time, mut weather) = (Draw::new(seed, "vary time", &[]), Draw::new(seed, "vary weather", &[]));
+    let drawn = pick(&mut time, table.times.len()).map(|i| table.times[i]);
+    conditions.lighting = conditions.lighting.or(drawn);
+    conditions.weather = conditions.weather.or(pick(&mut weather, table.weathers.len()).map(|i| table.weathers[i]));
+    let mut sun = Draw::new(seed, "vary sun", &[]);
+    let mut between = |range: &Option<Spanned<[f64; 2]>>, low: f64, high: f64| {
+        let share = sun.uniform();
+        range.as_ref().map(|range| {
+            let [from, to] = *range.get_ref();
+            if !(low <= from && from <= to && to <= high) {
+                let message = format!("a range rises from {low} at least to {high} at most");
+                return Err(source.error(&range.span(), message, Some("write `[20.0, 60.0]`".to_owned())));
+            }
+            Ok(Spanned::new(range.span(), from + (to - from) * share))
+        })
+    };
+    if let Some(azimuth) = between(&table.sun_azimuth_deg, -360.0, 360.0).transpose()? {
+        raw.light.sun_azimuth_deg = Some(azimuth);
+    }
+    if let Some(elevation) = between(&table.sun_elevation_deg, 1.0, 90.0).transpose()? {
+        raw.light.sun_elevation_deg = Some(elevation);
+    }
+    Ok(())
+}
+
+/// Which objects a table may name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wanted {
+    Still,
+    Moving,
+    Any,
+}
+
+/// The objects of some ids; the id of a row means all of it. In the order of the scene, each once.
+fn select(ids: &Spanned<Vec<String>>, placed: &[Placed], wanted: Wanted, source: &Source<'_>) -> Result<Vec<usize>, SceneError> {
+    let error = |message: String, hint: Option<String>| source.error(&ids.span(), message, hint);
+    let mut known: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (at, object) in placed.iter().enumerate() {
+        known.entry(&object.key).or_default().push(at);
+        let row = object.key.rsplit_once('_').filter(|(_, n)| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()));
+        if let Some((row, _)) = row {
+            known.entry(row).or_default().push(at);
+        }
+    }
+    let mut chosen = vec![false; placed.len()];
+    for id in ids.get_ref() {
+        let found = known.get(id.as_str());
+        for &at in found.into_iter().flatten() {
+            let object = &placed[at];
+            if wanted != Wanted::Any && object.motion.is_some() != (wanted == Wanted::Moving) {
+                let message = if wanted == Wanted::Moving { "does not move by itself" } else { "moves by itself" };
+                return Err(error(format!("`{}` {message}", object.key), Some("other tables of `vary` fit it".to_owned())));
+            }
+            if object.opening_of.is_some() {
+                let hint = "an opening goes with its object".to_owned();
+                return Err(error(format!("`{}` is an opening", object.key), Some(hint)));
+            }
+            chosen[at] = true;
+        }
+        if found.is_none() {
+            let near = nearest(id, placed.iter().map(|object| object.key.as_str()));
+            return Err(error(format!("no object `{id}`"), near.map(|near| format!("did you mean `{near}`?"))));
+        }
+    }
+    Ok((0..placed.len()).filter(|&object| chosen[object]).collect())
+}
+
+/// A number within limits.
+fn within(value: &Spanned<f64>, key: &str, low: f64, high: f64, source: &Source<'_>) -> Result<f64, SceneError> {
+    let v = *value.get_ref();
+    if (low..=high).contains(&v) {
+        return Ok(v);
+    }
+    Err(source.error(&value.span(), format!("`{key}` must be from {low} to {high}, not `{v}`"), None))
+}
+
+/// A random order of `0..n` (Fisher and Yates).
+fn permutation(n: usize, draw: &mut Draw) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..n).collect();
+    for i in (1..n).rev() {
+        order.swap(i, draw.below(i + 1));
+    }
+    order
+}
+
+/// Where in the text a table stands.
+type Span = Range<usize>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_seed_is_split_off_a_name() {
+        let parts = |name| split(name).unwrap();
+        assert_eq!(parts("city@17"), ("city", Some(17)));
+        assert_eq!(parts("city"), ("city", None));
+        assert_eq!(parts("a@b/yard.toml"), ("a@b/yard.toml", None));
+        assert_eq!(parts("a@b/yard.toml@3"), ("a@b/yard.toml", Some(3)));
+        assert_eq!(parts("me@home"), ("me@home", None));
+        for bad in ["city@", "city@-1", "city@+1", "city@1.5", "city@x", "city@18446744073709551616", "my.toml@a"] {
+            let error = split(bad).unwrap_err().to_string();
+            assert!(error.contains("whole number") && error.contains(bad), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_permutation_has_everything_once() {
+        let mut order = permutation(20, &mut Draw::new(3, "test", &[]));
+        assert_ne!(order, (0..20).collect::<Vec<_>>());
+        order.sort_unstable();
+        assert_eq!(order, (0..20).collect::<Vec<_>>());
+    }
+}
