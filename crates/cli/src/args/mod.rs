@@ -99,7 +99,7 @@ pub(crate) struct Fly {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "World")]
 pub(crate) struct WorldArgs {
-    /// Scene to fly in: a built-in name, scene file or .glb [default: city]
+    /// Scene to fly in: a built-in name, scene file or .glb; city@17 is a variant [default: city]
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
     #[command(flatten)]

@@ -29,7 +29,7 @@ Examples:
 Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). Ids are a 16-bit PNG; a JSON legend of \
 the same name is written beside it.")]
 pub(crate) struct Render {
-    /// Scene: a built-in name, scene file or .glb
+    /// Scene: a built-in name, scene file or .glb; with @ and a number a variant of it
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) conditions: ConditionArgs,
@@ -67,9 +67,10 @@ Examples:
   spf sim scenes
   spf sim scenes --stats --pictures previews
   spf sim scenes --contact-sheet scenes.jpg
+  spf sim scenes city@1 city@2 yard@1 yard@2 --contact-sheet variants.jpg
   spf sim scenes city my/yard.toml --json | jq '.scenes[].tags'")]
 pub(crate) struct Scenes {
-    /// Only these: built-in names or scene files [default: all built-in scenes]
+    /// Only these: built-in names or scene files, with @ and a number variants of them [default: all built-in scenes]
     #[arg(value_name = "SCENE")]
     pub(crate) scenes: Vec<String>,
     /// Meshes, triangles, materials, tags, loading time and memory too
@@ -78,7 +79,7 @@ pub(crate) struct Scenes {
     /// Draw a picture of each scene into this folder, and print the paths
     #[arg(long, value_name = "DIR")]
     pub(crate) pictures: Option<PathBuf>,
-    /// Draw them under every light and weather, small, on one picture (.jpg or .png)
+    /// Draw them under every light and weather, and variants as they are, small, on one picture (.jpg or .png)
     #[arg(long, value_name = "FILE")]
     pub(crate) contact_sheet: Option<PathBuf>,
     /// Print one JSON object on standard output, and nothing else there
@@ -96,7 +97,7 @@ Examples:
 The address is printed on standard output. The page needs nothing from elsewhere; keys and buttons are explained on it. It \
 answers on this machine alone unless --listen names another address.")]
 pub(crate) struct View {
-    /// Scene to begin in: a built-in name or a scene file
+    /// Scene to begin in: a built-in name or a scene file; with @ and a number a variant of it
     #[arg(long, value_name = "SCENE", default_value = "city")]
     pub(crate) scene: String,
     #[command(flatten)]
@@ -124,7 +125,7 @@ A quarter of the targets are not in the picture, and a quarter of the pictures h
 colour or quality. docs/dataset.md describes the files; the same command gives the same bytes. Ctrl-C leaves whole examples, and \
 --resume goes on with them.")]
 pub(crate) struct Dataset {
-    /// Scene, or several joined by commas, shown in turn: built-in names or scene files
+    /// Scene, or several joined by commas, shown in turn: built-in names or scene files, with @ and a number variants of them
     #[arg(long, value_name = "SCENE", default_value = "city")]
     pub(crate) scene: String,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! The contact sheet: scenes under every light and weather, small, on one picture.
+//! The contact sheet: scenes under every light and weather, and variants of scenes, small, on one picture.
 
 use spf_media::frame::Rgb;
 use spf_media::marks::{Canvas, Colour, Point, TextStyle};
@@ -22,47 +22,81 @@ const TITLE: u32 = 26;
 const COLUMNS: u32 = 2;
 const PAPER: [u8; 3] = [22, 25, 31];
 
-/// One block a scene, a row a weather, a column a light; `progress` is told each scene before it is drawn.
+/// A variant of a scene is shown once, as it is.
+const SINGLE: (u32, u32) = (288, 216);
+/// Variants side by side where there is nothing else on the sheet.
+const SINGLES: u32 = 4;
+
+/// One block a scene, a row a weather, a column a light; below them one picture a variant (`city@17`). `progress` is told each
+/// name before it is drawn.
 pub(super) fn draw(names: &[String], mut progress: impl FnMut(&str)) -> Result<Rgb, CliError> {
+    let (variants, scenes): (Vec<&String>, Vec<&String>) = names.iter().partition(|name| is_variant(name));
     let (lights, weathers) = (Lighting::ALL.len() as u32, Weather::ALL.len() as u32);
     let block = (lights * (THUMB.0 + GAP) - GAP + MARGIN, TITLE + weathers * (THUMB.1 + GAP) - GAP + MARGIN);
-    let count = names.len() as u32;
-    let columns = count.clamp(1, COLUMNS);
-    let mut sheet = Rgb::filled(columns * block.0 + MARGIN, count.div_ceil(columns) * block.1 + MARGIN, PAPER);
-    for (index, name) in (0..).zip(names) {
-        progress(name);
-        let corner = (MARGIN + index % columns * block.0, MARGIN + index / columns * block.1);
-        for (row, weather) in (0..).zip(Weather::ALL) {
-            for (column, lighting) in (0..).zip(Lighting::ALL) {
-                let conditions = Conditions { lighting: Some(lighting), weather: Some(weather) };
-                let at = (corner.0 + column * (THUMB.0 + GAP), corner.1 + TITLE + row * (THUMB.1 + GAP));
-                let (title, thumb) = thumb(name, &conditions)?;
-                paste(&mut sheet, &thumb, at);
-                let mut canvas = Canvas::new(&mut sheet);
-                let place = |(x, y): (u32, u32)| Point::new(f64::from(x), f64::from(y));
-                let words = format!("{}, {}", lighting.name(), weather.name());
-                let small = TextStyle::plain(12.0, Colour::WHITE);
-                canvas.label(place((at.0, at.1 + THUMB.1 - 16)), &words, small, Colour::INK.with_opacity(150));
-                if (row, column) == (0, 0) {
-                    let style = TextStyle::plain(16.0, Colour::WHITE);
-                    canvas.text(place(corner), &style.fitted(&title, f64::from(block.0 - MARGIN)), style);
-                }
-            }
-        }
+    let (step, count) = ((SINGLE.0 + GAP, SINGLE.1 + GAP), scenes.len() as u32);
+    let columns = count.min(COLUMNS);
+    let width = if count > 0 { columns * block.0 } else { SINGLES.min(variants.len() as u32) * step.0 - GAP + MARGIN };
+    let singles = ((width - MARGIN + GAP) / step.0).max(1);
+    let (blocks, rows) = (count.div_ceil(COLUMNS) * block.1, (variants.len() as u32).div_ceil(singles));
+    let below = if rows > 0 { rows * step.1 - GAP + MARGIN } else { 0 };
+    let mut sheet = Rgb::filled(width + MARGIN, MARGIN + blocks + below, PAPER);
+    for (index, name) in (0..).zip(scenes) {
+        progress(&format!("Drawing {name} under every light and weather."));
+        let corner = (MARGIN + index % COLUMNS * block.0, MARGIN + index / COLUMNS * block.1);
+        draw_block(&mut sheet, name, corner, block.0 - MARGIN)?;
+    }
+    for (index, name) in (0..).zip(variants) {
+        progress(&format!("Drawing {name}."));
+        let at = (MARGIN + index % singles * step.0, MARGIN + blocks + index / singles * step.1);
+        let (_, picture) = thumb(name, &Conditions::default(), SINGLE)?;
+        paste(&mut sheet, &picture, at);
+        label(&mut sheet, name, (at.0, at.1 + SINGLE.1 - 16));
     }
     Ok(sheet)
 }
 
+/// Whether a seed stands behind a scene's name.
+fn is_variant(name: &str) -> bool {
+    name.rsplit_once('@').is_some_and(|(_, seed)| !seed.is_empty() && seed.bytes().all(|b| b.is_ascii_digit()))
+}
+
+/// A scene under every light and weather, below its title.
+fn draw_block(sheet: &mut Rgb, name: &str, corner: (u32, u32), width: u32) -> Result<(), CliError> {
+    for (row, weather) in (0..).zip(Weather::ALL) {
+        for (column, lighting) in (0..).zip(Lighting::ALL) {
+            let conditions = Conditions { lighting: Some(lighting), weather: Some(weather) };
+            let at = (corner.0 + column * (THUMB.0 + GAP), corner.1 + TITLE + row * (THUMB.1 + GAP));
+            let (title, picture) = thumb(name, &conditions, THUMB)?;
+            paste(sheet, &picture, at);
+            label(sheet, &format!("{}, {}", lighting.name(), weather.name()), (at.0, at.1 + THUMB.1 - 16));
+            if (row, column) == (0, 0) {
+                let style = TextStyle::plain(16.0, Colour::WHITE);
+                Canvas::new(sheet).text(point(corner), &style.fitted(&title, f64::from(width)), style);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn label(sheet: &mut Rgb, words: &str, at: (u32, u32)) {
+    let small = TextStyle::plain(12.0, Colour::WHITE);
+    Canvas::new(sheet).label(point(at), words, small, Colour::INK.with_opacity(150));
+}
+
+fn point((x, y): (u32, u32)) -> Point {
+    Point::new(f64::from(x), f64::from(y))
+}
+
 /// A scene's title and its preview under these conditions.
-fn thumb(name: &str, conditions: &Conditions) -> Result<(String, Rgb), CliError> {
+fn thumb(name: &str, conditions: &Conditions, (width, height): (u32, u32)) -> Result<(String, Rgb), CliError> {
     let stage = load_stage(name, conditions)?;
     let scene = &stage.scene;
-    let camera = scene.default_craft.camera().resized(THUMB.0 * FINER, THUMB.1 * FINER);
+    let camera = scene.default_craft.camera().resized(width * FINER, height * FINER);
     let picture = stage.render(&camera, &stage.beginning(scene.preview), Channels::RGB);
     let rgb = Rgb::from_raw(picture.width, picture.height, picture.rgb.unwrap_or_default())
         .map_err(|error| CliError::internal("no picture was drawn").because(&error))?;
     let title = if scene.description.is_empty() { scene.name.clone() } else { format!("{}: {}", scene.name, scene.description) };
-    Ok((title, resize(&rgb, THUMB.0, THUMB.1)))
+    Ok((title, resize(&rgb, width, height)))
 }
 
 /// Copies a picture that fits into another, its upper left corner at a place.
@@ -78,6 +112,12 @@ fn paste(sheet: &mut Rgb, picture: &Rgb, (left, top): (u32, u32)) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_variant_is_known_by_its_seed() {
+        assert!(is_variant("city@17") && is_variant("a@b/yard.toml@0"));
+        assert!(!is_variant("city") && !is_variant("a@b/yard.toml") && !is_variant("city@"));
+    }
 
     #[test]
     fn a_picture_is_pasted_where_it_belongs() {

@@ -95,7 +95,7 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
         tell(&listing, printer);
     }
     if let (Some(path), Some(encoded)) = (&args.contact_sheet, encoded) {
-        let sheet = contact_sheet::draw(&names, |name| printer.say(&format!("Drawing {name} under every light and weather.")))?;
+        let sheet = contact_sheet::draw(&names, |line| printer.say(line))?;
         write(path, &encoded(&sheet).map_err(|error| CliError::internal("the sheet cannot be encoded").because(&error))?)?;
         printer.result(&path.display().to_string());
     }
