@@ -1,14 +1,16 @@
 #!/usr/bin/env python3
 """Flies every instruction of a file with several seeds, oracles and presets, and prints a table of outcomes.
 
-    python3 docs/trials/run.py target/release/spf docs/trials/twenty.txt OUT_FOLDER [SEEDS [SCENE]]
+    python3 docs/trials/run.py target/release/spf docs/trials/twenty.txt OUT_FOLDER [--seeds 5] [--scene city]
+        [--only ORACLE,PRESET] [-- MORE FLAGS OF spf fly]
 
-SEEDS is 5 and SCENE `city` unless given; `twenty.txt` is for the city, the others are named for their scene.
+`twenty.txt` is for the city, the others are named for their scene. `--only oracle,default` flies one column of the table.
 
 One letter a flight: V reached and verified by ground truth, u believed reached but not verified, n not found, t timeout,
 C collision, a aborted, f failed, E no flight at all.
 """
 
+import argparse
 import json
 import os
 import subprocess
@@ -21,21 +23,32 @@ ORACLES = ["oracle", "oracle:perfect"]
 PRESETS = ["default", "paper"]
 
 
+def split(words: list[str], at: str) -> tuple[list[str], list[str]]:
+    return words[: words.index(at)], words[words.index(at) + 1 :]
+
+
 def main() -> None:
-    spf, instructions, out = sys.argv[1:4]
-    seeds = range(int(sys.argv[4]) if len(sys.argv) > 4 else 5)
-    scene = sys.argv[5] if len(sys.argv) > 5 else "city"
+    own, more = (sys.argv[1:], []) if "--" not in sys.argv else split(sys.argv[1:], "--")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("spf")
+    parser.add_argument("instructions")
+    parser.add_argument("out")
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--scene", default="city")
+    parser.add_argument("--only", type=lambda text: tuple(text.split(",")))
+    given = parser.parse_args(own)
+    spf, instructions, out, seeds = given.spf, given.instructions, given.out, range(given.seeds)
     with open(instructions, encoding="utf-8") as file:
         texts = [line.strip() for line in file if line.strip()]
     os.makedirs(out, exist_ok=True)
-    columns = [(oracle, preset) for oracle in ORACLES for preset in PRESETS]
+    columns = [given.only] if given.only else [(oracle, preset) for oracle in ORACLES for preset in PRESETS]
     jobs = [(i, seed, column) for column in columns for i in range(len(texts)) for seed in seeds]
 
     def fly(job):
         i, seed, (oracle, preset) = job
         folder = os.path.join(out, f"{i:02d}-{seed}-{oracle.replace(':', '_')}-{preset}")
         command = [spf, "fly", texts[i], "--seed", str(seed), "--vlm", oracle, "--preset", preset]
-        command += ["--scene", scene, "--no-video", "--json", "--out", folder]
+        command += ["--scene", given.scene, "--no-video", "--json", "--out", folder, *more]
         run = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "RAYON_NUM_THREADS": "1"})
         try:
             return json.loads(run.stdout)
@@ -53,6 +66,8 @@ def main() -> None:
         mine = [flight for (_, _, of), flight in flights.items() if of == column]
         outcomes = dict(Counter(flight["outcome"] for flight in mine))
         print(f"{column[0]}, preset {column[1]}: {sum(letter(f) == 'V' for f in mine)} of {len(mine)} verified; {outcomes}")
+        touched = Counter(touch["object"] for flight in mine for touch in flight.get("touched", []))
+        print("    touched: " + (", ".join(f"{name} {count}" for name, count in touched.most_common()) or "nothing"))
     print("\n| instruction | " + " | ".join(f"{oracle}, {preset}" for oracle, preset in columns) + " |")
     print("|---|" + "---|" * len(columns))
     for i, text in enumerate(texts):
