@@ -49,6 +49,7 @@ pub(crate) const KEYS: &[Key] = &[
     key("fly.geofence", "SPF_GEOFENCE", "", "GeoJSON file with polygons to stay in, local east/north metres; empty: none"),
     key("fly.realtime", "SPF_REALTIME", "false", "fly on the wall clock: true or false"),
     key("fly.video", "SPF_VIDEO", "true", "make video.mp4: true or false"),
+    key("fly.live", "SPF_LIVE", "", "address and port of the live view for Foxglove, such as 127.0.0.1:8765; empty: none"),
     key("fly.out", "SPF_OUT", "", "folder for the flight's files; empty: flights/NNN-instruction"),
     key(
         "camera.effects",

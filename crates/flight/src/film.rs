@@ -7,15 +7,16 @@ use std::thread::JoinHandle;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, project_displacement};
 use spf_core::pilot::{Action, Note, Pilot};
-use spf_core::query::{ImageBox, ImagePoint, Mark};
+use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::time::{Duration, Time};
 use spf_media::frame::Rgb;
 use spf_media::jpeg::Jpeg;
 use spf_media::marks::{self, Colour, Hud};
+use spf_record::log::foxglove::Marks;
 use spf_record::video::{VideoError, VideoWriter};
 use spf_sim::effects;
 
-use crate::log::{Outlet, PictureMarks};
+use crate::log::Outlet;
 use crate::sim::{Moment, SimWorld};
 use crate::words;
 
@@ -155,13 +156,13 @@ fn encode(mut writer: VideoWriter, world: &SimWorld, shots: &Receiver<Shot>, log
     let mut trouble = None;
     for shot in shots {
         let mut picture = world.photograph(&shot.light, Some(SIZE));
-        let marks = PictureMarks { waypoint: waypoint(world, &shot), boxes: shot.boxes.clone() };
+        let marks = Marks { waypoint: waypoint(world, &shot), boxes: shot.boxes.clone() };
         if let Some(log) = log
             && let Ok(jpeg) = Jpeg::encode(&picture, JPEG_QUALITY)
         {
             log.picture(shot.light.at(), jpeg.bytes().to_vec().into(), SIZE, &marks);
         }
-        annotate(&mut picture, &shot, marks);
+        annotate(&mut picture, &shot, &marks);
         if let Err(error) = writer.push(shot.light.at(), &picture) {
             trouble = Some(error);
             break;
@@ -179,13 +180,12 @@ fn waypoint(world: &SimWorld, shot: &Shot) -> Option<(ImagePoint, String)> {
     Some((point, format!("{:.1} m", ahead.length())))
 }
 
-fn annotate(picture: &mut Rgb, shot: &Shot, drawn: PictureMarks) {
-    let boxes: Vec<Mark> = drawn.boxes.into_iter().map(|(area, label)| Mark::Box { area, label }).collect();
-    marks::draw(picture, &boxes);
+fn annotate(picture: &mut Rgb, shot: &Shot, drawn: &Marks) {
+    marks::draw(picture, &drawn.as_marks());
     // What was seen on one line and what was made of it on the next: together they are too long for the picture.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
     marks::draw_hud(picture, &Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] });
-    if let Some((point, caption)) = drawn.waypoint {
-        marks::draw_waypoint(picture, point, &caption, Colour::WAYPOINT);
+    if let Some((point, caption)) = &drawn.waypoint {
+        marks::draw_waypoint(picture, *point, caption, Colour::WAYPOINT);
     }
 }

@@ -8,6 +8,7 @@ mod film;
 pub mod log;
 mod outline;
 pub mod picture;
+pub mod reask;
 pub mod recorder;
 pub mod replay;
 pub mod run;

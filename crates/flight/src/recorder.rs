@@ -11,10 +11,10 @@ use spf_record::out_dir::OutDir;
 use spf_record::trajectory::{DecisionMark, TrajectoryInput, trajectory_svg};
 
 use crate::film::{self, Film};
-use crate::log::{FlightLog, Head};
+use crate::log::{self, FlightLog, Head};
 use crate::outline;
 use crate::run::Observer;
-use crate::sim::SimWorld;
+use crate::sim::{RecordPlan, SimWorld};
 use crate::summary::Summary;
 use crate::words;
 
@@ -76,11 +76,12 @@ const PATH_STEP_S: f64 = 0.1;
 impl Recorder {
     /// Opens the files in a folder. `live` tells that the flight is on the wall clock.
     #[must_use]
-    pub fn new(out: OutDir, video: bool, head: &Head, world: SimWorld, live: bool) -> Self {
+    pub fn new(plan: &RecordPlan, head: &Head, world: SimWorld, live: bool) -> Self {
+        let RecordPlan { out, video, view } = plan.clone();
         let mut problems = Problems::default();
-        let scene = outline::prisms(world.stage());
-        let log = FlightLog::start(&out.file(LOG), head, &scene, world.clone(), live);
-        let log = problems.kept(LOG, log);
+        let file = problems.kept(LOG, log::open(&out.file(LOG), live));
+        let told = file.is_some() || view.is_some();
+        let log = told.then(|| FlightLog::start(file, view, head, &outline::prisms(world.stage()), world.clone()));
         let decisions = problems.kept(DECISIONS, JsonLines::create(&out.file(DECISIONS)));
         let pictures = log.as_ref().filter(|_| video).map(|log| log.pictures(film::SIZE));
         let film = video

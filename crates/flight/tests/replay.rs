@@ -51,7 +51,7 @@ fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
         script: Script::new(events),
         realtime: false,
         interrupts: Arc::default(),
-        record: Some(RecordPlan { out: OutDir::at(folder).unwrap(), video: false }),
+        record: Some(RecordPlan { out: OutDir::at(folder).unwrap(), video: false, view: None }),
     };
     change(&mut plan);
     let flown = fly(plan, &mut []).unwrap();

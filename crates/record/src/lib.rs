@@ -6,6 +6,7 @@
 //! The types to know are [`OutDir`], the folder of one flight, [`Log`] and [`VideoWriter`].
 
 pub mod jsonl;
+pub mod live;
 pub mod log;
 pub mod out_dir;
 pub mod trajectory;

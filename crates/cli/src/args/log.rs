@@ -10,6 +10,10 @@ pub(crate) enum Log {
     Info(Info),
     /// Print messages of a flight log as JSON lines
     Cat(Cat),
+    /// Write the messages of a topic as a table: CSV, JSON lines or Parquet
+    Export(Export),
+    /// Make a video from the pictures of a flight log
+    Video(Video),
     /// Make a whole log of one that was torn by a kill, a crash or a full disk
     Repair(Repair),
 }
@@ -62,13 +66,58 @@ pub(crate) struct Repair {
 Examples:
   spf replay flight.mcap
   spf replay flight.mcap --json | jq '.differences[0]'
+  spf replay flight.mcap --vlm oracle:poor --out pictures
 
 Parsing, projection, policy, executor and envelope run on the recorded frames, telemetry and replies. Nobody is asked and \
-nothing is drawn. Exit code 1 when anything differs.")]
+nothing is drawn. Exit code 1 when anything differs.
+
+With --vlm somebody else is asked about the same frames, drawn again from the log's scene and the true pose, and both answers \
+are shown; nothing is compared.")]
 pub(crate) struct Replay {
     /// The flight log
     pub(crate) file: PathBuf,
+    /// Ask this one about the same frames: oracle, oracle:NAME or oracle:FILE
+    #[arg(long, value_name = "VLM")]
+    pub(crate) vlm: Option<String>,
+    /// Folder for pictures of both answers, side by side (with --vlm)
+    #[arg(long, value_name = "DIR", requires = "vlm")]
+    pub(crate) out: Option<PathBuf>,
     /// Print one JSON object on standard output, and nothing else there
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Writes the messages of a topic as one table; a folder of logs becomes one table too.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf log export flights -o decisions.csv
+  spf log export flights/001-* --topic /command -o commands.parquet
+  spf log export trials --topic /summary -o trials.jsonl
+
+A row is a message, a column one of its values, named by its way through the message (reading.waypoint.u); lists are JSON. Each \
+row tells its log, its flight time and what was flown.")]
+pub(crate) struct Export {
+    /// Flight logs, or folders in which every *.mcap is one
+    #[arg(value_name = "LOG", required = true)]
+    pub(crate) logs: Vec<PathBuf>,
+    /// The topic
+    #[arg(long, value_name = "TOPIC", default_value = "/decision")]
+    pub(crate) topic: String,
+    /// The table: .csv, .jsonl or .parquet
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+}
+
+/// Makes a video from the pictures of a log, with waypoints and boxes drawn on them.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  spf log video flight.mcap -o flight.mp4")]
+pub(crate) struct Video {
+    /// The flight log
+    pub(crate) file: PathBuf,
+    /// The video (.mp4)
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
 }

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-pub(crate) use log::{Cat, Info, Log, Repair, Replay};
+pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, View};
 
 /// See, Point, Fly: tell a drone in plain words where to go.
@@ -45,7 +45,7 @@ pub(crate) enum Command {
     /// The embedded simulator: its scenes and pictures of them
     #[command(subcommand)]
     Sim(Sim),
-    /// Flight logs (flight.mcap): what is in them, and repair
+    /// Flight logs (flight.mcap): what is in them, tables, videos, repair
     #[command(subcommand)]
     Log(Log),
     /// Replay a flight from its log, and tell what the pilot would do otherwise now
@@ -196,6 +196,9 @@ pub(crate) struct OutputArgs {
     /// Make no video (much faster: nothing needs drawing)
     #[arg(long)]
     pub(crate) no_video: bool,
+    /// Show the flight live to Foxglove, at ws://127.0.0.1:8765 or the address named; flies on the wall clock
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:8765")]
+    pub(crate) live: Option<String>,
     /// Print the summary as one JSON object on standard output, and nothing else there
     #[arg(long)]
     pub(crate) json: bool,

@@ -1,5 +1,6 @@
 //! `spf fly`: from settings to a flight, and from a flight to words and an exit code.
 
+use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -15,6 +16,7 @@ use spf_flight::sim::{Circumstances, FlightError, FlightPlan, PolicyKind, Record
 use spf_flight::summary::Summary;
 use spf_flight::words;
 use spf_flight::world::Script;
+use spf_record::live::Live;
 use spf_record::out_dir::OutDir;
 use spf_sim::effects::EffectsError;
 use spf_sim::model::{CraftKind, Model};
@@ -42,13 +44,18 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
             .hint("spf fly \"Take off and fly to the red crane\""));
     }
     let plan = plan(args, &settings, instruction)?;
+    let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
     let out = OutDir::create(settings.get("fly.out").map(Path::new), instruction).map_err(|error| {
         CliError::usage("no folder for the flight's files")
             .because(&error)
             .hint("name a new or an empty folder with --out DIR: one flight's files are not mixed with another's")
     })?;
     let plan = FlightPlan {
-        record: Some(RecordPlan { out: out.clone(), video: flag(&settings, "fly.video")? }),
+        record: Some(RecordPlan {
+            out: out.clone(),
+            video: flag(&settings, "fly.video")?,
+            view: view.as_ref().map(Live::sender),
+        }),
         interrupts: interrupts()?,
         ..plan
     };
@@ -67,6 +74,9 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
         plan.vlm,
         standstill(plan.kind),
     ));
+    if let Some(view) = &view {
+        tell_view(view, &printer);
+    }
     let mut progress = Progress::new(&printer);
     let flown = spf_flight::sim::fly(plan, &mut [&mut progress]);
     printer.end_live();
@@ -84,6 +94,25 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
     }
     report(&flown.summary, out.path(), &printer)?;
     Ok(Exit::of(flown.summary.outcome, flown.summary.verified))
+}
+
+/// The live view that was asked for.
+fn live_view(address: &str, settings: &Settings) -> Result<Live, CliError> {
+    let expected = "an address and a port, such as 127.0.0.1:8765";
+    let address: SocketAddr = address.parse().map_err(|_| settings.wrong("fly.live", expected))?;
+    Live::bind(address, "spf", spf_flight::log::topics()).map_err(|error| {
+        CliError::usage(format!("nobody can look on at {address}"))
+            .because(&error)
+            .hint("--live=127.0.0.1:0 takes a port that is free")
+    })
+}
+
+fn tell_view(view: &Live, printer: &Printer) {
+    let address = view.address();
+    printer.say(&format!("Live view: open a Foxglove WebSocket connection to ws://{address}"));
+    if !address.ip().is_loopback() {
+        printer.say("warning: whoever can reach this address sees the flight");
+    }
 }
 
 /// Leaves no folder behind for a flight that never was, so that the same command can be given again.
@@ -127,6 +156,7 @@ fn layered(args: &Fly) -> Result<Settings, CliError> {
     settings.flag("fly.max_decisions", "--max-decisions", limits.max_decisions.clone());
     settings.flag("fly.geofence", "--geofence", limits.geofence.clone());
     settings.flag("fly.out", "--out", output.out.clone());
+    settings.flag("fly.live", "--live", output.live.clone());
     settings.flag("fly.video", "--no-video", output.no_video.then(|| "false".to_owned()));
     Ok(settings)
 }
@@ -147,7 +177,8 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<FlightPlan
     let start = settings.get("fly.start").map(parse_pose).transpose().map_err(|what| settings.wrong("fly.start", &what))?;
     let kind = settings.choice("fly.drone_model", &[("quad", CraftKind::Quad), ("tello", CraftKind::Tello)])?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
-    let realtime = flag(settings, "fly.realtime")?;
+    // A flight in virtual time is over before anybody has looked.
+    let realtime = flag(settings, "fly.realtime")? || settings.get("fly.live").is_some();
     let conditions = Conditions {
         lighting: settings.choice("fly.light", &Lighting::ALL.map(|light| (light.name(), light)))?,
         weather: settings.choice("fly.weather", &Weather::ALL.map(|weather| (weather.name(), weather)))?,
@@ -270,13 +301,21 @@ fn limits(settings: &Settings, kind: CraftKind) -> Result<Limits, CliError> {
 /// The oracle that `--vlm` names, and its errors.
 fn oracle(settings: &Settings) -> Result<(String, ErrorFile), CliError> {
     let name = settings.get("fly.vlm").unwrap_or("oracle");
+    oracle_named(name, |expected, near| settings.wrong_word("fly.vlm", expected, near))
+}
+
+/// The oracle of a name, and its errors; `wrong` makes the error for a name that is none, from what was expected and what is near.
+pub(super) fn oracle_named(
+    name: &str,
+    wrong: impl FnOnce(&str, Option<&str>) -> CliError,
+) -> Result<(String, ErrorFile), CliError> {
     let errors = match name.split_once(':') {
         None if name == "oracle" => ErrorFile::named("default"),
         Some(("oracle", which)) if which.contains(['/', '.']) => ErrorFile::from_toml(&read(Path::new(which), "error")?),
         Some(("oracle", which)) => ErrorFile::named(which),
         other => {
             let near = nearest(other.map_or(name, |(who, _)| who), ["oracle"]);
-            return Err(settings.wrong_word("fly.vlm", "oracle, oracle:NAME or oracle:FILE", near));
+            return Err(wrong("oracle, oracle:NAME or oracle:FILE", near));
         }
     };
     let errors = errors.map_err(|error| {

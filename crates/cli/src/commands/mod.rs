@@ -3,6 +3,7 @@
 pub(crate) mod config;
 pub(crate) mod fly;
 pub(crate) mod log;
+mod reask;
 pub(crate) mod replay;
 pub(crate) mod sim;
 

@@ -1,10 +1,13 @@
 //! `spf replay`: a recorded flight again, on paper.
 
+use std::path::Path;
+
 use serde_json::Value;
 use spf_flight::replay::{Changes, Difference, ReplayError, Report, replay as fly_again};
 use spf_record::log::LogReader;
 
 use super::log::{unreadable, warn_torn};
+use super::reask::reask;
 use crate::args::Replay;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -12,14 +15,11 @@ use crate::printer::Printer;
 
 /// Replays a log and tells every difference.
 pub(crate) fn replay(args: &Replay, printer: &Printer) -> Result<Exit, CliError> {
-    let path = args.file.display();
+    if let Some(vlm) = &args.vlm {
+        return reask(args, vlm, printer);
+    }
     let reader = LogReader::open(&args.file).map_err(|error| unreadable(&args.file, &error))?;
-    let report = fly_again(reader, &Changes::default()).map_err(|error| match &error {
-        ReplayError::Read(source) => unreadable(&args.file, source),
-        _ => CliError::usage(format!("`{path}` cannot be replayed"))
-            .because(&error)
-            .hint("only a flight log that spf wrote can be replayed: flight.mcap in a flight's folder"),
-    })?;
+    let report = fly_again(reader, &Changes::default()).map_err(|error| unreplayable(&args.file, &error))?;
     if args.json {
         let text = serde_json::to_string(&report).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
         printer.data(&text);
@@ -30,6 +30,16 @@ pub(crate) fn replay(args: &Replay, printer: &Printer) -> Result<Exit, CliError>
         warn_torn(&args.file, printer);
     }
     Ok(if report.differences.is_empty() { Exit::Success } else { Exit::Internal })
+}
+
+/// The error for a log that cannot be replayed.
+pub(super) fn unreplayable(path: &Path, error: &ReplayError) -> CliError {
+    match error {
+        ReplayError::Read(source) => unreadable(path, source),
+        _ => CliError::usage(format!("`{}` cannot be replayed", path.display()))
+            .because(error)
+            .hint("only a flight log that spf wrote can be replayed: flight.mcap in a flight's folder"),
+    }
 }
 
 fn tell(report: &Report, printer: &Printer) {

@@ -139,3 +139,160 @@ fn changed(log: &[u8], change: impl Fn(&mut Value)) -> Vec<u8> {
     writer.finish().unwrap();
     writer.into_inner().into_inner()
 }
+
+/// A folder of logs as one table, of each kind, read by others.
+#[test]
+fn a_folder_of_logs_is_one_table() {
+    let lab = Lab::new();
+    for (folder, seed) in [("flights/one", "1"), ("flights/two", "2")] {
+        lab.fly(folder, &["fly to the red crane", "--max-time", "14", "--seed", seed]);
+    }
+    let (one, two) = (lab.decisions("flights/one"), lab.decisions("flights/two"));
+    for table in ["decisions.csv", "decisions.jsonl", "decisions.parquet"] {
+        let run = lab.spf(&["log", "export", "flights", "-o", table]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert!(run.stdout.starts_with(&format!("{table}: {} rows, ", one.len() + two.len())), "{}", run.stdout);
+    }
+    let rows = lines(&String::from_utf8(lab.read("decisions.jsonl")).unwrap());
+    assert_eq!(rows[0]["log"], "flights/one/flight.mcap");
+    assert_eq!((&rows[0]["flight.seed"], &rows[one.len()]["flight.seed"]), (&1.into(), &2.into()));
+    assert_eq!(rows[0]["reading.waypoint.u"], one[0]["reading"]["waypoint"]["u"]);
+    let summaries = lab.spf(&["log", "export", "flights", "--topic", "summary", "-o", "flights.csv"]);
+    assert!(summaries.stdout.starts_with("flights.csv: 2 rows, "), "{}", summaries.stdout);
+    let nothing = lab.spf(&["log", "export", "flights", "--topic", "/camera/image", "-o", "none.csv"]);
+    assert!(nothing.code == Some(2) && nothing.stderr.contains("no message on the topic"), "{}", nothing.stderr);
+    let other = lab.spf(&["log", "export", "flights", "-o", "decisions.xls"]);
+    assert!(other.code == Some(2) && other.stderr.contains(".parquet"), "{}", other.stderr);
+    tables_of_others(&lab);
+}
+
+fn tables_of_others(lab: &Lab) {
+    let Some(python) = python::with(&["pyarrow==22.0.0"]) else { return };
+    let script = "\
+import csv, json, sys, pyarrow.parquet
+rows = [json.loads(line) for line in open('decisions.jsonl')]
+texts = list(csv.DictReader(open('decisions.csv', newline='')))
+table = pyarrow.parquet.read_table('decisions.parquet')
+names = table.column_names
+assert names == list(texts[0]) and names[0] == 'log' and 'time_s' in names, names
+assert len(rows) == len(texts) == table.num_rows
+for row, text, cells in zip(rows, texts, table.to_pylist()):
+    assert {name: cell for name, cell in cells.items() if cell is not None} == row
+    for name in names:
+        value = row.get(name, '')
+        same = float(text[name]) == value if isinstance(value, float) else text[name] == str(value).lower() if isinstance(value, bool) else text[name] == str(value)
+        assert same, (name, text[name], value)
+";
+    let output = Command::new(python).args(["-c", script]).current_dir(lab.path(".")).output().unwrap();
+    let read = Run::of(&output);
+    assert_eq!(read.code, Some(0), "{}{}", read.stdout, read.stderr);
+}
+
+#[test]
+fn a_video_is_made_of_a_log() {
+    let lab = Lab::new();
+    let run = lab.spf(&["fly", "fly to the red crane", "--max-time", "8", "--out", "mine"]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let made = lab.spf(&["log", "video", "mine/flight.mcap", "-o", "flight.mp4"]);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    let pictures = by_topic(&lab.path("mine/flight.mcap"))["/camera/image"].len();
+    assert!(made.stdout.starts_with(&format!("flight.mp4: {pictures} pictures, ")), "{}", made.stdout);
+    assert!(lab.read("flight.mp4").len() > 50_000);
+    lab.fly("bare", &["fly to the red crane", "--max-time", "3"]);
+    let none = lab.spf(&["log", "video", "bare/flight.mcap", "-o", "none.mp4"]);
+    assert!(none.code == Some(2) && none.stderr.contains("no pictures"), "{}", none.stderr);
+}
+
+/// The flight's own oracle answers as it did, from what is drawn again of scene and true pose; a poor one does not.
+#[test]
+fn another_mind_is_asked_about_the_same_frames() {
+    let lab = Lab::new();
+    let flight = ["fly to the red crane", "--max-time", "20", "--seed", "4", "--light", "dusk", "--camera-effects", "lens=wide"];
+    lab.fly("mine", &flight);
+    let ask = |vlm: &str, out: &str| -> Value {
+        let run = lab.spf(&["replay", "mine/flight.mcap", "--vlm", vlm, "--out", out, "--json"]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        serde_json::from_str(&run.stdout).unwrap()
+    };
+    let same = ask("oracle", "same");
+    let opinions = same["opinions"].as_array().unwrap();
+    assert!(opinions.len() >= 3, "{same}");
+    for opinion in opinions.iter().filter(|opinion| !opinion["then"].is_null()) {
+        assert_eq!(opinion["then"]["text"], opinion["now"]["text"], "{opinion}");
+    }
+    let poor = ask("oracle:poor", "poor");
+    let apart = poor["opinions"].as_array().unwrap().iter().filter(|opinion| opinion["then"] != opinion["now"]).count();
+    assert!(apart > 0, "{poor}");
+    assert_eq!(lab.names("poor").len(), opinions.len());
+    let picture = image::open(lab.path(&format!("poor/{}", lab.names("poor")[0]))).unwrap();
+    assert_eq!((picture.width(), picture.height()), (1280, 480));
+    let wrong = lab.spf(&["replay", "mine/flight.mcap", "--vlm", "orcale"]);
+    assert!(wrong.code == Some(2) && wrong.stderr.contains("did you mean `oracle`?"), "{}", wrong.stderr);
+}
+
+/// A viewer written by others, over the wire, while it flies.
+#[cfg(unix)]
+#[test]
+fn a_flight_is_seen_live() {
+    let Some(python) = python::with(&["websockets==15.0.1", "foxglove-schemas-protobuf==0.4.0"]) else { return };
+    let lab = Lab::new();
+    let args = ["fly", "fly to the red crane", "--live=127.0.0.1:0", "--no-video", "--max-time", "12", "--out", "mine"];
+    let mut flight = lab.command(&args).spawn().unwrap();
+    let mut talk = std::io::BufReader::new(flight.stderr.take().unwrap());
+    let mut line = String::new();
+    let address = loop {
+        line.clear();
+        assert!(std::io::BufRead::read_line(&mut talk, &mut line).unwrap() > 0, "it told no address");
+        if let Some((_, address)) = line.trim().split_once(" connection to ") {
+            break address.to_owned();
+        }
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/live.py");
+    let output = Command::new(python).arg(script).arg(address).output().unwrap();
+    let seen = Run::of(&output);
+    assert_eq!(seen.code, Some(0), "{}{}", seen.stdout, seen.stderr);
+    std::io::copy(&mut talk, &mut std::io::sink()).unwrap();
+    assert_eq!(flight.wait().unwrap().code(), Some(3));
+    // What was seen is what was logged.
+    let logged = by_topic(&lab.path("mine/flight.mcap"));
+    let told: Value = serde_json::from_str(&seen.stdout).unwrap();
+    for (time, data) in told["/command"].as_array().unwrap().iter().map(|pair| (pair[0].as_u64().unwrap(), &pair[1])) {
+        let there =
+            logged["/command"].iter().any(|(at, bytes)| *at == time && serde_json::from_slice::<Value>(bytes).unwrap() == *data);
+        assert!(there, "{time} {data}");
+    }
+}
+
+/// Rerun reads it, the message types are Foxglove's own, and what docs/viewers holds works.
+#[test]
+fn rerun_opens_it_and_foxglove_knows_its_messages() {
+    let packages = ["rerun-sdk==0.41.0", "foxglove-sdk==0.30.3", "mcap==1.6.0", "mcap-protobuf-support==0.6.0"];
+    let Some(python) = python::with(&packages) else { return };
+    let lab = Lab::new();
+    let run = lab.spf(&["fly", "fly to the red crane", "--max-time", "9", "--out", "mine"]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut command = Command::new(python);
+    command.arg(here.join("tests/it/viewers.py")).arg(lab.path("mine/flight.mcap")).arg(here.join("../../docs/viewers"));
+    let read = Run::of(&command.current_dir(lab.path(".")).output().unwrap());
+    assert_eq!(read.code, Some(0), "{}{}", read.stdout, read.stderr);
+}
+
+/// A log of each format that ever was stays readable. What a replay finds in it may change with the method; that it runs may not.
+#[test]
+fn old_logs_stay_readable() {
+    let lab = Lab::new();
+    lab.write("1.mcap", include_bytes!("logs/format-1.mcap"));
+    let told: Value = serde_json::from_str(&lab.spf(&["log", "info", "1.mcap", "--json"]).stdout).unwrap();
+    let expected = (&1.into(), &true.into(), &"fly to the blue chair".into(), &"timeout".into());
+    assert_eq!((&told["format"], &told["whole"], &told["instruction"], &told["outcome"]), expected, "{told}");
+    let replayed = lab.spf(&["replay", "1.mcap", "--json"]);
+    assert!(matches!(replayed.code, Some(0 | 1)), "{}", replayed.stderr);
+    let report: Value = serde_json::from_str(&replayed.stdout).unwrap();
+    assert!(report["inputs"].as_u64().unwrap() > 300 && report["outputs"].as_u64().unwrap() > 30, "{}", replayed.stdout);
+    let table = lab.spf(&["log", "export", "1.mcap", "--topic", "/pose/true", "-o", "poses.csv"]);
+    assert!(table.stdout.starts_with("poses.csv: "), "{}", table.stderr);
+    assert!(String::from_utf8(lab.read("poses.csv")).unwrap().lines().next().unwrap().contains("pose.position.x"));
+    let asked = lab.spf(&["replay", "1.mcap", "--vlm", "oracle"]);
+    assert!(asked.code == Some(0) && asked.stdout.contains(" questions, "), "{}", asked.stderr);
+}

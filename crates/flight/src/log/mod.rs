@@ -17,10 +17,11 @@ use serde::Serialize;
 use spf_core::command::Command;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::pilot::{Action, Decision, Event, Note, Pilot};
-use spf_core::query::{ImageBox, ImagePoint, Query, QueryId};
+use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
-use spf_record::log::foxglove::{self, Level, Prism};
-use spf_record::log::{Log, LogError, LogSender, Message};
+use spf_record::live::LiveSender;
+use spf_record::log::foxglove::{self, Level, Marks, Prism};
+use spf_record::log::{Log, LogError, LogSender, Message, Topic};
 
 use crate::sim::SimWorld;
 use crate::summary::Summary;
@@ -33,7 +34,7 @@ const REMEMBERED: usize = 64;
 
 /// The log of a flight in the making.
 pub(crate) struct FlightLog {
-    log: Log,
+    log: Option<Log>,
     out: Outlet,
     world: SimWorld,
     /// The pilot was woken at this time, and nothing has been told of it yet.
@@ -46,44 +47,40 @@ pub(crate) struct FlightLog {
 
 /// Where messages of a flight go; any number of threads may hold one.
 #[derive(Clone)]
-pub(crate) struct Outlet(LogSender);
+pub(crate) struct Outlet {
+    log: Option<LogSender>,
+    live: Option<LiveSender>,
+}
 
 impl Outlet {
-    /// A message of one of our own forms.
+    /// A message of one of our own forms. False when the log left it out.
     fn row<T: Serialize>(&self, channel: Channel, at: Time, row: &T) -> bool {
         // Our rows are structures of plain values: they always have a JSON form.
         serde_json::to_vec(row).is_ok_and(|data| self.put(channel, at, data.into()))
     }
 
     fn put(&self, channel: Channel, at: Time, data: Bytes) -> bool {
-        self.0.send(Message { topic: channel as usize, time: at, data })
+        let message = Message { topic: channel as usize, time: at, data };
+        if let Some(live) = &self.live {
+            live.send(&message);
+        }
+        self.log.as_ref().is_none_or(|log| log.send(message))
     }
 
     /// A camera picture, and what is to be drawn on it.
-    pub(crate) fn picture(&self, at: Time, jpeg: Bytes, size: (u32, u32), marks: &PictureMarks) {
+    pub(crate) fn picture(&self, at: Time, jpeg: Bytes, size: (u32, u32), marks: &Marks) {
         self.put(Channel::Image, at, foxglove::encode(&foxglove::image(at, jpeg)));
-        let drawn = foxglove::annotations(at, size, marks.waypoint.clone(), &marks.boxes);
-        self.put(Channel::Annotations, at, foxglove::encode(&drawn));
+        self.put(Channel::Annotations, at, foxglove::encode(&foxglove::annotations(at, size, marks)));
     }
 }
 
-/// What is drawn on a picture of the log.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct PictureMarks {
-    /// Where the craft flies to, and how far that is.
-    pub(crate) waypoint: Option<(ImagePoint, String)>,
-    /// Obstacles that the VLM reported.
-    pub(crate) boxes: Vec<(ImageBox, String)>,
-}
-
 impl FlightLog {
-    /// Starts the log with the flight's head and the scene's outline. A `live` flight waits for no disk.
-    pub(crate) fn start(path: &Path, head: &Head, scene: &[Prism], world: SimWorld, live: bool) -> Result<Self, LogError> {
-        let log = Log::create(path, &topics::all(), !live)?;
-        let out = Outlet(log.sender());
+    /// Starts with the flight's head and the scene's outline. What is told goes to the log and to live views, where there are any.
+    pub(crate) fn start(log: Option<Log>, live: Option<LiveSender>, head: &Head, scene: &[Prism], world: SimWorld) -> Self {
+        let out = Outlet { log: log.as_ref().map(Log::sender), live };
         out.row(Channel::Flight, Time::ZERO, head);
         out.put(Channel::Scene, Time::ZERO, foxglove::encode(&foxglove::scene(Time::ZERO, scene)));
-        Ok(Self { log, out, world, woken: None, posed: None, asked: BTreeMap::new(), missing: 0 })
+        Self { log, out, world, woken: None, posed: None, asked: BTreeMap::new(), missing: 0 }
     }
 
     /// For pictures, which come from another thread; and the camera that they are taken by, at their size.
@@ -222,8 +219,19 @@ impl FlightLog {
         self.row(Channel::Summary, at, summary);
         let Self { log, out, .. } = self;
         drop(out);
-        log.finish().map(|facts| facts.lost)
+        log.map_or(Ok(0), |log| log.finish().map(|facts| facts.lost))
     }
+}
+
+/// Opens the file of a log. A `live` flight waits for no disk.
+pub(crate) fn open(path: &Path, live: bool) -> Result<Log, LogError> {
+    Log::create(path, &topics(), !live)
+}
+
+/// The topics of a flight's log and of its live view, in the order of [`Channel::ALL`].
+#[must_use]
+pub fn topics() -> Vec<Topic> {
+    Channel::ALL.into_iter().map(Channel::form).collect()
 }
 
 /// What of the pilot's outputs is compared when a flight is replayed: its channel and its bytes.

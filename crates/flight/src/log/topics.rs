@@ -145,7 +145,8 @@ impl Channel {
         }
     }
 
-    fn form(self) -> Topic {
+    /// What its messages are like.
+    pub(super) fn form(self) -> Topic {
         fn json<T: JsonSchema>(channel: Channel, schema: &'static str) -> Topic {
             Topic::of_json::<T>(channel.name(), schema)
         }
@@ -178,11 +179,6 @@ impl Channel {
     }
 }
 
-/// The topics of a log, in the order of [`Channel::ALL`].
-pub(super) fn all() -> Vec<Topic> {
-    Channel::ALL.into_iter().map(Channel::form).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -198,7 +194,7 @@ mod tests {
 
     #[test]
     fn every_topic_has_a_schema() {
-        for topic in all() {
+        for topic in Channel::ALL.map(Channel::form) {
             assert!(!topic.definition.is_empty() && topic.schema.contains('.'), "{}", topic.name);
         }
     }

@@ -16,6 +16,7 @@ use spf_core::policy::plain::{Plain, PlainSettings};
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::time::Time;
 use spf_drone::{Capabilities, Drone};
+use spf_record::live::LiveSender;
 use spf_record::out_dir::OutDir;
 use spf_sim::effects::Effects;
 use spf_sim::geometry::ObjectId;
@@ -117,11 +118,14 @@ pub struct FlightPlan {
 }
 
 /// Where and what to record.
+#[derive(Clone, Debug)]
 pub struct RecordPlan {
     /// The folder.
     pub out: OutDir,
     /// Whether to make a video.
     pub video: bool,
+    /// Who looks on while it flies.
+    pub view: Option<LiveSender>,
 }
 
 /// What became of a flight.
@@ -190,7 +194,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let vlm = Box::new(OracleVlm::new(plan.vlm.clone(), world.clone(), plan.errors.clone(), plan.seed));
     let mut recorder = plan.record.as_ref().map(|record| {
         let head = head(&plan, drone.name(), &capabilities, start);
-        Recorder::new(record.out.clone(), record.video, &head, world.clone(), plan.realtime)
+        Recorder::new(record, &head, world.clone(), plan.realtime)
     });
     let mut judging = Judging { world: world.clone(), instruction: plan.instruction.clone(), start, settled: None };
     let (drone, pictures, script) = (Box::new(drone), Box::new(SimPictures::new(world.clone())), plan.script.clone());

@@ -6,6 +6,7 @@ use spf_sim::oracle::{ErrorFile, Oracle, Percept, Sight};
 use spf_sim::render::{Channels, Picture as SimPicture};
 use spf_vlm::{Answer, Picture, Vlm, VlmError};
 
+use super::stage::Moment;
 use super::world::SimWorld;
 
 /// The oracle of a world.
@@ -32,31 +33,49 @@ impl OracleVlm {
         Self { name, oracle: Oracle::new(errors, near, seed), world, percept: None }
     }
 
-    fn percept(&mut self, frame: FrameId) -> Result<&Percept, VlmError> {
-        if self.percept.as_ref().is_none_or(|(of, _)| *of != frame) {
-            let moment =
-                self.world.capture(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
-            let mut eyes = self.world.stage().eyes();
-            self.world.look_into(&moment, Channels::TRUTH, &mut eyes.sight);
-            let in_frame = self.world.in_frame(&moment, &mut eyes.wide);
-            let light = self.world.light_on(&moment, &eyes.sight);
-            let picture = &eyes.sight;
-            let sight = Sight {
-                width: picture.width as usize,
-                height: picture.height as usize,
-                ids: picture.ids.as_deref().unwrap_or_default(),
-                depth: picture.depth.as_deref().unwrap_or_default(),
-                opening_ids: picture.opening_ids.as_deref().unwrap_or_default(),
-                opening_depth: picture.opening_depth.as_deref().unwrap_or_default(),
-                camera: self.world.camera(),
-                in_frame: &in_frame,
-                light: &light,
-            };
-            let percept = self.oracle.percept(frame, &sight, &self.world.stage().tags);
-            self.world.stage().give_back(eyes);
-            self.percept = Some((frame, percept));
+    /// Answers a query about what there was to see at a moment, whatever the world is at now.
+    pub fn answer_at(&self, query: &Query, moment: &Moment) -> Answer {
+        let percept = self.look(query.frame, moment);
+        self.answer_from(query, &percept)
+    }
+
+    fn answer_from(&self, query: &Query, percept: &Percept) -> Answer {
+        let answer = self.oracle.answer(query, percept);
+        Answer { text: answer.text, latency: answer.latency, model: self.name.clone() }
+    }
+
+    /// What is seen in a frame.
+    fn percept(&mut self, frame: FrameId) -> Result<Percept, VlmError> {
+        if let Some((_, percept)) = self.percept.as_ref().filter(|(of, _)| *of == frame) {
+            return Ok(percept.clone());
         }
-        self.percept.as_ref().map(|(_, percept)| percept).ok_or_else(|| VlmError::Picture("no percept".to_owned()))
+        let moment =
+            self.world.capture(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
+        let percept = self.look(frame, &moment);
+        self.percept = Some((frame, percept.clone()));
+        Ok(percept)
+    }
+
+    fn look(&self, frame: FrameId, moment: &Moment) -> Percept {
+        let mut eyes = self.world.stage().eyes();
+        self.world.look_into(moment, Channels::TRUTH, &mut eyes.sight);
+        let in_frame = self.world.in_frame(moment, &mut eyes.wide);
+        let light = self.world.light_on(moment, &eyes.sight);
+        let picture = &eyes.sight;
+        let sight = Sight {
+            width: picture.width as usize,
+            height: picture.height as usize,
+            ids: picture.ids.as_deref().unwrap_or_default(),
+            depth: picture.depth.as_deref().unwrap_or_default(),
+            opening_ids: picture.opening_ids.as_deref().unwrap_or_default(),
+            opening_depth: picture.opening_depth.as_deref().unwrap_or_default(),
+            camera: self.world.camera(),
+            in_frame: &in_frame,
+            light: &light,
+        };
+        let percept = self.oracle.percept(frame, &sight, &self.world.stage().tags);
+        self.world.stage().give_back(eyes);
+        percept
     }
 }
 
@@ -66,8 +85,7 @@ impl Vlm for OracleVlm {
     }
 
     fn answer(&mut self, query: &Query, _picture: &mut dyn Picture) -> Result<Answer, VlmError> {
-        let percept = self.percept(query.frame)?.clone();
-        let answer = self.oracle.answer(query, &percept);
-        Ok(Answer { text: answer.text, latency: answer.latency, model: self.name.clone() })
+        let percept = self.percept(query.frame)?;
+        Ok(self.answer_from(query, &percept))
     }
 }

@@ -128,6 +128,12 @@ impl SimWorld {
         self.shot(FrameClock::default().captured(frame))
     }
 
+    /// The same of a world in which nothing moves.
+    #[must_use]
+    pub fn still(&self, at: Time, moment: &Moment) -> Option<Shot<Moment>> {
+        self.eye.shot(at, |_| Some(moment.clone()))
+    }
+
     /// What the camera sees at a moment.
     #[must_use]
     pub fn look(&self, moment: &Moment, channels: Channels) -> Picture {

@@ -18,7 +18,7 @@ use serde::Serialize;
 use serde_json::Value;
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
-use spf_core::query::{ImageBox, ImagePoint};
+use spf_core::query::{ImageBox, ImagePoint, Mark};
 use spf_core::time::Time;
 
 /// The reference frame of the world.
@@ -31,6 +31,28 @@ const CAMERA: &str = "camera";
 /// Side of the cross drawn where the craft flies to, and thickness of lines, pixels of the picture.
 const RING: f64 = 24.0;
 const LINE: f64 = 2.0;
+
+/// The names of the types that a video is made from.
+pub(super) const IMAGE: &str = "foxglove.CompressedImage";
+pub(super) const ANNOTATIONS: &str = "foxglove.ImageAnnotations";
+pub(super) const LOG: &str = "foxglove.Log";
+
+/// What is drawn on a picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Marks {
+    /// Where the craft flies to, and a caption.
+    pub waypoint: Option<(ImagePoint, String)>,
+    /// Obstacles that the VLM reported, each with a caption.
+    pub boxes: Vec<(ImageBox, String)>,
+}
+
+impl Marks {
+    /// The boxes, to be drawn.
+    #[must_use]
+    pub fn as_marks(&self) -> Vec<Mark> {
+        self.boxes.iter().map(|(area, label)| Mark::Box { area: *area, label: label.clone() }).collect()
+    }
+}
 
 /// How much a line of the log matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,14 +99,32 @@ pub fn image(at: Time, jpeg: Bytes) -> CompressedImage {
     CompressedImage { timestamp: Some(stamp(at)), frame_id: CAMERA.to_owned(), data: jpeg, format: "jpeg".to_owned() }
 }
 
-/// What is to be drawn on the picture captured at `at`: where the craft flies to with a caption, and boxes with theirs.
+/// The picture in a message; `None` when it is no JPEG.
+pub(super) fn jpeg_of(data: &[u8]) -> Option<Bytes> {
+    CompressedImage::decode(data).ok().filter(|image| image.format == "jpeg").map(|image| image.data)
+}
+
+/// The words of a line of the log.
+pub(super) fn line_of(data: &[u8]) -> Option<String> {
+    Log::decode(data).ok().map(|line| line.message)
+}
+
+/// What [`annotations`] drew on a picture of that size.
+pub(super) fn marks_of(data: &[u8], size: (u32, u32)) -> Option<Marks> {
+    let drawn = ImageAnnotations::decode(data).ok()?;
+    let share = |at: &Point2| ImagePoint { u: at.x / f64::from(size.0), v: at.y / f64::from(size.1) };
+    let mut captions = drawn.texts.iter().map(|text| text.text.clone());
+    let waypoint = drawn.circles.first().and_then(|circle| circle.position.as_ref()).map(share);
+    let waypoint = waypoint.map(|point| (point, captions.next().unwrap_or_default()));
+    let corners = |line: &PointsAnnotation| Some((share(line.points.first()?), share(line.points.get(2)?)));
+    let areas = drawn.points.iter().filter_map(corners);
+    let areas = areas.map(|(low, high)| ImageBox { left: low.u, top: low.v, right: high.u, bottom: high.v });
+    Some(Marks { waypoint, boxes: areas.map(|area| (area, captions.next().unwrap_or_default())).collect() })
+}
+
+/// What is to be drawn on the picture of that size captured at `at`.
 #[must_use]
-pub fn annotations(
-    at: Time,
-    size: (u32, u32),
-    waypoint: Option<(ImagePoint, String)>,
-    boxes: &[(ImageBox, String)],
-) -> ImageAnnotations {
+pub fn annotations(at: Time, size: (u32, u32), marks: &Marks) -> ImageAnnotations {
     let timestamp = Some(stamp(at));
     let pixel = |u: f64, v: f64| Point2 { x: u * f64::from(size.0), y: v * f64::from(size.1) };
     let text = |position, text: &str, color| TextAnnotation {
@@ -98,7 +138,7 @@ pub fn annotations(
     };
     let (magenta, orange) = (Color { r: 1.0, g: 0.2, b: 0.9, a: 1.0 }, Color { r: 1.0, g: 0.6, b: 0.1, a: 1.0 });
     let mut drawn = ImageAnnotations { timestamp, ..ImageAnnotations::default() };
-    if let Some((point, caption)) = waypoint {
+    if let Some((point, caption)) = &marks.waypoint {
         drawn.circles.push(CircleAnnotation {
             timestamp,
             position: Some(pixel(point.u, point.v)),
@@ -110,9 +150,9 @@ pub fn annotations(
         });
         let mut below = pixel(point.u, point.v);
         below.y += RING;
-        drawn.texts.push(text(below, &caption, magenta));
+        drawn.texts.push(text(below, caption, magenta));
     }
-    for (area, caption) in boxes {
+    for (area, caption) in &marks.boxes {
         let corners = [(area.left, area.top), (area.right, area.top), (area.right, area.bottom), (area.left, area.bottom)];
         drawn.points.push(PointsAnnotation {
             timestamp,
@@ -333,5 +373,14 @@ mod tests {
         let thing = Prism { name: "hut".to_owned(), polygons: vec![polygon], bottom: 0.0, top: 3.0, colour: [0; 3] };
         let update = scene(Time::ZERO, &[thing]);
         assert_eq!(update.entities[0].lines[0].points.len(), 2 * 12);
+    }
+    #[test]
+    fn marks_are_read_back() {
+        let area = ImageBox { left: 0.25, top: 0.5, right: 0.5, bottom: 0.75 };
+        let waypoint = Some((ImagePoint { u: 0.75, v: 0.125 }, "7.0 m".to_owned()));
+        for marks in [Marks { waypoint, boxes: vec![(area, "tree 3".to_owned())] }, Marks::default()] {
+            let data = encode(&annotations(Time::ZERO, (640, 480), &marks));
+            assert_eq!(marks_of(&data, (640, 480)), Some(marks));
+        }
     }
 }

@@ -5,15 +5,18 @@
 //!
 //! This module knows files and messages; what is told of a flight, and on which topics, is `spf-flight`'s.
 
+pub mod export;
 pub mod foxglove;
 mod queue;
 mod reader;
 mod repair;
+mod video;
 mod writer;
 
 pub use queue::{Log, LogFacts, LogSender};
 pub use reader::{Entry, LogHead, LogReader, ReadError};
 pub use repair::{RepairError, Repaired, Rewrite, repair, rewrite};
+pub use video::{LogVideoError, video};
 pub use writer::LogError;
 
 use std::borrow::Cow;

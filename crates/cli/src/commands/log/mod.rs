@@ -1,8 +1,10 @@
 //! `spf log`: flight logs for people who want what is in them.
 
 mod cat;
+mod export;
 mod info;
 mod repair;
+mod video;
 
 use std::path::Path;
 
@@ -18,6 +20,8 @@ pub(crate) fn log(command: &Log, printer: &Printer) -> Result<Exit, CliError> {
     match command {
         Log::Info(args) => info::info(args, printer),
         Log::Cat(args) => cat::cat(args, printer),
+        Log::Export(args) => export::export(args, printer),
+        Log::Video(args) => video::video(args, printer),
         Log::Repair(args) => repair::repair(args, printer),
     }
 }

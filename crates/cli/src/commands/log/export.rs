@@ -1,0 +1,76 @@
+//! `spf log export`: messages of a topic as one table.
+
+use std::path::{Path, PathBuf};
+
+use spf_flight::log::Channel;
+use spf_record::log::export::{Export, ExportError, Format};
+
+use super::warn_torn;
+use crate::args::Export as Args;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+
+/// What every row tells of its flight: columns, and where they stand in the log's head.
+const CONTEXT: [(&str, &str); 6] = [
+    ("flight.instruction", "/instruction"),
+    ("flight.vlm", "/vlm"),
+    ("flight.preset", "/preset"),
+    ("flight.policy", "/policy"),
+    ("flight.scene", "/sim/scene"),
+    ("flight.seed", "/sim/seed"),
+];
+
+/// Folders in folders, at most; links that lead back would have no end.
+const DEPTH: usize = 16;
+
+/// Writes a table.
+pub(super) fn export(args: &Args, printer: &Printer) -> Result<Exit, CliError> {
+    let format = Format::of_path(&args.output).ok_or_else(|| {
+        CliError::usage(format!("--output: `{}` tells no form of table", args.output.display()))
+            .hint("name it .csv, .jsonl or .parquet")
+    })?;
+    let mut logs = Vec::new();
+    for path in &args.logs {
+        find(path, 0, &mut logs)?;
+    }
+    if logs.is_empty() {
+        return Err(CliError::usage("there is no flight log").hint("name a log, or a folder with flight.mcap files in it"));
+    }
+    let topic = if args.topic.starts_with('/') { args.topic.clone() } else { format!("/{}", args.topic) };
+    let export = Export { logs: &logs, topic: &topic, context: &CONTEXT, context_topic: Channel::Flight.name() };
+    let table = export.write(format, &args.output).map_err(|error| match &error {
+        ExportError::Empty(_) => {
+            CliError::usage("there is nothing to export").because(&error).hint("`spf log info` lists the topics of a log")
+        }
+        ExportError::Read { .. } => CliError::usage("a log cannot be exported").because(&error).hint("name flight logs alone"),
+        _ => CliError::internal("the table cannot be written").because(&error),
+    })?;
+    for path in &table.torn {
+        warn_torn(path, printer);
+    }
+    let (rows, columns) = (table.rows, table.columns.len());
+    printer.result(&format!("{}: {rows} rows, {columns} columns, from {} logs", args.output.display(), logs.len()));
+    Ok(Exit::Success)
+}
+
+/// A log, or every `*.mcap` below a folder in order of names; each is called by its path as given.
+fn find(path: &Path, depth: usize, logs: &mut Vec<(String, PathBuf)>) -> Result<(), CliError> {
+    let unreadable = |error: std::io::Error| {
+        CliError::usage(format!("`{}` cannot be read", path.display())).because(&error).hint("name a log, or a folder of flights")
+    };
+    if !path.metadata().map_err(unreadable)?.is_dir() {
+        logs.push((path.display().to_string(), path.to_owned()));
+        return Ok(());
+    }
+    let entries = std::fs::read_dir(path).map_err(unreadable)?.collect::<Result<Vec<_>, _>>().map_err(unreadable)?;
+    let mut paths: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+    paths.sort();
+    for inside in paths {
+        let is_log = inside.extension().is_some_and(|ending| ending == "mcap");
+        if is_log || (inside.is_dir() && depth < DEPTH) {
+            find(&inside, depth + 1, logs)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,23 @@
+//! `spf log video`: a video from the pictures of a log.
+
+use spf_record::log::{LogVideoError, video as make};
+
+use super::unreadable;
+use crate::args::Video;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+
+/// Makes a video.
+pub(super) fn video(args: &Video, printer: &Printer) -> Result<Exit, CliError> {
+    let facts = make(&args.file, &args.output).map_err(|error| match &error {
+        LogVideoError::Read(source) => unreadable(&args.file, source),
+        LogVideoError::NoPictures => CliError::usage(format!("no video can be made of `{}`", args.file.display()))
+            .because(&error)
+            .hint("fly without `--no-video`"),
+        _ => CliError::internal("the video cannot be made").because(&error),
+    })?;
+    let (pictures, seconds) = (facts.frames, facts.duration.as_secs_f64());
+    printer.result(&format!("{}: {pictures} pictures, {seconds:.1} s", args.output.display()));
+    Ok(Exit::Success)
+}

@@ -1,0 +1,221 @@
+//! Another mind about the same frames: what a log's questions are answered now by somebody else, beside what was answered then.
+//!
+//! Ids and depth are drawn again from the log's scene and the true pose of each frame that was asked about.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde::Serialize;
+use spf_core::grounding::GroundingProfile;
+use spf_core::query::{ImagePoint, Query, QueryId};
+use spf_core::reply::{Reply, Status, parse_reply};
+use spf_core::time::Time;
+use spf_media::frame::Rgb;
+use spf_media::marks::{self, Colour, Hud};
+use spf_record::log::{Entry, ReadError};
+use spf_sim::frame_clock::FrameClock;
+use spf_sim::model::CraftKind;
+use spf_sim::oracle::ErrorFile;
+
+use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
+use crate::replay::{ReplayError, head, row};
+use crate::sim::{Circumstances, Moment, OracleVlm, SimWorld, Stage};
+
+/// One half of a picture.
+const HALF: (u32, u32) = (640, 480);
+
+/// A question of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Question {
+    /// What was asked.
+    pub query: Query,
+    /// Truth about its frame.
+    pub truth: TruthRow,
+    /// What was answered in time.
+    pub answer: Option<String>,
+}
+
+/// The questions of a log, in order, and the flight's head. A torn log gives those that it has.
+///
+/// # Errors
+/// [`ReplayError`].
+pub fn questions(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) -> Result<(Head, Vec<Question>), ReplayError> {
+    let mut entries = entries.into_iter();
+    let head = head(&mut entries)?;
+    let (mut asked, mut truths) = (BTreeMap::<QueryId, Query>::new(), BTreeMap::new());
+    let mut answers = BTreeMap::new();
+    for entry in entries {
+        let entry = match entry {
+            Ok(entry) => entry,
+            Err(ReadError::Torn) => break,
+            Err(error) => return Err(error.into()),
+        };
+        match Channel::of_topic(&entry.topic) {
+            Some(Channel::Query) => {
+                let query: Query = row(&entry)?;
+                asked.insert(query.id, query);
+            }
+            Some(Channel::Truth) => {
+                let truth: TruthRow = row(&entry)?;
+                truths.insert(truth.frame, truth);
+            }
+            Some(Channel::Reply) => {
+                let reply: ReplyRow = row(&entry)?;
+                if let Some(text) = reply.text.filter(|_| !reply.part) {
+                    answers.insert(reply.id, text);
+                }
+            }
+            _ => {}
+        }
+    }
+    let question = |(id, query): (QueryId, Query)| {
+        let truth = *truths.get(&query.frame)?;
+        Some(Question { query, truth, answer: answers.get(&id).cloned() })
+    };
+    Ok((head, asked.into_iter().filter_map(question).collect()))
+}
+
+/// What an answer points at.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Pointed {
+    /// Whether it goes there, cannot see it, or is done; none when the answer cannot be used.
+    pub status: Option<Status>,
+    /// Where.
+    pub point: Option<ImagePoint>,
+    /// How far, as a label.
+    pub depth: Option<u8>,
+    /// What, in its own words.
+    pub target: Option<String>,
+    /// The answer as it came.
+    pub text: String,
+}
+
+impl Pointed {
+    fn of(text: &str) -> Self {
+        let reply = parse_reply(text, &GroundingProfile::default()).ok();
+        let of = |reply: Reply| (Some(reply.status), reply.point, reply.depth, reply.target);
+        let (status, point, depth, target) = reply.map_or((None, None, None, None), of);
+        Self { status, point, depth, target, text: text.to_owned() }
+    }
+
+    /// In words: what, where and how far.
+    #[must_use]
+    pub fn words(&self) -> String {
+        match (self.status, self.point) {
+            (Some(Status::Navigating), Some(point)) => {
+                let (target, depth) = (self.target.as_deref().unwrap_or("target"), self.depth.unwrap_or(0));
+                format!("{target} at ({:.3}, {:.3}), depth {depth}", point.u, point.v)
+            }
+            (Some(Status::Done), _) => "done".to_owned(),
+            (Some(_), _) => "not visible".to_owned(),
+            (None, _) => "no usable answer".to_owned(),
+        }
+    }
+}
+
+/// Two answers to one question.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Opinion {
+    /// The query's number.
+    pub query: QueryId,
+    /// The frame's number.
+    pub frame: u64,
+    /// What was answered in the flight; none when nothing came in time.
+    pub then: Option<Pointed>,
+    /// What is answered now; none when the one asked could not.
+    pub now: Option<Pointed>,
+    /// How far apart the two point, as a share of the picture's width.
+    pub apart: Option<f64>,
+}
+
+/// Asks an oracle about the frames of a log.
+pub struct Asker {
+    world: SimWorld,
+    vlm: OracleVlm,
+    name: String,
+    seed: u64,
+}
+
+/// Why nobody can be asked about a log.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AskError {
+    /// The flight was no simulated one.
+    #[error("the flight was not flown in the simulator: there are no ids and no depth for an oracle to look at")]
+    NoSimulator,
+    /// The craft or the circumstances are not known here.
+    #[error("the log's `{0}` is not known here")]
+    Unknown(String),
+}
+
+impl Asker {
+    /// An oracle of these errors, in the log's world. It draws its errors by the flight's seed, so that the flight's own oracle answers
+    /// as it did.
+    ///
+    /// # Errors
+    /// [`AskError`].
+    pub fn new(head: &Head, stage: Arc<Stage>, name: &str, errors: ErrorFile) -> Result<Self, AskError> {
+        let sim = head.sim.as_ref().ok_or(AskError::NoSimulator)?;
+        let kind = CraftKind::from_name(&sim.drone_model).ok_or_else(|| AskError::Unknown(sim.drone_model.clone()))?;
+        let world = SimWorld::under(&circumstances(sim)?, stage, kind, sim.start, sim.seed);
+        let vlm = OracleVlm::new(name.to_owned(), world.clone(), errors, sim.seed);
+        Ok(Self { world, vlm, name: name.to_owned(), seed: sim.seed })
+    }
+
+    /// Asks about one frame.
+    pub fn ask(&self, question: &Question) -> Opinion {
+        let moment = self.moment(question);
+        let now = self.vlm.answer_at(&question.query, &moment);
+        let (then, now) = (question.answer.as_deref().map(Pointed::of), Some(Pointed::of(&now.text)));
+        let point = |pointed: &Option<Pointed>| pointed.as_ref().and_then(|pointed| pointed.point);
+        let camera = self.world.camera();
+        let shape = f64::from(camera.height) / f64::from(camera.width);
+        let apart = point(&then).zip(point(&now)).map(|(a, b)| libm::hypot(a.u - b.u, shape * (a.v - b.v)));
+        Opinion { query: question.query.id, frame: question.query.frame.0, then, now, apart }
+    }
+
+    /// Both answers on the frame, side by side: the flight's on the left.
+    #[must_use]
+    pub fn picture(&self, question: &Question, opinion: &Opinion, vlm_then: &str) -> Rgb {
+        let moment = self.moment(question);
+        let Some(shot) = self.world.still(captured(question), &moment) else { return Rgb::new(2 * HALF.0, HALF.1) };
+        let clean = self.world.photograph(&shot, Some(HALF));
+        let half = |who: &str, pointed: &Option<Pointed>| {
+            let mut half = clean.clone();
+            let words = pointed.as_ref().map_or_else(|| "no answer in time".to_owned(), Pointed::words);
+            let status = format!("frame {}", opinion.frame);
+            marks::draw_hud(&mut half, &Hud { title: who, status: &status, lines: &[&words] });
+            if let Some(point) = pointed.as_ref().and_then(|pointed| pointed.point) {
+                marks::draw_waypoint(&mut half, point, "", Colour::WAYPOINT);
+            }
+            half
+        };
+        beside(&half(&format!("flight: {vlm_then}"), &opinion.then), &half(&format!("now: {}", self.name), &opinion.now))
+    }
+
+    fn moment(&self, question: &Question) -> Moment {
+        self.world.stage().moment(question.truth.pose, self.seed, captured(question))
+    }
+}
+
+fn captured(question: &Question) -> Time {
+    FrameClock::default().captured(question.query.frame)
+}
+
+/// What was flown through, as the log's head has it.
+fn circumstances(sim: &SimHead) -> Result<Circumstances, AskError> {
+    let mut circumstances = Circumstances { battery: sim.battery, ..Circumstances::default() };
+    if let Some(effects) = &sim.camera_effects {
+        circumstances.effects = effects.parse().map_err(|_| AskError::Unknown(effects.clone()))?;
+    }
+    Ok(circumstances)
+}
+
+/// Two pictures of one size, next to each other.
+fn beside(left: &Rgb, right: &Rgb) -> Rgb {
+    let (width, height) = (left.width(), left.height());
+    let row = 3 * width as usize;
+    let rows = left.data().chunks(row).zip(right.data().chunks(row));
+    let data: Vec<u8> = rows.flat_map(|(left, right)| left.iter().chain(right).copied()).collect();
+    Rgb::from_raw(2 * width, height, data).unwrap_or_else(|_| left.clone())
+}

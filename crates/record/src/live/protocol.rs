@@ -1,0 +1,152 @@
+//! Foxglove's WebSocket protocol, the part that shows topics: subprotocols `foxglove.sdk.v1` and `foxglove.websocket.v1`, which are
+//! the same in it (the protocol's `spec.md`, "server info", "advertise", "subscribe", "message data", "status").
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use bytes::{BufMut, Bytes, BytesMut};
+use serde::{Deserialize, Serialize};
+
+use crate::log::{Message, Topic};
+
+/// Subprotocols spoken, best first.
+pub(super) const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
+
+/// First byte of a message of a topic.
+const MESSAGE_DATA: u8 = 1;
+/// A status that is a warning.
+const WARNING: u8 = 1;
+
+/// What a viewer asks for.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(tag = "op", rename_all = "camelCase")]
+pub(super) enum Request {
+    /// Wants channels.
+    Subscribe {
+        /// Which.
+        subscriptions: Vec<Subscription>,
+    },
+    /// Wants them no longer.
+    #[serde(rename_all = "camelCase")]
+    Unsubscribe {
+        /// Which.
+        subscription_ids: Vec<u32>,
+    },
+    /// What this server has no use for.
+    #[serde(other)]
+    Other,
+}
+
+/// A viewer's wish for a channel, under a number of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Subscription {
+    pub(super) id: u32,
+    pub(super) channel_id: u64,
+}
+
+#[derive(Serialize)]
+#[serde(tag = "op", rename_all = "camelCase")]
+enum Told<'a> {
+    #[serde(rename_all = "camelCase")]
+    ServerInfo {
+        name: &'a str,
+        capabilities: [&'a str; 0],
+        session_id: String,
+    },
+    Advertise {
+        channels: Vec<Channel<'a>>,
+    },
+    Status {
+        level: u8,
+        message: String,
+    },
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+struct Channel<'a> {
+    id: u64,
+    topic: &'a str,
+    encoding: &'a str,
+    schema_name: &'a str,
+    schema_encoding: &'a str,
+    schema: String,
+}
+
+/// The first words of the server.
+pub(super) fn greeting(name: &str) -> String {
+    // One flight, one session: a viewer that comes back to another process begins anew.
+    text(&Told::ServerInfo { name, capabilities: [], session_id: std::process::id().to_string() })
+}
+
+/// The topics, each a channel of its place's number.
+pub(super) fn advertisement(topics: &[Topic]) -> String {
+    let channel = |(id, topic): (usize, &'_ Topic)| {
+        let schema = match topic.schema_encoding {
+            "protobuf" => STANDARD.encode(&topic.definition),
+            _ => String::from_utf8_lossy(&topic.definition).into_owned(),
+        };
+        (id as u64, schema)
+    };
+    let schemas: Vec<(u64, String)> = topics.iter().enumerate().map(channel).collect();
+    let channels = topics.iter().zip(schemas).map(|(topic, (id, schema))| Channel {
+        id,
+        topic: topic.name,
+        encoding: topic.encoding,
+        schema_name: &topic.schema,
+        schema_encoding: topic.schema_encoding,
+        schema,
+    });
+    text(&Told::Advertise { channels: channels.collect() })
+}
+
+/// That messages were left out.
+pub(super) fn left_out(messages: u64) -> String {
+    text(&Told::Status {
+        level: WARNING,
+        message: format!("{messages} messages were left out: this viewer is too slow for them"),
+    })
+}
+
+/// A message for a subscription.
+pub(super) fn message(subscription: u32, message: &Message) -> Bytes {
+    let mut frame = BytesMut::with_capacity(13 + message.data.len());
+    frame.put_u8(MESSAGE_DATA);
+    frame.put_u32_le(subscription);
+    frame.put_u64_le(message.time.as_nanos());
+    frame.put_slice(&message.data);
+    frame.freeze()
+}
+
+fn text(told: &Told<'_>) -> String {
+    // Plain structures always have a JSON form.
+    serde_json::to_string(told).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use spf_core::time::Time;
+
+    #[test]
+    fn requests_are_read() {
+        let read = |text: &str| serde_json::from_str::<Request>(text).unwrap();
+        let wanted = Request::Subscribe { subscriptions: vec![Subscription { id: 3, channel_id: 7 }] };
+        assert_eq!(read(r#"{"op":"subscribe","subscriptions":[{"id":3,"channelId":7}]}"#), wanted);
+        assert_eq!(read(r#"{"op":"unsubscribe","subscriptionIds":[3]}"#), Request::Unsubscribe { subscription_ids: vec![3] });
+        assert_eq!(read(r#"{"op":"getParameters","parameterNames":[]}"#), Request::Other);
+        assert!(serde_json::from_str::<Request>("{}").is_err());
+    }
+
+    #[test]
+    fn a_message_is_its_subscription_time_and_data() {
+        let data = message(0x0102, &Message { topic: 0, time: Time::from_nanos(5), data: Bytes::from_static(b"xy") });
+        assert_eq!(&data[..], [1, 2, 1, 0, 0, 5, 0, 0, 0, 0, 0, 0, 0, b'x', b'y']);
+    }
+
+    #[test]
+    fn greeting_and_status_are_in_the_protocols_words() {
+        assert!(greeting("spf").starts_with(r#"{"op":"serverInfo","name":"spf","capabilities":[],"sessionId":""#));
+        assert!(left_out(4).starts_with(r#"{"op":"status","level":1,"message":"4 messages"#));
+    }
+}

@@ -1,0 +1,135 @@
+//! One viewer, in a thread of its own.
+
+use std::collections::BTreeMap;
+use std::io::{self, ErrorKind};
+use std::net::TcpStream;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::TryRecvError;
+use std::time::Duration;
+
+use tungstenite::handshake::server::{ErrorResponse, Request as Hello, Response};
+use tungstenite::http::{HeaderValue, StatusCode, header::SEC_WEBSOCKET_PROTOCOL};
+use tungstenite::protocol::WebSocketConfig;
+use tungstenite::{Error, Message as Frame, WebSocket, accept_hdr_with_config};
+
+use super::protocol::{self, Request, SUBPROTOCOLS};
+use super::{GLANCE, Shared, Ticket};
+
+/// How long a viewer may take over its first words, or take nothing: then it is let go.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Longest word of a viewer, bytes: a list of subscriptions.
+const LONGEST: usize = 64 * 1024;
+/// Subscriptions of one viewer.
+const SUBSCRIPTIONS: usize = 256;
+
+/// Serves a viewer until it goes, is too slow, or the flight is over.
+pub(super) fn serve(stream: TcpStream, shared: &Shared) {
+    let Some(ticket) = shared.seat() else { return };
+    match greet(stream, shared).and_then(|socket| show(socket, &ticket)) {
+        Ok(()) | Err(Error::ConnectionClosed | Error::AlreadyClosed) => {}
+        Err(error) => tracing::debug!(%error, "a viewer is gone"),
+    }
+}
+
+fn greet(stream: TcpStream, shared: &Shared) -> Result<WebSocket<TcpStream>, Error> {
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    stream.set_nodelay(true)?;
+    let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
+    let shaken = accept_hdr_with_config(stream, choose, Some(config));
+    let mut socket = shaken.map_err(|error| Error::Io(io::Error::other(error.to_string())))?;
+    socket.send(Frame::text(protocol::greeting(&shared.name)))?;
+    socket.send(Frame::text(protocol::advertisement(&shared.topics)))?;
+    socket.get_ref().set_read_timeout(Some(GLANCE))?;
+    Ok(socket)
+}
+
+/// The first of our subprotocols that the viewer offers; without one it speaks something else.
+#[allow(clippy::result_large_err, reason = "the handshake's own type")]
+fn choose(hello: &Hello, mut response: Response) -> Result<Response, ErrorResponse> {
+    let offered: Vec<&str> = hello
+        .headers()
+        .get_all(SEC_WEBSOCKET_PROTOCOL)
+        .iter()
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(|value| value.split(','))
+        .map(str::trim)
+        .collect();
+    match SUBPROTOCOLS.into_iter().find(|name| offered.contains(name)) {
+        Some(name) => {
+            response.headers_mut().insert(SEC_WEBSOCKET_PROTOCOL, HeaderValue::from_static(name));
+            Ok(response)
+        }
+        None => {
+            let mut refusal = ErrorResponse::new(Some(format!("speak one of {}\n", SUBPROTOCOLS.join(", "))));
+            *refusal.status_mut() = StatusCode::BAD_REQUEST;
+            Err(refusal)
+        }
+    }
+}
+
+/// Hears the viewer and shows it messages, in turns.
+fn show(mut socket: WebSocket<TcpStream>, ticket: &Ticket<'_>) -> Result<(), Error> {
+    // The viewer's own numbers for topics.
+    let mut subscriptions: BTreeMap<u32, usize> = BTreeMap::new();
+    loop {
+        match socket.read() {
+            Ok(Frame::Text(text)) => {
+                if let Ok(request) = serde_json::from_str(&text) {
+                    take(request, &mut subscriptions, ticket);
+                }
+            }
+            Ok(_) => {}
+            Err(Error::Io(error)) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+            Err(error) => return Err(error),
+        }
+        let left_out = ticket.left_out.swap(0, Ordering::Relaxed);
+        if left_out > 0 {
+            socket.send(Frame::text(protocol::left_out(left_out)))?;
+        }
+        // No more than what waits now: a flight that tells more than can be sent must not keep the viewer from being heard.
+        for _ in 0..super::WAITING {
+            match ticket.queue.try_recv() {
+                Ok(message) => {
+                    let wanted = subscriptions.iter().filter(|(_, topic)| **topic == message.topic);
+                    for (&id, _) in wanted {
+                        socket.write(Frame::Binary(protocol::message(id, &message)))?;
+                    }
+                }
+                Err(TryRecvError::Empty) => break,
+                // The flight is over.
+                Err(TryRecvError::Disconnected) => {
+                    socket.flush()?;
+                    return socket.close(None);
+                }
+            }
+        }
+        socket.flush()?;
+    }
+}
+
+fn take(request: Request, subscriptions: &mut BTreeMap<u32, usize>, ticket: &Ticket<'_>) {
+    match request {
+        Request::Subscribe { subscriptions: wanted } => {
+            for wish in wanted {
+                let topic = usize::try_from(wish.channel_id).ok().filter(|topic| *topic < ticket.shared.topics.len());
+                if let Some(topic) = topic
+                    && subscriptions.len() < SUBSCRIPTIONS
+                {
+                    subscriptions.insert(wish.id, topic);
+                    ticket.subscribe(topic);
+                }
+            }
+        }
+        Request::Unsubscribe { subscription_ids } => {
+            for id in subscription_ids {
+                if let Some(topic) = subscriptions.remove(&id)
+                    && !subscriptions.values().any(|other| *other == topic)
+                {
+                    ticket.unsubscribe(topic);
+                }
+            }
+        }
+        Request::Other => {}
+    }
+}

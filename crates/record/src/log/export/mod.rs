@@ -1,0 +1,192 @@
+//! Messages of a topic as one table: CSV, JSON lines or Parquet; of one log or of a whole folder of them.
+
+mod cell;
+mod files;
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::{Entry, LogReader, ReadError, foxglove};
+use cell::{Cell, Kind, flatten};
+pub use files::Format;
+use files::TableFile;
+
+/// Why there is no table.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExportError {
+    /// A log cannot be read.
+    #[error("the log `{path}` cannot be read")]
+    Read {
+        /// The log.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: ReadError,
+    },
+    /// None of the logs has a message on the topic.
+    #[error("no message on the topic `{0}`")]
+    Empty(String),
+    /// The table cannot be written.
+    #[error("cannot write the table `{path}`")]
+    Write {
+        /// The table.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: io::Error,
+    },
+    /// The table cannot be put into its form.
+    #[error("cannot form the table `{path}`")]
+    Form {
+        /// The table.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+}
+
+/// What becomes a table.
+#[derive(Clone, Debug)]
+pub struct Export<'a> {
+    /// Logs, each with what it is called in the column `log`.
+    pub logs: &'a [(String, PathBuf)],
+    /// The topic.
+    pub topic: &'a str,
+    /// Columns that every row of a log gets from the log's first message on a topic: its name there, and a JSON pointer into it.
+    pub context: &'a [(&'a str, &'a str)],
+    /// The topic of that message.
+    pub context_topic: &'a str,
+}
+
+/// What a table holds.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Table {
+    /// Rows.
+    pub rows: u64,
+    /// Columns, in order.
+    pub columns: Vec<String>,
+    /// Logs that end in the middle; what came before is in the table.
+    pub torn: Vec<PathBuf>,
+}
+
+/// Columns of every table: which log a row is from, and its flight time.
+const LOG: &str = "log";
+const TIME: &str = "time_s";
+
+impl Export<'_> {
+    /// Writes the table. The logs are read twice, for their columns and for their rows, so that memory goes by the width of the table.
+    ///
+    /// # Errors
+    /// [`ExportError`].
+    pub fn write(&self, format: Format, path: &Path) -> Result<Table, ExportError> {
+        let mut columns = Columns::default();
+        let mut table = Table::default();
+        self.each_row(&mut table.torn, |row| {
+            columns.take(&row);
+            Ok(())
+        })?;
+        if columns.kinds.len() <= 2 + self.context.len() && columns.rows == 0 {
+            return Err(ExportError::Empty(self.topic.to_owned()));
+        }
+        let mut file = TableFile::create(format, path, &columns.named())?;
+        self.each_row(&mut Vec::new(), |row| file.row(columns.place(row)))?;
+        file.finish()?;
+        table.rows = columns.rows;
+        table.columns = columns.named().into_iter().map(|(name, _)| name).collect();
+        Ok(table)
+    }
+
+    fn each_row(
+        &self,
+        torn: &mut Vec<PathBuf>,
+        mut take: impl FnMut(Vec<(String, Cell)>) -> Result<(), ExportError>,
+    ) -> Result<(), ExportError> {
+        for (name, path) in self.logs {
+            let failed = |source| ExportError::Read { path: path.clone(), source };
+            let mut context = Vec::new();
+            for entry in LogReader::open(path).map_err(failed)? {
+                let entry = match entry {
+                    Ok(entry) => entry,
+                    Err(ReadError::Torn) => {
+                        torn.push(path.clone());
+                        break;
+                    }
+                    Err(error) => return Err(failed(error)),
+                };
+                if entry.topic == self.context_topic && context.is_empty() {
+                    context = self.context_of(&entry);
+                }
+                if entry.topic == self.topic {
+                    let mut row = vec![(LOG.to_owned(), Cell::Text(name.clone()))];
+                    row.extend(context.iter().cloned());
+                    row.push((TIME.to_owned(), Cell::Real(entry.time.as_secs_f64())));
+                    flatten("", &value_of(&entry), &mut row);
+                    take(row)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn context_of(&self, entry: &Entry) -> Vec<(String, Cell)> {
+        let value = value_of(entry);
+        let cell = |(name, pointer): &(&str, &str)| {
+            let mut cells = Vec::new();
+            flatten(name, value.pointer(pointer)?, &mut cells);
+            cells.pop()
+        };
+        self.context.iter().filter_map(cell).collect()
+    }
+}
+
+fn value_of(entry: &Entry) -> Value {
+    let value = if entry.encoding == "json" {
+        serde_json::from_slice(&entry.data).ok()
+    } else {
+        foxglove::to_json(&entry.schema, &entry.data)
+    };
+    value.unwrap_or_default()
+}
+
+/// Columns as they are met, each of the kind that holds all its cells.
+#[derive(Debug, Default)]
+struct Columns {
+    order: Vec<String>,
+    kinds: BTreeMap<String, (usize, Kind)>,
+    rows: u64,
+}
+
+impl Columns {
+    fn take(&mut self, row: &[(String, Cell)]) {
+        self.rows += 1;
+        for (name, cell) in row {
+            match self.kinds.get_mut(name) {
+                Some((_, kind)) => *kind = kind.with(cell.kind()),
+                None => {
+                    self.kinds.insert(name.clone(), (self.order.len(), cell.kind()));
+                    self.order.push(name.clone());
+                }
+            }
+        }
+    }
+
+    fn named(&self) -> Vec<(String, Kind)> {
+        self.order.iter().filter_map(|name| Some((name.clone(), self.kinds.get(name)?.1))).collect()
+    }
+
+    /// The cells of a row at their columns.
+    fn place(&self, row: Vec<(String, Cell)>) -> Vec<Option<Cell>> {
+        let mut cells = vec![None; self.order.len()];
+        for (name, cell) in row {
+            if let Some(&(index, kind)) = self.kinds.get(&name) {
+                cells[index] = Some(cell.into_kind(kind));
+            }
+        }
+        cells
+    }
+}

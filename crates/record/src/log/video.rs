@@ -1,0 +1,129 @@
+//! A video from the pictures of a log.
+
+use std::collections::VecDeque;
+use std::path::Path;
+
+use spf_core::time::Time;
+use spf_media::jpeg;
+use spf_media::marks::{self, Colour, Hud};
+use spf_media::{Rgb, marks::draw};
+
+use super::foxglove::{self, Marks};
+use super::{LogReader, ReadError};
+use crate::video::{VideoError, VideoFacts, VideoWriter};
+
+/// Nominal rate; a picture is shown until the next one, whatever the rate.
+const FPS: f64 = 10.0;
+/// Lines of the log that may be ahead of the pictures.
+const LINES: usize = 256;
+
+/// Why there is no video.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogVideoError {
+    /// The log cannot be read.
+    #[error("the log cannot be read")]
+    Read(#[from] ReadError),
+    /// There is no picture in it.
+    #[error("the log has no pictures: the flight was recorded with `--no-video`")]
+    NoPictures,
+    /// A picture is none.
+    #[error("the picture at {at} cannot be read")]
+    Picture {
+        /// Flight time.
+        at: Time,
+        /// What is wrong with it.
+        #[source]
+        source: jpeg::DecodeError,
+    },
+    /// The video cannot be written.
+    #[error(transparent)]
+    Video(#[from] VideoError),
+}
+
+/// Makes a video of the pictures of a log, with what was decided drawn on them. Of a torn log, as far as it goes.
+///
+/// # Errors
+/// [`LogVideoError`].
+pub fn video(log: &Path, out: &Path) -> Result<VideoFacts, LogVideoError> {
+    let mut reel = Reel { out, writer: None, picture: None, lines: VecDeque::new(), line: String::new() };
+    for entry in LogReader::open(log)? {
+        let entry = match entry {
+            Ok(entry) => entry,
+            Err(ReadError::Torn) => break,
+            Err(error) => return Err(error.into()),
+        };
+        match entry.schema.as_str() {
+            foxglove::LOG => reel.line(entry.time, foxglove::line_of(&entry.data)),
+            foxglove::IMAGE => reel.picture(entry.time, foxglove::jpeg_of(&entry.data).as_deref())?,
+            foxglove::ANNOTATIONS => reel.marks(entry.time, &entry.data)?,
+            _ => {}
+        }
+    }
+    reel.flush(&Marks::default())?;
+    let writer = reel.writer.ok_or(LogVideoError::NoPictures)?;
+    Ok(writer.finish()?)
+}
+
+/// A video in the making.
+struct Reel<'a> {
+    out: &'a Path,
+    writer: Option<VideoWriter>,
+    /// A picture whose marks have not come yet.
+    picture: Option<(Time, Rgb)>,
+    /// Lines that are later than the latest picture.
+    lines: VecDeque<(Time, String)>,
+    line: String,
+}
+
+impl Reel<'_> {
+    fn line(&mut self, at: Time, line: Option<String>) {
+        if let Some(line) = line {
+            if self.lines.len() == LINES {
+                self.lines.pop_front();
+            }
+            self.lines.push_back((at, line));
+        }
+    }
+
+    fn picture(&mut self, at: Time, bytes: Option<&[u8]>) -> Result<(), LogVideoError> {
+        self.flush(&Marks::default())?;
+        if let Some(bytes) = bytes {
+            let picture = jpeg::decode(bytes).map_err(|source| LogVideoError::Picture { at, source })?;
+            self.picture = Some((at, picture));
+        }
+        Ok(())
+    }
+
+    /// Marks belong to the picture of the same time.
+    fn marks(&mut self, at: Time, data: &[u8]) -> Result<(), LogVideoError> {
+        match &self.picture {
+            Some((of, picture)) if *of == at => {
+                let size = (picture.width(), picture.height());
+                self.flush(&foxglove::marks_of(data, size).unwrap_or_default())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Draws and writes the picture that waits.
+    fn flush(&mut self, marks: &Marks) -> Result<(), LogVideoError> {
+        let Some((at, mut picture)) = self.picture.take() else { return Ok(()) };
+        while let Some((_, line)) = self.lines.pop_front_if(|(of, _)| *of <= at) {
+            self.line = line;
+        }
+        draw(&mut picture, &marks.as_marks());
+        let (seen, then) = self.line.split_once(" → ").unwrap_or((&self.line, ""));
+        let status = format!("{:.1} s", at.as_secs_f64());
+        marks::draw_hud(&mut picture, &Hud { title: "", status: &status, lines: &[seen, then] });
+        if let Some((point, caption)) = &marks.waypoint {
+            marks::draw_waypoint(&mut picture, *point, caption, Colour::WAYPOINT);
+        }
+        let writer = match &mut self.writer {
+            Some(writer) => writer,
+            none => none.insert(VideoWriter::create(self.out, picture.width(), picture.height(), FPS)?),
+        };
+        writer.push(at, &picture)?;
+        Ok(())
+    }
+}
