@@ -25,9 +25,11 @@ const START_VIEW: f64 = 1.6;
 const START_HEIGHT: f64 = 8.0;
 /// Work spent on one variant, in units of about ten nanoseconds: whatever a file asks for, there is an end, the same everywhere.
 const EFFORT: u64 = 60_000_000;
-/// Work of one edge against a mesh, and of one triangle drawn and measured.
-const EDGE_EFFORT: u64 = 100;
+/// Work of one edge against a mesh, with its shifts, and of one triangle drawn and measured.
+const EDGE_EFFORT: u64 = 500;
 const TRIANGLE_EFFORT: u64 = 40;
+/// Work of comparing where one actor begins with where another does.
+const ACTOR_EFFORT: u64 = 100;
 
 /// A thing that shall stand elsewhere.
 #[derive(Clone, Copy, Debug)]
@@ -138,7 +140,7 @@ impl Room {
 
     /// Whether there is work left to compare where actors begin.
     pub(super) fn may_look_at_actors(&self) -> bool {
-        self.spend(EDGE_EFFORT * self.courses.len() as u64)
+        self.spend(ACTOR_EFFORT * self.courses.len() as u64)
     }
 
     /// Actors with their objects.

@@ -2,7 +2,7 @@
 
 use core::cell::OnceCell;
 
-use glam::{DVec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use spf_core::geometry::EnuPosition;
 
 use super::super::expand::Placed;
@@ -24,6 +24,9 @@ const PASSAGE: f64 = 0.6;
 const THIN: f64 = 0.01;
 /// Before two meshes are compared the higher one is raised, metres: it may stand on the other.
 const RAISED: f64 = 0.01;
+/// To the sides they are compared shifted by so much each way, metres: what all but touches might pierce once it is rounded.
+const SHIFTS: [DVec2; 5] =
+    [DVec2::ZERO, DVec2::new(0.01, 0.0), DVec2::new(-0.01, 0.0), DVec2::new(0.0, 0.01), DVec2::new(0.0, -0.01)];
 
 /// East, north, up in metres, and the heading in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -157,22 +160,26 @@ impl Shape {
         Print::new(self.slices.iter().map(placed).collect())
     }
 
-    /// Whether an edge of one of two things pierces the other's surface.
+    /// Whether an edge of one of two things pierces the other's surface, or would a centimetre beside.
     pub(super) fn pierces(&self, at: &Place, other: &Self, there: &Place) -> bool {
         let foot = |shape: &Self, place: &Place| shape.slices.first().map_or(0.0, |slice| slice.low) + place.position[2];
         let higher = foot(self, at) - foot(other, there);
         let raised = if libm::fabs(higher) < RAISED { 0.0 } else { RAISED.copysign(higher) };
-        self.cuts(at, raised, other, there) || other.cuts(there, -raised, self, at)
+        SHIFTS.iter().any(|&shift| {
+            let (up, down) = (shift.extend(raised), -shift.extend(raised));
+            self.cuts(at, up, other, there) || other.cuts(there, down, self, at)
+        })
     }
 
-    /// Whether an edge of this, raised by so much, pierces the other's surface.
-    fn cuts(&self, at: &Place, raised: f64, other: &Self, there: &Place) -> bool {
+    /// Whether an edge of this, shifted by so much east, north and up, pierces the other's surface.
+    fn cuts(&self, at: &Place, shift: DVec3, other: &Self, there: &Place) -> bool {
         let collider = other.collider.get_or_init(|| Collider::of_parts(&other.parts).ok());
         let Some(collider) = collider else { return true };
         self.parts.iter().any(|part| {
             let corner = |i: u32| {
                 let world = at.world(part.vertices[i as usize].position);
-                there.local(EnuPosition { up: world.up + raised, ..world })
+                let (east, north) = (world.east + shift.x, world.north + shift.y);
+                there.local(EnuPosition { east, north, up: world.up + shift.z })
             };
             let pierced = |t: &[u32; 3]| (0..3).any(|k| collider.segment_blocked(corner(t[k]), corner(t[(k + 1) % 3])).is_some());
             part.triangles.iter().any(pierced)
