@@ -111,5 +111,8 @@ fn a_flight_on_the_wall_clock_ends_by_itself() {
     let summary: Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(summary["outcome"], "timeout");
     assert!(summary["finished_at_s"].as_f64().unwrap() >= 6.0);
+    // It comes at whatever times the machine allows, and is replayed to the bit all the same.
+    let again = lab.spf(&["replay", "mine/flight.mcap"]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
     assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
 }

@@ -4,9 +4,8 @@ use std::collections::VecDeque;
 use std::path::Path;
 
 use spf_core::time::Time;
-use spf_media::jpeg;
 use spf_media::marks::{self, Colour, Hud};
-use spf_media::{Rgb, marks::draw};
+use spf_media::{Rgb, jpeg};
 
 use super::foxglove::{self, Marks};
 use super::{LogReader, ReadError};
@@ -112,7 +111,7 @@ impl Reel<'_> {
         while let Some((_, line)) = self.lines.pop_front_if(|(of, _)| *of <= at) {
             self.line = line;
         }
-        draw(&mut picture, &marks.as_marks());
+        marks::draw(&mut picture, &marks.as_marks());
         let (seen, then) = self.line.split_once(" → ").unwrap_or((&self.line, ""));
         let status = format!("{:.1} s", at.as_secs_f64());
         marks::draw_hud(&mut picture, &Hud { title: "", status: &status, lines: &[seen, then] });
