@@ -112,5 +112,6 @@ fn a_torn_log_is_replayed_as_far_as_it_goes() {
         std::fs::write(&log, &whole[..(share * whole.len() as f64) as usize]).unwrap();
         let report = replayed(&log, &Changes::default());
         assert!(report.torn && report.differences.is_empty(), "{share}: {:?}", report.differences.first());
+        assert!(report.inputs > 50, "{share}: {} inputs", report.inputs);
     }
 }

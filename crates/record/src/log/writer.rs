@@ -13,7 +13,7 @@ use mcap::{Compression, McapError, WriteOptions, Writer};
 use super::{FORMAT, FORMAT_KEY, HEAD, Message, STARTED_KEY, Topic};
 
 /// Uncompressed size at which a chunk is closed whatever its age; it is what the writer holds in memory.
-const CHUNK_SIZE: u64 = 512 * 1024;
+const CHUNK_SIZE: u64 = 128 * 1024;
 
 /// Why the log cannot be written. Whatever it is, a flight goes on without.
 #[derive(Debug, thiserror::Error)]
