@@ -19,6 +19,11 @@ impl CliError {
         Self { message: message.into(), causes: Vec::new(), hint: None, exit: Exit::Usage }
     }
 
+    /// A model, a link or a video that gave out.
+    pub(crate) fn failed(message: impl Into<String>) -> Self {
+        Self { exit: Exit::Failed, ..Self::usage(message) }
+    }
+
     /// Something outside went wrong (files, disk).
     pub(crate) fn internal(message: impl Into<String>) -> Self {
         Self { exit: Exit::Internal, ..Self::usage(message) }

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use crate::args::{Cli, Command, Config};
+use crate::args::{Cli, Command, Config, Vlm};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
@@ -43,6 +43,8 @@ fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
         Command::Sim(command) => commands::sim::sim(command, &mut printer),
         Command::Log(command) => commands::log::log(command, &printer),
         Command::Replay(args) => commands::replay::replay(args, &printer),
+        Command::Vlm(Vlm::List(args)) => commands::vlm::list(args, &printer),
+        Command::Vlm(Vlm::Check(args)) => commands::vlm::check(args, &printer),
         Command::Config(Config::Show { config }) => commands::config::show(config.as_deref(), &printer),
     }
 }

@@ -39,13 +39,15 @@ pub(crate) const KEYS: &[Key] = &[
     key("fly.think", "SPF_THINK", "", "stop or continuous; empty: the preset's"),
     key("fly.rate_hz", "SPF_RATE_HZ", "10", "setpoints a second, 5 to 100"),
     key("fly.avoid", "SPF_AVOID", "false", "obstacle mode: true or false"),
-    key("fly.vlm", "SPF_VLM", "oracle", "who points: oracle, oracle:NAME or oracle:FILE"),
+    key("fly.vlm", "SPF_VLM", "oracle", "who points: NAME[#MODEL][@URL], auto, replay:FILE, oracle, oracle:NAME or oracle:FILE"),
     key("fly.seed", "SPF_SEED", "0", "seed of all chance, a whole number"),
     key("fly.wind", "SPF_WIND", "", "wind m/s[,from=DEG][,gust=M_S][,gust_time=S], from the north unless said; empty: still air"),
     key("fly.battery", "SPF_BATTERY", "1", "battery charge at the start, 0 to 1"),
     key("fly.max_time_s", "SPF_MAX_TIME_S", "180", "flight time after which the flight is a timeout, seconds"),
     key("fly.max_decisions", "SPF_MAX_DECISIONS", "60", "decisions after which the flight is a timeout"),
     key("fly.reply_timeout_s", "SPF_REPLY_TIMEOUT_S", "20", "how long a VLM's answer is waited for, seconds"),
+    key("fly.max_cost_usd", "SPF_MAX_COST_USD", "", "US dollars for the VLM after which the flight ends; empty: no limit"),
+    key("fly.prompt", "SPF_PROMPT", "", "prompt file (docs/vlm.md); empty: the shipped one"),
     key("fly.geofence", "SPF_GEOFENCE", "", "GeoJSON file with polygons to stay in, local east/north metres; empty: none"),
     key("fly.realtime", "SPF_REALTIME", "false", "fly on the wall clock: true or false"),
     key("fly.video", "SPF_VIDEO", "true", "make video.mp4: true or false"),
@@ -57,6 +59,12 @@ pub(crate) const KEYS: &[Key] = &[
         "none",
         "blur=MS, noise=LEVELS, exposure=STOPS, lens=NAME, compression=CODEC:QUALITY, joined by commas; all; none",
     ),
+    key("vlm.record", "SPF_VLM_RECORD", "", "new file that the VLM's answers are recorded in; empty: none"),
+    key("vlm.fallback", "SPF_VLM_FALLBACK", "", "VLM that is asked when the first one fails; empty: none"),
+    key("vlm.hedge_s", "SPF_VLM_HEDGE_S", "", "seconds without an answer after which a second request goes out; empty: never"),
+    key("vlm.models", "SPF_VLM_MODELS", "", "TOML file with rows for the table of models; empty: none"),
+    key("vlm.image_long_side", "SPF_VLM_IMAGE_LONG_SIDE", "", "longest side of pictures sent, pixels; empty: the model's, 768"),
+    key("vlm.jpeg_quality", "SPF_VLM_JPEG_QUALITY", "70", "quality of pictures sent, 1 to 100"),
     key("envelope.max_speed_m_s", "SPF_MAX_SPEED_M_S", "", "horizontal speed limit, m/s; empty: the craft's"),
     key("envelope.max_climb_m_s", "SPF_MAX_CLIMB_M_S", "", "climb and sink rate limit, m/s; empty: the craft's"),
     key("envelope.max_yaw_rate_deg_s", "SPF_MAX_YAW_RATE_DEG_S", "", "yaw rate limit, degrees a second; empty: the craft's"),
@@ -118,18 +126,7 @@ impl Settings {
     }
 
     fn read_environment(&mut self) -> Result<(), CliError> {
-        let mut dotenv = BTreeMap::new();
-        if Path::new(".env").exists() {
-            let lines = dotenvy::from_path_iter(".env").map_err(|error| CliError::usage("cannot read .env").because(&error))?;
-            for line in lines {
-                // The error would quote the line, and with it perhaps a key.
-                let (name, value) = line.map_err(|_| {
-                    CliError::usage("a line of .env cannot be read")
-                        .hint("write NAME=value, one a line; quote values with spaces")
-                })?;
-                dotenv.insert(name, value);
-            }
-        }
+        let dotenv = dotenv()?;
         let unknown = |name: &str, place: &str| {
             let hint = match nearest(name, KEYS.iter().map(|key| key.env)) {
                 Some(near) => format!("did you mean `{near}`? `spf config show` lists every key"),
@@ -260,9 +257,13 @@ impl Settings {
     /// The same for a value that may be a slip of the finger for `near`.
     pub(crate) fn wrong_word(&self, name: &'static str, expected: &str, near: Option<&str>) -> CliError {
         let (value, origin) = &self.0[name];
-        let doc = KEYS.iter().find(|key| key.name == name).map_or("", |key| key.doc);
-        let hint = near.map_or_else(|| format!("{name}: {doc}"), |near| format!("did you mean `{near}`?"));
+        let hint = near.map_or_else(|| self.meaning(name), |near| format!("did you mean `{near}`?"));
         CliError::usage(format!("{origin}: `{value}` is not {expected}")).hint(hint)
+    }
+
+    /// A key and what it means, as a hint.
+    pub(crate) fn meaning(&self, name: &'static str) -> String {
+        format!("{name}: {}", KEYS.iter().find(|key| key.name == name).map_or("", |key| key.doc))
     }
 
     /// Name, value, origin and meaning of every key, in the table's order.
@@ -272,6 +273,28 @@ impl Settings {
             (key, value.as_str(), origin)
         })
     }
+}
+
+/// The variables of `.env`, if there is one.
+fn dotenv() -> Result<BTreeMap<String, String>, CliError> {
+    let mut variables = BTreeMap::new();
+    if Path::new(".env").exists() {
+        let lines = dotenvy::from_path_iter(".env").map_err(|error| CliError::usage("cannot read .env").because(&error))?;
+        for line in lines {
+            // The error would quote the line, and with it perhaps a key.
+            let (name, value) = line.map_err(|_| {
+                CliError::usage("a line of .env cannot be read").hint("write NAME=value, one a line; quote values with spaces")
+            })?;
+            variables.insert(name, value);
+        }
+    }
+    Ok(variables)
+}
+
+/// Looks variables of others up, such as vendors' keys: the environment over `.env`.
+pub(crate) fn variables() -> Result<impl Fn(&str) -> Option<String>, CliError> {
+    let dotenv = dotenv()?;
+    Ok(move |name: &str| std::env::var(name).ok().or_else(|| dotenv.get(name).cloned()))
 }
 
 /// A name that looks like one of our variables and is none. Keys of VLM vendors have other names and are nobody's business here.

@@ -79,6 +79,7 @@ fn flying(preset: Preset) -> (Pilot, Time) {
         avoid: false,
         confirm_done: settings.confirm_done,
         grounding: GroundingProfile::default(),
+        image_size: None,
         craft,
     });
     let mut pilot = Pilot::new(PilotParts {

@@ -280,6 +280,40 @@ fn action(item: &Value, index: usize) -> Result<Action, ActionsError> {
     })
 }
 
+/// What to do next.
+#[derive(JsonSchema)]
+#[allow(dead_code, reason = "only its schema is wanted; `to_json` writes the same form")]
+struct WireActions {
+    /// One to three commands, carried out in order.
+    actions: Vec<WireAction>,
+    /// Whether the whole instruction is fulfilled.
+    done: bool,
+}
+
+/// One command.
+#[derive(JsonSchema)]
+#[allow(dead_code, reason = "only its schema is wanted")]
+struct WireAction {
+    /// What to do.
+    #[schemars(schema_with = "commands")]
+    cmd: String,
+    /// Metres or degrees; null with `hover` and `stop`.
+    value: Option<f64>,
+}
+
+fn commands(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    schemars::json_schema!({
+        "type": "string",
+        "enum": ["forward", "back", "left", "right", "up", "down", "yaw_left", "yaw_right", "hover", "stop"]
+    })
+}
+
+/// The JSON schema of an actions reply, in the same portable subset as [`reply_schema`](crate::reply::reply_schema).
+#[must_use]
+pub fn actions_schema() -> serde_json::Value {
+    crate::reply::closed_schema::<WireActions>()
+}
+
 impl ActionsReply {
     /// The reply as JSON, metres to the centimetre and degrees to the tenth.
     #[must_use]
@@ -301,6 +335,18 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn the_schema_names_every_command_and_leaves_nothing_open() {
+        let schema = actions_schema();
+        let action = &schema["properties"]["actions"]["items"];
+        assert_eq!((&schema["additionalProperties"], &action["additionalProperties"]), (&false.into(), &false.into()));
+        assert_eq!(action["required"], serde_json::json!(["cmd", "value"]));
+        for command in action["properties"]["cmd"]["enum"].as_array().unwrap() {
+            let text = format!("{{\"actions\":[{{\"cmd\":{command},\"value\":2}}],\"done\":false}}");
+            assert!(parse_actions(&text).is_ok(), "{text}");
+        }
+    }
 
     #[test]
     fn example_reads_as_written() {

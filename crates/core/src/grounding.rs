@@ -163,20 +163,32 @@ impl GroundingProfile {
     /// of a percent, ten-thousandths of a share.
     #[must_use]
     pub fn point_numbers(&self, point: ImagePoint) -> [f64; 2] {
+        self.exact_point(point).map(|number| self.rounded(number))
+    }
+
+    /// The numbers that mean exactly `point`, with every decimal.
+    #[must_use]
+    pub fn exact_point(&self, point: ImagePoint) -> [f64; 2] {
         let limits = self.limits();
-        let (x, y) = (self.rounded(point.u * limits.x), self.rounded(point.v * limits.y));
+        let (x, y) = (point.u * limits.x, point.v * limits.y);
         match self.order {
             AxisOrder::Xy => [x, y],
             AxisOrder::Yx => [y, x],
         }
     }
 
+    /// The numbers that mean exactly `area`, with every decimal.
+    #[must_use]
+    pub fn exact_area(&self, area: ImageBox) -> [f64; 4] {
+        let [a, b] = self.exact_point(ImagePoint { u: area.left, v: area.top });
+        let [c, d] = self.exact_point(ImagePoint { u: area.right, v: area.bottom });
+        [a, b, c, d]
+    }
+
     /// The numbers a model of this family writes for `area`, rounded like [`point_numbers`](Self::point_numbers).
     #[must_use]
     pub fn area_numbers(&self, area: ImageBox) -> [f64; 4] {
-        let [a, b] = self.point_numbers(ImagePoint { u: area.left, v: area.top });
-        let [c, d] = self.point_numbers(ImagePoint { u: area.right, v: area.bottom });
-        [a, b, c, d]
+        self.exact_area(area).map(|number| self.rounded(number))
     }
 
     fn rounded(&self, value: f64) -> f64 {

@@ -11,14 +11,13 @@ use spf_core::estimator::Senses;
 use spf_core::grounding::GroundingProfile;
 use spf_core::pilot::{Pilot, PilotParts, PilotSettings, Preset};
 use spf_core::policy::spf::{Spf, SpfSettings};
-use spf_core::query::Query;
 use spf_drone::Drone;
 use spf_flight::run::run;
 use spf_flight::sim::{OracleVlm, SimDrone, SimPictures, SimWorld, Stage};
 use spf_flight::world::{Lockstep, Script};
 use spf_sim::model::CraftKind;
 use spf_sim::oracle::ErrorFile;
-use spf_vlm::{Answer, Picture, Vlm, VlmError};
+use spf_vlm::{Answer, Asked, Picture, Vlm};
 
 /// The oracle, but the picture is drawn and encoded all the same.
 struct Looks(OracleVlm);
@@ -28,9 +27,9 @@ impl Vlm for Looks {
         self.0.name()
     }
 
-    fn answer(&mut self, query: &Query, picture: &mut dyn Picture) -> Result<Answer, VlmError> {
-        black_box(picture.jpeg()?);
-        self.0.answer(query, picture)
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+        drop(black_box(picture.jpeg(picture.size(), 85)));
+        self.0.answer(asked, picture)
     }
 }
 
@@ -53,6 +52,7 @@ fn fly(stage: &Arc<Stage>, pictures: bool) -> u32 {
             avoid: false,
             confirm_done: true,
             grounding: GroundingProfile::default(),
+            image_size: None,
             craft: capabilities.craft,
         })),
         instruction: "Take off and fly to the red crane".to_owned(),

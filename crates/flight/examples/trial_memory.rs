@@ -44,6 +44,7 @@ fn flown(stage: &Arc<Stage>, seed: u64) -> Result<(Pilot, Lockstep), Box<dyn Err
             avoid: settings.avoid,
             confirm_done: settings.confirm_done,
             grounding: GroundingProfile::default(),
+            image_size: None,
             craft: capabilities.craft,
             shape: PathShape::Straight,
         })),

@@ -5,6 +5,7 @@
 
 pub mod dataset;
 mod film;
+pub mod ledger;
 pub mod log;
 mod outline;
 pub mod picture;

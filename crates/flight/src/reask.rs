@@ -91,8 +91,8 @@ pub struct Pointed {
 }
 
 impl Pointed {
-    fn of(text: &str) -> Self {
-        let reply = parse_reply(text, &GroundingProfile::default()).ok();
+    fn of(text: &str, grounding: &GroundingProfile) -> Self {
+        let reply = parse_reply(text, grounding).ok();
         let of = |reply: Reply| (Some(reply.status), reply.point, reply.depth, reply.target);
         let (status, point, depth, target) = reply.map_or((None, None, None, None), of);
         Self { status, point, depth, target, text: text.to_owned() }
@@ -134,6 +134,8 @@ pub struct Asker {
     vlm: OracleVlm,
     name: String,
     seed: u64,
+    /// The coordinates of the flight's own answers.
+    grounding: GroundingProfile,
 }
 
 /// Why nobody can be asked about a log.
@@ -159,14 +161,15 @@ impl Asker {
         let kind = CraftKind::from_name(&sim.drone_model).ok_or_else(|| AskError::Unknown(sim.drone_model.clone()))?;
         let world = SimWorld::under(&circumstances(sim)?, stage, kind, sim.start, sim.seed);
         let vlm = OracleVlm::new(name.to_owned(), world.clone(), errors, sim.seed);
-        Ok(Self { world, vlm, name: name.to_owned(), seed: sim.seed })
+        Ok(Self { world, vlm, name: name.to_owned(), seed: sim.seed, grounding: head.grounding })
     }
 
     /// Asks about one frame.
     pub fn ask(&self, question: &Question) -> Opinion {
         let moment = self.moment(question);
         let now = self.vlm.answer_at(&question.query, &moment);
-        let (then, now) = (question.answer.as_deref().map(Pointed::of), Some(Pointed::of(&now.text)));
+        let then = question.answer.as_deref().map(|text| Pointed::of(text, &self.grounding));
+        let now = now.text.ok().map(|text| Pointed::of(&text, &GroundingProfile::default()));
         let point = |pointed: &Option<Pointed>| pointed.as_ref().and_then(|pointed| pointed.point);
         let camera = self.world.camera();
         let shape = f64::from(camera.height) / f64::from(camera.width);

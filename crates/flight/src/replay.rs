@@ -11,8 +11,10 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use spf_core::grounding::GroundingProfile;
 use spf_core::pilot::{Event, Pilot, PilotParts, PilotSettings};
+use spf_core::prompt::PromptText;
 use spf_core::time::Time;
 use spf_record::log::{Entry, ReadError};
+use spf_vlm::Eyesight;
 
 use crate::log::{Channel, Head, LinkRow, OperatorRow, ReplyRow, output};
 use crate::sim::PolicyKind;
@@ -51,8 +53,8 @@ pub enum ReplayError {
 pub struct Changes {
     /// Other settings than those of the flight.
     pub settings: Option<PilotSettings>,
-    /// How numbers in replies are read.
-    pub grounding: GroundingProfile,
+    /// How numbers in replies are read; otherwise than in the flight.
+    pub grounding: Option<GroundingProfile>,
 }
 
 /// Something that the pilot wants now and did not want then, or the other way round.
@@ -145,13 +147,15 @@ impl Replay {
     fn new(head: &Head, changes: &Changes) -> Result<Self, ReplayError> {
         let policy = PolicyKind::of_name(&head.policy).ok_or_else(|| ReplayError::Policy(head.policy.clone()))?;
         let settings = changes.settings.unwrap_or(head.settings);
+        let grounding = changes.grounding.unwrap_or(head.grounding);
+        let eyesight = Eyesight { grounding, image_size: head.image_size };
         let pilot = Pilot::new(PilotParts {
             settings,
             craft: head.craft,
             senses: head.senses,
             camera: head.camera,
             limits: head.limits.clone(),
-            policy: policy.policy(&settings, head.craft, changes.grounding),
+            policy: policy.policy(&settings, head.craft, eyesight, PromptText::shipped(policy.prompt())),
             instruction: head.instruction.clone(),
         });
         let (replayed, recorded) = (Outputs::new(), Outputs::new());
@@ -230,6 +234,7 @@ fn event(channel: Channel, entry: &Entry) -> Result<Option<Event>, ReplayError> 
         Channel::Reply => match row::<ReplyRow>(entry)? {
             ReplyRow { id, text: Some(text), part: true, .. } => Event::Chunk { id, text },
             ReplyRow { id, text: Some(text), .. } => Event::Reply { id, text },
+            ReplyRow { failed, spent: true, .. } => Event::Spent { reason: failed.unwrap_or_default() },
             ReplyRow { id, failed, .. } => Event::ReplyFailed { id, reason: failed.unwrap_or_default() },
         },
         _ => return Ok(None),

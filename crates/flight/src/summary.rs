@@ -1,5 +1,6 @@
 //! `summary.json`: one flight in one object (docs/flight-files.md).
 
+use crate::ledger::VlmUse;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::pilot::{Outcome, PilotSettings, Preset};
@@ -79,4 +80,10 @@ pub struct Summary {
     /// Files that could not be recorded, or not to their end; left out when all were.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_recorded: Vec<String>,
+    /// Kind and version of the prompt, when it is not the shipped one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prompt: Option<String>,
+    /// What asking took; left out when nobody was asked over a network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vlm_use: Option<VlmUse>,
 }

@@ -10,7 +10,7 @@ use spf_core::lift::{Lifting, lift, unproject};
 use spf_core::pilot::{Outcome, PilotSettings, Preset};
 use spf_core::query::ImagePoint;
 use spf_core::time::Time;
-use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, SimWorld, Stage, fly};
+use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, SimWorld, Stage, fly, oracle_points};
 use spf_flight::summary::Summary;
 use spf_flight::world::Script;
 use spf_sim::effects::Effects;
@@ -88,7 +88,9 @@ fn flown(circumstances: Circumstances, kind: CraftKind, seed: u64) -> Summary {
         settings: PilotSettings::preset(Preset::Default),
         limits: Limits::for_craft(&Model::of(kind).craft),
         vlm: "oracle:perfect".to_owned(),
-        errors: ErrorFile::named("perfect").unwrap(),
+        who: oracle_points("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap()),
+        prompt: None,
+        max_cost_usd: None,
         seed,
         script: Script::default(),
         realtime: false,

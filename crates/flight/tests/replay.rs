@@ -11,7 +11,7 @@ use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_core::step::StepRule;
 use spf_core::time::{Duration, Time};
 use spf_flight::replay::{Changes, Report, replay};
-use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, RecordPlan, Stage, fly};
+use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, RecordPlan, Stage, fly, oracle_points};
 use spf_flight::world::Script;
 use spf_record::log::LogReader;
 use spf_record::out_dir::OutDir;
@@ -46,7 +46,9 @@ fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
         settings: settings(),
         limits: Limits::for_craft(&Model::of(kind).craft),
         vlm: "oracle".to_owned(),
-        errors: ErrorFile::named("default").unwrap(),
+        who: oracle_points("oracle".to_owned(), ErrorFile::named("default").unwrap()),
+        prompt: None,
+        max_cost_usd: None,
         seed: 3,
         script: Script::new(events),
         realtime: false,
@@ -85,7 +87,7 @@ fn a_flight_is_the_same_again_and_another_method_is_not() {
     assert_eq!(replayed(&log, &with_exponent(1.8)).differences, [], "only the exponent made the difference");
 
     let grounding = GroundingProfile { order: AxisOrder::Xy, ..GroundingProfile::default() };
-    let swapped = replayed(&log, &Changes { grounding, ..Changes::default() });
+    let swapped = replayed(&log, &Changes { grounding: Some(grounding), ..Changes::default() });
     let waypoint = |at: &str| at.starts_with("/reading") || at.starts_with("/query");
     assert!(swapped.differences.iter().any(|d| d.topic == "/decision" && waypoint(&d.at)), "{:?}", swapped.differences.first());
 }

@@ -1,48 +1,80 @@
-//! The `Vlm` interface: whoever answers queries about camera frames.
+//! The `Vlm` interface, and the clients of the vision-language models of several vendors behind it (docs/vlm.md).
 //!
 //! An answer is *text*, whoever gives it: the oracle's words go through the same parser as a model's. This crate knows nothing
 //! of drones and flights.
+//!
+//! [`table::Table`] says which models there are and how each is to be asked; [`setup`] turns a name from the command line into
+//! a [`Remote`], which asks over HTTP. What differs between vendors is data (`models.toml`) or lies in [`wire`].
+
+mod account;
+mod asked;
+mod backend;
+pub mod cassette;
+pub mod check;
+mod client;
+mod day;
+mod error;
+mod image;
+mod key;
+mod remote;
+pub mod setup;
+pub mod table;
+mod transport;
+pub mod wire;
 
 use std::sync::Arc;
 
-use spf_core::query::Query;
+use serde::{Deserialize, Serialize};
+use spf_core::grounding::GroundingProfile;
 use spf_core::time::Duration;
+
+pub use account::{Account, Parts, Tokens};
+pub use asked::{Asked, Cancel};
+pub use day::today;
+pub use error::VlmError;
+pub use image::{ImageRule, SentSize};
+pub use key::ApiKey;
+pub use remote::{Remote, Strategy};
+pub use transport::TransportError;
 
 /// The picture a query is about, made only when it is asked for: the oracle needs none, and drawing is the costly part.
 pub trait Picture {
-    /// The frame as JPEG, with the query's marks drawn on it, encoded once.
+    /// Width and height of the camera's frame, pixels.
+    fn size(&self) -> (u32, u32);
+
+    /// Has the frame at hand at a size, before the time of the question begins to count.
+    fn prepare(&mut self, size: (u32, u32)) {
+        let _ = size;
+    }
+
+    /// The frame as JPEG at a size and quality (1..=100), with the query's marks drawn on it; encoded once, however often it
+    /// is asked for.
     ///
     /// # Errors
     /// [`VlmError::Picture`] when the frame cannot be had or encoded.
-    fn jpeg(&mut self) -> Result<Arc<[u8]>, VlmError>;
+    fn jpeg(&mut self, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError>;
 }
 
-/// An answer to a query.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// What became of a question.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
-    /// The text as it came.
-    pub text: String,
-    /// From the question to the whole answer.
+    /// The text as it came, or why there is none.
+    pub text: Result<String, VlmError>,
+    /// From the question to the whole answer, or to giving up.
     pub latency: Duration,
-    /// Who answered, as it called itself.
+    /// Who answered, as it called itself; who was asked, when nobody answered.
     pub model: String,
+    /// What it took.
+    pub account: Account,
 }
 
-/// Why there is no answer.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum VlmError {
-    /// The picture could not be had.
-    #[error("the camera frame could not be prepared: {0}")]
-    Picture(String),
-    /// The one asked cannot answer this kind of question.
-    #[error("`{model}` cannot answer: {reason}")]
-    Refused {
-        /// Who was asked.
-        model: String,
-        /// Why.
-        reason: String,
-    },
+/// How a model sees a camera's pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Eyesight {
+    /// The coordinates it is asked for and answers in.
+    pub grounding: GroundingProfile,
+    /// The size at which pictures are sent, if not the camera's.
+    pub image_size: Option<(u32, u32)>,
 }
 
 /// Whoever answers queries: a vision-language model, or a stand-in for one.
@@ -50,9 +82,13 @@ pub trait Vlm: Send {
     /// Its name as on the command line.
     fn name(&self) -> &str;
 
-    /// Answers a query; blocks until the whole answer is there. The latency told is what the flight waits, in virtual time too.
-    ///
-    /// # Errors
-    /// [`VlmError`] when there is no answer; the pilot counts it and holds.
-    fn answer(&mut self, query: &Query, picture: &mut dyn Picture) -> Result<Answer, VlmError>;
+    /// How it sees the pictures of a camera with frames of `camera` pixels, width first. Queries are to be written for this.
+    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
+        let _ = camera;
+        Eyesight::default()
+    }
+
+    /// Answers a query; blocks until the whole answer is there, the time is up or the question is cancelled. The latency told
+    /// is what the flight waits, in virtual time too.
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer;
 }

@@ -50,6 +50,9 @@ pub(crate) enum Command {
     Log(Log),
     /// Replay a flight from its log, and tell what the pilot would do otherwise now
     Replay(Replay),
+    /// Vision-language models: which there are, and whether one answers and points well
+    #[command(subcommand)]
+    Vlm(Vlm),
     /// The configuration in force, and where each value came from
     #[command(subcommand)]
     Config(Config),
@@ -63,7 +66,8 @@ impl Command {
             Self::Sim(Sim::Scenes(scenes)) => scenes.json,
             Self::Log(Log::Info(info)) => info.json,
             Self::Replay(replay) => replay.json,
-            Self::Sim(_) | Self::Log(_) | Self::Config(_) => false,
+            Self::Vlm(Vlm::List(list)) => list.json,
+            Self::Sim(_) | Self::Log(_) | Self::Vlm(_) | Self::Config(_) => false,
         }
     }
 }
@@ -77,6 +81,7 @@ Examples:
   spf fly \"Fly to the white needle tower, keep clear of everything\" --avoid --out needle
   spf fly \"Find the bridge\" --json | jq .outcome
   spf fly \"Fly to the tall white building\" --vlm oracle:poor --geofence fence.geojson
+  spf fly \"Fly to the black car\" --vlm gemini
   spf fly \"Go to the bridge\" --wind 3,from=270,gust=1 --camera-effects blur,noise,lens=tello_ros
 
 The oracle answers in place of a VLM: it sees the simulator's own id and depth pictures through errors (perfect, default, \
@@ -147,9 +152,25 @@ pub(crate) struct ConditionArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Method")]
 pub(crate) struct MethodArgs {
-    /// Who points: oracle, oracle:NAME (perfect, default, poor, size, linear, intended) or oracle:FILE [default: oracle]
+    /// Who points: NAME[#MODEL][@URL] of a vision-language model (see `spf vlm list`), auto (the first whose key is set),
+    /// replay:FILE, oracle, oracle:NAME (perfect, default, poor, size, linear, intended) or oracle:FILE [default: oracle]
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
+    /// What the VLM is told: a prompt file (see docs/vlm.md) [default: the shipped one]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) prompt: Option<String>,
+    /// Record the VLM's answers in this new file; `--vlm replay:FILE` flies the same flight again
+    #[arg(long, value_name = "FILE")]
+    pub(crate) vlm_record: Option<String>,
+    /// VLM that is asked when the first one fails
+    #[arg(long, value_name = "VLM")]
+    pub(crate) vlm_fallback: Option<String>,
+    /// After so many seconds without an answer a second request goes out, and the first good answer counts
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(crate) vlm_hedge: Option<String>,
+    /// TOML file with further rows for the table of models (see docs/vlm.md)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) vlm_models: Option<String>,
     /// How decisions are made: spf (points) or plain (text actions, the paper's ablation) [default: spf]
     #[arg(long, value_name = "POLICY")]
     pub(crate) policy: Option<String>,
@@ -182,6 +203,9 @@ pub(crate) struct LimitArgs {
     /// Decisions after which the flight is a timeout [default: 60]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) max_decisions: Option<String>,
+    /// US dollars for the VLM after which the flight ends [default: no limit]
+    #[arg(long, value_name = "USD", allow_negative_numbers = true)]
+    pub(crate) max_cost: Option<String>,
     /// Polygons to stay in: GeoJSON in local east/north metres
     #[arg(long, value_name = "FILE")]
     pub(crate) geofence: Option<String>,
@@ -202,6 +226,43 @@ pub(crate) struct OutputArgs {
     /// Print the summary as one JSON object on standard output, and nothing else there
     #[arg(long)]
     pub(crate) json: bool,
+    /// Read this configuration file instead of ./spf.toml
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+}
+
+/// Vision-language models.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Vlm {
+    /// List the models of the table: status, price, whether their key is set
+    List(VlmList),
+    /// Ask one model about three pictures of a dot: does it answer, and does it point where we think?
+    Check(VlmCheck),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct VlmList {
+    /// Print the list as one JSON array on standard output
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// TOML file with further rows for the table of models (see docs/vlm.md)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) vlm_models: Option<String>,
+    /// Read this configuration file instead of ./spf.toml
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+It sends three small pictures, which costs less than a cent with every model of the table. Exit code 0: it answers and points \
+well; 2: it cannot be asked (no key, no such name); 6: it does not answer, or points astray.")]
+pub(crate) struct VlmCheck {
+    /// Which: NAME[#MODEL][@URL] as for `spf fly --vlm`, or auto
+    pub(crate) name: String,
+    /// TOML file with further rows for the table of models (see docs/vlm.md)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) vlm_models: Option<String>,
     /// Read this configuration file instead of ./spf.toml
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,

@@ -10,6 +10,7 @@ use spf_core::envelope::Limits;
 use spf_core::executor::{Ending, Motion};
 use spf_core::geofence::Geofence;
 use spf_core::pilot::{Outcome, PilotSettings, Preset, Think};
+use spf_core::prompt::PromptText;
 use spf_core::step::StepRule;
 use spf_core::time::duration_from_secs;
 use spf_flight::sim::{Circumstances, FlightError, FlightPlan, PolicyKind, RecordPlan};
@@ -20,13 +21,13 @@ use spf_record::live::Live;
 use spf_record::out_dir::OutDir;
 use spf_sim::effects::EffectsError;
 use spf_sim::model::{CraftKind, Model};
-use spf_sim::oracle::ErrorFile;
 use spf_sim::scene::{Conditions, Lighting, Weather};
 use spf_sim::wind::WindError;
 
 use crate::args::Fly;
-use crate::commands::{load_stage, parse_pose};
-use crate::error::{CliError, nearest};
+use crate::commands::vlm::pointing;
+use crate::commands::{load_stage, parse_pose, read};
+use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
 use crate::progress::Progress;
@@ -43,7 +44,7 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
         return Err(CliError::usage(format!("the instruction must have 1 to {MAX_INSTRUCTION} characters"))
             .hint("spf fly \"Take off and fly to the red crane\""));
     }
-    let plan = plan(args, &settings, instruction)?;
+    let (plan, points) = plan(args, &settings, instruction)?;
     let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
     let out = OutDir::create(settings.get("fly.out").map(Path::new), instruction).map_err(|error| {
         CliError::usage("no folder for the flight's files")
@@ -69,11 +70,7 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
         settings.get("fly.preset").unwrap_or_default(),
         plan.seed,
     ));
-    printer.say(&format!(
-        "{} points: it reads the simulator's own id and depth pictures, it is no VLM. Standstill after a stop: {:.2} s at cruise.",
-        plan.vlm,
-        standstill(plan.kind),
-    ));
+    printer.say(&format!("{points} Standstill after a stop: {:.2} s at cruise.", standstill(plan.kind)));
     if let Some(view) = &view {
         tell_view(view, &printer);
     }
@@ -86,6 +83,7 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
             FlightError::StartBlocked { .. } | FlightError::StartOutside { .. } => {
                 CliError::usage("the flight cannot begin").because(&error).hint("choose another start with --start")
             }
+            FlightError::Vlm(_) => CliError::usage("the flight cannot begin").because(&error),
             _ => CliError::internal("the flight cannot begin").because(&error),
         }
     })?;
@@ -145,6 +143,11 @@ fn layered(args: &Fly) -> Result<Settings, CliError> {
     settings.flag("camera.effects", "--camera-effects", world.camera_effects.clone());
     settings.flag("fly.realtime", "--realtime", on(world.realtime));
     settings.flag("fly.vlm", "--vlm", method.vlm.clone());
+    settings.flag("fly.prompt", "--prompt", method.prompt.clone());
+    settings.flag("vlm.record", "--vlm-record", method.vlm_record.clone());
+    settings.flag("vlm.fallback", "--vlm-fallback", method.vlm_fallback.clone());
+    settings.flag("vlm.hedge_s", "--vlm-hedge", method.vlm_hedge.clone());
+    settings.flag("vlm.models", "--vlm-models", method.vlm_models.clone());
     settings.flag("fly.policy", "--policy", method.policy.clone());
     settings.flag("fly.preset", "--preset", method.preset.clone());
     settings.flag("fly.step", "--step", method.step.clone());
@@ -154,6 +157,7 @@ fn layered(args: &Fly) -> Result<Settings, CliError> {
     settings.flag("fly.avoid", "--avoid", on(method.avoid));
     settings.flag("fly.max_time_s", "--max-time", limits.max_time.clone());
     settings.flag("fly.max_decisions", "--max-decisions", limits.max_decisions.clone());
+    settings.flag("fly.max_cost_usd", "--max-cost", limits.max_cost.clone());
     settings.flag("fly.geofence", "--geofence", limits.geofence.clone());
     settings.flag("fly.out", "--out", output.out.clone());
     settings.flag("fly.live", "--live", output.live.clone());
@@ -165,14 +169,17 @@ fn flag(settings: &Settings, name: &'static str) -> Result<bool, CliError> {
     Ok(settings.choice(name, &[("true", true), ("false", false)])?.unwrap_or(false))
 }
 
-fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<FlightPlan, CliError> {
+/// The plan of a flight, and a sentence about who points.
+fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<(FlightPlan, String), CliError> {
     settings.choice("fly.drone", &[("sim", ())])?;
     let preset =
         settings.choice("fly.preset", &[("default", Preset::Default), ("paper", Preset::Paper)])?.unwrap_or(Preset::Default);
     let policy =
         settings.choice("fly.policy", &[("spf", PolicyKind::Spf), ("plain", PolicyKind::Plain)])?.unwrap_or(PolicyKind::Spf);
     let method = method(settings, preset)?;
-    let (vlm, errors) = oracle(settings)?;
+    let prompt = prompt(settings, policy)?;
+    let max_cost_usd = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
+    let pointing = pointing(settings, prompt.clone())?;
     let seed = settings.parse("fly.seed", "a whole number from 0 to 18446744073709551615")?.unwrap_or(0);
     let start = settings.get("fly.start").map(parse_pose).transpose().map_err(|what| settings.wrong("fly.start", &what))?;
     let kind = settings.choice("fly.drone_model", &[("quad", CraftKind::Quad), ("tello", CraftKind::Tello)])?;
@@ -188,7 +195,7 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<FlightPlan
     let scene = settings.get("fly.scene").unwrap_or("city");
     let stage = Arc::new(load_stage(scene, &conditions)?);
     let kind = kind.unwrap_or(stage.scene.default_craft);
-    Ok(FlightPlan {
+    let plan = FlightPlan {
         scene: scene.to_owned(),
         instruction: instruction.to_owned(),
         start,
@@ -198,15 +205,31 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<FlightPlan
         preset,
         settings: method,
         limits: limits(settings, kind)?,
-        vlm,
-        errors,
+        vlm: pointing.name,
+        who: pointing.who,
+        prompt,
+        max_cost_usd,
         seed,
         script,
         realtime,
         interrupts: Arc::default(),
         record: None,
         stage,
-    })
+    };
+    Ok((plan, pointing.sentence))
+}
+
+/// The prompt that the settings name, when they name one.
+fn prompt(settings: &Settings, policy: PolicyKind) -> Result<Option<Arc<PromptText>>, CliError> {
+    let Some(path) = settings.get("fly.prompt") else { return Ok(None) };
+    let refused = || CliError::usage(format!("the prompt file `{path}` is refused"));
+    let prompt = PromptText::parse(&read(Path::new(path), "prompt")?)
+        .map_err(|error| refused().because(&error).hint("the shipped prompts, in `prompts/`, are a beginning (docs/vlm.md)"))?;
+    if prompt.kind() != policy.prompt() {
+        let wanted = policy.prompt().word();
+        return Err(refused().hint(format!("the policy {} takes prompts that begin with `spf-prompt {wanted}`", policy.name())));
+    }
+    Ok(Some(Arc::new(prompt)))
 }
 
 fn circumstances(settings: &Settings) -> Result<Circumstances, CliError> {
@@ -298,50 +321,11 @@ fn limits(settings: &Settings, kind: CraftKind) -> Result<Limits, CliError> {
     Ok(limits)
 }
 
-/// The oracle that `--vlm` names, and its errors.
-fn oracle(settings: &Settings) -> Result<(String, ErrorFile), CliError> {
-    let name = settings.get("fly.vlm").unwrap_or("oracle");
-    oracle_named(name, |expected, near| settings.wrong_word("fly.vlm", expected, near))
-}
-
-/// The oracle of a name, and its errors; `wrong` makes the error for a name that is none, from what was expected and what is near.
-pub(super) fn oracle_named(
-    name: &str,
-    wrong: impl FnOnce(&str, Option<&str>) -> CliError,
-) -> Result<(String, ErrorFile), CliError> {
-    let errors = match name.split_once(':') {
-        None if name == "oracle" => ErrorFile::named("default"),
-        Some(("oracle", which)) if which.contains(['/', '.']) => ErrorFile::from_toml(&read(Path::new(which), "error")?),
-        Some(("oracle", which)) => ErrorFile::named(which),
-        other => {
-            let near = nearest(other.map_or(name, |(who, _)| who), ["oracle"]);
-            return Err(wrong("oracle, oracle:NAME or oracle:FILE", near));
-        }
-    };
-    let errors = errors.map_err(|error| {
-        let which = name.split_once(':').map_or("", |(_, which)| which);
-        let hint = match nearest(which, ErrorFile::shipped().iter().copied()) {
-            Some(near) if near != which => format!("did you mean `oracle:{near}`?"),
-            _ => "an error file is named with a `/` or a `.` in its path, and its keys stand in docs/oracle.md".to_owned(),
-        };
-        CliError::usage(format!("the oracle of `{name}` is refused")).because(&error).hint(hint)
-    })?;
-    Ok((name.to_owned(), errors))
-}
-
 fn script(path: &Path) -> Result<Script, CliError> {
     Script::from_toml(&read(path, "events")?).map_err(|error| {
         CliError::usage(format!("the events file `{}` is refused", path.display()))
             .because(&error)
             .hint("its form stands in docs/flight-files.md, for example:\n[[event]]\nat_s = 12.5\ndo = \"hold\"")
-    })
-}
-
-fn read(path: &Path, what: &str) -> Result<String, CliError> {
-    std::fs::read_to_string(path).map_err(|error| {
-        CliError::usage(format!("cannot read the {what} file `{}`", path.display()))
-            .because(&error)
-            .hint("paths are taken from the working directory")
     })
 }
 
@@ -391,6 +375,9 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         counted(summary.decisions, "decision"),
         counted(summary.collisions, "collision"),
     ));
+    if let Some(used) = &summary.vlm_use {
+        printer.result(&words::vlm_use(used));
+    }
     printer.result(&format!("files: {}", out_dir.display()));
     if summary.targets.is_empty() {
         printer.say("hint: nothing in this scene fits these words, as the simulator's ground truth reads them");

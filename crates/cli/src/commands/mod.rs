@@ -6,6 +6,9 @@ pub(crate) mod log;
 mod reask;
 pub(crate) mod replay;
 pub(crate) mod sim;
+pub(crate) mod vlm;
+
+use std::path::Path;
 
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_flight::sim::Stage;
@@ -20,6 +23,15 @@ pub(crate) fn load_stage(name: &str, conditions: &Conditions) -> Result<Stage, C
         CliError::usage(format!("the scene `{name}` cannot be flown in"))
             .because(&error)
             .hint(format!("built-in scenes: {built_in}; or a scene file (docs/scene-format.md)"))
+    })
+}
+
+/// The text of a file that the person named.
+pub(crate) fn read(path: &Path, what: &str) -> Result<String, CliError> {
+    std::fs::read_to_string(path).map_err(|error| {
+        CliError::usage(format!("cannot read the {what} file `{}`", path.display()))
+            .because(&error)
+            .hint("paths are taken from the working directory")
     })
 }
 

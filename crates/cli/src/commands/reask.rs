@@ -10,10 +10,10 @@ use spf_media::jpeg::Jpeg;
 use spf_record::log::LogReader;
 use spf_sim::scene::{Conditions, Lighting, Weather};
 
-use super::fly::oracle_named;
 use super::load_stage;
 use super::log::unreadable;
 use super::replay::unreplayable;
+use super::vlm::oracle_named;
 use crate::args::Replay;
 use crate::error::CliError;
 use crate::exit::Exit;

@@ -96,6 +96,15 @@ impl Pilot {
         }
     }
 
+    /// Ends the flight for want of something.
+    pub(super) fn spent(&mut self, now: Time, reason: String) {
+        match self.phase {
+            Phase::Ground => self.end_before_take_off(now, Outcome::Aborted, reason),
+            Phase::Landing | Phase::Ended => {}
+            _ => self.finish(now, Outcome::Aborted, reason),
+        }
+    }
+
     /// Settles the outcome and lands.
     pub(super) fn finish(&mut self, now: Time, outcome: Outcome, cause: String) {
         self.cancel_queries();

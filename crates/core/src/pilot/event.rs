@@ -43,6 +43,11 @@ pub enum Event {
     },
     /// The operator took a hand.
     Operator(OperatorEvent),
+    /// Something that the flight lives on is spent, such as money: hold and land.
+    Spent {
+        /// What, in words for a person.
+        reason: String,
+    },
     /// The link to the craft is gone.
     LinkLost,
     /// The link to the craft is back.

@@ -162,6 +162,7 @@ impl Pilot {
             Event::Chunk { id, text } => self.chunk(now, id, &text),
             Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),
             Event::Operator(event) => self.operator(now, event),
+            Event::Spent { reason } => self.spent(now, reason),
             Event::LinkLost => {
                 self.envelope.link_lost(now);
                 self.link_lost = true;

@@ -2,12 +2,13 @@
 //! (paper §4.3, "plain VLM"; its format was never released, ours is described in docs/reply.md).
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use crate::actions::{Action, parse_actions};
 use crate::grounding::GroundingProfile;
 use crate::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
-use crate::prompt::{self, PromptInput};
+use crate::prompt::{PromptInput, PromptKind, PromptText};
 use crate::query::{Memory, Query, QueryId, QueryKind};
 use crate::time::Time;
 
@@ -19,6 +20,8 @@ const REMEMBERED_ACTIONS: usize = 5;
 pub struct PlainSettings {
     /// Whether a `done` needs a second look while holding.
     pub confirm_done: bool,
+    /// Size at which pictures are sent, if not the camera's.
+    pub image_size: Option<(u32, u32)>,
 }
 
 /// The plain-text policy.
@@ -33,9 +36,16 @@ pub struct Plain {
     confirming: bool,
     next_id: u64,
     reading: Reading,
+    prompt: Arc<PromptText>,
 }
 
 impl Plain {
+    /// The same with another prompt than the shipped one.
+    #[must_use]
+    pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
+        Self { prompt, ..self }
+    }
+
     /// A policy without an instruction; it waits until it has one.
     #[must_use]
     pub fn new(settings: PlainSettings) -> Self {
@@ -49,6 +59,7 @@ impl Plain {
             confirming: false,
             next_id: 0,
             reading: Reading::default(),
+            prompt: PromptText::shipped(PromptKind::Plain),
         }
     }
 
@@ -63,7 +74,7 @@ impl Plain {
             kind: QueryKind::Act,
             instruction: self.instruction.clone(),
             memory: self.memory.clone(),
-            prompt: prompt::plain_prompt(&PromptInput {
+            prompt: self.prompt.write(&PromptInput {
                 instruction: &self.instruction,
                 memory: &self.memory,
                 profile: &GroundingProfile::default(),
@@ -72,7 +83,7 @@ impl Plain {
             marks: Vec::new(),
             detections: Vec::new(),
             deadline: Time::MAX,
-            image_size: None,
+            image_size: self.settings.image_size,
         }))
     }
 
@@ -125,8 +136,8 @@ impl Policy for Plain {
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
             PolicyEvent::Instruction(text) => {
-                let next_id = self.next_id;
-                *self = Self { instruction: text.to_owned(), next_id, ..Self::new(self.settings) };
+                let (next_id, prompt) = (self.next_id, self.prompt.clone());
+                *self = Self { instruction: text.to_owned(), next_id, prompt, ..Self::new(self.settings) };
                 Step::Look
             }
             PolicyEvent::Frame(view) if self.asked.is_none() && !self.moving && (view.at_rest || !self.confirming) => {

@@ -1,5 +1,7 @@
 //! SPF itself: one query a step, a point and a depth label become a displacement (paper §3.1–3.4).
 
+use std::sync::Arc;
+
 use crate::avoid::{self, Avoidance, BODY_MARGIN, PathShape, PlannedStep};
 use crate::craft::Craft;
 use crate::grounding::GroundingProfile;
@@ -7,7 +9,7 @@ use crate::lift::{self, Lifting};
 use crate::policy::search::Search;
 use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
-use crate::prompt::{self, PromptInput};
+use crate::prompt::{PromptInput, PromptKind, PromptText};
 use crate::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use crate::reply::{Look, Reply, Status, parse_reply};
 use crate::step::StepRule;
@@ -33,6 +35,8 @@ pub struct SpfSettings {
     pub confirm_done: bool,
     /// How the model family gives coordinates.
     pub grounding: GroundingProfile,
+    /// Size at which pictures are sent, if not the camera's.
+    pub image_size: Option<(u32, u32)>,
     /// The craft: its radius sweeps the corridor, its take-off height is what a search climbs.
     pub craft: Craft,
 }
@@ -57,9 +61,16 @@ pub struct Spf {
     blocked: u32,
     next_id: u64,
     reading: Reading,
+    prompt: Arc<PromptText>,
 }
 
 impl Spf {
+    /// The same with another prompt than the shipped one.
+    #[must_use]
+    pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
+        Self { prompt, ..self }
+    }
+
     /// A policy without an instruction; it waits until it has one.
     #[must_use]
     pub fn new(settings: SpfSettings) -> Self {
@@ -73,6 +84,7 @@ impl Spf {
             blocked: 0,
             next_id: 0,
             reading: Reading::default(),
+            prompt: PromptText::shipped(PromptKind::Point),
         }
     }
 
@@ -81,7 +93,7 @@ impl Spf {
         self.next_id += 1;
         self.memory.confirming = self.confirming;
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
-        let prompt = prompt::point_prompt(&PromptInput {
+        let prompt = self.prompt.write(&PromptInput {
             instruction: &self.instruction,
             memory: &self.memory,
             profile: &self.settings.grounding,
@@ -98,7 +110,7 @@ impl Spf {
             marks: Vec::new(),
             detections: Vec::new(),
             deadline: Time::MAX,
-            image_size: None,
+            image_size: self.settings.image_size,
         }))
     }
 
@@ -232,8 +244,8 @@ impl Policy for Spf {
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
             PolicyEvent::Instruction(text) => {
-                let next_id = self.next_id;
-                *self = Self { instruction: text.to_owned(), next_id, ..Self::new(self.settings) };
+                let (next_id, prompt) = (self.next_id, self.prompt.clone());
+                *self = Self { instruction: text.to_owned(), next_id, prompt, ..Self::new(self.settings) };
                 Step::Look
             }
             PolicyEvent::Frame(view) if self.asked.is_none() && (view.at_rest || !self.confirming) => self.ask(view),

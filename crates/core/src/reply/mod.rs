@@ -13,6 +13,7 @@ mod stream;
 pub(crate) use json::Value;
 pub(crate) use parse::one_line;
 pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError};
+pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
 pub use stream::{MAX_TEXT, ReplyStream, parse_reply};
 pub(crate) use stream::{Scan, Verdict};

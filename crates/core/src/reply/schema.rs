@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use super::{DEPTH_LABELS, Look, Reply, Status};
 use crate::grounding::GroundingProfile;
+use crate::query::{ImageBox, ImagePoint};
 
 // The order of the fields is the order in which a model is to think and in which a stream is read: what decides comes first.
 // The comments on the fields reach the model, as descriptions in the schema.
@@ -89,11 +90,7 @@ fn nullable_label(_: &mut SchemaGenerator) -> Schema {
 /// which numbers a point holds is for the prompt to say, since it differs by model.
 #[must_use]
 pub fn reply_schema(avoid: bool) -> Value {
-    let settings = SchemaSettings::draft2020_12().with(|s| {
-        s.inline_subschemas = true;
-        s.meta_schema = None;
-    });
-    let mut schema = settings.into_generator().into_root_schema_for::<WireReply<'_>>().to_value();
+    let mut schema = inlined::<WireReply<'_>>();
     if let Some(properties) = schema.get_mut("properties").and_then(Value::as_object_mut) {
         if !avoid {
             properties.shift_remove("boxes");
@@ -102,6 +99,22 @@ pub fn reply_schema(avoid: bool) -> Value {
             boxes.insert("type".to_owned(), Value::from("array"));
         }
     }
+    close(&mut schema);
+    schema
+}
+
+/// The schema of a type, in one piece.
+fn inlined<T: JsonSchema>() -> Value {
+    let settings = SchemaSettings::draft2020_12().with(|s| {
+        s.inline_subschemas = true;
+        s.meta_schema = None;
+    });
+    settings.into_generator().into_root_schema_for::<T>().to_value()
+}
+
+/// The schema of a type in the portable subset: every object closed, every property required.
+pub(crate) fn closed_schema<T: JsonSchema>() -> Value {
+    let mut schema = inlined::<T>();
     close(&mut schema);
     schema
 }
@@ -132,19 +145,31 @@ impl Reply {
     /// written only if `avoid`. Coordinates are rounded as models of that family do ([`GroundingProfile::point_numbers`]).
     #[must_use]
     pub fn to_json(&self, profile: &GroundingProfile, avoid: bool) -> String {
+        self.written(avoid, |point| profile.point_numbers(point), |area| profile.area_numbers(area))
+    }
+
+    /// The same with every decimal: what one model said, told in another's coordinates.
+    #[must_use]
+    pub fn to_json_exact(&self, profile: &GroundingProfile, avoid: bool) -> String {
+        self.written(avoid, |point| profile.exact_point(point), |area| profile.exact_area(area))
+    }
+
+    fn written(
+        &self,
+        avoid: bool,
+        numbers: impl Fn(ImagePoint) -> [f64; 2],
+        area_numbers: impl Fn(ImageBox) -> [f64; 4],
+    ) -> String {
         let boxes = avoid.then(|| {
-            let wire = self.boxes.iter().map(|b| WireBox {
-                area: profile.area_numbers(b.area).map(Number),
-                depth: b.depth,
-                name: &b.name,
-            });
+            let wire =
+                self.boxes.iter().map(|b| WireBox { area: area_numbers(b.area).map(Number), depth: b.depth, name: &b.name });
             wire.collect()
         });
         let wire = WireReply {
             status: self.status,
             look: self.look,
             stage: self.stage,
-            point: self.point.map(|point| profile.point_numbers(point).map(Number)),
+            point: self.point.map(|point| numbers(point).map(Number)),
             depth: self.depth,
             target: self.target.as_deref(),
             boxes,

@@ -143,6 +143,12 @@ impl FlightLog {
             Event::Reply { id, text } => self.reply(now, *id, Some(text), None, false),
             Event::Chunk { id, text } => self.reply(now, *id, Some(text), None, true),
             Event::ReplyFailed { id, reason } => self.reply(now, *id, None, Some(reason), false),
+            Event::Spent { reason } => {
+                // The question that was not put is the newest that is out.
+                let id = self.asked.pop_last().map(|(id, _)| id).unwrap_or_default();
+                let (failed, text, latency_s) = (Some(reason.clone()), None, None);
+                self.row(Channel::Reply, now, &ReplyRow { id, text, failed, spent: true, part: false, latency_s });
+            }
             Event::Operator(event) => self.row(Channel::Operator, now, &OperatorRow { event: event.clone() }),
             Event::LinkLost => self.row(Channel::Link, now, &LinkRow { lost: true }),
             Event::LinkRestored => self.row(Channel::Link, now, &LinkRow { lost: false }),
@@ -152,7 +158,11 @@ impl FlightLog {
     fn reply(&mut self, now: Time, id: QueryId, text: Option<&String>, failed: Option<&String>, part: bool) {
         let asked = if part { self.asked.get(&id).copied() } else { self.asked.remove(&id) };
         let latency_s = asked.map(|asked| now.since(asked).as_secs_f64());
-        self.row(Channel::Reply, now, &ReplyRow { id, text: text.cloned(), failed: failed.cloned(), part, latency_s });
+        self.row(
+            Channel::Reply,
+            now,
+            &ReplyRow { id, text: text.cloned(), failed: failed.cloned(), spent: false, part, latency_s },
+        );
     }
 
     /// The pilot wanted this.

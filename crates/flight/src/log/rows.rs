@@ -9,6 +9,7 @@ use spf_core::envelope::{Cause, Limits};
 use spf_core::estimator::Senses;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
+use spf_core::grounding::GroundingProfile;
 use spf_core::pilot::{Note, OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::Time;
@@ -38,6 +39,12 @@ pub struct Head {
     pub limits: Limits,
     /// Who pointed. The oracle is no VLM.
     pub vlm: String,
+    /// The coordinates that it was asked for and answered in.
+    #[serde(default)]
+    pub grounding: GroundingProfile,
+    /// The size at which pictures were sent; absent when it was the camera's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image_size: Option<(u32, u32)>,
     /// The drone.
     pub drone: String,
     /// The simulated world; absent with a real drone.
@@ -88,6 +95,9 @@ pub struct ReplyRow {
     /// Why there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
+    /// Whether it was not put at all, since the money is spent (`--max-cost`).
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub spent: bool,
     /// Whether the text is only the next part of the answer.
     pub part: bool,
     /// From the query to this, seconds.

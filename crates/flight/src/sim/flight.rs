@@ -9,11 +9,11 @@ use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::executor::Motion;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::grounding::GroundingProfile;
 use spf_core::pilot::{Action, Ending, Outcome, Pilot, PilotParts, PilotSettings, Preset};
 use spf_core::policy::Policy;
 use spf_core::policy::plain::{Plain, PlainSettings};
 use spf_core::policy::spf::{Spf, SpfSettings};
+use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::time::Time;
 use spf_drone::{Capabilities, Drone};
 use spf_record::live::LiveSender;
@@ -23,12 +23,14 @@ use spf_sim::geometry::ObjectId;
 use spf_sim::model::CraftKind;
 use spf_sim::oracle::ErrorFile;
 use spf_sim::wind::Wind;
+use spf_vlm::{Eyesight, Vlm};
 
 use super::oracle::OracleVlm;
 use super::pictures::SimPictures;
 use super::stage::Stage;
 use super::truth::{Verdict, judge};
 use super::world::{Circumstances, SimDrone, SimWorld};
+use crate::ledger::{Accounted, Ledger};
 use crate::log::{Head, SimHead};
 use crate::recorder::Recorder;
 use crate::run::{Observer, World, run};
@@ -60,23 +62,58 @@ impl PolicyKind {
         [Self::Spf, Self::Plain].into_iter().find(|kind| kind.name() == name)
     }
 
-    pub(crate) fn policy(self, settings: &PilotSettings, craft: Craft, grounding: GroundingProfile) -> Box<dyn Policy> {
+    /// Which prompts it takes.
+    #[must_use]
+    pub fn prompt(self) -> PromptKind {
         match self {
-            Self::Spf => Box::new(Spf::new(SpfSettings {
-                step: settings.step,
-                lifting: settings.lifting,
-                avoid: settings.avoid,
-                confirm_done: settings.confirm_done,
-                grounding,
-                craft,
-                shape: match settings.motion {
-                    Motion::Sequential => PathShape::LevelThenClimb,
-                    Motion::Blended => PathShape::Straight,
-                },
-            })),
-            Self::Plain => Box::new(Plain::new(PlainSettings { confirm_done: settings.confirm_done })),
+            Self::Spf => PromptKind::Point,
+            Self::Plain => PromptKind::Plain,
         }
     }
+
+    pub(crate) fn policy(
+        self,
+        settings: &PilotSettings,
+        craft: Craft,
+        eyesight: Eyesight,
+        prompt: Arc<PromptText>,
+    ) -> Box<dyn Policy> {
+        let image_size = eyesight.image_size;
+        match self {
+            Self::Plain => {
+                let settings = PlainSettings { confirm_done: settings.confirm_done, image_size };
+                Box::new(Plain::new(settings).with_prompt(prompt))
+            }
+            Self::Spf => {
+                let settings = SpfSettings {
+                    step: settings.step,
+                    lifting: settings.lifting,
+                    avoid: settings.avoid,
+                    confirm_done: settings.confirm_done,
+                    grounding: eyesight.grounding,
+                    image_size,
+                    craft,
+                    shape: match settings.motion {
+                        Motion::Sequential => PathShape::LevelThenClimb,
+                        Motion::Blended => PathShape::Straight,
+                    },
+                };
+                Box::new(Spf::new(settings).with_prompt(prompt))
+            }
+        }
+    }
+}
+
+/// Makes who points in a world, with the flight's seed: the oracle looks at the world, a model over HTTP at its pictures only.
+pub type WhoPoints = Arc<dyn Fn(&SimWorld, u64) -> Result<Box<dyn Vlm>, WhoError> + Send + Sync>;
+
+/// Why nobody points.
+pub type WhoError = Box<dyn std::error::Error + Send + Sync>;
+
+/// The oracle called `name` with these errors.
+#[must_use]
+pub fn oracle_points(name: String, errors: ErrorFile) -> WhoPoints {
+    Arc::new(move |world, seed| Ok(Box::new(OracleVlm::new(name.clone(), world.clone(), errors.clone(), seed))))
 }
 
 /// All that decides a flight.
@@ -101,10 +138,14 @@ pub struct FlightPlan {
     pub settings: PilotSettings,
     /// Within what.
     pub limits: Limits,
-    /// The oracle's name on the command line.
+    /// The name on the command line of who points.
     pub vlm: String,
-    /// The oracle's errors.
-    pub errors: ErrorFile,
+    /// Who points.
+    pub who: WhoPoints,
+    /// What it is told; `None`: the shipped prompt.
+    pub prompt: Option<Arc<PromptText>>,
+    /// US dollars from which on nothing more is asked, and the flight ends.
+    pub max_cost_usd: Option<f64>,
     /// The seed of all chance.
     pub seed: u64,
     /// Operator events.
@@ -165,6 +206,9 @@ pub enum FlightError {
         /// The scene.
         scene: String,
     },
+    /// Nobody points.
+    #[error("the VLM cannot be asked")]
+    Vlm(#[source] WhoError),
     /// No thread could be started.
     #[error("no thread could be started for the VLM")]
     Thread(#[source] std::io::Error),
@@ -182,18 +226,22 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let capabilities = drone.capabilities();
     check_place(&stage, start.position)?;
     check_start(&stage, &world, capabilities.craft.radius)?;
+    let ledger = plan.record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl")));
+    let vlm = (plan.who)(&world, plan.seed).map_err(FlightError::Vlm)?;
+    let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
+    let prompt = plan.prompt.clone().unwrap_or_else(|| PromptText::shipped(plan.policy.prompt()));
+    let eyesight = vlm.eyesight((capabilities.camera.width, capabilities.camera.height));
     let mut pilot = Pilot::new(PilotParts {
         settings: plan.settings,
         craft: capabilities.craft,
         senses: senses_of(plan.kind),
         camera: capabilities.camera,
         limits: plan.limits.clone(),
-        policy: plan.policy.policy(&plan.settings, capabilities.craft, GroundingProfile::default()),
+        policy: plan.policy.policy(&plan.settings, capabilities.craft, eyesight, prompt),
         instruction: plan.instruction.clone(),
     });
-    let vlm = Box::new(OracleVlm::new(plan.vlm.clone(), world.clone(), plan.errors.clone(), plan.seed));
     let mut recorder = plan.record.as_ref().map(|record| {
-        let head = head(&plan, drone.name(), &capabilities, start);
+        let head = head(&plan, drone.name(), &capabilities, start, &eyesight);
         Recorder::new(record, &head, world.clone(), plan.realtime)
     });
     let mut judging = Judging { world: world.clone(), instruction: plan.instruction.clone(), start, settled: None };
@@ -213,13 +261,18 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         }
         run(&mut pilot, around.as_mut(), &mut all);
     }
-    let mut summary = summarise(&plan, &stage, &pilot, judging.settled);
-    let recording_problems = recorder.map(|recorder| recorder.finish(&mut summary)).unwrap_or_default();
+    let mut summary = Summary {
+        prompt: plan.prompt.as_ref().map(|prompt| prompt.name()),
+        vlm_use: ledger.total(),
+        ..summarise(&plan, &stage, &pilot, judging.settled)
+    };
+    let mut recording_problems = recorder.map(|recorder| recorder.finish(&mut summary)).unwrap_or_default();
+    recording_problems.extend(ledger.problem());
     Ok(Flown { summary, recording_problems })
 }
 
 /// The head of the flight's log.
-fn head(plan: &FlightPlan, drone: &str, capabilities: &Capabilities, start: Pose) -> Head {
+fn head(plan: &FlightPlan, drone: &str, capabilities: &Capabilities, start: Pose, eyesight: &Eyesight) -> Head {
     let (scene, circumstances) = (&plan.stage.scene, &plan.circumstances);
     Head {
         format: spf_record::log::FORMAT,
@@ -233,6 +286,8 @@ fn head(plan: &FlightPlan, drone: &str, capabilities: &Capabilities, start: Pose
         camera: capabilities.camera,
         limits: plan.limits.clone(),
         vlm: plan.vlm.clone(),
+        grounding: eyesight.grounding,
+        image_size: eyesight.image_size,
         drone: drone.to_owned(),
         sim: Some(SimHead {
             scene: plan.scene.clone(),
@@ -369,5 +424,7 @@ fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Se
         camera_effects: effects_of(circumstances),
         late_replies: pilot.late_replies(),
         not_recorded: Vec::new(),
+        prompt: None,
+        vlm_use: None,
     }
 }

@@ -8,7 +8,7 @@ mod stage;
 mod truth;
 mod world;
 
-pub use flight::{FlightError, FlightPlan, Flown, PolicyKind, RecordPlan, fly};
+pub use flight::{FlightError, FlightPlan, Flown, PolicyKind, RecordPlan, WhoError, WhoPoints, fly, oracle_points};
 pub use oracle::OracleVlm;
 pub use pictures::SimPictures;
 pub use stage::{Moment, Stage, StageError};

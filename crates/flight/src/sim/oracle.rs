@@ -2,9 +2,10 @@
 
 use spf_core::frame::FrameId;
 use spf_core::query::Query;
+use spf_core::time::Duration;
 use spf_sim::oracle::{ErrorFile, Oracle, Percept, Sight};
 use spf_sim::render::{Channels, Picture as SimPicture};
-use spf_vlm::{Answer, Picture, Vlm, VlmError};
+use spf_vlm::{Account, Answer, Asked, Picture, Vlm, VlmError};
 
 use super::stage::Moment;
 use super::world::SimWorld;
@@ -41,7 +42,8 @@ impl OracleVlm {
 
     fn answer_from(&self, query: &Query, percept: &Percept) -> Answer {
         let answer = self.oracle.answer(query, percept);
-        Answer { text: answer.text, latency: answer.latency, model: self.name.clone() }
+        let (latency, model) = (answer.latency, self.name.clone());
+        Answer { text: Ok(answer.text), latency, model, account: Account::default() }
     }
 
     /// What is seen in a frame.
@@ -84,8 +86,13 @@ impl Vlm for OracleVlm {
         &self.name
     }
 
-    fn answer(&mut self, query: &Query, _picture: &mut dyn Picture) -> Result<Answer, VlmError> {
-        let percept = self.percept(query.frame)?;
-        Ok(self.answer_from(query, &percept))
+    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn Picture) -> Answer {
+        match self.percept(asked.query.frame) {
+            Ok(percept) => self.answer_from(asked.query, &percept),
+            Err(error) => {
+                let (latency, model) = (Duration::ZERO, self.name.clone());
+                Answer { text: Err(error), latency, model, account: Account::default() }
+            }
+        }
     }
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use spf_core::query::Query;
+use spf_media::Rgb;
 use spf_vlm::{Picture, VlmError};
 
 use super::world::SimWorld;
@@ -19,34 +20,56 @@ impl SimPictures {
     }
 }
 
+/// A picture's size, its quality, and its bytes.
+type Encoded = ((u32, u32), u8, Arc<[u8]>);
+
 struct SimPicture<'a> {
     world: &'a SimWorld,
     query: &'a Query,
-    encoded: Option<Arc<[u8]>>,
+    /// Drawn already, with its marks.
+    drawn: Option<Rgb>,
+    /// One for each size and quality that was asked for: one, unless two models are asked.
+    encoded: Vec<Encoded>,
+}
+
+impl SimPicture<'_> {
+    fn draw(&self, size: (u32, u32)) -> Result<Rgb, VlmError> {
+        let frame = self.query.frame;
+        let shot =
+            self.world.capture_shot(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
+        let mut picture = self.world.photograph(&shot, Some(size).filter(|size| *size != self.size()));
+        spf_media::marks::draw(&mut picture, &self.query.marks);
+        Ok(picture)
+    }
 }
 
 impl PictureSource for SimPictures {
     fn of<'a>(&'a mut self, query: &'a Query) -> Box<dyn Picture + 'a> {
-        Box::new(SimPicture { world: &self.0, query, encoded: None })
+        Box::new(SimPicture { world: &self.0, query, drawn: None, encoded: Vec::new() })
     }
 }
 
 impl Picture for SimPicture<'_> {
-    fn jpeg(&mut self) -> Result<Arc<[u8]>, VlmError> {
-        if let Some(encoded) = &self.encoded {
+    fn size(&self) -> (u32, u32) {
+        let camera = self.world.camera();
+        (camera.width, camera.height)
+    }
+
+    fn prepare(&mut self, size: (u32, u32)) {
+        // What fails here fails again when the picture is wanted, and says why.
+        self.drawn = self.draw(size).ok();
+    }
+
+    fn jpeg(&mut self, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
+        if let Some((.., encoded)) = self.encoded.iter().find(|(of, at, _)| (*of, *at) == (size, quality)) {
             return Ok(encoded.clone());
         }
-        let frame = self.query.frame;
-        let shot =
-            self.world.capture_shot(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
-        let mut picture = self.world.photograph(&shot, self.query.image_size);
-        spf_media::marks::draw(&mut picture, &self.query.marks);
-        let encoded =
-            spf_media::jpeg::Jpeg::encode(&picture, JPEG_QUALITY).map_err(|error| VlmError::Picture(error.to_string()))?.shared();
-        self.encoded = Some(encoded.clone());
+        let picture = match self.drawn.take().filter(|drawn| (drawn.width(), drawn.height()) == size) {
+            Some(drawn) => drawn,
+            None => self.draw(size)?,
+        };
+        let encoded = spf_media::Jpeg::encode(&picture, quality).map_err(|error| VlmError::Picture(error.to_string()))?.shared();
+        self.encoded.push((size, quality, encoded.clone()));
         Ok(encoded)
     }
 }
-
-/// Quality of the JPEG that a VLM is shown: 85 keeps a far car's edges at a third of the size of 95.
-const JPEG_QUALITY: u8 = 85;

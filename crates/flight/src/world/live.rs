@@ -6,12 +6,12 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Instant;
 
 use spf_core::pilot::{Action, Event, OperatorEvent};
-use spf_core::query::Query;
+use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
-use spf_vlm::Vlm;
+use spf_vlm::{Asked, Cancel, Vlm, VlmError};
 
-use super::{Script, pilot_event};
+use super::{Script, answer_event, pilot_event};
 use crate::picture::PictureSource;
 use crate::run::World;
 
@@ -24,7 +24,9 @@ pub struct Live {
     start: Instant,
     now: Time,
     drone: Box<dyn Drone>,
-    queries: Sender<Query>,
+    queries: Sender<(Query, Cancel)>,
+    /// Queries that are out, to be taken back.
+    out: Vec<(QueryId, Cancel)>,
     events: Receiver<(Time, Event)>,
     later: Vec<(Time, Event)>,
     script: Script,
@@ -44,17 +46,20 @@ impl Live {
         script: Script,
         interrupts: Arc<AtomicU32>,
     ) -> std::io::Result<Self> {
-        let (queries, asked) = channel::<Query>();
+        let (queries, asked) = channel::<(Query, Cancel)>();
         let (answered, events) = channel();
         let start = Instant::now();
         std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
-            for query in asked {
+            for (query, cancel) in asked {
                 let begun = start.elapsed();
-                let id = query.id;
-                let (latency, event) = match vlm.answer(&query, &mut *pictures.of(&query)) {
-                    Ok(answer) => (answer.latency, Event::Reply { id, text: answer.text }),
-                    Err(error) => (Duration::ZERO, Event::ReplyFailed { id, reason: error.to_string() }),
+                let (latency, text) = if cancel.is_cancelled() {
+                    (Duration::ZERO, Err(VlmError::Cancelled))
+                } else {
+                    let asked = Asked { query: &query, time_left: query.deadline.since(Time::ZERO + begun), cancel };
+                    let answer = vlm.answer(&asked, &mut *pictures.of(&query));
+                    (answer.latency, answer.text)
                 };
+                let event = answer_event(query.id, text);
                 // The oracle tells a latency that it did not spend; a real model has spent it already.
                 if answered.send((Time::ZERO + begun + latency, event)).is_err() {
                     return;
@@ -62,7 +67,8 @@ impl Live {
             }
         })?;
         let script_start = Time::ZERO;
-        Ok(Self { start, now: script_start, drone, queries, events, later: Vec::new(), script, interrupts, interrupted: false })
+        let (out, later) = (Vec::new(), Vec::new());
+        Ok(Self { start, now: script_start, drone, queries, out, events, later, script, interrupts, interrupted: false })
     }
 
     fn due(&mut self) -> Option<Event> {
@@ -78,6 +84,15 @@ impl Live {
         }
         let index = self.later.iter().position(|(at, _)| *at <= self.now)?;
         Some(self.later.remove(index).1)
+    }
+}
+
+impl Drop for Live {
+    /// What is still asked is asked for nobody.
+    fn drop(&mut self) {
+        for (_, cancel) in &self.out {
+            cancel.cancel();
+        }
     }
 }
 
@@ -98,7 +113,12 @@ impl World for Live {
             let later = self.later.iter().map(|(at, _)| *at).min();
             let next = [self.drone.next_event_at(), self.script.next_at(), later].into_iter().flatten().fold(deadline, Time::min);
             match self.events.recv_timeout(next.since(self.now).min(LONGEST_NAP)) {
-                Ok(event) => self.later.push(event),
+                Ok((at, event)) => {
+                    if let Event::Reply { id, .. } | Event::ReplyFailed { id, .. } = &event {
+                        self.out.retain(|(of, _)| of != id);
+                    }
+                    self.later.push((at, event));
+                }
                 Err(RecvTimeoutError::Timeout) => {}
                 // The answering thread is gone; its queries run into their deadlines and the pilot holds.
                 Err(RecvTimeoutError::Disconnected) => std::thread::sleep(next.since(self.now).min(LONGEST_NAP)),
@@ -109,11 +129,18 @@ impl World for Live {
     fn apply(&mut self, action: &Action) {
         match action {
             Action::Ask(query) => {
-                if self.queries.send((**query).clone()).is_err() {
+                let cancel = Cancel::default();
+                self.out.push((query.id, cancel.clone()));
+                if self.queries.send(((**query).clone(), cancel)).is_err() {
                     tracing::warn!("the thread that asks the VLM is gone");
                 }
             }
-            Action::Cancel(_) | Action::Note(_) | Action::Finished(_) => {}
+            Action::Cancel(id) => {
+                for (_, cancel) in self.out.extract_if(.., |(of, _)| of == id) {
+                    cancel.cancel();
+                }
+            }
+            Action::Note(_) | Action::Finished(_) => {}
             Action::Command(command) => {
                 if let Err(error) = self.drone.apply(self.now, command) {
                     tracing::warn!(%error, "a command did not reach the craft");

@@ -7,9 +7,9 @@ use spf_core::pilot::{Action, Event, OperatorEvent};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::Time;
 use spf_drone::Drone;
-use spf_vlm::Vlm;
+use spf_vlm::{Asked, Vlm};
 
-use super::{Script, pilot_event};
+use super::{Script, answer_event, pilot_event};
 use crate::picture::PictureSource;
 use crate::run::World;
 
@@ -22,7 +22,7 @@ pub struct Lockstep {
     vlm: Box<dyn Vlm>,
     pictures: Box<dyn PictureSource>,
     script: Script,
-    answers: Vec<(Time, QueryId, Result<String, String>)>,
+    answers: Vec<(Time, QueryId, Event)>,
     interrupts: Arc<AtomicU32>,
     interrupted: bool,
 }
@@ -41,11 +41,9 @@ impl Lockstep {
     }
 
     fn ask(&mut self, query: &Query) {
-        let (latency, answer) = match self.vlm.answer(query, &mut *self.pictures.of(query)) {
-            Ok(answer) => (answer.latency, Ok(answer.text)),
-            Err(error) => (spf_core::time::Duration::ZERO, Err(error.to_string())),
-        };
-        self.answers.push((self.now + latency, query.id, answer));
+        let asked = Asked::new(query, query.deadline.since(self.now));
+        let answer = self.vlm.answer(&asked, &mut *self.pictures.of(query));
+        self.answers.push((self.now + answer.latency, query.id, answer_event(query.id, answer.text)));
     }
 
     /// The earliest answer due at `at` or before; equal times in order of query.
@@ -53,11 +51,7 @@ impl Lockstep {
         let index = (0..self.answers.len())
             .filter(|&i| self.answers[i].0 <= at)
             .min_by_key(|&i| (self.answers[i].0, self.answers[i].1))?;
-        let (_, id, answer) = self.answers.remove(index);
-        Some(match answer {
-            Ok(text) => Event::Reply { id, text },
-            Err(reason) => Event::ReplyFailed { id, reason },
-        })
+        Some(self.answers.remove(index).2)
     }
 }
 

@@ -10,8 +10,10 @@ use std::collections::VecDeque;
 
 use spf_core::pilot::Event;
 use spf_core::pilot::OperatorEvent;
+use spf_core::query::QueryId;
 use spf_core::time::Time;
 use spf_drone::DroneEvent;
+use spf_vlm::VlmError;
 
 /// Operator events at given flight times, for virtual time and for tests.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,6 +33,15 @@ impl Script {
 
     fn take(&mut self, now: Time) -> Option<OperatorEvent> {
         self.0.pop_front_if(|(at, _)| *at <= now).map(|(_, event)| event)
+    }
+}
+
+/// What the pilot is told of an answer.
+fn answer_event(id: QueryId, text: Result<String, VlmError>) -> Event {
+    match text {
+        Ok(text) => Event::Reply { id, text },
+        Err(error @ VlmError::Spent { .. }) => Event::Spent { reason: error.to_string() },
+        Err(error) => Event::ReplyFailed { id, reason: error.to_string() },
     }
 }
 

@@ -323,3 +323,15 @@ fn a_hold_of_the_envelope_is_told_once() {
     let told = flight.notes.iter().filter(|(_, note)| *note == Note::Envelope(Cause::LinkLost)).count();
     assert_eq!(told, 1);
 }
+
+#[test]
+fn what_is_spent_ends_the_flight_held_and_landed() {
+    for preset in PRESETS {
+        let mut flight = on_the_way(preset, |_| {});
+        let spent = flight.now;
+        flight.tell(Event::Spent { reason: "the money is spent".to_owned() });
+        flight.pass(0.3);
+        flight.assert_stopped_since(spent);
+        ends(flight, Outcome::Aborted, "the money is spent");
+    }
+}

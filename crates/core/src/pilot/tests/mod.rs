@@ -112,6 +112,7 @@ impl Setup {
                 avoid: settings.avoid,
                 confirm_done: settings.confirm_done,
                 grounding: GroundingProfile::default(),
+                image_size: None,
                 craft: self.craft,
             }))
         });

@@ -1,0 +1,142 @@
+//! `spf vlm check NAME`: does it answer, does it point where we think, and if not, what is wrong, in a person's words.
+
+use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
+use spf_core::time::duration_from_secs;
+use spf_vlm::check::{Check, Verdict, check as ask};
+use spf_vlm::setup;
+use spf_vlm::{Strategy, Vlm, VlmError};
+
+use super::{refused, table};
+use crate::args::VlmCheck;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+use crate::settings::{Settings, variables};
+
+/// Asks a model about the calibration pictures.
+pub(crate) fn check(args: &VlmCheck, printer: &Printer) -> Result<Exit, CliError> {
+    let mut settings = Settings::load(args.config.as_deref())?;
+    settings.flag("vlm.models", "--vlm-models", args.vlm_models.clone());
+    settings.flag("fly.vlm", "NAME", Some(args.name.clone()));
+    let (table, variables) = (table(&settings)?, variables()?);
+    let remote = setup::remote(&table, &[&args.name], &variables, Strategy::default())
+        .map_err(|error| refused(&settings, &args.name, &error))?;
+    let time = settings.number("fly.reply_timeout_s", 0.1, 600.0)?.unwrap_or(20.0);
+    let mut vlm: Box<dyn Vlm> = Box::new(remote);
+    let check = ask(vlm.as_mut(), duration_from_secs(time));
+    report(&check, printer);
+    match &check.verdict {
+        Verdict::Good(_) => Ok(Exit::Success),
+        Verdict::Failed(error) => Err(failed(&args.name, error)),
+        other => Err(astray(&args.name, other)),
+    }
+}
+
+fn report(check: &Check, printer: &Printer) {
+    for pointed in &check.pointed {
+        let dot = pointed.dot;
+        let latency = pointed.answer.latency.as_secs_f64();
+        let said = match (&pointed.answer.text, pointed.point) {
+            (Ok(_), Some(point)) => format!("pointed at {:.3} across, {:.3} down", point.u, point.v),
+            (Ok(text), None) => format!("answered {}", text.chars().take(120).collect::<String>()),
+            (Err(_), _) => "did not answer".to_owned(),
+        };
+        printer.result(&format!("dot at {:.3} across, {:.3} down: {said}, after {latency:.2} s", dot.u, dot.v));
+    }
+    if let Verdict::Good(worst) = check.verdict {
+        let model = check.pointed.first().map_or("", |pointed| &pointed.answer.model);
+        let tokens = check.account.tokens;
+        let about = if tokens.estimated { "about " } else { "" };
+        let cost = check.account.cost_usd.map_or(String::new(), |cost| format!(", {about}{cost:.5} $"));
+        printer.result(&format!(
+            "good: {model} answers and points within {:.1} % of the picture; {about}{} tokens in, {} out{cost}",
+            100.0 * worst,
+            tokens.input,
+            tokens.output + tokens.thinking,
+        ));
+    }
+}
+
+/// It answers, but not with the dot.
+fn astray(name: &str, verdict: &Verdict) -> CliError {
+    match verdict {
+        Verdict::Other(own) => {
+            CliError::failed(format!("`{name}` points in other coordinates than its row says: {}", convention(own)))
+                .hint(format!("give it a row of its own with --vlm-models (docs/vlm.md): {}", row(own)))
+        }
+        Verdict::Astray(worst) => CliError::failed(format!(
+            "`{name}` does not point at the dots: it is off by {:.0} % of the picture",
+            100.0 * worst
+        ))
+        .hint(
+            "no coordinates make its answers right: it is a model that does not point well; choose another one (`spf vlm list`)",
+        ),
+        Verdict::Unreadable(reason) => CliError::failed(format!("`{name}` answers, but not as it is asked: {reason}"))
+            .hint("a larger model, or one that obeys schemas, will do"),
+        Verdict::Good(_) | Verdict::Failed(_) => CliError::failed(format!("`{name}` failed")),
+    }
+}
+
+fn convention(profile: &GroundingProfile) -> String {
+    let order = match profile.order {
+        AxisOrder::Yx => "[y, x]",
+        AxisOrder::Xy => "[x, y]",
+    };
+    let scale = match profile.scale {
+        Scale::Thousand => "thousandths",
+        Scale::Hundred => "percent",
+        Scale::Unit => "shares",
+        Scale::Pixels { .. } => "pixels",
+    };
+    format!("{order} in {scale}")
+}
+
+fn row(profile: &GroundingProfile) -> String {
+    let order = match profile.order {
+        AxisOrder::Yx => "yx",
+        AxisOrder::Xy => "xy",
+    };
+    let scale = match profile.scale {
+        Scale::Thousand => "thousand",
+        Scale::Hundred => "hundred",
+        Scale::Unit => "unit",
+        Scale::Pixels { .. } => "pixels",
+    };
+    format!("[[family]] with order = \"{order}\", scale = \"{scale}\" and a piece of the model's id in `match`")
+}
+
+/// It does not answer: why, and what a person can do.
+fn failed(name: &str, error: &VlmError) -> CliError {
+    CliError::failed(format!("`{name}` does not answer")).because(error).hint(advice(error))
+}
+
+/// What to do about an error of a VLM.
+pub(crate) fn advice(error: &VlmError) -> &'static str {
+    match (error.code(), error) {
+        ("bad_request", VlmError::Vendor { code: Some(code), .. }) if code == "FAILED_PRECONDITION" => {
+            "the vendor does not serve this region, or wants a bill to be set up first: look at its console"
+        }
+        ("key", _) => "the key is wrong, or was taken back: make a new one and set it in the environment or in .env",
+        ("billing", _) => "the account has no money: top it up at the vendor",
+        ("permission", _) => "the key may not use this model, or the vendor does not serve this region",
+        ("no_such_model", _) => {
+            "the vendor does not know this model (any more), or the address is wrong: `spf vlm list` names successors"
+        }
+        ("rate_limit", _) if !error.may_retry() => "the account has no quota left: top it up, or wait until it is renewed",
+        ("rate_limit", _) => "too many questions for this account: wait, or ask the vendor for a higher tier",
+        ("bad_request", _) => {
+            "the vendor refuses the form of the question: the row of this model may be out of date (docs/vlm.md)"
+        }
+        ("overloaded" | "server_error" | "error_in_answer", _) => {
+            "the vendor has trouble of its own: try again, or use --vlm-fallback"
+        }
+        ("network" | "broken_off", _) => "check the network, HTTPS_PROXY and SSL_CERT_FILE; a local server must be running",
+        ("web_page" | "content_type" | "malformed", _) => {
+            "something else than the vendor answers at this address: a proxy, a sign-in page, a wrong path"
+        }
+        ("deadline", _) => "the model is slow or is being loaded: try again, or give it longer (fly.reply_timeout_s)",
+        ("cut_off", _) => "the model thinks too long: raise `max_output_tokens` in its row, or lower its thinking",
+        ("blocked" | "declined", _) => "the vendor's rules stand against it: another model may not mind",
+        _ => "`spf -v vlm check` says more",
+    }
+}

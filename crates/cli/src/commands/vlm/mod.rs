@@ -1,0 +1,188 @@
+//! Who points: the oracle, a vision-language model of the table, or a recording of one.
+
+mod check;
+mod list;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use spf_core::prompt::PromptText;
+use spf_core::time::duration_from_secs;
+use spf_flight::sim::{SimWorld, WhoPoints, oracle_points};
+use spf_sim::oracle::ErrorFile;
+use spf_vlm::cassette::{Recording, Replay};
+use spf_vlm::setup::{self, AUTO, SetupError};
+use spf_vlm::table::{SelectError, Table};
+use spf_vlm::{Strategy, Vlm};
+
+pub(crate) use check::check;
+pub(crate) use list::list;
+
+use crate::commands::read;
+use crate::error::{CliError, nearest};
+use crate::settings::{Settings, variables};
+
+/// Who points in a flight.
+pub(crate) struct Pointing {
+    /// The name as it was given.
+    pub(crate) name: String,
+    /// Makes it.
+    pub(crate) who: WhoPoints,
+    /// A sentence about it for the person who flies.
+    pub(crate) sentence: String,
+}
+
+/// Who points, by the settings.
+pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
+    let name = settings.get("fly.vlm").unwrap_or("oracle");
+    let pointing = match name.split_once(':') {
+        None if name == "oracle" => oracle(settings, name),
+        Some(("oracle", _)) => oracle(settings, name),
+        Some(("replay", file)) => replay(file),
+        _ => model(settings, name, prompt),
+    }?;
+    Ok(match settings.get("vlm.record") {
+        Some(path) => recorded(pointing, path.to_owned()),
+        None => pointing,
+    })
+}
+
+/// The answers of a recording, under the name of who gave them.
+fn replay(file: &str) -> Result<Pointing, CliError> {
+    let replay = Replay::open(Path::new(file)).map_err(|error| {
+        CliError::usage(format!("the recording `{file}` cannot be replayed"))
+            .because(&error)
+            .hint("a recording is made by --vlm-record FILE (docs/vlm.md)")
+    })?;
+    let name = replay.name().to_owned();
+    let sentence = format!("{file} answers with what {name} answered when it was recorded.");
+    Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), sentence })
+}
+
+/// The same, its answers recorded.
+fn recorded(pointing: Pointing, path: String) -> Pointing {
+    let who = pointing.who;
+    let record = move |world: &SimWorld, seed| {
+        let camera = world.camera();
+        let vlm = who(world, seed)?;
+        Ok(Box::new(Recording::new(vlm, Path::new(&path), (camera.width, camera.height))?) as Box<dyn Vlm>)
+    };
+    Pointing { who: Arc::new(record), ..pointing }
+}
+
+/// The oracle of a name, and its errors; `wrong` makes the error for a name that is none, from what was expected and what is near.
+pub(crate) fn oracle_named(
+    name: &str,
+    wrong: impl FnOnce(&str, Option<&str>) -> CliError,
+) -> Result<(String, ErrorFile), CliError> {
+    let errors = match name.split_once(':') {
+        None if name == "oracle" => ErrorFile::named("default"),
+        Some(("oracle", which)) if which.contains(['/', '.']) => ErrorFile::from_toml(&read(Path::new(which), "error")?),
+        Some(("oracle", which)) => ErrorFile::named(which),
+        other => {
+            let near = nearest(other.map_or(name, |(who, _)| who), ["oracle"]);
+            return Err(wrong("oracle, oracle:NAME or oracle:FILE", near));
+        }
+    };
+    let errors = errors.map_err(|error| {
+        let which = name.split_once(':').map_or("", |(_, which)| which);
+        let hint = match nearest(which, ErrorFile::shipped().iter().copied()) {
+            Some(near) if near != which => format!("did you mean `oracle:{near}`?"),
+            _ => "an error file is named with a `/` or a `.` in its path, and its keys stand in docs/oracle.md".to_owned(),
+        };
+        CliError::usage(format!("the oracle of `{name}` is refused")).because(&error).hint(hint)
+    })?;
+    Ok((name.to_owned(), errors))
+}
+
+fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
+    let (name, errors) = oracle_named(name, |expected, near| settings.wrong_word("fly.vlm", expected, near))?;
+    Ok(Pointing {
+        name: name.clone(),
+        sentence: format!("{name} points: it reads the simulator's own id and depth pictures, it is no VLM."),
+        who: oracle_points(name, errors),
+    })
+}
+
+/// The table of models, with the person's own rows.
+pub(crate) fn table(settings: &Settings) -> Result<Table, CliError> {
+    let table = Table::shipped();
+    let Some(path) = settings.get("vlm.models") else { return Ok(table) };
+    table.extended(&read(Path::new(path), "models")?).map_err(|error| {
+        CliError::usage(format!("the models file `{path}` is refused")).because(&error).hint("its form stands in docs/vlm.md")
+    })
+}
+
+/// A model of the table.
+fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
+    let table = table(settings)?;
+    let variables = variables()?;
+    let names: Vec<&str> = [Some(name), settings.get("vlm.fallback")].into_iter().flatten().collect();
+    let strategy = Strategy {
+        hedge: settings.number("vlm.hedge_s", 0.0, 600.0)?.map(duration_from_secs),
+        long_side: settings.count("vlm.image_long_side", 64, 8192)?,
+        quality: settings
+            .count("vlm.jpeg_quality", 1, 100)?
+            .and_then(|quality| u8::try_from(quality).ok())
+            .unwrap_or(Strategy::default().quality),
+    };
+    let mut chosen = Vec::new();
+    let mut auto = String::new();
+    for name in &names {
+        let choice = setup::choose(&table, name, &variables).map_err(|error| refused(settings, name, &error))?;
+        let model = &choice.model;
+        if auto.is_empty() {
+            auto.clone_from(&model.vendor.name);
+        }
+        let place = choice.url.as_deref().map_or(String::new(), |url| format!(" at {url}"));
+        let assumed = if model.assumed { " (not in the table: its coordinates are assumed; `spf vlm check` tells)" } else { "" };
+        if settings.get("fly.max_cost_usd").is_some() && model.price.is_empty() {
+            return Err(CliError::usage(format!("what `{name}` costs is not known, and so --max-cost cannot hold"))
+                .hint("give its row a price with --vlm-models (docs/vlm.md); a model of one's own costs 0"));
+        }
+        chosen.push(format!("{} of {}{place}{assumed}", model.id, model.vendor.title));
+    }
+    let remote = setup::remote(&table, &names, &variables, strategy).map_err(|error| refused(settings, name, &error))?;
+    let remote = match prompt {
+        Some(prompt) => remote.with_prompt(prompt),
+        None => remote,
+    };
+    remote.warm();
+    let steps_in = chosen.get(1).map_or(String::new(), |second| format!(" When it fails, {second} is asked."));
+    let name = if *name == *AUTO { auto } else { name.to_owned() };
+    Ok(Pointing {
+        name,
+        who: Arc::new(move |_, _| Ok(Box::new(remote.clone()))),
+        sentence: format!("{} points; pictures leave this machine and may cost money.{steps_in}", chosen[0]),
+    })
+}
+
+/// Why a model cannot be asked, and what to do.
+pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> CliError {
+    let said = CliError::usage(format!("the VLM `{name}` cannot be asked")).because(error);
+    match error {
+        SetupError::Select(SelectError::Unknown { name, known }) => {
+            let words = known.iter().map(String::as_str).chain(["oracle", AUTO]);
+            match nearest(name, words) {
+                Some(near) => said.hint(format!("did you mean `{near}`? `spf vlm list` lists every one")),
+                None => {
+                    said.hint(format!("oracle, {AUTO}, {}, or the address of a server: see `spf vlm list`", known.join(", ")))
+                }
+            }
+        }
+        SetupError::Select(SelectError::NoModel { vendor }) => said.hint(format!("name it: --vlm {vendor}#MODEL")),
+        SetupError::Select(SelectError::Retired { successor, .. }) => {
+            let vendor = name.split(['#', '@']).next().unwrap_or(name);
+            said.hint(format!("--vlm {vendor}#{successor}"))
+        }
+        SetupError::NoKey { variables, page, .. } => {
+            let page = page.as_deref().map_or(String::new(), |page| format!("; a key is made at {page}"));
+            said.hint(format!("set {} in the environment or in .env{page}", variables.join(" or ")))
+        }
+        SetupError::NoKeyAtAll { variables } => said.hint(format!("set one of {}", variables.join(", "))),
+        SetupError::Url(_) | SetupError::Select(SelectError::Url(_)) => {
+            said.hint("write NAME[#MODEL]@http://host:port/v1, or http://host:port/v1#MODEL")
+        }
+        _ => said.hint(settings.meaning("fly.vlm")),
+    }
+}

@@ -1,0 +1,236 @@
+//! Prompts as texts with places to be filled in, so that a prompt is a file and not code.
+//!
+//! `{{name}}` is replaced by a value. Lines between `{{#name}}` and `{{/name}}`, each on a line of its own, stand only where the
+//! value is not empty. Nothing that is filled in is read again, so that an instruction cannot bring places of its own.
+
+use core::fmt::Write as _;
+
+/// Longest prompt file, bytes.
+const LONGEST: usize = 64 * 1024;
+/// What the first line begins with.
+const HEAD: &str = "spf-prompt ";
+
+/// What a prompt asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PromptKind {
+    /// A point.
+    Point,
+    /// Actions in words.
+    Plain,
+}
+
+impl PromptKind {
+    /// Its word in the first line of a file.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Point => "point",
+            Self::Plain => "plain",
+        }
+    }
+
+    /// The places that a prompt of this kind may have.
+    fn places(self) -> &'static [&'static str] {
+        match self {
+            Self::Point => &["instruction", "coordinates", "labels", "scale", "avoid", "memory", "confirming", "example"],
+            Self::Plain => &["instruction", "metres", "degrees", "most_actions", "actions", "confirming"],
+        }
+    }
+}
+
+/// Why a text is no prompt.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PromptError {
+    /// The first line.
+    #[error("line 1 is not `spf-prompt point VERSION` or `spf-prompt plain VERSION`")]
+    Head,
+    /// Too long.
+    #[error("a prompt has at most {LONGEST} bytes")]
+    TooLong,
+    /// A place that nothing fills.
+    #[error("line {line}: nothing fills `{{{{{name}}}}}`; a {kind} prompt has {}", known.join(", "))]
+    Unknown {
+        /// The line.
+        line: usize,
+        /// The name.
+        name: String,
+        /// Kind of the prompt.
+        kind: &'static str,
+        /// Names that are filled.
+        known: Vec<&'static str>,
+    },
+    /// A section that is not closed, or closed without being open.
+    #[error("line {line}: the section `{name}` is not opened and closed on lines of their own, one within no other")]
+    Section {
+        /// The line.
+        line: usize,
+        /// Its name.
+        name: String,
+    },
+    /// A prompt that nobody's instruction enters.
+    #[error("the prompt has no `{{{{instruction}}}}`")]
+    NoInstruction,
+}
+
+/// A prompt with places to be filled in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PromptText {
+    kind: PromptKind,
+    version: String,
+    pieces: Vec<Piece>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Piece {
+    /// Stands only if this value is not empty.
+    only_if: Option<&'static str>,
+    what: What,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum What {
+    Text(String),
+    Place(&'static str),
+}
+
+impl PromptText {
+    /// Reads a prompt file.
+    ///
+    /// # Errors
+    /// [`PromptError`] with the line that is wrong.
+    pub fn parse(file: &str) -> Result<Self, PromptError> {
+        if file.len() > LONGEST {
+            return Err(PromptError::TooLong);
+        }
+        let (head, body) = file.split_once('\n').ok_or(PromptError::Head)?;
+        let mut words = head.trim_end().strip_prefix(HEAD).ok_or(PromptError::Head)?.split_whitespace();
+        let kind = match words.next() {
+            Some("point") => PromptKind::Point,
+            Some("plain") => PromptKind::Plain,
+            _ => return Err(PromptError::Head),
+        };
+        let (Some(version), None) = (words.next(), words.next()) else { return Err(PromptError::Head) };
+        let mut prompt = Self { kind, version: version.to_owned(), pieces: Vec::new() };
+        let mut section = None;
+        for (index, line) in body.split_inclusive('\n').enumerate() {
+            prompt.read_line(line, index + 2, &mut section)?;
+        }
+        match section {
+            Some(name) => Err(PromptError::Section { line: body.lines().count() + 1, name: name.to_owned() }),
+            None if prompt.pieces.iter().any(|piece| piece.what == What::Place("instruction")) => Ok(prompt),
+            None => Err(PromptError::NoInstruction),
+        }
+    }
+
+    fn read_line(&mut self, text: &str, line: usize, section: &mut Option<&'static str>) -> Result<(), PromptError> {
+        let tag = |mark: &str| text.trim().strip_prefix("{{")?.strip_suffix("}}")?.strip_prefix(mark);
+        if let Some(name) = tag("#") {
+            let name = self.place(name, line)?;
+            return match section.replace(name) {
+                None => Ok(()),
+                Some(_) => Err(PromptError::Section { line, name: name.to_owned() }),
+            };
+        }
+        if let Some(name) = tag("/") {
+            return match section.take() {
+                Some(open) if open == name => Ok(()),
+                _ => Err(PromptError::Section { line, name: name.to_owned() }),
+            };
+        }
+        let mut rest = text;
+        while let Some((before, after)) = rest.split_once("{{") {
+            self.push(*section, What::Text(before.to_owned()));
+            let (name, after) = after.split_once("}}").unwrap_or((after, ""));
+            let place = self.place(name, line)?;
+            self.push(*section, What::Place(place));
+            rest = after;
+        }
+        self.push(*section, What::Text(rest.to_owned()));
+        Ok(())
+    }
+
+    fn push(&mut self, only_if: Option<&'static str>, what: What) {
+        if what != What::Text(String::new()) {
+            self.pieces.push(Piece { only_if, what });
+        }
+    }
+
+    fn place(&self, name: &str, line: usize) -> Result<&'static str, PromptError> {
+        let places = self.kind.places();
+        places.iter().copied().find(|place| *place == name.trim()).ok_or_else(|| PromptError::Unknown {
+            line,
+            name: name.trim().chars().take(40).collect(),
+            kind: self.kind.word(),
+            known: places.to_vec(),
+        })
+    }
+
+    /// What it asks for.
+    #[must_use]
+    pub fn kind(&self) -> PromptKind {
+        self.kind
+    }
+
+    /// Kind and version, for records: `point-1`.
+    #[must_use]
+    pub fn name(&self) -> String {
+        format!("{}-{}", self.kind.word(), self.version)
+    }
+
+    /// The text with its places filled in.
+    pub(super) fn fill(&self, value: impl Fn(&str) -> String) -> String {
+        let mut text = String::with_capacity(4096);
+        for piece in &self.pieces {
+            if piece.only_if.is_some_and(|name| value(name).is_empty()) {
+                continue;
+            }
+            match &piece.what {
+                What::Text(words) => text.push_str(words),
+                // Writing to a string cannot fail.
+                What::Place(name) => drop(write!(text, "{}", value(name))),
+            }
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn places_are_filled_and_sections_stand_or_fall() {
+        let file = "spf-prompt plain mine-2\nDo {{instruction}}!\n{{#actions}}\nDone: {{ actions }}.\n{{/actions}}\nEnd\n";
+        let prompt = PromptText::parse(file).unwrap();
+        assert_eq!((prompt.name().as_str(), prompt.kind()), ("plain-mine-2", PromptKind::Plain));
+        let with =
+            |actions: &str| prompt.fill(|name| if name == "actions" { actions.to_owned() } else { "{{#avoid}}".to_owned() });
+        assert_eq!(with(""), "Do {{#avoid}}!\nEnd\n");
+        assert_eq!(with("a; b"), "Do {{#avoid}}!\nDone: a; b.\nEnd\n");
+    }
+
+    #[test]
+    fn wrong_files_are_refused_by_line() {
+        let refused = |body: &str| PromptText::parse(&format!("spf-prompt point 1\n{body}")).unwrap_err().to_string();
+        assert!(
+            refused("{{instruction}}\n{{colour}}\n")
+                .starts_with("line 3: nothing fills `{{colour}}`; a point prompt has instruction, ")
+        );
+        assert!(refused("{{instruction}}\n{{#avoid}}\nx\n").contains("section `avoid`"));
+        assert!(refused("{{/avoid}}\n").starts_with("line 2: "));
+        assert_eq!(refused("hello\n"), PromptError::NoInstruction.to_string());
+        for head in ["", "hello\n", "spf-prompt point\n", "spf-prompt none 1\n", "spf-prompt point 1 2\n"] {
+            assert_eq!(PromptText::parse(head), Err(PromptError::Head), "{head}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "(\\{\\{|\\}\\}|#|/|avoid|instruction|\n|[a-z ]){0,40}") {
+            let _ = PromptText::parse(&text);
+            let _ = PromptText::parse(&format!("spf-prompt point 1\n{text}"));
+        }
+    }
+}

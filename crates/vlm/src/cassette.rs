@@ -1,0 +1,241 @@
+//! Recordings of answers, and a stand-in that gives them again: the same flight, bit for bit, without a model.
+//!
+//! A recording is JSON lines: a head, then one line a question. It holds no key, no address and no picture.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use spf_core::query::QueryId;
+use spf_core::time::Duration;
+
+use crate::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
+
+/// Version of the form of recordings.
+const FORMAT: u32 = 1;
+/// Longest line of a recording, bytes: an answer of 64 KiB and a long prompt, escaped.
+const LONGEST_LINE: u64 = 1 << 20;
+/// Most questions of a recording.
+const MOST_ROWS: usize = 1_000_000;
+
+/// What a recording begins with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Head {
+    spf_recording: u32,
+    /// Who answered, as named on the command line.
+    vlm: String,
+    #[serde(flatten)]
+    eyesight: Eyesight,
+}
+
+/// One question and its answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Row {
+    query: QueryId,
+    /// Digest of the question's text: another question must not get this answer.
+    prompt_fnv1a: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    text: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    error: Option<Told>,
+    latency_ns: u64,
+    model: String,
+    account: Account,
+}
+
+/// An error by its name and in its words.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Told {
+    code: String,
+    message: String,
+}
+
+/// Why a recording cannot be written or read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CassetteError {
+    /// The file.
+    #[error("the recording cannot be opened")]
+    File(#[from] std::io::Error),
+    /// A line.
+    #[error("line {line} of the recording cannot be read: {reason}")]
+    Line {
+        /// Which.
+        line: usize,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// Answers of another, written down as they come.
+pub struct Recording {
+    vlm: Box<dyn Vlm>,
+    file: Option<BufWriter<File>>,
+}
+
+impl Recording {
+    /// Records the answers of `vlm`, about the pictures of a camera of this size, in a new file.
+    ///
+    /// # Errors
+    /// [`CassetteError::File`] when it cannot be made; a file that is there is not written over.
+    pub fn new(vlm: Box<dyn Vlm>, path: &Path, camera: (u32, u32)) -> Result<Self, CassetteError> {
+        let mut file = BufWriter::new(File::create_new(path)?);
+        write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), eyesight: vlm.eyesight(camera) })?;
+        Ok(Self { vlm, file: Some(file) })
+    }
+}
+
+fn write_line(file: &mut BufWriter<File>, line: &impl Serialize) -> std::io::Result<()> {
+    serde_json::to_writer(&mut *file, line)?;
+    file.write_all(b"\n")?;
+    file.flush()
+}
+
+impl Vlm for Recording {
+    fn name(&self) -> &str {
+        self.vlm.name()
+    }
+
+    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
+        self.vlm.eyesight(camera)
+    }
+
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+        let answer = self.vlm.answer(asked, picture);
+        let told = |error: &VlmError| Told { code: error.code().to_owned(), message: error.to_string() };
+        let row = Row {
+            query: asked.query.id,
+            prompt_fnv1a: digest(&asked.query.prompt),
+            text: answer.text.as_ref().ok().cloned(),
+            error: answer.text.as_ref().err().map(told),
+            latency_ns: u64::try_from(answer.latency.as_nanos()).unwrap_or(u64::MAX),
+            model: answer.model.clone(),
+            account: answer.account.clone(),
+        };
+        // A full disk ends the recording, not the flight.
+        if let Some(Err(error)) = self.file.as_mut().map(|file| write_line(file, &row)) {
+            tracing::warn!(%error, "the recording of the VLM's answers ends here");
+            self.file = None;
+        }
+        answer
+    }
+}
+
+/// Gives recorded answers again.
+#[derive(Clone, Debug)]
+pub struct Replay {
+    head: Head,
+    rows: VecDeque<Row>,
+}
+
+impl Replay {
+    /// Reads a recording.
+    ///
+    /// # Errors
+    /// [`CassetteError`] when it cannot be read.
+    pub fn open(path: &Path) -> Result<Self, CassetteError> {
+        Self::read(BufReader::new(File::open(path)?))
+    }
+
+    /// Reads a recording from anywhere.
+    ///
+    /// # Errors
+    /// [`CassetteError`] when it cannot be read.
+    pub fn read(mut lines: impl BufRead) -> Result<Self, CassetteError> {
+        let head: Head = read_line(&mut lines, 1)?.ok_or_else(|| wrong(1, "the file is empty"))?;
+        if head.spf_recording != FORMAT {
+            return Err(wrong(1, format!("its format is {}, and only {FORMAT} is known", head.spf_recording)));
+        }
+        let mut rows = VecDeque::new();
+        while let Some(row) = read_line(&mut lines, rows.len() + 2)? {
+            if rows.len() == MOST_ROWS {
+                return Err(wrong(rows.len() + 2, "there are too many"));
+            }
+            rows.push_back(row);
+        }
+        Ok(Self { head, rows })
+    }
+}
+
+fn wrong(line: usize, reason: impl Into<String>) -> CassetteError {
+    CassetteError::Line { line, reason: reason.into() }
+}
+
+fn read_line<T: for<'a> Deserialize<'a>>(lines: &mut impl BufRead, line: usize) -> Result<Option<T>, CassetteError> {
+    let mut text = Vec::new();
+    std::io::Read::take(&mut *lines, LONGEST_LINE).read_until(b'\n', &mut text)?;
+    if text.is_empty() {
+        return Ok(None);
+    }
+    serde_json::from_slice(&text).map(Some).map_err(|error| wrong(line, error.to_string()))
+}
+
+impl Vlm for Replay {
+    fn name(&self) -> &str {
+        &self.head.vlm
+    }
+
+    fn eyesight(&self, _camera: (u32, u32)) -> Eyesight {
+        self.head.eyesight
+    }
+
+    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn Picture) -> Answer {
+        let query = asked.query;
+        let refused = |reason: String| Answer {
+            text: Err(VlmError::Replay(reason)),
+            latency: Duration::ZERO,
+            model: String::new(),
+            account: Account::default(),
+        };
+        let Some(row) = self.rows.pop_front() else {
+            return refused(format!("it ended before question {}", query.id.0));
+        };
+        if row.query != query.id || row.prompt_fnv1a != digest(&query.prompt) {
+            return refused(format!("question {} is not the one that was recorded: this is another flight", query.id.0));
+        }
+        let text = match (row.text, row.error) {
+            (Some(text), _) => Ok(text),
+            (None, Some(Told { code, message })) => Err(VlmError::Told { code, message }),
+            (None, None) => Err(VlmError::Replay(format!("question {} has neither text nor error", query.id.0))),
+        };
+        Answer { text, latency: Duration::from_nanos(row.latency_ns), model: row.model, account: row.account }
+    }
+}
+
+/// FNV-1a, 64 bits, in hexadecimal.
+fn digest(text: &str) -> String {
+    let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
+    format!("{hash:016x}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn digests_by_the_reference() {
+        // Of the empty text the offset basis; of "a", by the definition's own list.
+        assert_eq!((digest("").as_str(), digest("a").as_str()), ("cbf29ce484222325", "af63dc4c8601ec8c"));
+    }
+
+    #[test]
+    fn other_files_are_refused_by_line() {
+        let refused = |text: &str| Replay::read(text.as_bytes()).unwrap_err().to_string();
+        let head =
+            serde_json::to_string(&Head { spf_recording: 1, vlm: "gemini".to_owned(), eyesight: Eyesight::default() }).unwrap();
+        assert!(Replay::read(head.as_bytes()).is_ok());
+        assert!(refused("").contains("line 1"));
+        assert!(refused(&format!("{head}\n{{\"query\":0")).contains("line 2"));
+        assert!(refused(&head.replace("\"spf_recording\":1", "\"spf_recording\":2")).contains("only 1 is known"));
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            let _ = Replay::read(bytes.as_slice());
+        }
+    }
+}

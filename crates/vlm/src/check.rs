@@ -1,0 +1,227 @@
+//! Does a model answer, and does it point where we think it points? Three pictures of one dot tell.
+
+use std::sync::Arc;
+
+use spf_core::frame::FrameId;
+use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
+use spf_core::prompt::{PromptInput, point_prompt};
+use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
+use spf_core::reply::parse_reply;
+use spf_core::time::{Duration, Time};
+use spf_media::{Jpeg, Rgb, resize};
+
+use crate::{Account, Answer, Asked, Picture, Vlm, VlmError};
+
+/// Where the dots are: off the diagonal, so that swapped coordinates show.
+pub const DOTS: [ImagePoint; 3] = [ImagePoint { u: 0.2, v: 0.7 }, ImagePoint { u: 0.75, v: 0.3 }, ImagePoint { u: 0.55, v: 0.9 }];
+/// Radius of a dot as a share of the picture's width.
+const RADIUS: f64 = 0.03;
+/// A point this near to the dot's centre, as a share of the picture, is on it or next to it.
+pub const NEAR: f64 = 0.06;
+/// Size of the pictures, that of the usual camera.
+const SIZE: (u32, u32) = (960, 720);
+const INSTRUCTION: &str = "fly to the red dot";
+
+/// What a model said to one dot.
+#[derive(Clone, Debug)]
+pub struct Pointed {
+    /// Where the dot is.
+    pub dot: ImagePoint,
+    /// The answer.
+    pub answer: Answer,
+    /// The point in it, as the table has it.
+    pub point: Option<ImagePoint>,
+}
+
+/// What the three dots tell.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Verdict {
+    /// It points at the dots; the worst distance as a share of the picture.
+    Good(f64),
+    /// It answers in other coordinates than the table says.
+    Other(GroundingProfile),
+    /// It answers, but does not point at the dots; the worst distance.
+    Astray(f64),
+    /// It answers, but not as it is asked.
+    Unreadable(String),
+    /// It does not answer.
+    Failed(VlmError),
+}
+
+/// A check and its parts.
+#[derive(Clone, Debug)]
+pub struct Check {
+    /// What was said to each dot.
+    pub pointed: Vec<Pointed>,
+    /// What follows.
+    pub verdict: Verdict,
+    /// What it took.
+    pub account: Account,
+}
+
+/// One dot on grey, as a picture to be pointed at.
+struct Dotted(ImagePoint);
+
+impl Picture for Dotted {
+    fn size(&self) -> (u32, u32) {
+        SIZE
+    }
+
+    fn jpeg(&mut self, (width, height): (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
+        let picture = resize(&dotted(self.0), width, height);
+        Jpeg::encode(&picture, quality).map(|jpeg| jpeg.shared()).map_err(|error| VlmError::Picture(error.to_string()))
+    }
+}
+
+/// The calibration picture: grey with one red dot.
+#[must_use]
+pub fn dotted(dot: ImagePoint) -> Rgb {
+    let (width, height) = SIZE;
+    let mut picture = Rgb::filled(width, height, [128, 128, 128]);
+    let (x, y, radius) = (dot.u * f64::from(width), dot.v * f64::from(height), RADIUS * f64::from(width));
+    for row in 0..height {
+        for column in 0..width {
+            let (dx, dy) = (f64::from(column) + 0.5 - x, f64::from(row) + 0.5 - y);
+            if dx * dx + dy * dy <= radius * radius {
+                picture.set_pixel(column, row, [230, 20, 20]);
+            }
+        }
+    }
+    picture
+}
+
+/// Shows a model the dots, one after the other, each for at most `time`.
+pub fn check(vlm: &mut dyn Vlm, time: Duration) -> Check {
+    let eyesight = vlm.eyesight(SIZE);
+    let mut check = Check { pointed: Vec::new(), verdict: Verdict::Good(0.0), account: Account::default() };
+    for (number, dot) in (0..).zip(DOTS) {
+        let query = query(number, &eyesight.grounding, eyesight.image_size);
+        let answer = vlm.answer(&Asked::new(&query, time), &mut Dotted(dot));
+        check.account.add(&answer.account);
+        check.account.parts = answer.account.parts;
+        if let Err(error) = &answer.text {
+            check.verdict = Verdict::Failed(error.clone());
+            check.pointed.push(Pointed { dot, answer, point: None });
+            return check;
+        }
+        let reply = answer.text.as_ref().ok().and_then(|text| parse_reply(text, &eyesight.grounding).ok());
+        check.pointed.push(Pointed { dot, point: reply.and_then(|reply| reply.point), answer });
+    }
+    check.verdict = verdict(&check.pointed, &eyesight.grounding, eyesight.image_size.unwrap_or(SIZE));
+    check
+}
+
+fn query(number: u64, profile: &GroundingProfile, image_size: Option<(u32, u32)>) -> Query {
+    let memory = Memory::default();
+    Query {
+        id: QueryId(number),
+        frame: FrameId(number),
+        kind: QueryKind::Point { avoid: false },
+        instruction: INSTRUCTION.to_owned(),
+        prompt: point_prompt(&PromptInput { instruction: INSTRUCTION, memory: &memory, profile, avoid: false }),
+        memory,
+        marks: Vec::new(),
+        detections: Vec::new(),
+        deadline: Time::MAX,
+        image_size,
+    }
+}
+
+/// The farthest that the answers lie from their dots when read in these coordinates; none when one cannot be read.
+fn worst(pointed: &[Pointed], profile: &GroundingProfile) -> Option<f64> {
+    let distance = |pointed: &Pointed| {
+        let point = parse_reply(pointed.answer.text.as_ref().ok()?, profile).ok()?.point?;
+        Some((point.u - pointed.dot.u).abs().max((point.v - pointed.dot.v).abs()))
+    };
+    pointed.iter().map(distance).try_fold(0.0, |worst: f64, distance| distance.map(|distance| worst.max(distance)))
+}
+
+fn verdict(pointed: &[Pointed], asked: &GroundingProfile, (width, height): (u32, u32)) -> Verdict {
+    let own = worst(pointed, asked);
+    if let Some(worst) = own.filter(|worst| *worst <= NEAR) {
+        return Verdict::Good(worst);
+    }
+    // Coordinates in which all three answers would be right cannot be so by chance.
+    let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
+    let all = [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));
+    if let Some(other) = all.into_iter().find(|profile| worst(pointed, profile).is_some_and(|worst| worst <= NEAR)) {
+        return Verdict::Other(other);
+    }
+    if let Some(worst) = own {
+        return Verdict::Astray(worst);
+    }
+    let unread =
+        pointed.iter().filter_map(|pointed| pointed.answer.text.as_ref().ok()).find_map(|text| match parse_reply(text, asked) {
+            Err(error) => Some(error.to_string()),
+            Ok(reply) if reply.point.is_none() => Some("it does not see the dot".to_owned()),
+            Ok(_) => None,
+        });
+    Verdict::Unreadable(unread.unwrap_or_default())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Eyesight;
+
+    /// Points at the dots in its own coordinates, whatever it is asked.
+    struct Pointer {
+        asked: GroundingProfile,
+        own: GroundingProfile,
+        shift: f64,
+    }
+
+    impl Vlm for Pointer {
+        fn name(&self) -> &str {
+            "pointer"
+        }
+
+        fn eyesight(&self, _: (u32, u32)) -> Eyesight {
+            Eyesight { grounding: self.asked, image_size: None }
+        }
+
+        fn answer(&mut self, asked: &Asked<'_>, _: &mut dyn Picture) -> Answer {
+            let dot = DOTS[usize::try_from(asked.query.id.0).unwrap()];
+            let [a, b] = self.own.point_numbers(ImagePoint { u: dot.u + self.shift, v: dot.v });
+            let text = format!("{{\"status\":\"navigating\",\"point\":[{a},{b}],\"depth\":2}}");
+            Answer { text: Ok(text), latency: Duration::ZERO, model: String::new(), account: Account::default() }
+        }
+    }
+
+    fn told(asked: GroundingProfile, own: GroundingProfile, shift: f64) -> Verdict {
+        check(&mut Pointer { asked, own, shift }, Duration::from_secs(1)).verdict
+    }
+
+    #[test]
+    fn swapped_axes_and_wrong_scales_are_told() {
+        let pixels = Scale::Pixels { width: 960, height: 720 };
+        let all = [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| {
+            [Scale::Thousand, Scale::Hundred, Scale::Unit, pixels].map(|scale| GroundingProfile { order, scale })
+        });
+        let all: Vec<_> = all.collect();
+        for asked in &all {
+            for own in &all {
+                match told(*asked, *own, 0.0) {
+                    Verdict::Good(worst) => assert!(asked == own && worst < 0.01, "{asked:?} {own:?}"),
+                    Verdict::Other(found) => assert!(asked != own && found == *own, "{asked:?} {own:?} {found:?}"),
+                    other => panic!("{asked:?} {own:?}: {other:?}"),
+                }
+            }
+        }
+        let profile = GroundingProfile::default();
+        assert!(matches!(told(profile, profile, 0.15), Verdict::Astray(worst) if (worst - 0.15).abs() < 1e-3));
+    }
+
+    #[test]
+    fn the_dot_is_where_it_is_said_to_be() {
+        let picture = dotted(DOTS[0]);
+        assert_eq!(picture.pixel(192, 504), Some([230, 20, 20]));
+        assert_eq!(picture.pixel(504, 192), Some([128, 128, 128]));
+        let red = (0..720)
+            .flat_map(|y| (0..960).map(move |x| (x, y)))
+            .filter(|(x, y)| picture.pixel(*x, *y) == Some([230, 20, 20]))
+            .count();
+        // π·28.8² = 2606.
+        assert!((2550..2660).contains(&red), "{red}");
+    }
+}

@@ -1,0 +1,335 @@
+//! One request and its answer: read in pieces, bounded in time and memory, cut as soon as it says what is needed.
+
+use std::time::Instant;
+
+use reqwest::header::{CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
+use serde_json::Value;
+use spf_core::grounding::GroundingProfile;
+use spf_core::reply::ReplyStream;
+use spf_core::time::Duration;
+
+use crate::account::Parts;
+use crate::error::{VlmError, quote};
+use crate::key::ApiKey;
+use crate::wire::sse::Events;
+use crate::wire::{Gathered, WireKind, error_of};
+
+/// Bytes of an answer that are read at most.
+pub(crate) const MAX_ANSWER: usize = 2 << 20;
+
+/// Bytes, and time, for what follows an answer that was cut.
+const DRAINED: usize = 64 << 10;
+const DRAINING: Duration = Duration::from_millis(300);
+
+/// Where questions go.
+#[derive(Clone, Debug)]
+pub(crate) struct Endpoint {
+    /// Host and port, for people.
+    pub(crate) host: String,
+    /// Base address without a slash at the end.
+    pub(crate) base: String,
+    /// Key and whatever else the vendor wants.
+    pub(crate) headers: HeaderMap,
+    /// Form of requests.
+    pub(crate) wire: WireKind,
+    /// The key, to be masked in whatever comes back.
+    pub(crate) key: Option<ApiKey>,
+}
+
+impl Endpoint {
+    /// Words from outside without the key, which vendors repeat in their errors.
+    pub(crate) fn scrub(&self, words: String) -> String {
+        self.key.as_ref().map_or_else(|| words.clone(), |key| key.scrub(&words))
+    }
+}
+
+/// One exchange while it goes on: what is known of it when its time is up.
+#[derive(Debug, Default)]
+pub(crate) struct Exchange {
+    pub(crate) parts: Parts,
+    pub(crate) gathered: Gathered,
+    /// Bytes of the answer so far.
+    pub(crate) received: usize,
+    /// The stream was ended by us, before it told its tokens.
+    pub(crate) cut: bool,
+}
+
+/// When an answer is complete before its end.
+pub(crate) enum Enough {
+    /// As soon as a reply in these coordinates is closed.
+    Reply(GroundingProfile),
+    /// Never.
+    Whole,
+}
+
+impl Exchange {
+    /// Sends a question and reads its answer's text.
+    pub(crate) async fn run(
+        &mut self,
+        client: &reqwest::Client,
+        endpoint: &Endpoint,
+        path: &str,
+        body: Vec<u8>,
+        enough: Enough,
+        began: Instant,
+    ) -> Result<String, VlmError> {
+        let host = &endpoint.host;
+        let request = client
+            .post(format!("{}{path}", endpoint.base))
+            .headers(endpoint.headers.clone())
+            .header(CONTENT_TYPE, HeaderValue::from_static("application/json"))
+            .body(body);
+        let response = request.send().await.map_err(|error| unreachable(host, &error))?;
+        let since = |began: Instant| Some(began.elapsed().as_secs_f64());
+        self.parts.head_s = since(began);
+        let status = response.status().as_u16();
+        let content_type = response.headers().get(CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or("").to_owned();
+        if !(200..300).contains(&status) {
+            let wait = retry_after(response.headers());
+            let body = self.whole(host, response).await?;
+            return Err(refusal(host, status, &content_type, &body, wait));
+        }
+        if content_type.to_lowercase().starts_with("text/event-stream") {
+            self.stream(endpoint, response, enough, began).await?;
+        } else {
+            let body = self.whole(host, response).await?;
+            self.read_whole(endpoint, status, &content_type, &body)?;
+        }
+        self.parts.complete_s = since(began);
+        self.parts.first_text_s = self.parts.first_text_s.or(self.parts.complete_s);
+        if self.cut { Ok(self.gathered.text.clone()) } else { self.gathered.finish(host) }
+    }
+
+    async fn whole(&mut self, host: &str, mut response: reqwest::Response) -> Result<Vec<u8>, VlmError> {
+        let mut body = Vec::new();
+        while let Some(piece) = response.chunk().await.map_err(|error| broken_off(host, &error))? {
+            self.take(host, piece.len())?;
+            body.extend_from_slice(&piece);
+        }
+        Ok(body)
+    }
+
+    fn take(&mut self, host: &str, bytes: usize) -> Result<(), VlmError> {
+        self.received += bytes;
+        if self.received > MAX_ANSWER {
+            return Err(VlmError::TooLong { host: host.to_owned(), limit: MAX_ANSWER });
+        }
+        Ok(())
+    }
+
+    fn read_whole(&mut self, endpoint: &Endpoint, status: u16, content_type: &str, body: &[u8]) -> Result<(), VlmError> {
+        let host = &endpoint.host;
+        match serde_json::from_slice::<Value>(body) {
+            // Servers that stream when not asked, or forget to say so, are read all the same.
+            Err(_) if body.starts_with(b"data:") || body.starts_with(b"event:") => {
+                let mut events = Events::default();
+                let pieces = [events.push(body), events.finish()].concat();
+                pieces.iter().try_for_each(|data| self.event(endpoint, data))
+            }
+            Err(error) => Err(no_json(host, status, content_type, body, &error)),
+            Ok(object) => endpoint.wire.read(host, &object, &mut self.gathered),
+        }
+    }
+
+    async fn stream(
+        &mut self,
+        endpoint: &Endpoint,
+        mut response: reqwest::Response,
+        enough: Enough,
+        began: Instant,
+    ) -> Result<(), VlmError> {
+        let host = &endpoint.host;
+        let mut events = Events::default();
+        let mut reply = match enough {
+            Enough::Reply(profile) => Some(ReplyStream::new(profile)),
+            Enough::Whole => None,
+        };
+        let mut seen = 0;
+        while let Some(piece) = response.chunk().await.map_err(|error| broken_off(host, &error))? {
+            self.take(host, piece.len())?;
+            for data in events.push(&piece) {
+                self.event(endpoint, &data)?;
+            }
+            if events.overflowed() {
+                return Err(VlmError::TooLong { host: host.clone(), limit: MAX_ANSWER });
+            }
+            if !self.gathered.text.is_empty() {
+                self.parts.first_text_s.get_or_insert_with(|| began.elapsed().as_secs_f64());
+            }
+            if let Some(reply) = &mut reply {
+                reply.push(&self.gathered.text[seen..]);
+                seen = self.gathered.text.len();
+                // Everything that came with the closing bracket has been read: its tokens, if they are there.
+                if reply.early().is_some() {
+                    self.cut = self.gathered.end.is_none();
+                    tokio::spawn(drain(response));
+                    return Ok(());
+                }
+            }
+        }
+        events.finish().iter().try_for_each(|data| self.event(endpoint, data))
+    }
+
+    fn event(&mut self, endpoint: &Endpoint, data: &str) -> Result<(), VlmError> {
+        if data.trim() == "[DONE]" {
+            return Ok(());
+        }
+        let object: Value = serde_json::from_str(data).map_err(|error| VlmError::Malformed {
+            host: endpoint.host.clone(),
+            reason: format!("an event of the stream is no JSON: {}", quote(&error.to_string())),
+        })?;
+        endpoint.wire.read(&endpoint.host, &object, &mut self.gathered)
+    }
+
+    /// What had come when the time was up, in words.
+    pub(crate) fn stage(&self) -> String {
+        match (self.parts.head_s, self.received, self.gathered.text.len()) {
+            (None, ..) => "it never began to answer".to_owned(),
+            (_, 0, _) => "its answer began, and nothing followed".to_owned(),
+            (_, bytes, 0) => format!("{bytes} bytes came, and no text among them"),
+            (_, _, characters) => format!("{characters} characters of text came, and no end"),
+        }
+    }
+}
+
+/// Reads the little that follows an answer that was cut, so that its connection can be used again; a vendor that goes on
+/// talking is left.
+async fn drain(mut response: reqwest::Response) {
+    let rest = async {
+        let mut left = DRAINED;
+        while let Ok(Some(piece)) = response.chunk().await {
+            left = left.saturating_sub(piece.len());
+            if left == 0 {
+                return;
+            }
+        }
+    };
+    // Either way the response is dropped: read to its end, or with its connection.
+    let _ = tokio::time::timeout(DRAINING, rest).await;
+}
+
+/// No answer began.
+fn unreachable(host: &str, error: &reqwest::Error) -> VlmError {
+    // The address stands in the error, and may hold what is nobody's business.
+    let mut reason = if error.is_timeout() { "no connection in time".to_owned() } else { String::new() };
+    let mut source = std::error::Error::source(error);
+    while let Some(cause) = source {
+        let words = cause.to_string();
+        if !reason.contains(&words) {
+            reason = if reason.is_empty() { words } else { format!("{reason}: {words}") };
+        }
+        source = cause.source();
+    }
+    if reason.is_empty() {
+        reason = "the request failed".to_owned();
+    }
+    VlmError::Network { host: host.to_owned(), reason: quote(&reason) }
+}
+
+fn broken_off(host: &str, error: &reqwest::Error) -> VlmError {
+    match unreachable(host, error) {
+        VlmError::Network { host, reason } => VlmError::BrokenOff { host, reason },
+        other => other,
+    }
+}
+
+/// The error of a status that is none of success.
+fn refusal(host: &str, status: u16, content_type: &str, body: &[u8], wait: Option<Duration>) -> VlmError {
+    let object = serde_json::from_slice::<Value>(body).ok();
+    let error = object.as_ref().and_then(|object| error_of(host, status, object));
+    let error = error.unwrap_or_else(|| match web_page(host, status, content_type, body) {
+        Some(page) => page,
+        None => {
+            let message = match quote(&String::from_utf8_lossy(body)) {
+                words if words.is_empty() => "without a word".to_owned(),
+                words => words,
+            };
+            VlmError::Vendor { host: host.to_owned(), status, code: None, message, retry_after: None }
+        }
+    });
+    match error {
+        VlmError::Vendor { host, status, code, message, retry_after } => {
+            VlmError::Vendor { host, status, code, message, retry_after: wait.or(retry_after) }
+        }
+        other => other,
+    }
+}
+
+fn no_json(host: &str, status: u16, content_type: &str, body: &[u8], error: &serde_json::Error) -> VlmError {
+    if let Some(page) = web_page(host, status, content_type, body) {
+        return page;
+    }
+    if body.iter().all(u8::is_ascii_whitespace) {
+        return VlmError::Empty { host: host.to_owned(), reason: Some("not a byte".to_owned()) };
+    }
+    if !content_type.to_lowercase().contains("json") {
+        let content_type = if content_type.is_empty() { "no content type".to_owned() } else { quote(content_type) };
+        return VlmError::ContentType { host: host.to_owned(), content_type };
+    }
+    VlmError::Malformed { host: host.to_owned(), reason: quote(&error.to_string()) }
+}
+
+/// A page for people, by its type or its first bytes.
+fn web_page(host: &str, status: u16, content_type: &str, body: &[u8]) -> Option<VlmError> {
+    let text = String::from_utf8_lossy(&body[..body.len().min(4096)]);
+    let lower = text.to_lowercase();
+    let begins = lower.trim_start();
+    if !content_type.to_lowercase().contains("html") && !begins.starts_with("<!doctype html") && !begins.starts_with("<html") {
+        return None;
+    }
+    // Lowering ASCII keeps offsets; a title that holds more is left out rather than cut wrongly.
+    let title = lower.find("<title>").zip(lower.find("</title>")).and_then(|(from, to)| text.get(from + 7..to)).map(quote);
+    Some(VlmError::WebPage { host: host.to_owned(), status, title: title.filter(|title| !title.is_empty()) })
+}
+
+/// How long a vendor wants to be left alone, by its headers.
+fn retry_after(headers: &HeaderMap) -> Option<Duration> {
+    let text = |name: &str| headers.get(name).and_then(|value| value.to_str().ok()).map(str::trim);
+    if let Some(millis) = text("retry-after-ms").and_then(|text| text.parse::<f64>().ok()) {
+        return Duration::try_from_secs_f64(millis / 1000.0).ok();
+    }
+    let after = text(RETRY_AFTER.as_str())?;
+    if let Ok(seconds) = after.parse::<f64>() {
+        return Duration::try_from_secs_f64(seconds).ok();
+    }
+    let at = httpdate::parse_http_date(after).ok()?;
+    at.duration_since(std::time::SystemTime::now()).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_for_people_are_told_from_errors() {
+        let page = b"<!DOCTYPE html><html><head><title>502 Bad\nGateway</title></head>";
+        let error = refusal("h", 502, "text/html", page, None);
+        assert_eq!(error, VlmError::WebPage { host: "h".to_owned(), status: 502, title: Some("502 Bad Gateway".to_owned()) });
+        assert!(error.may_retry());
+        let plain = refusal("h", 500, "text/plain", b"oops", Some(Duration::from_secs(2)));
+        assert_eq!((plain.code(), plain.retry_after()), ("server_error", Some(Duration::from_secs(2))));
+        assert_eq!(
+            no_json("h", 200, "text/plain", b"hello", &serde_json::from_str::<Value>("hello").unwrap_err()).code(),
+            "content_type"
+        );
+        assert_eq!(
+            no_json("h", 200, "text/html", b"<html>", &serde_json::from_str::<Value>("<").unwrap_err()).code(),
+            "web_page"
+        );
+    }
+
+    #[test]
+    fn waits_are_read_in_every_form() {
+        let of = |name: &'static str, value: &str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(name, value.parse().unwrap());
+            retry_after(&headers)
+        };
+        assert_eq!(of("retry-after-ms", "250"), Some(Duration::from_millis(250)));
+        assert_eq!(of("retry-after", "46"), Some(Duration::from_secs(46)));
+        let soon = std::time::SystemTime::now() + Duration::from_secs(30);
+        let read = of("retry-after", &httpdate::fmt_http_date(soon)).unwrap();
+        assert!((28.0..=30.0).contains(&read.as_secs_f64()), "{read:?}");
+        assert_eq!((of("retry-after", "-1"), of("retry-after", "soon")), (None, None));
+    }
+}

@@ -1,0 +1,132 @@
+//! From names and an environment to a model that can be asked.
+
+use reqwest::Url;
+use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderName, HeaderValue};
+
+use crate::backend::Backend;
+use crate::client::Endpoint;
+use crate::day::today;
+use crate::key::ApiKey;
+use crate::remote::{Remote, Strategy};
+use crate::table::{Auth, Choice, Model, SelectError, Table};
+use crate::transport::{Transport, TransportError};
+
+/// Where variables are looked up: the environment, `.env`.
+pub type Variables<'a> = &'a dyn Fn(&str) -> Option<String>;
+
+/// Why a model cannot be asked.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SetupError {
+    /// No such model.
+    #[error(transparent)]
+    Select(#[from] SelectError),
+    /// No key.
+    #[error("{title} answers nobody without a key, and none is set")]
+    NoKey {
+        /// The vendor's title.
+        title: String,
+        /// Variables that may hold it.
+        variables: Vec<String>,
+        /// Where to get one.
+        page: Option<String>,
+    },
+    /// No vendor has a key.
+    #[error("no vendor's key is set")]
+    NoKeyAtAll {
+        /// Variables that may hold one.
+        variables: Vec<String>,
+    },
+    /// A key that no header can carry.
+    #[error("the key in {variable} holds characters that no key has")]
+    BadKey {
+        /// The variable.
+        variable: String,
+    },
+    /// No address.
+    #[error("`{0}` is no address of a server")]
+    Url(String),
+    /// A header of the table.
+    #[error("the header `{0}` of the table of models cannot be sent")]
+    Header(String),
+    /// No client.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+}
+
+/// The word that stands for the first vendor whose key is set.
+pub const AUTO: &str = "auto";
+
+/// The models of these names, ready to be asked in this order.
+///
+/// # Errors
+/// [`SetupError`] when one of them cannot be had.
+pub fn remote(table: &Table, names: &[&str], variables: Variables<'_>, strategy: Strategy) -> Result<Remote, SetupError> {
+    let backends = names.iter().map(|name| backend(table, name, variables)).collect::<Result<Vec<_>, _>>()?;
+    let name = names.first().copied().unwrap_or(AUTO);
+    Ok(Remote::new(name.to_owned(), backends, strategy, Transport::start()?))
+}
+
+fn backend(table: &Table, name: &str, variables: Variables<'_>) -> Result<Backend, SetupError> {
+    let choice = choose(table, name, variables)?;
+    let endpoint = endpoint(&choice, variables)?;
+    Ok(Backend::new(choice.name, choice.model, endpoint))
+}
+
+/// The model that a name stands for; `auto` is the first vendor of the table whose key is set.
+///
+/// # Errors
+/// [`SetupError`] when there is none.
+pub fn choose(table: &Table, name: &str, variables: Variables<'_>) -> Result<Choice, SetupError> {
+    if name != AUTO {
+        return Ok(table.select(name, &today())?);
+    }
+    let needing = || table.vendors().iter().filter(|vendor| vendor.key_needed);
+    match needing().find(|vendor| key(&vendor.keys, variables).is_some()) {
+        Some(vendor) => Ok(table.select(&vendor.name, &today())?),
+        None => Err(SetupError::NoKeyAtAll { variables: needing().flat_map(|vendor| vendor.keys.clone()).collect() }),
+    }
+}
+
+/// The first variable that holds a key.
+fn key(names: &[String], variables: Variables<'_>) -> Option<(String, ApiKey)> {
+    names.iter().find_map(|name| Some((name.clone(), ApiKey::new(&variables(name)?)?)))
+}
+
+/// Whether a key for this model is there, or none is needed.
+#[must_use]
+pub fn has_key(model: &Model, variables: Variables<'_>) -> bool {
+    !model.vendor.key_needed || key(&model.vendor.keys, variables).is_some()
+}
+
+fn endpoint(choice: &Choice, variables: Variables<'_>) -> Result<Endpoint, SetupError> {
+    let vendor = &choice.model.vendor;
+    let elsewhere = vendor.base_url_env.as_deref().and_then(variables).filter(|url| !url.trim().is_empty());
+    let base = choice.url.clone().or(elsewhere).unwrap_or_else(|| vendor.base_url.clone());
+    let base = base.trim().trim_end_matches('/').to_owned();
+    let url = Url::parse(&base).ok().filter(|url| matches!(url.scheme(), "http" | "https") && url.host_str().is_some());
+    let Some(url) = url else { return Err(SetupError::Url(base)) };
+    let host = url.host_str().unwrap_or_default().to_owned() + &url.port().map_or(String::new(), |port| format!(":{port}"));
+    let key = key(&vendor.keys, variables);
+    if key.is_none() && vendor.key_needed {
+        let (title, variables, page) = (vendor.title.clone(), vendor.keys.clone(), vendor.key_page.clone());
+        return Err(SetupError::NoKey { title, variables, page });
+    }
+    let mut headers = HeaderMap::new();
+    for (name, value) in &vendor.headers {
+        let wrong = || SetupError::Header(name.clone());
+        let (header, value) = (HeaderName::try_from(name.as_str()), HeaderValue::try_from(value.as_str()));
+        headers.insert(header.map_err(|_| wrong())?, value.map_err(|_| wrong())?);
+    }
+    if let Some((variable, key)) = &key {
+        let (name, text) = match vendor.auth {
+            Auth::Bearer => (AUTHORIZATION, format!("Bearer {}", key.reveal())),
+            Auth::XApiKey => (HeaderName::from_static("x-api-key"), key.reveal().to_owned()),
+            Auth::XGoogApiKey => (HeaderName::from_static("x-goog-api-key"), key.reveal().to_owned()),
+        };
+        let mut value = HeaderValue::try_from(text).map_err(|_| SetupError::BadKey { variable: variable.clone() })?;
+        value.set_sensitive(true);
+        headers.insert(name, value);
+    }
+    Ok(Endpoint { host, base, headers, wire: choice.model.wire, key: key.map(|(_, key)| key) })
+}

@@ -1,0 +1,140 @@
+//! OpenAI's chat completions, as many servers speak them, each with its liberties.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::{Ask, End, Gathered, Request, SchemaDialect, typed};
+use crate::account::Tokens;
+use crate::error::VlmError;
+
+#[derive(Serialize)]
+struct Body<'a> {
+    model: &'a str,
+    stream: bool,
+    messages: [Message<'a>; 1],
+    max_completion_tokens: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    response_format: Option<Value>,
+}
+
+#[derive(Serialize)]
+struct Message<'a> {
+    role: &'static str,
+    content: [Part<'a>; 2],
+}
+
+#[derive(Serialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+enum Part<'a> {
+    ImageUrl { image_url: ImageUrl<'a> },
+    Text { text: &'a str },
+}
+
+#[derive(Serialize)]
+struct ImageUrl<'a> {
+    url: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    detail: Option<&'a str>,
+}
+
+pub(super) fn request(ask: &Ask<'_>) -> Request {
+    let model = ask.model;
+    let format = ask.schema.as_ref().map(|schema| match model.schema {
+        SchemaDialect::JsonObject => json!({ "type": "json_object" }),
+        _ => json!({ "type": "json_schema", "json_schema": { "name": "spf_reply", "strict": true, "schema": schema } }),
+    });
+    let image_url = ImageUrl { url: format!("data:image/jpeg;base64,{}", ask.picture), detail: model.detail.as_deref() };
+    let body = Body {
+        model: &model.id,
+        stream: model.stream,
+        messages: [Message { role: "user", content: [Part::ImageUrl { image_url }, Part::Text { text: ask.prompt }] }],
+        max_completion_tokens: model.max_output_tokens,
+        response_format: format,
+    };
+    Request { path: "/chat/completions".to_owned(), body: json!(body) }
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Response {
+    model: Option<String>,
+    choices: Option<Vec<Choice>>,
+    usage: Option<Usage>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Choice {
+    /// Of a stream.
+    delta: Option<Answered>,
+    /// Of a whole answer.
+    message: Option<Answered>,
+    finish_reason: Option<String>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Answered {
+    content: Option<String>,
+    refusal: Option<String>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Usage {
+    prompt_tokens: Option<u64>,
+    completion_tokens: Option<u64>,
+    prompt_tokens_details: Option<Details>,
+    completion_tokens_details: Option<Details>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Details {
+    cached_tokens: Option<u64>,
+    reasoning_tokens: Option<u64>,
+}
+
+pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<(), VlmError> {
+    let response: Response = typed(host, object)?;
+    for choice in response.choices.into_iter().flatten().take(1) {
+        for answered in [choice.delta, choice.message].into_iter().flatten() {
+            into.text.push_str(answered.content.as_deref().unwrap_or_default());
+            decline(into, answered.refusal.as_deref().unwrap_or_default());
+        }
+        if let Some(reason) = choice.finish_reason
+            && !matches!(into.end, Some(End::Declined(_)))
+        {
+            into.end = Some(match reason.as_str() {
+                "length" => End::CutOff(reason),
+                "content_filter" => End::Blocked(reason),
+                "error" => End::Fault(reason),
+                _ => End::Whole,
+            });
+        }
+    }
+    if let Some(usage) = response.usage {
+        let details = |details: &Option<Details>, of: fn(&Details) -> Option<u64>| details.as_ref().and_then(of).unwrap_or(0);
+        let thinking = details(&usage.completion_tokens_details, |details| details.reasoning_tokens);
+        into.tokens = Some(Tokens {
+            input: usage.prompt_tokens.unwrap_or(0),
+            cached: details(&usage.prompt_tokens_details, |details| details.cached_tokens),
+            output: usage.completion_tokens.unwrap_or(0).saturating_sub(thinking),
+            thinking,
+            estimated: false,
+        });
+    }
+    into.served = response.model.filter(|model| !model.is_empty()).or(into.served.take());
+    Ok(())
+}
+
+/// Takes in a piece of a refusal, which comes in the place of text.
+pub(super) fn decline(into: &mut Gathered, words: &str) {
+    if words.is_empty() {
+        return;
+    }
+    match &mut into.end {
+        Some(End::Declined(said)) => said.push_str(words),
+        end => *end = Some(End::Declined(words.to_owned())),
+    }
+}

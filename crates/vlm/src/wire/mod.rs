@@ -1,0 +1,225 @@
+//! What goes over the wire, by vendor: requests from a question, and text, tokens and endings from what comes back.
+
+mod anthropic;
+mod chat;
+mod gemini;
+mod responses;
+mod schema;
+pub mod sse;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use serde::Deserialize;
+use serde_json::Value;
+use spf_core::query::QueryKind;
+use spf_core::reply::MAX_TEXT;
+use spf_core::time::Duration;
+
+use crate::account::Tokens;
+use crate::error::{VlmError, quote};
+use crate::table::{Model, merge};
+
+pub use schema::SchemaDialect;
+
+/// The forms of requests there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum WireKind {
+    /// Gemini's `generateContent`.
+    Gemini,
+    /// OpenAI's chat completions, which many servers speak.
+    OpenaiChat,
+    /// OpenAI's responses.
+    OpenaiResponses,
+    /// Anthropic's messages.
+    Anthropic,
+}
+
+/// A question as it is sent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Request {
+    /// Path and query behind the base address.
+    pub path: String,
+    /// The body.
+    pub body: Value,
+}
+
+/// What a question is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// The text.
+    pub prompt: &'a str,
+    /// The picture, a JPEG.
+    pub jpeg: &'a [u8],
+    /// What kind of answer is wanted.
+    pub kind: &'a QueryKind,
+}
+
+/// What has come of an answer so far.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gathered {
+    /// The text.
+    pub text: String,
+    /// Who answers, as it calls itself.
+    pub served: Option<String>,
+    /// Tokens, once told.
+    pub tokens: Option<Tokens>,
+    /// How it ended, once told.
+    pub end: Option<End>,
+}
+
+/// How an answer ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum End {
+    /// As it should.
+    Whole,
+    /// At the limit of tokens.
+    CutOff(String),
+    /// By the vendor's rules.
+    Blocked(String),
+    /// By the model's will.
+    Declined(String),
+    /// By a fault.
+    Fault(String),
+}
+
+impl WireKind {
+    /// The request that puts a question to a model.
+    #[must_use]
+    pub fn request(self, model: &Model, question: &Question<'_>) -> Request {
+        let picture = STANDARD.encode(question.jpeg);
+        let schema = schema::of(question.kind).filter(|_| model.schema != SchemaDialect::None);
+        let ask = Ask { model, prompt: question.prompt, picture, schema };
+        let mut request = match self {
+            Self::Gemini => gemini::request(&ask),
+            Self::OpenaiChat => chat::request(&ask),
+            Self::OpenaiResponses => responses::request(&ask),
+            Self::Anthropic => anthropic::request(&ask),
+        };
+        merge(&mut request.body, &model.request);
+        request
+    }
+
+    /// Takes in one object: an event of a stream, or a whole answer.
+    ///
+    /// # Errors
+    /// [`VlmError`] when it is an error of the vendor's, or no object of this wire at all.
+    pub fn read(self, host: &str, object: &Value, into: &mut Gathered) -> Result<(), VlmError> {
+        if let Value::Array(objects) = object {
+            return objects.iter().try_for_each(|object| self.read(host, object, into));
+        }
+        if !object.is_object() {
+            return Err(malformed(host, "not an object"));
+        }
+        if let Some(error) = error_of(host, 200, object) {
+            return Err(error);
+        }
+        match self {
+            Self::Gemini => gemini::read(host, object, into),
+            Self::OpenaiChat => chat::read(host, object, into),
+            Self::OpenaiResponses => responses::read(host, object, into),
+            Self::Anthropic => anthropic::read(host, object, into),
+        }?;
+        if into.text.len() > MAX_TEXT {
+            return Err(VlmError::TooLong { host: host.to_owned(), limit: MAX_TEXT });
+        }
+        Ok(())
+    }
+}
+
+impl Gathered {
+    /// The text of an answer that has ended.
+    ///
+    /// # Errors
+    /// [`VlmError`] when it ended otherwise than it should, or without text.
+    pub fn finish(&self, host: &str) -> Result<String, VlmError> {
+        let host = || host.to_owned();
+        match &self.end {
+            Some(End::Declined(words)) => return Err(VlmError::Declined(quote(words))),
+            Some(End::Blocked(reason)) => return Err(VlmError::Blocked { host: host(), reason: quote(reason) }),
+            Some(End::CutOff(reason)) => {
+                return Err(VlmError::CutOff { reason: quote(reason), characters: self.text.chars().count() });
+            }
+            Some(End::Fault(reason)) => {
+                let code = Some(quote(reason));
+                let message = "the model broke off its answer".to_owned();
+                return Err(VlmError::Vendor { host: host(), status: 200, code, message, retry_after: None });
+            }
+            Some(End::Whole) | None => {}
+        }
+        if self.text.trim().is_empty() {
+            return Err(VlmError::Empty { host: host(), reason: self.end.is_none().then(|| "it just ended".to_owned()) });
+        }
+        Ok(self.text.clone())
+    }
+}
+
+/// A question ready to be written in one of the forms.
+struct Ask<'a> {
+    model: &'a Model,
+    prompt: &'a str,
+    /// Base64.
+    picture: String,
+    schema: Option<Value>,
+}
+
+fn malformed(host: &str, reason: impl Into<String>) -> VlmError {
+    VlmError::Malformed { host: host.to_owned(), reason: reason.into() }
+}
+
+/// The object as a `T`.
+fn typed<T: for<'a> Deserialize<'a>>(host: &str, object: &Value) -> Result<T, VlmError> {
+    T::deserialize(object).map_err(|error| malformed(host, quote(&error.to_string())))
+}
+
+/// The error that an object tells of, in any vendor's form; none when it tells of none.
+#[must_use]
+pub fn error_of(host: &str, status: u16, object: &Value) -> Option<VlmError> {
+    let object = object.as_array().map_or(object, |objects| objects.first().unwrap_or(object));
+    // `{"error": {…}}`, `{"error": "…"}`, and of older vLLM and of streams `{"object"|"type": "error", "message": …}`.
+    let bare = || {
+        let says = |key: &str| object.get(key).and_then(Value::as_str) == Some("error");
+        (says("object") || says("type")).then_some(object)
+    };
+    let error = object.get("error").filter(|error| !error.is_null()).or_else(bare)?;
+    let text = |key: &str| match error.get(key) {
+        Some(Value::String(text)) => Some(text.clone()),
+        Some(Value::Number(number)) => Some(number.to_string()),
+        _ => None,
+    };
+    let number = error.get("code").and_then(Value::as_u64).and_then(|code| u16::try_from(code).ok());
+    let status = if status == 200 { number.filter(|code| (400..600).contains(code)).unwrap_or(status) } else { status };
+    let message = text("message").or_else(|| error.as_str().map(str::to_owned)).unwrap_or_else(|| error.to_string());
+    // Gemini's name stands in `status`, the others' in `code` or `type`.
+    let code = text("status")
+        .or_else(|| text("code").filter(|_| number.is_none()))
+        .or_else(|| text("type").filter(|word| word != "error"));
+    Some(VlmError::Vendor {
+        host: host.to_owned(),
+        status: status_of(status, code.as_deref()),
+        code: code.map(|code| quote(&code)),
+        message: quote(&message),
+        retry_after: retry_info(error),
+    })
+}
+
+/// The status that an error inside a good answer would have had.
+fn status_of(status: u16, code: Option<&str>) -> u16 {
+    match (status, code) {
+        (200, Some("overloaded_error")) => 529,
+        (200, Some("rate_limit_error" | "rate_limit_exceeded")) => 429,
+        (200, Some("api_error" | "server_error")) => 500,
+        _ => status,
+    }
+}
+
+/// Google tells the time to wait in a detail of the error, as `"46s"`.
+fn retry_info(error: &Value) -> Option<Duration> {
+    let details = error.get("details")?.as_array()?;
+    let delay = details.iter().find_map(|detail| detail.get("retryDelay"))?.as_str()?;
+    let seconds: f64 = delay.strip_suffix('s')?.parse().ok()?;
+    Duration::try_from_secs_f64(seconds).ok()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,72 @@
+//! The schema of answers, in the dialects of vendors. It is generated from the Rust types of the replies.
+
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+use spf_core::actions::actions_schema;
+use spf_core::query::QueryKind;
+use spf_core::reply::reply_schema;
+
+/// How a schema is told to a vendor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SchemaDialect {
+    /// As JSON schema.
+    #[default]
+    JsonSchema,
+    /// As OpenAPI has it: types in capitals, `nullable`, enumerations of texts only (Gemini's older `responseSchema`).
+    OpenApi,
+    /// Only that an object is wanted; the prompt tells which.
+    JsonObject,
+    /// Not at all.
+    None,
+}
+
+/// The schema of the answers to a kind of question; none where any text will do.
+pub(super) fn of(kind: &QueryKind) -> Option<Value> {
+    match kind {
+        QueryKind::Point { avoid } => Some(reply_schema(*avoid)),
+        QueryKind::Act => Some(actions_schema()),
+        _ => None,
+    }
+}
+
+/// A JSON schema as OpenAPI has it.
+pub(super) fn open_api(schema: &Value) -> Value {
+    let Some(map) = schema.as_object() else { return schema.clone() };
+    let mut out = Map::new();
+    let words: Vec<&str> = match map.get("type") {
+        Some(Value::String(word)) => vec![word],
+        Some(Value::Array(words)) => words.iter().filter_map(Value::as_str).collect(),
+        _ => Vec::new(),
+    };
+    let mut word = words.iter().find(|word| **word != "null").copied().unwrap_or("string");
+    if let Some(values) = map.get("enum").and_then(Value::as_array) {
+        // Only texts can be enumerated; the reply's parser reads numbers written as text.
+        word = "string";
+        let texts = values.iter().filter(|value| !value.is_null());
+        out.insert(
+            "enum".to_owned(),
+            texts.map(|value| value.as_str().map_or_else(|| json!(value.to_string()), |text| json!(text))).collect(),
+        );
+    }
+    out.insert("type".to_owned(), json!(word.to_uppercase()));
+    if words.contains(&"null") {
+        out.insert("nullable".to_owned(), json!(true));
+    }
+    for key in ["description", "required"] {
+        if let Some(value) = map.get(key) {
+            out.insert(key.to_owned(), value.clone());
+        }
+    }
+    if let Some(items) = map.get("items") {
+        out.insert("items".to_owned(), open_api(items));
+    }
+    if let Some(properties) = map.get("properties").and_then(Value::as_object) {
+        out.insert("propertyOrdering".to_owned(), properties.keys().cloned().map(Value::from).collect());
+        out.insert(
+            "properties".to_owned(),
+            properties.iter().map(|(key, value)| (key.clone(), open_api(value))).collect::<Map<_, _>>().into(),
+        );
+    }
+    Value::Object(out)
+}

@@ -1,0 +1,227 @@
+use super::*;
+use crate::table::Table;
+use serde_json::json;
+
+fn model(name: &str) -> Model {
+    Table::shipped().select(name, "2026-11-21").unwrap_or_else(|error| panic!("{name}: {error}")).model
+}
+
+fn request(name: &str) -> Request {
+    let model = model(name);
+    let kind = QueryKind::Point { avoid: false };
+    model.wire.request(&model, &Question { prompt: "Where?", jpeg: b"\xff\xd8", kind: &kind })
+}
+
+/// The schema is the core's affair.
+fn without_schema(mut request: Request, pointer: &str) -> Request {
+    let schema = request.body.pointer_mut(pointer).unwrap_or_else(|| panic!("no {pointer}"));
+    assert_eq!(schema["type"], "object");
+    *schema = Value::Null;
+    request
+}
+
+#[test]
+fn gemini_is_asked_so() {
+    let request = without_schema(request("gemini#gemini-3.8-flash"), "/generationConfig/responseJsonSchema");
+    assert_eq!(request.path, "/models/gemini-3.8-flash:streamGenerateContent?alt=sse");
+    let expected = json!({
+        "contents": [{ "role": "user", "parts": [
+            { "inlineData": { "mimeType": "image/jpeg", "data": "/9g=" } }, { "text": "Where?" }] }],
+        "generationConfig": {
+            "maxOutputTokens": 1024, "responseMimeType": "application/json", "responseJsonSchema": null,
+            "mediaResolution": "MEDIA_RESOLUTION_MEDIUM", "thinkingConfig": { "thinkingLevel": "LOW" } },
+    });
+    assert_eq!(request.body, expected);
+}
+
+#[test]
+fn openai_is_asked_so() {
+    let responses = without_schema(request("openai"), "/text/format/schema");
+    let expected = json!({
+        "model": "gpt-6-luna", "stream": true, "store": false, "max_output_tokens": 1024, "reasoning": { "effort": "none" },
+        "input": [{ "role": "user", "content": [
+            { "type": "input_image", "image_url": "data:image/jpeg;base64,/9g=", "detail": "original" },
+            { "type": "input_text", "text": "Where?" }] }],
+        "text": { "format": { "type": "json_schema", "name": "spf_reply", "strict": true, "schema": null } },
+    });
+    assert_eq!((responses.path.as_str(), responses.body), ("/responses", expected));
+    let chat = without_schema(request("ollama"), "/response_format/json_schema/schema");
+    let expected = json!({
+        "model": "qwen3-vl:8b", "stream": true, "stream_options": { "include_usage": true }, "reasoning_effort": "none",
+        "max_completion_tokens": 1024,
+        "messages": [{ "role": "user", "content": [
+            { "type": "image_url", "image_url": { "url": "data:image/jpeg;base64,/9g=" } },
+            { "type": "text", "text": "Where?" }] }],
+        "response_format": { "type": "json_schema", "json_schema": { "name": "spf_reply", "strict": true, "schema": null } },
+    });
+    assert_eq!((chat.path.as_str(), chat.body), ("/chat/completions", expected));
+}
+
+#[test]
+fn anthropic_is_asked_so() {
+    let request = without_schema(request("anthropic"), "/output_config/format/schema");
+    let expected = json!({
+        "model": "claude-haiku-5-5", "stream": true, "max_tokens": 1024, "thinking": { "type": "disabled" },
+        "messages": [{ "role": "user", "content": [
+            { "type": "image", "source": { "type": "base64", "media_type": "image/jpeg", "data": "/9g=" } },
+            { "type": "text", "text": "Where?" }] }],
+        "output_config": { "effort": "low", "format": { "type": "json_schema", "schema": null } },
+    });
+    assert_eq!((request.path.as_str(), request.body), ("/messages", expected));
+}
+
+#[test]
+fn a_schema_as_open_api_has_it() {
+    let schema = schema::open_api(&schema::of(&QueryKind::Point { avoid: true }).unwrap());
+    assert_eq!((&schema["type"], &schema["propertyOrdering"][0]), (&json!("OBJECT"), &json!("status")));
+    let depth = &schema["properties"]["depth"];
+    assert_eq!((&depth["type"], &depth["nullable"], &depth["enum"][9]), (&json!("STRING"), &json!(true), &json!("10")));
+    assert_eq!(schema["properties"]["boxes"]["items"]["properties"]["box"]["items"]["type"], "NUMBER");
+    assert!(!schema.to_string().contains("additionalProperties"));
+}
+
+#[test]
+fn an_unstructured_model_is_told_no_schema() {
+    assert_eq!(request("moondream").body.get("response_format"), None);
+}
+
+/// All objects read one after the other.
+fn read(wire: WireKind, objects: &[Value]) -> Result<Gathered, VlmError> {
+    let mut gathered = Gathered::default();
+    objects.iter().try_for_each(|object| wire.read("h", object, &mut gathered))?;
+    Ok(gathered)
+}
+
+fn finished(wire: WireKind, objects: &[Value]) -> Result<String, VlmError> {
+    read(wire, objects)?.finish("h")
+}
+
+#[test]
+fn gemini_answers_are_read() {
+    let piece = |text: &str| json!({ "candidates": [{ "content": { "parts": [{ "text": text }] } }], "modelVersion": "m-001" });
+    let last = json!({ "candidates": [{ "content": { "role": "model" }, "finishReason": "STOP" }], "usageMetadata":
+        { "promptTokenCount": 1200, "candidatesTokenCount": 40, "thoughtsTokenCount": 7, "cachedContentTokenCount": 100 } });
+    let thought = json!({ "candidates": [{ "content": { "parts": [{ "text": "hm", "thought": true }] } }] });
+    let gathered = read(WireKind::Gemini, &[thought, piece("{\"a\""), piece(":1}"), last]).unwrap();
+    assert_eq!((gathered.text.as_str(), gathered.served.as_deref()), ("{\"a\":1}", Some("m-001")));
+    assert_eq!(gathered.tokens, Some(Tokens { input: 1200, cached: 100, output: 40, thinking: 7, estimated: false }));
+    assert_eq!(gathered.finish("h").unwrap(), "{\"a\":1}");
+    let ended = |reason: &str| finished(WireKind::Gemini, &[json!({ "candidates": [{ "finishReason": reason }] })]).unwrap_err();
+    assert_eq!(ended("MAX_TOKENS").code(), "cut_off");
+    assert_eq!(ended("PROHIBITED_CONTENT").code(), "blocked");
+    assert_eq!(ended("SOMETHING_NEW").code(), "blocked");
+    assert_eq!(ended("OTHER").code(), "error_in_answer");
+    assert_eq!(ended("STOP").code(), "empty");
+    let blocked = finished(WireKind::Gemini, &[json!({ "promptFeedback": { "blockReason": "SAFETY" } })]).unwrap_err();
+    assert_eq!(blocked.to_string(), "h blocked this question: SAFETY");
+}
+
+#[test]
+fn openai_answers_are_read() {
+    let chunk = |delta: Value| json!({ "model": "m", "choices": [{ "index": 0, "delta": delta, "finish_reason": null }] });
+    let end = |reason: &str| json!({ "choices": [{ "delta": {}, "finish_reason": reason }] });
+    let usage = json!({ "choices": [], "usage": { "prompt_tokens": 9, "completion_tokens": 8,
+        "completion_tokens_details": { "reasoning_tokens": 3 }, "prompt_tokens_details": { "cached_tokens": 4 } } });
+    let chat = WireKind::OpenaiChat;
+    let all = [chunk(json!({ "role": "assistant", "content": null })), chunk(json!({ "content": "{}" })), end("stop"), usage];
+    let gathered = read(chat, &all).unwrap();
+    assert_eq!((gathered.text.as_str(), gathered.end.clone()), ("{}", Some(End::Whole)));
+    assert_eq!(gathered.tokens, Some(Tokens { input: 9, cached: 4, output: 5, thinking: 3, estimated: false }));
+    assert_eq!(finished(chat, &[chunk(json!({ "content": "{" })), end("length")]).unwrap_err().code(), "cut_off");
+    let refused = [chunk(json!({ "refusal": "I can" })), chunk(json!({ "refusal": "not" })), end("stop")];
+    assert_eq!(finished(chat, &refused), Err(VlmError::Declined("I cannot".to_owned())));
+    let whole = json!({ "choices": [{ "message": { "content": "{}", "refusal": null }, "finish_reason": "stop" }] });
+    assert_eq!(finished(chat, &[whole]).unwrap(), "{}");
+    let responses = WireKind::OpenaiResponses;
+    let body = json!({ "object": "response", "model": "m", "status": "completed", "error": null, "output": [
+        { "type": "reasoning" }, { "type": "message", "content": [{ "type": "output_text", "text": "{}" }] }],
+        "usage": { "input_tokens": 5, "output_tokens": 6 } });
+    assert_eq!(finished(responses, std::slice::from_ref(&body)).unwrap(), "{}");
+    let streamed = [
+        json!({ "type": "response.created", "response": { "model": "m" } }),
+        json!({ "type": "response.output_text.delta", "delta": "{}" }),
+        json!({ "type": "response.output_text.done", "text": "{}" }),
+        json!({ "type": "response.completed", "response": body }),
+    ];
+    assert_eq!(finished(responses, &streamed).unwrap(), "{}");
+    let incomplete = json!({ "type": "response.incomplete", "response":
+        { "status": "incomplete", "incomplete_details": { "reason": "max_output_tokens" } } });
+    assert_eq!(finished(responses, &[incomplete]).unwrap_err().code(), "cut_off");
+    let failed = json!({ "type": "response.failed", "response":
+        { "status": "failed", "error": { "code": "server_error", "message": "sorry" } } });
+    assert_eq!(finished(responses, &[failed]).unwrap_err().code(), "server_error");
+}
+
+#[test]
+fn anthropic_answers_are_read() {
+    let events = [
+        json!({ "type": "message_start", "message": { "model": "m", "content": [], "usage":
+            { "input_tokens": 10, "cache_read_input_tokens": 5, "cache_creation_input_tokens": 2, "output_tokens": 1 } } }),
+        json!({ "type": "content_block_start", "index": 0, "content_block": { "type": "thinking", "thinking": "" } }),
+        json!({ "type": "content_block_delta", "index": 0, "delta": { "type": "thinking_delta", "thinking": "hm" } }),
+        json!({ "type": "ping" }),
+        json!({ "type": "content_block_delta", "index": 1, "delta": { "type": "text_delta", "text": "{}" } }),
+        json!({ "type": "message_delta", "delta": { "stop_reason": "end_turn" }, "usage": { "output_tokens": 20 } }),
+        json!({ "type": "message_stop" }),
+    ];
+    let gathered = read(WireKind::Anthropic, &events).unwrap();
+    assert_eq!(gathered.tokens, Some(Tokens { input: 17, cached: 5, output: 20, thinking: 0, estimated: false }));
+    assert_eq!(gathered.finish("h").unwrap(), "{}");
+    let message = |reason: &str| json!({ "type": "message", "content": [], "stop_reason": reason });
+    assert_eq!(finished(WireKind::Anthropic, &[message("refusal")]).unwrap_err().code(), "declined");
+    assert_eq!(finished(WireKind::Anthropic, &[message("max_tokens")]).unwrap_err().code(), "cut_off");
+    let error = json!({ "type": "error", "error": { "type": "overloaded_error", "message": "Overloaded" } });
+    let error = finished(WireKind::Anthropic, &[error]).unwrap_err();
+    assert_eq!((error.code(), error.may_retry()), ("overloaded", true));
+}
+
+#[test]
+fn errors_are_read_in_every_vendors_form() {
+    let of = |status, object: Value| error_of("h", status, &object).unwrap();
+    let quota = of(
+        429,
+        json!([{ "error": { "code": 429, "message": "Quota", "status": "RESOURCE_EXHAUSTED", "details": [
+        { "@type": "type.googleapis.com/google.rpc.QuotaFailure" }, { "retryDelay": "46s" }] } }]),
+    );
+    assert_eq!(quota.retry_after(), Some(Duration::from_secs(46)));
+    assert_eq!(quota.to_string(), "h answers 429 (RESOURCE_EXHAUSTED): Quota");
+    let broke = of(429, json!({ "error": { "message": "m", "type": "insufficient_quota", "code": "insufficient_quota" } }));
+    assert!(!broke.may_retry());
+    let within = of(200, json!({ "error": { "code": 502, "message": "Provider" } }));
+    assert_eq!((within.code(), within.may_retry()), ("server_error", true));
+    assert_eq!(
+        of(400, json!({ "object": "error", "message": "too long", "type": "BadRequestError", "code": 400 })).code(),
+        "bad_request"
+    );
+    assert_eq!(of(500, json!({ "error": "model not found" })).to_string(), "h answers 500: model not found");
+    assert_eq!(error_of("h", 200, &json!({ "error": null, "status": "completed" })), None);
+    for (status, retry) in [
+        (400, false),
+        (401, false),
+        (402, false),
+        (403, false),
+        (404, false),
+        (408, true),
+        (409, true),
+        (413, false),
+        (422, false),
+        (429, true),
+        (500, true),
+        (503, true),
+        (529, true),
+    ] {
+        assert_eq!(of(status, json!({ "error": { "message": "m" } })).may_retry(), retry, "{status}");
+    }
+}
+
+proptest::proptest! {
+    #[test]
+    fn no_object_panics(text in "[\\[\\]{}\":,a-z_0-9 ]{0,80}", key in "(candidates|choices|type|error|output|promptFeedback|usage)", value in "(null|1|\"a\"|\\[\\]|\\[1\\]|\\{\\}|\\[\\{\\}\\])") {
+        for text in [text, format!("{{\"{key}\":{value}}}")] {
+            let Ok(object) = serde_json::from_str::<Value>(&text) else { continue };
+            for wire in [WireKind::Gemini, WireKind::OpenaiChat, WireKind::OpenaiResponses, WireKind::Anthropic] {
+                let _ = read(wire, std::slice::from_ref(&object));
+            }
+        }
+    }
+}
