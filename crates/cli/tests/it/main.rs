@@ -16,6 +16,7 @@ mod python;
 mod scenes;
 mod video;
 mod view;
+mod vlm;
 mod words;
 
 #[cfg(unix)]

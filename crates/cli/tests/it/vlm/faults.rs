@@ -1,0 +1,278 @@
+//! Every way in which a vendor can fail, as a whole flight: the craft holds, nothing late moves it, the flight ends or goes on
+//! as docs/safety.md says, and what went wrong has its name.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use spf_core::command::Command;
+use spf_core::pilot::{Action, Note, Outcome, Pilot};
+use spf_core::time::Time;
+use spf_flight::run::Observer;
+use spf_flight::sim::{FlightPlan, WhoPoints, fly};
+use spf_flight::summary::Summary;
+use spf_vlm::table::Table;
+use spf_vlm::{Strategy, setup};
+
+use super::oracle::plan;
+use super::server::{Piece, Reply, Server};
+use super::vendors::Vendor;
+use super::{AHEAD, DONE, KEY};
+
+/// What the craft was told, and what became of queries.
+#[derive(Default)]
+struct Watch {
+    setpoints: Vec<(Time, bool)>,
+    failed: Vec<(Time, String)>,
+    decided: Vec<Time>,
+    finished: Option<Time>,
+}
+
+impl Observer for Watch {
+    fn action(&mut self, now: Time, action: &Action, _: &Pilot) {
+        match action {
+            Action::Command(command) => {
+                if let Command::Setpoint(setpoint) = command.get() {
+                    self.setpoints.push((now, setpoint.is_hold()));
+                }
+            }
+            Action::Note(Note::QueryFailed { reason, .. }) => self.failed.push((now, reason.clone())),
+            Action::Note(Note::Decision(_)) => self.decided.push(now),
+            Action::Finished(_) => self.finished = Some(now),
+            _ => {}
+        }
+    }
+}
+
+impl Watch {
+    /// From 0.2 s after each failure to the next decision nothing but zero was commanded.
+    fn assert_held(&self, what: &str) {
+        assert!(!self.failed.is_empty(), "{what}");
+        for (at, reason) in &self.failed {
+            let until = self.decided.iter().find(|decided| *decided > at).copied().unwrap_or(Time::MAX);
+            let within = |time: &Time| *time < until && time.since(*at) >= Duration::from_millis(200);
+            let moved = self.setpoints.iter().find(|(time, hold)| within(time) && !hold);
+            assert_eq!(moved, None, "{what}: after {reason} at {at}");
+        }
+    }
+}
+
+/// A flight by a vendor's models, each question answered by `answer`.
+struct Flight {
+    summary: Summary,
+    watch: Watch,
+    server: Server,
+    took: Duration,
+}
+
+fn flown(
+    vendor: Vendor,
+    more: &[(Vendor, &Server)],
+    strategy: Strategy,
+    change: impl FnOnce(&mut FlightPlan),
+    answer: impl Fn(usize, &super::server::Request) -> Reply + Send + Sync + 'static,
+) -> Flight {
+    let server = Server::start(answer);
+    let mut names = vec![format!("{}@{}", vendor.name(), server.url())];
+    names.extend(more.iter().map(|(vendor, server)| format!("{}@{}", vendor.name(), server.url())));
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let key = |variable: &str| Vendor::ALL.iter().any(|vendor| vendor.key() == variable).then(|| KEY.to_owned());
+    let remote = setup::remote(&Table::shipped(), &names, &key, strategy).unwrap();
+    let who: WhoPoints = Arc::new(move |_, _| Ok(Box::new(remote.clone())));
+    let mut plan = plan(who, false);
+    plan.settings.reply_timeout = Duration::from_millis(1500);
+    change(&mut plan);
+    let mut watch = Watch::default();
+    let began = Instant::now();
+    let summary = fly(plan, &mut [&mut watch]).unwrap().summary;
+    Flight { summary, watch, server, took: began.elapsed() }
+}
+
+/// Ahead at first, so that there is a motion to end; then the fault, always.
+fn always(vendor: Vendor, fault: Reply) -> Flight {
+    flown(
+        vendor,
+        &[],
+        Strategy::default(),
+        |_| {},
+        move |number, request| {
+            if number == 0 { vendor.stream(&vendor.model(request), AHEAD) } else { fault.clone() }
+        },
+    )
+}
+
+fn sse(events: &str) -> Reply {
+    Reply::new(200, "text/event-stream", events)
+}
+
+fn hanging(pieces: Vec<Piece>) -> Reply {
+    Reply { pieces, ..sse("") }
+}
+
+/// The whole flight ends as failed at the fifth failure in a row, held ever since the first.
+fn ends(code: &str, vendor: Vendor, fault: Reply) -> Flight {
+    let flight = always(vendor, fault);
+    let summary = &flight.summary;
+    assert_eq!((summary.outcome, summary.decisions), (Outcome::Failed, 1), "{code}: {summary:?}");
+    let failed = &summary.vlm_use.as_ref().unwrap().failed;
+    assert_eq!(failed.iter().map(|(code, count)| (code.as_str(), *count)).collect::<Vec<_>>(), [(code, 5)], "{summary:?}");
+    flight.watch.assert_held(code);
+    assert_eq!(flight.watch.failed.len(), 5, "{code}");
+    assert!(flight.watch.finished.is_some(), "{code}");
+    assert!(flight.took < Duration::from_secs(60), "{code} took {:?}", flight.took);
+    flight
+}
+
+#[test]
+fn errors_by_status_are_named() {
+    let quota = json!({ "error": { "code": 429, "status": "RESOURCE_EXHAUSTED", "message": "Quota exceeded", "details": [
+        { "@type": "type.googleapis.com/google.rpc.RetryInfo", "retryDelay": "100s" }] } });
+    let flight = ends("rate_limit", Vendor::Gemini, Reply::json(429, &quota));
+    // Left alone for the time it asked for: no second question knocks.
+    assert_eq!(flight.server.questions().len(), 2);
+    let limited = json!({ "error": { "message": "Rate limit", "type": "requests", "code": "rate_limit_exceeded" } });
+    let flight = ends("rate_limit", Vendor::OpenAi, Reply::json(429, &limited).with("retry-after", "100"));
+    assert_eq!(flight.server.questions().len(), 2);
+    let flight = ends("server_error", Vendor::Chat, Reply::json(500, &json!({ "error": { "message": "boom" } })));
+    assert!(flight.watch.failed[0].1.contains("answers 500: boom"), "{:?}", flight.watch.failed);
+    // Asked again within its time.
+    assert!(flight.server.questions().len() > 6, "{}", flight.server.questions().len());
+    let overloaded = json!({ "type": "error", "error": { "type": "overloaded_error", "message": "Overloaded" } });
+    ends("overloaded", Vendor::Anthropic, Reply::json(529, &overloaded));
+    let key = json!({ "error": { "message": "Incorrect API key", "code": "invalid_api_key" } });
+    let flight = ends("key", Vendor::OpenAi, Reply::json(401, &key));
+    assert_eq!(flight.server.questions().len(), 6, "a wrong key is not tried again and again");
+}
+
+#[test]
+fn pages_and_errors_in_good_answers_place_are_named() {
+    ends("web_page", Vendor::Chat, Reply::new(502, "text/html", "<html><head><title>Bad Gateway</title></head></html>"));
+    ends("web_page", Vendor::Gemini, Reply::new(200, "text/html; charset=utf-8", "<!doctype html><p>Sign in"));
+    ends("content_type", Vendor::Anthropic, Reply::new(200, "text/plain", "hello"));
+    ends("malformed", Vendor::OpenAi, sse("data: {\"type\":\n\n"));
+    ends("malformed", Vendor::Gemini, Reply::new(200, "application/json", "[1, 2]"));
+    let provider = json!({ "error": { "code": 502, "message": "Provider returned error" } });
+    ends("server_error", Vendor::Chat, Reply::json(200, &provider));
+    let within = json!({ "type": "error", "error": { "type": "overloaded_error", "message": "Overloaded" } });
+    ends("overloaded", Vendor::Anthropic, sse(&format!("event: error\ndata: {within}\n\n")));
+}
+
+#[test]
+fn answers_that_are_none_are_named() {
+    let refusal =
+        json!({ "model": "m", "choices": [{ "delta": { "refusal": "I cannot help with that." }, "finish_reason": "stop" }] });
+    let flight = ends("declined", Vendor::Chat, sse(&format!("data: {refusal}\n\ndata: [DONE]\n\n")));
+    assert!(flight.watch.failed[0].1.contains("I cannot help with that."));
+    let truncated =
+        json!({ "candidates": [{ "content": { "parts": [{ "text": "{\"status\":\"nav" }] }, "finishReason": "MAX_TOKENS" }] });
+    ends("cut_off", Vendor::Gemini, sse(&format!("data: {truncated}\n\n")));
+    let blocked = json!({ "promptFeedback": { "blockReason": "PROHIBITED_CONTENT" } });
+    let flight = ends("blocked", Vendor::Gemini, sse(&format!("data: {blocked}\n\n")));
+    assert!(flight.watch.failed[0].1.contains("PROHIBITED_CONTENT"));
+    ends("empty", Vendor::Gemini, sse("data: {\"candidates\":[]}\n\n"));
+    ends("empty", Vendor::Chat, Reply::json(200, &json!({ "choices": [] })));
+}
+
+#[test]
+fn answers_without_end_are_ended() {
+    let begin = "data: {\"choices\":[{\"delta\":{\"content\":\"{\"}}]}\n\n";
+    ends("broken_off", Vendor::Chat, hanging(vec![Piece::Bytes(begin.into()), Piece::Break]));
+    // As fast as it can: the bound of memory.
+    let piece = format!("data: {{\"choices\":[{{\"delta\":{{\"content\":\"{}\"}}}}]}}\n\n", "x".repeat(4000));
+    ends("too_long", Vendor::Chat, hanging(vec![Piece::Endless(piece.into_bytes(), Duration::ZERO)]));
+    ends("too_long", Vendor::Gemini, hanging(vec![Piece::Endless(vec![b'x'; 65_536], Duration::ZERO)]));
+}
+
+/// What runs into its deadline is given up by the flight, and what comes of it later is late, counted and moves nothing.
+#[test]
+fn what_takes_too_long_is_taken_back_and_counted_late() {
+    let trickle = "data: {\"choices\":[{\"delta\":{\"content\":\" \"}}]}\n\n";
+    for fault in [hanging(vec![Piece::Hang]), hanging(vec![Piece::Endless(trickle.into(), Duration::from_millis(50))])] {
+        let flight = ends("deadline", Vendor::Chat, fault);
+        assert_eq!(flight.summary.late_replies, 5, "{:?}", flight.summary);
+        assert!(flight.watch.failed.iter().all(|(_, reason)| reason == "no answer within 1.5 s"), "{:?}", flight.watch.failed);
+        // The server's clients went away; the last may still be going.
+        let left = flight.server.left.load(std::sync::atomic::Ordering::SeqCst);
+        assert!(left >= 4, "{left}");
+    }
+}
+
+/// On the wall clock a question that was taken back frees its thread: the next is asked at once, and not after the first's end.
+#[test]
+fn on_the_wall_clock_a_question_taken_back_holds_nobody_up() {
+    let flight = flown(
+        Vendor::Chat,
+        &[],
+        Strategy::default(),
+        |plan| {
+            plan.realtime = true;
+            plan.settings.reply_timeout = Duration::from_secs(1);
+        },
+        |_, _| hanging(vec![Piece::Hang]),
+    );
+    assert_eq!((flight.summary.outcome, flight.summary.decisions), (Outcome::Failed, 0), "{:?}", flight.summary);
+    flight.watch.assert_held("never answered");
+    assert_eq!(flight.server.questions().len(), 5);
+    assert!(flight.summary.late_replies >= 4, "{:?}", flight.summary);
+    assert!(flight.took < Duration::from_secs(60), "{:?}", flight.took);
+}
+
+#[test]
+fn a_flight_goes_on_when_the_vendor_comes_back() {
+    let patient = |plan: &mut FlightPlan| plan.settings.reply_timeout = Duration::from_secs(20);
+    let flight = flown(Vendor::Anthropic, &[], Strategy::default(), patient, |number, request| match number {
+        0 => Vendor::Anthropic.stream("m", AHEAD),
+        1 => Reply::json(400, &json!({ "type": "error", "error": { "type": "invalid_request_error", "message": "no" } })),
+        // Overloaded for an instant: asked again within the question's time, the flight hears nothing of it.
+        2 => Reply::json(529, &json!({ "type": "error", "error": { "type": "overloaded_error", "message": "no" } }))
+            .with("retry-after", "0.2"),
+        _ => Vendor::Anthropic.stream(&Vendor::Anthropic.model(request), DONE),
+    });
+    let summary = flight.summary;
+    // Believed after a second look.
+    assert_eq!((summary.outcome, summary.decisions), (Outcome::Reached, 3), "{summary:?}");
+    let used = summary.vlm_use.unwrap();
+    assert_eq!((used.failed["bad_request"], used.questions, used.requests), (1, 4, 5), "{used:?}");
+    flight.watch.assert_held("bad request");
+}
+
+#[test]
+fn a_fallback_steps_in_in_its_own_coordinates() {
+    // The second is a family of pixels, and sees what the first would have pointed at.
+    let second = Server::start(|number, _| {
+        let ahead = r#"{"status":"navigating","look":null,"stage":1,"point":[384,276.48],"depth":6,"target":"the crane"}"#;
+        Vendor::Anthropic.stream("claude-haiku-5-5", if number == 0 { ahead } else { DONE })
+    });
+    let patient = |plan: &mut FlightPlan| plan.settings.reply_timeout = Duration::from_secs(20);
+    let flight = flown(Vendor::Gemini, &[(Vendor::Anthropic, &second)], Strategy::default(), patient, |_, _| {
+        Reply::json(503, &json!({ "error": { "code": 503, "status": "UNAVAILABLE", "message": "overloaded" } }))
+    });
+    assert_eq!((flight.summary.outcome, flight.summary.decisions), (Outcome::Reached, 3), "{:?}", flight.summary);
+    let used = flight.summary.vlm_use.unwrap();
+    assert_eq!((used.models["claude-haiku-5-5"], used.questions, used.requests), (3, 3, 6), "{used:?}");
+    // Asked once each, not again: somebody else was there.
+    assert_eq!((flight.server.questions().len(), second.questions().len()), (3, 3));
+    let told = second.questions()[0].json()["messages"][0]["content"][1]["text"].as_str().unwrap().to_owned();
+    assert!(told.contains("in pixels of this picture: x runs from 0 at the left edge to 768"), "{told}");
+}
+
+#[test]
+fn a_hedge_takes_the_first_good_answer_and_takes_the_other_back() {
+    let flight = flown(
+        Vendor::Gemini,
+        &[],
+        Strategy { hedge: Some(Duration::from_secs(2)), ..Strategy::default() },
+        |plan| plan.settings.reply_timeout = Duration::from_secs(20),
+        |number, _| match number {
+            0 => hanging(vec![Piece::Hang]),
+            1 => Vendor::Gemini.stream("m", AHEAD),
+            _ => Vendor::Gemini.stream("m", DONE),
+        },
+    );
+    let summary = flight.summary;
+    assert_eq!((summary.outcome, summary.late_replies), (Outcome::Reached, 0), "{summary:?}");
+    assert!(flight.server.questions().len() >= 4, "{}", flight.server.questions().len());
+    assert!(flight.took < Duration::from_secs(19), "{:?}", flight.took);
+    let used = summary.vlm_use.unwrap();
+    assert!(used.failed.is_empty() && used.median_latency_s.unwrap() < 5.0, "{used:?}");
+}

@@ -1,0 +1,34 @@
+//! Flights by vision-language models, over each vendor's wire, against a server on this machine.
+
+mod check;
+mod commands;
+mod faults;
+mod keys;
+mod oracle;
+mod sdk;
+mod server;
+mod vendors;
+
+use serde_json::Value;
+
+use crate::harness::Lab;
+use server::Server;
+use vendors::Vendor;
+
+/// What a model says that sees its target ahead.
+const AHEAD: &str = r#"{"status":"navigating","look":null,"stage":1,"point":[480,500],"depth":6,"target":"the crane"}"#;
+/// What it says there.
+const DONE: &str = r#"{"status":"done","look":null,"stage":1,"point":null,"depth":null,"target":"the crane"}"#;
+
+const KEY: &str = "sk-test-0123456789abcdefghijklmnop";
+
+/// A flight of the binary with a vendor's model at a server; exit code and the summary printed.
+fn fly(lab: &Lab, server: &Server, vendor: Vendor, name: &str, args: &[&str]) -> (i32, Value) {
+    let vlm = format!("{}@{}", vendor.name(), server.url());
+    let mut all = vec!["fly", "fly to the red crane", "--json", "--no-video", "--out", name, "--vlm", &vlm];
+    all.extend(args);
+    let output = lab.command(&all).env(vendor.key(), KEY).output().unwrap();
+    let run = crate::harness::Run::of(&output);
+    let printed = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}\n{}\n{}", run.stdout, run.stderr));
+    (run.code.unwrap(), printed)
+}

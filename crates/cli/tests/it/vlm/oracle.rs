@@ -1,0 +1,175 @@
+//! The oracle behind each vendor's wire: its words go out as a vendor's, and the flight must be the oracle's.
+
+use std::sync::{Arc, Mutex};
+
+use spf_core::envelope::Limits;
+use spf_core::grounding::GroundingProfile;
+use spf_core::pilot::{Outcome, PilotSettings, Preset};
+use spf_core::query::QueryKind;
+use spf_core::reply::parse_reply;
+use spf_core::time::Duration;
+use spf_flight::sim::{Circumstances, FlightPlan, OracleVlm, PolicyKind, SimWorld, Stage, WhoPoints, fly, oracle_points};
+use spf_flight::summary::Summary;
+use spf_flight::world::Script;
+use spf_sim::model::{CraftKind, Model};
+use spf_sim::oracle::ErrorFile;
+use spf_vlm::table::Table;
+use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Remote, Strategy, Vlm, setup};
+
+use super::KEY;
+use super::server::{Request, Server};
+use super::vendors::Vendor;
+
+/// Asks the oracle, has its words sent by the server, and the model's client fetch them there.
+struct Behind {
+    oracle: OracleVlm,
+    remote: Remote,
+    words: Arc<Mutex<String>>,
+    camera: (u32, u32),
+}
+
+impl Vlm for Behind {
+    fn name(&self) -> &str {
+        self.remote.name()
+    }
+
+    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
+        self.remote.eyesight(camera)
+    }
+
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+        let meant = self.oracle.answer(asked, picture);
+        let mut words = meant.text.unwrap();
+        if let QueryKind::Point { avoid } = asked.query.kind {
+            let own = self.eyesight(self.camera).grounding;
+            words = parse_reply(&words, &GroundingProfile::default()).unwrap().to_json(&own, avoid);
+        }
+        self.words.lock().unwrap().clone_from(&words);
+        let answer = self.remote.answer(asked, picture);
+        assert_eq!(answer.text.as_ref().unwrap().trim(), words, "what was said is what was heard");
+        // Flown with the oracle's latency, so that flights can be compared.
+        Answer { latency: meant.latency, account: Account { requests: answer.account.requests, ..Account::default() }, ..answer }
+    }
+}
+
+fn stage() -> Arc<Stage> {
+    static CITY: std::sync::OnceLock<Arc<Stage>> = std::sync::OnceLock::new();
+    CITY.get_or_init(|| Arc::new(Stage::load("city").unwrap())).clone()
+}
+
+pub(super) fn plan(who: WhoPoints, avoid: bool) -> FlightPlan {
+    let kind = CraftKind::Quad;
+    FlightPlan {
+        stage: stage(),
+        scene: "city".to_owned(),
+        instruction: "fly to the red crane".to_owned(),
+        start: None,
+        kind,
+        circumstances: Circumstances::default(),
+        policy: PolicyKind::Spf,
+        preset: Preset::Default,
+        settings: PilotSettings { avoid, ..PilotSettings::preset(Preset::Default) },
+        limits: Limits::for_craft(&Model::of(kind).craft),
+        vlm: String::new(),
+        who,
+        prompt: None,
+        max_cost_usd: None,
+        seed: 2,
+        script: Script::default(),
+        realtime: false,
+        interrupts: Arc::default(),
+        record: None,
+    }
+}
+
+/// A flight over a vendor's wire, and the requests that it took.
+pub(super) fn flown_over(vendor: Vendor, model: Option<&str>, long_side: Option<u32>, avoid: bool) -> (Summary, Vec<Request>) {
+    let words = Arc::new(Mutex::new(String::new()));
+    let told = words.clone();
+    let server = Server::start(move |_, request| vendor.stream(&vendor.model(request), &told.lock().unwrap().clone()));
+    let name = format!("{}{}@{}", vendor.name(), model.map_or(String::new(), |id| format!("#{id}")), server.url());
+    let key = |variable: &str| (variable == vendor.key()).then(|| KEY.to_owned());
+    let remote = setup::remote(&Table::shipped(), &[&name], &key, Strategy { long_side, ..Strategy::default() }).unwrap();
+    let who: WhoPoints = Arc::new(move |world: &SimWorld, seed| {
+        let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect")?, seed);
+        let camera = (world.camera().width, world.camera().height);
+        Ok(Box::new(Behind { oracle, remote: remote.clone(), words: words.clone(), camera }))
+    });
+    let summary = fly(plan(who, avoid), &mut []).unwrap().summary;
+    let questions = server.questions();
+    // One, and perhaps a second when a question overtakes the end of the answer before it.
+    let connections = server.connections.load(std::sync::atomic::Ordering::SeqCst);
+    assert!(connections <= 2, "{connections} connections for {} questions", questions.len());
+    (summary, questions)
+}
+
+#[test]
+fn every_vendors_wire_carries_a_whole_flight() {
+    let perfect = oracle_points("oracle".to_owned(), ErrorFile::named("perfect").unwrap());
+    let own = fly(plan(perfect, false), &mut []).unwrap().summary;
+    assert_eq!(own.outcome, Outcome::Reached);
+    for vendor in Vendor::ALL {
+        let (summary, questions) = flown_over(vendor, None, None, false);
+        assert_eq!((summary.outcome, summary.verified), (Outcome::Reached, Some(true)), "{vendor:?}: {summary:?}");
+        let used = summary.vlm_use.as_ref().unwrap();
+        assert_eq!((used.requests as usize, used.failed.len()), (questions.len(), 0), "{vendor:?}");
+        for request in &questions {
+            assert_eq!(request.path.split('#').next().unwrap(), vendor.path(), "{vendor:?}");
+            assert!(request.header(vendor.key_header()).unwrap().ends_with(KEY), "{vendor:?}");
+            let picture = spf_media::jpeg::decode(&vendor.picture(request)).unwrap();
+            assert_eq!((picture.width(), picture.height()), (768, 576), "{vendor:?}");
+            assert!(request.body.len() < 80_000, "{vendor:?}: {} bytes sent", request.body.len());
+        }
+    }
+    // In the same coordinates and at the same size it is the oracle's own flight, bit for bit.
+    let (summary, _) = flown_over(Vendor::Gemini, None, Some(960), false);
+    assert_eq!(Summary { vlm_use: None, ..summary }, own);
+}
+
+#[test]
+fn obstacles_and_resized_pictures_cross_the_wire() {
+    // 756×588 in pixels, and boxes with every point.
+    let (summary, questions) = flown_over(Vendor::Chat, Some("Qwen/Qwen2.5-VL-7B-Instruct"), None, true);
+    assert_eq!(summary.outcome, Outcome::Reached, "{summary:?}");
+    let picture = spf_media::jpeg::decode(&Vendor::Chat.picture(&questions[0])).unwrap();
+    assert_eq!((picture.width(), picture.height()), (756, 588));
+    let schema = &questions[0].json()["response_format"]["json_schema"]["schema"];
+    assert_eq!(schema["required"][6], "boxes");
+    assert!(questions[0].json().to_string().contains("in pixels of this picture: x runs from 0 at the left edge to 756"));
+}
+
+/// Nobody answers, and the question is taken back: it ends at once, and the server sees its client leave.
+#[test]
+fn a_question_taken_back_ends_at_once() {
+    use super::server::{Piece, Reply};
+    struct Grey;
+    impl Picture for Grey {
+        fn size(&self) -> (u32, u32) {
+            (64, 48)
+        }
+        fn jpeg(&mut self, _: (u32, u32), _: u8) -> Result<Arc<[u8]>, spf_vlm::VlmError> {
+            Ok(Arc::new([0xff, 0xd8]))
+        }
+    }
+    let server = Server::start(|_, _| Reply { pieces: vec![Piece::Hang], ..Reply::new(200, "text/event-stream", "") });
+    let name = format!("vllm@{}", server.url());
+    let mut remote = setup::remote(&Table::shipped(), &[&name], &|_| None, Strategy::default()).unwrap();
+    let query = super::check::query();
+    let asked = Asked::new(&query, Duration::from_secs(60));
+    let cancel = asked.cancel.clone();
+    let taker = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(300));
+        cancel.cancel();
+    });
+    let answer = remote.answer(&asked, &mut Grey);
+    assert_eq!(answer.text.unwrap_err().code(), "cancelled");
+    assert!(answer.latency < Duration::from_secs(30), "{:?}", answer.latency);
+    taker.join().unwrap();
+    for _ in 0..300 {
+        if server.left.load(std::sync::atomic::Ordering::SeqCst) == 1 {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    panic!("the server still waits for its client");
+}
