@@ -13,7 +13,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("spf-sim", &["spf-media", "spf-core"]),
     ("spf-flight", &["spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
     ("spf-web", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
-    ("spf", &["spf-web", "spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
+    ("spf-bench", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
+    ("spf", &["spf-bench", "spf-web", "spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
 ];
 
 #[test]

@@ -1,0 +1,46 @@
+//! Means and percentiles.
+
+/// The mean; none of nothing.
+#[must_use]
+pub fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+/// The median; none of nothing.
+#[must_use]
+pub fn median(values: &[f64]) -> Option<f64> {
+    percentile(values, 0.5)
+}
+
+/// The value below which a share `at` (0..=1) of the values lies, between neighbours by straight lines (the definition of NumPy
+/// and of spreadsheets, Hyndman and Fan's seventh). None of nothing. NaN counts as the largest.
+#[must_use]
+pub fn percentile(values: &[f64], at: f64) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    let place = at.clamp(0.0, 1.0) * last as f64;
+    let below = (place as usize).min(last);
+    let (low, high) = (sorted[below], sorted[(below + 1).min(last)]);
+    let part = place - below as f64;
+    // Where there is no part of the way to go, an infinite neighbour has no say.
+    Some(if part == 0.0 { low } else { low + part * (high - low) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_by_hand() {
+        let values = [15.0, 20.0, 35.0, 40.0, 50.0];
+        // Places 0…4: 40 % is place 1.6, that is 20 + 0.6·15 = 29.
+        assert!((percentile(&values, 0.4).unwrap() - 29.0).abs() < 1e-12);
+        assert_eq!(percentile(&values, 0.0), Some(15.0));
+        assert_eq!(percentile(&values, 1.0), Some(50.0));
+        assert_eq!(median(&[3.0, 1.0, 2.0, 10.0]), Some(2.5));
+        assert_eq!(median(&[1.0, f64::INFINITY, 2.0]), Some(2.0));
+        assert_eq!((median(&[]), mean(&[])), (None, None));
+        assert_eq!(mean(&[1.0, 2.0, 6.0]), Some(3.0));
+    }
+}
