@@ -1,25 +1,28 @@
 //! Another mind about the same frames: what a log's questions are answered now by somebody else, beside what was answered then.
 //!
-//! Ids and depth are drawn again from the log's scene and the true pose of each frame that was asked about.
+//! What there was to see is drawn again from the log's scene and the true pose of each frame that was asked about: ids and depth for an
+//! oracle, a photograph for a vision-language model, which is asked in its own coordinates and at its own size.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde::Serialize;
 use spf_core::grounding::GroundingProfile;
-use spf_core::query::{ImagePoint, Query, QueryId};
+use spf_core::prompt::{PromptInput, PromptText};
+use spf_core::query::{ImagePoint, Query, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status, parse_reply};
-use spf_core::time::Time;
+use spf_core::time::{Duration, Time};
 use spf_media::frame::Rgb;
 use spf_media::marks::{self, Colour, Hud};
 use spf_record::log::{Entry, ReadError};
 use spf_sim::frame_clock::FrameClock;
 use spf_sim::model::CraftKind;
 use spf_sim::oracle::ErrorFile;
+use spf_vlm::{Answer, Asked, Eyesight, Vlm};
 
 use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
-use crate::replay::{ReplayError, head, row};
-use crate::sim::{Circumstances, Moment, OracleVlm, SimWorld, Stage};
+use crate::replay::{ReplayError, head, prompt_of, row};
+use crate::sim::{Circumstances, Moment, OracleVlm, PolicyKind, SimPicture, SimWorld, Stage, WhoError, WhoPoints};
 
 /// One half of a picture.
 const HALF: (u32, u32) = (640, 480);
@@ -124,14 +127,37 @@ pub struct Opinion {
     pub then: Option<Pointed>,
     /// What is answered now; none when the one asked could not.
     pub now: Option<Pointed>,
+    /// Why not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failed: Option<String>,
     /// How far apart the two point, as a share of the picture's width.
     pub apart: Option<f64>,
+    /// How long the answer took, seconds.
+    pub latency_s: f64,
+    /// What it cost, US dollars; none where no price is known, and of the oracle.
+    pub cost_usd: Option<f64>,
 }
 
-/// Asks an oracle about the frames of a log.
+/// Who is asked about a log.
+pub enum Mind {
+    /// An oracle with these errors.
+    Oracle(ErrorFile),
+    /// Anybody else. An answer is waited for as long as in the flight.
+    Other(WhoPoints),
+}
+
+/// The same, in the log's world.
+enum Answerer {
+    Oracle(OracleVlm),
+    Vlm(Box<dyn Vlm>, Duration),
+}
+
+/// Asks somebody about the frames of a log.
 pub struct Asker {
     world: SimWorld,
-    vlm: OracleVlm,
+    mind: Answerer,
+    /// What the flight told its own VLM.
+    prompt: Arc<PromptText>,
     name: String,
     seed: u64,
     /// The coordinates of the flight's own answers.
@@ -143,38 +169,67 @@ pub struct Asker {
 #[non_exhaustive]
 pub enum AskError {
     /// The flight was no simulated one.
-    #[error("the flight was not flown in the simulator: there are no ids and no depth for an oracle to look at")]
+    #[error("the flight was not flown in the simulator: what its camera saw cannot be drawn again")]
     NoSimulator,
     /// The craft or the circumstances are not known here.
     #[error("the log's `{0}` is not known here")]
     Unknown(String),
+    /// The head's prompt is none.
+    #[error(transparent)]
+    Head(#[from] ReplayError),
+    /// The one to be asked cannot be made.
+    #[error("nobody answers")]
+    Who(#[source] WhoError),
 }
 
 impl Asker {
-    /// An oracle of these errors, in the log's world. It draws its errors by the flight's seed, so that the flight's own oracle answers
-    /// as it did.
+    /// Somebody called `name`, in the log's world. An oracle draws its errors by the flight's seed, so that the flight's own oracle
+    /// answers as it did.
     ///
     /// # Errors
     /// [`AskError`].
-    pub fn new(head: &Head, stage: Arc<Stage>, name: &str, errors: ErrorFile) -> Result<Self, AskError> {
+    pub fn new(head: &Head, stage: Arc<Stage>, name: &str, mind: Mind) -> Result<Self, AskError> {
         let sim = head.sim.as_ref().ok_or(AskError::NoSimulator)?;
         let kind = CraftKind::from_name(&sim.drone_model).ok_or_else(|| AskError::Unknown(sim.drone_model.clone()))?;
+        let policy = PolicyKind::of_name(&head.policy).ok_or_else(|| AskError::Unknown(head.policy.clone()))?;
+        let prompt = prompt_of(head, policy)?;
         let world = SimWorld::under(&circumstances(sim)?, stage, kind, sim.start, sim.seed);
-        let vlm = OracleVlm::new(name.to_owned(), world.clone(), errors, sim.seed);
-        Ok(Self { world, vlm, name: name.to_owned(), seed: sim.seed, grounding: head.grounding })
+        let mind = match mind {
+            Mind::Oracle(errors) => Answerer::Oracle(OracleVlm::new(name.to_owned(), world.clone(), errors, sim.seed)),
+            Mind::Other(who) => Answerer::Vlm(who(&world, sim.seed).map_err(AskError::Who)?, head.settings.reply_timeout),
+        };
+        Ok(Self { world, mind, prompt, name: name.to_owned(), seed: sim.seed, grounding: head.grounding })
     }
 
     /// Asks about one frame.
-    pub fn ask(&self, question: &Question) -> Opinion {
+    pub fn ask(&mut self, question: &Question) -> Opinion {
         let moment = self.moment(question);
-        let now = self.vlm.answer_at(&question.query, &moment);
+        let (answer, grounding) = self.answer(question, &moment);
         let then = question.answer.as_deref().map(|text| Pointed::of(text, &self.grounding));
-        let now = now.text.ok().map(|text| Pointed::of(&text, &GroundingProfile::default()));
+        let failed = answer.text.as_ref().err().map(ToString::to_string);
+        let now = answer.text.ok().map(|text| Pointed::of(&text, &grounding));
         let point = |pointed: &Option<Pointed>| pointed.as_ref().and_then(|pointed| pointed.point);
         let camera = self.world.camera();
         let shape = f64::from(camera.height) / f64::from(camera.width);
         let apart = point(&then).zip(point(&now)).map(|(a, b)| libm::hypot(a.u - b.u, shape * (a.v - b.v)));
-        Opinion { query: question.query.id, frame: question.query.frame.0, then, now, apart }
+        let latency_s = answer.latency.as_secs_f64();
+        let cost_usd = answer.account.cost_usd;
+        Opinion { query: question.query.id, frame: question.query.frame.0, then, now, failed, apart, latency_s, cost_usd }
+    }
+
+    /// The answer to a question, and the coordinates it is in.
+    fn answer(&mut self, question: &Question, moment: &Moment) -> (Answer, GroundingProfile) {
+        let query = &question.query;
+        match &mut self.mind {
+            Answerer::Oracle(oracle) => (oracle.answer_at(query, moment), GroundingProfile::default()),
+            Answerer::Vlm(vlm, patience) => {
+                let camera = self.world.camera();
+                let eyesight = vlm.eyesight((camera.width, camera.height));
+                let query = rewritten(query, &self.prompt, &eyesight);
+                let mut picture = SimPicture::new(&self.world, &query, || self.world.still(captured(question), moment));
+                (vlm.answer(&Asked::new(&query, *patience), &mut picture), eyesight.grounding)
+            }
+        }
     }
 
     /// Both answers on the frame, side by side: the flight's on the left.
@@ -199,6 +254,14 @@ impl Asker {
     fn moment(&self, question: &Question) -> Moment {
         self.world.stage().moment(question.truth.pose, self.seed, captured(question))
     }
+}
+
+/// A query of the flight in the words that suit another model's eyesight.
+fn rewritten(query: &Query, prompt: &PromptText, eyesight: &Eyesight) -> Query {
+    let avoid = matches!(query.kind, QueryKind::Point { avoid: true });
+    let (instruction, memory, profile) = (&query.instruction, &query.memory, &eyesight.grounding);
+    let prompt = prompt.write(&PromptInput { instruction, memory, profile, avoid });
+    Query { prompt, image_size: eyesight.image_size, ..query.clone() }
 }
 
 fn captured(question: &Question) -> Time {

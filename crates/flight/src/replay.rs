@@ -5,13 +5,14 @@
 //! regression test of all of them.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use spf_core::grounding::GroundingProfile;
 use spf_core::pilot::{Event, Pilot, PilotParts, PilotSettings};
-use spf_core::prompt::PromptText;
+use spf_core::prompt::{PromptError, PromptText};
 use spf_core::time::Time;
 use spf_record::log::{Entry, ReadError};
 use spf_vlm::Eyesight;
@@ -43,6 +44,9 @@ pub enum ReplayError {
     /// A policy that this program does not have.
     #[error("the policy `{0}` is not known")]
     Policy(String),
+    /// The prompt that the head holds is none.
+    #[error("the flight's own prompt cannot be read")]
+    Prompt(#[from] PromptError),
     /// The flight had gone on while the disk was too slow for the log.
     #[error("messages are missing at {0}, for which the disk was too slow: the flight cannot be replayed from there")]
     Gap(Time),
@@ -118,6 +122,17 @@ pub fn head(entries: &mut impl Iterator<Item = Result<Entry, ReadError>>) -> Res
     row(&first)
 }
 
+/// What the policy of a flight told its VLM: its own prompt, or the shipped one.
+///
+/// # Errors
+/// [`ReplayError::Prompt`].
+pub fn prompt_of(head: &Head, policy: PolicyKind) -> Result<Arc<PromptText>, ReplayError> {
+    Ok(match &head.prompt {
+        Some(file) => Arc::new(PromptText::parse(file)?),
+        None => PromptText::shipped(policy.prompt()),
+    })
+}
+
 /// A message of one of our own forms.
 ///
 /// # Errors
@@ -149,13 +164,14 @@ impl Replay {
         let settings = changes.settings.unwrap_or(head.settings);
         let grounding = changes.grounding.unwrap_or(head.grounding);
         let eyesight = Eyesight { grounding, image_size: head.image_size };
+        let prompt = prompt_of(head, policy)?;
         let pilot = Pilot::new(PilotParts {
             settings,
             craft: head.craft,
             senses: head.senses,
             camera: head.camera,
             limits: head.limits.clone(),
-            policy: policy.policy(&settings, head.craft, eyesight, PromptText::shipped(policy.prompt())),
+            policy: policy.policy(&settings, head.craft, eyesight, prompt),
             instruction: head.instruction.clone(),
         });
         let (replayed, recorded) = (Outputs::new(), Outputs::new());

@@ -67,6 +67,7 @@ Examples:
   spf replay flight.mcap
   spf replay flight.mcap --json | jq '.differences[0]'
   spf replay flight.mcap --vlm oracle:poor --out pictures
+  spf replay flight.mcap --vlm gemini --out pictures      # every question is a request to the vendor
 
 Parsing, projection, policy, executor and envelope run on the recorded frames, telemetry and replies. Nobody is asked and \
 nothing is drawn. Exit code 1 when anything differs.
@@ -76,9 +77,15 @@ are shown; nothing is compared.")]
 pub(crate) struct Replay {
     /// The flight log
     pub(crate) file: PathBuf,
-    /// Ask this one about the same frames: oracle, oracle:NAME or oracle:FILE
+    /// Ask this one about the same frames, as in `spf fly --vlm`: oracle:NAME, gemini, ollama#qwen2.5vl:7b, an address…
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
+    /// Models beyond those of `spf vlm list` (with --vlm)
+    #[arg(long, value_name = "FILE", requires = "vlm")]
+    pub(crate) vlm_models: Option<String>,
+    /// Read this configuration file instead of ./spf.toml (with --vlm)
+    #[arg(long, value_name = "FILE", requires = "vlm")]
+    pub(crate) config: Option<PathBuf>,
     /// Folder for pictures of both answers, side by side (with --vlm)
     #[arg(long, value_name = "DIR", requires = "vlm")]
     pub(crate) out: Option<PathBuf>,

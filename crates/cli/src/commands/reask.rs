@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 use spf_flight::log::Head;
-use spf_flight::reask::{Asker, Opinion, Question, questions};
+use spf_flight::reask::{Asker, Mind, Opinion, Pointed, Question, questions};
 use spf_media::jpeg::Jpeg;
 use spf_record::log::LogReader;
 use spf_sim::scene::{Conditions, Lighting, Weather};
@@ -13,11 +13,12 @@ use spf_sim::scene::{Conditions, Lighting, Weather};
 use super::load_stage;
 use super::log::unreadable;
 use super::replay::unreplayable;
-use super::vlm::oracle_named;
+use super::vlm::{oracle_named, pointing};
 use crate::args::Replay;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
+use crate::settings::Settings;
 
 /// Quality of the pictures: captions stay sharp.
 const QUALITY: u8 = 90;
@@ -34,15 +35,12 @@ struct Printed<'a> {
 pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit, CliError> {
     let reader = LogReader::open(&args.file).map_err(|error| unreadable(&args.file, &error))?;
     let (head, questions) = questions(reader).map_err(|error| unreplayable(&args.file, &error))?;
-    let (name, errors) = oracle_named(vlm, |expected, near| {
-        let error = CliError::usage(format!("--vlm: `{vlm}` is not {expected}"));
-        match near {
-            Some(near) => error.hint(format!("did you mean `{near}`?")),
-            None => error.hint("oracle:poor, for example (docs/oracle.md)"),
-        }
-    })?;
-    let asker = stage_of(&head).and_then(|stage| {
-        Asker::new(&head, Arc::new(stage), &name, errors)
+    let mut settings = Settings::load(args.config.as_deref())?;
+    settings.flag("fly.vlm", "--vlm", Some(vlm.to_owned()));
+    settings.flag("vlm.models", "--vlm-models", args.vlm_models.clone());
+    let (name, mind) = mind(&settings, vlm)?;
+    let mut asker = stage_of(&head).and_then(|stage| {
+        Asker::new(&head, Arc::new(stage), &name, mind)
             .map_err(|error| CliError::usage("nobody can be asked about this flight").because(&error))
     })?;
     if let Some(out) = &args.out {
@@ -70,9 +68,24 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
     Ok(Exit::Success)
 }
 
+/// Who is asked.
+fn mind(settings: &Settings, vlm: &str) -> Result<(String, Mind), CliError> {
+    if vlm == "oracle" || vlm.starts_with("oracle:") {
+        let (name, errors) = oracle_named(vlm, |expected, near| settings.wrong_word("fly.vlm", expected, near))?;
+        return Ok((name, Mind::Oracle(errors)));
+    }
+    if vlm.starts_with("replay:") {
+        return Err(CliError::usage(format!("`{vlm}` answers the questions of its own flight, not those of another"))
+            .hint("oracle:poor or gemini, for example"));
+    }
+    let pointing = pointing(settings, None)?;
+    Ok((pointing.name, Mind::Other(pointing.who)))
+}
+
 fn stage_of(head: &Head) -> Result<spf_flight::sim::Stage, CliError> {
     let Some(sim) = &head.sim else {
-        return Err(CliError::usage("the flight was not flown in the simulator").hint("only the oracle can be asked as yet"));
+        return Err(CliError::usage("the flight was not flown in the simulator")
+            .hint("what its camera saw cannot be drawn again, so that nobody can be asked about it"));
     };
     let lighting = Lighting::ALL.into_iter().find(|light| light.name() == sim.light);
     let weather = Weather::ALL.into_iter().find(|weather| weather.name() == sim.weather);
@@ -88,10 +101,10 @@ fn write_picture(out: &Path, asker: &Asker, question: &Question, opinion: &Opini
 }
 
 fn line(opinion: &Opinion) -> String {
-    let words =
-        |pointed: &Option<spf_flight::reask::Pointed>| pointed.as_ref().map_or("nothing in time".to_owned(), |p| p.words());
+    let words = |pointed: &Option<Pointed>, none: &str| pointed.as_ref().map_or(none.to_owned(), Pointed::words);
     let apart = opinion.apart.map_or(String::new(), |apart| format!("; {:.1} % apart", 100.0 * apart));
-    let (then, now) = (words(&opinion.then), words(&opinion.now));
+    let failed = opinion.failed.as_deref().unwrap_or("no answer");
+    let (then, now) = (words(&opinion.then, "nothing in time"), words(&opinion.now, failed));
     format!("query {:>3}, frame {:>5}: {then} | {now}{apart}", opinion.query.0, opinion.frame)
 }
 
@@ -105,8 +118,13 @@ fn summary(printed: &Printed<'_>) -> String {
     let answers = opinions.iter().filter_map(|opinion| opinion.then.as_ref().zip(opinion.now.as_ref()));
     let same_label = answers.clone().filter(|(a, b)| a.point.is_some() && b.point.is_some() && a.depth == b.depth).count();
     let same = answers.filter(|(a, b)| a.status == b.status).count();
+    let failed = opinions.iter().filter(|opinion| opinion.failed.is_some()).count();
+    let failed = if failed > 0 { format!(" ({failed} without an answer)") } else { String::new() };
+    let costs: Vec<f64> = opinions.iter().filter_map(|opinion| opinion.cost_usd).collect();
+    let cost = if costs.is_empty() { String::new() } else { format!("; {:.4} $", costs.iter().sum::<f64>()) };
     format!(
-        "{flight} | {now}: {} questions, the same status in {same}; both point in {}{median}, the same depth label in {same_label}",
+        "{flight} | {now}: {} questions{failed}, the same status in {same}; both point in {}{median}, the same depth label in \
+         {same_label}{cost}",
         opinions.len(),
         apart.len(),
     )

@@ -78,6 +78,8 @@ pub enum PromptError {
 pub struct PromptText {
     kind: PromptKind,
     version: String,
+    /// The file.
+    source: String,
     pieces: Vec<Piece>,
 }
 
@@ -111,7 +113,8 @@ impl PromptText {
             _ => return Err(PromptError::Head),
         };
         let (Some(version), None) = (words.next(), words.next()) else { return Err(PromptError::Head) };
-        let mut prompt = Self { kind, version: version.to_owned(), pieces: Vec::new() };
+        let (version, source) = (version.to_owned(), file.to_owned());
+        let mut prompt = Self { kind, version, source, pieces: Vec::new() };
         let mut section = None;
         for (index, line) in body.split_inclusive('\n').enumerate() {
             prompt.read_line(line, index + 2, &mut section)?;
@@ -176,6 +179,12 @@ impl PromptText {
     #[must_use]
     pub fn name(&self) -> String {
         format!("{}-{}", self.kind.word(), self.version)
+    }
+
+    /// The file that it was read from, for records: [`PromptText::parse`] makes the same prompt of it.
+    #[must_use]
+    pub fn source(&self) -> &str {
+        &self.source
     }
 
     /// The text with its places filled in.

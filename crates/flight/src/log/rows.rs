@@ -45,6 +45,9 @@ pub struct Head {
     /// The size at which pictures were sent; absent when it was the camera's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_size: Option<(u32, u32)>,
+    /// The prompt file, whole; absent when it was the shipped one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prompt: Option<String>,
     /// The drone.
     pub drone: String,
     /// The simulated world; absent with a real drone.

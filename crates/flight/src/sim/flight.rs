@@ -288,6 +288,7 @@ fn head(plan: &FlightPlan, drone: &str, capabilities: &Capabilities, start: Pose
         vlm: plan.vlm.clone(),
         grounding: eyesight.grounding,
         image_size: eyesight.image_size,
+        prompt: plan.prompt.as_ref().map(|prompt| prompt.source().to_owned()),
         drone: drone.to_owned(),
         sim: Some(SimHead {
             scene: plan.scene.clone(),

@@ -10,6 +10,7 @@ mod world;
 
 pub use flight::{FlightError, FlightPlan, Flown, PolicyKind, RecordPlan, WhoError, WhoPoints, fly, oracle_points};
 pub use oracle::OracleVlm;
+pub(crate) use pictures::SimPicture;
 pub use pictures::SimPictures;
 pub use stage::{Moment, Stage, StageError};
 pub use truth::Verdict;

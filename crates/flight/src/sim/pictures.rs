@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use spf_core::query::Query;
 use spf_media::Rgb;
+use spf_sim::effects::Shot;
 use spf_vlm::{Picture, VlmError};
 
+use super::stage::Moment;
 use super::world::SimWorld;
 use crate::picture::PictureSource;
 
@@ -23,20 +25,27 @@ impl SimPictures {
 /// A picture's size, its quality, and its bytes.
 type Encoded = ((u32, u32), u8, Arc<[u8]>);
 
-struct SimPicture<'a> {
+/// The frame of a query as a picture.
+pub(crate) struct SimPicture<'a> {
     world: &'a SimWorld,
     query: &'a Query,
+    /// What was there to be seen, told when it is to be drawn; none when it is no longer kept.
+    shot: Box<dyn Fn() -> Option<Shot<Moment>> + 'a>,
     /// Drawn already, with its marks.
     drawn: Option<Rgb>,
     /// One for each size and quality that was asked for: one, unless two models are asked.
     encoded: Vec<Encoded>,
 }
 
-impl SimPicture<'_> {
+impl<'a> SimPicture<'a> {
+    /// A query's picture, of what `shot` tells when somebody looks.
+    pub(crate) fn new(world: &'a SimWorld, query: &'a Query, shot: impl Fn() -> Option<Shot<Moment>> + 'a) -> Self {
+        Self { world, query, shot: Box::new(shot), drawn: None, encoded: Vec::new() }
+    }
+
     fn draw(&self, size: (u32, u32)) -> Result<Rgb, VlmError> {
-        let frame = self.query.frame;
-        let shot =
-            self.world.capture_shot(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
+        let gone = || VlmError::Picture(format!("frame {} is no longer kept", self.query.frame.0));
+        let shot = (self.shot)().ok_or_else(gone)?;
         let mut picture = self.world.photograph(&shot, Some(size).filter(|size| *size != self.size()));
         spf_media::marks::draw(&mut picture, &self.query.marks);
         Ok(picture)
@@ -45,7 +54,7 @@ impl SimPicture<'_> {
 
 impl PictureSource for SimPictures {
     fn of<'a>(&'a mut self, query: &'a Query) -> Box<dyn Picture + 'a> {
-        Box::new(SimPicture { world: &self.0, query, drawn: None, encoded: Vec::new() })
+        Box::new(SimPicture::new(&self.0, query, || self.0.capture_shot(query.frame)))
     }
 }
 

@@ -97,11 +97,45 @@ fn prompts_are_files() {
     assert_eq!(summary["prompt"], "point-mine-3");
     let told = server.questions()[0].json()["input"][0]["content"][1]["text"].as_str().unwrap().to_owned();
     assert!(told.starts_with("Go: fly to the red crane. A point is [x, y]") && told.contains("in pixels"), "{told}");
+    let again = lab.spf(&["replay", "mine/flight.mcap"]);
+    assert!(again.code == Some(0) && again.stdout.starts_with("no difference"), "{}{}", again.stdout, again.stderr);
     lab.write("wrong.txt", "spf-prompt point 1\n{{instruction}} {{colour}}\n");
     let run = lab.spf(&["fly", "go", "--prompt", "wrong.txt"]);
     assert!(run.code == Some(2) && run.stderr.contains("line 2: nothing fills `{{colour}}`"), "{}", run.stderr);
     let run = lab.spf(&["fly", "go", "--prompt", "mine.txt", "--policy", "plain"]);
     assert!(run.code == Some(2) && run.stderr.contains("spf-prompt plain"), "{}", run.stderr);
+}
+
+/// The frames of a flight are drawn again for another model, which is asked at its own size and in its own coordinates.
+#[test]
+fn a_model_is_asked_about_the_frames_of_a_flight() {
+    let lab = Lab::new();
+    lab.fly("mine", &["fly to the red crane", "--max-time", "15"]);
+    let fails = serde_json::json!({ "error": { "message": "no", "type": "invalid_request_error" } });
+    let server = Server::start(move |number, request| match number {
+        1 => Reply::json(400, &fails),
+        _ => Vendor::OpenAi.stream(&Vendor::OpenAi.model(request), &AHEAD.replace("[480,500]", "[384,288]")),
+    });
+    let vlm = format!("openai@{}", server.url());
+    let args = ["replay", "mine/flight.mcap", "--vlm", &vlm, "--out", "pictures", "--json"];
+    let run = crate::harness::Run::of(&lab.command(&args).env("OPENAI_API_KEY", super::KEY).output().unwrap());
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let told: Value = serde_json::from_str(&run.stdout).unwrap();
+    let opinions = told["opinions"].as_array().unwrap();
+    let questions = server.questions();
+    assert!(opinions.len() >= 3 && opinions.len() == questions.len(), "{told}");
+    assert_eq!(lab.names("pictures").len(), opinions.len());
+    let middle = serde_json::json!({ "u": 0.5, "v": 0.5 });
+    for (index, (opinion, request)) in opinions.iter().zip(&questions).enumerate() {
+        assert_eq!(opinion["failed"].is_null(), index != 1, "{opinion}");
+        assert!(index == 1 || (opinion["now"]["point"] == middle && opinion["cost_usd"].as_f64().unwrap() > 0.0), "{opinion}");
+        let words = request.json()["input"][0]["content"][1]["text"].as_str().unwrap().to_owned();
+        assert!(words.contains("fly to the red crane") && words.contains("from 0 at the left edge to 768"), "{words}");
+        let picture = spf_media::jpeg::decode(&Vendor::OpenAi.picture(request)).unwrap();
+        assert_eq!((picture.width(), picture.height()), (768, 576));
+    }
+    let run = lab.spf(&["replay", "mine/flight.mcap", "--vlm", "replay:some.jsonl"]);
+    assert!(run.code == Some(2) && run.stderr.contains("its own flight"), "{}", run.stderr);
 }
 
 #[test]
