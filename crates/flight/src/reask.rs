@@ -141,14 +141,14 @@ pub struct Opinion {
 /// Who is asked about a log.
 pub enum Mind {
     /// An oracle with these errors.
-    Oracle(ErrorFile),
+    Oracle(Box<ErrorFile>),
     /// Anybody else. An answer is waited for as long as in the flight.
     Other(WhoPoints),
 }
 
 /// The same, in the log's world.
 enum Answerer {
-    Oracle(OracleVlm),
+    Oracle(Box<OracleVlm>),
     Vlm(Box<dyn Vlm>, Duration),
 }
 
@@ -195,7 +195,7 @@ impl Asker {
         let prompt = prompt_of(head, policy)?;
         let world = SimWorld::under(&circumstances(sim)?, stage, kind, sim.start, sim.seed);
         let mind = match mind {
-            Mind::Oracle(errors) => Answerer::Oracle(OracleVlm::new(name.to_owned(), world.clone(), errors, sim.seed)),
+            Mind::Oracle(errors) => Answerer::Oracle(Box::new(OracleVlm::new(name.to_owned(), world.clone(), *errors, sim.seed))),
             Mind::Other(who) => Answerer::Vlm(who(&world, sim.seed).map_err(AskError::Who)?, head.settings.reply_timeout),
         };
         Ok(Self { world, mind, prompt, name: name.to_owned(), seed: sim.seed, grounding: head.grounding })

@@ -13,7 +13,7 @@ use spf_vlm::table::Table;
 use spf_vlm::wire::sse::Events;
 use spf_vlm::wire::{Gathered, Question, WireKind};
 
-/// A frame with detail all over, which is harder to encode than most of what a camera sees.
+/// A frame with detail all over, which is harder to encode than what a camera sees.
 fn frame() -> Rgb {
     let mut frame = Rgb::new(960, 720);
     for y in 0..720 {

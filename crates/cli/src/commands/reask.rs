@@ -72,7 +72,7 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
 fn mind(settings: &Settings, vlm: &str) -> Result<(String, Mind), CliError> {
     if vlm == "oracle" || vlm.starts_with("oracle:") {
         let (name, errors) = oracle_named(vlm, |expected, near| settings.wrong_word("fly.vlm", expected, near))?;
-        return Ok((name, Mind::Oracle(errors)));
+        return Ok((name, Mind::Oracle(Box::new(errors))));
     }
     if vlm.starts_with("replay:") {
         return Err(CliError::usage(format!("`{vlm}` answers the questions of its own flight, not those of another"))
