@@ -1,0 +1,136 @@
+//! One answer against the truth.
+
+use spf_core::query::ImageBox;
+use spf_core::reply::Status;
+
+use super::{Outline, Said, Truth};
+
+/// What one answer is worth. What the truth does not tell is none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Grade {
+    /// Whether it points inside the target; an answer that points nowhere, or that cannot be used, is no hit. None where nothing is
+    /// there to be hit.
+    pub hit: Option<bool>,
+    /// From the target's point, as a share of the target's side (√area); only of answers that point.
+    pub error_sides: Option<f64>,
+    /// The same as a share of the picture's width.
+    pub error_width: Option<f64>,
+    /// Whether it says that the target is not visible; none for unusable answers.
+    pub says_absent: Option<bool>,
+    /// Whether the target is absent; none where nobody knows.
+    pub is_absent: Option<bool>,
+    /// The target's distance in metres and the label it was given.
+    pub label: Option<(f64, f64)>,
+    /// For each box of the answer the greatest overlap with a true one, as intersection over union.
+    pub boxes: Vec<f64>,
+}
+
+/// Grades an answer; `outline` is that of the truth's target, `boxes` the true boxes of the picture.
+#[must_use]
+pub fn grade(truth: &Truth, outline: Option<&Outline>, boxes: &[ImageBox], said: &Said) -> Grade {
+    let reply = if let Said::Reply(reply) = said { Some(reply) } else { None };
+    let says_absent = reply.map(|reply| reply.status == Status::NotVisible);
+    let point = reply.and_then(|reply| reply.point).filter(|_| says_absent == Some(false));
+    match (truth, outline) {
+        (Truth::Absent, _) => Grade { says_absent, is_absent: Some(true), ..Grade::default() },
+        (Truth::Target(target), Some(outline)) => {
+            let hit = match point {
+                Some(point) => outline.holds(point),
+                // Whether nothing can be hit does not depend on the answer.
+                None => outline.holds(outline.middle()).map(|_| false),
+            };
+            let error = point.map(|point| outline.error_px(point));
+            let depth = reply.and_then(|reply| reply.depth).filter(|_| point.is_some()).map(f64::from);
+            Grade {
+                hit,
+                error_sides: error.zip(outline.side_px()).map(|(error, side)| error / side),
+                error_width: error.map(|error| error / outline.width_px()),
+                says_absent,
+                is_absent: Some(false),
+                label: target.distance_m.zip(depth),
+                boxes: reply.map_or_else(Vec::new, |reply| {
+                    reply.boxes.iter().filter_map(|found| best_overlap(boxes, &found.area)).collect()
+                }),
+            }
+        }
+        _ => Grade { says_absent, ..Grade::default() },
+    }
+}
+
+fn best_overlap(boxes: &[ImageBox], found: &ImageBox) -> Option<f64> {
+    boxes.iter().map(|truth| overlap(truth, found)).max_by(f64::total_cmp)
+}
+
+/// Intersection over union of two boxes.
+#[must_use]
+pub fn overlap(a: &ImageBox, b: &ImageBox) -> f64 {
+    let area = |b: &ImageBox| (b.right - b.left).max(0.0) * (b.bottom - b.top).max(0.0);
+    let both =
+        ImageBox { left: a.left.max(b.left), top: a.top.max(b.top), right: a.right.min(b.right), bottom: a.bottom.min(b.bottom) };
+    let shared = area(&both);
+    let all = area(a) + area(b) - shared;
+    if all > 0.0 { shared / all } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ground::{Shape, Target};
+    use spf_core::query::ImagePoint;
+    use spf_core::reply::Reply;
+
+    fn reply(status: Status, point: Option<(f64, f64)>) -> Said {
+        let point = point.map(|(u, v)| ImagePoint { u, v });
+        Said::Reply(Reply { status, look: None, stage: None, point, depth: point.map(|_| 5), target: None, boxes: Vec::new() })
+    }
+
+    fn target() -> Target {
+        let area = ImageBox { left: 0.4, top: 0.4, right: 0.6, bottom: 0.6 };
+        Target { shape: Shape::Boxes(vec![area]), point: None, distance_m: Some(8.0), boxes: vec![area] }
+    }
+
+    #[test]
+    fn answers_about_something_that_is_there() {
+        let outline = target().outline((100, 100)).unwrap();
+        let truth = Truth::Target(Box::new(target()));
+        let of = |said: &Said| grade(&truth, Some(&outline), &[], said);
+        let hit = of(&reply(Status::Navigating, Some((0.5, 0.55))));
+        assert_eq!(
+            (hit.hit, hit.is_absent, hit.says_absent, hit.label),
+            (Some(true), Some(false), Some(false), Some((8.0, 5.0)))
+        );
+        // Five pixels of a side of twenty, of a width of a hundred.
+        assert!((hit.error_sides.unwrap() - 0.25).abs() < 1e-9 && (hit.error_width.unwrap() - 0.05).abs() < 1e-9);
+        assert_eq!(of(&reply(Status::Navigating, Some((0.7, 0.5)))).hit, Some(false));
+        let blind = of(&reply(Status::NotVisible, None));
+        assert_eq!((blind.hit, blind.says_absent, blind.error_sides), (Some(false), Some(true), None));
+        let unread = of(&Said::Refused("no JSON".to_owned()));
+        assert_eq!((unread.hit, unread.says_absent), (Some(false), None));
+        // Done, and it shows where.
+        assert_eq!(of(&reply(Status::Done, Some((0.5, 0.5)))).hit, Some(true));
+    }
+
+    #[test]
+    fn without_truth_there_is_no_hit_and_no_miss() {
+        for said in [reply(Status::Navigating, Some((0.5, 0.5))), reply(Status::NotVisible, None)] {
+            let grade = grade(&Truth::Unknown, None, &[], &said);
+            assert_eq!((grade.hit, grade.error_width, grade.is_absent), (None, None, None));
+        }
+        let points = Target { shape: Shape::Points(vec![ImagePoint { u: 0.5, v: 0.5 }], None), ..target() };
+        let outline = points.outline((100, 100)).unwrap();
+        let truth = Truth::Target(Box::new(points));
+        let of = |said: &Said| grade(&truth, Some(&outline), &[], said);
+        assert_eq!(of(&reply(Status::Navigating, Some((0.5, 0.5)))).hit, None);
+        assert_eq!(of(&reply(Status::NotVisible, None)).hit, None);
+    }
+
+    #[test]
+    fn overlaps_by_hand() {
+        let unit = ImageBox { left: 0.0, top: 0.0, right: 0.4, bottom: 0.4 };
+        let moved = ImageBox { left: 0.2, top: 0.0, right: 0.6, bottom: 0.4 };
+        // 0.08 of 0.16 + 0.16 − 0.08.
+        assert!((overlap(&unit, &moved) - 1.0 / 3.0).abs() < 1e-12);
+        assert_eq!(overlap(&unit, &unit), 1.0);
+        assert_eq!(overlap(&unit, &ImageBox { left: 0.5, top: 0.5, right: 0.6, bottom: 0.6 }), 0.0);
+    }
+}

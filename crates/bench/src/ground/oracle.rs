@@ -1,0 +1,44 @@
+//! The oracle about an example of a simulated dataset, from its files alone.
+
+use std::collections::BTreeMap;
+
+use spf_core::frame::FrameId;
+use spf_core::query::Query;
+use spf_sim::oracle::{ErrorFile, Oracle, Sight};
+use spf_vlm::{Account, Answer, VlmError};
+
+use super::source::SimExample;
+
+/// What the oracle of these errors answers about an example.
+pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, example: &SimExample) -> Answer {
+    let (camera, row) = (&example.head.camera, &example.row);
+    let oracle = Oracle::new(errors.clone(), row.near_m, seed);
+    let failed = |error: String| Answer {
+        text: Err(VlmError::Picture(error)),
+        latency: spf_core::time::Duration::ZERO,
+        model: name.to_owned(),
+        account: Account::default(),
+    };
+    let layers = match example.layers() {
+        Ok(layers) => layers,
+        Err(error) => return failed(format!("the pictures of truth of example {} cannot be read: {error}", row.number)),
+    };
+    let of = |value: fn(&spf_flight::dataset::Visible) -> f32| -> BTreeMap<u16, f32> {
+        row.visible.iter().map(|thing| (thing.id, value(thing))).collect()
+    };
+    let (in_frame, light) = (of(|thing| thing.in_frame), of(|thing| thing.light));
+    let sight = Sight {
+        width: camera.width as usize,
+        height: camera.height as usize,
+        ids: &layers.ids,
+        depth: &layers.depth,
+        opening_ids: &layers.opening_ids,
+        opening_depth: &layers.opening_depth,
+        camera,
+        in_frame: &in_frame,
+        light: &light,
+    };
+    let percept = oracle.percept(FrameId(row.number), &sight, &example.tags);
+    let told = oracle.answer(query, &percept);
+    Answer { text: Ok(told.text), latency: told.latency, model: name.to_owned(), account: Account::default() }
+}

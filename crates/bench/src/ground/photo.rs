@@ -1,0 +1,268 @@
+//! Pictures from files, from standard input and from video, upright and of bounded size; and the same as a VLM is shown them.
+
+use std::io::{Cursor, Seek};
+use std::path::Path;
+use std::sync::Arc;
+
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use mp4_atom::{Any, Avcc, Codec, Moov, ReadFrom, StszSamples, Trak};
+use spf_media::h264::Decoder;
+use spf_media::{Jpeg, Rgb, resize};
+use spf_vlm::{Picture, VlmError};
+
+/// Longest side of a picture that is read, pixels.
+const LONGEST_SIDE: u32 = 16_384;
+/// Longest side of a picture that is kept: no model is sent more, and a phone's fifty megapixels would fill the memory.
+const KEPT_SIDE: u32 = 2_576;
+/// Most samples of a video that are looked through: six hours at sixty a second.
+const MOST_SAMPLES: usize = 1_300_000;
+
+/// Why a picture or a video cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PhotoError {
+    /// No picture of a known format, damaged, or too large.
+    #[error("no PNG or JPEG picture of at most {LONGEST_SIDE} pixels a side")]
+    Picture(#[from] image::ImageError),
+    /// No MP4 file.
+    #[error("no MP4 file that can be read: {0}")]
+    Container(String),
+    /// A video of another codec.
+    #[error("the video is {0}: only H.264 (AVC) can be decoded here")]
+    Codec(String),
+    /// A stream that cannot be decoded.
+    #[error("the video cannot be decoded: {0}")]
+    Stream(String),
+}
+
+/// Decodes a PNG or JPEG file, turned as its camera was held (EXIF), at most 2576 pixels on its longer side.
+///
+/// # Errors
+/// [`PhotoError::Picture`].
+pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(image::ImageError::from)?;
+    let mut limits = Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(LONGEST_SIDE), Some(LONGEST_SIDE));
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder()?;
+    let orientation = decoder.orientation()?;
+    let mut picture = DynamicImage::from_decoder(decoder)?;
+    picture.apply_orientation(orientation);
+    let picture = picture.into_rgb8();
+    let (width, height) = picture.dimensions();
+    let rgb = Rgb::from_raw(width, height, picture.into_raw()).unwrap_or_else(|_| Rgb::new(width, height));
+    let long = width.max(height);
+    if long <= KEPT_SIDE {
+        return Ok(rgb);
+    }
+    let side = |side: u32| (u64::from(side) * u64::from(KEPT_SIDE) / u64::from(long)).max(1) as u32;
+    Ok(resize(&rgb, side(width), side(height)))
+}
+
+/// Width and height of a picture file as [`decode`] would turn it, from its head alone.
+///
+/// # Errors
+/// [`PhotoError::Picture`].
+pub fn size(path: &Path) -> Result<(u32, u32), PhotoError> {
+    let reader = ImageReader::open(path).map_err(image::ImageError::from)?;
+    let mut decoder = reader.with_guessed_format().map_err(image::ImageError::from)?.into_decoder()?;
+    let (width, height) = decoder.dimensions();
+    let turned = matches!(
+        decoder.orientation()?,
+        Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH
+    );
+    Ok(if turned { (height, width) } else { (width, height) })
+}
+
+/// A frame of a video.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VideoFrame {
+    /// When it is shown, seconds from the beginning; for a bare stream its number.
+    pub at: f64,
+    /// The picture.
+    pub picture: Rgb,
+}
+
+/// Frames of an H.264 video, `every` seconds one, `most` at most: an MP4 file, or a bare stream behind start codes, which has no
+/// times and counts as thirty frames a second.
+///
+/// # Errors
+/// [`PhotoError`] for other containers and codecs.
+pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, PhotoError> {
+    let units = if bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]) { bare(bytes) } else { demux(bytes)? };
+    let mut decoder = Decoder::new().map_err(|error| PhotoError::Stream(error.to_string()))?;
+    let (mut frames, mut next, mut last_error) = (Vec::new(), 0.0, None);
+    for (at, unit) in units {
+        if frames.len() >= most {
+            break;
+        }
+        match decoder.decode(&unit) {
+            Ok(Some(picture)) if at >= next => {
+                frames.push(VideoFrame { at, picture });
+                next = at + every;
+            }
+            Ok(_) => {}
+            // One damaged unit is passed over; a stream of nothing else is not.
+            Err(error) => last_error = Some(error.to_string()),
+        }
+    }
+    match last_error {
+        Some(error) if frames.is_empty() => Err(PhotoError::Stream(error)),
+        _ if frames.is_empty() => Err(PhotoError::Stream("there is no picture in it".to_owned())),
+        _ => Ok(frames),
+    }
+}
+
+/// Pictures of a bare stream: a new one begins with each slice whose first macroblock is the first.
+fn bare(bytes: &[u8]) -> Vec<(f64, Vec<u8>)> {
+    let mut units: Vec<Vec<u8>> = Vec::new();
+    let mut open = Vec::new();
+    let mut has_slice = false;
+    for nal in spf_media::h264::nal_units(bytes) {
+        let kind = nal.first().map_or(0, |byte| byte & 0x1f);
+        let slice = matches!(kind, 1 | 5);
+        // The first bit of `first_mb_in_slice` is 1 when that is 0.
+        let first = slice && nal.get(1).is_some_and(|byte| byte & 0x80 != 0);
+        if has_slice && (first || matches!(kind, 6..=9)) {
+            units.push(std::mem::take(&mut open));
+            has_slice = false;
+        }
+        has_slice |= slice;
+        open.extend([0, 0, 0, 1]);
+        open.extend(nal);
+    }
+    units.push(open);
+    units.into_iter().take(MOST_SAMPLES).enumerate().map(|(number, unit)| (number as f64 / 30.0, unit)).collect()
+}
+
+/// Samples of the first video track of an MP4 file, as units behind start codes.
+fn demux(bytes: &[u8]) -> Result<Vec<(f64, Vec<u8>)>, PhotoError> {
+    let moov = find_moov(bytes)?;
+    let wrong = |what: &str| PhotoError::Container(what.to_owned());
+    let track = moov.trak.iter().find(|track| track.mdia.minf.vmhd.is_some()).ok_or_else(|| wrong("it has no video track"))?;
+    let codec = track.mdia.minf.stbl.stsd.codecs.first().ok_or_else(|| wrong("its track has no description"))?;
+    let Codec::Avc1(avc1) = codec else {
+        let name = format!("{codec:?}");
+        return Err(PhotoError::Codec(name.split(['(', ' ', '{']).next().unwrap_or("of an unknown codec").to_owned()));
+    };
+    samples(bytes, track, &avc1.avcc)
+}
+
+fn find_moov(bytes: &[u8]) -> Result<Moov, PhotoError> {
+    let mut cursor = Cursor::new(bytes);
+    let failed = |error: mp4_atom::Error| PhotoError::Container(error.to_string());
+    // Boxes of unknown kinds are skipped by their length; the media data is one of them for our purpose.
+    while let Some((length, kind)) = box_head(bytes, cursor.position()) {
+        if &kind == b"moov" {
+            return match Any::read_from(&mut cursor).map_err(failed)? {
+                Any::Moov(moov) => Ok(moov),
+                _ => break,
+            };
+        }
+        if cursor.seek_relative(length as i64).is_err() {
+            break;
+        }
+    }
+    Err(PhotoError::Container("it has no index (`moov`): a fragmented or unfinished file, or no MP4 at all".to_owned()))
+}
+
+/// Length and kind of the box at an offset; none at the end and for lengths that lead nowhere.
+fn box_head(bytes: &[u8], at: u64) -> Option<(u64, [u8; 4])> {
+    let head = bytes.get(usize::try_from(at).ok()?..)?;
+    let kind: [u8; 4] = head.get(4..8)?.try_into().ok()?;
+    let length = match u32::from_be_bytes(head.get(..4)?.try_into().ok()?) {
+        0 => head.len() as u64,
+        1 => u64::from_be_bytes(head.get(8..16)?.try_into().ok()?),
+        short => u64::from(short),
+    };
+    (8..=head.len() as u64).contains(&length).then_some((length, kind))
+}
+
+fn samples(bytes: &[u8], track: &Trak, avcc: &Avcc) -> Result<Vec<(f64, Vec<u8>)>, PhotoError> {
+    let table = &track.mdia.minf.stbl;
+    let wrong = |what: &str| PhotoError::Container(what.to_owned());
+    let sizes: Vec<u32> = match &table.stsz.samples {
+        StszSamples::Identical { count, size } => vec![*size; (*count as usize).min(MOST_SAMPLES)],
+        StszSamples::Different { sizes } => sizes.iter().copied().take(MOST_SAMPLES).collect(),
+    };
+    let chunks: Vec<u64> = match (&table.stco, &table.co64) {
+        (Some(stco), _) => stco.entries.iter().map(|offset| u64::from(*offset)).collect(),
+        (None, Some(co64)) => co64.entries.clone(),
+        (None, None) => return Err(wrong("it does not tell where its samples are")),
+    };
+    let seconds = f64::from(track.mdia.mdhd.timescale.max(1));
+    let mut steps = table.stts.entries.iter().flat_map(|run| std::iter::repeat_n(run.sample_delta, run.sample_count as usize));
+    let per_chunk = |chunk: usize| {
+        let of = table.stsc.entries.iter().rev().find(|entry| entry.first_chunk as usize <= chunk + 1);
+        of.map_or(1, |entry| entry.samples_per_chunk as usize)
+    };
+    let head: Vec<u8> =
+        avcc.sequence_parameter_sets.iter().chain(&avcc.picture_parameter_sets).flat_map(|set| behind(set)).collect();
+    // Samples do not overlap in an honest file, so that all of them are no more than the file.
+    if sizes.iter().map(|size| u64::from(*size)).sum::<u64>() > bytes.len() as u64 {
+        return Err(wrong("its samples are together larger than the file"));
+    }
+    let (mut found, mut sample, mut time) = (Vec::new(), 0, 0_u64);
+    for (number, offset) in chunks.iter().enumerate() {
+        let mut at = usize::try_from(*offset).map_err(|_| wrong("an offset lies beyond its end"))?;
+        for _ in 0..per_chunk(number) {
+            let Some(size) = sizes.get(sample).map(|size| *size as usize) else { return Ok(found) };
+            let data = bytes.get(at..at.saturating_add(size)).ok_or_else(|| wrong("a sample lies beyond its end"))?;
+            let mut unit = if sample == 0 { head.clone() } else { Vec::new() };
+            unit.extend(start_codes(data, usize::from(avcc.length_size)));
+            found.push((time as f64 / seconds, unit));
+            at += size;
+            sample += 1;
+            time += u64::from(steps.next().unwrap_or(0));
+        }
+    }
+    Ok(found)
+}
+
+fn behind(unit: &[u8]) -> Vec<u8> {
+    [&[0, 0, 0, 1], unit].concat()
+}
+
+/// From units behind their lengths to units behind start codes; what is cut short is left out.
+fn start_codes(mut data: &[u8], length_size: usize) -> Vec<u8> {
+    let mut units = Vec::with_capacity(data.len() + 16);
+    while let Some((head, rest)) = data.split_at_checked(length_size.clamp(1, 4)) {
+        let length = head.iter().fold(0_usize, |length, byte| length << 8 | usize::from(*byte));
+        let Some((unit, after)) = rest.split_at_checked(length) else { break };
+        units.extend(behind(unit));
+        data = after;
+    }
+    units
+}
+
+/// A picture as a VLM is shown it; encoded once for a size.
+#[derive(Clone, Debug)]
+pub struct Photograph {
+    picture: Arc<Rgb>,
+    encoded: Option<((u32, u32), u8, Arc<[u8]>)>,
+}
+
+impl Photograph {
+    /// A picture.
+    #[must_use]
+    pub fn new(picture: Arc<Rgb>) -> Self {
+        Self { picture, encoded: None }
+    }
+}
+
+impl Picture for Photograph {
+    fn size(&self) -> (u32, u32) {
+        (self.picture.width(), self.picture.height())
+    }
+
+    fn jpeg(&mut self, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
+        if let Some((.., bytes)) = self.encoded.as_ref().filter(|(of, at, _)| (*of, *at) == (size, quality)) {
+            return Ok(bytes.clone());
+        }
+        let jpeg = Jpeg::encode(&resize(&self.picture, size.0, size.1), quality);
+        let bytes = jpeg.map_err(|error| VlmError::Picture(error.to_string()))?.shared();
+        self.encoded = Some((size, quality, bytes.clone()));
+        Ok(bytes)
+    }
+}

@@ -1,0 +1,89 @@
+//! Layouts of public benchmarks of pointing that are lists of JSON objects: RefSpatial-Bench (`question.json`, raw files),
+//! Point-Bench of PointArena (`data.json`), ScreenSpot-Pro (`annotations/*.json`).
+
+use std::path::Path;
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::{Pixels, SourceError, beside, form, form_of};
+use crate::ground::{Item, Shape, Target, Truth};
+
+/// RefSpatial-Bench: a mask in a file.
+#[derive(Deserialize)]
+struct RefSpatial {
+    rgb_path: String,
+    mask_path: String,
+    prompt: String,
+}
+
+/// Point-Bench: a mask in a file, pictures and masks in folders by category.
+#[derive(Deserialize)]
+struct PointBench {
+    image_filename: String,
+    mask_filename: String,
+    #[serde(alias = "prompt")]
+    user_input: String,
+    #[serde(default)]
+    category: String,
+}
+
+/// ScreenSpot-Pro: a box in pixels.
+#[derive(Deserialize)]
+struct ScreenSpot {
+    img_filename: String,
+    bbox: [f64; 4],
+    instruction: String,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Entry {
+    RefSpatial(RefSpatial),
+    PointBench(PointBench),
+    ScreenSpot(ScreenSpot),
+}
+
+pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<(&'static str, Vec<Item>), SourceError> {
+    let list = value.as_array().ok_or_else(|| form_of(file, "it is neither COCO nor a list"))?;
+    let mut form_name = "a list of pictures";
+    let mut items = Vec::new();
+    for (number, value) in list.iter().enumerate() {
+        let wrong = |what: String| form(file, Some(number + 1), what);
+        let entry = Entry::deserialize(value).map_err(|_| {
+            wrong("it is of no known form: RefSpatial-Bench, Point-Bench and ScreenSpot-Pro are (docs/grounding.md)".to_owned())
+        })?;
+        let (name, item) = item(folder, number, entry).map_err(wrong)?;
+        form_name = name;
+        items.push(item);
+    }
+    Ok((form_name, items))
+}
+
+fn item(folder: &Path, number: usize, entry: Entry) -> Result<(&'static str, Item), String> {
+    let missing = |name: &str| format!("there is no file `{name}` in the dataset's folder");
+    let masked = |picture: &str, mask: &str, folders: [&[&str]; 2]| {
+        let picture = beside(folder, picture, folders[0]).ok_or_else(|| missing(picture))?;
+        let mask = beside(folder, mask, folders[1]).ok_or_else(|| missing(mask))?;
+        Ok::<_, String>((picture, Shape::MaskFile(mask), Vec::new()))
+    };
+    let (name, instruction, (picture, shape, boxes)) = match entry {
+        Entry::RefSpatial(e) => ("RefSpatial-Bench", e.prompt, masked(&e.rgb_path, &e.mask_path, [&["image"], &["mask"]])?),
+        Entry::PointBench(e) => {
+            let of = |kind: &str| format!("{kind}/{}", e.category);
+            let (images, masks) = (of("selected_images"), of("selected_masks"));
+            let folders: [&[&str]; 2] = [&[&images, "images"], &[&masks, "masks"]];
+            ("Point-Bench", e.user_input, masked(&e.image_filename, &e.mask_filename, folders)?)
+        }
+        Entry::ScreenSpot(e) => {
+            let picture =
+                beside(folder, &e.img_filename, &["images"]).or_else(|| beside(&folder.join(".."), &e.img_filename, &["images"]));
+            let picture = picture.ok_or_else(|| missing(&e.img_filename))?;
+            let pixels = Pixels::of(&picture).map_err(|error| format!("`{}`: {error}", e.img_filename))?;
+            let area = pixels.area(e.bbox);
+            ("ScreenSpot-Pro", e.instruction, (picture, Shape::Boxes(vec![area]), vec![area]))
+        }
+    };
+    let truth = Truth::Target(Box::new(Target { shape, point: None, distance_m: None, boxes }));
+    Ok((name, Item { key: format!("{number:06}"), instruction, picture, truth, sim: None }))
+}

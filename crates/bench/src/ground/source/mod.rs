@@ -1,0 +1,145 @@
+//! Folders of pictures with what is meant in them (docs/grounding.md, "Datasets").
+
+mod coco;
+mod layouts;
+mod plain;
+mod sim;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use spf_core::query::{ImageBox, ImagePoint};
+
+use super::{Item, photo};
+pub use sim::SimExample;
+
+/// Longest file of rows that is read, bytes.
+const LONGEST: u64 = 512 << 20;
+
+/// Why a dataset cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SourceError {
+    /// A file.
+    #[error("cannot read `{}`", path.display())]
+    Read {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
+    /// Nothing that is known.
+    #[error("there is no dataset of a known form in `{}`", path.display())]
+    Unknown {
+        /// Where.
+        path: PathBuf,
+    },
+    /// A file of a known form that is not sound.
+    #[error("`{}`{}: {what}", path.display(), row.map_or(String::new(), |row| format!(", row {row}")))]
+    Form {
+        /// Which.
+        path: PathBuf,
+        /// Its row or entry, from 1.
+        row: Option<usize>,
+        /// What is wrong.
+        what: String,
+    },
+}
+
+/// Pictures with instructions.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// Which form it has, in words.
+    pub form: &'static str,
+    /// What is in it, in order.
+    pub items: Vec<Item>,
+}
+
+/// Reads a dataset: a folder, or the file in it that names the pictures.
+///
+/// # Errors
+/// [`SourceError`].
+pub fn open(path: &Path) -> Result<Source, SourceError> {
+    let file = if path.is_dir() { find(path)? } else { path.to_owned() };
+    let folder = file.parent().unwrap_or(Path::new("")).to_owned();
+    let text = read(&file)?;
+    let (form, items) = if file.file_name().is_some_and(|name| name == "dataset.json") {
+        ("a dataset of `spf sim dataset`", sim::items(&folder, &text, &read(&folder.join("examples.jsonl"))?)?)
+    } else if file.extension().is_some_and(|end| end == "jsonl") {
+        ("pictures with a JSONL of what is meant", plain::items(&folder, &file, &text)?)
+    } else {
+        let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| form(&file, None, error.to_string()))?;
+        if value.get("annotations").is_some() {
+            ("COCO", coco::items(&folder, &file, &value)?)
+        } else {
+            layouts::items(&folder, &file, &value)?
+        }
+    };
+    if items.is_empty() { Err(form_of(&file, "there is nothing in it")) } else { Ok(Source { form, items }) }
+}
+
+/// The file that names the pictures of a folder.
+fn find(folder: &Path) -> Result<PathBuf, SourceError> {
+    for name in ["dataset.json", "question.json", "data.json"] {
+        if folder.join(name).is_file() {
+            return Ok(folder.join(name));
+        }
+    }
+    let entries = std::fs::read_dir(folder).map_err(|source| SourceError::Read { path: folder.to_owned(), source })?;
+    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    files.sort();
+    let of = |end: &str| files.iter().find(|file| file.extension().is_some_and(|found| found == end)).cloned();
+    of("jsonl").or_else(|| of("json")).ok_or_else(|| SourceError::Unknown { path: folder.to_owned() })
+}
+
+fn read(path: &Path) -> Result<String, SourceError> {
+    let wrong = |source| SourceError::Read { path: path.to_owned(), source };
+    let mut text = String::new();
+    File::open(path).map_err(wrong)?.take(LONGEST).read_to_string(&mut text).map_err(wrong)?;
+    Ok(text)
+}
+
+fn form(path: &Path, row: Option<usize>, what: impl Into<String>) -> SourceError {
+    SourceError::Form { path: path.to_owned(), row, what: what.into() }
+}
+
+fn form_of(path: &Path, what: &str) -> SourceError {
+    form(path, None, what)
+}
+
+/// A file that a dataset names, beside it or in one of the folders that such files lie in. Names that lead out of the folder are
+/// refused: a dataset is other people's.
+fn beside(folder: &Path, name: &str, folders: &[&str]) -> Option<PathBuf> {
+    let relative = Path::new(name);
+    if relative.components().any(|part| !matches!(part, std::path::Component::Normal(_) | std::path::Component::CurDir)) {
+        return None;
+    }
+    let places = std::iter::once(folder.join(relative)).chain(folders.iter().map(|inner| folder.join(inner).join(relative)));
+    places.into_iter().find(|path| path.is_file())
+}
+
+/// Turns pixels into shares of a picture.
+#[derive(Clone, Copy, Debug)]
+struct Pixels {
+    width: f64,
+    height: f64,
+}
+
+impl Pixels {
+    fn of(picture: &Path) -> Result<Self, photo::PhotoError> {
+        photo::size(picture).map(|(width, height)| Self { width: f64::from(width.max(1)), height: f64::from(height.max(1)) })
+    }
+
+    const SHARES: Self = Self { width: 1.0, height: 1.0 };
+
+    fn point(self, [x, y]: [f64; 2]) -> ImagePoint {
+        ImagePoint { u: x / self.width, v: y / self.height }
+    }
+
+    fn area(self, [x0, y0, x1, y1]: [f64; 4]) -> ImageBox {
+        let (a, b) = (self.point([x0.min(x1), y0.min(y1)]), self.point([x0.max(x1), y0.max(y1)]));
+        ImageBox { left: a.u, top: a.v, right: b.u, bottom: b.v }
+    }
+}

@@ -1,0 +1,94 @@
+//! Photographs in a folder, and a JSONL file that says what is meant in them.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::{Pixels, SourceError, beside, form};
+use crate::ground::{Item, Shape, Target, Truth};
+
+/// A row. Places are pixels of the upright picture from its upper left, unless `units` says `shares`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    #[serde(alias = "image")]
+    picture: String,
+    #[serde(alias = "prompt")]
+    instruction: String,
+    #[serde(default)]
+    id: Option<String>,
+    #[serde(default)]
+    absent: bool,
+    #[serde(default)]
+    point: Option<[f64; 2]>,
+    #[serde(default)]
+    points: Vec<[f64; 2]>,
+    /// A share of the width, whatever the units.
+    #[serde(default)]
+    radius: Option<f64>,
+    #[serde(default, rename = "box")]
+    area: Option<[f64; 4]>,
+    #[serde(default)]
+    boxes: Vec<[f64; 4]>,
+    #[serde(default)]
+    mask: Option<String>,
+    #[serde(default)]
+    distance_m: Option<f64>,
+    #[serde(default)]
+    units: Units,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Units {
+    #[default]
+    Pixels,
+    Shares,
+}
+
+pub(super) fn items(folder: &Path, file: &Path, text: &str) -> Result<Vec<Item>, SourceError> {
+    let rows = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    rows.map(|(number, line)| {
+        let wrong = |what: String| form(file, Some(number + 1), what);
+        let row: Row = serde_json::from_str(line).map_err(|error| wrong(error.to_string()))?;
+        item(folder, number, row).map_err(wrong)
+    })
+    .collect()
+}
+
+fn item(folder: &Path, number: usize, row: Row) -> Result<Item, String> {
+    let missing = |name: &str| format!("there is no file `{name}` in the dataset's folder");
+    let picture = beside(folder, &row.picture, &["images", "pictures"]).ok_or_else(|| missing(&row.picture))?;
+    let mask = match &row.mask {
+        Some(name) => Some(beside(folder, name, &["masks"]).ok_or_else(|| missing(name))?),
+        None => None,
+    };
+    let pixels = match row.units {
+        Units::Pixels => Pixels::of(&picture).map_err(|error| format!("`{}`: {error}", row.picture))?,
+        Units::Shares => Pixels::SHARES,
+    };
+    let boxes: Vec<_> = row.area.iter().chain(&row.boxes).map(|area| pixels.area(*area)).collect();
+    let points: Vec<_> = row.point.iter().chain(&row.points).map(|point| pixels.point(*point)).collect();
+    let finite = points.iter().all(|p| p.u.is_finite() && p.v.is_finite())
+        && boxes.iter().all(|b| b.left.is_finite() && b.bottom.is_finite());
+    if !finite || row.radius.is_some_and(|radius| !(0.0..=1.0).contains(&radius)) {
+        return Err("a place is no number, or `radius` is no share of the width".to_owned());
+    }
+    let shape = match (mask, boxes.is_empty(), points.is_empty()) {
+        (Some(mask), ..) => Some(Shape::MaskFile(mask)),
+        (None, false, _) => Some(Shape::Boxes(boxes.clone())),
+        (None, true, false) => Some(Shape::Points(points.clone(), row.radius)),
+        (None, true, true) => None,
+    };
+    let truth = match shape {
+        Some(_) if row.absent => return Err("it says `absent`, and where it is".to_owned()),
+        None if row.absent => Truth::Absent,
+        None => Truth::Unknown,
+        Some(shape) => {
+            let point = points.first().copied().filter(|_| !matches!(shape, Shape::Points(..)));
+            Truth::Target(Box::new(Target { shape, point, distance_m: row.distance_m, boxes }))
+        }
+    };
+    let key = row.id.unwrap_or_else(|| format!("{:06}", number));
+    Ok(Item { key, instruction: row.instruction, picture, truth, sim: None })
+}

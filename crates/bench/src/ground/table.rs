@@ -1,0 +1,92 @@
+//! A report in rows and columns, for a terminal and for a page.
+
+use super::measure::{Comparison, Measures, Report};
+use crate::stats::Estimate;
+
+/// A figure's name, and how it is shown for an answerer; none where no answerer has it.
+type Figure = (&'static str, fn(&Measures) -> Option<String>);
+
+const FIGURES: [Figure; 17] = [
+    ("asked", |m| Some(m.asked.to_string())),
+    ("unreadable", |m| (m.unreadable > 0).then(|| m.unreadable.to_string())),
+    ("no answer", |m| (m.failed > 0).then(|| m.failed.to_string())),
+    ("hits %", |m| m.hits.map(percent)),
+    ("hits by its error file %", |m| m.hits_expected.map(|share| format!("{:.1}", 100.0 * share))),
+    ("error / target side, median", |m| m.error_sides.map(|e| number(e, 2))),
+    ("error, % of width, median", |m| m.error_width.map(percent)),
+    ("box IoU, mean", |m| m.box_iou.map(|e| number(e, 2))),
+    ("label rank correlation τ", |m| m.label_tau.map(|e| number(e, 2))),
+    ("label monotone %", |m| m.label_monotone.map(percent)),
+    ("not visible, precision %", |m| m.absent_precision.map(percent)),
+    ("not visible, recall %", |m| m.absent_recall.map(percent)),
+    ("latency s, median", |m| m.latency_p50_s.map(|e| number(e, 2))),
+    ("latency s, 95th percentile", |m| m.latency_p95_s.map(|e| number(e, 2))),
+    ("tokens in, mean", |m| m.tokens_in.map(|e| number(e, 0))),
+    ("tokens out, mean", |m| m.tokens_out.map(|e| number(e, 0))),
+    ("cost $ a question; in all", |m| {
+        m.cost_usd.zip(m.cost_usd_total).map(|(each, total)| format!("{}; {total:.4}", number(each, 5)))
+    }),
+];
+
+/// One row a figure, one column an answerer; figures that nobody has are left out.
+#[must_use]
+pub fn figures(report: &Report) -> Vec<Vec<String>> {
+    let names = report.measures.iter().map(|measures| measures.answerer.clone());
+    let mut rows = vec![std::iter::once(String::new()).chain(names).collect::<Vec<_>>()];
+    for (name, show) in FIGURES {
+        let shown: Vec<Option<String>> = report.measures.iter().map(show).collect();
+        if shown.iter().any(Option::is_some) {
+            let cells = shown.into_iter().map(|cell| cell.unwrap_or_else(|| "–".to_owned()));
+            rows.push(std::iter::once(name.to_owned()).chain(cells).collect());
+        }
+    }
+    rows
+}
+
+/// One row a comparison.
+#[must_use]
+pub fn comparisons(report: &Report) -> Vec<Vec<String>> {
+    let head = [
+        "paired",
+        "hits, difference in points",
+        "only first : only second",
+        "p (McNemar, Holm)",
+        "error / side, difference",
+        "p (sign flips, Holm)",
+    ];
+    let row = |c: &Comparison| {
+        let found = &c.hits;
+        vec![
+            format!("{} − {}", c.first, c.second),
+            percent(found.difference),
+            format!("{} : {}", found.discordant.first, found.discordant.second),
+            p(c.hits_p_holm),
+            c.error_sides.map_or_else(|| "–".to_owned(), |error| format!("{error:+.2}")),
+            c.error_p_holm.map_or_else(|| "–".to_owned(), p),
+        ]
+    };
+    std::iter::once(head.map(str::to_owned).to_vec()).chain(report.comparisons.iter().map(row)).collect()
+}
+
+/// What the pictures are.
+#[must_use]
+pub fn about(report: &Report) -> String {
+    let Report { items, with_target, absent, without_truth, .. } = report;
+    let mut text = format!("{items} questions: {with_target} with their target in the picture, {absent} without it");
+    if *without_truth > 0 {
+        text += &format!(", {without_truth} of which nobody said what is meant: there is no hit rate of those");
+    }
+    text
+}
+
+fn percent(e: Estimate) -> String {
+    format!("{:.1} [{:.1}, {:.1}]", 100.0 * e.value, 100.0 * e.low, 100.0 * e.high)
+}
+
+fn number(e: Estimate, decimals: usize) -> String {
+    format!("{:.decimals$} [{:.decimals$}, {:.decimals$}]", e.value, e.low, e.high)
+}
+
+fn p(value: f64) -> String {
+    if value < 0.0001 { "< 0.0001".to_owned() } else { format!("{value:.4}") }
+}

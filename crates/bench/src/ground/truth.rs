@@ -1,0 +1,323 @@
+//! What an instruction means in a picture, as far as somebody said so.
+
+use std::path::{Path, PathBuf};
+
+use image::ImageReader;
+use spf_core::query::{ImageBox, ImagePoint};
+
+/// Longest side of a mask, pixels.
+const LONGEST_SIDE: u32 = 8192;
+
+/// What is known about what an instruction means.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Truth {
+    /// Nothing: no grade can be given.
+    Unknown,
+    /// It is not in the picture.
+    Absent,
+    /// It is there.
+    Target(Box<Target>),
+}
+
+/// Something that is meant, in a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// Its shape.
+    pub shape: Shape,
+    /// The point that errors are measured from; none: the middle of the shape.
+    pub point: Option<ImagePoint>,
+    /// How far it is from the lens, metres.
+    pub distance_m: Option<f64>,
+    /// True boxes of the things in the picture, the target's among them, for grading boxes.
+    pub boxes: Vec<ImageBox>,
+}
+
+/// A shape, as it stands in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A picture of the same proportions; everything that is not black is inside.
+    MaskFile(PathBuf),
+    /// The same in memory.
+    Mask(Mask),
+    /// Boxes; a point in any of them is inside.
+    Boxes(Vec<ImageBox>),
+    /// Outlines, each closed by itself; a point in any of them is inside.
+    Polygons(Vec<Vec<ImagePoint>>),
+    /// Points, with the distance up to which one counts as hit, as a share of the picture's width; none: nothing is said about
+    /// hits, only about distances.
+    Points(Vec<ImagePoint>, Option<f64>),
+}
+
+/// A mask.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mask {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Row by row from the upper left.
+    pub inside: Vec<bool>,
+}
+
+/// Why a truth cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TruthError {
+    /// The mask's file.
+    #[error("cannot read the mask `{}`", path.display())]
+    Mask {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: image::ImageError,
+    },
+    /// A mask with nothing in it.
+    #[error("the mask `{}` is black", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// A shape that points can be tried on, for a picture of a size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outline {
+    shape: Shape,
+    /// Width and height of the picture, pixels.
+    size: (f64, f64),
+    middle: ImagePoint,
+    /// Pixels of the picture inside; none for points.
+    area: Option<f64>,
+}
+
+impl Mask {
+    /// Reads one: PNG or JPEG of at most 8192 pixels a side.
+    ///
+    /// # Errors
+    /// [`TruthError`].
+    pub fn read(path: &Path) -> Result<Self, TruthError> {
+        let wrong = |source| TruthError::Mask { path: path.to_owned(), source };
+        let mut reader = ImageReader::open(path).map_err(|error| wrong(error.into()))?;
+        let mut limits = image::Limits::default();
+        (limits.max_image_width, limits.max_image_height) = (Some(LONGEST_SIDE), Some(LONGEST_SIDE));
+        reader.limits(limits);
+        let grey = reader.with_guessed_format().map_err(|error| wrong(error.into()))?.decode().map_err(wrong)?.into_luma8();
+        let (width, height) = grey.dimensions();
+        let mask = Self { width, height, inside: grey.into_raw().into_iter().map(|value| value > 0).collect() };
+        if mask.area() == 0 { Err(TruthError::Empty { path: path.to_owned() }) } else { Ok(mask) }
+    }
+
+    /// Pixels inside.
+    #[must_use]
+    pub fn area(&self) -> u64 {
+        self.inside.iter().filter(|inside| **inside).count() as u64
+    }
+
+    /// Whether the pixel under a point is inside; a point on the lower or right edge belongs to the last pixel.
+    #[must_use]
+    pub fn holds(&self, at: ImagePoint) -> bool {
+        let index = |share: f64, side: u32| ((share.clamp(0.0, 1.0) * f64::from(side)) as usize).min(side.max(1) as usize - 1);
+        let (x, y) = (index(at.u, self.width), index(at.v, self.height));
+        self.inside.get(y * self.width as usize + x).copied().unwrap_or(false)
+    }
+
+    /// The pixel deepest inside, by its middle.
+    fn deepest(&self) -> ImagePoint {
+        let ids: Vec<u16> = self.inside.iter().map(|inside| u16::from(*inside)).collect();
+        let (w, h) = (f64::from(self.width.max(1)), f64::from(self.height.max(1)));
+        spf_sim::oracle::masks(&ids, self.width as usize).first().map_or(ImagePoint { u: 0.5, v: 0.5 }, |mask| ImagePoint {
+            u: (mask.deepest.0 as f64 + 0.5) / w,
+            v: (mask.deepest.1 as f64 + 0.5) / h,
+        })
+    }
+}
+
+impl Target {
+    /// The target in a picture of `size` pixels, its mask read.
+    ///
+    /// # Errors
+    /// [`TruthError`].
+    pub fn outline(&self, size: (u32, u32)) -> Result<Outline, TruthError> {
+        let shape = match &self.shape {
+            Shape::MaskFile(path) => Shape::Mask(Mask::read(path)?),
+            other => other.clone(),
+        };
+        let size = (f64::from(size.0.max(1)), f64::from(size.1.max(1)));
+        let pixels = size.0 * size.1;
+        let (middle, area) = match &shape {
+            Shape::Mask(mask) => {
+                let all = f64::from(mask.width.max(1)) * f64::from(mask.height.max(1));
+                (mask.deepest(), Some(mask.area() as f64 / all * pixels))
+            }
+            Shape::Boxes(boxes) => {
+                let area = |b: &ImageBox| (b.right - b.left) * (b.bottom - b.top);
+                let largest = boxes.iter().max_by(|a, b| area(a).total_cmp(&area(b))).copied().unwrap_or_default();
+                (centre(&largest), Some(boxes.iter().map(area).sum::<f64>() * pixels))
+            }
+            Shape::Polygons(polygons) => {
+                let all: Vec<ImagePoint> = polygons.concat();
+                (centre(&around(&all)), Some(polygons.iter().map(|polygon| enclosed(polygon)).sum::<f64>() * pixels))
+            }
+            Shape::Points(points, _) => (points.first().copied().unwrap_or_default(), None),
+            Shape::MaskFile(_) => (ImagePoint::default(), None),
+        };
+        Ok(Outline { shape, size, middle: self.point.unwrap_or(middle), area })
+    }
+}
+
+impl Outline {
+    /// Whether a point is inside; none where the truth has no extent.
+    #[must_use]
+    pub fn holds(&self, at: ImagePoint) -> Option<bool> {
+        Some(match &self.shape {
+            Shape::Mask(mask) => mask.holds(at),
+            Shape::Boxes(boxes) => boxes.iter().any(|b| (b.left..=b.right).contains(&at.u) && (b.top..=b.bottom).contains(&at.v)),
+            Shape::Polygons(polygons) => polygons.iter().any(|polygon| inside(polygon, at)),
+            Shape::Points(points, radius) => {
+                let radius = (*radius)? * self.size.0;
+                points.iter().any(|point| self.pixels_between(*point, at) <= radius)
+            }
+            Shape::MaskFile(_) => return None,
+        })
+    }
+
+    /// Pixels from the point that is meant; of several the nearest.
+    #[must_use]
+    pub fn error_px(&self, at: ImagePoint) -> f64 {
+        match &self.shape {
+            Shape::Points(points, _) => points.iter().map(|point| self.pixels_between(*point, at)).fold(f64::INFINITY, f64::min),
+            _ => self.pixels_between(self.middle, at),
+        }
+    }
+
+    /// The side of a square as large as the target, pixels; none for points.
+    #[must_use]
+    pub fn side_px(&self) -> Option<f64> {
+        self.area.filter(|area| *area > 0.0).map(f64::sqrt)
+    }
+
+    /// Width of the picture, pixels.
+    #[must_use]
+    pub fn width_px(&self) -> f64 {
+        self.size.0
+    }
+
+    /// The mask, where it is one.
+    #[must_use]
+    pub fn mask(&self) -> Option<&Mask> {
+        if let Shape::Mask(mask) = &self.shape { Some(mask) } else { None }
+    }
+
+    /// The point that errors are measured from.
+    #[must_use]
+    pub fn middle(&self) -> ImagePoint {
+        self.middle
+    }
+
+    /// The smallest box around it.
+    #[must_use]
+    pub fn bounds(&self) -> ImageBox {
+        match &self.shape {
+            Shape::Boxes(boxes) => {
+                let corners = |b: &ImageBox| [ImagePoint { u: b.left, v: b.top }, ImagePoint { u: b.right, v: b.bottom }];
+                around(&boxes.iter().flat_map(corners).collect::<Vec<_>>())
+            }
+            Shape::Polygons(polygons) => around(&polygons.concat()),
+            Shape::Points(points, _) => around(points),
+            Shape::Mask(mask) => {
+                let (w, h) = (mask.width.max(1) as usize, f64::from(mask.height.max(1)));
+                let at = |i: usize| ((i % w) as f64, (i / w) as f64);
+                let corners = (0..mask.inside.len()).filter(|i| mask.inside[*i]).flat_map(|i| {
+                    let (x, y) = at(i);
+                    [(x, y), (x + 1.0, y + 1.0)].map(|(x, y)| ImagePoint { u: x / w as f64, v: y / h })
+                });
+                around(&corners.collect::<Vec<_>>())
+            }
+            Shape::MaskFile(_) => ImageBox::default(),
+        }
+    }
+
+    fn pixels_between(&self, a: ImagePoint, b: ImagePoint) -> f64 {
+        libm::hypot((a.u - b.u) * self.size.0, (a.v - b.v) * self.size.1)
+    }
+}
+
+fn centre(b: &ImageBox) -> ImagePoint {
+    ImagePoint { u: 0.5 * (b.left + b.right), v: 0.5 * (b.top + b.bottom) }
+}
+
+fn around(points: &[ImagePoint]) -> ImageBox {
+    let fold = |value: fn(&ImagePoint) -> f64, pick: fn(f64, f64) -> f64| points.iter().map(value).reduce(pick).unwrap_or(0.0);
+    ImageBox {
+        left: fold(|p| p.u, f64::min),
+        top: fold(|p| p.v, f64::min),
+        right: fold(|p| p.u, f64::max),
+        bottom: fold(|p| p.v, f64::max),
+    }
+}
+
+/// By the even-odd rule.
+fn inside(polygon: &[ImagePoint], at: ImagePoint) -> bool {
+    let mut inside = false;
+    for (i, a) in polygon.iter().enumerate() {
+        let b = &polygon[(i + 1) % polygon.len()];
+        if (a.v > at.v) != (b.v > at.v) && at.u < a.u + (at.v - a.v) / (b.v - a.v) * (b.u - a.u) {
+            inside = !inside;
+        }
+    }
+    inside
+}
+
+/// Area of a polygon, by the shoelace formula.
+fn enclosed(polygon: &[ImagePoint]) -> f64 {
+    let next = |i: usize| &polygon[(i + 1) % polygon.len()];
+    (polygon.iter().enumerate().map(|(i, a)| a.u * next(i).v - next(i).u * a.v).sum::<f64>() / 2.0).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(u: f64, v: f64) -> ImagePoint {
+        ImagePoint { u, v }
+    }
+
+    fn target(shape: Shape) -> Outline {
+        Target { shape, point: None, distance_m: None, boxes: Vec::new() }.outline((100, 50)).unwrap()
+    }
+
+    #[test]
+    fn masks_by_pixel() {
+        // Four by two pixels; the right half of the lower row.
+        let inside = vec![false, false, false, false, false, false, true, true];
+        let outline = target(Shape::Mask(Mask { width: 4, height: 2, inside }));
+        assert_eq!(outline.holds(at(0.51, 0.51)), Some(true));
+        assert_eq!(outline.holds(at(1.0, 1.0)), Some(true));
+        assert_eq!(outline.holds(at(0.49, 0.9)), Some(false));
+        assert_eq!(outline.holds(at(0.9, 0.49)), Some(false));
+        // A quarter of 100 × 50 pixels.
+        assert!((outline.side_px().unwrap() - 1250.0_f64.sqrt()).abs() < 1e-9);
+        assert_eq!(outline.bounds(), ImageBox { left: 0.5, top: 0.5, right: 1.0, bottom: 1.0 });
+    }
+
+    #[test]
+    fn polygons_and_boxes() {
+        let triangle = target(Shape::Polygons(vec![vec![at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0)]]));
+        assert_eq!((triangle.holds(at(0.2, 0.2)), triangle.holds(at(0.7, 0.7))), (Some(true), Some(false)));
+        assert!((triangle.side_px().unwrap() - 2500.0_f64.sqrt()).abs() < 1e-9);
+        let boxed = target(Shape::Boxes(vec![ImageBox { left: 0.2, top: 0.2, right: 0.4, bottom: 0.6 }]));
+        assert_eq!((boxed.holds(at(0.3, 0.3)), boxed.holds(at(0.5, 0.3))), (Some(true), Some(false)));
+        // From the middle (0.3, 0.4): 10 px across and 10 px down.
+        assert!((boxed.error_px(at(0.4, 0.6)) - 200.0_f64.sqrt()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn points_alone_say_nothing_about_hits() {
+        let points = target(Shape::Points(vec![at(0.1, 0.1), at(0.9, 0.9)], None));
+        assert_eq!((points.holds(at(0.1, 0.1)), points.side_px()), (None, None));
+        assert!((points.error_px(at(0.9, 0.8)) - 5.0).abs() < 1e-9);
+        let with_radius = target(Shape::Points(vec![at(0.1, 0.1)], Some(0.05)));
+        assert_eq!((with_radius.holds(at(0.14, 0.1)), with_radius.holds(at(0.16, 0.1))), (Some(true), Some(false)));
+    }
+}
