@@ -43,6 +43,7 @@ fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
         Command::Sim(command) => commands::sim::sim(command, &mut printer),
         Command::Log(command) => commands::log::log(command, &printer),
         Command::Replay(args) => commands::replay::replay(args, &printer),
+        Command::Ground(args) => commands::ground::ground(args, &mut printer),
         Command::Vlm(Vlm::List(args)) => commands::vlm::list(args, &printer),
         Command::Vlm(Vlm::Check(args)) => commands::vlm::check(args, &printer),
         Command::Config(Config::Show { config }) => commands::config::show(config.as_deref(), &printer),

@@ -3,6 +3,7 @@
 //! Doc comments here are help texts for a terminal.
 #![allow(rustdoc::broken_intra_doc_links, reason = "`heading_deg[,pitch_deg]` is no link")]
 
+mod ground;
 mod log;
 mod sim;
 
@@ -10,6 +11,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, View};
 
@@ -50,6 +52,8 @@ pub(crate) enum Command {
     Log(Log),
     /// Replay a flight from its log, and tell what the pilot would do otherwise now
     Replay(Replay),
+    /// Ask who points about pictures, and measure how well they point
+    Ground(Box<Ground>),
     /// Vision-language models: which there are, and whether one answers and points well
     #[command(subcommand)]
     Vlm(Vlm),
@@ -66,6 +70,7 @@ impl Command {
             Self::Sim(Sim::Scenes(scenes)) => scenes.json,
             Self::Log(Log::Info(info)) => info.json,
             Self::Replay(replay) => replay.json,
+            Self::Ground(ground) => ground.json,
             Self::Vlm(Vlm::List(list)) => list.json,
             Self::Sim(_) | Self::Log(_) | Self::Vlm(_) | Self::Config(_) => false,
         }

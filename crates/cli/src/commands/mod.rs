@@ -2,6 +2,7 @@
 
 pub(crate) mod config;
 pub(crate) mod fly;
+pub(crate) mod ground;
 pub(crate) mod log;
 mod reask;
 pub(crate) mod replay;

@@ -49,7 +49,7 @@ pub(super) fn colour(picture: &Picture) -> Result<Vec<u8>, CliError> {
 }
 
 /// Writes a file; the error says what is wrong with its place.
-pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     std::fs::write(path, bytes).map_err(|error| {
         let what = format!("cannot write `{}`", path.display());
         match error.kind() {

@@ -13,7 +13,7 @@ use spf_sim::oracle::ErrorFile;
 use spf_vlm::cassette::{Recording, Replay};
 use spf_vlm::setup::{self, AUTO, SetupError};
 use spf_vlm::table::{SelectError, Table};
-use spf_vlm::{Strategy, Vlm};
+use spf_vlm::{Remote, Strategy, Vlm};
 
 pub(crate) use check::check;
 pub(crate) use list::list;
@@ -113,8 +113,24 @@ pub(crate) fn table(settings: &Settings) -> Result<Table, CliError> {
     })
 }
 
-/// A model of the table.
+/// A model that can be asked.
+pub(crate) struct Chosen {
+    /// The name as it was given, or that of the vendor that `auto` came to.
+    pub(crate) name: String,
+    /// Asks it.
+    pub(crate) remote: Remote,
+    /// A sentence about it for a person.
+    pub(crate) sentence: String,
+}
+
+/// A model of the table, for a flight.
 fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
+    let Chosen { name, remote, sentence } = remote(settings, name, prompt)?;
+    Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(remote.clone()))), sentence })
+}
+
+/// A model of the table.
+pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Chosen, CliError> {
     let table = table(settings)?;
     let variables = variables()?;
     let names: Vec<&str> = [Some(name), settings.get("vlm.fallback")].into_iter().flatten().collect();
@@ -150,9 +166,9 @@ fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Re
     remote.warm();
     let steps_in = chosen.get(1).map_or(String::new(), |second| format!(" When it fails, {second} is asked."));
     let name = if *name == *AUTO { auto } else { name.to_owned() };
-    Ok(Pointing {
+    Ok(Chosen {
         name,
-        who: Arc::new(move |_, _| Ok(Box::new(remote.clone()))),
+        remote,
         sentence: format!("{} points; pictures leave this machine and may cost money.{steps_in}", chosen[0]),
     })
 }

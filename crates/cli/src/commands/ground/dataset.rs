@@ -1,0 +1,162 @@
+//! Grading on a dataset.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use spf_bench::ground::ask::{Ended, Manner, Mind, Plan};
+use spf_bench::ground::measure::{Report, grades, report};
+use spf_bench::ground::source::{self, Source};
+use spf_bench::ground::{AnswerRow, Answerer, page, table};
+use spf_sim::oracle::ErrorFile;
+
+use super::folder::{Folder, Head, is_answered};
+use super::{answerers, is_oracle};
+use crate::args::Ground;
+use crate::commands::fly::interrupts;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::{Printer, table as columns};
+use crate::settings::Settings;
+
+/// Version of the folder's files.
+const FORMAT: u32 = 1;
+
+/// What `--json` prints and `report.json` holds.
+#[derive(Serialize)]
+struct Printed<'a> {
+    dataset: &'a Path,
+    form: &'static str,
+    complete: bool,
+    #[serde(flatten)]
+    report: &'a Report,
+}
+
+pub(super) fn grade(
+    args: &Ground,
+    path: &Path,
+    settings: &Settings,
+    manner: Manner,
+    printer: &mut Printer,
+) -> Result<Exit, CliError> {
+    let max_cost = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
+    let mut source = source::open(path).map_err(|error| {
+        CliError::usage(format!("the dataset `{}` cannot be read", path.display()))
+            .because(&error)
+            .hint("docs/grounding.md tells which forms are read")
+    })?;
+    source.items.truncate(args.count.unwrap_or(usize::MAX));
+    let (answerers, sentences) = everybody(args, settings, &source)?;
+    let out = args.output.clone().unwrap_or_else(|| default_folder(path));
+    let head = Head { format: FORMAT, dataset: path.to_owned(), avoid: args.avoid, seed: args.seed };
+    let (mut folder, mut rows) = Folder::open(&out, &head, args.resume, args.overwrite)?;
+    let plan = Plan {
+        items: &source.items,
+        answerers: &answerers,
+        manner,
+        parallel: usize::from(args.parallel),
+        per_minute: args.rate,
+        max_cost,
+    };
+    sentences.iter().for_each(|sentence| printer.say(sentence));
+    let ended = ask(&plan, &mut folder, &mut rows, printer)?;
+    let grades = grades(&source.items, &answerers, &rows)
+        .map_err(|error| CliError::usage("the answers cannot be graded").because(&error).hint("the dataset is not whole"))?;
+    let report = report(&source.items, &answerers, &grades);
+    let complete = ended == Ended::Complete;
+    let printed = Printed { dataset: path, form: source.form, complete, report: &report };
+    let json =
+        serde_json::to_string_pretty(&printed).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+    folder.write("report.json", &format!("{json}\n"))?;
+    let title = format!("Pointing on {}", path.display());
+    let page = page::page(&title, &note(&source, &answerers), &source.items, &report, &grades);
+    let page = folder.write("index.html", &page)?;
+    if args.json {
+        printer.data(&json);
+    }
+    tell(&report, &source, &answerers, &page, printer);
+    Ok(match ended {
+        Ended::Complete => Exit::Success,
+        Ended::Stopped => {
+            printer.say("stopped; the same command with --resume goes on");
+            Exit::Aborted
+        }
+        Ended::Spent => {
+            printer.say("the money of --max-cost is spent; with a greater one and --resume it goes on");
+            Exit::Aborted
+        }
+    })
+}
+
+/// Who always points at the middle, the oracle where there is what it reads, and those who are named.
+fn everybody(args: &Ground, settings: &Settings, source: &Source) -> Result<(Vec<Answerer>, Vec<String>), CliError> {
+    let (named, sentences) = answerers(args, settings)?;
+    let simulated = source.items.iter().any(|item| item.sim.is_some());
+    if !simulated && named.iter().any(is_oracle) {
+        let only_default = args.vlm.is_none();
+        let error =
+            CliError::usage("the oracle cannot see these pictures: only datasets of `spf sim dataset` hold what it reads");
+        return Err(if only_default {
+            error.hint("name a model with --vlm (see `spf vlm list`)")
+        } else {
+            error.hint("leave it out of --vlm")
+        });
+    }
+    let mut all = vec![Answerer::centre()];
+    if simulated && !named.iter().any(is_oracle) {
+        let errors = ErrorFile::named("default").map_err(|error| CliError::internal("no oracle").because(&error))?;
+        all.push(Answerer { name: "oracle".to_owned(), mind: Mind::Oracle(Box::new(errors), args.seed) });
+    }
+    all.extend(named);
+    Ok((all, sentences))
+}
+
+/// `grounding/NAME`, after the dataset's folder or file.
+fn default_folder(dataset: &Path) -> PathBuf {
+    let name = dataset.canonicalize().ok().and_then(|path| path.file_stem().map(ToOwned::to_owned));
+    Path::new("grounding").join(name.unwrap_or_else(|| "dataset".into()))
+}
+
+/// Asks what was not answered before.
+fn ask(plan: &Plan<'_>, folder: &mut Folder, rows: &mut Vec<AnswerRow>, printer: &mut Printer) -> Result<Ended, CliError> {
+    let named = |row: &AnswerRow| (row.answerer.clone(), row.item.clone());
+    let keys: BTreeSet<&str> = plan.items.iter().map(|item| item.key.as_str()).collect();
+    let before: BTreeSet<_> = rows.iter().filter(|row| is_answered(row) && keys.contains(row.item.as_str())).map(named).collect();
+    let spent: f64 = rows.iter().filter_map(|row| row.account.cost_usd).sum();
+    let total = plan.questions() as u64;
+    let there = plan.answerers.iter().flat_map(|answerer| {
+        plan.items.iter().filter(|item| answerer.sees(item)).map(|item| (answerer.name.clone(), item.key.clone()))
+    });
+    let mut done = there.filter(|question| before.contains(question)).count() as u64;
+    if done > 0 {
+        printer.say(&format!("{done} of {total} questions are answered already"));
+    }
+    let stop = interrupts()?;
+    printer.start_count(total, done);
+    let ended = plan.run(&before, spent, &stop, |row| {
+        folder.push(&row)?;
+        rows.push(row);
+        done += 1;
+        printer.count(done);
+        Ok::<(), CliError>(())
+    });
+    printer.end_live();
+    ended
+}
+
+/// What must be known about the figures.
+fn note(source: &Source, answerers: &[Answerer]) -> String {
+    let oracle = answerers.iter().any(is_oracle);
+    let about = if oracle { "\nThe oracle is a stand-in that reads ids and depth: its figures are no VLM's." } else { "" };
+    format!("The pictures are {}. centre always points at the middle of the picture.{about}", source.form)
+}
+
+fn tell(report: &Report, source: &Source, answerers: &[Answerer], page: &Path, printer: &Printer) {
+    printer.result(&format!("{}.\n{}\n", table::about(report), note(source, answerers)));
+    printer.result(&columns(&table::figures(report)));
+    if !report.comparisons.is_empty() {
+        printer.result("");
+        printer.result(&columns(&table::comparisons(report)));
+    }
+    printer.result(&format!("\n{}", page.display()));
+}

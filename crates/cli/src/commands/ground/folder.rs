@@ -1,0 +1,120 @@
+//! The folder of a grading: answers that are whole or not there, so that it can be gone on with.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use spf_bench::ground::{AnswerRow, Said};
+
+use crate::commands::sim::write;
+use crate::error::CliError;
+
+const HEAD: &str = "ground.json";
+const ANSWERS: &str = "answers.jsonl";
+/// What else is written there.
+const RESULTS: [&str; 2] = ["report.json", "index.html"];
+/// Longest row that is read back, bytes.
+const LONGEST_ROW: u64 = 4 << 20;
+
+/// What all answers of a folder share; who is asked may grow.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Head {
+    pub(super) format: u32,
+    pub(super) dataset: PathBuf,
+    pub(super) avoid: bool,
+    pub(super) seed: u64,
+}
+
+/// A folder that answers are put into.
+pub(super) struct Folder {
+    path: PathBuf,
+    file: File,
+}
+
+impl Folder {
+    /// Takes a new or an empty folder, goes on with one of the same head (`resume`), or begins it anew; with the answers that are
+    /// there. Questions that nobody answered are asked again.
+    pub(super) fn open(path: &Path, head: &Head, resume: bool, overwrite: bool) -> Result<(Self, Vec<AnswerRow>), CliError> {
+        let unusable = |error: std::io::Error| {
+            CliError::usage(format!("cannot use the folder `{}`", path.display()))
+                .because(&error)
+                .hint("name a folder with -o DIR")
+        };
+        fs::create_dir_all(path).map_err(unusable)?;
+        let shown = path.display();
+        let empty = fs::read_dir(path).map_err(unusable)?.next().is_none();
+        let known = path.join(HEAD).is_file();
+        match (empty, known) {
+            (false, false) => {
+                return Err(CliError::usage(format!("the folder `{shown}` is not empty and holds no grading"))
+                    .hint("name a new or an empty folder with -o DIR"));
+            }
+            (false, true) if overwrite => {
+                for name in RESULTS.iter().chain(&[ANSWERS, HEAD]).filter(|name| path.join(name).exists()) {
+                    fs::remove_file(path.join(name)).map_err(unusable)?;
+                }
+            }
+            (false, true) if resume => same(path, head)?,
+            (false, true) => {
+                return Err(CliError::usage(format!("the folder `{shown}` holds a grading"))
+                    .hint("go on with it by --resume, make it anew by --overwrite, or name another folder with -o DIR"));
+            }
+            (true, _) => {}
+        }
+        let text =
+            serde_json::to_string_pretty(head).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+        write(&path.join(HEAD), format!("{text}\n").as_bytes())?;
+        let answers = path.join(ANSWERS);
+        let (length, rows) = if answers.exists() { whole(&answers).map_err(unusable)? } else { (0, Vec::new()) };
+        let file = OpenOptions::new().create(true).append(true).open(&answers).map_err(unusable)?;
+        file.set_len(length).map_err(unusable)?;
+        Ok((Self { path: path.to_owned(), file }, rows))
+    }
+
+    /// Appends an answer.
+    pub(super) fn push(&mut self, row: &AnswerRow) -> Result<(), CliError> {
+        let text = serde_json::to_string(row).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+        self.file.write_all(format!("{text}\n").as_bytes()).map_err(|error| {
+            CliError::internal(format!("cannot write `{}`", self.path.join(ANSWERS).display()))
+                .because(&error)
+                .hint("make room on the disk, then give the same command with --resume")
+        })
+    }
+
+    /// Writes a result; where it is.
+    pub(super) fn write(&self, name: &str, text: &str) -> Result<PathBuf, CliError> {
+        let path = self.path.join(name);
+        write(&path, text.as_bytes()).map(|()| path)
+    }
+}
+
+/// Only answers to the same questions go together.
+fn same(path: &Path, head: &Head) -> Result<(), CliError> {
+    let there = fs::read_to_string(path.join(HEAD)).ok().and_then(|text| serde_json::from_str::<Head>(&text).ok());
+    if there.as_ref() == Some(head) {
+        return Ok(());
+    }
+    Err(CliError::usage(format!("the grading in `{}` is of another dataset or was made otherwise", path.display()))
+        .hint(format!("{HEAD} there says how; give the same, or make it anew with --overwrite")))
+}
+
+/// The whole rows at the beginning of the file that hold an answer, and the length of all whole ones.
+fn whole(file: &Path) -> std::io::Result<(u64, Vec<AnswerRow>)> {
+    let mut reader = BufReader::new(File::open(file)?);
+    let (mut length, mut rows, mut line) = (0, Vec::new(), Vec::new());
+    loop {
+        line.clear();
+        let read = (&mut reader).take(LONGEST_ROW).read_until(b'\n', &mut line)?;
+        let Some(row) = line.ends_with(b"\n").then(|| serde_json::from_slice::<AnswerRow>(&line).ok()).flatten() else {
+            return Ok((length, rows));
+        };
+        length += read as u64;
+        rows.push(row);
+    }
+}
+
+/// Whether a question was answered, and need not be asked again.
+pub(super) fn is_answered(row: &AnswerRow) -> bool {
+    !matches!(row.said, Said::Nothing(..))
+}

@@ -1,0 +1,94 @@
+//! `spf ground`: who points where in pictures, and how well (docs/grounding.md).
+
+mod dataset;
+mod folder;
+mod photos;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use spf_bench::ground::Answerer;
+use spf_bench::ground::ask::{Manner, Mind};
+use spf_core::prompt::{PromptKind, PromptText};
+use spf_core::time::duration_from_secs;
+
+use super::read;
+use super::vlm::{oracle_named, remote};
+use crate::args::Ground;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+use crate::settings::Settings;
+
+/// Asks about photographs, or grades on a dataset.
+pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliError> {
+    let mut settings = Settings::load(args.config.as_deref())?;
+    settings.flag("fly.vlm", "--vlm", args.vlm.clone());
+    settings.flag("vlm.models", "--vlm-models", args.vlm_models.clone());
+    settings.flag("fly.max_cost_usd", "--max-cost", args.max_cost.clone());
+    if args.rate.is_some_and(|rate| !(rate > 0.0 && rate <= 1e6)) {
+        return Err(CliError::usage("--rate is a number of questions a minute, more than 0").hint("--rate 60"));
+    }
+    let seconds = settings.number("fly.reply_timeout_s", 0.1, 600.0)?.unwrap_or(20.0);
+    let manner = Manner { avoid: args.avoid, time: duration_from_secs(seconds) };
+    match &args.dataset {
+        Some(path) => dataset::grade(args, path, &settings, manner, printer),
+        None => photos::ask(args, &settings, manner, printer),
+    }
+}
+
+/// Everybody who is named, each with each of the prompts; and sentences about them for a person.
+fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<String>), CliError> {
+    let prompts = prompts(args)?;
+    let (mut answerers, mut sentences): (Vec<Answerer>, Vec<String>) = (Vec::new(), Vec::new());
+    for name in settings.get("fly.vlm").unwrap_or("oracle").split(',').map(str::trim).filter(|name| !name.is_empty()) {
+        if name == "oracle" || name.starts_with("oracle:") {
+            let (name, errors) = oracle_named(name, |expected, near| settings.wrong_word("fly.vlm", expected, near))?;
+            sentences.push(format!("{name} reads the simulator's own id and depth pictures, it is no VLM."));
+            answerers.push(Answerer { name, mind: Mind::Oracle(Box::new(errors), args.seed) });
+            continue;
+        }
+        if name.starts_with("replay:") {
+            return Err(CliError::usage("a recording of a flight answers about that flight alone")
+                .hint("what was answered about a dataset stands in its folder: --resume asks only for the rest"));
+        }
+        let chosen = remote(settings, name, None)?;
+        sentences.push(chosen.sentence);
+        for (file, prompt) in &prompts {
+            let name = if prompts.len() > 1 { format!("{} · {file}", chosen.name) } else { chosen.name.clone() };
+            let (model, prompt) = (chosen.remote.clone().with_prompt(prompt.clone()), prompt.clone());
+            answerers.push(Answerer { name, mind: Mind::Model(Arc::new(move || Box::new(model.clone())), prompt) });
+        }
+    }
+    let mut names: Vec<&str> = answerers.iter().map(|answerer| answerer.name.as_str()).collect();
+    names.sort_unstable();
+    match names.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => Err(CliError::usage(format!("--vlm and --prompt name `{}` twice", pair[0]))
+            .hint("name each once; of one model several prompts, or several models with one prompt")),
+        None if names.is_empty() => {
+            Err(CliError::usage("--vlm names nobody").hint("--vlm gemini, for example: see `spf vlm list`"))
+        }
+        None => Ok((answerers, sentences)),
+    }
+}
+
+/// The prompts to compare, by their files' names; the shipped one when none is named.
+fn prompts(args: &Ground) -> Result<Vec<(String, Arc<PromptText>)>, CliError> {
+    let Some(files) = &args.prompt else { return Ok(vec![(String::new(), PromptText::shipped(PromptKind::Point))]) };
+    let one = |file: &str| {
+        let refused = || CliError::usage(format!("the prompt file `{file}` is refused"));
+        let prompt = PromptText::parse(&read(Path::new(file), "prompt")?).map_err(|error| {
+            refused().because(&error).hint("the shipped prompts, in `prompts/`, are a beginning (docs/vlm.md)")
+        })?;
+        if prompt.kind() != PromptKind::Point {
+            return Err(refused().hint("a prompt for pointing begins with `spf-prompt point`"));
+        }
+        Ok((file.to_owned(), Arc::new(prompt)))
+    };
+    files.split(',').map(str::trim).filter(|file| !file.is_empty()).map(one).collect()
+}
+
+/// Whether it is the oracle, which photographs hold nothing for.
+fn is_oracle(answerer: &Answerer) -> bool {
+    matches!(answerer.mind, Mind::Oracle(..))
+}

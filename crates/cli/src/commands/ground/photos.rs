@@ -1,0 +1,189 @@
+//! Photographs, frames of videos, standard input.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::Serialize;
+use spf_bench::ground::ask::{Manner, Mind};
+use spf_bench::ground::page::{account, side_by_side, words};
+use spf_bench::ground::photo::{self, PhotoError};
+use spf_bench::ground::{AnswerRow, Answerer, Said};
+use spf_media::{Jpeg, Rgb};
+use spf_vlm::Cancel;
+
+use super::{answerers, is_oracle};
+use crate::args::Ground;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::{Printer, one_line};
+use crate::settings::Settings;
+
+/// Longest file that is read, bytes.
+const LONGEST: u64 = 2 << 30;
+const QUALITY: u8 = 90;
+
+/// A picture to ask about.
+struct Shown {
+    name: String,
+    picture: Arc<Rgb>,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Printed<'a> {
+    instruction: &'a str,
+    pictures: Vec<Answered>,
+}
+
+#[derive(Serialize)]
+struct Answered {
+    picture: String,
+    annotated: PathBuf,
+    answers: Vec<AnswerRow>,
+}
+
+pub(super) fn ask(args: &Ground, settings: &Settings, manner: Manner, printer: &Printer) -> Result<Exit, CliError> {
+    let Some((instruction, images)) = args.words.split_last().filter(|(_, images)| !images.is_empty()) else {
+        return Err(CliError::usage("a picture and an instruction are needed")
+            .hint("spf ground photo.jpg \"the blue door\" --vlm gemini"));
+    };
+    let (answerers, sentences) = answerers(args, settings)?;
+    if answerers.iter().any(is_oracle) {
+        return Err(CliError::usage("the oracle cannot see photographs: it reads the simulator's id and depth pictures")
+            .hint("name a model with --vlm (see `spf vlm list`); the oracle is graded on a dataset of `spf sim dataset`, with --dataset"));
+    }
+    let mut shown = Vec::new();
+    for image in images {
+        shown.extend(open(image, args)?);
+    }
+    let out = args.output.clone().unwrap_or_else(|| PathBuf::from("grounding"));
+    std::fs::create_dir_all(&out)
+        .map_err(|error| CliError::usage(format!("cannot use the folder `{}`", out.display())).because(&error))?;
+    sentences.iter().for_each(|sentence| printer.say(sentence));
+    let mut printed = Printed { instruction, pictures: Vec::new() };
+    for (number, shown) in (0_u64..).zip(&shown) {
+        let answers = put(&answerers, shown, instruction, number, manner);
+        let annotated = free_name(&out, &shown.name);
+        let picture = Jpeg::encode(&side_by_side(&shown.picture, instruction, &answers), QUALITY)
+            .map_err(|error| CliError::internal("the annotated picture cannot be encoded").because(&error))?;
+        std::fs::write(&annotated, picture.bytes())
+            .map_err(|error| CliError::internal(format!("cannot write `{}`", annotated.display())).because(&error))?;
+        report(&shown.name, &annotated, &answers, printer);
+        printed.pictures.push(Answered { picture: shown.name.clone(), annotated, answers });
+    }
+    if args.json {
+        let text = serde_json::to_string(&printed).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+        printer.data(&text);
+    }
+    let answered = |row: &AnswerRow| !matches!(row.said, Said::Nothing(..));
+    if printed.pictures.iter().flat_map(|picture| &picture.answers).any(answered) {
+        return Ok(Exit::Success);
+    }
+    Err(CliError::failed("nobody answered").hint("`spf vlm check NAME` tells why, and what to do"))
+}
+
+/// Everybody at once about one picture.
+fn put(answerers: &[Answerer], shown: &Shown, instruction: &str, number: u64, manner: Manner) -> Vec<AnswerRow> {
+    let ask = |answerer: &Answerer| match &answerer.mind {
+        Mind::Model(make, prompt) => {
+            let (key, cancel) = (&shown.name, Cancel::default());
+            Some(answerer.show(make().as_mut(), prompt, &shown.picture, key, instruction, number, manner, &cancel))
+        }
+        Mind::Centre | Mind::Oracle(..) => None,
+    };
+    std::thread::scope(|scope| {
+        let asking: Vec<_> = answerers.iter().map(|answerer| scope.spawn(|| ask(answerer))).collect();
+        asking.into_iter().filter_map(|one| one.join().ok().flatten()).collect()
+    })
+}
+
+fn report(name: &str, annotated: &Path, answers: &[AnswerRow], printer: &Printer) {
+    printer.result(&format!("{name} → {}", annotated.display()));
+    for row in answers {
+        printer.result(&format!("  {}: {}; {}", row.answerer, one_line(&words(row)), account(row)));
+        for obstacle in row.reply().map_or(&[][..], |reply| &reply.boxes) {
+            let b = obstacle.area;
+            printer.result(&format!(
+                "    obstacle {}: ({:.3}, {:.3}) to ({:.3}, {:.3}), depth {}",
+                one_line(&obstacle.name),
+                b.left,
+                b.top,
+                b.right,
+                b.bottom,
+                obstacle.depth
+            ));
+        }
+    }
+}
+
+/// A name that no file has: what was asked before stays.
+fn free_name(folder: &Path, name: &str) -> PathBuf {
+    let stem: String =
+        name.chars().map(|letter| if letter.is_alphanumeric() || "-_.".contains(letter) { letter } else { '-' }).collect();
+    let stem = stem.trim_start_matches(['-', '.']);
+    let of =
+        |number: u32| folder.join(if number == 1 { format!("{stem}.points.jpg") } else { format!("{stem}.points-{number}.jpg") });
+    (1..).map(of).find(|path| !path.exists()).unwrap_or_else(|| of(0))
+}
+
+/// The pictures that an argument names.
+fn open(image: &str, args: &Ground) -> Result<Vec<Shown>, CliError> {
+    let path = Path::new(image);
+    if image == "-" {
+        return decoded("standard input", &bytes(std::io::stdin().lock(), image)?, args);
+    }
+    if !path.is_dir() {
+        return file(path, args);
+    }
+    let entries =
+        std::fs::read_dir(path).map_err(|error| CliError::usage(format!("cannot read the folder `{image}`")).because(&error))?;
+    let picture = |path: &PathBuf| {
+        let end = path.extension().map(|end| end.to_string_lossy().to_lowercase());
+        end.is_some_and(|end| ["jpg", "jpeg", "png"].contains(&end.as_str()))
+    };
+    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(picture).collect();
+    files.sort();
+    if files.is_empty() {
+        return Err(CliError::usage(format!("there is no picture in the folder `{image}`")).hint("PNG and JPEG files are read"));
+    }
+    files.iter().map(|path| file(path, args)).collect::<Result<Vec<_>, _>>().map(|found| found.into_iter().flatten().collect())
+}
+
+fn file(path: &Path, args: &Ground) -> Result<Vec<Shown>, CliError> {
+    let open = File::open(path).map_err(|error| {
+        CliError::usage(format!("cannot read the picture `{}`", path.display()))
+            .because(&error)
+            .hint("pictures come first, the instruction last: spf ground photo.jpg \"the blue door\"")
+    })?;
+    let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
+    decoded(&name, &bytes(open, &path.display().to_string())?, args)
+}
+
+fn bytes(from: impl Read, name: &str) -> Result<Vec<u8>, CliError> {
+    let mut bytes = Vec::new();
+    let read = from.take(LONGEST).read_to_end(&mut bytes);
+    read.map_err(|error| CliError::usage(format!("cannot read `{name}`")).because(&error))?;
+    Ok(bytes)
+}
+
+/// One picture, or the frames of a video; told apart by their first bytes.
+fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<Shown>, CliError> {
+    let is_picture = bytes.starts_with(&[0xff, 0xd8]) || bytes.starts_with(b"\x89PNG");
+    let is_video = bytes.get(4..8) == Some(b"ftyp") || bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]);
+    let wrong = |error: &PhotoError| CliError::usage(format!("`{name}` cannot be read")).because(error);
+    if is_video && !is_picture {
+        if !(args.every >= 0.0 && args.every.is_finite()) || args.frames == 0 {
+            return Err(CliError::usage("--every is a number of seconds and --frames at least 1").hint("--every 2 --frames 10"));
+        }
+        let frames = photo::frames(bytes, args.every, args.frames).map_err(|error| {
+            wrong(&error).hint("turn it into H.264 in MP4, or take pictures out of it: ffmpeg -i VIDEO -vf fps=1 frame-%03d.jpg")
+        })?;
+        let shown =
+            |frame: photo::VideoFrame| Shown { name: format!("{name}-{:.2}s", frame.at), picture: Arc::new(frame.picture) };
+        return Ok(frames.into_iter().map(shown).collect());
+    }
+    let picture = photo::decode(bytes).map_err(|error| wrong(&error).hint("PNG and JPEG pictures are read, and H.264 videos"))?;
+    Ok(vec![Shown { name: name.to_owned(), picture: Arc::new(picture) }])
+}
