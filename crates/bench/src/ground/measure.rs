@@ -115,11 +115,12 @@ pub struct Grades {
     expected: Vec<Option<f64>>,
 }
 
-/// Grades answers, masks read one after the other.
+/// Grades answers, masks read one after the other. `avoid`: boxes were asked for, and the oracle moved its points clear of those, so
+/// that its error file alone does not tell its hit rate.
 ///
 /// # Errors
 /// [`TruthError`] when a mask cannot be read.
-pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow]) -> Result<Grades, TruthError> {
+pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow], avoid: bool) -> Result<Grades, TruthError> {
     let mut of: BTreeMap<(&str, &str), &AnswerRow> = BTreeMap::new();
     for row in rows {
         of.insert((&row.answerer, &row.item), row);
@@ -137,7 +138,9 @@ pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow]) -> Res
             let Some(row) = row else { continue };
             let grade = grade(&item.truth, outline.as_ref(), &boxes, &row.said);
             by_answerer[which].push(Graded { item: number, row: (*row).clone(), grade });
-            if let (Mind::Oracle(errors, _), Some(sim), Some(outline)) = (&answerers[which].mind, &item.sim, &outline) {
+            if let (Mind::Oracle(errors, _), Some(sim), Some(outline)) = (&answerers[which].mind, &item.sim, &outline)
+                && !avoid
+            {
                 expectations[which].extend(expected::hit(errors, sim, &item.truth, outline));
             }
         }

@@ -8,6 +8,7 @@ mod edges;
 mod errors;
 mod flights;
 mod gltf;
+mod ground;
 mod harness;
 mod json;
 mod log;

@@ -61,18 +61,18 @@ fn ctrl_c_ends_it_and_frees_the_port() {
 }
 
 /// A browser without a window, steered over its debugging protocol.
-struct Browser {
+pub(crate) struct Browser {
     child: Child,
     socket: WebSocket<MaybeTlsStream<TcpStream>>,
     session: Option<String>,
     calls: u64,
     /// What the page's script and the browser complained about.
-    complaints: Vec<Value>,
+    pub(crate) complaints: Vec<Value>,
 }
 
 impl Browser {
     /// None where there is none.
-    fn start(lab: &Lab) -> Option<Self> {
+    pub(crate) fn start(lab: &Lab) -> Option<Self> {
         let child = ["chromium", "chromium-browser", "google-chrome"].into_iter().find_map(|program| {
             let profile = format!("--user-data-dir={}", lab.path("profile").display());
             // Without a sandbox, for tests run as root in containers; it opens no page but ours.
@@ -90,7 +90,7 @@ impl Browser {
         Some(Self { child, socket, session: None, calls: 0, complaints: Vec::new() })
     }
 
-    fn open(&mut self, url: &str) {
+    pub(crate) fn open(&mut self, url: &str) {
         let target = self.call("Target.createTarget", json!({"url": "about:blank"}))["targetId"].clone();
         let attached = self.call("Target.attachToTarget", json!({"targetId": target, "flatten": true}));
         self.session = Some(attached["sessionId"].as_str().unwrap().to_owned());
@@ -122,11 +122,11 @@ impl Browser {
         }
     }
 
-    fn evaluate(&mut self, expression: &str) -> Value {
+    pub(crate) fn evaluate(&mut self, expression: &str) -> Value {
         self.call("Runtime.evaluate", json!({"expression": expression, "returnByValue": true}))["result"]["value"].take()
     }
 
-    fn until(&mut self, expression: &str) {
+    pub(crate) fn until(&mut self, expression: &str) {
         let begun = Instant::now();
         while self.evaluate(expression) != true {
             assert!(begun.elapsed() < Duration::from_secs(120), "never: {expression}; {:?}", self.complaints);

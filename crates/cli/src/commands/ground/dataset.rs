@@ -60,7 +60,7 @@ pub(super) fn grade(
     };
     sentences.iter().for_each(|sentence| printer.say(sentence));
     let ended = ask(&plan, &mut folder, &mut rows, printer)?;
-    let grades = grades(&source.items, &answerers, &rows)
+    let grades = grades(&source.items, &answerers, &rows, args.avoid)
         .map_err(|error| CliError::usage("the answers cannot be graded").because(&error).hint("the dataset is not whole"))?;
     let report = report(&source.items, &answerers, &grades);
     let complete = ended == Ended::Complete;

@@ -6,8 +6,8 @@ mod faults;
 mod keys;
 mod oracle;
 mod sdk;
-mod server;
-mod vendors;
+pub(crate) mod server;
+pub(crate) mod vendors;
 
 use serde_json::Value;
 
@@ -16,11 +16,12 @@ use server::Server;
 use vendors::Vendor;
 
 /// What a model says that sees its target ahead.
-const AHEAD: &str = r#"{"status":"navigating","look":null,"stage":1,"point":[480,500],"depth":6,"target":"the crane"}"#;
+pub(crate) const AHEAD: &str =
+    r#"{"status":"navigating","look":null,"stage":1,"point":[480,500],"depth":6,"target":"the crane"}"#;
 /// What it says there.
 const DONE: &str = r#"{"status":"done","look":null,"stage":1,"point":null,"depth":null,"target":"the crane"}"#;
 
-const KEY: &str = "sk-test-0123456789abcdefghijklmnop";
+pub(crate) const KEY: &str = "sk-test-0123456789abcdefghijklmnop";
 
 /// A flight of the binary with a vendor's model at a server; exit code and the summary printed.
 fn fly(lab: &Lab, server: &Server, vendor: Vendor, name: &str, args: &[&str]) -> (i32, Value) {
