@@ -236,11 +236,14 @@ fn start_codes(mut data: &[u8], length_size: usize) -> Vec<u8> {
     units
 }
 
+/// A picture's size, its quality, and its bytes.
+type Encoded = ((u32, u32), u8, Arc<[u8]>);
+
 /// A picture as a VLM is shown it; encoded once for a size.
 #[derive(Clone, Debug)]
 pub struct Photograph {
     picture: Arc<Rgb>,
-    encoded: Option<((u32, u32), u8, Arc<[u8]>)>,
+    encoded: Option<Encoded>,
 }
 
 impl Photograph {
