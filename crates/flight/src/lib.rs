@@ -4,11 +4,13 @@
 //! decides; an [`Observer`](run::Observer) watches. So one code path flies a real craft and ten thousand simulated trials.
 
 pub mod dataset;
+pub mod endpoint;
 mod film;
 pub mod ledger;
 pub mod log;
 mod outline;
 pub mod picture;
+pub mod pose;
 pub mod reask;
 pub mod recorder;
 pub mod replay;

@@ -269,3 +269,54 @@ impl Picture for Photograph {
         Ok(bytes)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use spf_core::time::Time;
+    use spf_media::h264::{Encoder, EncoderSettings};
+
+    #[test]
+    fn a_bare_stream_is_cut_into_pictures() {
+        let mut encoder = Encoder::new(EncoderSettings::for_size(64, 48, 10.0)).unwrap();
+        let mut stream = Vec::new();
+        for n in 0..6_u8 {
+            stream.extend(
+                encoder.encode(Time::from_millis(100 * u64::from(n)), &Rgb::filled(64, 48, [40 * n; 3])).unwrap().annex_b,
+            );
+        }
+        let all = frames(&stream, 0.0, 100).unwrap();
+        assert_eq!(all.len(), 6);
+        for (n, frame) in (0_u8..).zip(&all) {
+            assert!(
+                frame.picture.pixel(20, 20).unwrap()[0].abs_diff(40 * n) < 6 && (frame.at - f64::from(n) / 30.0).abs() < 1e-9
+            );
+        }
+        // Every tenth of a second, at thirty a second.
+        assert_eq!(frames(&stream, 0.1, 100).unwrap().len(), 2);
+        assert_eq!(frames(&stream, 0.0, 2).unwrap().len(), 2);
+    }
+
+    #[test]
+    fn units_behind_lengths() {
+        assert_eq!(start_codes(&[0, 0, 0, 2, 7, 8, 0, 0, 0, 1, 9], 4), [0, 0, 0, 1, 7, 8, 0, 0, 0, 1, 9]);
+        // The second is cut short.
+        assert_eq!(start_codes(&[1, 7, 3, 8], 1), [0, 0, 0, 1, 7]);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn anything_is_read_or_refused(mut bytes in prop::collection::vec(any::<u8>(), 0..400), head in 0..4) {
+            match head {
+                0 => bytes.splice(0..0, *b"\0\0\0\x10ftypisom\0\0\0\0\0\0\0\x40moov").for_each(drop),
+                1 => bytes.splice(0..0, [0, 0, 0, 1, 0x67]).for_each(drop),
+                2 => bytes.splice(0..0, *b"\x89PNG\r\n\x1a\n").for_each(drop),
+                _ => {}
+            }
+            drop(decode(&bytes));
+            drop(frames(&bytes, 0.0, 3));
+        }
+    }
+}

@@ -5,6 +5,7 @@
 
 mod ground;
 mod log;
+mod serve;
 mod sim;
 
 use std::path::PathBuf;
@@ -13,6 +14,7 @@ use clap::{Args, Parser, Subcommand};
 
 pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
+pub(crate) use serve::Serve;
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, View};
 
 /// See, Point, Fly: tell a drone in plain words where to go.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::ConditionArgs;
+use super::serve::Serve;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Sim {
@@ -16,6 +17,8 @@ pub(crate) enum Sim {
     View(View),
     /// Make labelled pointing data: pictures, instructions, what they mean
     Dataset(Box<Dataset>),
+    /// Serve an endpoint that programs ask as a VLM, with the oracle for a mind
+    Serve(Box<Serve>),
 }
 
 /// Draws what the simulated camera sees.

@@ -15,6 +15,7 @@ mod log;
 mod operator;
 mod python;
 mod scenes;
+mod serve;
 mod video;
 mod view;
 mod vlm;

@@ -92,3 +92,27 @@ fn item(folder: &Path, number: usize, row: Row) -> Result<Item, String> {
     let key = row.id.unwrap_or_else(|| format!("{:06}", number));
     Ok(Item { key, instruction: row.instruction, picture, truth, sim: None })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_row_that_contradicts_itself_is_refused() {
+        let folder = std::env::temp_dir();
+        let refused = |row: &str| items(&folder, Path::new("rows.jsonl"), row).unwrap_err().to_string();
+        assert!(refused(r#"{"picture": "no-such.jpg", "instruction": "go"}"#).contains("row 1: there is no file `no-such.jpg`"));
+        assert!(refused("\n{\"pictur\": 3}").contains("row 2: unknown field `pictur`"));
+    }
+
+    proptest! {
+        #[test]
+        fn any_row_is_read_or_refused(text in "[{}\\[\\]\":,a-z0-9. \n-]{0,200}", name in ".{0,20}") {
+            let row = serde_json::json!({"picture": name, "instruction": "", "points": [[1e300, -1.0]], "box": [0, 0, 0, 0]}).to_string();
+            for rows in [text, row] {
+                drop(items(Path::new("/nonexistent"), Path::new("rows.jsonl"), &rows));
+            }
+        }
+    }
+}

@@ -4,6 +4,7 @@ mod contact_sheet;
 mod dataset;
 mod render;
 mod scenes;
+mod serve;
 mod view;
 
 use std::io::ErrorKind;
@@ -30,6 +31,7 @@ pub(crate) fn sim(command: &Sim, printer: &mut Printer) -> Result<Exit, CliError
         Sim::Render(args) => render::render(args, printer),
         Sim::Scenes(args) => scenes::scenes(args, printer),
         Sim::View(args) => view::view(args, printer),
+        Sim::Serve(args) => serve::serve(args, printer),
         Sim::Dataset(args) => dataset::dataset(args, printer),
     }
 }

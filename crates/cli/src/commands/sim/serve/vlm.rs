@@ -1,0 +1,67 @@
+//! The endpoint for programs that ask a VLM.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use spf_flight::endpoint::{AnswerForm, Camera, Endpoint, Instruction, Memory, Mind, Serving};
+use spf_flight::sim::{Circumstances, OracleVlm, SimWorld};
+
+use crate::args::Serve;
+use crate::commands::sim::{above_start, conditions, parse_effects, parse_kind};
+use crate::commands::vlm::oracle_named;
+use crate::commands::{load_stage, parse_pose};
+use crate::error::CliError;
+use crate::printer::Printer;
+
+/// Starts it; it answers until what is returned is dropped.
+pub(super) fn start(args: &Serve, oracle: &str, printer: &Printer) -> Result<Serving, CliError> {
+    let wrong = |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: `{value}` is not {expected}"));
+    let (name, errors) = oracle_named(oracle, |expected, near| {
+        let near = near.unwrap_or("oracle:poor");
+        wrong("--vlm", oracle, expected).hint(format!("for example --vlm={near}"))
+    })?;
+    let address: SocketAddr = args
+        .vlm_listen
+        .parse()
+        .map_err(|_| wrong("--vlm-listen", &args.vlm_listen, "an address and a port").hint("--vlm-listen 127.0.0.1:8080"))?;
+    let form = match args.answer.as_str() {
+        "spf" => AnswerForm::Spf,
+        "gemini-point" => AnswerForm::GeminiPoint,
+        other => return Err(wrong("--answer", other, "spf or gemini-point").hint("spf is the reply contract of docs/reply.md")),
+    };
+    let instruction = match args.instruction.trim() {
+        "from-prompt" => Instruction::FromPrompt,
+        "" => return Err(CliError::usage("--instruction is empty").hint("--instruction \"fly to the red crane\"")),
+        text => Instruction::Text(text.to_owned()),
+    };
+    let pose = args.start.as_deref().map(|text| parse_pose(text).map_err(|expected| wrong("--start", text, &expected)));
+    let pose = pose.transpose()?;
+    let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
+    let effects = args.camera_effects.as_deref().map(parse_effects).transpose()?.unwrap_or_default();
+    let conditions = conditions(&args.conditions)?;
+    // The port first: an endpoint that cannot be had is not worth loading a scene for.
+    let endpoint = Endpoint::bind(address).map_err(|error| {
+        CliError::usage("the endpoint cannot be served")
+            .because(&error)
+            .hint("--vlm-listen 127.0.0.1:0 takes a port that is free")
+    })?;
+    let stage = Arc::new(load_stage(&args.scene, &conditions)?);
+    let kind = kind.unwrap_or(stage.scene.default_craft);
+    let start = pose.unwrap_or_else(|| above_start(stage.scene.start, kind));
+    let (scene, circumstances) = (stage.scene.name.clone(), Circumstances { effects, ..Circumstances::default() });
+    let world = SimWorld::under(&circumstances, stage, kind, start, args.seed);
+    let memory = Arc::new(Memory::default());
+    let mind = Mind::new(OracleVlm::new(name.clone(), world.clone(), errors, args.seed), memory.clone(), instruction, form);
+    let camera = Arc::new(Camera::new(world, args.seed, start, memory));
+    let address = endpoint.address();
+    let serving = endpoint.serve(camera, mind).map_err(|error| CliError::internal("no endpoint").because(&error))?;
+    printer.result(&format!("http://{address}"));
+    printer.say(&format!(
+        "{name} answers as OpenAI (http://{address}/v1), Gemini and Anthropic (http://{address}) about pictures of {scene} \
+         (http://{address}/frame.jpg); it is no VLM. Ctrl-C ends.",
+    ));
+    if !address.ip().is_loopback() {
+        printer.say("warning: whoever can reach this address can ask, move the camera, and use this machine's time for it");
+    }
+    Ok(serving)
+}

@@ -1,0 +1,197 @@
+//! What vendors' clients send, and what they are answered, as far as a question about a picture goes.
+
+mod anthropic;
+mod chat;
+mod gemini;
+mod responses;
+
+use base64::Engine as _;
+use base64::alphabet;
+use base64::engine::DecodePaddingMode;
+use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
+use serde_json::Value;
+
+/// Letters of a piece of a streamed answer.
+const PIECE: usize = 12;
+/// Characters to a token, and tokens of a picture: nobody counts them here, and clients want numbers.
+const CHARACTERS_A_TOKEN: usize = 4;
+const PICTURE_TOKENS: usize = 1000;
+
+/// A vendor's form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wire {
+    Chat,
+    Responses,
+    Gemini,
+    Anthropic,
+}
+
+/// A question as it was sent.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Question {
+    /// The model that was asked for; it is told back.
+    pub(super) model: String,
+    /// All text.
+    pub(super) prompt: String,
+    /// The last picture.
+    pub(super) picture: Option<Vec<u8>>,
+    /// Whether the answer is to be streamed.
+    pub(super) stream: bool,
+}
+
+/// What is told about an answer besides its text.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Answered<'a> {
+    pub(super) model: &'a str,
+    pub(super) text: &'a str,
+    pub(super) tokens_in: usize,
+    pub(super) tokens_out: usize,
+    /// The number of the question, for ids.
+    pub(super) number: u64,
+}
+
+impl Wire {
+    /// Reads a question.
+    pub(super) fn question(self, body: &Value) -> Question {
+        let mut question = Question {
+            model: body["model"].as_str().unwrap_or_default().to_owned(),
+            stream: body["stream"].as_bool().unwrap_or(false),
+            ..Question::default()
+        };
+        match self {
+            Self::Chat => chat::read(body, &mut question),
+            Self::Responses => responses::read(body, &mut question),
+            Self::Gemini => gemini::read(body, &mut question),
+            Self::Anthropic => anthropic::read(body, &mut question),
+        }
+        question
+    }
+
+    /// A whole answer.
+    pub(super) fn whole(self, answered: &Answered<'_>) -> Value {
+        match self {
+            Self::Chat => chat::whole(answered),
+            Self::Responses => responses::whole(answered),
+            Self::Gemini => gemini::whole(answered),
+            Self::Anthropic => anthropic::whole(answered),
+        }
+    }
+
+    /// The same as a stream of server-sent events.
+    pub(super) fn stream(self, answered: &Answered<'_>) -> String {
+        let events = match self {
+            Self::Chat => chat::events(answered),
+            Self::Responses => responses::events(answered),
+            Self::Gemini => gemini::events(answered),
+            Self::Anthropic => anthropic::events(answered),
+        };
+        let told = |event: &Value| match event["type"].as_str() {
+            Some(kind) => format!("event: {kind}\ndata: {event}\n\n"),
+            None => format!("data: {event}\n\n"),
+        };
+        let mut stream: String = events.iter().map(told).collect();
+        if self == Self::Chat {
+            stream += "data: [DONE]\n\n";
+        }
+        stream
+    }
+
+    /// An error as the vendor would word it.
+    pub(super) fn error(self, status: u16, message: &str) -> Value {
+        match self {
+            Self::Chat | Self::Responses => chat::error(message),
+            Self::Gemini => gemini::error(status, message),
+            Self::Anthropic => anthropic::error(message),
+        }
+    }
+}
+
+impl Question {
+    fn say(&mut self, text: Option<&str>) {
+        let Some(text) = text else { return };
+        if !self.prompt.is_empty() {
+            self.prompt.push('\n');
+        }
+        self.prompt += text;
+    }
+
+    fn show(&mut self, data: Option<&str>) {
+        let Some(data) = data else { return };
+        let base64 = data.split_once("base64,").map_or(data, |(_, behind)| behind);
+        self.picture = decode(base64);
+    }
+}
+
+impl<'a> Answered<'a> {
+    pub(super) fn new(question: &'a Question, text: &'a str, number: u64) -> Self {
+        Self {
+            model: &question.model,
+            text,
+            tokens_in: question.prompt.len() / CHARACTERS_A_TOKEN + PICTURE_TOKENS,
+            tokens_out: text.len() / CHARACTERS_A_TOKEN + 1,
+            number,
+        }
+    }
+
+    fn pieces(&self) -> Vec<String> {
+        let letters: Vec<char> = self.text.chars().collect();
+        letters.chunks(PIECE).map(|piece| piece.iter().collect()).collect()
+    }
+}
+
+/// Both alphabets, with padding or without: the SDKs use either.
+fn decode(text: &str) -> Option<Vec<u8>> {
+    let config = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
+    let alphabet = if text.contains(['-', '_']) { alphabet::URL_SAFE } else { alphabet::STANDARD };
+    GeneralPurpose::new(&alphabet, config).decode(text.trim()).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use serde_json::json;
+
+    #[test]
+    fn each_vendors_question_is_read() {
+        let url = "data:image/jpeg;base64,AAEC";
+        let questions = [
+            (
+                Wire::Chat,
+                json!({"model": "m", "stream": true, "messages": [{"role": "system", "content": "a"},
+                {"role": "user", "content": [{"type": "image_url", "image_url": {"url": url}}, {"type": "text", "text": "b"}]}]}),
+            ),
+            (
+                Wire::Responses,
+                json!({"model": "m", "stream": true, "instructions": "a", "input": [{"role": "user", "content":
+                [{"type": "input_image", "image_url": url}, {"type": "input_text", "text": "b"}]}]}),
+            ),
+            (
+                Wire::Anthropic,
+                json!({"model": "m", "stream": true, "system": "a", "messages": [{"role": "user", "content":
+                [{"type": "image", "source": {"type": "base64", "data": "AAEC"}}, {"type": "text", "text": "b"}]}]}),
+            ),
+            (
+                Wire::Gemini,
+                json!({"model": "m", "stream": true, "systemInstruction": {"parts": [{"text": "a"}]},
+                "contents": [{"parts": [{"inline_data": {"mime_type": "image/jpeg", "data": "AAEC"}}, {"text": "b"}]}]}),
+            ),
+        ];
+        for (wire, body) in questions {
+            let expected = Question { model: "m".into(), prompt: "a\nb".into(), picture: Some(vec![0, 1, 2]), stream: true };
+            assert_eq!(wire.question(&body), expected, "{wire:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn anything_is_read_without_panic(text in "[\\[\\]{}:\",a-z0-9_ ]{0,200}", key in "contents|messages|input", data in ".{0,40}") {
+            let wires = [Wire::Chat, Wire::Responses, Wire::Gemini, Wire::Anthropic];
+            let odd = json!({key: [{"parts": [{"inlineData": {"data": data.clone()}}], "content": [{"text": data.clone(), "source": 3}, 7]}, text.clone()]});
+            for body in [odd, serde_json::from_str(&text).unwrap_or_default()] {
+                wires.iter().for_each(|wire| drop(wire.question(&body)));
+            }
+            drop(decode(&data));
+        }
+    }
+}
