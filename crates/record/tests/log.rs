@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use proptest::prelude::*;
 use schemars::JsonSchema;
 use spf_core::time::Time;
-use spf_record::log::{Entry, Log, LogError, LogReader, Message, ReadError, Topic, foxglove, repair, rewrite};
+use spf_record::log::{Entry, Log, LogError, LogReader, Message, ReadError, RepairError, Topic, foxglove, repair, rewrite};
 
 #[derive(JsonSchema)]
 #[allow(dead_code, reason = "only its schema is used")]
@@ -128,6 +128,19 @@ fn sample() -> Vec<u8> {
 
 fn entries_of(bytes: &[u8]) -> Vec<Entry> {
     LogReader::new(bytes).map(Result::unwrap).collect()
+}
+
+/// A repair puts another file in the log's place; what the flight writes on would be lost.
+#[cfg(unix)]
+#[test]
+fn a_log_that_is_being_written_is_not_repaired() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight.mcap");
+    let log = Log::create(&path, &topics(), true).unwrap();
+    assert!(matches!(repair(&path), Err(RepairError::Busy { .. })));
+    assert!(log.sender().send(row(1)));
+    log.finish().unwrap();
+    assert!(repair(&path).unwrap().trouble.is_none());
 }
 
 #[test]

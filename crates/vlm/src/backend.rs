@@ -1,6 +1,6 @@
 //! One model at one vendor: questions in its own form, asked again when that may help, within their time.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use spf_core::time::Duration;
 use crate::account::{Account, Parts, Tokens};
 use crate::client::{Endpoint, Enough, Exchange};
 use crate::day::today;
-use crate::error::VlmError;
+use crate::error::{VlmError, brief};
 use crate::table::Model;
 use crate::wire::Question;
 
@@ -49,6 +49,19 @@ pub(crate) struct Written {
     enough: Option<GroundingProfile>,
     encoded: Option<f64>,
     began: Instant,
+}
+
+impl Written {
+    /// Tokens that the question itself is taken for, where nobody counted them.
+    pub(crate) fn guessed(&self) -> Tokens {
+        let input = GUESSED_PICTURE + self.prompt_length as u64 / CHARACTERS_A_TOKEN;
+        Tokens { input, estimated: true, ..Tokens::default() }
+    }
+
+    /// Bytes of the request's body.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.body.len() as u64
+    }
 }
 
 /// What became of it.
@@ -92,6 +105,7 @@ impl Backend {
         written: Written,
         deadline: Instant,
         retry: bool,
+        sent: Arc<AtomicU32>,
     ) -> Outcome {
         let mut account = Account::default();
         let mut jitter = Draw::new(u64::from(std::process::id()), "pause", &[written.body.len() as u64]);
@@ -109,6 +123,7 @@ impl Backend {
                 tokio::time::sleep_until(until.into()).await;
             }
             let mut exchange = Exchange::default();
+            sent.fetch_add(1, Ordering::Relaxed);
             let text = self.once(&client, &written, deadline, &mut exchange).await;
             self.count(&mut account, &exchange, &written);
             if let Some(served) = exchange.gathered.served.take() {
@@ -144,16 +159,16 @@ impl Backend {
         let run = exchange.run(client, &self.endpoint, &written.path, written.body.clone(), enough, written.began);
         let text = match tokio::time::timeout_at(deadline.into(), run).await {
             Ok(text) => text,
-            Err(_) => Err(VlmError::Deadline {
-                host: self.endpoint.host.clone(),
-                waited: written.began.elapsed(),
-                stage: exchange.stage(),
-            }),
+            Err(_) => {
+                exchange.given_up = true;
+                let stage = exchange.stage();
+                Err(VlmError::Deadline { host: self.endpoint.host.clone(), waited: written.began.elapsed(), stage })
+            }
         };
         // All words from outside pass here, whole: a key could come in two pieces.
         let scrub = |words: String| self.endpoint.scrub(words);
         exchange.gathered.served = exchange.gathered.served.take().map(scrub);
-        text.map(scrub).map_err(|error| error.reworded(scrub))
+        text.map(scrub).map_err(|error| error.reworded(|words| brief(scrub(words))))
     }
 
     /// Warns, once, when another model than the one that was asked answers. Servers of one's own call theirs what they like.
@@ -179,30 +194,30 @@ impl Backend {
         }
     }
 
+    fn cost(&self, tokens: &Tokens) -> Option<f64> {
+        self.model.price_on(&today()).map(|price| price.of(tokens))
+    }
+
+    /// What requests take that are dropped before anything is known of them: the last of them is charged for what it asks.
+    pub(crate) fn dropped(&self, requests: u32, bytes_sent: u64, guessed: Tokens) -> Account {
+        let (tokens, bytes_sent) = if requests > 0 { (guessed, bytes_sent) } else { (Tokens::default(), 0) };
+        Account { requests, bytes_sent, parts: Parts::default(), tokens, cost_usd: self.cost(&tokens) }
+    }
+
     /// Adds a request to the account of its question.
     fn count(&self, account: &mut Account, exchange: &Exchange, written: &Written) {
         let mut tokens = exchange.gathered.tokens.unwrap_or_default();
         let text = &exchange.gathered.text;
-        if tokens.is_empty() && exchange.parts.head_s.is_some() && !text.is_empty() {
-            tokens = Tokens {
-                input: GUESSED_PICTURE + written.prompt_length as u64 / CHARACTERS_A_TOKEN,
-                output: (text.len() as u64).div_ceil(CHARACTERS_A_TOKEN),
-                estimated: true,
-                ..Tokens::default()
-            };
+        // A vendor charges for a question that it read, whether or not somebody waits for its answer.
+        if tokens.is_empty() && (exchange.given_up || !text.is_empty()) {
+            tokens = Tokens { output: (text.len() as u64).div_ceil(CHARACTERS_A_TOKEN), ..written.guessed() };
         } else if exchange.cut {
             // What a stream tells before its end may leave out the last tokens.
             tokens.output = tokens.output.max((text.len() as u64).div_ceil(CHARACTERS_A_TOKEN));
             tokens.estimated = true;
         }
-        let price = self.model.price_on(&today());
-        account.add(&Account {
-            requests: 1,
-            bytes_sent: written.body.len() as u64,
-            parts: Parts::default(),
-            tokens,
-            cost_usd: price.map(|price| price.of(&tokens)),
-        });
+        let bytes_sent = written.bytes();
+        account.add(&Account { requests: 1, bytes_sent, parts: Parts::default(), tokens, cost_usd: self.cost(&tokens) });
         account.parts = Parts { encoded_s: written.encoded, ..exchange.parts };
     }
 }

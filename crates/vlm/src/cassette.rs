@@ -1,6 +1,6 @@
 //! Recordings of answers, and a stand-in that gives them again: the same flight, bit for bit, without a model.
 //!
-//! A recording is JSON lines: a head, then one line a question. It holds no key, no address and no picture.
+//! A recording is JSON lines: a head, then one line a question. It holds no key and no picture; a server that was named by its address is named so here.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -59,6 +59,15 @@ pub enum CassetteError {
     /// The file.
     #[error("the recording cannot be opened")]
     File(#[from] std::io::Error),
+    /// The file, when it is to be made.
+    #[error("the recording `{path}` cannot be made; what is there is not written over")]
+    Create {
+        /// Where.
+        path: std::path::PathBuf,
+        /// What the system said.
+        #[source]
+        source: std::io::Error,
+    },
     /// A line.
     #[error("line {line} of the recording cannot be read: {reason}")]
     Line {
@@ -79,9 +88,10 @@ impl Recording {
     /// Records the answers of `vlm`, about the pictures of a camera of this size, in a new file.
     ///
     /// # Errors
-    /// [`CassetteError::File`] when it cannot be made; a file that is there is not written over.
+    /// [`CassetteError::Create`] when it cannot be made; a file that is there is not written over.
     pub fn new(vlm: Box<dyn Vlm>, path: &Path, camera: (u32, u32)) -> Result<Self, CassetteError> {
-        let mut file = BufWriter::new(File::create_new(path)?);
+        let made = File::create_new(path).map_err(|source| CassetteError::Create { path: path.to_owned(), source })?;
+        let mut file = BufWriter::new(made);
         write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), eyesight: vlm.eyesight(camera) })?;
         Ok(Self { vlm, file: Some(file) })
     }

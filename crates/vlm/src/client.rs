@@ -52,6 +52,8 @@ pub(crate) struct Exchange {
     pub(crate) received: usize,
     /// The stream was ended by us, before it told its tokens.
     pub(crate) cut: bool,
+    /// Its time was up.
+    pub(crate) given_up: bool,
 }
 
 /// When an answer is complete before its end.

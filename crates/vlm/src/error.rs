@@ -1,5 +1,6 @@
 //! Why there is no answer, each by name.
 
+use spf_core::reply::MAX_TEXT;
 use spf_core::time::Duration;
 
 /// Longest piece of a vendor's words that is kept, characters.
@@ -225,12 +226,20 @@ impl VlmError {
     }
 }
 
-/// A vendor's words on one line and not too long.
+/// A vendor's words on one line. They stay long until the key is masked in them: half a key is no longer found.
 pub(crate) fn quote(words: &str) -> String {
     let line: Vec<&str> =
         words.split(|letter: char| letter.is_whitespace() || letter.is_control()).filter(|w| !w.is_empty()).collect();
-    let line = line.join(" ");
-    match line.char_indices().nth(LONGEST_QUOTE) {
+    shortened(line.join(" "), MAX_TEXT)
+}
+
+/// A vendor's words in which nothing secret stands any more, not too long.
+pub(crate) fn brief(words: String) -> String {
+    shortened(words, LONGEST_QUOTE)
+}
+
+fn shortened(line: String, characters: usize) -> String {
+    match line.char_indices().nth(characters) {
         Some((at, _)) => format!("{}…", &line[..at]),
         None => line,
     }

@@ -1,6 +1,7 @@
 //! A vision-language model behind the [`Vlm`] interface: one vendor, or two of which one steps in for the other.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Instant;
 
@@ -11,7 +12,7 @@ use spf_core::reply::parse_reply;
 use spf_core::time::Duration;
 use tokio::task::AbortHandle;
 
-use crate::account::Account;
+use crate::account::{Account, Tokens};
 use crate::asked::Asked;
 use crate::backend::{Backend, Outcome};
 use crate::error::VlmError;
@@ -51,10 +52,21 @@ pub struct Remote {
     prompt: Arc<PromptText>,
 }
 
-/// A request that is out.
+/// A request that is out, or the watch over the question itself.
 struct Out {
     number: usize,
     work: AbortHandle,
+    /// None of the watch.
+    charge: Option<Charge>,
+}
+
+/// What is known of a question that was put to a backend, for the case that it is dropped.
+struct Charge {
+    backend: Arc<Backend>,
+    /// Requests sent for it so far.
+    sent: Arc<AtomicU32>,
+    bytes: u64,
+    guessed: Tokens,
 }
 
 /// What a request came to.
@@ -82,6 +94,8 @@ struct Asking<'a> {
     camera: (u32, u32),
     /// What requests came to; none when the question was taken back.
     results: (Sender<Option<Came>>, Receiver<Option<Came>>),
+    /// When a second is asked although the first has not failed.
+    hedge: Option<Duration>,
     sent: usize,
     out: Vec<Out>,
     account: Account,
@@ -153,11 +167,14 @@ impl Vlm for Remote {
             deadline: began + asked.time_left.min(Duration::from_secs(86_400)) + GRACE,
             camera: picture.size(),
             results: channel(),
+            // Somebody who is there to step in must have the time to.
+            hedge: self.strategy.hedge.or((self.backends.len() > 1).then_some(asked.time_left / 2)),
             sent: 0,
             out: Vec::new(),
             account: Account::default(),
         };
         let (text, model) = asking.first_good(picture);
+        asking.drop_out();
         Answer { text, latency: began.elapsed(), model, account: asking.account.clone() }
     }
 }
@@ -175,7 +192,7 @@ impl Asking<'_> {
         // The second that may be asked: the fallback, or with a hedge alone the same one again.
         let mut second = (remote.backends.len() > 1 || remote.strategy.hedge.is_some()).then(|| remote.backends.len() - 1);
         loop {
-            let hedge_at = remote.strategy.hedge.filter(|_| second.is_some()).map(|hedge| self.began + hedge);
+            let hedge_at = self.hedge.filter(|_| second.is_some()).map(|hedge| self.began + hedge);
             let until = hedge_at.unwrap_or(self.deadline + GRACE).min(self.deadline + GRACE);
             match self.results.1.recv_timeout(until.saturating_duration_since(Instant::now())) {
                 Ok(None) => return (Err(VlmError::Cancelled), named),
@@ -232,7 +249,9 @@ impl Asking<'_> {
         let written = backend.write(&question, grounding, self.began)?;
         // Where somebody else can be asked, that is quicker than asking the same again.
         let retry = index + 1 == remote.backends.len();
-        let work = backend.ask(remote.transport.client(), written, self.deadline, retry);
+        let sent = Arc::new(AtomicU32::new(0));
+        let charge = Charge { backend: backend.clone(), sent: sent.clone(), bytes: written.bytes(), guessed: written.guessed() };
+        let work = backend.ask(remote.transport.client(), written, self.deadline, retry, sent);
         let (results, number) = (self.results.0.clone(), self.sent);
         self.sent += 1;
         let work = remote.transport.spawn(async move {
@@ -240,7 +259,7 @@ impl Asking<'_> {
             // An error is nobody waiting any more.
             drop(results.send(Some(Came { number, index, outcome })));
         });
-        self.out.push(Out { number, work });
+        self.out.push(Out { number, work, charge: Some(charge) });
         Ok(())
     }
 
@@ -250,7 +269,16 @@ impl Asking<'_> {
             cancel.cancelled().await;
             drop(results.send(None));
         });
-        self.out.push(Out { number: usize::MAX, work });
+        self.out.push(Out { number: usize::MAX, work, charge: None });
+    }
+
+    /// Drops what is still out. It was sent, and counts.
+    fn drop_out(&mut self) {
+        for out in core::mem::take(&mut self.out) {
+            if let Some(Charge { backend, sent, bytes, guessed }) = &out.charge {
+                self.account.add(&backend.dropped(sent.load(Ordering::Relaxed), *bytes, *guessed));
+            }
+        }
     }
 
     fn settle(&mut self, outcome: &Outcome) {

@@ -46,6 +46,9 @@ pub enum SetupError {
     /// No address.
     #[error("`{0}` is no address of a server")]
     Url(String),
+    /// A name, a password, or a query in an address, which is no secret.
+    #[error("an address is written down in records, and so it may hold neither a name and password nor anything behind a `?`")]
+    SecretInUrl,
     /// A header of the table.
     #[error("the header `{0}` of the table of models cannot be sent")]
     Header(String),
@@ -106,6 +109,9 @@ fn endpoint(choice: &Choice, variables: Variables<'_>) -> Result<Endpoint, Setup
     let base = base.trim().trim_end_matches('/').to_owned();
     let url = Url::parse(&base).ok().filter(|url| matches!(url.scheme(), "http" | "https") && url.host_str().is_some());
     let Some(url) = url else { return Err(SetupError::Url(base)) };
+    if !url.username().is_empty() || url.password().is_some() || url.query().is_some() {
+        return Err(SetupError::SecretInUrl);
+    }
     let host = url.host_str().unwrap_or_default().to_owned() + &url.port().map_or(String::new(), |port| format!(":{port}"));
     let key = key(&vendor.keys, variables);
     if key.is_none() && vendor.key_needed {

@@ -1,6 +1,6 @@
 //! A log that was torn becomes a whole one again.
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -24,6 +24,12 @@ pub enum RepairError {
         /// Why.
         #[source]
         source: ReadError,
+    },
+    /// A flight writes it.
+    #[error("`{path}` is still being written: it is repaired when its flight is over")]
+    Busy {
+        /// The file.
+        path: PathBuf,
     },
     /// The repaired log cannot be written.
     #[error("cannot write the repaired log `{path}`")]
@@ -55,6 +61,9 @@ pub struct Repaired {
 pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
     let nothing = |source| RepairError::Nothing { path: path.to_owned(), source };
     let source = File::open(path).map_err(|error| nothing(ReadError::Read(error)))?;
+    if being_written(&source) {
+        return Err(RepairError::Busy { path: path.to_owned() });
+    }
     let beside = path.with_extension("mcap.part");
     let failed = |source| RepairError::Write { path: beside.clone(), source };
     let part = File::create(&beside).map_err(failed)?;
@@ -72,6 +81,11 @@ pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
     // The part is of no use; that it cannot be taken away adds nothing.
     std::fs::remove_file(&beside).ok();
     outcome
+}
+
+/// Whether somebody holds a log open for writing. Where files cannot be locked, nobody is known to.
+fn being_written(file: &File) -> bool {
+    matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
 }
 
 /// Why rewriting stopped, apart from the source's own end.

@@ -78,6 +78,10 @@ impl LogWriter {
 
     fn begin(path: &Path, topics: &[Topic]) -> Result<Self, McapError> {
         let file = File::create(path)?;
+        // Told to whoever would repair it meanwhile. A file system without locks does without; Windows' locks would keep readers out.
+        if cfg!(unix) {
+            file.try_lock().ok();
+        }
         let writer = NoSeek::new(BufWriter::new(file.try_clone()?));
         let mut writer = options().create(writer)?;
         writer.write_metadata(&head(SystemTime::now()))?;

@@ -39,5 +39,7 @@ pub(crate) fn unreadable(path: &Path, error: &ReadError) -> CliError {
 /// Says that a log ends early; what came before is all there.
 pub(crate) fn warn_torn(path: &Path, printer: &Printer) {
     let path = path.display();
-    printer.say(&format!("warning: `{path}` ends in the middle of the flight; `spf log repair {path}` makes it whole"));
+    printer.say(&format!(
+        "warning: `{path}` ends in the middle of the flight; when that is over, `spf log repair {path}` makes it whole"
+    ));
 }

@@ -186,7 +186,13 @@ pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> Cl
                 }
             }
         }
+        SetupError::Select(SelectError::NoModel { .. }) if name.starts_with("http") => {
+            said.hint(format!("name it: {name}#MODEL"))
+        }
         SetupError::Select(SelectError::NoModel { vendor }) => said.hint(format!("name it: --vlm {vendor}#MODEL")),
+        SetupError::SecretInUrl => CliError::usage("the address of the VLM is refused")
+            .because(error)
+            .hint("a key belongs into the environment (docs/vlm.md)"),
         SetupError::Select(SelectError::Retired { successor, .. }) => {
             let vendor = name.split(['#', '@']).next().unwrap_or(name);
             said.hint(format!("--vlm {vendor}#{successor}"))

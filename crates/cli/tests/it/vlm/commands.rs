@@ -150,7 +150,9 @@ fn what_cannot_be_asked_is_said_before_anything_flies() {
             vec!["was retired by Google Gemini on 2026-06-01", "--vlm gemini#gemini-3.5-flash-lite"],
         ),
         (vec!["--vlm", "anthropic#claude-3-7-sonnet"], vec!["--vlm anthropic#claude-sonnet-5-5"]),
-        (vec!["--vlm", "http://localhost:1/v1"], vec!["none is named"]),
+        (vec!["--vlm", "http://localhost:1/v1"], vec!["none is named", "http://localhost:1/v1#MODEL"]),
+        (vec!["--vlm", "http://me:secret@localhost:1/v1#m"], vec!["a key belongs into the environment"]),
+        (vec!["--vlm", "vllm@http://localhost:1/v1?key=secret"], vec!["a key belongs into the environment"]),
         (vec!["--vlm", "vllm@http://"], vec!["is no address of a server"]),
         (vec!["--vlm-models", "none.toml", "--vlm", "vllm"], vec!["cannot read the models file"]),
     ] {

@@ -256,6 +256,22 @@ fn a_fallback_steps_in_in_its_own_coordinates() {
     assert!(told.contains("in pixels of this picture: x runs from 0 at the left edge to 768"), "{told}");
 }
 
+/// One that hangs leaves half of the time to the other, and both are counted.
+#[test]
+fn a_fallback_steps_in_for_one_that_hangs() {
+    let second = Server::start(|number, _| Vendor::Anthropic.stream("claude-haiku-5-5", if number == 0 { AHEAD } else { DONE }));
+    let patient = |plan: &mut FlightPlan| plan.settings.reply_timeout = Duration::from_secs(8);
+    let flight =
+        flown(Vendor::Gemini, &[(Vendor::Anthropic, &second)], Strategy::default(), patient, |_, _| hanging(vec![Piece::Hang]));
+    assert_eq!((flight.summary.outcome, flight.summary.decisions), (Outcome::Reached, 3), "{:?}", flight.summary);
+    let used = flight.summary.vlm_use.unwrap();
+    assert_eq!((flight.server.questions().len(), second.questions().len()), (3, 3));
+    assert_eq!((used.questions, used.requests, used.failed.len()), (3, 6, 0), "{used:?}");
+    // Nobody told what the three that were dropped cost: they are guessed, not left out.
+    let told = 3.0 * 1200.0;
+    assert!(used.tokens_estimated && used.tokens_in as f64 > told + 3.0 * 1000.0, "{used:?}");
+}
+
 #[test]
 fn a_hedge_takes_the_first_good_answer_and_takes_the_other_back() {
     let flight = flown(
@@ -275,4 +291,5 @@ fn a_hedge_takes_the_first_good_answer_and_takes_the_other_back() {
     assert!(flight.took < Duration::from_secs(19), "{:?}", flight.took);
     let used = summary.vlm_use.unwrap();
     assert!(used.failed.is_empty() && used.median_latency_s.unwrap() < 5.0, "{used:?}");
+    assert_eq!(used.requests as usize, flight.server.questions().len(), "{used:?}");
 }
