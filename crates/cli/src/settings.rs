@@ -30,7 +30,7 @@ pub(crate) const KEYS: &[Key] = &[
     key("fly.light", "SPF_LIGHT", "", "day, overcast, dusk or night; empty: the scene's"),
     key("fly.weather", "SPF_WEATHER", "", "clear, haze or rain; empty: the scene's"),
     key("fly.start", "SPF_START", "", "start pose east,north,up,heading_deg[,pitch_deg]; empty: the scene's"),
-    key("fly.drone", "SPF_DRONE", "sim", "the drone: sim"),
+    key("fly.drone", "SPF_DRONE", "sim", "the drone: sim, or tello[@ADDRESS]"),
     key("fly.drone_model", "SPF_DRONE_MODEL", "", "craft to simulate, quad or tello; empty: the scene's"),
     key("fly.policy", "SPF_POLICY", "spf", "how decisions are made: spf or plain"),
     key("fly.preset", "SPF_PRESET", "default", "named set of choices: default or paper"),
@@ -40,6 +40,12 @@ pub(crate) const KEYS: &[Key] = &[
     key("fly.rate_hz", "SPF_RATE_HZ", "10", "setpoints a second, 5 to 100"),
     key("fly.avoid", "SPF_AVOID", "false", "obstacle mode: true or false"),
     key("fly.vlm", "SPF_VLM", "oracle", "who points: NAME[#MODEL][@URL], auto, replay:FILE, oracle, oracle:NAME or oracle:FILE"),
+    key(
+        "fly.vlm_check",
+        "SPF_VLM_CHECK",
+        "true",
+        "with a real drone, ask the VLM about pictures of a dot before take-off: true or false",
+    ),
     key("fly.seed", "SPF_SEED", "0", "seed of all chance, a whole number"),
     key("fly.wind", "SPF_WIND", "", "wind m/s[,from=DEG][,gust=M_S][,gust_time=S], from the north unless said; empty: still air"),
     key("fly.battery", "SPF_BATTERY", "1", "battery charge at the start, 0 to 1"),
@@ -65,6 +71,19 @@ pub(crate) const KEYS: &[Key] = &[
     key("vlm.models", "SPF_VLM_MODELS", "", "TOML file with rows for the table of models; empty: none"),
     key("vlm.image_long_side", "SPF_VLM_IMAGE_LONG_SIDE", "", "longest side of pictures sent, pixels; empty: the model's, 768"),
     key("vlm.jpeg_quality", "SPF_VLM_JPEG_QUALITY", "70", "quality of pictures sent, 1 to 100"),
+    key("tello.local", "SPF_TELLO_LOCAL", "", "this machine's address towards the Tello; empty: any"),
+    key("tello.state_port", "SPF_TELLO_STATE_PORT", "8890", "UDP port that the Tello's state comes to"),
+    key("tello.video_port", "SPF_TELLO_VIDEO_PORT", "11111", "UDP port that the Tello's video comes to"),
+    key(
+        "tello.video_latency_s",
+        "SPF_TELLO_VIDEO_LATENCY_S",
+        "0.15",
+        "from the Tello's shutter to the arrival of the picture, seconds",
+    ),
+    key("tello.speed_m_s", "SPF_TELLO_SPEED_M_S", "1.0", "horizontal speed of `rc 0 100 0 0`, m/s"),
+    key("tello.climb_m_s", "SPF_TELLO_CLIMB_M_S", "1.0", "climb rate of `rc 0 0 100 0`, m/s"),
+    key("tello.sink_m_s", "SPF_TELLO_SINK_M_S", "0.8", "sink rate of `rc 0 0 -100 0`, m/s"),
+    key("tello.yaw_deg_s", "SPF_TELLO_YAW_DEG_S", "95", "yaw rate of `rc 0 0 0 100`, degrees a second"),
     key("envelope.max_speed_m_s", "SPF_MAX_SPEED_M_S", "", "horizontal speed limit, m/s; empty: the craft's"),
     key("envelope.max_climb_m_s", "SPF_MAX_CLIMB_M_S", "", "climb and sink rate limit, m/s; empty: the craft's"),
     key("envelope.max_yaw_rate_deg_s", "SPF_MAX_YAW_RATE_DEG_S", "", "yaw rate limit, degrees a second; empty: the craft's"),
@@ -203,6 +222,13 @@ impl Settings {
         debug_assert!(self.0.contains_key(name), "{name} is no key");
         if let Some(value) = value {
             self.0.insert(name, (value, Origin::Flag(flag)));
+        }
+    }
+
+    /// Puts another default in place of the table's, where nobody said anything.
+    pub(crate) fn default(&mut self, name: &'static str, value: &str) {
+        if let Some((held, Origin::Default)) = self.0.get_mut(name) {
+            value.clone_into(held);
         }
     }
 

@@ -9,7 +9,7 @@
 //! use spf_core::time::Time;
 //!
 //! let rule = Rule { stream: Stream::Frames, from: 10.0, until: Some(20.0), fault: Fault::Drop { p: 1.0 } };
-//! let machine = FaultMachine::new(FaultPlan { rules: vec![rule] }, 7)?;
+//! let machine = FaultMachine::new(FaultPlan { rules: vec![rule], ..FaultPlan::default() }, 7)?;
 //! assert_eq!(machine.pass(Time::from_millis(9_999), Stream::Frames, 3).len(), 1);
 //! assert!(machine.pass(Time::from_millis(10_000), Stream::Frames, 4).is_empty());
 //! # Ok::<(), spf_core::fault::FaultError>(())
@@ -33,6 +33,8 @@ pub enum Stream {
     Replies,
     /// Commands on their way to the craft.
     Commands,
+    /// What the craft answers to commands, on its way back.
+    Responses,
 }
 
 impl Stream {
@@ -43,6 +45,7 @@ impl Stream {
             Self::Telemetry => "fault telemetry",
             Self::Replies => "fault replies",
             Self::Commands => "fault commands",
+            Self::Responses => "fault responses",
         }
     }
 }
@@ -81,6 +84,11 @@ pub enum Fault {
     },
     /// The source is frozen: what arrives is the last content from before the rule began, capture counter included.
     Freeze,
+    /// Bits of it are flipped on the way.
+    Corrupt {
+        /// With this probability.
+        p: f64,
+    },
     /// What arrives is empty: a blank frame, telemetry that tells nothing, a reply or command of no length.
     Blank {
         /// With this probability.
@@ -104,13 +112,47 @@ pub struct Rule {
     pub fault: Fault,
 }
 
+/// Something that is wrong with the craft itself, or with the whole link to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Trouble {
+    /// Nothing passes in either direction.
+    LinkCut,
+    /// The battery is as good as empty: the craft says so, does not take off, and lands by itself.
+    BatteryEmpty,
+    /// The craft does not know its own motion: it refuses to fly to positions, and still obeys velocities.
+    ImuInvalid,
+    /// Take-off is refused.
+    TakeOffRefused,
+    /// At its beginning the craft restarts: it forgets whom it talks to, and in the air it loses its motors.
+    Reboot,
+}
+
+/// One trouble during one time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TroubleRule {
+    /// What is wrong.
+    pub fault: Trouble,
+    /// From this flight time, s, inclusive.
+    #[serde(default)]
+    pub from: f64,
+    /// Until this flight time, s, exclusive; `None`: to the end.
+    #[serde(default)]
+    pub until: Option<f64>,
+}
+
 /// All faults of a flight. Rules apply in their order, each to what the earlier ones left; delays add up.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FaultPlan {
-    /// The rules.
+    /// The rules, for messages.
     #[serde(default)]
     pub rules: Vec<Rule>,
+    /// What is wrong with the craft.
+    #[serde(default)]
+    pub craft: Vec<TroubleRule>,
 }
 
 /// A rule that makes no sense.
@@ -155,6 +197,8 @@ pub enum Content {
     Intact,
     /// The last content sent before this time, in place of its own ([`Fault::Freeze`]).
     FrozenSince(Time),
+    /// Some of its bits are flipped ([`Fault::Corrupt`]); which ones follows from this number.
+    Corrupt(u64),
     /// Nothing in it ([`Fault::Blank`]).
     Blank,
 }
@@ -190,7 +234,22 @@ impl FaultMachine {
         for (rule, r) in plan.rules.iter().enumerate() {
             check(rule, r)?;
         }
+        for (index, trouble) in plan.craft.iter().enumerate() {
+            check_times(plan.rules.len() + index, trouble.from, trouble.until)?;
+        }
         Ok(Self { plan, seed })
+    }
+
+    /// Whether the source of `stream` is frozen at `now`.
+    #[must_use]
+    pub fn freezes(&self, now: Time, stream: Stream) -> bool {
+        self.plan.rules.iter().any(|rule| rule.stream == stream && rule.fault == Fault::Freeze && rule.applies(now))
+    }
+
+    /// Whether something is wrong with the craft at `now`.
+    #[must_use]
+    pub fn troubled(&self, now: Time, fault: Trouble) -> bool {
+        self.plan.craft.iter().any(|rule| rule.fault == fault && within(now, rule.from, rule.until))
     }
 
     /// The plan.
@@ -217,7 +276,7 @@ impl FaultMachine {
 
 impl Rule {
     fn applies(&self, now: Time) -> bool {
-        now >= Time::from_secs_f64(self.from) && self.until.is_none_or(|until| now < Time::from_secs_f64(until))
+        within(now, self.from, self.until)
     }
 
     fn apply(&self, draw: &mut Draw, deliveries: &mut Vec<Delivery>) {
@@ -250,6 +309,13 @@ impl Rule {
                     }
                 }
             }
+            Fault::Corrupt { p } => {
+                for d in deliveries {
+                    if draw.chance(p) && d.content == Content::Intact {
+                        d.content = Content::Corrupt((draw.uniform() * (1_u64 << 53) as f64) as u64);
+                    }
+                }
+            }
             Fault::Blank { p } => {
                 for d in deliveries {
                     if draw.chance(p) {
@@ -261,20 +327,27 @@ impl Rule {
     }
 }
 
+fn within(now: Time, from: f64, until: Option<f64>) -> bool {
+    now >= Time::from_secs_f64(from) && until.is_none_or(|until| now < Time::from_secs_f64(until))
+}
+
+fn check_time(rule: usize, field: &'static str, value: f64) -> Result<(), FaultError> {
+    if (0.0..=MAX_TIME).contains(&value) { Ok(()) } else { Err(FaultError::Time { rule, field, value }) }
+}
+
+fn check_times(rule: usize, from: f64, until: Option<f64>) -> Result<(), FaultError> {
+    check_time(rule, "from", from)?;
+    let Some(until) = until else { return Ok(()) };
+    check_time(rule, "until", until)?;
+    if until <= from { Err(FaultError::Empty { rule, from, until }) } else { Ok(()) }
+}
+
 fn check(rule: usize, r: &Rule) -> Result<(), FaultError> {
     let probability = |p: f64| if (0.0..=1.0).contains(&p) { Ok(()) } else { Err(FaultError::Probability { rule, p }) };
-    let time = |field, value: f64| {
-        if (0.0..=MAX_TIME).contains(&value) { Ok(()) } else { Err(FaultError::Time { rule, field, value }) }
-    };
-    time("from", r.from)?;
-    if let Some(until) = r.until {
-        time("until", until)?;
-        if until <= r.from {
-            return Err(FaultError::Empty { rule, from: r.from, until });
-        }
-    }
+    let time = |field, value| check_time(rule, field, value);
+    check_times(rule, r.from, r.until)?;
     match r.fault {
-        Fault::Drop { p } | Fault::Blank { p } => probability(p),
+        Fault::Drop { p } | Fault::Corrupt { p } | Fault::Blank { p } => probability(p),
         Fault::Delay { mean, jitter } => time("mean", mean).and(time("jitter", jitter)),
         Fault::Duplicate { p, after } => probability(p).and(time("after", after)),
         Fault::Reorder { p, by } => probability(p).and(time("by", by)),
@@ -291,7 +364,7 @@ mod tests {
     fn machine(rules: &[(f64, f64, Fault)]) -> FaultMachine {
         let rules =
             rules.iter().map(|&(from, until, fault)| Rule { stream: Stream::Frames, from, until: Some(until), fault }).collect();
-        FaultMachine::new(FaultPlan { rules }, 1).unwrap()
+        FaultMachine::new(FaultPlan { rules, ..FaultPlan::default() }, 1).unwrap()
     }
 
     fn secs(secs: f64) -> Time {
@@ -335,6 +408,25 @@ mod tests {
     }
 
     #[test]
+    fn troubles_of_the_craft_hold_for_their_time() {
+        let text = r#"{"craft": [{"fault": "link_cut", "from": 2, "until": 4}, {"fault": "imu_invalid"}]}"#;
+        let m = FaultMachine::new(serde_json::from_str(text).unwrap(), 0).unwrap();
+        let cut: Vec<bool> = [1.9, 2.0, 3.9, 4.0].iter().map(|at| m.troubled(secs(*at), Trouble::LinkCut)).collect();
+        assert_eq!(cut, [false, true, true, false]);
+        assert!(m.troubled(secs(0.0), Trouble::ImuInvalid) && !m.troubled(secs(0.0), Trouble::BatteryEmpty));
+        let backwards = r#"{"craft": [{"fault": "reboot", "from": 2, "until": 2}]}"#;
+        assert!(FaultMachine::new(serde_json::from_str(backwards).unwrap(), 0).is_err());
+    }
+
+    #[test]
+    fn corrupted_messages_differ_and_repeat() {
+        let m = machine(&[(0.0, 1.0, Fault::Corrupt { p: 1.0 })]);
+        let content = |index| m.pass(secs(0.5), Stream::Frames, index)[0].content;
+        assert!(matches!(content(0), Content::Corrupt(_)));
+        assert!(content(0) == content(0) && content(0) != content(1));
+    }
+
+    #[test]
     fn one_rule_more_changes_no_draw_of_another() {
         let drop = (0.0, 1.0, Fault::Drop { p: 0.5 });
         let (one, two) = (machine(&[drop]), machine(&[drop, (0.0, 1.0, Fault::Freeze)]));
@@ -347,7 +439,7 @@ mod tests {
     fn nonsense_is_refused_with_its_rule() {
         let refused = |fault, from, until| {
             let rules = vec![Rule { stream: Stream::Replies, from, until, fault }];
-            FaultMachine::new(FaultPlan { rules }, 0).unwrap_err().to_string()
+            FaultMachine::new(FaultPlan { rules, ..FaultPlan::default() }, 0).unwrap_err().to_string()
         };
         assert_eq!(refused(Fault::Drop { p: 1.5 }, 0.0, None), "fault rule `0`: probability `1.5` is not within 0 and 1");
         assert_eq!(
@@ -375,7 +467,7 @@ mod tests {
         fn what_happens_follows_from_seed_stream_and_index(seed: u64, index in 0..1000u64, p in 0.0..1.0_f64, jitter in 0.0..1.0_f64) {
             let rules = [Fault::Delay { mean: 0.1, jitter }, Fault::Duplicate { p, after: 0.0 }, Fault::Drop { p }, Fault::Reorder { p, by: 0.3 }]
                 .map(|fault| Rule { stream: Stream::Commands, from: 0.0, until: None, fault }).to_vec();
-            let plan = FaultPlan { rules };
+            let plan = FaultPlan { rules, ..FaultPlan::default() };
             let (a, b) = (FaultMachine::new(plan.clone(), seed).unwrap(), FaultMachine::new(plan, seed).unwrap());
             let _ = b.pass(secs(0.0), Stream::Commands, index + 1);
             let arrivals = a.pass(secs(1.0), Stream::Commands, index);

@@ -2,6 +2,8 @@
 //!
 //! Only the envelope can make a [`Cleared`] command, so nothing that implements [`Drone`] can be moved past it.
 
+pub mod tello;
+
 use spf_core::camera::Camera;
 use spf_core::command::Command;
 use spf_core::craft::Craft;

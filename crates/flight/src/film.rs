@@ -14,10 +14,9 @@ use spf_media::jpeg::Jpeg;
 use spf_media::marks::{self, Colour, Hud};
 use spf_record::log::foxglove::Marks;
 use spf_record::video::{VideoError, VideoWriter};
-use spf_sim::effects;
 
 use crate::log::Outlet;
-use crate::sim::{Moment, SimWorld};
+use crate::witness::{Seen, Witness};
 use crate::words;
 
 /// Pictures a flight second: the paper's controller acts ten times a second, so nothing is between two pictures.
@@ -36,7 +35,7 @@ const FORGOTTEN: Duration = Duration::from_secs(9);
 /// What one picture shows.
 struct Shot {
     /// What its light comes from.
-    light: effects::Shot<Moment>,
+    light: Seen,
     /// Where the pilot believes to be.
     known: Pose,
     waypoint: Option<EnuPosition>,
@@ -50,7 +49,7 @@ struct Shot {
 /// A video in the making. Pictures are drawn and encoded in a thread of their own, so that no setpoint waits for one; the bytes
 /// do not depend on it. On the wall clock a picture for which there is no time is left out.
 pub(crate) struct Film {
-    world: SimWorld,
+    witness: Witness,
     title: String,
     next: Time,
     decision: String,
@@ -64,13 +63,13 @@ pub(crate) struct Film {
 
 impl Film {
     /// Opens the file and starts the encoder. The pictures go to the `log` too, as the camera saw them.
-    pub(crate) fn start(path: &Path, world: SimWorld, title: &str, log: Option<Outlet>, live: bool) -> Result<Self, VideoError> {
+    pub(crate) fn start(path: &Path, witness: Witness, title: &str, log: Option<Outlet>, live: bool) -> Result<Self, VideoError> {
         let writer = VideoWriter::create(path, SIZE.0, SIZE.1, FPS as f64)?;
         let (shots, waiting) = sync_channel(WAITING);
-        let seen = world.clone();
+        let seen = witness.clone();
         let encoder = std::thread::spawn(move || encode(writer, &seen, &waiting, log.as_ref()));
         Ok(Self {
-            world,
+            witness,
             title: title.to_owned(),
             next: Time::ZERO,
             decision: String::new(),
@@ -106,7 +105,7 @@ impl Film {
     /// Takes every picture that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
     pub(crate) fn advance(&mut self, now: Time, pilot: &Pilot) -> bool {
         while self.next <= now {
-            let Some(light) = self.world.shot(self.next) else {
+            let Some(light) = self.witness.shot(self.next) else {
                 // Not flown yet, or the shutter is open; or so long ago that the simulator forgot, after a standstill of the
                 // whole machine: go on from here.
                 if now.since(self.next) > FORGOTTEN {
@@ -128,7 +127,7 @@ impl Film {
         true
     }
 
-    fn shot(&self, light: effects::Shot<Moment>, pilot: &Pilot) -> Shot {
+    fn shot(&self, light: Seen, pilot: &Pilot) -> Shot {
         let at = light.at();
         let known = pilot.known_pose(at);
         let heading = known.attitude.heading.to_degrees().round().rem_euclid(360.0);
@@ -152,11 +151,11 @@ impl Film {
     }
 }
 
-fn encode(mut writer: VideoWriter, world: &SimWorld, shots: &Receiver<Shot>, log: Option<&Outlet>) -> Result<(), VideoError> {
+fn encode(mut writer: VideoWriter, witness: &Witness, shots: &Receiver<Shot>, log: Option<&Outlet>) -> Result<(), VideoError> {
     let mut trouble = None;
     for shot in shots {
-        let mut picture = world.photograph(&shot.light, Some(SIZE));
-        let marks = Marks { waypoint: waypoint(world, &shot), boxes: shot.boxes.clone() };
+        let mut picture = witness.photograph(&shot.light, SIZE);
+        let marks = Marks { waypoint: waypoint(witness, &shot), boxes: shot.boxes.clone() };
         if let Some(log) = log
             && let Ok(jpeg) = Jpeg::encode(&picture, JPEG_QUALITY)
         {
@@ -174,9 +173,9 @@ fn encode(mut writer: VideoWriter, world: &SimWorld, shots: &Receiver<Shot>, log
 }
 
 /// Where the plan's end is in the picture. The plan lives in the pilot's world: it is drawn as the pilot believes to see it.
-fn waypoint(world: &SimWorld, shot: &Shot) -> Option<(ImagePoint, String)> {
+fn waypoint(witness: &Witness, shot: &Shot) -> Option<(ImagePoint, String)> {
     let ahead = shot.known.position.displacement_to(shot.waypoint?, shot.known.attitude.heading);
-    let point = project_displacement(ahead, world.camera(), shot.known.attitude, Lifting::Levelled)?;
+    let point = project_displacement(ahead, witness.camera(), shot.known.attitude, Lifting::Levelled)?;
     Some((point, format!("{:.1} m", ahead.length())))
 }
 

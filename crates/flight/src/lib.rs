@@ -4,13 +4,16 @@
 //! decides; an [`Observer`](run::Observer) watches. So one code path flies a real craft and ten thousand simulated trials.
 
 pub mod dataset;
+pub mod doctor;
 pub mod endpoint;
 mod film;
+pub mod keys;
 pub mod ledger;
 pub mod log;
 mod outline;
 pub mod picture;
 pub mod pose;
+pub mod real;
 pub mod reask;
 pub mod recorder;
 pub mod replay;
@@ -18,5 +21,6 @@ pub mod run;
 pub mod script;
 pub mod sim;
 pub mod summary;
+mod witness;
 pub mod words;
 pub mod world;

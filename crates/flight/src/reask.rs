@@ -22,7 +22,7 @@ use spf_vlm::{Answer, Asked, Eyesight, Vlm};
 
 use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
 use crate::replay::{ReplayError, head, prompt_of, row};
-use crate::sim::{Circumstances, Moment, OracleVlm, PolicyKind, SimPicture, SimWorld, Stage, WhoError, WhoPoints};
+use crate::sim::{Circumstances, Moment, OracleVlm, PolicyKind, SimWorld, Stage, WhoError, WhoPoints, sim_picture};
 
 /// One half of a picture.
 const HALF: (u32, u32) = (640, 480);
@@ -196,7 +196,7 @@ impl Asker {
         let world = SimWorld::under(&circumstances(sim)?, stage, kind, sim.start, sim.seed);
         let mind = match mind {
             Mind::Oracle(errors) => Answerer::Oracle(Box::new(OracleVlm::new(name.to_owned(), world.clone(), *errors, sim.seed))),
-            Mind::Other(who) => Answerer::Vlm(who(&world, sim.seed).map_err(AskError::Who)?, head.settings.reply_timeout),
+            Mind::Other(who) => Answerer::Vlm(who(Some(&world), sim.seed).map_err(AskError::Who)?, head.settings.reply_timeout),
         };
         Ok(Self { world, mind, prompt, name: name.to_owned(), seed: sim.seed, grounding: head.grounding })
     }
@@ -226,7 +226,7 @@ impl Asker {
                 let camera = self.world.camera();
                 let eyesight = vlm.eyesight((camera.width, camera.height));
                 let query = rewritten(query, &self.prompt, &eyesight);
-                let mut picture = SimPicture::new(&self.world, &query, || self.world.still(captured(question), moment));
+                let mut picture = sim_picture(&self.world, &query, || self.world.still(captured(question), moment));
                 (vlm.answer(&Asked::new(&query, *patience), &mut picture), eyesight.grounding)
             }
         }

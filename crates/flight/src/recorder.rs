@@ -12,10 +12,10 @@ use spf_record::trajectory::{DecisionMark, TrajectoryInput, trajectory_svg};
 
 use crate::film::{self, Film};
 use crate::log::{self, FlightLog, Head};
-use crate::outline;
 use crate::run::Observer;
-use crate::sim::{RecordPlan, SimWorld};
+use crate::sim::RecordPlan;
 use crate::summary::Summary;
+use crate::witness::Witness;
 use crate::words;
 
 /// A decision as a row of `decisions.jsonl`.
@@ -30,7 +30,7 @@ struct Row<'a> {
 /// Watches a flight and writes its files.
 pub struct Recorder {
     out: OutDir,
-    world: SimWorld,
+    witness: Witness,
     log: Option<FlightLog>,
     decisions: Option<JsonLines>,
     film: Option<Film>,
@@ -76,20 +76,20 @@ const PATH_STEP_S: f64 = 0.1;
 impl Recorder {
     /// Opens the files in a folder. `live` tells that the flight is on the wall clock.
     #[must_use]
-    pub fn new(plan: &RecordPlan, head: &Head, world: SimWorld, live: bool) -> Self {
+    pub(crate) fn new(plan: &RecordPlan, head: &Head, witness: Witness, live: bool) -> Self {
         let RecordPlan { out, video, view } = plan.clone();
         let mut problems = Problems::default();
         let file = problems.kept(LOG, log::open(&out.file(LOG), live));
         let told = file.is_some() || view.is_some();
-        let log = told.then(|| FlightLog::start(file, view, head, &outline::prisms(world.stage()), world.clone()));
+        let log = told.then(|| FlightLog::start(file, view, head, &witness.prisms(), witness.clone()));
         let decisions = problems.kept(DECISIONS, JsonLines::create(&out.file(DECISIONS)));
         let pictures = log.as_ref().filter(|_| video).map(|log| log.pictures(film::SIZE));
         let film = video
-            .then(|| Film::start(&out.file(VIDEO), world.clone(), &head.instruction, pictures, live))
+            .then(|| Film::start(&out.file(VIDEO), witness.clone(), &head.instruction, pictures, live))
             .and_then(|film| problems.kept(VIDEO, film));
         Self {
             out,
-            world,
+            witness,
             log,
             decisions,
             film,
@@ -123,15 +123,15 @@ impl Recorder {
         if let Some(film) = self.film.take() {
             self.problems.kept(VIDEO, film.finish());
         }
-        let (stage, actors) = (self.world.stage(), self.world.now().actors);
+        let (outlines, target) = self.witness.map(summary.targets.first().map(String::as_str));
         let picture = trajectory_svg(&TrajectoryInput {
             title: summary.instruction.clone(),
             outcome: headline(summary),
-            outlines: outline::outlines(stage, &actors),
+            outlines,
             path: core::mem::take(&mut self.path),
             known_path: core::mem::take(&mut self.known_path),
             decisions: core::mem::take(&mut self.marks),
-            target: summary.targets.first().and_then(|key| outline::centre(stage, &actors, key)),
+            target,
         });
         self.problems.kept(TRAJECTORY, self.out.write(TRAJECTORY, picture.as_bytes()));
         summary.not_recorded.clone_from(&self.problems.files);
@@ -202,7 +202,9 @@ impl Observer for Recorder {
         }
         let due = self.path.last().is_none_or(|(at, _)| now.since(*at).as_secs_f64() >= PATH_STEP_S);
         if due {
-            self.path.push((now, self.world.truth().pose.position));
+            // Without truth the path is as it was known.
+            let at = self.witness.true_pose().map_or(known.position, |pose| pose.position);
+            self.path.push((now, at));
             self.known_path.push((now, known.position));
         }
         if let Some(film) = &mut self.film

@@ -95,6 +95,7 @@ fn flown(circumstances: Circumstances, kind: CraftKind, seed: u64) -> Summary {
         script: Script::default(),
         realtime: false,
         interrupts: Arc::default(),
+        operator: None,
         record: None,
     };
     fly(plan, &mut []).unwrap().summary

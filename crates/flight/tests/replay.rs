@@ -53,6 +53,7 @@ fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
         script: Script::new(events),
         realtime: false,
         interrupts: Arc::default(),
+        operator: None,
         record: Some(RecordPlan { out: OutDir::at(folder).unwrap(), video: false, view: None }),
     };
     change(&mut plan);

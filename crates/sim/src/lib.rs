@@ -19,5 +19,6 @@ pub mod render;
 pub mod scene;
 pub mod senses;
 pub mod surroundings;
+pub mod tello;
 pub mod texture;
 pub mod wind;

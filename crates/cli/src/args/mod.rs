@@ -46,6 +46,8 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Fly an instruction in plain words
     Fly(Box<Fly>),
+    /// Check everything before a flight: drone, battery, video, light, VLM, disk
+    Doctor(Doctor),
     /// The embedded simulator: its scenes and pictures of them
     #[command(subcommand)]
     Sim(Sim),
@@ -69,6 +71,7 @@ impl Command {
     pub(crate) fn is_json(&self) -> bool {
         match self {
             Self::Fly(fly) => fly.output.json,
+            Self::Doctor(doctor) => doctor.json,
             Self::Sim(Sim::Scenes(scenes)) => scenes.json,
             Self::Log(Log::Info(info)) => info.json,
             Self::Replay(replay) => replay.json,
@@ -89,6 +92,7 @@ Examples:
   spf fly \"Find the bridge\" --json | jq .outcome
   spf fly \"Fly to the tall white building\" --vlm oracle:poor --geofence fence.geojson
   spf fly \"Fly to the black car\" --vlm gemini
+  spf fly \"Fly to the person with the green shirt\" --drone tello --vlm gemini
   spf fly \"Go to the bridge\" --wind 3,from=270,gust=1 --camera-effects blur,noise,lens=tello_ros
 
 The oracle answers in place of a VLM: it sees the simulator's own id and depth pictures through errors (perfect, default, \
@@ -119,7 +123,7 @@ pub(crate) struct WorldArgs {
     /// Where to start: east,north,up,heading_deg; the craft stands on what is below [default: the scene's]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pub(crate) start: Option<String>,
-    /// The drone: sim [default: sim]
+    /// The drone: sim, or tello[@ADDRESS], a DJI Tello at 192.168.10.1 unless said (see docs/tello.md) [default: sim]
     #[arg(long, value_name = "DRONE")]
     pub(crate) drone: Option<String>,
     /// Craft to simulate: quad or tello [default: the scene's]
@@ -160,7 +164,8 @@ pub(crate) struct ConditionArgs {
 #[command(next_help_heading = "Method")]
 pub(crate) struct MethodArgs {
     /// Who points: NAME[#MODEL][@URL] of a vision-language model (see `spf vlm list`), auto (the first whose key is set),
-    /// replay:FILE, oracle, oracle:NAME (perfect, default, poor, size, linear, intended) or oracle:FILE [default: oracle]
+    /// replay:FILE, oracle, oracle:NAME (perfect, default, poor, size, linear, intended) or oracle:FILE [default: oracle; auto
+    /// with a real drone]
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
     /// What the VLM is told: a prompt file (see docs/vlm.md) [default: the shipped one]
@@ -178,6 +183,9 @@ pub(crate) struct MethodArgs {
     /// TOML file with further rows for the table of models (see docs/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
+    /// With a real drone: take off without asking the VLM about pictures of a dot first
+    #[arg(long)]
+    pub(crate) no_vlm_check: bool,
     /// How decisions are made: spf (points) or plain (text actions, the paper's ablation) [default: spf]
     #[arg(long, value_name = "POLICY")]
     pub(crate) policy: Option<String>,
@@ -231,6 +239,28 @@ pub(crate) struct OutputArgs {
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:8765")]
     pub(crate) live: Option<String>,
     /// Print the summary as one JSON object on standard output, and nothing else there
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Read this configuration file instead of ./spf.toml
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Nothing takes off. A VLM is asked about three small pictures, which costs less than a cent. Exit code 0: one can fly; 6: one \
+should not, and what to do is said.")]
+pub(crate) struct Doctor {
+    /// The drone: sim, or tello[@ADDRESS] [default: sim]
+    #[arg(long, value_name = "DRONE")]
+    pub(crate) drone: Option<String>,
+    /// Who points, as for `spf fly --vlm` [default: oracle; auto with a real drone]
+    #[arg(long, value_name = "VLM")]
+    pub(crate) vlm: Option<String>,
+    /// Scene of the simulated drone [default: city]
+    #[arg(long, value_name = "SCENE")]
+    pub(crate) scene: Option<String>,
+    /// Print the checks as one JSON array on standard output
     #[arg(long)]
     pub(crate) json: bool,
     /// Read this configuration file instead of ./spf.toml

@@ -17,7 +17,7 @@ pub(crate) enum Sim {
     View(View),
     /// Make labelled pointing data: pictures, instructions, what they mean
     Dataset(Box<Dataset>),
-    /// Serve an endpoint that programs ask as a VLM, with the oracle for a mind
+    /// Serve a Tello to other programs, or an endpoint that they ask as a VLM with the oracle for a mind
     Serve(Box<Serve>),
 }
 

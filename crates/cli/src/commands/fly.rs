@@ -1,5 +1,8 @@
 //! `spf fly`: from settings to a flight, and from a flight to words and an exit code.
 
+mod manual;
+pub(crate) mod real;
+
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
@@ -13,6 +16,7 @@ use spf_core::pilot::{Outcome, PilotSettings, Preset, Think};
 use spf_core::prompt::PromptText;
 use spf_core::step::StepRule;
 use spf_core::time::duration_from_secs;
+use spf_flight::keys::HELP;
 use spf_flight::sim::{Circumstances, FlightError, FlightPlan, PolicyKind, RecordPlan};
 use spf_flight::summary::Summary;
 use spf_flight::words;
@@ -24,6 +28,7 @@ use spf_sim::model::{CraftKind, Model};
 use spf_sim::scene::{Conditions, Lighting, Weather};
 use spf_sim::wind::WindError;
 
+use self::manual::Manual;
 use crate::args::Fly;
 use crate::commands::vlm::pointing;
 use crate::commands::{load_stage, parse_pose, read};
@@ -44,13 +49,12 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
         return Err(CliError::usage(format!("the instruction must have 1 to {MAX_INSTRUCTION} characters"))
             .hint("spf fly \"Take off and fly to the red crane\""));
     }
+    if let Some(drone) = real::tello(&settings)? {
+        return real::fly(args, settings, instruction, drone, printer);
+    }
     let (plan, points) = plan(args, &settings, instruction)?;
     let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
-    let out = OutDir::create(settings.get("fly.out").map(Path::new), instruction).map_err(|error| {
-        CliError::usage("no folder for the flight's files")
-            .because(&error)
-            .hint("name a new or an empty folder with --out DIR: one flight's files are not mixed with another's")
-    })?;
+    let out = out_dir(&settings, instruction)?;
     let plan = FlightPlan {
         record: Some(RecordPlan {
             out: out.clone(),
@@ -60,6 +64,8 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
         interrupts: interrupts()?,
         ..plan
     };
+    let (manual, operator) = if plan.realtime { Manual::start(Model::of(plan.kind).craft) } else { Manual::none() };
+    let plan = FlightPlan { operator, ..plan };
     printer.start_live();
     printer.say(&format!(
         "Flying \"{}\" in {}, craft {}, policy {}, preset {}, seed {}.",
@@ -74,8 +80,12 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
     if let Some(view) = &view {
         tell_view(view, &printer);
     }
+    if manual.is_on() {
+        printer.say(HELP);
+    }
     let mut progress = Progress::new(&printer);
     let flown = spf_flight::sim::fly(plan, &mut [&mut progress]);
+    drop(manual);
     printer.end_live();
     let flown = flown.map_err(|error| {
         give_back(&out);
@@ -92,6 +102,15 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
     }
     report(&flown.summary, out.path(), &printer)?;
     Ok(Exit::of(flown.summary.outcome, flown.summary.verified))
+}
+
+/// The folder of the flight's files.
+fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
+    OutDir::create(settings.get("fly.out").map(Path::new), instruction).map_err(|error| {
+        CliError::usage("no folder for the flight's files")
+            .because(&error)
+            .hint("name a new or an empty folder with --out DIR: one flight's files are not mixed with another's")
+    })
 }
 
 /// The live view that was asked for.
@@ -144,6 +163,7 @@ fn layered(args: &Fly) -> Result<Settings, CliError> {
     settings.flag("fly.realtime", "--realtime", on(world.realtime));
     settings.flag("fly.vlm", "--vlm", method.vlm.clone());
     settings.flag("fly.prompt", "--prompt", method.prompt.clone());
+    settings.flag("fly.vlm_check", "--no-vlm-check", method.no_vlm_check.then(|| "false".to_owned()));
     settings.flag("vlm.record", "--vlm-record", method.vlm_record.clone());
     settings.flag("vlm.fallback", "--vlm-fallback", method.vlm_fallback.clone());
     settings.flag("vlm.hedge_s", "--vlm-hedge", method.vlm_hedge.clone());
@@ -171,11 +191,7 @@ fn flag(settings: &Settings, name: &'static str) -> Result<bool, CliError> {
 
 /// The plan of a flight, and a sentence about who points.
 fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<(FlightPlan, String), CliError> {
-    settings.choice("fly.drone", &[("sim", ())])?;
-    let preset =
-        settings.choice("fly.preset", &[("default", Preset::Default), ("paper", Preset::Paper)])?.unwrap_or(Preset::Default);
-    let policy =
-        settings.choice("fly.policy", &[("spf", PolicyKind::Spf), ("plain", PolicyKind::Plain)])?.unwrap_or(PolicyKind::Spf);
+    let (preset, policy) = manner(settings)?;
     let method = method(settings, preset)?;
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
@@ -213,10 +229,18 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<(FlightPla
         script,
         realtime,
         interrupts: Arc::default(),
+        operator: None,
         record: None,
         stage,
     };
     Ok((plan, pointing.sentence))
+}
+
+/// The named preset, and who decides.
+fn manner(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
+    let preset = settings.choice("fly.preset", &[("default", Preset::Default), ("paper", Preset::Paper)])?;
+    let policy = settings.choice("fly.policy", &[("spf", PolicyKind::Spf), ("plain", PolicyKind::Plain)])?;
+    Ok((preset.unwrap_or(Preset::Default), policy.unwrap_or(PolicyKind::Spf)))
 }
 
 /// The prompt that the settings name, when they name one.
@@ -335,6 +359,7 @@ pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
     let counted = count.clone();
     ctrlc::set_handler(move || {
         if counted.fetch_add(1, Ordering::Relaxed) > 0 {
+            manual::restore();
             #[allow(clippy::exit, reason = "a second Ctrl-C asks for exactly this")]
             std::process::exit(Exit::Aborted as i32);
         }

@@ -1,6 +1,7 @@
 //! One file a command, each returning an exit code.
 
 pub(crate) mod config;
+mod doctor;
 pub(crate) mod fly;
 pub(crate) mod ground;
 pub(crate) mod log;
@@ -8,6 +9,8 @@ mod reask;
 pub(crate) mod replay;
 pub(crate) mod sim;
 pub(crate) mod vlm;
+
+pub(crate) use doctor::doctor;
 
 use std::path::Path;
 

@@ -38,7 +38,7 @@ fn of_flags() {
             &["fly", "x", "--start", "1,2"],
             &["fly", "x", "--start", "-1,2,nan,4"],
             &["fly", "x", "--start", "1,2,3,4,95"],
-            &["fly", "x", "--drone", "tello"],
+            &["fly", "x", "--drone", "tullo"],
             &["fly", "x", "--drone-model", "telo"],
             &["fly", "x", "--seed", "18446744073709551616"],
             &["fly", "x", "--seed", "-1"],

@@ -12,10 +12,14 @@ mod ground;
 mod harness;
 mod json;
 mod log;
+#[cfg(unix)]
+mod manual;
 mod operator;
 mod python;
 mod scenes;
 mod serve;
+#[cfg(target_os = "linux")]
+mod tello;
 mod video;
 mod view;
 mod vlm;

@@ -1,6 +1,6 @@
 //! From a recognised frame and a prompt to what the oracle says about it.
 
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 
 use serde_json::json;
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
@@ -11,7 +11,7 @@ use spf_core::time::{Duration, Time};
 use spf_media::Rgb;
 
 use super::{Memory, Remembered, Unrecognised};
-use crate::sim::OracleVlm;
+use crate::sim::{Instruction as Heard, OracleVlm};
 
 /// Where the instruction comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,13 +47,20 @@ pub struct Mind {
     memory: Arc<Memory>,
     instruction: Instruction,
     form: AnswerForm,
+    heard: Option<Heard>,
 }
 
 impl Mind {
     /// A mind that recognises the frames of `memory`.
     #[must_use]
     pub fn new(oracle: OracleVlm, memory: Arc<Memory>, instruction: Instruction, form: AnswerForm) -> Self {
-        Self { oracle, memory, instruction, form }
+        Self { oracle, memory, instruction, form, heard: None }
+    }
+
+    /// Tells `heard` which instruction it answered last.
+    #[must_use]
+    pub fn telling(self, heard: Heard) -> Self {
+        Self { heard: Some(heard), ..self }
     }
 
     /// Answers a prompt about a picture; `number` is the question's, by which errors of one answer are drawn.
@@ -67,7 +74,7 @@ impl Mind {
             id: QueryId(number),
             frame,
             kind: QueryKind::Point { avoid },
-            instruction: self.instruction_of(prompt),
+            instruction: self.heard(prompt),
             memory: Told { stage: stage_of(prompt), ..Told::default() },
             prompt: String::new(),
             marks: Vec::new(),
@@ -78,6 +85,14 @@ impl Mind {
         let answer = self.oracle.answer_at(&query, &moment);
         let text = answer.text.unwrap_or_default();
         Ok(Thought { text: self.written(&text, prompt, picture, avoid), latency: answer.latency })
+    }
+
+    fn heard(&self, prompt: &str) -> String {
+        let instruction = self.instruction_of(prompt);
+        if let Some(heard) = &self.heard {
+            *heard.lock().unwrap_or_else(PoisonError::into_inner) = Some(instruction.clone());
+        }
+        instruction
     }
 
     fn instruction_of(&self, prompt: &str) -> String {

@@ -23,8 +23,8 @@ use spf_record::live::LiveSender;
 use spf_record::log::foxglove::{self, Level, Marks, Prism};
 use spf_record::log::{Log, LogError, LogSender, Message, Topic};
 
-use crate::sim::SimWorld;
 use crate::summary::Summary;
+use crate::witness::Witness;
 use crate::words;
 
 /// Poses are told this often, flight time.
@@ -36,7 +36,7 @@ const REMEMBERED: usize = 64;
 pub(crate) struct FlightLog {
     log: Option<Log>,
     out: Outlet,
-    world: SimWorld,
+    witness: Witness,
     /// The pilot was woken at this time, and nothing has been told of it yet.
     woken: Option<Time>,
     posed: Option<Time>,
@@ -76,16 +76,16 @@ impl Outlet {
 
 impl FlightLog {
     /// Starts with the flight's head and the scene's outline. What is told goes to the log and to live views, where there are any.
-    pub(crate) fn start(log: Option<Log>, live: Option<LiveSender>, head: &Head, scene: &[Prism], world: SimWorld) -> Self {
+    pub(crate) fn start(log: Option<Log>, live: Option<LiveSender>, head: &Head, scene: &[Prism], witness: Witness) -> Self {
         let out = Outlet { log: log.as_ref().map(Log::sender), live };
         out.row(Channel::Flight, Time::ZERO, head);
         out.put(Channel::Scene, Time::ZERO, foxglove::encode(&foxglove::scene(Time::ZERO, scene)));
-        Self { log, out, world, woken: None, posed: None, asked: BTreeMap::new(), missing: 0 }
+        Self { log, out, witness, woken: None, posed: None, asked: BTreeMap::new(), missing: 0 }
     }
 
     /// For pictures, which come from another thread; and the camera that they are taken by, at their size.
     pub(crate) fn pictures(&self, size: (u32, u32)) -> Outlet {
-        let camera = self.world.camera().resized(size.0, size.1);
+        let camera = self.witness.camera().resized(size.0, size.1);
         self.out.put(Channel::Calibration, Time::ZERO, foxglove::encode(&foxglove::calibration(Time::ZERO, &camera)));
         self.out.clone()
     }
@@ -120,11 +120,12 @@ impl FlightLog {
     }
 
     fn poses(&mut self, now: Time, known: &Pose) {
-        let truth = self.world.truth().pose;
-        let tilt = self.world.camera().tilt;
+        let tilt = self.witness.camera().tilt;
         self.put(Channel::Transforms, now, &foxglove::transforms(now, known, tilt));
         self.put(Channel::PoseKnown, now, &foxglove::pose(now, known));
-        self.put(Channel::PoseTrue, now, &foxglove::pose(now, &truth));
+        if let Some(truth) = self.witness.true_pose() {
+            self.put(Channel::PoseTrue, now, &foxglove::pose(now, &truth));
+        }
     }
 
     /// Tells of a time at which the pilot was woken and nothing happened.
@@ -189,8 +190,8 @@ impl FlightLog {
         }
         self.asked.insert(query.id, now);
         // The truth about the frame, from which its ids and depth can be drawn again.
-        if let Some(moment) = self.world.capture(query.frame) {
-            self.row(Channel::Truth, now, &TruthRow { frame: query.frame, pose: moment.pose });
+        if let Some(pose) = self.witness.true_pose_of(query.frame) {
+            self.row(Channel::Truth, now, &TruthRow { frame: query.frame, pose });
         }
     }
 

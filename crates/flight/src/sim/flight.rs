@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
+use std::sync::mpsc::Receiver;
+use std::time::Instant;
 
 use spf_core::avoid::PathShape;
 use spf_core::craft::Craft;
@@ -9,7 +11,7 @@ use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::executor::Motion;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::pilot::{Action, Ending, Outcome, Pilot, PilotParts, PilotSettings, Preset};
+use spf_core::pilot::{Action, Ending, OperatorEvent, Outcome, Pilot, PilotParts, PilotSettings, Preset};
 use spf_core::policy::Policy;
 use spf_core::policy::plain::{Plain, PlainSettings};
 use spf_core::policy::spf::{Spf, SpfSettings};
@@ -35,6 +37,7 @@ use crate::log::{Head, SimHead};
 use crate::recorder::Recorder;
 use crate::run::{Observer, World, run};
 use crate::summary::{Summary, Touch};
+use crate::witness::Witness;
 use crate::world::{Live, Lockstep, Script};
 
 /// Which policy decides.
@@ -104,8 +107,9 @@ impl PolicyKind {
     }
 }
 
-/// Makes who points in a world, with the flight's seed: the oracle looks at the world, a model over HTTP at its pictures only.
-pub type WhoPoints = Arc<dyn Fn(&SimWorld, u64) -> Result<Box<dyn Vlm>, WhoError> + Send + Sync>;
+/// Makes who points, with the flight's seed: the oracle looks at the simulated world, a model over HTTP at pictures only, and so
+/// needs none.
+pub type WhoPoints = Arc<dyn Fn(Option<&SimWorld>, u64) -> Result<Box<dyn Vlm>, WhoError> + Send + Sync>;
 
 /// Why nobody points.
 pub type WhoError = Box<dyn std::error::Error + Send + Sync>;
@@ -113,7 +117,10 @@ pub type WhoError = Box<dyn std::error::Error + Send + Sync>;
 /// The oracle called `name` with these errors.
 #[must_use]
 pub fn oracle_points(name: String, errors: ErrorFile) -> WhoPoints {
-    Arc::new(move |world, seed| Ok(Box::new(OracleVlm::new(name.clone(), world.clone(), errors.clone(), seed))))
+    Arc::new(move |world, seed| {
+        let world = world.ok_or("the oracle reads the simulator's own pictures; with a real drone a VLM is needed")?;
+        Ok(Box::new(OracleVlm::new(name.clone(), world.clone(), errors.clone(), seed)))
+    })
 }
 
 /// All that decides a flight.
@@ -154,6 +161,8 @@ pub struct FlightPlan {
     pub realtime: bool,
     /// Counts Ctrl-C; the first one lands.
     pub interrupts: Arc<AtomicU32>,
+    /// What a person does by hand, on the wall clock.
+    pub operator: Option<Receiver<OperatorEvent>>,
     /// Where to record; `None` records nothing.
     pub record: Option<RecordPlan>,
 }
@@ -218,7 +227,7 @@ pub enum FlightError {
 ///
 /// # Errors
 /// [`FlightError`] when the flight cannot begin; once begun it always ends in a [`Flown`].
-pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
+pub fn fly(mut plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
     let stage = plan.stage.clone();
     let start = plan.start.unwrap_or(stage.scene.start);
     let world = SimWorld::under(&plan.circumstances, stage.clone(), plan.kind, start, plan.seed);
@@ -227,7 +236,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     check_place(&stage, start.position)?;
     check_start(&stage, &world, capabilities.craft.radius)?;
     let ledger = plan.record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl")));
-    let vlm = (plan.who)(&world, plan.seed).map_err(FlightError::Vlm)?;
+    let vlm = (plan.who)(Some(&world), plan.seed).map_err(FlightError::Vlm)?;
     let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
     let prompt = plan.prompt.clone().unwrap_or_else(|| PromptText::shipped(plan.policy.prompt()));
     let eyesight = vlm.eyesight((capabilities.camera.width, capabilities.camera.height));
@@ -242,12 +251,13 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     });
     let mut recorder = plan.record.as_ref().map(|record| {
         let head = head(&plan, drone.name(), &capabilities, start, &eyesight);
-        Recorder::new(record, &head, world.clone(), plan.realtime)
+        Recorder::new(record, &head, Witness::Sim(world.clone()), plan.realtime)
     });
     let mut judging = Judging { world: world.clone(), instruction: plan.instruction.clone(), start, settled: None };
     let (drone, pictures, script) = (Box::new(drone), Box::new(SimPictures::new(world.clone())), plan.script.clone());
     let mut around: Box<dyn World> = if plan.realtime {
-        Box::new(Live::new(drone, vlm, pictures, script, plan.interrupts.clone()).map_err(FlightError::Thread)?)
+        let live = Live::new(Instant::now(), drone, vlm, pictures, script, plan.interrupts.clone());
+        Box::new(live.map_err(FlightError::Thread)?.with_operator(plan.operator.take()))
     } else {
         Box::new(Lockstep::new(drone, vlm, pictures, script, plan.interrupts.clone()))
     };
@@ -379,7 +389,7 @@ impl Observer for Judging {
                 touched: truth.collided_with.iter().map(touch).collect(),
             });
         }
-        if let Action::Note(spf_core::pilot::Note::Operator(spf_core::pilot::OperatorEvent::Instruction(text))) = action {
+        if let Action::Note(spf_core::pilot::Note::Operator(OperatorEvent::Instruction(text))) = action {
             self.instruction.clone_from(text);
         }
     }

@@ -5,13 +5,15 @@ mod flight;
 mod oracle;
 mod pictures;
 mod stage;
+mod tello;
 mod truth;
 mod world;
 
 pub use flight::{FlightError, FlightPlan, Flown, PolicyKind, RecordPlan, WhoError, WhoPoints, fly, oracle_points};
 pub use oracle::OracleVlm;
-pub(crate) use pictures::SimPicture;
 pub use pictures::SimPictures;
+pub(crate) use pictures::sim_picture;
 pub use stage::{Moment, Stage, StageError};
+pub use tello::{Instruction, TelloFilm, TelloPlan, TelloService, truth_file};
 pub use truth::Verdict;
 pub use world::{Circumstances, SimDrone, SimWorld};

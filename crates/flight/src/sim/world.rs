@@ -72,6 +72,12 @@ impl SimWorld {
         self.craft.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// The craft itself, for whoever serves its protocol and advances it in place of this world.
+    #[must_use]
+    pub fn shared_craft(&self) -> Arc<Mutex<SimCraft>> {
+        self.craft.clone()
+    }
+
     /// The scene it is in.
     #[must_use]
     pub fn stage(&self) -> &Arc<Stage> {
@@ -145,9 +151,13 @@ impl SimWorld {
     /// A photograph, at the camera's size or another.
     #[must_use]
     pub fn photograph(&self, shot: &Shot<Moment>, size: Option<(u32, u32)>) -> Rgb {
-        self.eye.photograph(shot, size, |camera, moment, picture| {
-            self.stage.render_into(camera, moment, Channels::RGB, picture);
-        })
+        self.photograph_with(shot, size, Channels::RGB)
+    }
+
+    /// A photograph as fine as `channels` says.
+    #[must_use]
+    pub fn photograph_with(&self, shot: &Shot<Moment>, size: Option<(u32, u32)>, channels: Channels) -> Rgb {
+        self.eye.photograph(shot, size, |camera, moment, picture| self.stage.render_into(camera, moment, channels, picture))
     }
 
     /// What the camera sees at a moment, into the buffers of an earlier picture: fresh pages cost a fifth of a decision.

@@ -32,14 +32,16 @@ pub struct Live {
     script: Script,
     interrupts: Arc<AtomicU32>,
     interrupted: bool,
+    operator: Option<Receiver<OperatorEvent>>,
 }
 
 impl Live {
-    /// A world whose flight time zero is now.
+    /// A world whose flight time zero was at `start`, which its drone goes by too.
     ///
     /// # Errors
     /// The operating system's, when no thread can be started.
     pub fn new(
+        start: Instant,
         drone: Box<dyn Drone>,
         mut vlm: Box<dyn Vlm>,
         mut pictures: Box<dyn PictureSource>,
@@ -48,7 +50,6 @@ impl Live {
     ) -> std::io::Result<Self> {
         let (queries, asked) = channel::<(Query, Cancel)>();
         let (answered, events) = channel();
-        let start = Instant::now();
         std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
             for (query, cancel) in asked {
                 let begun = start.elapsed();
@@ -66,15 +67,25 @@ impl Live {
                 }
             }
         })?;
-        let script_start = Time::ZERO;
+        let now = Time::ZERO + start.elapsed();
         let (out, later) = (Vec::new(), Vec::new());
-        Ok(Self { start, now: script_start, drone, queries, out, events, later, script, interrupts, interrupted: false })
+        Ok(Self { start, now, drone, queries, out, events, later, script, interrupts, interrupted: false, operator: None })
+    }
+
+    /// Lets a person fly by hand, at any time.
+    #[must_use]
+    pub fn with_operator(mut self, operator: Option<Receiver<OperatorEvent>>) -> Self {
+        self.operator = operator;
+        self
     }
 
     fn due(&mut self) -> Option<Event> {
         if !self.interrupted && self.interrupts.load(Ordering::Relaxed) > 0 {
             self.interrupted = true;
             return Some(Event::Operator(OperatorEvent::Land));
+        }
+        if let Some(event) = self.operator.as_ref().and_then(|operator| operator.try_recv().ok()) {
+            return Some(Event::Operator(event));
         }
         if let Some(event) = self.script.take(self.now) {
             return Some(Event::Operator(event));

@@ -41,6 +41,15 @@ impl Decoder {
     pub fn decode(&mut self, annex_b: &[u8]) -> Result<Option<Rgb>, DecoderError> {
         Ok(self.0.decode(annex_b)?.map(|planes| colours(&planes)))
     }
+
+    /// The same without looking at the picture: for those that only lead to a newer one.
+    ///
+    /// # Errors
+    /// [`DecoderError::Codec`].
+    pub fn skip(&mut self, annex_b: &[u8]) -> Result<(), DecoderError> {
+        self.0.decode(annex_b)?;
+        Ok(())
+    }
 }
 
 /// Converts in whole numbers of 1/65536 (ITU-R BT.709-6). Each chroma sample serves its four pixels.

@@ -6,6 +6,7 @@ mod list;
 use std::path::Path;
 use std::sync::Arc;
 
+use spf_core::camera::Camera;
 use spf_core::prompt::PromptText;
 use spf_core::time::duration_from_secs;
 use spf_flight::sim::{SimWorld, WhoPoints, oracle_points};
@@ -62,8 +63,8 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
 /// The same, its answers recorded.
 fn recorded(pointing: Pointing, path: String) -> Pointing {
     let who = pointing.who;
-    let record = move |world: &SimWorld, seed| {
-        let camera = world.camera();
+    let record = move |world: Option<&SimWorld>, seed| {
+        let camera = world.map_or(Camera::tello(), |world| *world.camera());
         let vlm = who(world, seed)?;
         Ok(Box::new(Recording::new(vlm, Path::new(&path), (camera.width, camera.height))?) as Box<dyn Vlm>)
     };

@@ -78,6 +78,7 @@ pub(super) fn plan(who: WhoPoints, avoid: bool) -> FlightPlan {
         script: Script::default(),
         realtime: false,
         interrupts: Arc::default(),
+        operator: None,
         record: None,
     }
 }
@@ -90,7 +91,8 @@ pub(super) fn flown_over(vendor: Vendor, model: Option<&str>, long_side: Option<
     let name = format!("{}{}@{}", vendor.name(), model.map_or(String::new(), |id| format!("#{id}")), server.url());
     let key = |variable: &str| (variable == vendor.key()).then(|| KEY.to_owned());
     let remote = setup::remote(&Table::shipped(), &[&name], &key, Strategy { long_side, ..Strategy::default() }).unwrap();
-    let who: WhoPoints = Arc::new(move |world: &SimWorld, seed| {
+    let who: WhoPoints = Arc::new(move |world: Option<&SimWorld>, seed| {
+        let world = world.unwrap();
         let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect")?, seed);
         let camera = (world.camera().width, world.camera().height);
         Ok(Box::new(Behind { oracle, remote: remote.clone(), words: words.clone(), camera }))

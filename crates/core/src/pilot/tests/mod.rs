@@ -135,7 +135,7 @@ impl Setup {
             charge: self.charge,
             now: Time::ZERO,
             vlm: Box::new(vlm),
-            faults: FaultMachine::new(FaultPlan { rules: self.faults }, 1).unwrap(),
+            faults: FaultMachine::new(FaultPlan { rules: self.faults, ..FaultPlan::default() }, 1).unwrap(),
             sent: [0; 4],
             queue: BTreeMap::new(),
             queued: 0,
@@ -202,7 +202,7 @@ impl Flight {
             let event = match delivery.content {
                 Content::Intact => Some(event.clone()),
                 Content::FrozenSince(since) => frozen(self, since),
-                Content::Blank => blank.clone(),
+                Content::Corrupt(_) | Content::Blank => blank.clone(),
             };
             if let Some(event) = event {
                 self.enqueue(at + delivery.at.since(self.now), Happening::Deliver(event));

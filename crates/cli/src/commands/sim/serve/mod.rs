@@ -1,9 +1,13 @@
 //! `spf sim serve`: parts of the simulator over the interfaces of real ones.
 
+mod tello;
 mod vlm;
 
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
+
+use spf_flight::sim::{Instruction, TelloFilm};
 
 use crate::args::Serve;
 use crate::commands::fly::interrupts;
@@ -16,13 +20,20 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Serves what is asked for until Ctrl-C.
 pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
-    let Some(oracle) = &args.vlm else {
-        return Err(CliError::usage("nothing is named to be served").hint("spf sim serve --vlm"));
-    };
+    if args.vlm.is_none() && !args.tello {
+        return Err(CliError::usage("nothing is named to be served").hint("spf sim serve --vlm, or --tello, or both"));
+    }
     let interrupts = interrupts()?;
-    let _endpoint = vlm::start(args, oracle, printer)?;
+    let heard = Instruction::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
+    let film = args.vlm.as_ref().map(|_| Arc::new(TelloFilm::default()));
+    let service = args.tello.then(|| tello::start(args, film.clone(), heard.clone(), printer)).transpose()?;
+    let flown = service.as_ref().zip(film).map(|(service, film)| vlm::Flown { world: service.world().clone(), film, heard });
+    let _endpoint = args.vlm.as_deref().map(|oracle| vlm::start(args, oracle, flown, printer)).transpose()?;
     while interrupts.load(Ordering::Relaxed) == 0 {
         std::thread::sleep(LOOK);
+    }
+    if let Some(service) = &service {
+        tello::tell_video(service, printer);
     }
     Ok(Exit::Success)
 }

@@ -3,8 +3,8 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use spf_flight::endpoint::{AnswerForm, Camera, Endpoint, Instruction, Memory, Mind, Serving};
-use spf_flight::sim::{Circumstances, OracleVlm, SimWorld};
+use spf_flight::endpoint::{AnswerForm, Camera, Endpoint, Instruction, Lens, Memory, Mind, Serving};
+use spf_flight::sim::{Circumstances, Instruction as Heard, OracleVlm, SimWorld, TelloFilm};
 
 use crate::args::Serve;
 use crate::commands::sim::{above_start, conditions, parse_effects, parse_kind};
@@ -13,8 +13,21 @@ use crate::commands::{load_stage, parse_pose};
 use crate::error::CliError;
 use crate::printer::Printer;
 
-/// Starts it; it answers until what is returned is dropped.
-pub(super) fn start(args: &Serve, oracle: &str, printer: &Printer) -> Result<Serving, CliError> {
+/// The word for an instruction that is read from the prompt.
+pub(super) const FROM_PROMPT: &str = "from-prompt";
+
+/// A drone whose camera is looked through.
+pub(super) struct Flown {
+    /// Its world.
+    pub(super) world: SimWorld,
+    /// What its camera sees.
+    pub(super) film: Arc<TelloFilm>,
+    /// Where the instruction that is heard goes.
+    pub(super) heard: Heard,
+}
+
+/// Starts it; it answers until what is returned is dropped. Its eye is the drone's, where one flies, else a camera that stands.
+pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &Printer) -> Result<Serving, CliError> {
     let wrong = |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: `{value}` is not {expected}"));
     let (name, errors) = oracle_named(oracle, |expected, near| {
         let near = near.unwrap_or("oracle:poor");
@@ -30,7 +43,7 @@ pub(super) fn start(args: &Serve, oracle: &str, printer: &Printer) -> Result<Ser
         other => return Err(wrong("--answer", other, "spf or gemini-point").hint("spf is the reply contract of docs/reply.md")),
     };
     let instruction = match args.instruction.trim() {
-        "from-prompt" => Instruction::FromPrompt,
+        FROM_PROMPT => Instruction::FromPrompt,
         "" => return Err(CliError::usage("--instruction is empty").hint("--instruction \"fly to the red crane\"")),
         text => Instruction::Text(text.to_owned()),
     };
@@ -45,16 +58,27 @@ pub(super) fn start(args: &Serve, oracle: &str, printer: &Printer) -> Result<Ser
             .because(&error)
             .hint("--vlm-listen 127.0.0.1:0 takes a port that is free")
     })?;
-    let stage = Arc::new(load_stage(&args.scene, &conditions)?);
-    let kind = kind.unwrap_or(stage.scene.default_craft);
-    let start = pose.unwrap_or_else(|| above_start(stage.scene.start, kind));
-    let (scene, circumstances) = (stage.scene.name.clone(), Circumstances { effects, ..Circumstances::default() });
-    let world = SimWorld::under(&circumstances, stage, kind, start, args.seed);
-    let memory = Arc::new(Memory::default());
-    let mind = Mind::new(OracleVlm::new(name.clone(), world.clone(), errors, args.seed), memory.clone(), instruction, form);
-    let camera = Arc::new(Camera::new(world, args.seed, start, memory));
+    let mind = |world: &SimWorld, memory: Arc<Memory>| {
+        Mind::new(OracleVlm::new(name.clone(), world.clone(), errors, args.seed), memory, instruction, form)
+    };
+    let (scene, lens, mind): (String, Arc<dyn Lens>, Mind) = match flown {
+        Some(Flown { world, film, heard }) => {
+            let mind = mind(&world, film.memory().clone()).telling(heard);
+            (world.stage().scene.name.clone(), film, mind)
+        }
+        None => {
+            let stage = Arc::new(load_stage(args.scene.as_deref().unwrap_or("city"), &conditions)?);
+            let kind = kind.unwrap_or(stage.scene.default_craft);
+            let start = pose.unwrap_or_else(|| above_start(stage.scene.start, kind));
+            let circumstances = Circumstances { effects, ..Circumstances::default() };
+            let world = SimWorld::under(&circumstances, stage, kind, start, args.seed);
+            let (memory, scene) = (Arc::new(Memory::default()), world.stage().scene.name.clone());
+            let mind = mind(&world, memory.clone());
+            (scene, Arc::new(Camera::new(world, args.seed, start, memory)), mind)
+        }
+    };
     let address = endpoint.address();
-    let serving = endpoint.serve(camera, mind).map_err(|error| CliError::internal("no endpoint").because(&error))?;
+    let serving = endpoint.serve(lens, mind).map_err(|error| CliError::internal("no endpoint").because(&error))?;
     printer.result(&format!("http://{address}"));
     printer.say(&format!(
         "{name} answers as OpenAI (http://{address}/v1), Gemini and Anthropic (http://{address}) about pictures of {scene} \

@@ -1,0 +1,76 @@
+//! `spf doctor`: everything that can be found out before a flight.
+
+use std::path::Path;
+
+use spf_core::time::duration_from_secs;
+use spf_flight::doctor::{self, Check, Finding};
+use spf_sim::scene::Conditions;
+
+use super::fly::real;
+use super::load_stage;
+use super::vlm::pointing;
+use crate::args::Doctor;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::{Printer, table};
+use crate::settings::Settings;
+
+/// Checks, tells, and says what to do.
+pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError> {
+    let mut settings = Settings::load(args.config.as_deref())?;
+    settings.flag("fly.drone", "--drone", args.drone.clone());
+    settings.flag("fly.vlm", "--vlm", args.vlm.clone());
+    settings.flag("fly.scene", "--scene", args.scene.clone());
+    let mut checks = match real::tello(&settings)? {
+        Some(drone) => {
+            settings.default("fly.vlm", spf_vlm::setup::AUTO);
+            doctor::tello(&real::tello_settings(&settings, drone)?)
+        }
+        None => {
+            let stage = load_stage(settings.get("fly.scene").unwrap_or("city"), &Conditions::default())?;
+            vec![doctor::simulator(&stage)]
+        }
+    };
+    checks.extend(vlm(&settings)?);
+    checks.extend(doctor::disk(Path::new(".")));
+    if printer.is_json() {
+        let text = serde_json::to_string(&checks)
+            .map_err(|error| CliError::internal("the checks cannot be written as JSON").because(&error))?;
+        printer.data(&text);
+    } else {
+        printer.result(&table(&checks.iter().map(row).collect::<Vec<_>>()));
+    }
+    let bad = checks.iter().any(|check| check.finding == Finding::Bad);
+    Ok(if bad { Exit::Failed } else { Exit::Success })
+}
+
+/// Who points, where that is somebody who can be asked.
+fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
+    if settings.get("fly.vlm").is_none_or(|name| name.starts_with("oracle") || name.starts_with("replay:")) {
+        return Ok(None);
+    }
+    let bad = |error: &CliError| {
+        let text = error.to_string();
+        let (found, advice) = text.split_once("\nhint: ").map_or((text.as_str(), None), |(found, hint)| (found, Some(hint)));
+        Some(Check { what: "VLM", finding: Finding::Bad, found: found.replace('\n', " "), advice: advice.map(str::to_owned) })
+    };
+    let pointing = match pointing(settings, None) {
+        Ok(pointing) => pointing,
+        Err(error) => return Ok(bad(&error)),
+    };
+    let time = settings.number("fly.reply_timeout_s", 0.1, 600.0)?.unwrap_or(20.0);
+    match (pointing.who)(None, 0) {
+        Ok(mut vlm) => Ok(Some(doctor::vlm(&pointing.name, vlm.as_mut(), duration_from_secs(time)))),
+        Err(error) => Ok(bad(&CliError::usage("the VLM cannot be asked").because(&*error))),
+    }
+}
+
+fn row(check: &Check) -> Vec<String> {
+    let finding = match check.finding {
+        Finding::Good => "good",
+        Finding::Warning => "look",
+        Finding::Bad => "BAD",
+    };
+    let advice = check.advice.as_deref().map_or(String::new(), |advice| format!(" → {advice}"));
+    vec![finding.to_owned(), check.what.to_owned(), format!("{}{advice}", check.found)]
+}

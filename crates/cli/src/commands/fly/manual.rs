@@ -1,0 +1,129 @@
+//! Flying by hand from the terminal: only keys typed to it, and only while it flies on the wall clock.
+
+use std::sync::mpsc::Receiver;
+
+use spf_core::craft::Craft;
+use spf_core::pilot::OperatorEvent;
+
+/// A terminal that gives single keys; dropped, it is as it was.
+pub(super) struct Manual(Option<platform::Raw>);
+
+impl Manual {
+    /// Nothing is listened to.
+    pub(super) fn none() -> (Self, Option<Receiver<OperatorEvent>>) {
+        (Self(None), None)
+    }
+
+    /// Whether somebody can fly by hand.
+    pub(super) fn is_on(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Listens to the terminal, where there is one; the second is what is typed.
+    pub(super) fn start(craft: Craft) -> (Self, Option<Receiver<OperatorEvent>>) {
+        match platform::listen(craft) {
+            Some((raw, events)) => (Self(Some(raw)), Some(events)),
+            None => (Self(None), None),
+        }
+    }
+}
+
+/// Gives the terminal back, at an end at which nothing is dropped.
+pub(crate) fn restore() {
+    platform::restore();
+}
+
+#[cfg(unix)]
+mod platform {
+    use std::io::{IsTerminal, Read, Write, stderr, stdin};
+    use std::sync::Mutex;
+    use std::sync::mpsc::{Receiver, Sender, channel};
+
+    use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcsetattr};
+    use spf_core::craft::Craft;
+    use spf_core::pilot::OperatorEvent;
+    use spf_flight::keys::{Keys, keys_of};
+
+    /// The terminal's modes before ours.
+    static BEFORE: Mutex<Option<Termios>> = Mutex::new(None);
+
+    pub(super) struct Raw;
+
+    impl Drop for Raw {
+        fn drop(&mut self) {
+            restore();
+        }
+    }
+
+    pub(super) fn restore() {
+        let modes = BEFORE.lock().ok().and_then(|mut before| before.take());
+        if let Some(modes) = modes
+            && let Err(error) = tcsetattr(stdin(), OptionalActions::Now, &modes)
+        {
+            tracing::warn!(%error, "the terminal stays as the flight had it; `stty sane` mends it");
+        }
+    }
+
+    pub(super) fn listen(craft: Craft) -> Option<(Raw, Receiver<OperatorEvent>)> {
+        if !stdin().is_terminal() || !stderr().is_terminal() {
+            return None;
+        }
+        let before = tcgetattr(stdin()).ok()?;
+        let mut modes = before.clone();
+        // Ctrl-C stays a signal, and lines of output stay lines.
+        modes.local_modes.remove(LocalModes::ICANON | LocalModes::ECHO);
+        *BEFORE.lock().ok()? = Some(before);
+        let raw = Raw;
+        tcsetattr(stdin(), OptionalActions::Now, &modes).ok()?;
+        let (send, receive) = channel();
+        // It ends with the process: a read from a terminal cannot be taken back.
+        std::thread::Builder::new().name("keys".to_owned()).spawn(move || read(craft, &send)).ok()?;
+        Some((raw, receive))
+    }
+
+    fn read(craft: Craft, events: &Sender<OperatorEvent>) {
+        let (mut keys, mut buffer, mut input) = (Keys::new(craft), [0; 256], stdin());
+        while let Ok(length) = input.read(&mut buffer) {
+            if length == 0 {
+                return;
+            }
+            for key in keys_of(&buffer[..length]) {
+                let typing = keys.typed().is_some();
+                for event in keys.press(key) {
+                    if events.send(event).is_err() {
+                        return;
+                    }
+                }
+                show(typing, keys.typed());
+            }
+        }
+    }
+
+    /// The line that is being typed.
+    fn show(before: bool, typed: Option<&str>) {
+        let mut out = stderr().lock();
+        // A closed standard error must not end a flight.
+        drop(match typed {
+            Some(text) => write!(out, "\r\x1b[2Kinstruction> {text}"),
+            None if before => writeln!(out),
+            None => Ok(()),
+        });
+        drop(out.flush());
+    }
+}
+
+#[cfg(not(unix))]
+mod platform {
+    use std::sync::mpsc::Receiver;
+
+    use spf_core::craft::Craft;
+    use spf_core::pilot::OperatorEvent;
+
+    pub(super) struct Raw;
+
+    pub(super) fn restore() {}
+
+    pub(super) fn listen(_craft: Craft) -> Option<(Raw, Receiver<OperatorEvent>)> {
+        None
+    }
+}

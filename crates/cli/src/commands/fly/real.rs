@@ -1,0 +1,197 @@
+//! `spf fly --drone tello`: a real craft, or one that nobody can tell from it.
+
+use std::net::{IpAddr, SocketAddr};
+use std::time::Instant;
+
+use spf_core::estimator::Senses;
+use spf_core::time::duration_from_secs;
+use spf_drone::Drone;
+use spf_drone::tello::craft::COMMAND_PORT;
+use spf_drone::tello::sticks::Calibration;
+use spf_drone::tello::{ConnectError, Connected, Tello, TelloSettings};
+use spf_flight::keys::HELP;
+use spf_flight::real::{self, RealPlan};
+use spf_flight::sim::RecordPlan;
+use spf_record::live::Live;
+use spf_sim::model::CraftKind;
+use spf_vlm::Vlm;
+use spf_vlm::check::{Verdict, check};
+
+use super::manual::Manual;
+use super::{
+    flag, give_back, interrupts, limits, live_view, manner, method, out_dir, prompt, report, script, standstill, tell_view,
+};
+use crate::args::Fly;
+use crate::commands::vlm::{Pointing, pointing};
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::{Printer, one_line};
+use crate::progress::Progress;
+use crate::settings::Settings;
+
+/// What the person must know before a Tello takes off.
+const WARNING: &str = "A Tello holds its last velocity: when the link is cut nothing can stop it before it lands by itself, 15 s \
+                       after the last command. Ctrl-C lands, a second one ends the program.";
+
+/// The address of the Tello that is to be flown; none when it is another drone.
+pub(crate) fn tello(settings: &Settings) -> Result<Option<SocketAddr>, CliError> {
+    let expected = "sim, tello, or tello@ADDRESS such as tello@192.168.10.1";
+    match settings.get("fly.drone") {
+        None | Some("sim") => Ok(None),
+        Some("tello") => Ok(Some(TelloSettings::default().drone)),
+        Some(other) => {
+            let address = other.strip_prefix("tello@").and_then(address);
+            address
+                .map(Some)
+                .ok_or_else(|| settings.wrong_word("fly.drone", expected, crate::error::nearest(other, ["sim", "tello"])))
+        }
+    }
+}
+
+fn address(text: &str) -> Option<SocketAddr> {
+    text.parse().ok().or_else(|| text.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, COMMAND_PORT)))
+}
+
+/// Flies a Tello.
+pub(super) fn fly(
+    args: &Fly,
+    mut settings: Settings,
+    instruction: &str,
+    drone: SocketAddr,
+    mut printer: Printer,
+) -> Result<Exit, CliError> {
+    settings.default("fly.vlm", spf_vlm::setup::AUTO);
+    let (preset, policy) = manner(&settings)?;
+    let (method, prompt) = (method(&settings, preset)?, prompt(&settings, policy)?);
+    let (limits, tello) = (limits(&settings, CraftKind::Tello)?, tello_settings(&settings, drone)?);
+    let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
+    let max_cost_usd = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
+    let pointing = pointing(&settings, prompt.clone())?;
+    check_vlm(&settings, &pointing, &printer)?;
+    let interrupts = interrupts()?;
+    let start = Instant::now();
+    let Connected { drone: craft, frames, state, sdk } = Tello::connect(&tello, start).map_err(|error| refused(&error, drone))?;
+    let battery = state.battery.map_or("battery unknown".to_owned(), |charge| format!("battery {charge} %"));
+    printer.say(&format!("Connected to the Tello at {}: SDK {}, {battery}.", drone.ip(), sdk.as_deref().unwrap_or("1.3")));
+    let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
+    let out = out_dir(&settings, instruction)?;
+    let record = RecordPlan { out: out.clone(), video: flag(&settings, "fly.video")?, view: view.as_ref().map(Live::sender) };
+    printer.start_live();
+    printer.say(&format!(
+        "Flying \"{}\", policy {}, preset {}.",
+        one_line(instruction),
+        policy.name(),
+        settings.get("fly.preset").unwrap_or_default(),
+    ));
+    printer.say(&format!("{} Standstill after a stop: {:.2} s at cruise.", pointing.sentence, standstill(CraftKind::Tello)));
+    printer.say(WARNING);
+    if let Some(view) = &view {
+        tell_view(view, &printer);
+    }
+    let (manual, operator) = Manual::start(craft.capabilities().craft);
+    if manual.is_on() {
+        printer.say(HELP);
+    }
+    let plan = RealPlan {
+        drone: Box::new(craft),
+        frames: frames.clone(),
+        start,
+        senses: Senses::tello(),
+        instruction: instruction.to_owned(),
+        policy,
+        preset,
+        settings: method,
+        limits,
+        vlm: pointing.name,
+        who: pointing.who,
+        prompt,
+        max_cost_usd,
+        script,
+        interrupts,
+        operator,
+        record: Some(record),
+    };
+    let mut progress = Progress::new(&printer);
+    let flown = real::fly(plan, &mut [&mut progress]);
+    drop(manual);
+    printer.end_live();
+    let flown = flown.map_err(|error| {
+        give_back(&out);
+        CliError::usage("the flight cannot begin").because(&error)
+    })?;
+    for problem in &flown.recording_problems {
+        printer.say(&format!("warning: not recorded: {problem}"));
+    }
+    let tally = frames.tally();
+    printer.say(&format!(
+        "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} refused",
+        tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused
+    ));
+    report(&flown.summary, out.path(), &printer)?;
+    Ok(Exit::of(flown.summary.outcome, flown.summary.verified))
+}
+
+/// How the Tello is reached and flown.
+pub(crate) fn tello_settings(settings: &Settings, drone: SocketAddr) -> Result<TelloSettings, CliError> {
+    let mut tello = TelloSettings { drone, ..TelloSettings::default() };
+    if let Some(local) = settings.parse("tello.local", "an address of this machine, such as 192.168.10.2")? {
+        tello.local = local;
+    }
+    for (name, port) in [("tello.state_port", &mut tello.state_port), ("tello.video_port", &mut tello.video_port)] {
+        if let Some(number) = settings.parse::<u16>(name, "a port, 1 to 65535")? {
+            *port = number;
+        }
+    }
+    if let Some(latency) = settings.number("tello.video_latency_s", 0.0, 2.0)? {
+        tello.video_latency = duration_from_secs(latency);
+    }
+    let Calibration { speed, climb, sink, yaw_rate } = tello.calibration;
+    let number = |name, low, high, default| settings.number(name, low, high).map(|value| value.unwrap_or(default));
+    tello.calibration = Calibration {
+        speed: number("tello.speed_m_s", 0.1, 10.0, speed)?,
+        climb: number("tello.climb_m_s", 0.1, 10.0, climb)?,
+        sink: number("tello.sink_m_s", 0.1, 10.0, sink)?,
+        yaw_rate: number("tello.yaw_deg_s", 10.0, 360.0, yaw_rate.to_degrees())?.to_radians(),
+    };
+    Ok(tello)
+}
+
+/// A VLM that points astray is found out on the ground.
+fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Result<(), CliError> {
+    // A recording and the oracle have no answer to pictures of a dot.
+    let answers =
+        !(pointing.name.starts_with("oracle") || settings.get("fly.vlm").is_some_and(|name| name.starts_with("replay:")));
+    if !answers || !flag(settings, "fly.vlm_check")? {
+        return Ok(());
+    }
+    printer.say("Asking the VLM about three pictures of a dot …");
+    let time = settings.number("fly.reply_timeout_s", 0.1, 600.0)?.unwrap_or(20.0);
+    let mut vlm: Box<dyn Vlm> =
+        (pointing.who)(None, 0).map_err(|error| CliError::usage("the VLM cannot be asked").because(&*error))?;
+    match check(vlm.as_mut(), duration_from_secs(time)).verdict {
+        Verdict::Good(worst) => {
+            printer.say(&format!("{} answers and points within {:.1} % of the picture.", pointing.name, 100.0 * worst));
+            Ok(())
+        }
+        Verdict::Failed(error) => Err(CliError::failed("the VLM does not answer; nothing took off").because(&error)),
+        _ => Err(CliError::failed(format!("{} points astray; nothing took off", pointing.name))
+            .hint(format!("`spf vlm check {}` tells how; --no-vlm-check flies all the same", pointing.name))),
+    }
+}
+
+fn refused(error: &ConnectError, drone: SocketAddr) -> CliError {
+    let said = CliError::failed("the Tello cannot be flown").because(error);
+    match error {
+        ConnectError::Port { port, .. } => {
+            said.hint(format!("another program has port {port}: end it (other Tello programs, a second flight)"))
+        }
+        ConnectError::Unreachable { .. } | ConnectError::NoAnswer { .. } => said.hint(format!(
+            "is it on, and is this machine in its Wi-Fi TELLO-…? `ping {}` should answer; a Tello that was flown by the app wants to be switched off and on",
+            drone.ip()
+        )),
+        ConnectError::NoState { port } => {
+            said.hint(format!("a firewall lets commands out and nothing in: allow UDP {port} and 11111 from {}", drone.ip()))
+        }
+        _ => said,
+    }
+}

@@ -1,0 +1,100 @@
+//! The virtual Tello.
+
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+
+use spf_core::fault::FaultPlan;
+use spf_flight::sim::{Circumstances, Instruction, TelloFilm, TelloPlan, TelloService, truth_file};
+use spf_sim::tello::{FaultSource, Firmware, ServerError};
+use spf_sim::wind::WindError;
+
+use crate::args::Serve;
+use crate::commands::sim::{conditions, parse_effects};
+use crate::commands::{load_stage, parse_pose};
+use crate::error::CliError;
+use crate::printer::Printer;
+
+/// A Tello's command port.
+const PORT: u16 = 8889;
+/// Starts it; it flies until what is returned is dropped. `film` gets what its camera sees, and `instruction` is what its flights
+/// are judged by.
+pub(super) fn start(
+    args: &Serve,
+    film: Option<Arc<TelloFilm>>,
+    instruction: Instruction,
+    printer: &Printer,
+) -> Result<TelloService, CliError> {
+    let plan = TelloPlan { film, instruction, ..plan(args)? };
+    let (listen, scene) = (plan.listen, plan.stage.scene.name.clone());
+    let service = TelloService::start(plan).map_err(|error| refused(&error, listen))?;
+    let address = service.address();
+    printer.result(&format!("tello@{address}"));
+    printer.say(&format!(
+        "A virtual Tello (SDK {}) stands in {scene}: commands to UDP {address}, state and video go to whoever says `command`; Ctrl-C ends.",
+        args.sdk,
+    ));
+    if !address.ip().is_loopback() {
+        printer.say("warning: whoever can reach this address can fly it");
+    }
+    Ok(service)
+}
+
+/// What video it has sent.
+pub(super) fn tell_video(service: &TelloService, printer: &Printer) {
+    let tally = service.tally();
+    if tally.frames > 0 {
+        printer.say(&format!("video: {} frames, {:.1} a second, {} late", tally.frames, tally.rate(), tally.late));
+    }
+}
+
+fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
+    let wrong = |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: `{value}` is not {expected}"));
+    let listen = address(&args.listen).ok_or_else(|| {
+        wrong("--listen", &args.listen, "an address")
+            .hint("a dotted address of this machine, such as 127.0.0.1 or 127.0.0.1:8889")
+    })?;
+    let firmware = Firmware::from_name(&args.sdk).ok_or_else(|| wrong("--sdk", &args.sdk, "1.3, 2.0 or 3.0"))?;
+    let pose = args.start.as_deref().map(|text| parse_pose(text).map_err(|expected| wrong("--start", text, &expected)));
+    let mut circumstances = Circumstances { battery: args.battery, ..Circumstances::default() };
+    if !(0.0..=1.0).contains(&args.battery) {
+        return Err(wrong("--battery", &args.battery.to_string(), "a charge from 0 to 1"));
+    }
+    if let Some(wind) = &args.wind {
+        circumstances.wind = wind.parse().map_err(|error: WindError| wrong("--wind", wind, "a wind").because(&error))?;
+    }
+    if let Some(effects) = &args.camera_effects {
+        circumstances.effects = parse_effects(effects)?;
+    }
+    let truth = args.truth.as_deref().map(|path| {
+        truth_file(path).map_err(|error| CliError::usage(format!("cannot write `{}`", path.display())).because(&error))
+    });
+    Ok(TelloPlan {
+        start: pose.transpose()?,
+        circumstances,
+        seed: args.seed,
+        listen,
+        firmware,
+        faults: args.fault.clone().map_or_else(|| FaultSource::Plan(FaultPlan::default()), FaultSource::File),
+        instruction: Instruction::default(),
+        film: None,
+        truth: truth.transpose()?,
+        stage: Arc::new(load_stage(args.scene.as_deref().unwrap_or("office"), &conditions(&args.conditions)?)?),
+    })
+}
+
+fn address(text: &str) -> Option<SocketAddr> {
+    text.parse().ok().or_else(|| text.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, PORT)))
+}
+
+fn refused(error: &ServerError, listen: SocketAddr) -> CliError {
+    let said = CliError::usage("the Tello cannot be served").because(error);
+    match error {
+        ServerError::Bind { .. } => said.hint(format!(
+            "is {} an address of this machine, and nobody else on port {}? --listen 127.0.0.2 is another of most machines",
+            listen.ip(),
+            listen.port()
+        )),
+        ServerError::Thread(_) => CliError::internal("the Tello cannot be served").because(error),
+        _ => said.hint("the form of a faults file stands in docs/tello.md"),
+    }
+}

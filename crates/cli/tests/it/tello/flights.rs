@@ -1,0 +1,153 @@
+//! `spf fly --drone tello` against `spf sim serve --tello`: two processes, real sockets, the wall clock.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Command, Stdio};
+
+use serde_json::Value;
+
+use crate::harness::{Lab, Run, rows};
+use crate::vlm::server::Server;
+use crate::vlm::vendors::Vendor;
+use crate::vlm::{AHEAD, DONE, KEY};
+
+/// A virtual Tello in a process of its own.
+struct Served(Child);
+
+impl Served {
+    /// At an address of its own, so that tests do not meet.
+    fn start(lab: &Lab, address: &str, args: &[&str]) -> Self {
+        let all = [&["sim", "serve", "--tello", "--listen", address][..], args].concat();
+        let mut child = lab.command(&all).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
+        assert_eq!(line, format!("tello@{address}:8889\n"));
+        Self(child)
+    }
+
+    /// Ends it; what it said.
+    fn end(mut self) -> String {
+        let line = format!("kill -INT {}", self.0.id());
+        assert!(Command::new("sh").args(["-c", &line]).status().unwrap().success());
+        assert_eq!(self.0.wait().unwrap().code(), Some(0));
+        let mut said = String::new();
+        self.0.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        said
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        drop(self.0.kill());
+        drop(self.0.wait());
+    }
+}
+
+/// A model that says `steps` times to go a little ahead, then that it is there.
+fn model(steps: usize) -> Server {
+    let near = AHEAD.replace("\"depth\":6", "\"depth\":2");
+    Server::start(move |number, request| {
+        let model = Vendor::Gemini.model(request);
+        Vendor::Gemini.stream(&model, if number < steps { &near } else { DONE })
+    })
+}
+
+/// A flight; exit code, the summary printed, and what was said.
+fn fly(lab: &Lab, drone: &str, local: &str, server: &Server, args: &[&str]) -> (Run, Value) {
+    let (drone, vlm) = (format!("tello@{drone}"), format!("gemini@{}", server.url()));
+    let mut all = vec!["fly", "fly to the door", "--json", "--drone", &drone, "--vlm", &vlm, "--no-vlm-check", "--out", "mine"];
+    all.extend(args);
+    let mut command = lab.command(&all);
+    let output = command.env(Vendor::Gemini.key(), KEY).env("SPF_TELLO_LOCAL", local).stdin(Stdio::null()).output().unwrap();
+    let run = Run::of(&output);
+    let printed = serde_json::from_str(&run.stdout).unwrap_or_default();
+    (run, printed)
+}
+
+#[test]
+fn a_flight_over_real_sockets_sees_flies_and_lands() {
+    let lab = Lab::new();
+    let served = Served::start(&lab, "127.0.0.41", &["--truth", "truth.jsonl", "--instruction", "fly to the door"]);
+    let server = model(2);
+    let (run, summary) = fly(&lab, "127.0.0.41", "127.0.0.42", &server, &["--max-time", "90"]);
+    assert_eq!((&summary["outcome"], &summary["verified"]), (&"reached".into(), &Value::Null), "{}\n{}", run.stdout, run.stderr);
+    assert_eq!((run.code, &summary["drone"]), (Some(0), &"tello".into()));
+    assert!(summary["path_length_m"].as_f64().unwrap() > 0.2, "{summary}");
+    assert!(run.stderr.contains("SDK 20, battery 100 %") && run.stderr.contains("holds its last velocity"), "{}", run.stderr);
+    // What the model was shown: the office, not a placeholder.
+    for request in server.questions() {
+        let picture = image::load_from_memory(&Vendor::Gemini.picture(&request)).unwrap().to_rgb8();
+        let mean = picture.as_raw().iter().map(|byte| f64::from(*byte)).sum::<f64>() / picture.as_raw().len() as f64;
+        let spread = picture.as_raw().iter().map(|byte| (f64::from(*byte) - mean).powi(2)).sum::<f64>();
+        assert!((spread / picture.as_raw().len() as f64).sqrt() > 20.0, "{}×{}", picture.width(), picture.height());
+    }
+    let truth = rows(&lab.path("truth.jsonl"));
+    assert_eq!(truth.len(), 1, "{truth:?}");
+    assert_eq!((&truth[0]["ended_by"], &truth[0]["collisions"]), (&"landing".into(), &0.into()));
+    let flown = truth[0]["path_length_m"].as_f64().unwrap();
+    assert!((0.5..6.0).contains(&flown), "0.8 m up, and two small steps: {flown}");
+    let files = lab.names("mine");
+    assert!(files.contains(&"video.mp4".to_owned()) && files.contains(&"flight.mcap".to_owned()), "{files:?}");
+    assert!(served.end().contains("video: "));
+}
+
+#[test]
+fn nobody_there_is_said_at_once_with_what_to_do() {
+    let lab = Lab::new();
+    let server = model(0);
+    let (run, _) = fly(&lab, "127.0.0.43", "127.0.0.44", &server, &[]);
+    assert_eq!(run.code, Some(6), "{}", run.stderr);
+    assert!(run.stderr.contains("hint: is it on, and is this machine in its Wi-Fi"), "{}", run.stderr);
+    assert!(!lab.path("mine").exists(), "a flight that never was leaves no folder");
+}
+
+#[test]
+fn a_port_that_is_taken_is_named() {
+    let lab = Lab::new();
+    let served = Served::start(&lab, "127.0.0.45", &[]);
+    let state = std::net::UdpSocket::bind("127.0.0.46:8890").unwrap();
+    let (run, _) = fly(&lab, "127.0.0.45", "127.0.0.46", &model(0), &[]);
+    drop(state);
+    assert_eq!(run.code, Some(6));
+    assert!(run.stderr.contains("8890") && run.stderr.contains("end it"), "{}", run.stderr);
+    served.end();
+}
+
+#[test]
+fn the_oracle_needs_the_simulator() {
+    let lab = Lab::new();
+    let served = Served::start(&lab, "127.0.0.47", &[]);
+    let mut command = lab.command(&["fly", "go", "--drone", "tello@127.0.0.47", "--vlm", "oracle"]);
+    let run = Run::of(&command.env("SPF_TELLO_LOCAL", "127.0.0.48").output().unwrap());
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert!(run.stderr.contains("with a real drone a VLM is needed"), "{}", run.stderr);
+    served.end();
+}
+
+/// The drone and its VLM in one process, the flight in another: nobody tells the answer but the oracle, by the pictures it is sent.
+#[test]
+fn the_oracle_behind_http_points_in_the_drone_s_own_video() {
+    let lab = Lab::new();
+    let all = ["sim", "serve", "--tello", "--listen", "127.0.0.49", "--vlm=oracle:perfect", "--truth", "truth.jsonl"];
+    let mut child = lab.command(&all).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+    assert_eq!(lines.next().unwrap(), "tello@127.0.0.49:8889");
+    let url = lines.next().unwrap();
+    let served = Served(child);
+    let vlm = format!("openai@{url}/v1");
+    let instruction = "go to the person in the green shirt";
+    let flight =
+        ["fly", instruction, "--drone", "tello@127.0.0.49", "--no-vlm-check", "--no-video", "--json", "--max-time", "60"];
+    let mut command = lab.command(&[&flight[..], &["--out", "mine", "--vlm", &vlm]].concat());
+    let run = Run::of(&command.env("OPENAI_API_KEY", KEY).env("SPF_TELLO_LOCAL", "127.0.0.50").output().unwrap());
+    let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
+    assert!(summary["decisions"].as_u64().unwrap() >= 2, "{summary}\n{}", run.stderr);
+    let decisions = lab.decisions("mine");
+    assert!(
+        decisions.iter().any(|row| row["reply"]["point"].is_object() || row["reading"]["reply"]["point"].is_object()),
+        "{decisions:?}"
+    );
+    let truth = rows(&lab.path("truth.jsonl"));
+    assert_eq!((truth.len(), &truth[0]["instruction"]), (1, &instruction.into()), "{truth:?}");
+    assert!(truth[0]["verified"].is_boolean() && truth[0]["final_distance_m"].is_number(), "{truth:?}");
+    served.end();
+}

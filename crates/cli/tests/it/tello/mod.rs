@@ -1,0 +1,4 @@
+//! `spf sim serve --tello` as other people's clients meet it.
+
+mod clients;
+mod flights;

@@ -1,0 +1,67 @@
+//! What one picture of a Tello's video costs, from datagrams to RGB, and what its answers and state lines do.
+
+use divan::{Bencher, black_box};
+use spf_core::time::Time;
+use spf_drone::tello::state::State;
+use spf_drone::tello::video::Joiner;
+use spf_media::Rgb;
+use spf_media::h264::{Decoder, Encoder, EncoderSettings, nal_units};
+
+fn main() {
+    divan::main();
+}
+
+/// A room-like picture that moves a little from frame to frame.
+fn room(shift: u32) -> Rgb {
+    let mut picture = Rgb::new(960, 720);
+    for y in 0..720 {
+        for x in 0..960 {
+            let (u, v) = (x + 3 * shift, y);
+            let furniture = u / 120 % 3 == 1 && v > 250 && v < 600;
+            let edge = u % 120 < 4 || v % 90 < 3;
+            let colour = match (furniture, edge, v > 450) {
+                (true, false, _) => [(150 + u % 17) as u8, 60, 50],
+                (_, true, _) => [40, 45, 50],
+                (false, false, true) => [(110 + v % 13) as u8, 115, 125],
+                (false, false, false) => [(190 + u % 11) as u8, 190, (170 + v % 7) as u8],
+            };
+            picture.set_pixel(x, y, colour);
+        }
+    }
+    picture
+}
+
+/// Datagrams of a second's pictures.
+fn second() -> Vec<Vec<Vec<u8>>> {
+    let settings = EncoderSettings { key_interval: 1.0, ..EncoderSettings::for_size(960, 720, 30.0) };
+    let mut encoder = Encoder::new(settings).expect("the size is valid");
+    let cut = |unit: &[u8]| -> Vec<Vec<u8>> {
+        nal_units(unit)
+            .flat_map(|nal| [&[0, 0, 0, 1][..], nal].concat().chunks(1460).map(<[u8]>::to_vec).collect::<Vec<_>>())
+            .collect()
+    };
+    (0..30)
+        .map(|n| cut(&encoder.encode(Time::from_millis(33 * u64::from(n)), &room(n)).expect("the codec encodes").annex_b))
+        .collect()
+}
+
+#[divan::bench]
+fn video_to_rgb(bencher: Bencher<'_, '_>) {
+    let stream = second();
+    let (mut joiner, mut decoder) = (Joiner::default(), Decoder::new().expect("the codec is there"));
+    let (mut units, mut next) = (Vec::new(), 0);
+    bencher.bench_local(|| {
+        units.clear();
+        for datagram in &stream[next % stream.len()] {
+            joiner.push(datagram, &mut units);
+        }
+        next += 1;
+        units.iter().filter_map(|unit| decoder.decode(unit).ok().flatten()).last()
+    });
+}
+
+#[divan::bench]
+fn state_line(bencher: Bencher<'_, '_>) {
+    let line = b"mid:-1;x:-100;y:-100;z:-100;mpry:-1,-1,-1;pitch:0;roll:0;yaw:-3;vgx:0;vgy:0;vgz:1;templ:58;temph:60;tof:71;h:50;bat:82;baro:-57.14;time:14;agx:17.00;agy:-4.00;agz:-956.00;\r\n";
+    bencher.bench(|| State::read(black_box(line)));
+}

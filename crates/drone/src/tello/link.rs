@@ -1,0 +1,344 @@
+//! The driver's heart: commands and state of one Tello, without sockets and clocks.
+
+use std::collections::VecDeque;
+
+use spf_core::command::{Command, Setpoint};
+use spf_core::envelope::Cleared;
+use spf_core::geometry::{Attitude, EnuVelocity, wrap_angle};
+use spf_core::telemetry::{FlightPhase, Telemetry};
+use spf_core::time::{Duration, Time, duration_from_secs};
+
+use super::answer::{Answer, explain};
+use super::conversation::{Conversation, Fate, Order};
+use super::state::State;
+use super::sticks::{Calibration, Sticks};
+use crate::DroneEvent;
+
+/// State older than this: the link is lost.
+const LOST: Duration = Duration::from_secs(2);
+/// `land` is said again after so long without ground.
+const LAND_AGAIN: Duration = Duration::from_secs(1);
+/// While the state is missing, `command` is said this often: the drone may have restarted.
+const CALL_AGAIN: Duration = Duration::from_secs(1);
+/// `emergency` is said so often, this far apart.
+const EMERGENCIES: u32 = 3;
+const EMERGENCY_SPACING: Duration = Duration::from_millis(20);
+/// Motors whose time does not rise for so long are off.
+const MOTORS_OFF: Duration = Duration::from_millis(1800);
+/// A take-off has left the ground at this height, centimetres.
+const LIFTED: i32 = 30;
+/// A take-off whose answer is missing is over when it has been so high for so long.
+const TAKEN_OFF: Duration = Duration::from_secs(3);
+/// Dead time and lag of the craft, for telling which way a speed without sign points, s.
+const DEAD_TIME: f64 = 0.35;
+const LAG: f64 = 0.3;
+/// A modelled speed below this tells no direction, m/s.
+const SIGN: f64 = 0.03;
+/// Between the zeros that go before `land` and `land`.
+const ZEROS_FIRST: Duration = Duration::from_millis(80);
+
+/// What the driver has to say to a person.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Notice {
+    /// A command was refused.
+    Refused {
+        /// Which.
+        command: String,
+        /// In whose words.
+        answer: String,
+        /// What that means.
+        meaning: &'static str,
+    },
+    /// No answer came.
+    Unanswered {
+        /// To which command.
+        command: String,
+    },
+    /// The drone landed or stopped its motors by itself.
+    MotorsOff,
+}
+
+/// One Tello's link. Sans-IO.
+#[derive(Debug)]
+pub struct Link {
+    calibration: Calibration,
+    conversation: Conversation,
+    sticks: Sticks,
+    phase: FlightPhase,
+    events: VecDeque<(Time, DroneEvent)>,
+    notices: VecDeque<Notice>,
+    state: State,
+    /// When the last state came.
+    heard: Option<Time>,
+    lost: bool,
+    called: Time,
+    land_again: Option<Time>,
+    emergencies: VecDeque<Time>,
+    /// Motor time as last told, and since when it is so.
+    motors: Option<(u32, Time)>,
+    /// Since when it is as high as a take-off.
+    high_since: Option<Time>,
+    /// Setpoints that were told, with their time, for the direction of speeds.
+    told: VecDeque<(Time, Setpoint)>,
+    modelled: [f64; 3],
+    rc_sent: u64,
+}
+
+impl Link {
+    /// A link to a drone that is in SDK mode and on the ground, or to one that is found so.
+    #[must_use]
+    pub fn new(calibration: Calibration) -> Self {
+        Self {
+            calibration,
+            conversation: Conversation::default(),
+            sticks: Sticks::default(),
+            phase: FlightPhase::OnGround,
+            events: VecDeque::new(),
+            notices: VecDeque::new(),
+            state: State::default(),
+            heard: None,
+            lost: false,
+            called: Time::ZERO,
+            land_again: None,
+            emergencies: VecDeque::new(),
+            motors: None,
+            high_since: None,
+            told: VecDeque::new(),
+            modelled: [0.0; 3],
+            rc_sent: 0,
+        }
+    }
+
+    /// Something that is said when its turn comes, such as `streamon`.
+    pub fn order(&mut self, order: Order) {
+        self.conversation.submit(order);
+    }
+
+    /// The newest state.
+    #[must_use]
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// How many `rc` were sent.
+    #[must_use]
+    pub fn rc_sent(&self) -> u64 {
+        self.rc_sent
+    }
+
+    /// The next thing for the pilot.
+    pub fn take_event(&mut self) -> Option<(Time, DroneEvent)> {
+        self.events.pop_front()
+    }
+
+    /// The next thing for a person.
+    pub fn take_notice(&mut self) -> Option<Notice> {
+        self.notices.pop_front()
+    }
+
+    /// Does what the envelope cleared.
+    pub fn apply(&mut self, now: Time, command: &Cleared<Command>) {
+        match *command.get() {
+            Command::TakeOff => {
+                self.phase = FlightPhase::TakingOff;
+                (self.high_since, self.motors) = (None, None);
+                // Never said twice: an answer can take longer than 7 s, and the state tells.
+                self.conversation.submit(Order::motion("takeoff", Duration::from_millis(1500), Duration::from_secs(20)));
+            }
+            Command::Setpoint(setpoint) => {
+                if self.phase == FlightPhase::Flying {
+                    self.sticks.set(self.calibration.sticks(setpoint), command.valid_until());
+                    self.told.push_back((now, setpoint));
+                }
+            }
+            // Said again by the pilot it is the same landing.
+            Command::Land if self.land_again.is_some() => {}
+            Command::Land => {
+                // Sticks hold until something replaces them, also when `land` gets lost.
+                self.sticks.set([0; 4], now);
+                self.conversation.clear();
+                if self.phase != FlightPhase::OnGround {
+                    self.phase = FlightPhase::Landing;
+                }
+                self.land_again = Some(now + ZEROS_FIRST);
+            }
+            Command::EmergencyStop => {
+                self.sticks.release();
+                self.conversation.clear();
+                self.phase = FlightPhase::Stopped;
+                self.land_again = None;
+                self.emergencies = (0..EMERGENCIES).map(|n| now + EMERGENCY_SPACING * n).collect();
+            }
+        }
+    }
+
+    /// A datagram came from the drone's command port.
+    pub fn handle_answer(&mut self, now: Time, datagram: &[u8]) {
+        if let Answer::Refused(text) = Answer::read(datagram)
+            && text.to_ascii_lowercase().starts_with("error motor stop")
+            && self.phase == FlightPhase::Landing
+        {
+            self.on_ground();
+        }
+        self.conversation.handle(now, datagram);
+        self.settle(now);
+    }
+
+    /// What became of orders.
+    fn settle(&mut self, now: Time) {
+        while let Some((order, fate)) = self.conversation.take_ended() {
+            let command = order.text.clone();
+            match fate {
+                Fate::Answered(Answer::Refused(answer)) => {
+                    if command == "takeoff" && self.phase == FlightPhase::TakingOff {
+                        self.on_ground();
+                    }
+                    let meaning = explain(&answer);
+                    self.notices.push_back(Notice::Refused { command, answer, meaning });
+                }
+                Fate::Answered(_) => {
+                    if command == "takeoff" && self.phase == FlightPhase::TakingOff {
+                        self.begin_flying(now);
+                    }
+                }
+                Fate::TimedOut => self.notices.push_back(Notice::Unanswered { command }),
+            }
+        }
+    }
+
+    fn on_ground(&mut self) {
+        self.phase = FlightPhase::OnGround;
+        self.land_again = None;
+        self.sticks.release();
+        self.told.clear();
+        self.modelled = [0.0; 3];
+    }
+
+    fn begin_flying(&mut self, now: Time) {
+        self.phase = FlightPhase::Flying;
+        self.motors = self.motors.map(|(time, _)| (time, now));
+        // From here on something is said all the time.
+        self.sticks.set([0; 4], now);
+    }
+
+    /// A datagram came to the state port.
+    pub fn handle_state(&mut self, now: Time, datagram: &[u8]) {
+        let Some(state) = State::read(datagram) else { return };
+        let before = self.heard.replace(now);
+        if std::mem::take(&mut self.lost) {
+            self.events.push_back((now, DroneEvent::LinkRestored));
+        }
+        self.state = state;
+        self.judge_phase(now);
+        self.model(now, before.unwrap_or(now));
+        self.events.push_back((now, DroneEvent::Telemetry(self.telemetry(now))));
+    }
+
+    /// What the state tells about the phase, against what was commanded.
+    fn judge_phase(&mut self, now: Time) {
+        let height = self.state.height.unwrap_or(0).max(self.state.tof.unwrap_or(0));
+        if let Some(time) = self.state.motor_time
+            && self.motors.is_none_or(|(before, _)| before != time)
+        {
+            self.motors = Some((time, now));
+        }
+        let motors_off = self.motors.is_some_and(|(_, since)| now.since(since) >= MOTORS_OFF);
+        if height >= LIFTED {
+            self.high_since.get_or_insert(now);
+        } else {
+            self.high_since = None;
+        }
+        match self.phase {
+            FlightPhase::TakingOff if self.high_since.is_some_and(|since| now.since(since) >= TAKEN_OFF) => {
+                self.begin_flying(now)
+            }
+            FlightPhase::Landing if motors_off || height <= 10 && self.state.motor_time.is_none() => self.on_ground(),
+            FlightPhase::Flying if motors_off => {
+                self.notices.push_back(Notice::MotorsOff);
+                self.on_ground();
+            }
+            _ => {}
+        }
+    }
+
+    /// Which way the craft goes by what it was told: the state's speeds have no sign to rely on.
+    fn model(&mut self, now: Time, before: Time) {
+        let effective = now - duration_from_secs(DEAD_TIME);
+        while self.told.get(1).is_some_and(|(at, _)| *at <= effective) {
+            self.told.pop_front();
+        }
+        let setpoint = self.told.front().filter(|(at, _)| *at <= effective).map_or(Setpoint::HOLD, |(_, setpoint)| *setpoint);
+        let heading = self.heading();
+        let (sin, cos) = (libm::sin(heading), libm::cos(heading));
+        let wanted = [setpoint.right * cos + setpoint.forward * sin, setpoint.forward * cos - setpoint.right * sin, setpoint.up];
+        let share = 1.0 - libm::exp(-now.since(before).as_secs_f64() / LAG);
+        for (modelled, wanted) in self.modelled.iter_mut().zip(wanted) {
+            *modelled += (wanted - *modelled) * share;
+        }
+    }
+
+    fn heading(&self) -> f64 {
+        wrap_angle(f64::from(self.state.yaw.unwrap_or(0)).to_radians())
+    }
+
+    /// The state as the pilot reads it. North is where the drone faced when it was switched on.
+    fn telemetry(&self, now: Time) -> Telemetry {
+        let state = &self.state;
+        let angle = |degrees: Option<i32>| f64::from(degrees.unwrap_or(0)).to_radians();
+        let velocity = state.speed.map(|[x, y, z]| {
+            // The length is the drone's, the direction what it was told: the signs of these numbers differ between firmwares.
+            let length = 0.1 * libm::hypot(f64::from(x), f64::from(y));
+            let [east, north, up] = self.modelled;
+            let expected = libm::hypot(east, north);
+            let share = if expected > SIGN { length / expected } else { 0.0 };
+            let up = if up.abs() > SIGN { 0.1 * f64::from(z.abs()) * up.signum() } else { 0.0 };
+            EnuVelocity { east: east * share, north: north * share, up }
+        });
+        Telemetry {
+            time: now,
+            position: None,
+            velocity: velocity.filter(|_| self.phase == FlightPhase::Flying),
+            attitude: Attitude {
+                heading: state.yaw.map_or(f64::NAN, |_| self.heading()),
+                pitch: angle(state.pitch),
+                roll: angle(state.roll),
+            },
+            yaw_rate: None,
+            height: state.height.map(|cm| 0.01 * f64::from(cm)),
+            battery: state.battery.map(|charge| 0.01 * f64::from(charge)),
+            phase: self.phase,
+            crashed: false,
+        }
+    }
+
+    /// What to send to the drone's command port now.
+    pub fn poll(&mut self, now: Time) -> Option<String> {
+        if self.emergencies.front().is_some_and(|at| *at <= now) {
+            self.emergencies.pop_front();
+            return Some("emergency".to_owned());
+        }
+        if self.land_again.is_some_and(|at| at <= now) {
+            self.land_again = Some(now + LAND_AGAIN);
+            self.sticks.release();
+            self.conversation.said_past(now);
+            return Some("land".to_owned());
+        }
+        let silent = self.heard.is_some_and(|heard| now.since(heard) >= LOST);
+        if silent && !self.lost {
+            self.lost = true;
+            self.events.push_back((now, DroneEvent::LinkLost));
+        }
+        if silent && now.since(self.called) >= CALL_AGAIN {
+            self.called = now;
+            self.conversation.said_past(now);
+            return Some("command".to_owned());
+        }
+        if let Some(text) = self.sticks.poll(now) {
+            self.rc_sent += 1;
+            return Some(text);
+        }
+        let said = self.conversation.poll(now);
+        self.settle(now);
+        said
+    }
+}

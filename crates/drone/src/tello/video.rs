@@ -1,0 +1,325 @@
+//! Putting the video together: datagrams without header or number, in which only lengths and start codes tell where a NAL unit ends.
+
+use spf_media::h264::NalKind;
+
+/// A datagram of this length is followed by more of its NAL unit, unless that one ends with it.
+const FULL: usize = 1460;
+const START: [u8; 4] = [0, 0, 0, 1];
+/// A NAL unit longer than this is damage: real ones have some 35 kB.
+const LONGEST: usize = 1 << 20;
+
+/// What the video lost on its way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct VideoTally {
+    /// Pictures put together whole.
+    pub units: u64,
+    /// Places where a picture was missing or damaged, by the numbers that pictures carry.
+    pub gaps: u64,
+    /// Pictures thrown away until the next at which decoding can begin.
+    pub skipped: u64,
+    /// NAL units that were too long or of no use.
+    pub damaged: u64,
+}
+
+/// Puts access units together from datagrams.
+#[derive(Clone, Debug, Default)]
+pub struct Joiner {
+    nal: Vec<u8>,
+    /// Parameter sets and the like that go before the next picture.
+    head: Vec<u8>,
+    /// Bits of `frame_num`, from the sequence parameter set.
+    number_bits: Option<u32>,
+    last_number: Option<u32>,
+    /// Decoding may go on: nothing was lost since the last key picture.
+    whole: bool,
+    tally: VideoTally,
+}
+
+impl Joiner {
+    /// What was lost so far.
+    #[must_use]
+    pub fn tally(&self) -> VideoTally {
+        self.tally
+    }
+
+    /// The next datagram; the access units that it completes (start codes included) are put at the end of `units`. A unit that
+    /// follows a loss is left out, and all after it up to the next key picture: they cannot be decoded rightly.
+    pub fn push(&mut self, datagram: &[u8], units: &mut Vec<Vec<u8>>) {
+        // What was begun has not ended in a shorter datagram: its end is lost. A whole unit whose length is a multiple of a
+        // datagram's looks the same, one in 1460; it goes too, for a picture without its end must not pass for whole.
+        if datagram.starts_with(&START) && !self.nal.is_empty() {
+            self.nal.clear();
+            self.tally.damaged += 1;
+            self.lost();
+        }
+        if self.nal.len() + datagram.len() > LONGEST {
+            self.nal.clear();
+            self.tally.damaged += 1;
+            return;
+        }
+        self.nal.extend_from_slice(datagram);
+        if datagram.len() < FULL {
+            self.end_nal(units);
+        }
+    }
+
+    /// A unit that came out could not be decoded: those after it up to the next key picture cannot be either.
+    pub fn refuse(&mut self) {
+        self.lost();
+    }
+
+    fn end_nal(&mut self, units: &mut Vec<Vec<u8>>) {
+        if self.nal.is_empty() {
+            return;
+        }
+        let nal = std::mem::take(&mut self.nal);
+        // The rest of a unit whose beginning was lost has no start code.
+        let Some(payload) = nal.strip_prefix(&START) else {
+            self.tally.damaged += 1;
+            self.lost();
+            return;
+        };
+        match NalKind::of(payload) {
+            Some(NalKind::Sps) => {
+                self.number_bits = number_bits(payload);
+                // A new sequence: nothing from before goes before its first picture.
+                self.head = nal;
+            }
+            Some(NalKind::Pps | NalKind::Other(6..=9)) => {
+                if self.head.len() + nal.len() <= LONGEST {
+                    self.head.extend_from_slice(&nal);
+                }
+            }
+            Some(NalKind::IdrSlice) => {
+                self.whole = !self.head.is_empty();
+                self.last_number = Some(0);
+                self.end_unit(&nal, units);
+            }
+            Some(NalKind::Slice) => {
+                self.count(payload);
+                self.end_unit(&nal, units);
+            }
+            _ => self.tally.damaged += 1,
+        }
+    }
+
+    /// A picture refers to the one before it: a number left out is a picture lost.
+    fn count(&mut self, slice: &[u8]) {
+        let Some(bits) = self.number_bits else { return self.lost() };
+        let number = frame_number(slice, bits);
+        let expected = self.last_number.map(|last| (last + 1) & ((1 << bits) - 1));
+        if number.is_none() || number != expected {
+            self.lost();
+        }
+        self.last_number = number;
+    }
+
+    fn lost(&mut self) {
+        self.tally.gaps += u64::from(self.whole);
+        self.whole = false;
+    }
+
+    fn end_unit(&mut self, slice: &[u8], units: &mut Vec<Vec<u8>>) {
+        let mut unit = std::mem::take(&mut self.head);
+        if !self.whole {
+            self.tally.skipped += 1;
+            return;
+        }
+        unit.extend_from_slice(slice);
+        self.tally.units += 1;
+        units.push(unit);
+    }
+}
+
+/// Bits of a NAL unit's payload, emulation prevention bytes left out.
+struct Bits<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    zeros: u32,
+    byte: u8,
+    left: u32,
+}
+
+impl<'a> Bits<'a> {
+    /// Of a NAL unit without start code; its first byte is skipped.
+    fn of(nal: &'a [u8]) -> Self {
+        Self { bytes: nal, at: 1, zeros: 0, byte: 0, left: 0 }
+    }
+
+    fn bit(&mut self) -> Option<u32> {
+        if self.left == 0 {
+            let mut byte = *self.bytes.get(self.at)?;
+            self.at += 1;
+            if self.zeros >= 2 && byte == 3 {
+                byte = *self.bytes.get(self.at)?;
+                self.at += 1;
+                self.zeros = 0;
+            }
+            self.zeros = if byte == 0 { self.zeros + 1 } else { 0 };
+            (self.byte, self.left) = (byte, 8);
+        }
+        self.left -= 1;
+        Some(u32::from(self.byte >> self.left) & 1)
+    }
+
+    fn bits(&mut self, count: u32) -> Option<u32> {
+        let mut value = 0;
+        for _ in 0..count {
+            value = value << 1 | self.bit()?;
+        }
+        Some(value)
+    }
+
+    /// An Exp-Golomb number (ITU-T H.264, 9.1).
+    fn number(&mut self) -> Option<u32> {
+        let mut zeros = 0;
+        while self.bit()? == 0 {
+            zeros += 1;
+            if zeros > 20 {
+                return None;
+            }
+        }
+        Some((1 << zeros) - 1 + self.bits(zeros)?)
+    }
+}
+
+/// `log2_max_frame_num` of a sequence parameter set (ITU-T H.264, 7.3.2.1.1).
+fn number_bits(sps: &[u8]) -> Option<u32> {
+    let mut bits = Bits::of(sps);
+    let profile = bits.bits(8)?;
+    bits.bits(16)?;
+    bits.number()?;
+    if matches!(profile, 100 | 110 | 122 | 244 | 44 | 83 | 86 | 118 | 128) {
+        if bits.number()? == 3 {
+            bits.bit()?;
+        }
+        bits.number()?;
+        bits.number()?;
+        bits.bit()?;
+        // Scaling matrices: no drone's, and long to read.
+        if bits.bit()? == 1 {
+            return None;
+        }
+    }
+    bits.number().map(|log| log + 4).filter(|bits| *bits <= 16)
+}
+
+/// `frame_num` of a slice (ITU-T H.264, 7.3.3).
+fn frame_number(slice: &[u8], number_bits: u32) -> Option<u32> {
+    let mut bits = Bits::of(slice);
+    bits.number()?;
+    bits.number()?;
+    bits.number()?;
+    bits.bits(number_bits)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use spf_core::time::Time;
+    use spf_media::Rgb;
+    use spf_media::h264::{Decoder, Encoder, EncoderSettings, nal_units};
+
+    use super::*;
+
+    /// Datagrams of each of some pictures of noise, cut as a Tello cuts them.
+    fn stream(frames: u32) -> Vec<Vec<Vec<u8>>> {
+        let settings = EncoderSettings { key_interval: 1.0, quantiser: 20, ..EncoderSettings::for_size(192, 144, 10.0) };
+        let mut encoder = Encoder::new(settings).unwrap();
+        let picture = |frame: u32| {
+            let mut picture = Rgb::new(192, 144);
+            for (index, byte) in picture.data_mut().iter_mut().enumerate() {
+                *byte = (index as u32 / 5 * (7 + frame)) as u8;
+            }
+            picture
+        };
+        let cut = |unit: &[u8]| -> Vec<Vec<u8>> {
+            nal_units(unit)
+                .flat_map(|nal| {
+                    let mut bytes = START.to_vec();
+                    bytes.extend_from_slice(nal);
+                    if bytes.len().is_multiple_of(FULL) {
+                        bytes.push(0);
+                    }
+                    bytes.chunks(FULL).map(<[u8]>::to_vec).collect::<Vec<_>>()
+                })
+                .collect()
+        };
+        (0..frames)
+            .map(|frame| cut(&encoder.encode(Time::from_millis(100 * u64::from(frame)), &picture(frame)).unwrap().annex_b))
+            .collect()
+    }
+
+    fn join(joiner: &mut Joiner, datagrams: &[Vec<u8>]) -> Vec<Vec<u8>> {
+        let mut units = Vec::new();
+        datagrams.iter().for_each(|datagram| joiner.push(datagram, &mut units));
+        units
+    }
+
+    #[test]
+    fn whole_pictures_come_out_at_once_and_decode() {
+        let stream = stream(25);
+        assert!(stream.iter().any(|datagrams| datagrams.len() > 4));
+        let (mut joiner, mut decoder) = (Joiner::default(), Decoder::new().unwrap());
+        for datagrams in &stream {
+            let units = join(&mut joiner, datagrams);
+            assert_eq!(units.len(), 1);
+            assert!(decoder.decode(&units[0]).unwrap().is_some());
+        }
+        assert_eq!(joiner.tally(), VideoTally { units: 25, ..VideoTally::default() });
+    }
+
+    #[test]
+    fn one_lost_datagram_costs_the_rest_of_the_group() {
+        let stream = stream(25);
+        for lost in 0..stream[4].len() {
+            let mut damaged = stream.clone();
+            damaged[4].remove(lost);
+            let (mut joiner, mut decoder) = (Joiner::default(), Decoder::new().unwrap());
+            let mut came = Vec::new();
+            for (frame, datagrams) in damaged.iter().enumerate() {
+                for unit in join(&mut joiner, datagrams) {
+                    came.push(frame);
+                    if decoder.decode(&unit).is_err() {
+                        assert!((4..6).contains(&frame), "{frame}");
+                        joiner.refuse();
+                    }
+                }
+            }
+            // A loss inside of the unit shows when it is decoded, or when the one after it is.
+            let expected: Vec<usize> = (0..4).chain(10..25).collect();
+            came.retain(|frame| !(4..6).contains(frame));
+            assert_eq!(came, expected, "datagram {lost} of {}", stream[4].len());
+            assert_eq!(joiner.tally().gaps, 1);
+        }
+    }
+
+    /// The sequence parameter set of a real Tello, as several projects carry it in their code.
+    #[test]
+    fn a_real_tello_s_numbers_have_eight_bits() {
+        assert_eq!(number_bits(&[0x67, 0x4d, 0x40, 0x28, 0x95, 0xa0, 0x3c, 0x05, 0xb9]), Some(8));
+    }
+
+    #[test]
+    fn a_stream_that_is_joined_in_the_middle_begins_with_its_next_key_picture() {
+        let stream = stream(25);
+        let mut joiner = Joiner::default();
+        let came: Vec<usize> = (3..25).filter(|frame| !join(&mut joiner, &stream[*frame]).is_empty()).collect();
+        assert_eq!(came, (10..25).collect::<Vec<_>>());
+    }
+
+    proptest! {
+        #[test]
+        fn no_datagrams_panic_or_pile_up(datagrams in proptest::collection::vec(
+            (proptest::collection::vec(any::<u8>(), 0..40), 0_usize..1500, any::<bool>()), 0..60)) {
+            let mut joiner = Joiner::default();
+            let mut units = Vec::new();
+            for (bytes, length, start) in datagrams {
+                let mut datagram = if start { START.to_vec() } else { Vec::new() };
+                datagram.extend(bytes.iter().cycle().take(if bytes.is_empty() { 0 } else { length }));
+                joiner.push(&datagram, &mut units);
+                prop_assert!(joiner.nal.len() <= LONGEST && joiner.head.len() <= LONGEST);
+            }
+        }
+    }
+}

@@ -1,0 +1,340 @@
+//! The Tello's driver against the virtual Tello, joined in virtual time without sockets: whole flights, each fault, the known
+//! failings of such programs.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use spf_core::camera::Camera;
+use spf_core::command::Command;
+use spf_core::craft::Craft;
+use spf_core::envelope::{Cleared, Limits};
+use spf_core::estimator::Senses;
+use spf_core::fault::{Fault, FaultMachine, FaultPlan, Rule, Stream, Trouble, TroubleRule};
+use spf_core::frame::FrameId;
+use spf_core::pilot::{Action, Event, Note, Outcome, Phase, Pilot, PilotParts, PilotSettings, Preset};
+use spf_core::policy::spf::{Spf, SpfSettings};
+use spf_core::telemetry::FlightPhase;
+use spf_core::time::{Duration, Time};
+use spf_drone::tello::conversation::Order;
+use spf_drone::tello::link::Link;
+use spf_drone::tello::sticks::Calibration;
+use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+use spf_flight::run::{Observer, run};
+use spf_flight::sim::{OracleVlm, SimPictures, SimWorld, Stage};
+use spf_flight::world::{Lockstep, Script};
+use spf_sim::craft::SimCraft;
+use spf_sim::frame_clock::FrameClock;
+use spf_sim::model::CraftKind;
+use spf_sim::oracle::ErrorFile;
+use spf_sim::tello::{Figures, Firmware, Output, VirtualTello};
+use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
+
+const STEP: Duration = Duration::from_millis(5);
+
+/// The driver, the drone, and a cable of virtual time.
+struct Wired {
+    world: SimWorld,
+    tello: VirtualTello,
+    link: Link,
+    now: Time,
+    clock: FrameClock,
+    frame: FrameId,
+    events: VecDeque<(Time, DroneEvent)>,
+    /// Every word to the drone, with its time.
+    said: Arc<std::sync::Mutex<Vec<(Time, String)>>>,
+}
+
+impl Wired {
+    fn new(world: SimWorld, faults: FaultPlan) -> Self {
+        let tello = {
+            let craft = world.shared_craft();
+            let craft = craft.lock().unwrap();
+            let faults = FaultMachine::new(faults, 3).unwrap();
+            VirtualTello::new(&craft, Figures::default(), Firmware::V20, faults, 3)
+        };
+        let mut link = Link::new(Calibration::default());
+        link.order(Order::quick("command"));
+        link.order(Order::quick("streamon"));
+        let (now, frame, events) = (Time::ZERO, FrameId(0), VecDeque::new());
+        Self { world, tello, link, now, clock: FrameClock::default(), frame, events, said: Arc::default() }
+    }
+
+    fn client() -> SocketAddr {
+        SocketAddr::from(([127, 0, 0, 1], 40_000))
+    }
+
+    fn step(&mut self) {
+        while let Some(text) = self.link.poll(self.now) {
+            self.said.lock().unwrap().push((self.now, text.clone()));
+            self.tello.handle(self.now, Self::client(), text.as_bytes());
+        }
+        self.now += STEP;
+        let craft = self.world.shared_craft();
+        self.tello.advance(self.now, &mut craft.lock().unwrap());
+        while let Some(output) = self.tello.poll(self.now) {
+            match output {
+                Output::Response { bytes, .. } => self.link.handle_answer(self.now, &bytes),
+                Output::State { bytes, .. } => self.link.handle_state(self.now, &bytes),
+            }
+        }
+        while let Some(event) = self.link.take_event() {
+            self.events.push_back(event);
+        }
+        let camera = *self.world.camera();
+        let meta = self.clock.meta(self.frame, camera.width, camera.height);
+        if meta.received <= self.now {
+            self.frame = FrameId(self.frame.0 + 1);
+            let faults = self.tello.faults();
+            let lost = faults.troubled(self.now, Trouble::LinkCut) || faults.pass(self.now, Stream::Frames, meta.id.0).is_empty();
+            let frozen = faults.freezes(self.now, Stream::Frames);
+            let capture_counter = if frozen { 0 } else { meta.capture_counter };
+            if !lost {
+                self.events.push_back((self.now, DroneEvent::Frame(spf_core::frame::FrameMeta { capture_counter, ..meta })));
+            }
+        }
+    }
+}
+
+impl Drone for Wired {
+    fn name(&self) -> &str {
+        "tello"
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { craft: Craft::tello(), camera: *self.world.camera() }
+    }
+
+    fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
+        self.link.apply(now, command);
+        Ok(())
+    }
+
+    fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
+        while self.events.is_empty() && self.now + STEP <= until {
+            self.step();
+        }
+        self.events.pop_front()
+    }
+
+    fn next_event_at(&self) -> Option<Time> {
+        Some(if self.events.is_empty() { self.now + STEP } else { self.now })
+    }
+}
+
+/// An oracle that takes its time.
+struct Slow(OracleVlm, Duration);
+
+impl Vlm for Slow {
+    fn name(&self) -> &str {
+        "slow"
+    }
+
+    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
+        self.0.eyesight(camera)
+    }
+
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+        Answer { latency: self.1, ..self.0.answer(asked, picture) }
+    }
+}
+
+/// What was seen of a flight.
+#[derive(Default)]
+struct Seen {
+    outcome: Option<(Time, Outcome, String)>,
+    envelope: Vec<(Time, String)>,
+    phases: Vec<(Time, Phase)>,
+}
+
+impl Observer for Seen {
+    fn action(&mut self, now: Time, action: &Action, _: &Pilot) {
+        match action {
+            Action::Finished(ending) => self.outcome = Some((now, ending.outcome, ending.cause.clone())),
+            Action::Note(Note::Envelope(cause)) => self.envelope.push((now, cause.to_string())),
+            Action::Note(Note::Phase(phase)) => self.phases.push((now, *phase)),
+            _ => {}
+        }
+    }
+
+    fn event(&mut self, _: Time, _: &Event) {}
+}
+
+struct Flight {
+    seen: Seen,
+    said: Vec<(Time, String)>,
+    world: SimWorld,
+}
+
+impl Flight {
+    fn craft<T>(&self, ask: impl FnOnce(&SimCraft) -> T) -> T {
+        ask(&self.world.shared_craft().lock().unwrap())
+    }
+
+    fn outcome(&self) -> Outcome {
+        self.seen.outcome.as_ref().unwrap().1
+    }
+
+    /// Sticks as they were told, as numbers.
+    fn sticks(&self) -> Vec<(Time, Vec<i32>)> {
+        let numbers = |text: &str| text.strip_prefix("rc ").map(|rest| rest.split(' ').map(|n| n.parse().unwrap()).collect());
+        self.said.iter().filter_map(|(at, text)| Some((*at, numbers(text)?))).collect()
+    }
+}
+
+fn fly(instruction: &str, faults: FaultPlan, latency: Option<Duration>, settings: PilotSettings) -> Flight {
+    let stage = Arc::new(Stage::load("office").unwrap());
+    let start = stage.scene.start;
+    let world = SimWorld::new(stage, CraftKind::Tello, start, 5);
+    let drone = Wired::new(world.clone(), faults);
+    let said = drone.said.clone();
+    let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
+    let vlm: Box<dyn Vlm> = match latency {
+        Some(latency) => Box::new(Slow(oracle, latency)),
+        None => Box::new(oracle),
+    };
+    let eyesight = vlm.eyesight((960, 720));
+    let spf = SpfSettings {
+        step: settings.step,
+        lifting: settings.lifting,
+        avoid: settings.avoid,
+        confirm_done: settings.confirm_done,
+        grounding: eyesight.grounding,
+        image_size: eyesight.image_size,
+        craft: Craft::tello(),
+        shape: spf_core::avoid::PathShape::Straight,
+    };
+    let mut pilot = Pilot::new(PilotParts {
+        settings,
+        craft: Craft::tello(),
+        senses: Senses::tello(),
+        camera: *world.camera(),
+        limits: Limits::for_craft(&Craft::tello()),
+        policy: Box::new(Spf::new(spf)),
+        instruction: instruction.to_owned(),
+    });
+    let pictures = Box::new(SimPictures::new(world.clone()));
+    let mut around = Lockstep::new(Box::new(drone), vlm, pictures, Script::default(), Arc::default());
+    let mut seen = Seen::default();
+    run(&mut pilot, &mut around, &mut [&mut seen]);
+    let said = said.lock().unwrap().clone();
+    Flight { seen, said, world }
+}
+
+fn settings() -> PilotSettings {
+    PilotSettings { max_time: Duration::from_secs(90), ..PilotSettings::preset(Preset::Default) }
+}
+
+fn trouble(fault: Trouble, from: f64, until: Option<f64>) -> FaultPlan {
+    FaultPlan { craft: vec![TroubleRule { fault, from, until }], ..FaultPlan::default() }
+}
+
+fn rule(stream: Stream, from: f64, until: Option<f64>, fault: Fault) -> FaultPlan {
+    FaultPlan { rules: vec![Rule { stream, from, until, fault }], ..FaultPlan::default() }
+}
+
+/// Somebody who stands in the office.
+const GOAL: &str = "go to the person in the green shirt";
+
+#[test]
+fn a_whole_flight_over_the_protocol_lands_and_touches_nothing() {
+    let flight = fly(GOAL, FaultPlan::default(), None, settings());
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "{:?}", flight.seen.outcome);
+    assert!(!flight.craft(|craft| craft.dynamics().crashed()));
+    assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    let words = |text: &str| flight.said.iter().filter(|(_, said)| said == text).count();
+    assert_eq!(words("takeoff"), 1);
+    assert!(words("land") >= 1);
+    // From take-off to landing something is said ten times a second or more.
+    let sticks = flight.sticks();
+    assert!(sticks.windows(2).all(|pair| pair[1].0.since(pair[0].0) <= Duration::from_millis(100)));
+    assert!(sticks.len() > 100, "{}", sticks.len());
+}
+
+/// Failing 4: a slow VLM lets the drone's own timer land it.
+#[test]
+fn failing_4_the_drone_s_own_landing_never_comes_while_a_vlm_thinks_for_25_s() {
+    let patient = PilotSettings { reply_timeout: Duration::from_secs(40), max_time: Duration::from_secs(60), ..settings() };
+    let flight = fly(GOAL, FaultPlan::default(), Some(Duration::from_secs(25)), patient);
+    let (ended, ..) = flight.seen.outcome.clone().unwrap();
+    assert!(ended >= Time::from_millis(30_000), "it was still flying after the first answer: {:?}", flight.seen.outcome);
+    let landing = flight.said.iter().find(|(_, text)| text == "land").unwrap().0;
+    assert!(landing >= ended, "nobody landed before the pilot did");
+}
+
+/// Failing 3: what a frozen camera shows moves nothing, and ends in a landing.
+#[test]
+fn failing_3_a_frozen_video_holds_then_lands() {
+    let flight = fly(GOAL, rule(Stream::Frames, 6.0, None, Fault::Freeze), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
+    // A second after the freeze at most, and 0.2 s for the pilot.
+    assert_stopped(&flight, 6.0 + 1.0 + 0.2);
+}
+
+/// Failing 14: a Tello's camera sees 55 by 43 degrees.
+#[test]
+fn failing_14_the_field_of_view_is_a_tello_s() {
+    let (horizontal, vertical) = Camera::tello().half_fov();
+    assert!((2.0 * horizontal.to_degrees() - 55.4).abs() < 0.5 && (2.0 * vertical.to_degrees() - 42.9).abs() < 0.5);
+    // A point at the right edge turns by half of that, not by 54 degrees.
+    let ray = Camera::tello().ray(spf_core::query::ImagePoint { u: 1.0, v: 0.5 });
+    assert!((ray.right.atan().to_degrees() - 28.7).abs() < 0.5, "{}", ray.right.atan().to_degrees());
+}
+
+/// From `seconds` on nothing but zero was commanded, until the landing.
+fn assert_stopped(flight: &Flight, seconds: f64) {
+    let moving: Vec<_> =
+        flight.sticks().into_iter().filter(|(at, sticks)| at.as_secs_f64() > seconds && *sticks != [0, 0, 0, 0]).collect();
+    assert!(moving.is_empty(), "{moving:?}\n{:?}", flight.seen.envelope);
+}
+
+#[test]
+fn a_cut_link_stops_commands_and_the_drone_lands_by_itself() {
+    let flight = fly(GOAL, trouble(Trouble::LinkCut, 6.0, None), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 6.0 + 1.0 + 0.2);
+    assert!(flight.said.iter().any(|(at, text)| text == "land" && *at > Time::from_millis(6000)), "it is tried all the same");
+}
+
+#[test]
+fn a_link_that_comes_back_within_two_seconds_goes_on() {
+    let flight = fly(GOAL, trouble(Trouble::LinkCut, 6.0, Some(7.5)), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    assert_eq!(flight.said.iter().filter(|(_, text)| text == "takeoff").count(), 1);
+}
+
+#[test]
+fn a_refused_take_off_ends_the_flight_on_the_ground() {
+    let flight = fly(GOAL, trouble(Trouble::TakeOffRefused, 0.0, None), None, settings());
+    assert_ne!(flight.outcome(), Outcome::Reached);
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+    assert_stopped(&flight, 0.0);
+    assert_eq!(flight.said.iter().filter(|(_, text)| text == "takeoff").count(), 1, "never said twice");
+}
+
+#[test]
+fn an_empty_battery_is_landed_with() {
+    let flight = fly(GOAL, trouble(Trouble::BatteryEmpty, 7.0, None), None, settings());
+    assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+}
+
+#[test]
+fn a_restart_in_flight_ends_it_and_moves_nothing_after() {
+    let flight = fly(GOAL, trouble(Trouble::Reboot, 7.0, Some(7.05)), None, settings());
+    assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 7.0 + 1.0 + 0.2);
+}
+
+#[test]
+fn a_lossy_link_is_flown_over() {
+    let lossy = |stream| Rule { stream, from: 0.0, until: None, fault: Fault::Drop { p: 0.15 } };
+    let twice = |stream| Rule { stream, from: 0.0, until: None, fault: Fault::Duplicate { p: 0.1, after: 0.05 } };
+    let late = |stream| Rule { stream, from: 0.0, until: None, fault: Fault::Delay { mean: 0.02, jitter: 0.02 } };
+    let rules = [Stream::Commands, Stream::Telemetry, Stream::Frames].into_iter();
+    let rules = rules.flat_map(|stream| [lossy(stream), twice(stream), late(stream)]).collect();
+    let flight = fly(GOAL, FaultPlan { rules, ..FaultPlan::default() }, None, settings());
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "{:?}", flight.seen.outcome);
+    assert!(!flight.craft(|craft| craft.dynamics().crashed()));
+}

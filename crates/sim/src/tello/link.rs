@@ -1,0 +1,89 @@
+//! The radio between craft and client, with its faults: what goes in comes out later, twice, damaged or never.
+
+use std::net::SocketAddr;
+
+use spf_core::fault::{Content, FaultMachine, Stream, Trouble};
+use spf_core::time::Time;
+
+/// A datagram under way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Packet {
+    pub(super) at: Time,
+    pub(super) stream: Stream,
+    pub(super) peer: SocketAddr,
+    pub(super) bytes: Vec<u8>,
+}
+
+/// Datagrams under way in both directions.
+#[derive(Debug)]
+pub(super) struct Link {
+    faults: FaultMachine,
+    /// Datagrams passed so far: the faults of each follow from its number.
+    count: u64,
+    under_way: Vec<Packet>,
+    /// The last state that passed before the telemetry froze.
+    frozen: Vec<u8>,
+}
+
+impl Link {
+    pub(super) fn new(faults: FaultMachine) -> Self {
+        Self { faults, count: 0, under_way: Vec::new(), frozen: Vec::new() }
+    }
+
+    pub(super) fn faults(&self) -> &FaultMachine {
+        &self.faults
+    }
+
+    /// Other faults from now on; what is under way stays so.
+    pub(super) fn set_faults(&mut self, faults: FaultMachine) {
+        self.faults = faults;
+    }
+
+    /// A datagram is sent at `at`.
+    pub(super) fn send(&mut self, at: Time, stream: Stream, peer: SocketAddr, bytes: &[u8]) {
+        self.count += 1;
+        if self.faults.troubled(at, Trouble::LinkCut) {
+            return;
+        }
+        for delivery in self.faults.pass(at, stream, self.count) {
+            let bytes = match delivery.content {
+                Content::FrozenSince(_) if stream == Stream::Telemetry && !self.frozen.is_empty() => self.frozen.clone(),
+                Content::Intact | Content::FrozenSince(_) => bytes.to_vec(),
+                Content::Corrupt(number) => corrupted(bytes, number),
+                Content::Blank => Vec::new(),
+            };
+            if stream == Stream::Telemetry && delivery.content == Content::Intact {
+                self.frozen.clone_from(&bytes);
+            }
+            self.under_way.push(Packet { at: delivery.at, stream, peer, bytes });
+        }
+    }
+
+    /// The next datagram that arrives at `now` or before and satisfies `wanted`; earliest first, equal times in order of sending.
+    pub(super) fn take(&mut self, now: Time, wanted: impl Fn(Stream) -> bool) -> Option<Packet> {
+        let due = |packet: &&Packet| packet.at <= now && wanted(packet.stream);
+        let at = self.under_way.iter().filter(due).map(|packet| packet.at).min()?;
+        let index = self.under_way.iter().position(|packet| packet.at == at && wanted(packet.stream))?;
+        let packet = self.under_way.remove(index);
+        // Cut while it was under way.
+        if self.faults.troubled(packet.at, Trouble::LinkCut) { self.take(now, wanted) } else { Some(packet) }
+    }
+
+    /// When the next datagram arrives.
+    pub(super) fn next_at(&self) -> Option<Time> {
+        self.under_way.iter().map(|packet| packet.at).min()
+    }
+}
+
+/// One bit in every 64 bytes, at least one, is flipped.
+pub(super) fn corrupted(bytes: &[u8], number: u64) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    let length = bytes.len();
+    for round in 0..=length / 64 {
+        let draw = number.wrapping_add(round as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        if let Some(byte) = bytes.get_mut((draw >> 16) as usize % length.max(1)) {
+            *byte ^= 1 << (draw % 8);
+        }
+    }
+    bytes
+}

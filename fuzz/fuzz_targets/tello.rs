@@ -1,0 +1,24 @@
+//! Any bytes as what a Tello and its clients send each other: read or refused, never a panic.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use spf_drone::tello::answer::Answer;
+use spf_drone::tello::state::State;
+use spf_drone::tello::video::Joiner;
+use spf_sim::tello::Firmware;
+use spf_sim::tello::command::parse;
+
+fuzz_target!(|bytes: &[u8]| {
+    let _ = Answer::read(bytes);
+    let _ = State::read(bytes);
+    for firmware in [Firmware::V13, Firmware::V20, Firmware::V30] {
+        let _ = parse(bytes, firmware);
+    }
+    // The first byte says how long datagrams are.
+    let mut joiner = Joiner::default();
+    let mut units = Vec::new();
+    let length = bytes.first().map_or(1, |byte| 6 * usize::from(*byte) + 1);
+    for datagram in bytes.chunks(length) {
+        joiner.push(datagram, &mut units);
+    }
+});
