@@ -15,5 +15,5 @@ pub use pictures::SimPictures;
 pub(crate) use pictures::sim_picture;
 pub use stage::{Moment, Stage, StageError};
 pub use tello::{Instruction, TelloFilm, TelloPlan, TelloService, truth_file};
-pub use truth::Verdict;
+pub use truth::{Verdict, sighted};
 pub use world::{Circumstances, SimDrone, SimWorld};

@@ -88,7 +88,8 @@ impl Stage {
     }
 
     /// An object's key in the scene; its number where it has none.
-    pub(crate) fn key(&self, id: ObjectId) -> String {
+    #[must_use]
+    pub fn key(&self, id: ObjectId) -> String {
         self.tags.iter().find(|tags| tags.id == id).map_or_else(|| id.to_string(), |tags| tags.key.clone())
     }
 
@@ -132,19 +133,22 @@ impl Stage {
     }
 
     /// Extent of an object when the actors are at these places.
-    pub(crate) fn bounds(&self, object: &Object, actors: &[ActorPlace]) -> Aabb {
+    #[must_use]
+    pub fn bounds(&self, object: &Object, actors: &[ActorPlace]) -> Aabb {
         let moved = self.cast.of_object(object.id).and_then(|actor| self.cast.bounds(actor, actors.get(actor)?));
         moved.unwrap_or(object.bounds)
     }
 
     /// Footprint of an object when the actors are at these places.
-    pub(crate) fn outline(&self, object: &Object, actors: &[ActorPlace]) -> Vec<Vec<[f64; 2]>> {
+    #[must_use]
+    pub fn outline(&self, object: &Object, actors: &[ActorPlace]) -> Vec<Vec<[f64; 2]>> {
         let moved = self.cast.of_object(object.id).and_then(|actor| Some(self.cast.outline(actor, actors.get(actor)?)));
         moved.unwrap_or_else(|| object.outline.clone())
     }
 
     /// Metres from a point to the nearest surface of an object when the actors are at these places.
-    pub(crate) fn distance_to(&self, object: ObjectId, actors: &[ActorPlace], point: EnuPosition) -> Option<f64> {
+    #[must_use]
+    pub fn distance_to(&self, object: ObjectId, actors: &[ActorPlace], point: EnuPosition) -> Option<f64> {
         match self.cast.of_object(object) {
             Some(actor) => self.cast.distance(actor, actors.get(actor)?, point),
             None => self.collider.distance_to(object, point),

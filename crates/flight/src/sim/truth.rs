@@ -1,5 +1,7 @@
 //! The truth about a flight, from the scene itself, taken at `Finished` and before landing. Policies never see it (DESIGN section 5).
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;
@@ -58,10 +60,18 @@ pub(crate) fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdic
 fn in_view(world: &SimWorld, moment: &Moment) -> Vec<ObjectId> {
     let picture = world.look(moment, Channels { ids: true, openings: true, ..Channels::default() });
     let shares = world.in_frame(moment, &mut Picture::default());
+    sighted(&picture, &shares, VIEW_HEIGHT)
+}
+
+/// The objects, openings among them, that a picture with ids and openings shows well: at least `height` of the frame high with
+/// a quarter of the silhouette inside the frame (`shares`; those not listed are beside no edge), or filling a tenth of the frame.
+/// Only pixels that nothing hides count. First things, then openings, each ascending by id.
+#[must_use]
+pub fn sighted(picture: &Picture, shares: &BTreeMap<ObjectId, f32>, height: f64) -> Vec<ObjectId> {
     let (w, h) = (picture.width as usize, picture.height as usize);
     let mut seen = Vec::new();
     for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {
-        let mut spans: std::collections::BTreeMap<ObjectId, (usize, usize, usize)> = std::collections::BTreeMap::new();
+        let mut spans: BTreeMap<ObjectId, (usize, usize, usize)> = BTreeMap::new();
         for (y, row) in ids.chunks_exact(w).enumerate() {
             for id in row.iter().filter(|id| **id != 0) {
                 let span = spans.entry(*id).or_insert((y, y, 0));
@@ -70,7 +80,7 @@ fn in_view(world: &SimWorld, moment: &Moment) -> Vec<ObjectId> {
             }
         }
         for (id, (top, bottom, pixels)) in spans {
-            let high = (bottom - top + 1) as f64 >= VIEW_HEIGHT * h as f64;
+            let high = (bottom - top + 1) as f64 >= height * h as f64;
             let inside = shares.get(&id).is_none_or(|share| *share >= VIEW_SHARE);
             if (high && inside) || pixels as f64 >= VIEW_FILL * (w * h) as f64 {
                 seen.push(id);

@@ -86,7 +86,8 @@ pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
 }
 
 /// The hint that a parser's message allows: the nearest of the names it lists between backticks.
-pub(crate) fn hint_from(message: &str) -> Option<String> {
+#[must_use]
+pub fn hint_from(message: &str) -> Option<String> {
     let mut quoted = message.split('`').skip(1).step_by(2);
     let wrong = quoted.next()?;
     if !message.starts_with("unknown") {

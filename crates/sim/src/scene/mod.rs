@@ -22,7 +22,7 @@ use spf_core::geometry::{EnuPosition, Pose};
 
 pub(crate) use self::build::{above, parse_pose};
 pub use self::error::SceneError;
-pub(crate) use self::error::hint_from;
+pub use self::error::hint_from;
 pub(crate) use self::expand::{LONGEST as LONGEST_TAG, MAX_OBJECTS};
 pub(crate) use self::light::Shining;
 pub use self::light::{Conditions, Lighting, Weather};
