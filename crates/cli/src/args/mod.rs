@@ -3,6 +3,7 @@
 //! Doc comments here are help texts for a terminal.
 #![allow(rustdoc::broken_intra_doc_links, reason = "`heading_deg[,pitch_deg]` is no link")]
 
+mod bench;
 mod ground;
 mod log;
 mod serve;
@@ -12,6 +13,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub(crate) use bench::{Bench, BenchCheck, BenchMerge, BenchRun, BenchShow};
 pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
 pub(crate) use serve::Serve;
@@ -61,6 +63,9 @@ pub(crate) enum Command {
     /// Vision-language models: which there are, and whether one answers and points well
     #[command(subcommand)]
     Vlm(Vlm),
+    /// Tasks and trials: how often a method does what it is told, judged by the simulator
+    #[command(subcommand)]
+    Bench(Bench),
     /// The configuration in force, and where each value came from
     #[command(subcommand)]
     Config(Config),
@@ -77,7 +82,8 @@ impl Command {
             Self::Replay(replay) => replay.json,
             Self::Ground(ground) => ground.json,
             Self::Vlm(Vlm::List(list)) => list.json,
-            Self::Sim(_) | Self::Log(_) | Self::Vlm(_) | Self::Config(_) => false,
+            Self::Bench(Bench::Run(run)) => run.json,
+            Self::Bench(_) | Self::Sim(_) | Self::Log(_) | Self::Vlm(_) | Self::Config(_) => false,
         }
     }
 }

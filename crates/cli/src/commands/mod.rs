@@ -1,5 +1,6 @@
 //! One file a command, each returning an exit code.
 
+pub(crate) mod bench;
 pub(crate) mod config;
 mod doctor;
 pub(crate) mod fly;

@@ -40,6 +40,11 @@ fn help_of_sim_dataset() {
 }
 
 #[test]
+fn help_of_bench_run() {
+    insta::assert_snapshot!(help(&["bench", "run", "--help"]));
+}
+
+#[test]
 fn version() {
     assert_eq!(help(&["--version"]), concat!("spf ", env!("CARGO_PKG_VERSION"), "\n"));
 }

@@ -1,0 +1,202 @@
+//! One goal being watched.
+
+use std::collections::{BTreeSet, VecDeque};
+
+use glam::DVec2;
+use spf_core::geometry::{EnuPosition, wrap_angle};
+use spf_core::time::Time;
+use spf_flight::sim::Moment;
+use spf_sim::geometry::ObjectId;
+use spf_sim::scene::Aabb;
+
+use super::geometry::{crossing, inside, vector};
+use super::sight::Sight;
+use super::{Shown, nearest};
+use crate::task::{GoalKind, centre};
+
+/// A goal and what it has seen.
+pub(super) struct Watch {
+    kind: GoalKind,
+    targets: Vec<ObjectId>,
+    /// Objects that do not count: those that the goal before was met with.
+    spent: Vec<ObjectId>,
+    /// Those that were come up to or gone through.
+    passed: BTreeSet<ObjectId>,
+    /// Where the last opening was crossed, and whither.
+    crossed: Option<(glam::DVec3, glam::DVec3)>,
+    /// Angle gone about a target, or turned: now, least and most.
+    turned: [f64; 3],
+    /// Where it came above the target.
+    entered: Option<EnuPosition>,
+    /// Looks of the window that follows the person: when, and whether near and in view.
+    kept: VecDeque<(Time, bool)>,
+}
+
+impl Watch {
+    pub(super) fn new(kind: GoalKind, targets: Vec<ObjectId>) -> Self {
+        Self {
+            kind,
+            targets,
+            spent: Vec::new(),
+            passed: BTreeSet::new(),
+            crossed: None,
+            turned: [0.0; 3],
+            entered: None,
+            kept: VecDeque::new(),
+        }
+    }
+
+    pub(super) fn targets(&self) -> &[ObjectId] {
+        &self.targets
+    }
+
+    pub(super) fn is_momentary(&self) -> bool {
+        self.kind.is_momentary()
+    }
+
+    /// What it was met with, for a next one that wants another.
+    pub(super) fn met_with(&self) -> Vec<ObjectId> {
+        self.passed.iter().copied().chain(self.spent.iter().copied()).collect()
+    }
+
+    /// Begins after another goal was met with these.
+    pub(super) fn begin(&mut self, met_with: Vec<ObjectId>) {
+        self.spent = met_with;
+    }
+
+    /// Whether it is met now.
+    pub(super) fn look(&mut self, shown: &Shown<'_>, sight: &mut Sight) -> bool {
+        match self.kind {
+            GoalKind::Reach { other, up_share } => self.reach(shown, sight, other, up_share),
+            GoalKind::Visit { count } => {
+                let here = self.clear_within(shown, sight, shown.radius);
+                self.passed.extend(here);
+                self.passed.len() >= count
+            }
+            GoalKind::Through { count, beyond } => self.through(shown, count, beyond),
+            GoalKind::Around { angle, within } => self.around(shown, angle, within),
+            GoalKind::Over => self.over(shown),
+            GoalKind::Behind { within } => self.behind(shown, within),
+            GoalKind::Scan { angle } => self.scan(shown, angle),
+            GoalKind::Follow { within, share, window } => self.follow(shown, sight, within, share, window),
+        }
+    }
+
+    /// Targets within so many metres that are clearly visible. It looks only where something is near enough.
+    fn clear_within(&self, shown: &Shown<'_>, sight: &mut Sight, within: f64) -> Vec<ObjectId> {
+        let moment = shown.moment;
+        let distance = |id: &ObjectId| shown.stage.distance_to(*id, &moment.actors, moment.pose.position);
+        let near = |id: &&ObjectId| distance(id).is_some_and(|distance| distance <= within);
+        let near: Vec<ObjectId> = self.targets.iter().filter(near).copied().collect();
+        if near.is_empty() {
+            return near;
+        }
+        let clear = sight.clearly(shown.stage, moment);
+        near.into_iter().filter(|id| clear.contains(id)).collect()
+    }
+
+    fn reach(&mut self, shown: &Shown<'_>, sight: &mut Sight, other: bool, up_share: f64) -> bool {
+        let mut here = self.clear_within(shown, sight, shown.radius);
+        here.retain(|id| !(other && self.spent.contains(id)));
+        here.retain(|id| {
+            let bounds = bounds(shown, *id);
+            let least = bounds.map_or(f64::MIN, |b| b.min.up + up_share * (b.max.up - b.min.up));
+            up_share == 0.0 || shown.moment.pose.position.up >= least
+        });
+        self.passed = here.iter().copied().collect();
+        !here.is_empty()
+    }
+
+    fn through(&mut self, shown: &Shown<'_>, count: Option<usize>, beyond: f64) -> bool {
+        let to = shown.moment.pose.position;
+        if let Some(from) = shown.before.map(|before| before.pose.position) {
+            for &opening in &self.targets {
+                if let Some(at) = crossing(shown.stage, opening, from, to) {
+                    self.passed.insert(opening);
+                    self.crossed = Some((at, (vector(to) - vector(from)).normalize_or_zero()));
+                }
+            }
+        }
+        let wanted = count.unwrap_or(self.targets.len()).min(self.targets.len());
+        let on = self.crossed.map_or(0.0, |(at, way)| (vector(to) - at).dot(way));
+        !self.passed.is_empty() && self.passed.len() >= wanted && on >= beyond
+    }
+
+    fn around(&mut self, shown: &Shown<'_>, angle: f64, within: f64) -> bool {
+        let Some((id, distance)) = nearest(shown.stage, &self.targets, shown.moment) else { return false };
+        if let Some((bounds, before)) = bounds(shown, id).zip(shown.before)
+            && distance <= within
+        {
+            let bearing = |at: EnuPosition| {
+                let away = on_map(at) - on_map(centre(&bounds));
+                libm::atan2(away.x, away.y)
+            };
+            self.turned[0] += wrap_angle(bearing(shown.moment.pose.position) - bearing(before.pose.position));
+        }
+        self.turned[0].abs() >= angle
+    }
+
+    fn over(&mut self, shown: &Shown<'_>) -> bool {
+        let at = shown.moment.pose.position;
+        let objects = || self.targets.iter().filter_map(|id| shown.stage.scene.object(*id));
+        let above = objects().any(|object| {
+            let top = shown.stage.bounds(object, &shown.moment.actors).max.up;
+            at.up >= top && inside(&shown.stage.outline(object, &shown.moment.actors), at)
+        });
+        if above {
+            self.entered.get_or_insert(at);
+            return false;
+        }
+        let Some(entered) = self.entered.take() else { return false };
+        // Across, not in and out over a corner: at least half of its lesser side.
+        let lesser = objects().map(|object| {
+            let Aabb { min, max } = shown.stage.bounds(object, &shown.moment.actors);
+            (max.east - min.east).min(max.north - min.north)
+        });
+        entered.horizontal_distance(at) >= 0.5 * lesser.fold(f64::MAX, f64::min)
+    }
+
+    fn behind(&self, shown: &Shown<'_>, within: f64) -> bool {
+        let Some((id, distance)) = nearest(shown.stage, &self.targets, shown.moment) else { return false };
+        let Some(bounds) = bounds(shown, id) else { return false };
+        let middle = on_map(centre(&bounds));
+        let away = (middle - on_map(shown.start.position)).normalize_or_zero();
+        let beyond = on_map(shown.moment.pose.position) - middle;
+        let half = DVec2::new(bounds.max.east - bounds.min.east, bounds.max.north - bounds.min.north) * 0.5;
+        // How far the box reaches from its middle, along a direction.
+        let reach = |way: DVec2| half.dot(way.abs());
+        beyond.dot(away) >= reach(away) && beyond.perp_dot(away).abs() <= reach(away.perp()) && distance <= within
+    }
+
+    fn scan(&mut self, shown: &Shown<'_>, angle: f64) -> bool {
+        if let Some(before) = shown.before {
+            let [now, least, most] = &mut self.turned;
+            *now += wrap_angle(shown.moment.pose.attitude.heading - before.pose.attitude.heading);
+            *least = least.min(*now);
+            *most = most.max(*now);
+        }
+        self.turned[2] - self.turned[1] + shown.field >= angle
+    }
+
+    fn follow(&mut self, shown: &Shown<'_>, sight: &mut Sight, within: f64, share: f64, window: f64) -> bool {
+        let kept = !self.clear_within(shown, sight, within).is_empty();
+        self.kept.push_back((shown.at, kept));
+        let gone = |at: Time| shown.at.since(at).as_secs_f64();
+        // The oldest look that is kept is the last one at least a window ago.
+        while self.kept.get(1).is_some_and(|(at, _)| gone(*at) >= window) {
+            self.kept.pop_front();
+        }
+        let whole = self.kept.front().is_some_and(|(at, _)| gone(*at) >= window);
+        let near = self.kept.iter().filter(|(_, kept)| *kept).count();
+        whole && near as f64 >= share * self.kept.len() as f64
+    }
+}
+
+fn on_map(at: EnuPosition) -> DVec2 {
+    DVec2::new(at.east, at.north)
+}
+
+fn bounds(shown: &Shown<'_>, id: ObjectId) -> Option<Aabb> {
+    let moment: &Moment = shown.moment;
+    shown.stage.scene.object(id).map(|object| shown.stage.bounds(object, &moment.actors))
+}

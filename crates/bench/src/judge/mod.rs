@@ -1,0 +1,149 @@
+//! The judge: whether a task is done, from the scene itself (docs/bench.md). Policies never see it.
+//!
+//! It is shown the true pose and the true places of everything that moves, several times a second, and keeps what it needs.
+
+mod geometry;
+mod goal;
+mod sight;
+mod trajectory;
+
+use std::sync::Arc;
+
+use spf_core::geometry::Pose;
+use spf_core::time::Time;
+use spf_flight::sim::{Moment, Stage};
+use spf_sim::geometry::ObjectId;
+use thiserror::Error;
+
+use crate::task::{Task, select_all};
+use goal::Watch;
+pub use sight::{CLEAR_HEIGHT, Sight};
+pub use trajectory::{Judgement, judge_trajectory};
+
+/// The judge looks this often, in flight time: what holds for less may be missed.
+pub const EVERY: core::time::Duration = core::time::Duration::from_millis(200);
+
+/// Why a task cannot be judged in a scene.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("nothing in the scene `{scene}` is what goal {goal} of the task `{task}` is about")]
+pub struct NoTarget {
+    /// The scene.
+    pub scene: String,
+    /// The task.
+    pub task: String,
+    /// The goal, from 1.
+    pub goal: usize,
+}
+
+/// What the judge is shown.
+pub(crate) struct Shown<'a> {
+    pub(crate) at: Time,
+    pub(crate) moment: &'a Moment,
+    pub(crate) before: Option<&'a Moment>,
+    pub(crate) stage: &'a Stage,
+    pub(crate) start: &'a Pose,
+    pub(crate) radius: f64,
+    pub(crate) field: f64,
+}
+
+/// Judges one flight.
+pub struct Judge {
+    stage: Arc<Stage>,
+    start: Pose,
+    radius: f64,
+    sight: Sight,
+    goals: Vec<Watch>,
+    /// The goal that is worked on; all of them are met when there is none.
+    current: usize,
+    last: Option<Moment>,
+    holds: bool,
+}
+
+impl Judge {
+    /// A judge of a task in a scene, for a flight from `start`.
+    ///
+    /// # Errors
+    /// [`NoTarget`] when the scene lacks what a goal is about.
+    pub fn new(task: &Task, stage: Arc<Stage>, start: Pose) -> Result<Self, NoTarget> {
+        let mut goals = Vec::new();
+        for (goal, number) in task.goals.iter().zip(1..) {
+            let targets = select_all(&goal.targets, &stage, start.position);
+            if targets.is_empty() && !goal.targets.is_empty() {
+                return Err(NoTarget { scene: stage.scene.name.clone(), task: task.id.clone(), goal: number });
+            }
+            goals.push(Watch::new(goal.kind, targets));
+        }
+        let sight = Sight::of(task.craft);
+        Ok(Self { stage, start, radius: task.set.radius(), sight, goals, current: 0, last: None, holds: false })
+    }
+
+    /// Looks.
+    pub fn look(&mut self, at: Time, moment: &Moment) {
+        let shown = Shown {
+            at,
+            moment,
+            before: self.last.as_ref(),
+            stage: &self.stage,
+            start: &self.start,
+            radius: self.radius,
+            field: 2.0 * self.sight.camera().half_fov().0,
+        };
+        self.holds = false;
+        // One goal a look: what ends one must not begin the next.
+        let is_last = self.current + 1 == self.goals.len();
+        if let Some(goal) = self.goals.get_mut(self.current) {
+            let met = goal.look(&shown, &mut self.sight);
+            if met && !(is_last && goal.is_momentary()) {
+                self.current += 1;
+                let met_with = self.goals[self.current - 1].met_with();
+                if let Some(next) = self.goals.get_mut(self.current) {
+                    next.begin(met_with);
+                }
+            }
+            self.holds = met && is_last;
+        }
+        self.holds |= self.current == self.goals.len();
+        self.last = Some(moment.clone());
+    }
+
+    /// Whether the judge would say success, as of the last look and collisions aside.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.holds
+    }
+
+    /// Goals met so far.
+    #[must_use]
+    pub fn met(&self) -> usize {
+        self.current
+    }
+
+    /// The targets of the last goal.
+    #[must_use]
+    pub fn last_targets(&self) -> &[ObjectId] {
+        self.goals.last().map_or(&[], Watch::targets)
+    }
+
+    /// The targets of every goal, in order.
+    pub fn targets(&self) -> impl Iterator<Item = &[ObjectId]> {
+        self.goals.iter().map(Watch::targets)
+    }
+
+    /// Metres to the nearest surface of the last goal's targets; none for a scan.
+    #[must_use]
+    pub fn distance(&self, moment: &Moment) -> Option<f64> {
+        nearest(&self.stage, self.last_targets(), moment).map(|(_, distance)| distance)
+    }
+
+    /// Whether one of the last goal's targets is clearly visible; none for a scan.
+    pub fn sees(&mut self, moment: &Moment) -> Option<bool> {
+        let targets = self.last_targets().to_vec();
+        (!targets.is_empty()).then(|| self.sight.clearly(&self.stage, moment).iter().any(|id| targets.contains(id)))
+    }
+}
+
+/// The object whose surface is nearest to the camera, and how near.
+pub(crate) fn nearest(stage: &Stage, objects: &[ObjectId], moment: &Moment) -> Option<(ObjectId, f64)> {
+    let distance = |id: &ObjectId| Some((*id, stage.distance_to(*id, &moment.actors, moment.pose.position)?));
+    objects.iter().filter_map(distance).min_by(|a, b| a.1.total_cmp(&b.1))
+}

@@ -1,0 +1,54 @@
+//! The judge's eye: what the craft's camera shows clearly, from ids alone.
+
+use std::collections::BTreeMap;
+
+use spf_core::camera::Camera;
+use spf_flight::sim::{Moment, Stage, sighted};
+use spf_sim::geometry::ObjectId;
+use spf_sim::model::CraftKind;
+use spf_sim::render::{Channels, Picture};
+use spf_sim::surroundings::Surroundings;
+
+/// A target is clearly visible when it is at least this share of the frame high and a quarter of it is inside, or when it fills
+/// a tenth of the frame (the paper's appendix).
+pub const CLEAR_HEIGHT: f64 = 0.015;
+
+/// Looks through the camera of a craft, without its effects.
+pub struct Sight {
+    camera: Camera,
+    surroundings: Surroundings,
+    picture: Picture,
+    around: Picture,
+}
+
+impl Sight {
+    /// The eye of a craft.
+    #[must_use]
+    pub fn of(craft: CraftKind) -> Self {
+        let camera = craft.camera();
+        Self { camera, surroundings: Surroundings::of(&camera), picture: Picture::default(), around: Picture::default() }
+    }
+
+    /// Its camera.
+    #[must_use]
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// What is clearly visible at a moment.
+    pub fn clearly(&mut self, stage: &Stage, moment: &Moment) -> Vec<ObjectId> {
+        let channels = Channels { ids: true, openings: true, ..Channels::default() };
+        stage.render_into(&self.camera, moment, channels, &mut self.picture);
+        stage.render_into(self.surroundings.camera(), moment, channels, &mut self.around);
+        let shares: BTreeMap<ObjectId, f32> = self.surroundings.shares(&self.around);
+        sighted(&self.picture, &shares, CLEAR_HEIGHT)
+    }
+
+    /// Whether one of these has a pixel at a moment.
+    pub fn glimpses(&mut self, stage: &Stage, moment: &Moment, objects: &[ObjectId]) -> bool {
+        let channels = Channels { ids: true, openings: true, ..Channels::default() };
+        stage.render_into(&self.camera, moment, channels, &mut self.picture);
+        let pictures = [&self.picture.ids, &self.picture.opening_ids];
+        pictures.into_iter().flatten().flatten().any(|id| *id != 0 && objects.contains(id))
+    }
+}

@@ -1,0 +1,117 @@
+//! A task's own trajectories before the judge: those that must be accepted and those that must not.
+
+use std::sync::Arc;
+
+use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
+use spf_core::time::Time;
+use spf_flight::sim::{Moment, Stage};
+use spf_sim::actors::Traffic;
+use spf_sim::model::Model;
+
+use super::{EVERY, Judge, NoTarget};
+use crate::task::{Task, Trajectory};
+
+/// What the judge says of a trajectory at its end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judgement {
+    /// Whether it is accepted: done at the end, and nothing touched.
+    pub accepted: bool,
+    /// What was touched first, by key.
+    pub touched: Option<String>,
+    /// Goals met.
+    pub met: usize,
+    /// Metres to the last goal's nearest surface.
+    pub distance: Option<f64>,
+    /// Whether it is clearly visible.
+    pub sees: Option<bool>,
+}
+
+/// Flies a trajectory, on rails, and judges it.
+///
+/// # Errors
+/// [`NoTarget`] when the scene lacks what a goal is about.
+pub fn judge_trajectory(task: &Task, stage: &Arc<Stage>, trajectory: &Trajectory) -> Result<Judgement, NoTarget> {
+    let mut traffic = Traffic::new(stage.cast.clone(), 0);
+    let craft = Model::of(task.craft).craft;
+    let mut judge: Option<Judge> = None;
+    let mut touched = None;
+    let mut last: Option<Moment> = None;
+    for (at, on_rails) in samples(trajectory) {
+        traffic.advance_to(at);
+        let actors = traffic.places_at(at).unwrap_or_default();
+        let pose = beside(stage, trajectory, on_rails, &actors);
+        let moment = Moment { pose, actors };
+        if let Some(before) = &last {
+            let contact = stage.collider.sweep(before.pose.position, pose.position, craft.radius).map(|contact| contact.object);
+            let walked_into = stage
+                .cast
+                .objects()
+                .find(|id| stage.distance_to(*id, &moment.actors, pose.position).is_some_and(|distance| distance < craft.radius));
+            touched = touched.or_else(|| contact.or(walked_into).map(|id| stage.key(id)));
+        }
+        let judge = match &mut judge {
+            Some(judge) => judge,
+            None => judge.insert(Judge::new(task, stage.clone(), pose)?),
+        };
+        judge.look(at, &moment);
+        last = Some(moment);
+    }
+    let end = last.zip(judge);
+    Ok(end.map_or(Judgement { accepted: false, touched: None, met: 0, distance: None, sees: None }, |(moment, mut judge)| {
+        Judgement {
+            accepted: judge.holds() && touched.is_none(),
+            met: judge.met(),
+            distance: judge.distance(&moment),
+            sees: judge.sees(&moment),
+            touched,
+        }
+    }))
+}
+
+/// The pose on the path every time the judge looks, to its end and through the rest there.
+fn samples(trajectory: &Trajectory) -> Vec<(Time, Pose)> {
+    /// Turning on the spot takes time too: radians a second.
+    const TURN: f64 = 1.0;
+    let mut samples = Vec::new();
+    let mut at = Time::ZERO;
+    let mut push = |pose: Pose| {
+        samples.push((at, pose));
+        at += EVERY;
+    };
+    let step = EVERY.as_secs_f64();
+    for pair in trajectory.path.windows(2) {
+        let [from, to] = [pair[0], pair[1]];
+        let turn = wrap_angle(to.attitude.heading - from.attitude.heading);
+        let seconds = (from.position.distance(to.position) / trajectory.speed).max(turn.abs() / TURN);
+        let steps = libm::ceil(seconds / step).max(1.0);
+        for i in 0..steps as usize {
+            push(between(&from, &to, turn, i as f64 / steps));
+        }
+    }
+    if let Some(end) = trajectory.path.last() {
+        for _ in 0..=libm::ceil(trajectory.rest / step) as usize {
+            push(*end);
+        }
+    }
+    samples
+}
+
+fn between(from: &Pose, to: &Pose, turn: f64, share: f64) -> Pose {
+    let mix = |a: f64, b: f64| a + (b - a) * share;
+    let (a, b) = (from.position, to.position);
+    Pose {
+        position: EnuPosition { east: mix(a.east, b.east), north: mix(a.north, b.north), up: mix(a.up, b.up) },
+        attitude: Attitude { heading: wrap_angle(from.attitude.heading + turn * share), ..Attitude::default() },
+    }
+}
+
+/// The pose in the world, where the path is told beside something that moves.
+fn beside(stage: &Stage, trajectory: &Trajectory, mut pose: Pose, actors: &[spf_sim::actors::ActorPlace]) -> Pose {
+    let object = trajectory.beside.as_ref().and_then(|key| stage.scene.by_key(key));
+    if let Some(object) = object {
+        let bounds = stage.bounds(object, actors);
+        pose.position.east += 0.5 * (bounds.min.east + bounds.max.east);
+        pose.position.north += 0.5 * (bounds.min.north + bounds.max.north);
+    }
+    pose
+}

@@ -1,0 +1,154 @@
+//! Many trials on several threads, into a folder; resumed where they were cut off.
+
+mod shard;
+mod store;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::channel;
+
+pub use shard::{Shard, ShardError};
+pub use store::{Head, Store, StoreError, merge, read_records};
+
+use crate::task::Task;
+use crate::trial::{Method, Pointer, Record, Trial, draw};
+
+/// What is to be run.
+pub struct Plan {
+    /// The tasks, in order.
+    pub tasks: Vec<Arc<Task>>,
+    /// The methods, in order.
+    pub methods: Vec<Method>,
+    /// Who points, in order; the blind control flies once for all of them.
+    pub pointers: Vec<Pointer>,
+    /// Trials of each.
+    pub trials: u64,
+    /// Seed of the first; the others follow.
+    pub seed: u64,
+    /// US dollars from which on nothing more is asked in a trial.
+    pub max_cost_usd: Option<f64>,
+}
+
+impl Plan {
+    /// Trials by draw: those of one draw fly from the same start in the same scene.
+    #[must_use]
+    pub fn draws(&self) -> Vec<Vec<Trial>> {
+        let mut draws = Vec::new();
+        for task in &self.tasks {
+            for number in 0..self.trials {
+                draws.push(self.draw(task, self.seed.wrapping_add(number)));
+            }
+        }
+        draws
+    }
+
+    fn draw(&self, task: &Arc<Task>, seed: u64) -> Vec<Trial> {
+        let trial = |method, pointer| Trial { task: task.clone(), method, pointer, seed, max_cost_usd: self.max_cost_usd };
+        let asked = |method: Method| -> Vec<Trial> {
+            if method.asks() {
+                self.pointers.iter().map(|pointer| trial(method, Some(pointer.clone()))).collect()
+            } else {
+                vec![trial(method, None)]
+            }
+        };
+        self.methods.iter().flat_map(|method| asked(*method)).collect()
+    }
+
+    /// Its head, for one share. `pointing` tells what stands behind the pointers' names.
+    #[must_use]
+    pub fn head(&self, shard: Shard, pointing: &str) -> Head {
+        let trials = self.draws().iter().flatten().map(Trial::run_id).collect();
+        let all = format!("{:?} {pointing} {:?}", self.tasks, self.max_cost_usd);
+        // FNV-1a, 64 bits: for telling apart, not for safety.
+        let number =
+            all.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
+        Head::new(trials, shard, format!("{number:016x}"))
+    }
+}
+
+/// How a run went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// Trials of this share.
+    pub of: usize,
+    /// Those that are there.
+    pub done: usize,
+    /// Whether it was stopped before the end.
+    pub stopped: bool,
+}
+
+/// Runs the trials of one share that are not there yet, on `jobs` threads. `told` hears of the progress; when `stop` says so, no
+/// further trial is begun.
+///
+/// # Errors
+/// [`StoreError`] when results cannot be kept.
+pub fn run(
+    plan: &Plan,
+    head: &Head,
+    folder: &Path,
+    jobs: usize,
+    stop: &dyn Fn() -> bool,
+    told: &mut dyn FnMut(Progress, Option<&Record>),
+) -> Result<Progress, StoreError> {
+    let (mut store, there) = Store::open(folder, head)?;
+    let is_there = |trial: &Trial| there.binary_search(&trial.run_id()).is_ok();
+    let own = plan.draws().into_iter().enumerate().filter(|(number, _)| head.shard.has(*number)).map(|(_, trials)| trials);
+    let own: Vec<Vec<Trial>> = own.collect();
+    let of = own.iter().map(Vec::len).sum();
+    let left: Vec<Vec<Trial>> = own
+        .into_iter()
+        .map(|trials| trials.into_iter().filter(|trial| !is_there(trial)).collect())
+        .filter(|trials: &Vec<Trial>| !trials.is_empty())
+        .collect();
+    let mut progress = Progress { of, done: of - left.iter().map(Vec::len).sum::<usize>(), stopped: false };
+    told(progress, None);
+    let (next, ending) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let (rows, arrived) = channel();
+    std::thread::scope(|scope| {
+        for _ in 0..jobs.clamp(1, left.len().max(1)) {
+            let (rows, next, ending, left) = (rows.clone(), &next, &ending, &left);
+            scope.spawn(move || {
+                while let Some(trials) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if !fly_draw(trials, ending, &mut |record| rows.send(record).is_ok()) {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(rows);
+        for record in arrived {
+            let kept = store.push(&record);
+            if kept.is_err() || stop() {
+                ending.store(true, Ordering::Relaxed);
+                progress.stopped = true;
+            }
+            kept?;
+            progress.done += 1;
+            told(progress, Some(&record));
+        }
+        Ok(())
+    })?;
+    progress.stopped &= progress.done < of;
+    store.finish(head)?;
+    Ok(progress)
+}
+
+/// Flies the trials of one draw; false when it is to end.
+fn fly_draw(trials: &[Trial], ending: &AtomicBool, send: &mut dyn FnMut(Record) -> bool) -> bool {
+    let Some(first) = trials.first() else { return true };
+    let mut drawn = None;
+    for trial in trials {
+        if ending.load(Ordering::Relaxed) {
+            return false;
+        }
+        let record = match drawn.get_or_insert_with(|| draw(&first.task, first.seed)) {
+            Ok(drawn) => trial.fly(drawn, None),
+            Err(error) => trial.failed(None, error),
+        };
+        if !send(record) {
+            return false;
+        }
+    }
+    true
+}

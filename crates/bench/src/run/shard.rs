@@ -1,0 +1,95 @@
+//! One share of the trials for each of several machines.
+
+use std::str::FromStr;
+
+use thiserror::Error;
+
+/// Share `index` of `count`, from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Shard {
+    /// Which, from 0.
+    pub index: u32,
+    /// Of how many.
+    pub count: u32,
+}
+
+/// Why a share was refused.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("`{0}` is no share i/n: i counts from 0 and is less than n, as in 0/4")]
+pub struct ShardError(pub String);
+
+impl Shard {
+    /// All of it.
+    pub const WHOLE: Self = Self { index: 0, count: 1 };
+
+    /// Whether draw number `number` is its own.
+    #[must_use]
+    pub fn has(self, number: usize) -> bool {
+        number as u64 % u64::from(self.count.max(1)) == u64::from(self.index)
+    }
+
+    /// The share that Slurm (`SLURM_ARRAY_TASK_ID`, `…_MIN`, `…_COUNT`) or Kubernetes (`JOB_COMPLETION_INDEX` of an Indexed Job,
+    /// whose manifest gives `SPF_SHARDS` beside it) tells; none where neither does. Slurm's arrays may begin anywhere but must
+    /// step by one.
+    ///
+    /// # Errors
+    /// [`ShardError`] for numbers that are none.
+    pub fn of_environment(variable: impl Fn(&str) -> Option<String>) -> Result<Option<Self>, ShardError> {
+        let number = |name: &str| {
+            let text = variable(name);
+            text.map(|text| text.parse::<u32>().map_err(|_| ShardError(format!("{name}={text}")))).transpose()
+        };
+        let share = if let Some(id) = number("SLURM_ARRAY_TASK_ID")? {
+            let Some(count) = number("SLURM_ARRAY_TASK_COUNT")? else { return Ok(None) };
+            Self { index: id.saturating_sub(number("SLURM_ARRAY_TASK_MIN")?.unwrap_or(0)), count }
+        } else if let (Some(index), Some(count)) = (number("JOB_COMPLETION_INDEX")?, number("SPF_SHARDS")?) {
+            Self { index, count }
+        } else {
+            return Ok(None);
+        };
+        if share.index < share.count { Ok(Some(share)) } else { Err(ShardError(format!("{}/{}", share.index, share.count))) }
+    }
+}
+
+impl FromStr for Shard {
+    type Err = ShardError;
+
+    fn from_str(text: &str) -> Result<Self, ShardError> {
+        let parts = text.split_once('/').and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
+        let share = parts.map(|(index, count)| Self { index, count });
+        share.filter(|share| share.index < share.count).ok_or_else(|| ShardError(text.to_owned()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn environment(pairs: &[(&str, &str)]) -> Result<Option<Shard>, ShardError> {
+        Shard::of_environment(|name| pairs.iter().find(|(key, _)| *key == name).map(|(_, value)| (*value).to_owned()))
+    }
+
+    #[test]
+    fn a_share_is_read_or_refused() {
+        assert_eq!("2/4".parse(), Ok(Shard { index: 2, count: 4 }));
+        for bad in ["4/4", "0/0", "1", "-1/4", "1/x", ""] {
+            assert!(bad.parse::<Shard>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn schedulers_tell_the_share() {
+        let slurm = [("SLURM_ARRAY_TASK_ID", "3"), ("SLURM_ARRAY_TASK_COUNT", "4"), ("SLURM_ARRAY_TASK_MIN", "1")];
+        assert_eq!(environment(&slurm), Ok(Some(Shard { index: 2, count: 4 })));
+        assert_eq!(environment(&[("JOB_COMPLETION_INDEX", "0"), ("SPF_SHARDS", "8")]), Ok(Some(Shard { index: 0, count: 8 })));
+        assert_eq!(environment(&[("JOB_COMPLETION_INDEX", "0")]), Ok(None));
+        assert_eq!(environment(&[]), Ok(None));
+        assert!(environment(&[("SLURM_ARRAY_TASK_ID", "9"), ("SLURM_ARRAY_TASK_COUNT", "4")]).is_err());
+    }
+
+    #[test]
+    fn shares_have_everything_once() {
+        let shares: Vec<Shard> = (0..3).map(|index| Shard { index, count: 3 }).collect();
+        assert!((0..100).all(|number| shares.iter().filter(|share| share.has(number)).count() == 1));
+    }
+}

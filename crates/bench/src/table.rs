@@ -1,0 +1,97 @@
+//! Success by category: what a run comes to, in a few lines.
+
+use std::collections::BTreeMap;
+
+use crate::stats::Rate;
+use crate::task::{Category, Set};
+use crate::trial::Record;
+
+/// A row of the table: one method with one model in one category, in a set, or overall.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// The method.
+    pub method: String,
+    /// Who pointed.
+    pub vlm: String,
+    /// The set; none overall.
+    pub set: Option<Set>,
+    /// The category; none for all of it.
+    pub category: Option<Category>,
+    /// Headline: said to be done, and done.
+    pub self_stop: Rate,
+    /// Done at some instant.
+    pub judge_stop: Rate,
+    /// Something was touched.
+    pub collided: Rate,
+}
+
+type Key = (String, String, Option<(Set, Option<Category>)>);
+
+/// The table, by method and model in the order in which they come, sets and categories in the paper's order.
+#[must_use]
+pub fn table(records: &[Record]) -> Vec<Line> {
+    let mut order: Vec<(String, String)> = Vec::new();
+    let mut sums: BTreeMap<Key, [Rate; 3]> = BTreeMap::new();
+    for record in records {
+        let who = (record.method.clone(), vlm_of(record));
+        if !order.contains(&who) {
+            order.push(who.clone());
+        }
+        let groups = [Some((record.set, Some(record.category))), Some((record.set, None)), None];
+        for group in groups {
+            let sum = sums.entry((who.0.clone(), who.1.clone(), group)).or_default();
+            let scores = [record.scores.self_stop, record.scores.judge_stop, record.scores.collided];
+            sum.iter_mut().zip(scores).for_each(|(rate, hit)| rate.count(hit));
+        }
+    }
+    let place = |(method, vlm, group): &Key| {
+        let who = order.iter().position(|(m, v)| m == method && v == vlm);
+        // A sum stands behind what it sums.
+        let group = group.map_or((1, Set::RealWorld, 1, Category::Follow), |(set, category)| {
+            (0, set, u8::from(category.is_none()), category.unwrap_or(Category::Follow))
+        });
+        (who, group)
+    };
+    let mut lines: Vec<(Key, [Rate; 3])> = sums.into_iter().collect();
+    lines.sort_by_key(|(key, _)| place(key));
+    lines
+        .into_iter()
+        .map(|((method, vlm, group), [self_stop, judge_stop, collided])| Line {
+            method,
+            vlm,
+            set: group.map(|(set, _)| set),
+            category: group.and_then(|(_, category)| category),
+            self_stop,
+            judge_stop,
+            collided,
+        })
+        .collect()
+}
+
+/// Who pointed, as a part of the trial's name.
+fn vlm_of(record: &Record) -> String {
+    record.run_id.split('/').nth(2).unwrap_or_default().to_owned()
+}
+
+/// `7/10 = 70.0 % [39.7, 89.2]`, the interval Wilson's of 95 %.
+#[must_use]
+pub fn words(rate: Rate) -> String {
+    match rate.estimate() {
+        Some(e) => {
+            let [value, low, high] = [e.value, e.low, e.high].map(|share| 100.0 * share);
+            format!("{}/{} = {value:.1} % [{low:.1}, {high:.1}]", rate.hits, rate.of)
+        }
+        None => "–".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_reads_as_in_the_papers_table() {
+        assert_eq!(words(Rate { hits: 7, of: 10 }), "7/10 = 70.0 % [39.7, 89.2]");
+        assert_eq!(words(Rate::default()), "–");
+    }
+}

@@ -1,0 +1,406 @@
+//! The task file as written: its keys, and where in the text each thing stands.
+
+use std::ops::Range;
+
+use serde::Deserialize;
+use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
+use spf_sim::model::CraftKind;
+use spf_sim::scene::{Conditions, Lighting, Weather, hint_from};
+use toml::Spanned;
+
+use super::select::Selector;
+use super::{Category, Goal, GoalKind, MAX_BYTES, Set, Start, Task, TaskError, Trajectory, View};
+
+/// The version of the format that is read.
+const FORMAT: u32 = 1;
+/// Most goals of a task, and most trajectories.
+const MOST: usize = 16;
+/// Most corners of a trajectory.
+const MOST_CORNERS: usize = 500;
+/// Longest word, characters.
+const LONGEST: usize = 300;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Raw {
+    format: Spanned<u32>,
+    id: Spanned<String>,
+    instruction: Spanned<String>,
+    set: Set,
+    category: Category,
+    scene: Spanned<String>,
+    #[serde(default = "yes")]
+    variants: bool,
+    light: Option<Lighting>,
+    weather: Option<Weather>,
+    craft: CraftKind,
+    avoid: bool,
+    max_time_s: Spanned<f64>,
+    max_decisions: Spanned<u32>,
+    start: RawStart,
+    goals: Spanned<Vec<Spanned<RawGoal>>>,
+    #[serde(default)]
+    trajectories: Vec<Spanned<RawTrajectory>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawStart {
+    view: View,
+    range_m: Spanned<[f64; 2]>,
+    east: Option<Spanned<[f64; 2]>>,
+    north: Option<Spanned<[f64; 2]>>,
+    #[serde(default)]
+    of: Vec<Spanned<Selector>>,
+    #[serde(default)]
+    past: Vec<Spanned<Selector>>,
+    past_m: Option<Spanned<f64>>,
+    #[serde(default)]
+    blocked: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum RawKind {
+    Reach,
+    Visit,
+    Through,
+    Around,
+    Over,
+    Behind,
+    Scan,
+    Follow,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawGoal {
+    kind: RawKind,
+    #[serde(default)]
+    targets: Vec<Spanned<Selector>>,
+    #[serde(default)]
+    other: bool,
+    up_share: Option<Spanned<f64>>,
+    count: Option<Spanned<u32>>,
+    beyond_m: Option<Spanned<f64>>,
+    angle_deg: Option<Spanned<f64>>,
+    within_m: Option<Spanned<f64>>,
+    share: Option<Spanned<f64>>,
+    window_s: Option<Spanned<f64>>,
+}
+
+#[derive(Clone, Copy, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum RawVerdict {
+    Accepted,
+    Rejected,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawTrajectory {
+    why: Spanned<String>,
+    verdict: RawVerdict,
+    speed_m_s: Option<Spanned<f64>>,
+    beside: Option<Spanned<String>>,
+    path: Spanned<Vec<Spanned<String>>>,
+    rest_s: Option<Spanned<f64>>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// The text with its name, for errors.
+struct Source<'a> {
+    text: &'a str,
+    file: &'a str,
+}
+
+impl Source<'_> {
+    fn error(&self, at: Range<usize>, message: impl Into<String>, hint: Option<&str>) -> TaskError {
+        let before = self.text.as_bytes().get(..at.start.min(self.text.len())).unwrap_or_default();
+        let line = 1 + before.iter().filter(|&&b| b == b'\n').count();
+        TaskError::Invalid { file: self.file.to_owned(), line, message: message.into(), hint: hint.map(str::to_owned) }
+    }
+
+    /// A number within limits.
+    fn number(&self, key: &str, value: &Spanned<f64>, low: f64, high: f64) -> Result<f64, TaskError> {
+        let number = *value.get_ref();
+        if (low..=high).contains(&number) {
+            return Ok(number);
+        }
+        Err(self.error(value.span(), format!("`{key}` must be from {low} to {high}, not {number}"), None))
+    }
+
+    /// The same where it may be left out.
+    fn or(&self, key: &str, value: Option<&Spanned<f64>>, low: f64, high: f64, default: f64) -> Result<f64, TaskError> {
+        value.map_or(Ok(default), |value| self.number(key, value, low, high))
+    }
+
+    /// A range that rises within limits.
+    fn range(&self, key: &str, value: &Spanned<[f64; 2]>, low: f64, high: f64) -> Result<[f64; 2], TaskError> {
+        let [from, to] = *value.get_ref();
+        if low <= from && from < to && to <= high {
+            return Ok([from, to]);
+        }
+        let message = format!("`{key}` must rise from {low} at least to {high} at most, not [{from}, {to}]");
+        Err(self.error(value.span(), message, Some("write `[15.0, 100.0]`")))
+    }
+
+    /// A word that is there and not too long.
+    fn word(&self, key: &str, value: &Spanned<String>) -> Result<String, TaskError> {
+        let word = value.get_ref();
+        if (1..=LONGEST).contains(&word.chars().count()) {
+            return Ok(word.clone());
+        }
+        Err(self.error(value.span(), format!("`{key}` must have 1 to {LONGEST} characters"), None))
+    }
+
+    fn selectors(&self, raw: Vec<Spanned<Selector>>) -> Result<Vec<Selector>, TaskError> {
+        if let Some(many) = raw.get(MOST) {
+            return Err(self.error(many.span(), format!("at most {MOST} are listed here"), None));
+        }
+        let check = |selector: Spanned<Selector>| {
+            if selector.get_ref().is_empty() || selector.get_ref().words().any(|word| word.is_empty() || word.len() > LONGEST) {
+                let hint = "write `{ name = \"crane\", colour = \"red\" }` or `{ id = \"red_crane\" }`";
+                return Err(self.error(selector.span(), "this says not which objects are meant", Some(hint)));
+            }
+            Ok(selector.into_inner())
+        };
+        raw.into_iter().map(check).collect()
+    }
+}
+
+pub(super) fn parse(text: &str, file: &str) -> Result<Task, TaskError> {
+    let source = Source { text, file };
+    if text.len() > MAX_BYTES {
+        return Err(source.error(0..0, format!("the file is longer than {MAX_BYTES} bytes"), None));
+    }
+    let raw: Raw = toml::from_str(text).map_err(|error| {
+        let message = error.message().lines().next().unwrap_or_default().to_owned();
+        let hint = hint_from(&message);
+        source.error(error.span().unwrap_or(0..0), message, hint.as_deref())
+    })?;
+    task(raw, &source)
+}
+
+fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
+    if *raw.format.get_ref() != FORMAT {
+        return Err(source.error(raw.format.span(), format!("this program reads format {FORMAT} of task files"), None));
+    }
+    let id = source.word("id", &raw.id)?;
+    if !id.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-') {
+        return Err(source.error(
+            raw.id.span(),
+            "an `id` is lower case letters, digits and `-`",
+            Some("write `sim-nav-red-crane`"),
+        ));
+    }
+    let max_decisions = *raw.max_decisions.get_ref();
+    if !(1..=100_000).contains(&max_decisions) {
+        return Err(source.error(raw.max_decisions.span(), "`max_decisions` must be from 1 to 100000", None));
+    }
+    let goals_at = raw.goals.span();
+    let goals: Vec<Goal> = raw.goals.into_inner().into_iter().map(|raw| goal(raw, source)).collect::<Result<_, _>>()?;
+    if !(1..=MOST).contains(&goals.len()) {
+        return Err(source.error(goals_at, format!("a task has 1 to {MOST} goals"), None));
+    }
+    if let Some(many) = raw.trajectories.get(MOST) {
+        return Err(source.error(many.span(), format!("a task has at most {MOST} trajectories"), None));
+    }
+    Ok(Task {
+        id,
+        instruction: source.word("instruction", &raw.instruction)?,
+        set: raw.set,
+        category: raw.category,
+        scene: source.word("scene", &raw.scene)?,
+        variants: raw.variants,
+        conditions: Conditions { lighting: raw.light, weather: raw.weather },
+        craft: raw.craft,
+        avoid: raw.avoid,
+        max_time: source.number("max_time_s", &raw.max_time_s, 1.0, 3600.0)?,
+        max_decisions,
+        start: start(raw.start, source)?,
+        goals,
+        trajectories: raw.trajectories.into_iter().map(|raw| trajectory(raw, source)).collect::<Result<_, _>>()?,
+    })
+}
+
+fn start(raw: RawStart, source: &Source<'_>) -> Result<Start, TaskError> {
+    let place = |key: &str, value: Option<Spanned<[f64; 2]>>| {
+        value.map(|value| source.range(key, &value, -10_000.0, 10_000.0)).transpose()
+    };
+    let past = source.selectors(raw.past)?;
+    let near = source.or("past_m", raw.past_m.as_ref(), 0.1, 100.0, 1.0)?;
+    Ok(Start {
+        view: raw.view,
+        range: source.range("range_m", &raw.range_m, 0.0, 1000.0)?,
+        east: place("east", raw.east)?,
+        north: place("north", raw.north)?,
+        of: source.selectors(raw.of)?,
+        past: (!past.is_empty()).then_some((past, near)),
+        blocked: raw.blocked,
+    })
+}
+
+fn goal(raw: Spanned<RawGoal>, source: &Source<'_>) -> Result<Goal, TaskError> {
+    let at = raw.span();
+    let raw = raw.into_inner();
+    if raw.targets.is_empty() != (raw.kind == RawKind::Scan) {
+        let message = if raw.kind == RawKind::Scan { "a scan has no `targets`" } else { "this goal has no `targets`" };
+        return Err(source.error(at, message, None));
+    }
+    allowed(&raw, at, source)?;
+    let turn = |default: f64| source.or("angle_deg", raw.angle_deg.as_ref(), 1.0, 3600.0, default).map(f64::to_radians);
+    if let Some(count) = raw.count.as_ref().filter(|count| !(1..=100).contains(count.get_ref())) {
+        return Err(source.error(count.span(), "`count` must be from 1 to 100", None));
+    }
+    let count = raw.count.as_ref().map(|count| *count.get_ref() as usize);
+    let within = |default: f64| source.or("within_m", raw.within_m.as_ref(), 0.1, 200.0, default);
+    let kind = match raw.kind {
+        RawKind::Reach => {
+            GoalKind::Reach { other: raw.other, up_share: source.or("up_share", raw.up_share.as_ref(), 0.0, 1.0, 0.0)? }
+        }
+        RawKind::Visit => GoalKind::Visit { count: count.unwrap_or(1) },
+        RawKind::Through => GoalKind::Through { count, beyond: source.or("beyond_m", raw.beyond_m.as_ref(), 0.0, 100.0, 1.0)? },
+        RawKind::Around => GoalKind::Around { angle: turn(300.0)?, within: within(15.0)? },
+        RawKind::Over => GoalKind::Over,
+        RawKind::Behind => GoalKind::Behind { within: within(15.0)? },
+        RawKind::Scan => GoalKind::Scan { angle: turn(360.0)? },
+        RawKind::Follow => GoalKind::Follow {
+            within: within(3.0)?,
+            share: source.or("share", raw.share.as_ref(), 0.01, 1.0, 2.0 / 3.0)?,
+            window: source.or("window_s", raw.window_s.as_ref(), 1.0, 600.0, 20.0)?,
+        },
+    };
+    Ok(Goal { kind, targets: source.selectors(raw.targets)? })
+}
+
+/// A key that means nothing to the goal is a mistake.
+fn allowed(raw: &RawGoal, at: Range<usize>, source: &Source<'_>) -> Result<(), TaskError> {
+    use RawKind::{Around, Behind, Follow, Reach, Scan, Through, Visit};
+    let uses: [(&str, bool, &[RawKind]); 8] = [
+        ("other", raw.other, &[Reach]),
+        ("up_share", raw.up_share.is_some(), &[Reach]),
+        ("count", raw.count.is_some(), &[Through, Visit]),
+        ("beyond_m", raw.beyond_m.is_some(), &[Through]),
+        ("angle_deg", raw.angle_deg.is_some(), &[Around, Scan]),
+        ("within_m", raw.within_m.is_some(), &[Around, Behind, Follow]),
+        ("share", raw.share.is_some(), &[Follow]),
+        ("window_s", raw.window_s.is_some(), &[Follow]),
+    ];
+    match uses.iter().find(|(_, given, kinds)| *given && !kinds.contains(&raw.kind)) {
+        Some((key, ..)) => Err(source.error(at, format!("`{key}` means nothing to this kind of goal"), None)),
+        None => Ok(()),
+    }
+}
+
+fn trajectory(raw: Spanned<RawTrajectory>, source: &Source<'_>) -> Result<Trajectory, TaskError> {
+    let raw = raw.into_inner();
+    let corners = raw.path.get_ref();
+    if !(1..=MOST_CORNERS).contains(&corners.len()) {
+        return Err(source.error(raw.path.span(), format!("a path has 1 to {MOST_CORNERS} corners"), None));
+    }
+    let path: Vec<Pose> = corners
+        .iter()
+        .map(|text| {
+            let hint = "write \"east,north,up,heading_deg\" in metres and degrees";
+            pose(text.get_ref()).ok_or_else(|| source.error(text.span(), "this is no corner of a path", Some(hint)))
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(Trajectory {
+        why: source.word("why", &raw.why)?,
+        accepted: raw.verdict == RawVerdict::Accepted,
+        speed: source.or("speed_m_s", raw.speed_m_s.as_ref(), 0.05, 30.0, 2.0)?,
+        beside: raw.beside.as_ref().map(|key| source.word("beside", key)).transpose()?,
+        path,
+        rest: source.or("rest_s", raw.rest_s.as_ref(), 0.0, 600.0, 0.0)?,
+    })
+}
+
+/// `east,north,up,heading_deg`.
+fn pose(text: &str) -> Option<Pose> {
+    let numbers: Vec<f64> = text.split(',').map(|part| part.trim().parse().ok()).collect::<Option<_>>()?;
+    let [east, north, up, heading] = numbers.try_into().ok()?;
+    if [east, north, up, heading].iter().any(|number: &f64| !(-1e4..=1e4).contains(number)) {
+        return None;
+    }
+    Some(Pose {
+        position: EnuPosition { east, north, up },
+        attitude: Attitude { heading: wrap_angle(heading.to_radians()), ..Attitude::default() },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const GOOD: &str = r#"
+format = 1
+id = "sim-nav-red-crane"
+instruction = "Take off and fly to the red crane"
+set = "simulation"
+category = "navigation"
+scene = "city"
+craft = "quad"
+avoid = false
+max_time_s = 180.0
+max_decisions = 60
+
+[start]
+view = "half"
+range_m = [15.0, 100.0]
+
+[[goals]]
+kind = "reach"
+targets = [{ name = "crane", colour = "red" }]
+
+[[trajectories]]
+why = "ends beside it"
+verdict = "accepted"
+path = ["0,0,3,0", "10,0,3,90"]
+"#;
+
+    #[test]
+    fn a_task_is_read() {
+        let task = Task::parse(GOOD, "a.toml").unwrap();
+        assert_eq!((task.id.as_str(), task.category, task.craft), ("sim-nav-red-crane", Category::Navigation, CraftKind::Quad));
+        assert_eq!(task.goals[0].targets[0].colour.as_deref(), Some("red"));
+        assert_eq!(task.trajectories[0].path[1].attitude.heading, core::f64::consts::FRAC_PI_2);
+        assert_eq!(task.start_targets(), &task.goals[0].targets[..]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_line() {
+        let cases = [
+            ("craft = \"quad\"", "craft = \"quad\"\ncolur = 1", "a.toml:9:", "unknown field"),
+            ("range_m = [15.0, 100.0]", "range_m = [100.0, 15.0]", "a.toml:15:", "must rise"),
+            ("max_time_s = 180.0", "max_time_s = nan", "a.toml:10:", "max_time_s"),
+            ("{ name = \"crane\", colour = \"red\" }", "{}", "a.toml:19:", "which objects"),
+            ("kind = \"reach\"", "kind = \"reach\"\nangle_deg = 3.0", "a.toml:17:", "angle_deg"),
+            ("\"10,0,3,90\"", "\"10,0,3\"", "a.toml:24:", "corner"),
+            ("format = 1", "format = 2", "a.toml:2:", "format 1"),
+            ("id = \"sim-nav-red-crane\"", "id = \"Red Crane\"", "a.toml:3:", "lower case"),
+        ];
+        for (good, bad, place, words) in cases {
+            assert!(GOOD.contains(good));
+            let error = Task::parse(&GOOD.replace(good, bad), "a.toml").unwrap_err().to_string();
+            assert!(error.starts_with(place) && error.contains(words), "{error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_read_or_refused(at in 0..GOOD.len(), with in ".{0,12}", length in 0_usize..30) {
+            let end = (at + length).min(GOOD.len());
+            if let (Some(before), Some(after)) = (GOOD.get(..at), GOOD.get(end..)) {
+                match Task::parse(&format!("{before}{with}{after}"), "a.toml") {
+                    Ok(task) => prop_assert!(!task.goals.is_empty() && task.max_time.is_finite()),
+                    Err(error) => prop_assert!(error.to_string().starts_with("a.toml:")),
+                }
+            }
+        }
+    }
+}

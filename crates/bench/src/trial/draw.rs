@@ -1,0 +1,246 @@
+//! From a task and a seed to a scene, its light, and a start: the same for every method.
+
+use std::sync::Arc;
+
+use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
+use spf_core::rng::Draw;
+use spf_flight::sim::{Moment, Stage, StageError};
+use spf_sim::geometry::ObjectId;
+use spf_sim::model::Model;
+use thiserror::Error;
+
+use crate::judge::{Sight, nearest};
+use crate::task::{Selector, Task, View, centre, select_all};
+
+/// Variants that are drawn before a task is given up in its scene.
+const VARIANTS: u64 = 40;
+/// Places that are drawn in one variant.
+const PLACES: u64 = 3000;
+/// Places at most at which it is looked what is in view.
+const LOOKS: u32 = 40;
+/// Within this share of the half field of view the target lies from the middle, where it is to be in view.
+const MIDDLE: f64 = 0.7;
+/// Beyond this it is behind, radians.
+const BEHIND: f64 = 1.6;
+
+/// Why a trial could not be drawn.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum DrawError {
+    /// The scene cannot be flown in.
+    #[error("the scene `{scene}` of the task `{task}` cannot be flown in")]
+    Stage {
+        /// The scene.
+        scene: String,
+        /// The task.
+        task: String,
+        /// Why.
+        #[source]
+        source: Box<StageError>,
+    },
+    /// No place fits.
+    #[error("no start was found for the task `{task}` with seed {seed}: ask for less under `start`")]
+    NoStart {
+        /// The task.
+        task: String,
+        /// The seed.
+        seed: u64,
+    },
+}
+
+/// Where and how a trial begins.
+#[derive(Clone)]
+pub struct Drawn {
+    /// The scene, laid out and lit.
+    pub stage: Arc<Stage>,
+    /// Its name, with the variant's number.
+    pub scene: String,
+    /// The start, on the ground.
+    pub start: Pose,
+    /// Whether a target is clearly visible from above the start; none where it is not looked at.
+    pub in_view: Option<bool>,
+    /// The target that the start was drawn for.
+    pub focus: Option<ObjectId>,
+    /// Metres from above the start to the nearest target.
+    pub range: Option<f64>,
+}
+
+/// Draws a trial.
+///
+/// # Errors
+/// [`DrawError`] when the scene cannot be flown in, or nothing fits.
+pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
+    let word = word_of(&task.id);
+    let in_view = match task.start.view {
+        View::Always => Some(true),
+        View::Never => Some(false),
+        // Every second seed; which of two begins differs from task to task.
+        View::Half => Some((seed ^ Draw::new(0, "bench view", &[word]).below(2) as u64).is_multiple_of(2)),
+        View::Any => None,
+    };
+    for attempt in 0..if task.variants { VARIANTS } else { 1 } {
+        let number = (Draw::new(seed, "bench variant", &[word, attempt]).uniform() * 1e9) as u64;
+        let scene = if task.variants { format!("{}@{number}", task.scene) } else { task.scene.clone() };
+        let stage = Stage::load_with(&scene, &task.conditions);
+        let stage = Arc::new(stage.map_err(|source| DrawError::Stage {
+            scene: scene.clone(),
+            task: task.id.clone(),
+            source: Box::new(source),
+        })?);
+        let draw = Draw::new(seed, "bench start", &[word, attempt]);
+        if let Some(drawn) = start(task, &stage, in_view, draw) {
+            return Ok(Drawn { scene, ..drawn });
+        }
+    }
+    Err(DrawError::NoStart { task: task.id.clone(), seed })
+}
+
+/// A task's own number in draws.
+fn word_of(id: &str) -> u64 {
+    // FNV-1a, 64 bits.
+    id.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// A start in a scene; none when none is found.
+fn start(task: &Task, stage: &Arc<Stage>, in_view: Option<bool>, mut draw: Draw) -> Option<Drawn> {
+    let mut sight = Sight::of(task.craft);
+    let mut looks = 0;
+    let has = |selectors: &[Selector]| selectors.is_empty() || !select_all(selectors, stage, EnuPosition::default()).is_empty();
+    if !(task.goals.iter().all(|goal| has(&goal.targets)) && has(&task.start.of)) {
+        return None;
+    }
+    for _ in 0..PLACES {
+        let place = Place::draw(task, stage, in_view, &mut draw);
+        if !place.is_free(task, stage) || !place.is_right(task, stage) {
+            continue;
+        }
+        let moment = place.moment(task, stage);
+        let found = |in_view| Drawn {
+            stage: stage.clone(),
+            scene: String::new(),
+            start: place.start,
+            in_view,
+            focus: place.focus,
+            range: nearest(stage, &place.targets, &moment).map(|(_, range)| range),
+        };
+        let Some(wanted) = in_view else { return Some(found(None)) };
+        looks += 1;
+        if looks > LOOKS {
+            return None;
+        }
+        let fits = if wanted {
+            sight.clearly(stage, &moment).iter().any(|id| place.targets.contains(id))
+        } else {
+            !sight.glimpses(stage, &moment, &place.targets)
+        };
+        if fits {
+            return Some(found(in_view));
+        }
+    }
+    None
+}
+
+/// A place that may be a start.
+struct Place {
+    start: Pose,
+    targets: Vec<ObjectId>,
+    focus: Option<ObjectId>,
+}
+
+impl Place {
+    fn draw(task: &Task, stage: &Stage, in_view: Option<bool>, draw: &mut Draw) -> Self {
+        let bounds = stage.scene.bounds;
+        let mut within = |[from, to]: [f64; 2]| from + (to - from) * draw.uniform();
+        let east = within(task.start.east.unwrap_or([bounds.min.east, bounds.max.east]));
+        let north = within(task.start.north.unwrap_or([bounds.min.north, bounds.max.north]));
+        let above = EnuPosition { east, north, up: bounds.max.up };
+        let (aside, turn) = (draw.uniform() * 2.0 - 1.0, draw.uniform());
+        let up = stage.collider.ground_below(above).map_or(0.0, |ground| ground.up);
+        let at = EnuPosition { east, north, up };
+        let targets = select_all(task.start_targets(), stage, at);
+        let focus = targets.get(draw.below(targets.len())).copied();
+        let bearing = focus.and_then(|id| stage.scene.object(id)).map_or(0.0, |object| {
+            let to = centre(&object.bounds);
+            libm::atan2(to.east - east, to.north - north)
+        });
+        let half = task.craft.camera().half_fov().0;
+        let off = match in_view {
+            Some(true) => aside * MIDDLE * half,
+            Some(false) => BEHIND + turn * (core::f64::consts::TAU - 2.0 * BEHIND),
+            None => turn * core::f64::consts::TAU,
+        };
+        let attitude = Attitude { heading: wrap_angle(bearing + off), ..Attitude::default() };
+        Self { start: Pose { position: at, attitude }, targets, focus }
+    }
+
+    /// Where the craft is after take-off.
+    fn aloft(&self, task: &Task) -> EnuPosition {
+        let up = self.start.position.up + Model::of(task.craft).craft.take_off_height;
+        EnuPosition { up, ..self.start.position }
+    }
+
+    /// What it sees there.
+    fn moment(&self, task: &Task, stage: &Stage) -> Moment {
+        stage.beginning(Pose { position: self.aloft(task), ..self.start })
+    }
+
+    /// Open ground that nothing covers, and room to take off and to stay.
+    fn is_free(&self, task: &Task, stage: &Stage) -> bool {
+        let ground = self.start.position;
+        let Some(below) = stage.collider.ground_below(EnuPosition { up: ground.up + 0.1, ..ground }) else { return false };
+        let object = stage.scene.object(below.object);
+        let is_ground = object.is_some_and(|object| matches!(object.tags.kind.as_str(), "ground" | "floor"));
+        let (low, aloft) = (EnuPosition { up: ground.up + 0.4, ..ground }, self.aloft(task));
+        let room = 2.0 * Model::of(task.craft).craft.radius;
+        let moment = self.moment(task, stage);
+        let clear = |id| stage.distance_to(id, &moment.actors, aloft).is_none_or(|away| away > 4.0 * room);
+        is_ground && stage.collider.sweep(low, aloft, room.min(0.35)).is_none() && stage.cast.objects().all(clear)
+    }
+
+    /// Range, and what is to stand on the way.
+    fn is_right(&self, task: &Task, stage: &Stage) -> bool {
+        let Some(focus) = self.focus.and_then(|id| stage.scene.object(id)) else { return task.start_targets().is_empty() };
+        let moment = self.moment(task, stage);
+        let [least, most] = task.start.range;
+        if !nearest(stage, &self.targets, &moment).is_some_and(|(_, range)| (least..=most).contains(&range)) {
+            return false;
+        }
+        let (from, to) = (self.aloft(task), centre(&focus.bounds));
+        let past = task.start.past.as_ref().is_none_or(|(selectors, near)| {
+            let things = select_all(selectors, stage, from);
+            things.iter().filter_map(|id| stage.scene.object(*id)).any(|thing| off_way(from, to, centre(&thing.bounds)) <= *near)
+        });
+        let radius = Model::of(task.craft).craft.radius;
+        past && (!task.start.blocked
+            || stage.collider.sweep(from, to, radius).is_some_and(|met| !self.is_target(stage, met.object)))
+    }
+
+    /// Whether an object is a target or what one of them leads through.
+    fn is_target(&self, stage: &Stage, id: ObjectId) -> bool {
+        let of = |target: &ObjectId| stage.scene.object(*target).and_then(|object| object.tags.opening_of);
+        self.targets.iter().any(|target| *target == id || of(target) == Some(id))
+    }
+}
+
+/// How far a place lies from the straight way between two others, on the map and between its ends; metres.
+fn off_way(from: EnuPosition, to: EnuPosition, at: EnuPosition) -> f64 {
+    let (way, away) = ([to.east - from.east, to.north - from.north], [at.east - from.east, at.north - from.north]);
+    let length = libm::hypot(way[0], way[1]).max(1e-9);
+    let along = (away[0] * way[0] + away[1] * way[1]) / length;
+    if !(0.0..=length).contains(&along) {
+        return f64::INFINITY;
+    }
+    ((away[0] * way[1] - away[1] * way[0]) / length).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_stands_beside_the_way_is_so_far_off_it() {
+        let at = |east, north| EnuPosition { east, north, up: 0.0 };
+        assert_eq!(off_way(at(0.0, 0.0), at(10.0, 0.0), at(4.0, -3.0)), 3.0);
+        assert_eq!(off_way(at(0.0, 0.0), at(10.0, 0.0), at(11.0, 0.0)), f64::INFINITY);
+    }
+}

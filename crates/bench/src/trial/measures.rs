@@ -1,0 +1,81 @@
+//! Measures of a flown way: SPL (Anderson et al. 2018, arXiv 1807.06757), nDTW (Ilharco et al. 2019, arXiv 1907.05446).
+
+use spf_core::geometry::EnuPosition;
+
+/// Distance between the points of a reference way, metres.
+const SPACING: f64 = 1.0;
+
+/// Length of the straight way past all corners, metres.
+pub(super) fn length(way: &[EnuPosition]) -> f64 {
+    way.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+}
+
+/// The least way: past the corners and up to `radius` before the last, metres.
+pub(super) fn shortest(way: &[EnuPosition], radius: f64) -> f64 {
+    (length(way) - radius).max(0.0)
+}
+
+/// Success weighted by path length: `shortest / max(flown, shortest)`; 1 where there is no way to go.
+pub(super) fn spl(shortest: f64, flown: f64) -> f64 {
+    let longer = shortest.max(flown);
+    if longer > 0.0 { shortest / longer } else { 1.0 }
+}
+
+/// Points along a way, [`SPACING`] apart.
+fn spread(way: &[EnuPosition]) -> Vec<EnuPosition> {
+    let mut points: Vec<EnuPosition> = way.first().copied().into_iter().collect();
+    for pair in way.windows(2) {
+        let (from, to) = (pair[0], pair[1]);
+        let steps = libm::ceil(from.distance(to) / SPACING).max(1.0);
+        for i in 1..=steps as usize {
+            let share = i as f64 / steps;
+            let mix = |a: f64, b: f64| a + (b - a) * share;
+            points.push(EnuPosition { east: mix(from.east, to.east), north: mix(from.north, to.north), up: mix(from.up, to.up) });
+        }
+    }
+    points
+}
+
+/// Normalised dynamic time warping of a flown way to a reference, 0..=1: `exp(−DTW / (N·radius))`.
+pub(super) fn ndtw(reference: &[EnuPosition], flown: &[EnuPosition], radius: f64) -> f64 {
+    let reference = spread(reference);
+    let (Some(_), Some(_)) = (reference.first(), flown.first()) else { return 0.0 };
+    let mut row = vec![f64::INFINITY; flown.len() + 1];
+    row[0] = 0.0;
+    for point in &reference {
+        // `diagonal` is the row above, one to the left.
+        let mut diagonal = core::mem::replace(&mut row[0], f64::INFINITY);
+        for (i, place) in flown.iter().enumerate() {
+            let above = row[i + 1];
+            row[i + 1] = point.distance(*place) + above.min(row[i]).min(diagonal);
+            diagonal = above;
+        }
+    }
+    libm::exp(-row[flown.len()] / (reference.len() as f64 * radius))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn way(norths: &[f64]) -> Vec<EnuPosition> {
+        norths.iter().map(|&north| EnuPosition { north, ..EnuPosition::default() }).collect()
+    }
+
+    #[test]
+    fn a_way_like_its_reference_has_one_and_a_far_one_nothing() {
+        let reference = way(&[0.0, 4.0]);
+        assert_eq!(ndtw(&reference, &way(&[0.0, 1.0, 2.0, 3.0, 4.0]), 1.0), 1.0);
+        // Five reference points, each one metre off the way.
+        let aside: Vec<EnuPosition> = spread(&reference).iter().map(|p| EnuPosition { east: 1.0, ..*p }).collect();
+        assert!((ndtw(&reference, &aside, 1.0) - libm::exp(-1.0)).abs() < 1e-12);
+        assert_eq!(ndtw(&reference, &[], 1.0), 0.0);
+    }
+
+    #[test]
+    fn the_least_way_ends_at_the_radius() {
+        assert_eq!(shortest(&way(&[0.0, 10.0, 4.0]), 5.0), 11.0);
+        assert_eq!(shortest(&way(&[0.0, 3.0]), 5.0), 0.0);
+        assert_eq!((spl(10.0, 20.0), spl(10.0, 5.0), spl(0.0, 0.0)), (0.5, 1.0, 1.0));
+    }
+}

@@ -1,0 +1,129 @@
+//! The methods that are compared.
+
+use std::sync::Arc;
+
+use spf_core::pilot::Preset;
+use spf_core::time::duration_from_secs;
+use spf_flight::sim::{PolicyKind, WhoPoints};
+use spf_vlm::{Account, Answer, Asked, Picture, Vlm};
+
+/// A way of flying that is compared with others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Points, preset `default`.
+    Spf,
+    /// Points, preset `paper`.
+    SpfPaper,
+    /// Actions in words.
+    Plain,
+    /// Straight on, looking at nothing: what can be had by chance.
+    Straight,
+}
+
+impl Method {
+    /// All, in the order of tables.
+    pub const ALL: [Self; 4] = [Self::Spf, Self::SpfPaper, Self::Plain, Self::Straight];
+
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Spf => "spf",
+            Self::SpfPaper => "spf-paper",
+            Self::Plain => "plain",
+            Self::Straight => "straight",
+        }
+    }
+
+    /// The method of that name.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|method| method.name() == name)
+    }
+
+    /// Whether somebody has to be asked; the blind control asks nobody.
+    #[must_use]
+    pub fn asks(self) -> bool {
+        self != Self::Straight
+    }
+
+    pub(super) fn policy(self) -> PolicyKind {
+        match self {
+            Self::Spf | Self::SpfPaper => PolicyKind::Spf,
+            Self::Plain | Self::Straight => PolicyKind::Plain,
+        }
+    }
+
+    pub(super) fn preset(self) -> Preset {
+        match self {
+            Self::SpfPaper => Preset::Paper,
+            Self::Spf | Self::Plain | Self::Straight => Preset::Default,
+        }
+    }
+}
+
+/// Moves of the blind control before it says that it is done.
+const MOVES: usize = 5;
+/// What each of them takes to be answered, seconds: the median of the oracle's.
+const LATENCY_S: f64 = 1.5;
+
+/// Who answers the blind control: straight on by `metres` some times, then done. It looks at no picture and reads no
+/// instruction.
+struct Blind {
+    metres: f64,
+}
+
+impl Vlm for Blind {
+    fn name(&self) -> &str {
+        NOBODY
+    }
+
+    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn Picture) -> Answer {
+        Answer {
+            text: Ok(self.text(asked.query.memory.actions.len())),
+            latency: duration_from_secs(LATENCY_S),
+            model: NOBODY.to_owned(),
+            account: Account::default(),
+        }
+    }
+}
+
+impl Blind {
+    /// `moves` were made.
+    fn text(&self, moves: usize) -> String {
+        if moves >= MOVES {
+            return "{\"actions\":[],\"done\":true}".to_owned();
+        }
+        format!("{{\"actions\":[{{\"cmd\":\"forward\",\"value\":{}}}],\"done\":false}}", self.metres)
+    }
+}
+
+/// The name of who points where nobody does.
+pub const NOBODY: &str = "none";
+
+/// Who answers the blind control.
+pub(super) fn blind(metres: f64) -> WhoPoints {
+    Arc::new(move |_, _| Ok(Box::new(Blind { metres })))
+}
+
+#[cfg(test)]
+mod tests {
+    use spf_core::actions::parse_actions;
+
+    use super::*;
+
+    #[test]
+    fn a_method_is_found_by_its_name() {
+        assert!(Method::ALL.iter().all(|method| Method::of_name(method.name()) == Some(*method)));
+        assert_eq!(Method::of_name("pivot"), None);
+    }
+
+    #[test]
+    fn the_blind_control_goes_straight_on_and_is_done() {
+        let blind = Blind { metres: 5.0 };
+        let go = parse_actions(&blind.text(0)).unwrap();
+        assert_eq!((go.actions, go.done), (vec![spf_core::actions::Action::Forward(5.0)], false));
+        let end = parse_actions(&blind.text(MOVES)).unwrap();
+        assert!(end.done && end.actions.is_empty());
+    }
+}

@@ -1,0 +1,266 @@
+//! One trial: drawn, flown, judged, measured.
+
+mod draw;
+mod measures;
+mod method;
+mod record;
+mod watch;
+
+use std::sync::atomic::AtomicU32;
+use std::sync::{Arc, OnceLock};
+
+use spf_core::envelope::Limits;
+use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::pilot::{Outcome, PilotSettings};
+use spf_core::time::duration_from_secs;
+use spf_flight::sim::{Circumstances, FlightPlan, RecordPlan, SimWorld, WhoPoints, fly};
+use spf_flight::summary::Summary;
+use spf_flight::world::Script;
+use spf_sim::model::Model;
+
+use crate::judge::Judge;
+use crate::stats::percentile;
+use crate::task::{GoalKind, Set, Task, centre};
+pub use draw::{DrawError, Drawn, draw};
+pub use method::{Method, NOBODY};
+pub use record::{Milliseconds, Record, Scores, VlmDetails, run_id};
+use watch::{Findings, Watcher};
+
+/// Who points, under a name.
+#[derive(Clone)]
+pub struct Pointer {
+    /// The name as it was given on the command line.
+    pub name: String,
+    /// Makes it.
+    pub who: WhoPoints,
+}
+
+/// One trial of a plan.
+#[derive(Clone)]
+pub struct Trial {
+    /// What is to be done.
+    pub task: Arc<Task>,
+    /// By whom.
+    pub method: Method,
+    /// Who points; nobody for the blind control.
+    pub pointer: Option<Pointer>,
+    /// The seed.
+    pub seed: u64,
+    /// US dollars from which on nothing more is asked in this trial.
+    pub max_cost_usd: Option<f64>,
+}
+
+impl Trial {
+    /// The name of who points.
+    #[must_use]
+    pub fn vlm(&self) -> &str {
+        self.pointer.as_ref().map_or(NOBODY, |pointer| &pointer.name)
+    }
+
+    /// Its number in `results.jsonl`.
+    #[must_use]
+    pub fn run_id(&self) -> String {
+        run_id(&self.task.id, self.method.name(), self.vlm(), self.seed)
+    }
+
+    /// Flies it where it was drawn. It never fails: what cannot be flown is a row with its `error`.
+    #[must_use]
+    pub fn fly(&self, drawn: &Drawn, record: Option<RecordPlan>) -> Record {
+        let judge = match Judge::new(&self.task, drawn.stage.clone(), drawn.start) {
+            Ok(judge) => judge,
+            Err(error) => return self.failed(Some(drawn), &error),
+        };
+        let world = Arc::new(OnceLock::new());
+        let mut watcher = Watcher::new(world.clone(), judge);
+        match fly(self.plan(drawn, world, record), &mut [&mut watcher]) {
+            Ok(flown) => self.scored(drawn, watcher, flown.summary),
+            Err(error) => self.failed(Some(drawn), &error),
+        }
+    }
+
+    /// The row of a trial that could not be flown.
+    #[must_use]
+    pub fn failed(&self, drawn: Option<&Drawn>, error: &dyn std::error::Error) -> Record {
+        let mut why = error.to_string();
+        let mut source = error.source();
+        while let Some(cause) = source {
+            why = format!("{why}: {cause}");
+            source = cause.source();
+        }
+        Record { error: Some(why), ..self.blank(drawn) }
+    }
+
+    fn plan(&self, drawn: &Drawn, world: Arc<OnceLock<SimWorld>>, record: Option<RecordPlan>) -> FlightPlan {
+        let task = &self.task;
+        let who = match &self.pointer {
+            Some(pointer) => pointer.who.clone(),
+            None => method::blind(if task.set == Set::Simulation { 5.0 } else { 1.0 }),
+        };
+        let seen: WhoPoints = Arc::new(move |of, seed| {
+            // A flight has one world; it is asked for once.
+            if let Some(of) = of {
+                drop(world.set(of.clone()));
+            }
+            who(of, seed)
+        });
+        let preset = self.method.preset();
+        FlightPlan {
+            stage: drawn.stage.clone(),
+            scene: drawn.scene.clone(),
+            instruction: task.instruction.clone(),
+            start: Some(drawn.start),
+            kind: task.craft,
+            circumstances: Circumstances::default(),
+            policy: self.method.policy(),
+            preset,
+            settings: PilotSettings {
+                avoid: task.avoid,
+                max_time: duration_from_secs(task.max_time),
+                max_decisions: task.max_decisions,
+                ..PilotSettings::preset(preset)
+            },
+            limits: Limits::for_craft(&Model::of(task.craft).craft),
+            vlm: self.vlm().to_owned(),
+            who: seen,
+            prompt: None,
+            max_cost_usd: self.max_cost_usd,
+            seed: self.seed,
+            script: Script::default(),
+            operator: None,
+            realtime: false,
+            interrupts: Arc::new(AtomicU32::new(0)),
+            record,
+        }
+    }
+
+    /// A row with what is known before the flight.
+    fn blank(&self, drawn: Option<&Drawn>) -> Record {
+        let task = &self.task;
+        Record {
+            run_id: self.run_id(),
+            program: env!("CARGO_PKG_VERSION").to_owned(),
+            task: task.id.clone(),
+            set: task.set,
+            category: task.category,
+            method: self.method.name().to_owned(),
+            scores: Scores::default(),
+            error: None,
+            scene_id: drawn.map_or_else(|| task.scene.clone(), |drawn| drawn.scene.clone()),
+            start_pose: drawn.map_or_else(Pose::default, |drawn| drawn.start),
+            start_in_view: drawn.and_then(|drawn| drawn.in_view),
+            start_range_m: drawn.and_then(|drawn| drawn.range),
+            goal: Vec::new(),
+            goals: task.goals.len(),
+            goals_met: 0,
+            osr: false,
+            spl: 0.0,
+            shortest_m: 0.0,
+            ndtw: 0.0,
+            sdtw: 0.0,
+            ttfm_s: None,
+            min_clearance_m: None,
+            n_vlm_calls: 0,
+            tokens_in: 0,
+            tokens_out: 0,
+            cost_usd: None,
+            latency_ms: None,
+            frame_age_ms_p95: None,
+            parse_failures: 0,
+            rejected_waypoints: 0,
+            shield_interventions: 0,
+            vlm_details: VlmDetails { provider: provider(self.vlm()), ..VlmDetails::default() },
+            flight: None,
+        }
+    }
+
+    fn scored(&self, drawn: &Drawn, watcher: Watcher, summary: Summary) -> Record {
+        let (found, judge) = watcher.into_findings();
+        let stage = &drawn.stage;
+        let scores = self.scores(&found);
+        let reference = self.reference(drawn, &judge);
+        let radius = self.task.set.radius();
+        let shortest_m = measures::shortest(&reference, radius);
+        let ndtw = measures::ndtw(&reference, &found.path, radius);
+        let earned = |value: f64| if scores.self_stop { value } else { 0.0 };
+        let goal: Vec<String> = judge.last_targets().iter().map(|id| stage.key(*id)).collect();
+        let usage = summary.vlm_use.clone();
+        let base = self.blank(Some(drawn));
+        Record {
+            goals_met: judge.met().max(if found.holds_at_end { self.task.goals.len() } else { 0 }),
+            osr: found.least_distance.is_some_and(|least| least <= radius),
+            spl: earned(measures::spl(shortest_m, measures::length(&found.path))),
+            sdtw: earned(ndtw),
+            ndtw,
+            shortest_m,
+            ttfm_s: found.first_motion.map(spf_core::time::Time::as_secs_f64),
+            min_clearance_m: found.clearance,
+            n_vlm_calls: usage.as_ref().map_or(found.latencies.len() as u32 + found.given_up, |usage| usage.questions),
+            tokens_in: usage.as_ref().map_or(0, |usage| usage.tokens_in),
+            tokens_out: usage.as_ref().map_or(0, |usage| usage.tokens_out + usage.tokens_thinking),
+            cost_usd: usage.as_ref().and_then(|usage| usage.cost_usd),
+            latency_ms: milliseconds(&found.latencies),
+            frame_age_ms_p95: percentile(&found.frame_ages, 0.95).map(|age| 1e3 * age),
+            parse_failures: found.given_up,
+            rejected_waypoints: found.refused,
+            shield_interventions: found.interventions,
+            vlm_details: VlmDetails {
+                models: usage.map_or_else(Vec::new, |usage| usage.models.into_keys().collect()),
+                ..base.vlm_details
+            },
+            flight: Some(Summary {
+                verified: Some(found.holds_at_end && !scores.collided),
+                final_distance_m: found.distance,
+                target_in_view: found.sees,
+                targets: goal.clone(),
+                ..summary
+            }),
+            goal,
+            scores,
+            ..base
+        }
+    }
+
+    fn scores(&self, found: &Findings) -> Scores {
+        let outcome = found.outcome;
+        let done = found.holds_at_end && found.untouched;
+        let said = outcome == Some(Outcome::Reached);
+        // Nobody says that following is done: the time that is given runs out.
+        let follows = matches!(self.task.goals.last().map(|goal| goal.kind), Some(GoalKind::Follow { .. }));
+        let ended = said || (follows && outcome == Some(Outcome::Timeout));
+        let within = |metres: f64| found.distance.is_some_and(|distance| distance <= metres);
+        Scores {
+            self_stop: done && ended,
+            judge_stop: found.judge_stop.is_some(),
+            judge_stop_s: found.judge_stop.map(spf_core::time::Time::as_secs_f64),
+            false_stop: said && !done,
+            success_1m: within(1.0),
+            success_5m: within(5.0),
+            success_20m: within(20.0),
+            collided: !found.untouched,
+            timeout: outcome == Some(Outcome::Timeout),
+            landed_by_failsafe: matches!(outcome, Some(Outcome::Failed | Outcome::Aborted)),
+        }
+    }
+
+    /// Straight from above the start past each goal's nearest object.
+    fn reference(&self, drawn: &Drawn, judge: &Judge) -> Vec<EnuPosition> {
+        let stage = &drawn.stage;
+        let up = drawn.start.position.up + Model::of(self.task.craft).craft.take_off_height;
+        let mut way = vec![EnuPosition { up, ..drawn.start.position }];
+        for targets in judge.targets() {
+            let from = way[way.len() - 1];
+            let places = targets.iter().filter_map(|id| stage.scene.object(*id)).map(|object| centre(&object.bounds));
+            way.extend(places.min_by(|a, b| a.distance(from).total_cmp(&b.distance(from))));
+        }
+        way
+    }
+}
+
+fn provider(vlm: &str) -> String {
+    vlm.split(['#', ':', '@']).next().unwrap_or_default().to_owned()
+}
+
+fn milliseconds(seconds: &[f64]) -> Option<Milliseconds> {
+    let at = |share| percentile(seconds, share).map(|value| 1e3 * value);
+    Some(Milliseconds { p50: at(0.5)?, p95: at(0.95)?, p99: at(0.99)?, max: at(1.0)? })
+}

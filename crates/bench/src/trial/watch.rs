@@ -1,0 +1,112 @@
+//! Looks on while a trial is flown: the judge's observer, and what is measured on the way.
+
+use std::sync::{Arc, OnceLock};
+
+use spf_core::geometry::EnuPosition;
+use spf_core::pilot::{Action, Note, Outcome, Phase, Pilot};
+use spf_core::time::Time;
+use spf_flight::run::Observer;
+use spf_flight::sim::SimWorld;
+
+use crate::judge::{EVERY, Judge};
+
+/// What the judge found, and what was measured.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Findings {
+    /// When the judge would first have said success.
+    pub(super) judge_stop: Option<Time>,
+    /// Whether it would say so at `Finished`.
+    pub(super) holds_at_end: bool,
+    /// Whether nothing was touched until `Finished`.
+    pub(super) untouched: bool,
+    /// Metres to the last goal's surface at `Finished`, and least on the way.
+    pub(super) distance: Option<f64>,
+    pub(super) least_distance: Option<f64>,
+    /// Whether a target of the last goal is clearly visible at `Finished`.
+    pub(super) sees: Option<bool>,
+    /// Least distance to anything solid while flying, metres.
+    pub(super) clearance: Option<f64>,
+    /// The true way flown, a place a look.
+    pub(super) path: Vec<EnuPosition>,
+    /// Seconds of each answer and age of each frame.
+    pub(super) latencies: Vec<f64>,
+    pub(super) frame_ages: Vec<f64>,
+    /// Decisions whose reply was refused; questions that were given up; interventions of the envelope.
+    pub(super) refused: u32,
+    pub(super) given_up: u32,
+    pub(super) interventions: u32,
+    pub(super) first_motion: Option<Time>,
+    pub(super) outcome: Option<Outcome>,
+}
+
+/// Watches one flight. The world is known when it is asked who points in it.
+pub(super) struct Watcher {
+    world: Arc<OnceLock<SimWorld>>,
+    judge: Judge,
+    next: Time,
+    ended: bool,
+    findings: Findings,
+}
+
+impl Watcher {
+    pub(super) fn new(world: Arc<OnceLock<SimWorld>>, judge: Judge) -> Self {
+        Self { world, judge, next: Time::ZERO, ended: false, findings: Findings::default() }
+    }
+
+    pub(super) fn into_findings(self) -> (Findings, Judge) {
+        (self.findings, self.judge)
+    }
+
+    fn look(&mut self, now: Time, pilot: &Pilot) {
+        let Some(world) = self.world.get() else { return };
+        world.advance_to(now);
+        let (truth, moment) = (world.truth(), world.now());
+        self.judge.look(now, &moment);
+        let found = &mut self.findings;
+        found.untouched = truth.collided_with.is_empty();
+        if self.judge.holds() && found.untouched {
+            found.judge_stop.get_or_insert(now);
+        }
+        let least = |a: Option<f64>, b: Option<f64>| [a, b].into_iter().flatten().reduce(f64::min);
+        found.distance = self.judge.distance(&moment);
+        found.least_distance = least(found.least_distance, found.distance);
+        if matches!(pilot.phase(), Phase::Flying | Phase::Held | Phase::Manual) {
+            let stage = world.stage();
+            let at = moment.pose.position;
+            let moving = stage.cast.objects().filter_map(|id| stage.distance_to(id, &moment.actors, at));
+            let near = moving.chain(stage.collider.nearest(at).map(|near| near.distance)).reduce(f64::min);
+            found.clearance = least(found.clearance, near);
+            found.path.push(at);
+        }
+        found.first_motion = pilot.first_motion();
+    }
+}
+
+impl Observer for Watcher {
+    fn time(&mut self, now: Time, pilot: &Pilot) {
+        if now >= self.next && !self.ended {
+            self.look(now, pilot);
+            self.next = now + EVERY;
+        }
+    }
+
+    fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
+        match action {
+            Action::Finished(ending) => {
+                self.look(now, pilot);
+                self.ended = true;
+                self.findings.outcome = Some(ending.outcome);
+                self.findings.holds_at_end = self.judge.holds();
+                self.findings.sees = self.world.get().and_then(|world| self.judge.sees(&world.now()));
+            }
+            Action::Note(Note::Decision(decision)) => {
+                self.findings.latencies.push(decision.latency_s);
+                self.findings.frame_ages.push(decision.frame_age_s);
+                self.findings.refused += u32::from(decision.reading.refused.is_some());
+            }
+            Action::Note(Note::Envelope(_)) => self.findings.interventions += 1,
+            Action::Note(Note::QueryFailed { .. }) => self.findings.given_up += 1,
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! `spf bench check`: a task's file, its predicate, its draws.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use spf_bench::judge::{Judgement, Sight, judge_trajectory};
+use spf_bench::task::Task;
+use spf_bench::trial::{Drawn, draw};
+use spf_core::geometry::{Pose, wrap_angle};
+use spf_flight::sim::Stage;
+use spf_sim::model::Model;
+use spf_sim::render::Channels;
+
+use super::task_of;
+use crate::args::BenchCheck;
+use crate::commands::load_stage;
+use crate::commands::sim::{colour, write};
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::{Printer, table};
+
+/// Checks a task, and shows what its trials begin with.
+pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliError> {
+    let task = task_of(&args.task)?;
+    printer.result(&format!("{}: \"{}\" in {}, craft {}", task.id, task.instruction, task.scene, task.craft.name()));
+    let stage = Arc::new(load_stage(&task.scene, &task.conditions)?);
+    let wrong = trajectories(&task, &stage, printer)?;
+    if let Some(folder) = &args.pictures {
+        std::fs::create_dir_all(folder)
+            .map_err(|error| CliError::usage(format!("cannot make the folder `{}`", folder.display())).because(&error))?;
+    }
+    let mut rows = vec![HEAD.map(str::to_owned).to_vec()];
+    for number in 0..args.trials {
+        let seed = args.seed.wrapping_add(number);
+        let drawn = draw(&task, seed).map_err(|error| CliError::usage("the task cannot be flown").because(&error))?;
+        rows.push(row(&task, seed, &drawn));
+        if let Some(folder) = &args.pictures {
+            picture(&task, &drawn, &folder.join(format!("{}-{seed}.png", task.id)))?;
+        }
+    }
+    if args.trials > 0 {
+        printer.result(&table(&rows));
+    }
+    match wrong {
+        0 => Ok(Exit::Success),
+        _ => Err(CliError::usage(format!("{wrong} trajectories are judged otherwise than the file says"))),
+    }
+}
+
+/// Judges the file's own trajectories; how many are judged wrongly.
+fn trajectories(task: &Task, stage: &Arc<Stage>, printer: &Printer) -> Result<usize, CliError> {
+    let mut wrong = 0;
+    for trajectory in &task.trajectories {
+        let judgement = judge_trajectory(task, stage, trajectory)
+            .map_err(|error| CliError::usage("the task cannot be judged").because(&error))?;
+        let right = judgement.accepted == trajectory.accepted;
+        wrong += usize::from(!right);
+        let mark = if right { "ok   " } else { "WRONG" };
+        printer.result(&format!("{mark} {}: {}", trajectory.why, words(&judgement, task)));
+    }
+    Ok(wrong)
+}
+
+fn words(judgement: &Judgement, task: &Task) -> String {
+    let verdict = if judgement.accepted { "accepted" } else { "rejected" };
+    let touched = judgement.touched.as_ref().map_or(String::new(), |key| format!(", touched {key}"));
+    let distance = judgement.distance.map_or(String::new(), |metres| format!(", {metres:.1} m from the last target"));
+    let seen = if judgement.sees == Some(false) { ", which is not in view" } else { "" };
+    format!("{verdict}, {} of {} goals met{distance}{seen}{touched}", judgement.met, task.goals.len())
+}
+
+const HEAD: [&str; 9] = ["SEED", "SCENE", "LIGHT", "START", "TARGET", "BEARING", "RANGE", "IN VIEW", "CLUTTER"];
+
+fn aloft(task: &Task, drawn: &Drawn) -> Pose {
+    let mut pose = drawn.start;
+    pose.position.up += Model::of(task.craft).craft.take_off_height;
+    pose
+}
+
+/// A trial's beginning. Clutter: things clearly visible besides the ground and the target.
+fn row(task: &Task, seed: u64, drawn: &Drawn) -> Vec<String> {
+    let (scene, start) = (&drawn.stage.scene, &drawn.start);
+    let focus = drawn.focus.and_then(|id| scene.object(id));
+    let bearing = focus.map(|object| {
+        let (min, max) = (object.bounds.min, object.bounds.max);
+        let (east, north) = (0.5 * (min.east + max.east), 0.5 * (min.north + max.north));
+        let to = libm::atan2(east - start.position.east, north - start.position.north);
+        wrap_angle(to - start.attitude.heading).to_degrees()
+    });
+    let seen = Sight::of(task.craft).clearly(&drawn.stage, &drawn.stage.beginning(aloft(task, drawn)));
+    let is_thing = |id: &&u16| {
+        let object = scene.object(**id);
+        Some(**id) != drawn.focus
+            && object.is_some_and(|o| !o.opening && !matches!(o.tags.kind.as_str(), "ground" | "floor" | "ceiling" | "wall"))
+    };
+    let dash = || "–".to_owned();
+    vec![
+        seed.to_string(),
+        drawn.scene.clone(),
+        format!("{}, {}", scene.lighting.name(), scene.weather.name()),
+        format!("{:.1},{:.1},{:.0}°", start.position.east, start.position.north, start.attitude.heading.to_degrees()),
+        focus.map_or_else(dash, |object| object.key.clone()),
+        bearing.map_or_else(dash, |degrees| format!("{degrees:.0}°")),
+        drawn.range.map_or_else(dash, |metres| format!("{metres:.1} m")),
+        drawn.in_view.map_or_else(dash, |is| if is { "yes" } else { "no" }.to_owned()),
+        seen.iter().filter(is_thing).count().to_string(),
+    ]
+}
+
+fn picture(task: &Task, drawn: &Drawn, path: &Path) -> Result<(), CliError> {
+    let moment = drawn.stage.beginning(aloft(task, drawn));
+    let picture = drawn.stage.render(&task.craft.camera(), &moment, Channels::RGB);
+    write(path, &colour(&picture)?)
+}

@@ -1,0 +1,81 @@
+//! `spf bench`: tasks, trials, how often they were done (docs/bench.md).
+
+mod check;
+mod run;
+mod show;
+
+use std::path::Path;
+
+use spf_bench::run::{StoreError, merge};
+use spf_bench::task::{SUITES, Task, TaskError, shipped};
+use spf_bench::trial::Pointer;
+
+use crate::args::{Bench, BenchMerge};
+use crate::commands::vlm::pointing;
+use crate::error::{CliError, nearest};
+use crate::exit::Exit;
+use crate::printer::Printer;
+use crate::settings::Settings;
+
+/// Runs one of the bench's commands.
+pub(crate) fn bench(command: &Bench, printer: &mut Printer) -> Result<Exit, CliError> {
+    match command {
+        Bench::Run(args) => run::run(args, printer),
+        Bench::Check(args) => check::check(args, printer),
+        Bench::Merge(args) => merge_shares(args, printer),
+        Bench::Show(args) => show::show(args, printer),
+        Bench::List => list(printer),
+    }
+}
+
+/// A task by its file, or one that comes with the program by its name.
+fn task_of(name: &str) -> Result<Task, CliError> {
+    let refused = |error: &TaskError| CliError::usage(format!("the task `{name}` is refused")).because(error);
+    if name.contains(['/', '.']) || Path::new(name).exists() {
+        return Task::load(name).map_err(|error| refused(&error));
+    }
+    shipped(name).map_err(|error| refused(&error))?.ok_or_else(|| {
+        let known = SUITES.iter().flat_map(|suite| suite.names());
+        let hint = match nearest(name, known) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => "`spf bench list` lists all that there are; a file is named with a `/` or a `.` in its path".to_owned(),
+        };
+        CliError::usage(format!("there is no task `{name}`")).hint(hint)
+    })
+}
+
+/// Who points, by a name as for `spf fly --vlm`.
+fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
+    settings.flag("fly.vlm", "--vlm", Some(name.to_owned()));
+    let pointing = pointing(settings, None)?;
+    Ok(Pointer { name: name.to_owned(), who: pointing.who })
+}
+
+/// Why results cannot be kept, and what to do.
+fn store_error(error: &StoreError) -> CliError {
+    match error {
+        StoreError::Other { .. } => CliError::usage("results of different plans are not mixed")
+            .because(error)
+            .hint("name another folder with -o, or give the command that began this one"),
+        StoreError::Shares(_) => CliError::usage("the shares cannot be joined").because(error).hint("name all of them, finished"),
+        _ => CliError::internal("the results cannot be kept").because(error),
+    }
+}
+
+fn merge_shares(args: &BenchMerge, printer: &Printer) -> Result<Exit, CliError> {
+    let trials = merge(&args.shares, &args.output).map_err(|error| store_error(&error))?;
+    printer.say(&format!("{trials} trials of {} shares", args.shares.len()));
+    printer.result(&args.output.join("results.jsonl").display().to_string());
+    Ok(Exit::Success)
+}
+
+fn list(printer: &Printer) -> Result<Exit, CliError> {
+    for suite in SUITES {
+        printer.result(&format!("{}: {}", suite.name, suite.description));
+        let tasks = suite.tasks().map_err(|error| CliError::internal("a shipped task is refused").because(&error))?;
+        for task in tasks {
+            printer.result(&format!("  {:30} {:18} {}", task.id, task.category.words(), task.instruction));
+        }
+    }
+    Ok(Exit::Success)
+}

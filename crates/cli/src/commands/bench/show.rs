@@ -1,0 +1,72 @@
+//! `spf bench show`: one trial again, with its files.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use spf_bench::trial::{Method, Trial, draw, run_id};
+use spf_flight::sim::RecordPlan;
+use spf_record::out_dir::OutDir;
+use spf_sim::oracle::ErrorFile;
+
+use super::{pointer, task_of};
+use crate::args::BenchShow;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+use crate::settings::Settings;
+
+/// Flies a trial again.
+pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError> {
+    let mut settings = Settings::load(args.config.as_deref())?;
+    let trial = trial(args, &mut settings)?;
+    let drawn = draw(&trial.task, trial.seed).map_err(|error| CliError::usage("the trial cannot be drawn").because(&error))?;
+    let out = OutDir::create(args.output.as_deref(), &args.run_id).map_err(|error| {
+        CliError::usage("no folder for the flight's files").because(&error).hint("name a new or an empty folder with -o DIR")
+    })?;
+    printer.say(&format!("Flying {} in {}: \"{}\"", args.run_id, drawn.scene, trial.task.instruction));
+    let record = trial.fly(&drawn, Some(RecordPlan { out: out.clone(), video: !args.no_video, view: None }));
+    if let Some(why) = record.error {
+        return Err(CliError::internal(format!("the trial could not be flown: {why}")));
+    }
+    let scores = &record.scores;
+    let yes = |is: bool| if is { "yes" } else { "no" };
+    printer.result(&format!("self stop {}, judge stop {}", yes(scores.self_stop), yes(scores.judge_stop)));
+    printer.result(&format!("goals met {} of {}, collided {}", record.goals_met, record.goals, yes(scores.collided)));
+    if let Some(flight) = &record.flight {
+        printer.result(&format!("{}: {}", spf_flight::words::outcome(flight.outcome), flight.cause));
+    }
+    printer.result(&out.path().display().to_string());
+    Ok(Exit::Success)
+}
+
+fn trial(args: &BenchShow, settings: &mut Settings) -> Result<Trial, CliError> {
+    let wrong = || {
+        CliError::usage(format!("`{}` is no trial", args.run_id))
+            .hint("a trial is task/method/vlm/seed, as `run_id` of its row in results.jsonl")
+    };
+    let parts: Vec<&str> = args.run_id.split('/').collect();
+    let [task, method, vlm, seed] = parts.try_into().map_err(|_| wrong())?;
+    let seed: u64 = seed.parse().map_err(|_| wrong())?;
+    let method = Method::of_name(method).ok_or_else(wrong)?;
+    let task = Arc::new(task_of(args.task.as_deref().unwrap_or(task))?);
+    let pointer = if method.asks() { Some(pointer(settings, &name_of(args, vlm)?)?) } else { None };
+    let trial = Trial { task, method, pointer, seed, max_cost_usd: None };
+    if trial.run_id() == args.run_id {
+        return Ok(trial);
+    }
+    Err(CliError::usage(format!("that would be {}, not {}", trial.run_id(), args.run_id)).hint("name the same --task and --vlm"))
+}
+
+/// Who pointed: as it is named now, or the shipped oracle whose name reads so in a trial's name.
+fn name_of(args: &BenchShow, part: &str) -> Result<String, CliError> {
+    if let Some(name) = &args.vlm {
+        return Ok(name.clone());
+    }
+    let mut oracles = ErrorFile::shipped().into_iter().map(|name| format!("oracle:{name}")).chain(["oracle".to_owned()]);
+    let same = |name: &String| run_id("", "", name, 0) == run_id("", "", part, 0);
+    let found = oracles.find(same);
+    found.ok_or_else(|| {
+        CliError::usage(format!("who pointed is not known: `{part}` is no shipped oracle"))
+            .hint(format!("name it: spf bench show {} --vlm NAME", Path::new(&args.run_id).display()))
+    })
+}

@@ -1,0 +1,126 @@
+//! `spf bench`, as a user meets it.
+
+use std::fs;
+
+use crate::harness::{Lab, Run, rows};
+
+/// A task over in seconds: the first thing flown at is the vending machine of the yard.
+const TASK: &str = r#"
+format = 1
+id = "drink"
+instruction = "go to the vending machine"
+set = "real_world"
+category = "navigation"
+scene = "yard"
+variants = false
+craft = "tello"
+avoid = false
+max_time_s = 25.0
+max_decisions = 10
+
+[start]
+view = "always"
+range_m = [2.0, 6.0]
+
+[[goals]]
+kind = "reach"
+targets = [{ id = "vending_machine" }]
+
+[[trajectories]]
+why = "before it, looking at it"
+verdict = "accepted"
+path = ["-8.4,11,1.0,0", "-8.4,12.1,1.0,0"]
+"#;
+
+fn lab() -> Lab {
+    let lab = Lab::new();
+    lab.write("drink.toml", TASK);
+    lab
+}
+
+fn run(lab: &Lab, more: &[&str]) -> Run {
+    let mut args = vec!["bench", "run", "--task", "./drink.toml", "--trials", "4"];
+    args.extend(more);
+    lab.spf(&args)
+}
+
+#[test]
+fn one_run_in_pieces_is_the_run_in_one_piece() {
+    let lab = lab();
+    let whole = run(&lab, &["--method", "spf,straight", "--jobs", "1", "-o", "whole"]);
+    assert_eq!(whole.code, Some(0), "{}", whole.stderr);
+    assert!(whole.stdout.contains("SELF STOP") && whole.stdout.contains("real-world, navigation"), "{}", whole.stdout);
+    let bytes = lab.read("whole/results.jsonl");
+    let flown = rows(&lab.path("whole/results.jsonl"));
+    assert!(flown.len() == 8 && flown.iter().all(|row| row["error"].is_null() && row["decisions"].as_u64() > Some(0)));
+
+    // What a kill leaves: some rows in the order in which they came, and a torn one.
+    let text = String::from_utf8(bytes.clone()).unwrap();
+    let lines: Vec<&str> = text.split_inclusive('\n').collect();
+    fs::create_dir(lab.path("torn")).unwrap();
+    fs::copy(lab.path("whole/bench.json"), lab.path("torn/bench.json")).unwrap();
+    lab.write("torn/results.jsonl", format!("{}{}{}", lines[6], lines[1], &lines[3][..40]));
+    let resumed = run(&lab, &["--method", "spf,straight", "-o", "torn"]);
+    assert!(resumed.stderr.contains("2 of 8 trials are there already"), "{}", resumed.stderr);
+    assert_eq!(lab.read("torn/results.jsonl"), bytes);
+
+    for share in ["0/3", "1/3", "2/3"] {
+        let part = run(&lab, &["--method", "spf,straight", "--shard", share, "-o", &share[..1]]);
+        assert_eq!(part.code, Some(0), "{}", part.stderr);
+    }
+    let missing = lab.spf(&["bench", "merge", "0", "2", "-o", "less"]);
+    assert!(missing.code == Some(2) && missing.stderr.contains("trials are missing"), "{}", missing.stderr);
+    let merged = lab.spf(&["bench", "merge", "2", "0", "1", "-o", "merged"]);
+    assert_eq!(merged.code, Some(0), "{}", merged.stderr);
+    assert_eq!(lab.read("merged/results.jsonl"), bytes);
+
+    let other = run(&lab, &["--method", "spf", "-o", "whole"]);
+    assert!(other.code == Some(2) && other.stderr.contains("another plan"), "{}", other.stderr);
+}
+
+#[test]
+fn a_trial_is_shown_as_it_was_flown() {
+    let lab = lab();
+    assert_eq!(run(&lab, &["--seed", "7", "-o", "out"]).code, Some(0));
+    let row = rows(&lab.path("out/results.jsonl")).remove(0);
+    assert_eq!(row["run_id"], "drink/spf/oracle-default/7");
+    assert!(row["scores"]["self_stop"].is_boolean() && row["outcome"].is_string() && row["vlm"] == "oracle:default");
+    let shown = lab.spf(&["bench", "show", "drink/spf/oracle-default/7", "--task", "./drink.toml", "--no-video", "-o", "again"]);
+    assert_eq!(shown.code, Some(0), "{}", shown.stderr);
+    let again: serde_json::Value = serde_json::from_slice(&lab.read("again/summary.json")).unwrap();
+    for key in ["path_length_m", "finished_at_s", "decisions", "outcome", "cause"] {
+        assert_eq!(again[key], row[key], "{key}");
+    }
+    let wrong = lab.spf(&["bench", "show", "drink/spf/gemini/7", "--task", "./drink.toml"]);
+    assert!(wrong.code == Some(2) && wrong.stderr.contains("--vlm"), "{}", wrong.stderr);
+}
+
+#[test]
+fn a_task_is_checked() {
+    let lab = lab();
+    let good = lab.spf(&["bench", "check", "./drink.toml", "--trials", "1", "--pictures", "views"]);
+    assert_eq!(good.code, Some(0), "{}{}", good.stdout, good.stderr);
+    assert!(good.stdout.contains("ok    before it") && good.stdout.contains("CLUTTER"), "{}", good.stdout);
+    assert_eq!(lab.names("views"), ["drink-0.png"]);
+    lab.write("wrong.toml", TASK.replace("accepted", "rejected"));
+    let wrong = lab.spf(&["bench", "check", "./wrong.toml", "--trials", "0"]);
+    assert!(wrong.code == Some(2) && wrong.stdout.contains("WRONG"), "{}{}", wrong.stdout, wrong.stderr);
+    lab.write("bad.toml", TASK.replace("craft =", "kraft ="));
+    let bad = lab.spf(&["bench", "check", "./bad.toml"]);
+    assert!(bad.code == Some(2) && bad.stderr.contains("./bad.toml:9:"), "{}", bad.stderr);
+    assert!(bad.stderr.contains("did you mean `craft`?"), "{}", bad.stderr);
+}
+
+#[test]
+fn what_does_not_exist_is_named_with_what_is_near() {
+    let lab = Lab::new();
+    for (args, near) in [
+        (["bench", "run", "--suite", "papr", "-o", "x"].as_slice(), "did you mean `paper`?"),
+        (&["bench", "run", "--task", "sim-nav-red-cran", "-o", "x"], "did you mean `sim-nav-red-crane`?"),
+        (&["bench", "run", "--suite", "paper", "--method", "strait", "-o", "x"], "did you mean `straight`?"),
+        (&["bench", "run", "--suite", "paper", "--shard", "4/4", "-o", "x"], "--shard 0/4"),
+    ] {
+        let run = lab.spf(args);
+        assert!(run.code == Some(2) && run.stderr.contains(near), "{}", run.stderr);
+    }
+}
