@@ -4,7 +4,6 @@
 //!
 //! Pictures of 960×720 with detail all over are encoded as the film of a flight encodes them, and written with poses 20 times and JSON
 //! rows 40 times a second. Nothing waits for the clock: the whole process's CPU time is shared out over the seconds of flight.
-#![allow(clippy::print_stdout, reason = "an example prints")]
 
 #![expect(clippy::print_stdout, reason = "an example that prints what it measured")]
 

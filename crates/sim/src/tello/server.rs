@@ -31,6 +31,8 @@ const FAULTS_LOOK: Duration = Duration::from_millis(250);
 const KEY_INTERVAL: f64 = 1.0;
 /// Of the video: some 2 Mbit/s in a furnished room.
 const QUANTISER: u8 = 30;
+/// A picture is taken so long ago that all of the time its shutter was open has been flown.
+const SHUTTER: Duration = Duration::from_millis(25);
 /// Pictures that wait for their time of sending.
 const WAITING: usize = 16;
 /// A picture sent later than this after its time is counted as late.
@@ -201,8 +203,9 @@ impl Server {
         };
         let mut server = Self { address, shared: shared.clone(), threads: Vec::new() };
         let (one, two, three) = (shared.clone(), shared.clone(), shared);
+        let filmed = craft.clone();
         server.threads.push(spawn("flight", Box::new(move || fly(&one, tello, &craft, &command, &state, watch)))?);
-        server.threads.push(spawn("camera", Box::new(move || film(&two, photographer, latency, &taken)))?);
+        server.threads.push(spawn("camera", Box::new(move || film(&two, &filmed, photographer, latency, &taken)))?);
         server.threads.push(spawn("video", Box::new(move || send(&three, &due, &video)))?);
         Ok(server)
     }
@@ -331,7 +334,7 @@ fn fly(
 type Due = (Time, SocketAddr, Vec<Vec<u8>>);
 
 /// Takes pictures and encodes them.
-fn film(shared: &Shared, mut photographer: Photographer, latency: Duration, taken: &SyncSender<Due>) {
+fn film(shared: &Shared, craft: &Mutex<SimCraft>, mut photographer: Photographer, latency: Duration, taken: &SyncSender<Due>) {
     let mut encoder: Option<(Encoder, VideoWish)> = None;
     let mut last: Option<Rgb> = None;
     let mut next = Time::ZERO;
@@ -348,8 +351,8 @@ fn film(shared: &Shared, mut photographer: Photographer, latency: Duration, take
             std::thread::sleep(next.since(now).min(NAP));
             continue;
         }
-        // The flight may be a few milliseconds behind the clock.
-        let captured = now - Duration::from_millis(10);
+        // As far as the flight has come, which on a busy machine is behind the clock.
+        let captured = lock(craft).time().min(now) - SHUTTER;
         let frozen = shared.faults().freezes(now, Stream::Frames);
         let kept = last.take().filter(|_| frozen);
         let Some(picture) = kept.or_else(|| photographer(captured, &wish)) else {
