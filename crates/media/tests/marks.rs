@@ -102,5 +102,5 @@ fn marks_are_the_same_on_every_machine() {
     // failure. They also catch a compiler or a library that rounds differently.
     let (large, small) = (sheet(960, 720), sheet(480, 360));
     let digests = [large.digest(), small.digest(), resize(&large, 500, 300).digest()].map(|digest| format!("{digest:016x}"));
-    assert_eq!(digests, ["ae6a1d61027e2c89", "9a79b229989110c1", "1cf5e97c2b5c2e53"]);
+    assert_eq!(digests, ["ae6a1d61027e2c89", "9a79b229989110c1", "f964ea3fa79887a5"]);
 }
