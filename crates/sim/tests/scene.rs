@@ -5,6 +5,8 @@ use std::fmt::Write as _;
 
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
+use spf_core::geometry::EnuPosition;
+use spf_sim::collide::Collider;
 use spf_sim::geometry::{Part, Role};
 use spf_sim::model::CraftKind;
 use spf_sim::scene::{Conditions, Lighting, Scene, SceneError, Weather};
@@ -170,7 +172,7 @@ fn the_start_and_the_way_up_are_free() {
 fn a_drone_fits_through_every_opening() {
     let scene = city();
     let collider = Collider::new(&scene.geometry).unwrap();
-    // A ball of 0.6 m goes straight through the opening's middle, from 6 m before it to 6 m behind.
+    // A ball of 0.5 m goes straight through the opening's middle, from 6 m before it to 6 m behind.
     for opening in scene.objects.iter().filter(|o| o.opening) {
         let (min, max) = (opening.bounds.min, opening.bounds.max);
         let middle =
@@ -178,7 +180,7 @@ fn a_drone_fits_through_every_opening() {
         let (east, north) = if max.east - min.east > max.north - min.north { (0.0, 6.0) } else { (6.0, 0.0) };
         let from = EnuPosition { east: middle.east - east, north: middle.north - north, ..middle };
         let to = EnuPosition { east: middle.east + east, north: middle.north + north, ..middle };
-        let met = collider.sweep(from, to, 0.6).map(|met| &scene.object(met.object).unwrap().key);
+        let met = collider.sweep(from, to, 0.5).map(|met| &scene.object(met.object).unwrap().key);
         assert_eq!(met, None, "{} is blocked", opening.key);
     }
 }
