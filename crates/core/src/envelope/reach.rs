@@ -16,6 +16,8 @@ use crate::geometry::{EnuPosition, EnuVelocity};
 const STANDSTILL: f64 = 0.1;
 /// Nearer than this to an edge is on it, m.
 const ON_EDGE: f64 = 1.0e-6;
+/// Cosine of the angle to the way back below which a ray may lead away from the geofence before it leads in: cos 45°.
+const STRAIGHT_BACK: f64 = core::f64::consts::FRAC_1_SQRT_2;
 /// What a limit leaves below this speed is nothing, m/s.
 const CREEP: f64 = 1.0e-6;
 
@@ -266,13 +268,19 @@ impl<'a> Plane<'a> {
             return Some(Wall { distance: exit.distance, out: exit.out, cause });
         };
         // Turning while coming back: half of it must still lead back.
-        if dot(along, unit) < 0.5 {
+        let back = dot(along, unit);
+        if back < 0.5 {
             return Some(Wall { distance: 0.0, out: along, cause });
         }
-        let inside = gap + 2.0 * ON_EDGE;
-        let from = (self.at.0 + unit.0 * inside, self.at.1 + unit.1 * inside);
-        let exit = fence.exit(from, unit, self.altitudes, self.reach)?;
-        Some(Wall { distance: gap + exit.distance, out: exit.out, cause })
+        // A ray nearly straight back enters the fence and may leave it again on another side.
+        let within = gap / back + 2.0 * ON_EDGE;
+        let entry = (self.at.0 + along.0 * within, self.at.1 + along.1 * within);
+        if back > STRAIGHT_BACK && fence.allows(entry, self.altitudes) {
+            let exit = fence.exit(entry, along, self.altitudes, self.reach)?;
+            return Some(Wall { distance: within + exit.distance, out: exit.out, cause });
+        }
+        // Any other may miss it: up to here it is at least no farther from the place on the edge that is nearest now.
+        Some(Wall { distance: 2.0 * gap * back, out: along, cause })
     }
 
     /// `v` with the part that points out of the wall no faster than can be stopped the margin before it.

@@ -163,50 +163,70 @@ proptest! {
         place in (-32.0..32.0_f64, -32.0..32.0_f64, 0.4..11.0_f64), heading in -3.0..3.0_f64,
         velocity in (-3.0..3.0_f64, -3.0..3.0_f64, -1.0..1.0_f64), asked in any_setpoint().prop_filter("a number", |s| s.is_finite()), max_distance in 10.0..45.0_f64,
     ) {
-        let fence = Geofence::from_geojson(
-            r#"{"type": "Feature", "properties": {"max_altitude_m": 10}, "geometry": {"type": "Polygon", "coordinates": [
-                [[-30, -30], [30, -30], [30, 30], [0, 5], [-30, 30], [-30, -30]], [[-5, -20], [5, -20], [0, -10], [-5, -20]]]}}"#,
-        ).unwrap();
-        let limits = Limits { max_distance, geofence: Some(fence.clone()), ..Limits::default() };
-        let mut rig = Rig::flying(limits.clone());
-        rig.place(place.0, place.1, place.2);
-        rig.telemetry.velocity = Some(EnuVelocity { east: velocity.0, north: velocity.1, up: velocity.2 });
-        rig.telemetry.attitude.heading = heading;
-        rig.fresh(ms(1100));
-        let (is, _) = rig.ask(ms(1100), asked);
-        within(is, asked, &limits)?;
+        reach_is_inside(place, heading, velocity, asked, max_distance)?;
+    }
+}
 
-        let craft = Craft::quad();
-        let delay = 0.5 + craft.dead_time + craft.lag;
-        let reach = |v: f64, a: f64| v * delay + v * v.abs() / (2.0 * a);
-        let (east, north) = (place.0 + velocity.0 * 0.1, place.1 + velocity.1 * 0.1);
-        let up = place.2 + velocity.2 * 0.1;
-        let top = up + reach(is.up, craft.climb_acceleration);
-        prop_assert!(top <= 10.0 - 0.5 + 1e-9 || is.up <= 0.0, "{top}");
-        prop_assert!(top >= 0.3 - 1e-9 || is.up >= 0.0, "{top}");
-        let speed = libm::hypot(is.right, is.forward);
-        if speed == 0.0 {
-            return Ok(());
-        }
-        let inside = |at: EnuPosition| fence.contains_below_ceiling(at) && libm::hypot(at.east, at.north) <= max_distance;
-        for turn in [0.0, 0.5, 1.0] {
-            let body = heading + turn * is.yaw_rate * (0.5 + craft.dead_time);
-            let (sin, cos) = (libm::sin(body), libm::cos(body));
-            let (de, dn) = ((is.right * cos + is.forward * sin) / speed, (is.forward * cos - is.right * sin) / speed);
-            let end = reach(speed, craft.acceleration);
-            let at = |t: f64, up: f64| EnuPosition { east: east + de * t, north: north + dn * t, up };
-            if inside(at(0.0, up)) {
-                for i in 0..=50 {
-                    let p = at(end * f64::from(i) / 50.0, up.max(top));
-                    prop_assert!(inside(p), "{p:?} of {is:?} from {place:?}");
-                }
-            } else {
-                // Coming back: it ends inside, or at least nearer.
-                let away = |p: EnuPosition| (-fence.edge_distance(p)).max(0.0).max(libm::hypot(p.east, p.north) - max_distance);
-                prop_assert!(inside(at(end, up)) || away(at(end, up)) <= away(at(0.0, up)) + 1e-9);
+/// Turning on the way back, the craft must not fly in on one side and out on another.
+#[test]
+fn a_way_back_that_turns_ends_inside() {
+    let asked = Setpoint { right: 0.0, forward: 247.48767999337304, up: 0.0, yaw_rate: -1.4317031117876124 };
+    reach_is_inside((-26.374545365294615, -30.66691734644264, 0.4), 0.0, (0.0, 0.0, 0.0), asked, 44.4090247433437).unwrap();
+}
+
+/// A fence with a bay and a hole, and a craft at `place` (east, north, up; m) that moves at `velocity` and is `asked` to move.
+fn reach_is_inside(
+    place: (f64, f64, f64),
+    heading: f64,
+    velocity: (f64, f64, f64),
+    asked: Setpoint,
+    max_distance: f64,
+) -> Result<(), TestCaseError> {
+    let fence = Geofence::from_geojson(
+        r#"{"type": "Feature", "properties": {"max_altitude_m": 10}, "geometry": {"type": "Polygon", "coordinates": [
+            [[-30, -30], [30, -30], [30, 30], [0, 5], [-30, 30], [-30, -30]], [[-5, -20], [5, -20], [0, -10], [-5, -20]]]}}"#,
+    )
+    .unwrap();
+    let limits = Limits { max_distance, geofence: Some(fence.clone()), ..Limits::default() };
+    let mut rig = Rig::flying(limits.clone());
+    rig.place(place.0, place.1, place.2);
+    rig.telemetry.velocity = Some(EnuVelocity { east: velocity.0, north: velocity.1, up: velocity.2 });
+    rig.telemetry.attitude.heading = heading;
+    rig.fresh(ms(1100));
+    let (is, _) = rig.ask(ms(1100), asked);
+    within(is, asked, &limits)?;
+
+    let craft = Craft::quad();
+    let delay = 0.5 + craft.dead_time + craft.lag;
+    let reach = |v: f64, a: f64| v * delay + v * v.abs() / (2.0 * a);
+    let (east, north) = (place.0 + velocity.0 * 0.1, place.1 + velocity.1 * 0.1);
+    let up = place.2 + velocity.2 * 0.1;
+    let top = up + reach(is.up, craft.climb_acceleration);
+    prop_assert!(top <= 10.0 - 0.5 + 1e-9 || is.up <= 0.0, "{top}");
+    prop_assert!(top >= 0.3 - 1e-9 || is.up >= 0.0, "{top}");
+    let speed = libm::hypot(is.right, is.forward);
+    if speed == 0.0 {
+        return Ok(());
+    }
+    let inside = |at: EnuPosition| fence.contains_below_ceiling(at) && libm::hypot(at.east, at.north) <= max_distance;
+    for turn in [0.0, 0.5, 1.0] {
+        let body = heading + turn * is.yaw_rate * (0.5 + craft.dead_time);
+        let (sin, cos) = (libm::sin(body), libm::cos(body));
+        let (de, dn) = ((is.right * cos + is.forward * sin) / speed, (is.forward * cos - is.right * sin) / speed);
+        let end = reach(speed, craft.acceleration);
+        let at = |t: f64, up: f64| EnuPosition { east: east + de * t, north: north + dn * t, up };
+        if inside(at(0.0, up)) {
+            for i in 0..=50 {
+                let p = at(end * f64::from(i) / 50.0, up.max(top));
+                prop_assert!(inside(p), "{p:?} of {is:?} from {place:?}");
             }
+        } else {
+            // Coming back: it ends inside, or at least nearer.
+            let away = |p: EnuPosition| (-fence.edge_distance(p)).max(0.0).max(libm::hypot(p.east, p.north) - max_distance);
+            prop_assert!(inside(at(end, up)) || away(at(end, up)) <= away(at(0.0, up)) + 1e-9);
         }
     }
+    Ok(())
 }
 
 /// A craft that follows setpoints with dead time, lag and an acceleration limit (DESIGN.md section 5), without wind.
