@@ -124,6 +124,11 @@ impl Encoder {
         Ok(Self { codec, width, height, planes: Planes::new(width as usize, height as usize) })
     }
 
+    /// The next picture is one at which playback can start.
+    pub fn force_key(&mut self) {
+        self.codec.force_intra_frame();
+    }
+
     /// Encodes the next picture, shown at flight time `time`.
     ///
     /// # Errors
@@ -260,6 +265,20 @@ mod tests {
             let expected = if unit.key { &[NalKind::Sps, NalKind::Pps, NalKind::IdrSlice][..] } else { &[NalKind::Slice] };
             assert_eq!(kinds, expected);
         }
+    }
+
+    #[test]
+    fn a_key_picture_comes_when_it_is_asked_for() {
+        let mut encoder = Encoder::new(EncoderSettings::for_size(96, 64, 10.0)).unwrap();
+        let keys: Vec<_> = (0..9)
+            .map(|frame: u32| {
+                if frame == 4 {
+                    encoder.force_key();
+                }
+                encoder.encode(Time::from_millis(u64::from(frame) * 100), &picture(frame)).unwrap().key
+            })
+            .collect();
+        assert!(keys.iter().enumerate().all(|(frame, &key)| key == (frame % 4 == 0 && frame < 8)), "{keys:?}");
     }
 
     #[test]
