@@ -44,6 +44,10 @@ pub(crate) struct Serve {
     /// SDK that the Tello speaks: 1.3, 2.0 or 3.0
     #[arg(long, value_name = "SDK", default_value = "2.0")]
     pub(crate) sdk: String,
+    /// How finely the Tello's video is drawn: full (smooth edges), live (jagged ones), draft (at half the size), or auto: live while
+    /// there is time for it, else draft
+    #[arg(long, value_name = "QUALITY", default_value = "auto")]
+    pub(crate) quality: String,
     /// Faults of the Tello (TOML, see docs/tello.md); read again whenever the file changes
     #[arg(long, value_name = "FILE")]
     pub(crate) fault: Option<PathBuf>,

@@ -16,10 +16,10 @@ use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
-use spf_media::Rgb;
+use spf_media::{Rgb, resize};
 use spf_sim::model::CraftKind;
 use spf_sim::render::{Channels, Picture, Quality};
-use spf_sim::tello::{FaultSource, Figures, Firmware, Server, ServerError, Setup, Tally, VideoWish};
+use spf_sim::tello::{FaultSource, Figures, Fineness, Firmware, Server, ServerError, Setup, Tally, VideoQuality, VideoWish};
 
 use super::stage::{Moment, Stage};
 use super::truth::{Verdict, judge};
@@ -48,6 +48,8 @@ pub struct TelloPlan {
     pub listen: SocketAddr,
     /// SDK.
     pub firmware: Firmware,
+    /// How fine its pictures are.
+    pub quality: VideoQuality,
     /// What goes wrong.
     pub faults: FaultSource,
     /// What flights are judged by.
@@ -115,15 +117,18 @@ impl TelloService {
     /// # Errors
     /// [`ServerError`].
     pub fn start(plan: TelloPlan) -> Result<Self, ServerError> {
-        let TelloPlan { stage, start, circumstances, seed, listen, firmware, faults, instruction, truth, film } = plan;
+        let TelloPlan { stage, start, circumstances, seed, listen, firmware, quality, faults, instruction, truth, film } = plan;
         let start = start.unwrap_or(stage.scene.start);
         let world = SimWorld::under(&circumstances, stage, CraftKind::Tello, start, seed);
         let camera = world.clone();
+        // The first picture in a scene prepares its shadows and lamps: seconds, on a slow machine, in which nobody flies yet.
+        drop(world.look(&world.now(), channels(Fineness::Draft)));
         let setup = Setup {
             listen,
             craft: world.shared_craft(),
-            photographer: Box::new(move |at, wish| {
-                let picture = photograph(&camera, at, wish)?;
+            quality,
+            photographer: Box::new(move |at, wish, fineness| {
+                let picture = photograph(&camera, at, wish, fineness)?;
                 if let Some((film, moment)) = film.as_ref().filter(|_| !wish.downwards).zip(camera.moment_at(at)) {
                     film.keep(moment, &picture);
                 }
@@ -173,15 +178,23 @@ impl Drop for TelloService {
     }
 }
 
-/// What the camera saw at `at`, as the video shows it: with jagged edges, which compression hides, for the sake of the rate.
-fn photograph(world: &SimWorld, at: Time, wish: &VideoWish) -> Option<Rgb> {
-    const LIVE: Channels = Channels { quality: Quality::Live, ..Channels::RGB };
+/// What is drawn for the video.
+fn channels(fineness: Fineness) -> Channels {
+    let quality = if fineness == Fineness::Full { Quality::Full } else { Quality::Live };
+    Channels { quality, ..Channels::RGB }
+}
+
+/// What the camera saw at `at`, as the video shows it.
+fn photograph(world: &SimWorld, at: Time, wish: &VideoWish, fineness: Fineness) -> Option<Rgb> {
+    let channels = channels(fineness);
     if wish.downwards {
-        return below(world, at, LIVE);
+        return below(world, at, channels);
     }
     let shot = world.shot(at)?;
-    let size = wish.low_resolution.then_some((640, 480));
-    Some(world.photograph_with(&shot, size, LIVE))
+    let (width, height) = if wish.low_resolution { (640, 480) } else { (world.camera().width, world.camera().height) };
+    let drawn = if fineness == Fineness::Draft { (width / 2, height / 2) } else { (width, height) };
+    let picture = world.photograph_with(&shot, Some(drawn), channels);
+    Some(if drawn == (width, height) { picture } else { resize(&picture, width, height) })
 }
 
 /// The grey picture of the camera that looks down.

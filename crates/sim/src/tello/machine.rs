@@ -60,6 +60,8 @@ pub struct VideoWish {
     pub low_resolution: bool,
     /// The camera that looks down.
     pub downwards: bool,
+    /// How often `streamon` was said: each begins with a key picture.
+    pub asked: u32,
 }
 
 /// The protocol of one virtual Tello. Sans-IO; see the [module](super).
@@ -73,6 +75,8 @@ pub struct VirtualTello {
     client: Option<IpAddr>,
     ports: (u16, u16),
     stream: Option<VideoWish>,
+    /// How often `streamon` was said.
+    streams: u32,
     pads: bool,
     pub(super) speed: i32,
     pub(super) running: Option<Running>,
@@ -100,6 +104,7 @@ impl VirtualTello {
             client: None,
             ports: (STATE_PORT, VIDEO_PORT),
             stream: None,
+            streams: 0,
             pads: false,
             speed: DEFAULT_SPEED,
             running: None,
@@ -231,7 +236,9 @@ impl VirtualTello {
             }
             Request::Stream(on) => {
                 let to = SocketAddr::new(from.ip(), self.ports.1);
-                self.stream = on.then_some(VideoWish { to, fps: 30, low_resolution: false, downwards: false });
+                self.streams += u32::from(on);
+                let wish = VideoWish { to, fps: 30, low_resolution: false, downwards: false, asked: self.streams };
+                self.stream = on.then_some(wish);
             }
             Request::Speed(speed) => self.speed = speed,
             Request::Pads(on) => self.pads = on,

@@ -6,14 +6,18 @@
 
 pub mod command;
 mod figures;
+mod film;
 mod link;
 mod machine;
 mod manoeuvre;
+mod pace;
 mod server;
 mod state;
 mod tasks;
 pub mod video;
 
 pub use figures::{Figures, Firmware};
+pub use film::Photographer;
 pub use machine::{Output, VideoWish, VirtualTello};
-pub use server::{FaultSource, Photographer, Server, ServerError, Setup, Tally};
+pub use pace::{Fineness, VideoQuality};
+pub use server::{FaultSource, Server, ServerError, Setup, Tally};

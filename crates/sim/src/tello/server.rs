@@ -1,45 +1,35 @@
 //! Sockets, a clock and a camera for a [`VirtualTello`].
 //!
-//! Three threads: one receives commands and flies, one takes and encodes pictures, one sends them when they are due. A picture is
-//! taken only when there is time for it, so none is ever queued: on a slow machine there are fewer, not older ones.
+//! Three threads: one receives commands and flies, one takes and encodes pictures ([`film`](super::film)), one sends them when they
+//! are due.
 #![allow(clippy::disallowed_methods, reason = "a server waits on the wall clock; what it serves keeps to virtual time")]
 
 use std::net::{SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Instant, SystemTime};
 
 use spf_core::fault::{FaultError, FaultMachine, FaultPlan, Stream};
 use spf_core::time::{Duration, Time};
-use spf_media::Rgb;
-use spf_media::h264::{Encoder, EncoderSettings, nal_units};
 
 use super::figures::{Figures, Firmware};
+use super::film::{Due, Photographer, film};
 use super::link::Link;
 use super::machine::{Output, VideoWish, VirtualTello};
-use super::video::datagrams;
+use super::pace::VideoQuality;
 use crate::craft::SimCraft;
 
 /// How long a thread sleeps at most, so that it notices the end.
-const NAP: Duration = Duration::from_millis(20);
+pub(super) const NAP: Duration = Duration::from_millis(20);
 /// How often the file of faults is looked at.
 const FAULTS_LOOK: Duration = Duration::from_millis(250);
-/// Seconds between pictures at which decoding can begin.
-const KEY_INTERVAL: f64 = 1.0;
-/// Of the video: some 2 Mbit/s in a furnished room.
-const QUANTISER: u8 = 30;
-/// A picture is taken so long ago that all of the time its shutter was open has been flown.
-const SHUTTER: Duration = Duration::from_millis(25);
 /// Pictures that wait for their time of sending.
 const WAITING: usize = 16;
 /// A picture sent later than this after its time is counted as late.
 const LATE: Duration = Duration::from_millis(50);
-
-/// Takes the picture that the camera had at a flight time; none while that lies in the future.
-pub type Photographer = Box<dyn FnMut(Time, &VideoWish) -> Option<Rgb> + Send>;
 
 /// Where faults come from.
 #[derive(Clone, Debug)]
@@ -97,6 +87,8 @@ pub struct Setup {
     pub craft: Arc<Mutex<SimCraft>>,
     /// Its camera.
     pub photographer: Photographer,
+    /// How fine its pictures are.
+    pub quality: VideoQuality,
     /// Times and limits.
     pub figures: Figures,
     /// SDK.
@@ -133,38 +125,38 @@ impl Tally {
 }
 
 #[derive(Default)]
-struct Counters {
+pub(super) struct Counters {
     frames: AtomicU64,
     bytes: AtomicU64,
     late: AtomicU64,
-    wanted_ns: AtomicU64,
+    pub(super) wanted_ns: AtomicU64,
 }
 
 /// What the threads share.
-struct Shared {
+pub(super) struct Shared {
     start: Instant,
     stopped: AtomicBool,
-    video: Mutex<Option<VideoWish>>,
+    pub(super) video: Mutex<Option<VideoWish>>,
     faults: Mutex<FaultMachine>,
-    counters: Counters,
+    pub(super) counters: Counters,
 }
 
 impl Shared {
-    fn now(&self) -> Time {
+    pub(super) fn now(&self) -> Time {
         Time::ZERO + self.start.elapsed()
     }
 
-    fn runs(&self) -> bool {
+    pub(super) fn runs(&self) -> bool {
         !self.stopped.load(Ordering::Relaxed)
     }
 
-    fn faults(&self) -> FaultMachine {
+    pub(super) fn faults(&self) -> FaultMachine {
         lock(&self.faults).clone()
     }
 }
 
 /// A panic elsewhere leaves what is locked whole: every change is one assignment or one tick.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -181,7 +173,7 @@ impl Server {
     /// # Errors
     /// [`ServerError`] when a socket or a thread cannot be had, or the faults make no sense.
     pub fn start(setup: Setup) -> Result<Self, ServerError> {
-        let Setup { listen, craft, photographer, figures, firmware, faults, seed, latency, start } = setup;
+        let Setup { listen, craft, photographer, quality, figures, firmware, faults, seed, latency, start } = setup;
         let command = bind(listen)?;
         let address = command.local_addr().map_err(|source| ServerError::Bind { address: listen, source })?;
         // Clients know state and video by the drone's address; their source port is free.
@@ -205,7 +197,7 @@ impl Server {
         let (one, two, three) = (shared.clone(), shared.clone(), shared);
         let filmed = craft.clone();
         server.threads.push(spawn("flight", Box::new(move || fly(&one, tello, &craft, &command, &state, watch)))?);
-        server.threads.push(spawn("camera", Box::new(move || film(&two, &filmed, photographer, latency, &taken)))?);
+        server.threads.push(spawn("camera", Box::new(move || film(&two, &filmed, photographer, quality, latency, &taken)))?);
         server.threads.push(spawn("video", Box::new(move || send(&three, &due, &video)))?);
         Ok(server)
     }
@@ -326,68 +318,6 @@ fn fly(
             if let Err(error) = sent {
                 tracing::debug!(%error, "not sent");
             }
-        }
-    }
-}
-
-/// An access unit's datagrams, to whom, and when they are due.
-type Due = (Time, SocketAddr, Vec<Vec<u8>>);
-
-/// Takes pictures and encodes them.
-fn film(shared: &Shared, craft: &Mutex<SimCraft>, mut photographer: Photographer, latency: Duration, taken: &SyncSender<Due>) {
-    let mut encoder: Option<(Encoder, VideoWish)> = None;
-    let mut last: Option<Rgb> = None;
-    let mut next = Time::ZERO;
-    let mut previous: Option<Time> = None;
-    while shared.runs() {
-        let Some(wish) = *lock(&shared.video) else {
-            (encoder, last, previous, next) = (None, None, None, shared.now());
-            std::thread::sleep(NAP);
-            continue;
-        };
-        let period = Duration::from_secs(1) / wish.fps.max(1);
-        let now = shared.now();
-        if now < next {
-            std::thread::sleep(next.since(now).min(NAP));
-            continue;
-        }
-        // As far as the flight has come, which on a busy machine is behind the clock.
-        let captured = lock(craft).time().min(now) - SHUTTER;
-        let frozen = shared.faults().freezes(now, Stream::Frames);
-        let kept = last.take().filter(|_| frozen);
-        let Some(picture) = kept.or_else(|| photographer(captured, &wish)) else {
-            std::thread::sleep(Duration::from_millis(2));
-            continue;
-        };
-        if let Some(unit) = encode(&mut encoder, &wish, captured, &picture) {
-            let interval = previous.replace(now).map_or(period, |previous| now.since(previous));
-            shared.counters.wanted_ns.fetch_add(interval.as_nanos() as u64, Ordering::Relaxed);
-            drop(taken.try_send((captured + latency, wish.to, datagrams(nal_units(&unit)))));
-        }
-        last = Some(picture);
-        // Missed pictures are not made up for.
-        next = (next + period).max(shared.now());
-    }
-}
-
-fn encode(encoder: &mut Option<(Encoder, VideoWish)>, wish: &VideoWish, at: Time, picture: &Rgb) -> Option<Vec<u8>> {
-    if encoder.as_ref().is_none_or(|(_, of)| of != wish) {
-        let size = EncoderSettings::for_size(picture.width(), picture.height(), f64::from(wish.fps));
-        let settings = EncoderSettings { quantiser: QUANTISER, key_interval: KEY_INTERVAL, ..size };
-        *encoder = match Encoder::new(settings) {
-            Ok(made) => Some((made, *wish)),
-            Err(error) => {
-                tracing::warn!(%error, "no video");
-                None
-            }
-        };
-    }
-    match encoder.as_mut()?.0.encode(at, picture) {
-        Ok(unit) => Some(unit.annex_b),
-        Err(error) => {
-            tracing::warn!(%error, "a picture is lost");
-            *encoder = None;
-            None
         }
     }
 }

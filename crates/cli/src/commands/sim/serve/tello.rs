@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use spf_core::fault::FaultPlan;
 use spf_flight::sim::{Circumstances, Instruction, TelloFilm, TelloPlan, TelloService, truth_file};
-use spf_sim::tello::{FaultSource, Firmware, ServerError};
+use spf_sim::tello::{FaultSource, Firmware, ServerError, VideoQuality};
 use spf_sim::wind::WindError;
 
 use crate::args::Serve;
@@ -54,6 +54,10 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
             .hint("a dotted address of this machine, such as 127.0.0.1 or 127.0.0.1:8889")
     })?;
     let firmware = Firmware::from_name(&args.sdk).ok_or_else(|| wrong("--sdk", &args.sdk, "1.3, 2.0 or 3.0"))?;
+    let quality = VideoQuality::from_name(&args.quality).ok_or_else(|| {
+        wrong("--quality", &args.quality, &format!("one of {}", VideoQuality::NAMES.join(", ")))
+            .hint("auto draws as finely as this machine has time for")
+    })?;
     let pose = args.start.as_deref().map(|text| parse_pose(text).map_err(|expected| wrong("--start", text, &expected)));
     let mut circumstances = Circumstances { battery: args.battery, ..Circumstances::default() };
     if !(0.0..=1.0).contains(&args.battery) {
@@ -74,6 +78,7 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
         seed: args.seed,
         listen,
         firmware,
+        quality,
         faults: args.fault.clone().map_or_else(|| FaultSource::Plan(FaultPlan::default()), FaultSource::File),
         instruction: Instruction::default(),
         film: None,

@@ -1,0 +1,144 @@
+//! How finely, and how often, the camera of a virtual Tello takes pictures: coarser and fewer rather than late.
+
+use spf_core::time::Duration;
+
+/// How finely a picture is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fineness {
+    /// With smooth edges.
+    Full,
+    /// With jagged edges, which compression hides.
+    Live,
+    /// As `Live`, drawn at half the width and height and enlarged.
+    Draft,
+}
+
+/// What is asked of the camera's pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum VideoQuality {
+    /// `Live` while there is time for it, else `Draft`.
+    #[default]
+    Auto,
+    /// Always this.
+    Always(Fineness),
+}
+
+impl VideoQuality {
+    /// All names.
+    pub const NAMES: [&str; 4] = ["auto", "full", "live", "draft"];
+
+    /// By its name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        match name {
+            "auto" => Some(Self::Auto),
+            "full" => Some(Self::Always(Fineness::Full)),
+            "live" => Some(Self::Always(Fineness::Live)),
+            "draft" => Some(Self::Always(Fineness::Draft)),
+            _ => None,
+        }
+    }
+}
+
+/// A picture that takes longer than this, drawn and encoded, leaves too little of the time to its sending.
+const SLOW: Duration = Duration::from_millis(70);
+/// One alone may have been an accident.
+const SLOW_IN_A_ROW: u32 = 2;
+/// So quick a draft leaves time for four times the pixels.
+const QUICK: Duration = Duration::from_millis(25);
+/// Drafts that must be quick before more is tried, at first; each time in vain it is twice as many, up to the second figure.
+const QUICK_IN_A_ROW: (u32, u32) = (45, 1440);
+/// Pictures a second while drafts are needed: somebody else needs the machine, most often who looks at them.
+const BUSY_RATE: u32 = 15;
+
+/// Chooses from how long pictures took.
+#[derive(Clone, Debug)]
+pub(super) struct Pace {
+    quality: VideoQuality,
+    draft: bool,
+    /// Pictures in a row that speak for the other fineness.
+    row: u32,
+    patience: u32,
+}
+
+impl Pace {
+    pub(super) fn new(quality: VideoQuality) -> Self {
+        Self { quality, draft: false, row: 0, patience: QUICK_IN_A_ROW.0 }
+    }
+
+    /// Of the next picture.
+    pub(super) fn fineness(&self) -> Fineness {
+        match self.quality {
+            VideoQuality::Always(fineness) => fineness,
+            VideoQuality::Auto if self.draft => Fineness::Draft,
+            VideoQuality::Auto => Fineness::Live,
+        }
+    }
+
+    /// From picture to picture, when `fps` are wanted.
+    pub(super) fn period(&self, fps: u32) -> Duration {
+        let most = if self.draft { BUSY_RATE } else { u32::MAX };
+        Duration::from_secs(1) / fps.clamp(1, most)
+    }
+
+    /// A picture took so long to draw and encode.
+    pub(super) fn took(&mut self, time: Duration) {
+        if self.quality != VideoQuality::Auto {
+            return;
+        }
+        let speaks = if self.draft { time < QUICK } else { time > SLOW };
+        self.row = if speaks { self.row + 1 } else { 0 };
+        if !self.draft && self.row >= SLOW_IN_A_ROW {
+            (self.draft, self.row) = (true, 0);
+        } else if self.draft && self.row >= self.patience {
+            (self.draft, self.row) = (false, 0);
+            self.patience = (2 * self.patience).min(QUICK_IN_A_ROW.1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(pace: &mut Pace, pictures: u32, millis: u64) -> Fineness {
+        (0..pictures).for_each(|_| pace.took(Duration::from_millis(millis)));
+        pace.fineness()
+    }
+
+    #[test]
+    fn slow_pictures_become_drafts_and_quick_drafts_become_fine_again() {
+        let mut pace = Pace::new(VideoQuality::Auto);
+        assert_eq!((pace.fineness(), pace.period(30)), (Fineness::Live, Duration::from_secs(1) / 30));
+        assert_eq!(after(&mut pace, 1, 200), Fineness::Live);
+        assert_eq!(after(&mut pace, 1, 30), Fineness::Live);
+        assert_eq!(after(&mut pace, 2, 200), Fineness::Draft);
+        assert_eq!((pace.period(30), pace.period(5)), (Duration::from_secs(1) / 15, Duration::from_secs(1) / 5));
+        assert_eq!(after(&mut pace, 44, 10), Fineness::Draft);
+        assert_eq!(after(&mut pace, 1, 10), Fineness::Live);
+    }
+
+    #[test]
+    fn what_was_tried_in_vain_is_tried_more_seldom() {
+        let mut pace = Pace::new(VideoQuality::Auto);
+        let mut tried = 0;
+        // Live pictures are always slow here and drafts always quick: ten minutes of drafts at most.
+        for _ in 0..9000 {
+            let live = pace.fineness() == Fineness::Live;
+            tried += u32::from(live);
+            pace.took(Duration::from_millis(if live { 120 } else { 10 }));
+        }
+        assert!((10..=26).contains(&tried), "{tried}");
+    }
+
+    #[test]
+    fn what_is_asked_for_stays() {
+        for name in ["full", "live", "draft"] {
+            let quality = VideoQuality::from_name(name).unwrap();
+            let mut pace = Pace::new(quality);
+            let before = pace.fineness();
+            assert_eq!((after(&mut pace, 100, 500), pace.period(30)), (before, Duration::from_secs(1) / 30));
+        }
+        assert_eq!(VideoQuality::from_name("best"), None);
+    }
+}
