@@ -56,7 +56,7 @@ fn video_to_rgb(bencher: Bencher<'_, '_>) {
             joiner.push(datagram, &mut units);
         }
         next += 1;
-        units.iter().filter_map(|unit| decoder.decode(unit).ok().flatten()).last()
+        units.iter().filter_map(|unit| decoder.decode(&unit.annex_b).ok().flatten()).last()
     });
 }
 

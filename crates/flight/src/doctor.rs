@@ -65,13 +65,12 @@ const SPACE: u64 = 1 << 30;
 /// Looks at a Tello: the way to it, its state, its video.
 #[must_use]
 pub fn tello(settings: &TelloSettings) -> Vec<Check> {
-    let Connected { mut drone, frames, state, sdk } = match Tello::connect(settings, Instant::now()) {
+    let Connected { mut drone, frames, state, firmware } = match Tello::connect(settings, Instant::now()) {
         Ok(connected) => connected,
         Err(error) => return vec![unreachable(settings, &error)],
     };
     let address = settings.drone;
-    let mut checks =
-        vec![Check::new("drone", Finding::Good, format!("{address} answers, SDK {}", sdk.as_deref().unwrap_or("1.3")), None)];
+    let mut checks = vec![Check::new("drone", Finding::Good, format!("{address} answers, {firmware}"), None)];
     checks.push(match state.battery {
         None => Check::new("battery", Finding::Warning, "not told", Some("look at it in the app")),
         Some(charge) => {

@@ -7,6 +7,7 @@ pub mod dataset;
 pub mod doctor;
 pub mod endpoint;
 mod film;
+pub mod glass;
 pub mod keys;
 pub mod ledger;
 pub mod log;

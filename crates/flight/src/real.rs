@@ -15,6 +15,7 @@ use spf_drone::Drone;
 use spf_drone::tello::camera::Frames;
 use spf_vlm::Vlm;
 
+use crate::glass::Glass;
 use crate::ledger::{Accounted, Ledger};
 use crate::log::Head;
 use crate::picture::CameraPictures;
@@ -105,12 +106,13 @@ pub fn fly(plan: RealPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown,
     let witness = Witness::Real { camera, frames: plan.frames.clone() };
     let mut recorder = plan.record.as_ref().map(|record| Recorder::new(record, &head, witness, true));
     let mut belief = Belief { instruction: plan.instruction.clone(), last: None, flown: 0.0, settled: None };
+    let mut glass = Glass::default();
     let pictures = Box::new(CameraPictures::new((camera.width, camera.height), plan.frames.clone()));
     let mut around =
         Live::new(plan.start, plan.drone, vlm, pictures, plan.script, plan.interrupts).map_err(FlightError::Thread)?;
     around = around.with_operator(plan.operator);
     {
-        let mut all: Vec<&mut dyn Observer> = vec![&mut belief];
+        let mut all: Vec<&mut dyn Observer> = vec![&mut belief, &mut glass];
         if let Some(recorder) = &mut recorder {
             all.push(recorder);
         }
@@ -151,6 +153,7 @@ pub fn fly(plan: RealPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown,
         battery: None,
         camera_effects: None,
         late_replies: pilot.late_replies(),
+        glass_to_decision: glass.latency(),
         not_recorded: Vec::new(),
         prompt: plan.prompt.as_ref().map(|prompt| prompt.name()),
         vlm_use: ledger.total(),

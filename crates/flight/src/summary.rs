@@ -1,5 +1,6 @@
 //! `summary.json`: one flight in one object (docs/flight-files.md).
 
+use crate::glass::GlassToDecision;
 use crate::ledger::VlmUse;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -77,6 +78,9 @@ pub struct Summary {
     pub camera_effects: Option<String>,
     /// Answers that came when nobody waited for them any more.
     pub late_replies: u32,
+    /// How old what was decided on was, with a real craft; left out where nothing was decided, and in the simulator.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub glass_to_decision: Option<GlassToDecision>,
     /// Files that could not be recorded, or not to their end; left out when all were.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_recorded: Vec<String>,

@@ -13,6 +13,7 @@ use spf_core::envelope::{Cleared, Limits};
 use spf_core::estimator::Senses;
 use spf_core::fault::{Fault, FaultMachine, FaultPlan, Rule, Stream, Trouble, TroubleRule};
 use spf_core::frame::FrameId;
+use spf_core::geometry::EnuPosition;
 use spf_core::pilot::{Action, Event, Note, Outcome, Phase, Pilot, PilotParts, PilotSettings, Preset};
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::telemetry::FlightPhase;
@@ -97,6 +98,15 @@ impl Wired {
     }
 }
 
+impl Drop for Wired {
+    /// As the driver: what is urgent is still said.
+    fn drop(&mut self) {
+        while self.link.is_urgent() {
+            self.step();
+        }
+    }
+}
+
 impl Drone for Wired {
     fn name(&self) -> &str {
         "tello"
@@ -146,6 +156,11 @@ struct Seen {
     outcome: Option<(Time, Outcome, String)>,
     envelope: Vec<(Time, String)>,
     phases: Vec<(Time, Phase)>,
+    late_replies: Vec<Time>,
+    /// Where it flies.
+    world: Option<SimWorld>,
+    /// Where it truly was, with the time.
+    path: Vec<(Time, EnuPosition)>,
 }
 
 impl Observer for Seen {
@@ -154,11 +169,16 @@ impl Observer for Seen {
             Action::Finished(ending) => self.outcome = Some((now, ending.outcome, ending.cause.clone())),
             Action::Note(Note::Envelope(cause)) => self.envelope.push((now, cause.to_string())),
             Action::Note(Note::Phase(phase)) => self.phases.push((now, *phase)),
+            Action::Note(Note::LateReply(_)) => self.late_replies.push(now),
             _ => {}
         }
     }
 
     fn event(&mut self, _: Time, _: &Event) {}
+
+    fn time(&mut self, now: Time, _: &Pilot) {
+        self.path.extend(self.world.as_ref().map(|world| (now, world.truth().pose.position)));
+    }
 }
 
 struct Flight {
@@ -184,7 +204,19 @@ impl Flight {
 }
 
 fn fly(instruction: &str, faults: FaultPlan, latency: Option<Duration>, settings: PilotSettings) -> Flight {
-    let stage = Arc::new(Stage::load("office").unwrap());
+    fly_in("office", instruction, faults, latency, settings, "")
+}
+
+/// With an operator who does what the `events` say.
+fn fly_in(
+    scene: &str,
+    instruction: &str,
+    faults: FaultPlan,
+    latency: Option<Duration>,
+    settings: PilotSettings,
+    events: &str,
+) -> Flight {
+    let stage = Arc::new(Stage::load(scene).unwrap());
     let start = stage.scene.start;
     let world = SimWorld::new(stage, CraftKind::Tello, start, 5);
     let drone = Wired::new(world.clone(), faults);
@@ -215,9 +247,10 @@ fn fly(instruction: &str, faults: FaultPlan, latency: Option<Duration>, settings
         instruction: instruction.to_owned(),
     });
     let pictures = Box::new(SimPictures::new(world.clone()));
-    let mut around = Lockstep::new(Box::new(drone), vlm, pictures, Script::default(), Arc::default());
-    let mut seen = Seen::default();
+    let mut around = Lockstep::new(Box::new(drone), vlm, pictures, Script::from_toml(events).unwrap(), Arc::default());
+    let mut seen = Seen { world: Some(world.clone()), ..Seen::default() };
     run(&mut pilot, &mut around, &mut [&mut seen]);
+    drop(around);
     let said = said.lock().unwrap().clone();
     Flight { seen, said, world }
 }
@@ -268,8 +301,7 @@ fn failing_4_the_drone_s_own_landing_never_comes_while_a_vlm_thinks_for_25_s() {
 fn failing_3_a_frozen_video_holds_then_lands() {
     let flight = fly(GOAL, rule(Stream::Frames, 6.0, None, Fault::Freeze), None, settings());
     assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
-    // A second after the freeze at most, and 0.2 s for the pilot.
-    assert_stopped(&flight, 6.0 + 1.0 + 0.2);
+    assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
 }
 
 /// Failing 14: a Tello's camera sees 55 by 43 degrees.
@@ -289,11 +321,36 @@ fn assert_stopped(flight: &Flight, seconds: f64) {
     assert!(moving.is_empty(), "{moving:?}\n{:?}", flight.seen.envelope);
 }
 
+/// Between two state lines.
+const STATE: f64 = 0.1;
+/// Frames and state are waited for this long before the envelope holds.
+const PATIENCE: f64 = 1.0;
+/// From the end of the reason to move to the zero.
+const ZERO: f64 = 0.2;
+
+/// Failing 8: an override that cancels neither the answer that is out nor the command in execution, and an emergency that is only
+/// zero sticks.
+#[test]
+fn failing_8_an_override_ends_motion_and_answer_and_an_emergency_cuts_the_motors() {
+    let events = "[[event]]\nat_s = 9.0\ndo = \"hold\"\n[[event]]\nat_s = 16.0\ndo = \"stop\"";
+    let flight = fly_in("office", GOAL, FaultPlan::default(), Some(Duration::from_secs(3)), settings(), events);
+    let (hold, stop) = (Time::from_millis(9000), Time::from_millis(16_000));
+    let moved = |from: Time| flight.sticks().iter().any(|(at, sticks)| (from..hold).contains(at) && *sticks != [0; 4]);
+    assert!(moved(Time::from_millis(8700)), "a command was in execution");
+    assert_stopped(&flight, 9.0 + ZERO);
+    assert!(flight.seen.late_replies.iter().any(|at| *at > hold), "an answer was out, came, and moved nothing");
+    let emergencies: Vec<Time> = flight.said.iter().filter(|(_, text)| text == "emergency").map(|(at, _)| *at).collect();
+    assert_eq!(emergencies.len(), 3);
+    assert!(emergencies.iter().all(|at| at.since(stop) <= Duration::from_millis(100)), "{emergencies:?}");
+    assert!(flight.sticks().iter().all(|(at, _)| *at < emergencies[0]), "nothing is said to motors that are off");
+    assert_eq!((flight.outcome(), flight.craft(|craft| craft.dynamics().phase())), (Outcome::Aborted, FlightPhase::Stopped));
+}
+
 #[test]
 fn a_cut_link_stops_commands_and_the_drone_lands_by_itself() {
     let flight = fly(GOAL, trouble(Trouble::LinkCut, 6.0, None), None, settings());
     assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
-    assert_stopped(&flight, 6.0 + 1.0 + 0.2);
+    assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
     assert!(flight.said.iter().any(|(at, text)| text == "land" && *at > Time::from_millis(6000)), "it is tried all the same");
 }
 
@@ -317,6 +374,7 @@ fn a_refused_take_off_ends_the_flight_on_the_ground() {
 fn an_empty_battery_is_landed_with() {
     let flight = fly(GOAL, trouble(Trouble::BatteryEmpty, 7.0, None), None, settings());
     assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 7.0 + STATE + ZERO);
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
 }
 
@@ -324,7 +382,44 @@ fn an_empty_battery_is_landed_with() {
 fn a_restart_in_flight_ends_it_and_moves_nothing_after() {
     let flight = fly(GOAL, trouble(Trouble::Reboot, 7.0, Some(7.05)), None, settings());
     assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
-    assert_stopped(&flight, 7.0 + 1.0 + 0.2);
+    assert_stopped(&flight, 7.0 + PATIENCE + ZERO);
+}
+
+#[test]
+fn video_that_ends_holds_then_lands() {
+    let flight = fly(GOAL, rule(Stream::Frames, 6.0, None, Fault::Drop { p: 1.0 }), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
+}
+
+#[test]
+fn state_that_ends_holds_then_lands() {
+    let flight = fly(GOAL, rule(Stream::Telemetry, 6.0, None, Fault::Drop { p: 1.0 }), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+}
+
+/// A drone that does not know its own motion refuses moves, and obeys `rc`.
+#[test]
+fn an_imu_error_does_not_stop_a_flight_by_rc() {
+    let flight = fly(GOAL, trouble(Trouble::ImuInvalid, 6.0, None), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+}
+
+/// Why docs/tello.md warns: sticks hold when the link is cut.
+#[test]
+fn a_cut_link_lets_a_tello_fly_on_for_15_s() {
+    let flight = fly_in("city", "fly to the red crane", trouble(Trouble::LinkCut, 14.0, None), None, settings(), "");
+    let cut = Time::from_millis(14_000);
+    let (_, told) = flight.sticks().into_iter().rfind(|(at, _)| *at < cut).unwrap();
+    let speed = 0.01 * f64::hypot(f64::from(told[0]), f64::from(told[1]));
+    assert!(speed > 0.7, "it flew: {told:?}");
+    let there = |at: Time| flight.seen.path.iter().rfind(|(t, _)| *t <= at).unwrap().1;
+    let (from, to) = (there(cut), there(Time::MAX));
+    let flown_on = f64::hypot(to.east - from.east, to.north - from.north);
+    assert!((13.0..17.0).contains(&(flown_on / speed)), "{flown_on} m at {speed} m/s");
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "it landed by itself");
 }
 
 #[test]

@@ -16,6 +16,7 @@ use spf_core::pilot::{Outcome, PilotSettings, Preset, Think};
 use spf_core::prompt::PromptText;
 use spf_core::step::StepRule;
 use spf_core::time::duration_from_secs;
+use spf_flight::glass::GlassToDecision;
 use spf_flight::keys::HELP;
 use spf_flight::sim::{Circumstances, FlightError, FlightPlan, PolicyKind, RecordPlan};
 use spf_flight::summary::Summary;
@@ -400,11 +401,15 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         counted(summary.decisions, "decision"),
         counted(summary.collisions, "collision"),
     ));
+    if let Some(GlassToDecision { median_s, worst_s }) = summary.glass_to_decision {
+        printer.result(&format!("glass to decision: median {median_s:.2} s, worst {worst_s:.2} s"));
+    }
     if let Some(used) = &summary.vlm_use {
         printer.result(&words::vlm_use(used));
     }
     printer.result(&format!("files: {}", out_dir.display()));
-    if summary.targets.is_empty() {
+    // A real flight has neither scene nor truth.
+    if summary.targets.is_empty() && !summary.scene.is_empty() {
         printer.say("hint: nothing in this scene fits these words, as the simulator's ground truth reads them");
     }
     Ok(())

@@ -1,7 +1,7 @@
 //! Frames from the video: decoded, the newest wins, the age of each known, a frozen picture told apart from a fresh one.
 
 use std::collections::VecDeque;
-use std::net::UdpSocket;
+use std::net::{IpAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -11,15 +11,18 @@ use spf_core::time::{Duration, Time};
 use spf_media::Rgb;
 use spf_media::h264::Decoder;
 
-use super::video::{Joiner, VideoTally};
+use super::inlet::{Inlet, Unit};
+use super::video::VideoTally;
 
 /// Frames that are kept for whoever asks for their pixels: a second's.
 const KEPT: usize = 24;
 /// Digests of earlier pictures. A camera never shows the same picture twice, bit for bit; a frozen one shows the same few again,
 /// one for each place in the group of pictures.
 const DIGESTS: usize = 128;
-/// Datagrams handled before the newest picture is looked at, so that a flood cannot keep it from being seen.
-const BURST: usize = 512;
+/// How long is waited for pictures at most before it is looked whether the end has come.
+const NAP: Duration = Duration::from_millis(50);
+/// Without a picture for so long the video is asked for again. A Tello sends a key picture every one or two seconds.
+const MISSING: Duration = Duration::from_secs(3);
 /// Every so many rows go into the digest.
 const DIGEST_ROWS: usize = 8;
 
@@ -36,6 +39,8 @@ pub struct CameraTally {
     pub sizes: u64,
     /// Pictures that showed what an earlier one had shown already.
     pub repeated: u64,
+    /// Pictures left out because newer ones had come.
+    pub overtaken: u64,
 }
 
 #[derive(Default)]
@@ -96,7 +101,6 @@ impl Frames {
 
 /// Makes frames of what came.
 pub(super) struct Eye {
-    joiner: Joiner,
     decoder: Decoder,
     latency: Duration,
     /// The camera's capture counter, as far as it can be told: it counts pictures that differ.
@@ -110,29 +114,37 @@ pub(super) struct Eye {
 impl Eye {
     /// `latency`: from the shutter to the last datagram, as far as known.
     pub(super) fn new(decoder: Decoder, latency: Duration) -> Self {
-        let (joiner, digests) = (Joiner::default(), VecDeque::new());
-        Self { joiner, decoder, latency, counter: 0, next: 0, size: None, digests, tally: CameraTally::default() }
+        let (digests, tally) = (VecDeque::new(), CameraTally::default());
+        Self { decoder, latency, counter: 0, next: 0, size: None, digests, tally }
     }
 
-    /// Decodes access units; the newest becomes a frame, the others only lead to it.
-    pub(super) fn see(&mut self, now: Time, units: &[Vec<u8>], frames: &Frames) {
+    /// Decodes what came; the newest becomes a frame, the others only lead to it. False when one of them could not be decoded:
+    /// then those after it are left alone.
+    pub(super) fn see(&mut self, units: &[Unit], frames: &Frames) -> bool {
         let mut newest = None;
-        for (index, unit) in units.iter().enumerate() {
+        let mut whole = true;
+        for (index, Unit { at, unit }) in units.iter().enumerate() {
             let decoded = if index + 1 == units.len() {
-                self.decoder.decode(unit).map(|picture| newest = picture)
+                self.decoder.decode(&unit.annex_b).map(|picture| newest = picture.map(|picture| (*at, picture)))
             } else {
-                self.decoder.skip(unit)
+                self.decoder.skip(&unit.annex_b)
             };
-            match decoded {
-                Ok(()) => self.tally.decoded += 1,
-                Err(_) => {
-                    self.tally.refused += 1;
-                    self.joiner.refuse();
-                }
+            if decoded.is_err() {
+                self.tally.refused += 1;
+                whole = false;
+                break;
             }
+            self.tally.decoded += 1;
         }
-        self.tally.video = self.joiner.tally();
-        let Some(picture) = newest else { return frames.note(self.tally) };
+        match newest {
+            Some((at, picture)) => self.frame(at, picture, frames),
+            None => frames.note(self.tally),
+        }
+        whole
+    }
+
+    /// A picture whose last datagram came at `at`.
+    fn frame(&mut self, at: Time, picture: Rgb, frames: &Frames) {
         let size = (picture.width(), picture.height());
         if self.size.replace(size).is_some_and(|before| before != size) {
             self.tally.sizes += 1;
@@ -149,8 +161,8 @@ impl Eye {
         }
         let meta = FrameMeta {
             id: FrameId(self.next),
-            captured: now - self.latency,
-            received: now,
+            captured: at - self.latency,
+            received: at,
             capture_counter: self.counter,
             width: size.0,
             height: size.1,
@@ -160,9 +172,9 @@ impl Eye {
         frames.keep(meta, picture, self.tally);
     }
 
-    /// One datagram; the access units that it completes go to the end of `units`.
-    pub(super) fn join(&mut self, datagram: &[u8], units: &mut Vec<Vec<u8>>) {
-        self.joiner.push(datagram, units);
+    /// What became of the video on its way here.
+    fn count(&mut self, inlet: &Inlet) {
+        (self.tally.video, self.tally.overtaken) = inlet.tally();
     }
 }
 
@@ -173,47 +185,40 @@ fn digest(picture: &Rgb) -> u64 {
     rows.flatten().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
-/// Receives video from `from` until stopped: everything that waits is taken before anything is decoded, so that nothing queues.
-pub(super) fn watch(
-    socket: &UdpSocket,
-    from: core::net::IpAddr,
-    mut eye: Eye,
-    frames: &Frames,
-    start: Instant,
-    stopped: &AtomicBool,
-) {
+/// Receives video from `from` until stopped.
+pub(super) fn gather(socket: &UdpSocket, from: IpAddr, inlet: &Inlet, start: Instant, stopped: &AtomicBool) {
     let mut buffer = [0; 2048];
-    let mut units = Vec::new();
     while !stopped.load(Ordering::Relaxed) {
-        units.clear();
-        // Waits for the first datagram, at most the socket's timeout; takes the others as they are.
-        let mut waiting = socket.recv_from(&mut buffer);
-        let mut taken = 0;
-        if socket.set_nonblocking(true).is_err() {
-            return;
+        // Errors are the timeout.
+        if let Ok((length, peer)) = socket.recv_from(&mut buffer)
+            && peer.ip() == from
+        {
+            inlet.put(Time::ZERO + start.elapsed(), &buffer[..length]);
         }
-        while let Ok((length, peer)) = waiting {
-            if peer.ip() == from {
-                eye.join(&buffer[..length], &mut units);
-            }
-            taken += 1;
-            if taken >= BURST {
-                break;
-            }
-            waiting = socket.recv_from(&mut buffer);
-        }
-        if socket.set_nonblocking(false).is_err() {
-            return;
-        }
+    }
+}
+
+/// Decodes what was received until stopped. While nothing comes that can be decoded, `missing` is called every [`MISSING`].
+pub(super) fn watch(inlet: &Inlet, mut eye: Eye, frames: &Frames, stopped: &AtomicBool, mut missing: impl FnMut()) {
+    let mut last = Instant::now();
+    while !stopped.load(Ordering::Relaxed) {
+        let units = inlet.take(NAP);
+        eye.count(inlet);
         if !units.is_empty() {
-            eye.see(Time::ZERO + start.elapsed(), &units, frames);
+            last = Instant::now();
+        } else if last.elapsed() >= MISSING {
+            last = Instant::now();
+            missing();
+        }
+        if !units.is_empty() && !eye.see(&units, frames) {
+            inlet.refuse();
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use spf_media::h264::{Encoder, EncoderSettings};
+    use spf_media::h264::{AccessUnit, Encoder, EncoderSettings};
 
     use super::*;
 
@@ -224,6 +229,11 @@ mod tests {
     fn encoder(width: u32, height: u32) -> Encoder {
         Encoder::new(EncoderSettings { key_interval: 1.0, quantiser: 20, ..EncoderSettings::for_size(width, height, 10.0) })
             .unwrap()
+    }
+
+    fn unit(at: u64, encoder: &mut Encoder, picture: &Rgb) -> Unit {
+        let at = Time::from_millis(at);
+        Unit { at, unit: encoder.encode(at, picture).unwrap() }
     }
 
     fn red(width: u32, height: u32, shift: u32) -> Rgb {
@@ -241,10 +251,10 @@ mod tests {
     #[test]
     fn the_newest_of_several_pictures_wins_and_its_age_is_known() {
         let (mut eye, frames, mut encoder) = (eye(), Frames::default(), encoder(96, 64));
-        let units: Vec<Vec<u8>> =
-            (0..3).map(|n| encoder.encode(Time::from_millis(100 * n), &red(96, 64, n as u32)).unwrap().annex_b).collect();
-        eye.see(Time::from_millis(1000), &units, &frames);
+        let units: Vec<Unit> = (0..3).map(|n| unit(800 + 100 * n, &mut encoder, &red(96, 64, n as u32))).collect();
+        assert!(eye.see(&units, &frames));
         let meta = frames.take_news().unwrap();
+        // When it came, not when it was decoded.
         assert_eq!((meta.id, meta.captured, meta.received), (FrameId(0), Time::from_millis(850), Time::from_millis(1000)));
         assert_eq!((frames.take_news(), eye.tally.decoded), (None, 3));
         assert!(frames.picture(FrameId(0)).is_some());
@@ -257,8 +267,7 @@ mod tests {
         let mut counters = Vec::new();
         for n in 0..60_u64 {
             let shown = n.min(20) as u32;
-            let unit = encoder.encode(Time::from_millis(100 * n), &red(96, 64, shown)).unwrap().annex_b;
-            eye.see(Time::from_millis(100 * n), &[unit], &frames);
+            eye.see(&[unit(100 * n, &mut encoder, &red(96, 64, shown))], &frames);
             counters.push(frames.take_news().unwrap().capture_counter);
         }
         assert!(counters[..21].windows(2).all(|pair| pair[1] == pair[0] + 1), "{counters:?}");
@@ -270,8 +279,7 @@ mod tests {
     #[test]
     fn failing_13_red_is_red() {
         let (mut eye, frames, mut encoder) = (eye(), Frames::default(), encoder(96, 64));
-        let unit = encoder.encode(Time::ZERO, &Rgb::filled(96, 64, [210, 30, 40])).unwrap().annex_b;
-        eye.see(Time::ZERO, &[unit], &frames);
+        eye.see(&[unit(0, &mut encoder, &Rgb::filled(96, 64, [210, 30, 40]))], &frames);
         let [red, green, blue] = frames.newest().unwrap().1.pixel(40, 30).unwrap();
         assert!(red > 190 && green < 60 && blue < 70, "{red} {green} {blue}");
     }
@@ -280,8 +288,7 @@ mod tests {
     fn a_change_of_size_is_survived_and_counted() {
         let (mut eye, frames) = (eye(), Frames::default());
         for (width, height) in [(96, 64), (192, 128), (96, 64)] {
-            let unit = encoder(width, height).encode(Time::ZERO, &red(width, height, 0)).unwrap().annex_b;
-            eye.see(Time::ZERO, &[unit], &frames);
+            eye.see(&[unit(0, &mut encoder(width, height), &red(width, height, 0))], &frames);
             let meta = frames.take_news().unwrap();
             assert_eq!((meta.width, meta.height), (width, height));
         }
@@ -291,9 +298,13 @@ mod tests {
     #[test]
     fn damage_is_counted_and_the_last_good_frame_stays() {
         let (mut eye, frames, mut encoder) = (eye(), Frames::default(), encoder(96, 64));
-        let unit = encoder.encode(Time::ZERO, &red(96, 64, 0)).unwrap().annex_b;
-        eye.see(Time::ZERO, &[unit], &frames);
-        eye.see(Time::from_millis(100), &[vec![0, 0, 0, 1, 0x41, 0xff, 0xff, 0x00, 0x12]], &frames);
+        assert!(eye.see(&[unit(0, &mut encoder, &red(96, 64, 0))], &frames));
+        let damage = AccessUnit { key: false, annex_b: vec![0, 0, 0, 1, 0x41, 0xff, 0xff, 0x00, 0x12] };
+        let after = unit(200, &mut encoder, &red(96, 64, 1));
+        assert!(
+            !eye.see(&[Unit { at: Time::from_millis(100), unit: damage }, after], &frames),
+            "what follows damage is left alone"
+        );
         assert_eq!((frames.tally().refused, frames.newest().unwrap().0.id), (1, FrameId(0)));
     }
 }

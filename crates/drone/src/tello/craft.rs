@@ -15,8 +15,9 @@ use spf_core::time::{Duration, Time};
 use spf_media::h264::Decoder;
 
 use super::answer::{Answer, explain};
-use super::camera::{Eye, Frames, watch};
+use super::camera::{Eye, Frames, gather, watch};
 use super::conversation::Order;
+use super::inlet::Inlet;
 use super::link::{Link, Notice};
 use super::state::State;
 use super::sticks::Calibration;
@@ -30,6 +31,8 @@ const NAP: Duration = Duration::from_millis(5);
 const VIDEO_NAP: Duration = Duration::from_millis(50);
 /// Room for the video of half a second and more, bytes.
 const VIDEO_BUFFER: usize = 4 << 20;
+/// What is urgent is said within this time.
+const LAST_WORDS: Duration = Duration::from_millis(300);
 const COMMAND_TRIES: u32 = 5;
 const ANSWER_WAIT: Duration = Duration::from_secs(1);
 const STATE_WAIT: Duration = Duration::from_secs(2);
@@ -127,8 +130,32 @@ pub struct Connected {
     pub frames: Frames,
     /// What it told of itself.
     pub state: State,
-    /// The SDK that it speaks; none for 1.3, which does not know the question.
+    /// What it says of its make.
+    pub firmware: Firmware,
+}
+
+/// What a Tello says of its make. What a firmware does not know the question of is none.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Firmware {
+    /// The SDK that it speaks (`sdk?`); none for 1.3, which does not know the question.
     pub sdk: Option<String>,
+    /// Its serial number (`sn?`).
+    pub serial: Option<String>,
+    /// Its kind (`hardware?`), since SDK 3.0.
+    pub hardware: Option<String>,
+}
+
+impl core::fmt::Display for Firmware {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "SDK {}", self.sdk.as_deref().unwrap_or("1.3"))?;
+        if let Some(hardware) = &self.hardware {
+            write!(f, ", {hardware}")?;
+        }
+        if let Some(serial) = &self.serial {
+            write!(f, ", serial number {serial}")?;
+        }
+        Ok(())
+    }
 }
 
 /// What the threads share.
@@ -198,7 +225,7 @@ impl Tello {
         for (socket, nap) in timeouts {
             socket.set_read_timeout(Some(nap)).map_err(ConnectError::Start)?;
         }
-        let told = enter(&command, drone)?;
+        let firmware = enter(&command, drone)?;
         let first = first_state(&state, drone.ip()).ok_or(ConnectError::NoState { port: state_port })?;
         let mut link = Link::new(calibration);
         link.order(Order::quick("streamon"));
@@ -206,11 +233,14 @@ impl Tello {
         let frames = Frames::default();
         let mut tello = Self { shared: shared.clone(), frames: frames.clone(), polled: Time::ZERO, threads: Vec::new() };
         let eye = Eye::new(Decoder::new()?, video_latency);
-        let (one, two, three, seen) = (shared.clone(), shared.clone(), shared, frames.clone());
+        let (one, two, three, four, seen) = (shared.clone(), shared.clone(), shared.clone(), shared, frames.clone());
+        let inlet = Arc::<Inlet>::default();
+        let received = inlet.clone();
         tello.spawn("answers", move || answers(&one))?;
         tello.spawn("state", move || states(&two, &state, drone.ip()))?;
-        tello.spawn("video", move || watch(&video, drone.ip(), eye, &seen, three.start, &three.stopped))?;
-        Ok(Connected { drone: tello, frames, state: first, sdk: told })
+        tello.spawn("video", move || gather(&video, drone.ip(), &received, three.start, &three.stopped))?;
+        tello.spawn("pictures", move || watch(&inlet, eye, &seen, &four.stopped, || four.link().ask_for_video()))?;
+        Ok(Connected { drone: tello, frames, state: first, firmware })
     }
 
     fn spawn(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), ConnectError> {
@@ -227,6 +257,12 @@ impl Tello {
 
 impl Drop for Tello {
     fn drop(&mut self) {
+        // A flight ends with the first `emergency`; the others may be the ones that arrive.
+        let begun = Instant::now();
+        while self.shared.link().is_urgent() && begun.elapsed() < LAST_WORDS {
+            self.shared.flush();
+            std::thread::sleep(NAP);
+        }
         self.shared.stopped.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
             drop(thread.join());
@@ -292,8 +328,8 @@ fn receive(socket: &UdpSocket, wait: Duration, mut accept: impl FnMut(&[u8], Soc
     false
 }
 
-/// Enters SDK mode; what SDK it is.
-fn enter(socket: &UdpSocket, drone: SocketAddr) -> Result<Option<String>, ConnectError> {
+/// Enters SDK mode; who it is.
+fn enter(socket: &UdpSocket, drone: SocketAddr) -> Result<Firmware, ConnectError> {
     for _ in 0..COMMAND_TRIES {
         socket.send(b"command").map_err(|source| ConnectError::Unreachable { drone, source })?;
         let mut answer = Answer::Noise;
@@ -302,7 +338,7 @@ fn enter(socket: &UdpSocket, drone: SocketAddr) -> Result<Option<String>, Connec
             matches!(answer, Answer::Ok | Answer::Refused(_))
         });
         match answer {
-            Answer::Ok => return Ok(ask_sdk(socket)),
+            Answer::Ok => return Ok(ask_firmware(socket)),
             Answer::Refused(answer) => {
                 let meaning = explain(&answer);
                 return Err(ConnectError::Refused { command: "command", answer, meaning });
@@ -314,20 +350,30 @@ fn enter(socket: &UdpSocket, drone: SocketAddr) -> Result<Option<String>, Connec
     Err(ConnectError::NoAnswer { drone })
 }
 
-fn ask_sdk(socket: &UdpSocket) -> Option<String> {
-    // The answers of repeated `command`s pass by.
+/// The first SDK knows none of these questions, and only the third the last.
+fn ask_firmware(socket: &UdpSocket) -> Firmware {
+    let sdk = ask(socket, "sdk?");
+    let serial = sdk.as_ref().and_then(|_| ask(socket, "sn?"));
+    let third = sdk.as_ref().and_then(|sdk| sdk.parse().ok()).is_some_and(|sdk: u32| sdk >= 30);
+    let hardware = if third { ask(socket, "hardware?") } else { None };
+    Firmware { sdk, serial, hardware }
+}
+
+/// The answer to a question, before the conversation begins.
+fn ask(socket: &UdpSocket, question: &str) -> Option<String> {
+    // Second answers to what was said before pass by.
     receive(socket, super::conversation::SPACING, |_, _| false);
-    socket.send(b"sdk?").ok()?;
-    let mut sdk = None;
+    socket.send(question.as_bytes()).ok()?;
+    let mut told = None;
     receive(socket, ANSWER_WAIT, |bytes, _| match Answer::read(bytes) {
         Answer::Value(value) => {
-            sdk = Some(value);
+            told = Some(value);
             true
         }
         Answer::Refused(_) => true,
         _ => false,
     });
-    sdk
+    told
 }
 
 fn first_state(socket: &UdpSocket, drone: IpAddr) -> Option<State> {

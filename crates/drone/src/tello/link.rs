@@ -114,10 +114,25 @@ impl Link {
         self.conversation.submit(order);
     }
 
+    /// No video comes, or none that can be decoded: asks for it again, where there is time for that. To a drone that sends it
+    /// already this changes nothing.
+    pub fn ask_for_video(&mut self) {
+        let busy = self.lost || !self.conversation.is_idle() || self.land_again.is_some() || self.phase == FlightPhase::Stopped;
+        if !busy {
+            self.conversation.submit(Order::quick("streamon"));
+        }
+    }
+
     /// The newest state.
     #[must_use]
     pub fn state(&self) -> &State {
         &self.state
+    }
+
+    /// Whether something is still to be said that nothing may cut off: an `emergency` that could get lost once.
+    #[must_use]
+    pub fn is_urgent(&self) -> bool {
+        !self.emergencies.is_empty()
     }
 
     /// How many `rc` were sent.

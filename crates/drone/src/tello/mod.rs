@@ -7,9 +7,10 @@ pub mod answer;
 pub mod camera;
 pub mod conversation;
 pub mod craft;
+mod inlet;
 pub mod link;
 pub mod state;
 pub mod sticks;
 pub mod video;
 
-pub use craft::{ConnectError, Connected, Tello, TelloSettings};
+pub use craft::{ConnectError, Connected, Firmware, Tello, TelloSettings};

@@ -1,6 +1,6 @@
 //! Putting the video together: datagrams without header or number, in which only lengths and start codes tell where a NAL unit ends.
 
-use spf_media::h264::NalKind;
+use spf_media::h264::{AccessUnit, NalKind};
 
 /// A datagram of this length is followed by more of its NAL unit, unless that one ends with it.
 const FULL: usize = 1460;
@@ -42,9 +42,9 @@ impl Joiner {
         self.tally
     }
 
-    /// The next datagram; the access units that it completes (start codes included) are put at the end of `units`. A unit that
+    /// The next datagram; the access units that it completes are put at the end of `units`. A unit that
     /// follows a loss is left out, and all after it up to the next key picture: they cannot be decoded rightly.
-    pub fn push(&mut self, datagram: &[u8], units: &mut Vec<Vec<u8>>) {
+    pub fn push(&mut self, datagram: &[u8], units: &mut Vec<AccessUnit>) {
         // What was begun has not ended in a shorter datagram: its end is lost. A whole unit whose length is a multiple of a
         // datagram's looks the same, one in 1460; it goes too, for a picture without its end must not pass for whole.
         if datagram.starts_with(&START) && !self.nal.is_empty() {
@@ -68,7 +68,7 @@ impl Joiner {
         self.lost();
     }
 
-    fn end_nal(&mut self, units: &mut Vec<Vec<u8>>) {
+    fn end_nal(&mut self, units: &mut Vec<AccessUnit>) {
         if self.nal.is_empty() {
             return;
         }
@@ -93,11 +93,11 @@ impl Joiner {
             Some(NalKind::IdrSlice) => {
                 self.whole = !self.head.is_empty();
                 self.last_number = Some(0);
-                self.end_unit(&nal, units);
+                self.end_unit(&nal, true, units);
             }
             Some(NalKind::Slice) => {
                 self.count(payload);
-                self.end_unit(&nal, units);
+                self.end_unit(&nal, false, units);
             }
             _ => self.tally.damaged += 1,
         }
@@ -119,15 +119,15 @@ impl Joiner {
         self.whole = false;
     }
 
-    fn end_unit(&mut self, slice: &[u8], units: &mut Vec<Vec<u8>>) {
-        let mut unit = std::mem::take(&mut self.head);
+    fn end_unit(&mut self, slice: &[u8], key: bool, units: &mut Vec<AccessUnit>) {
+        let mut annex_b = std::mem::take(&mut self.head);
         if !self.whole {
             self.tally.skipped += 1;
             return;
         }
-        unit.extend_from_slice(slice);
+        annex_b.extend_from_slice(slice);
         self.tally.units += 1;
-        units.push(unit);
+        units.push(AccessUnit { key, annex_b });
     }
 }
 
@@ -250,7 +250,7 @@ mod tests {
             .collect()
     }
 
-    fn join(joiner: &mut Joiner, datagrams: &[Vec<u8>]) -> Vec<Vec<u8>> {
+    fn join(joiner: &mut Joiner, datagrams: &[Vec<u8>]) -> Vec<AccessUnit> {
         let mut units = Vec::new();
         datagrams.iter().for_each(|datagram| joiner.push(datagram, &mut units));
         units
@@ -264,7 +264,8 @@ mod tests {
         for datagrams in &stream {
             let units = join(&mut joiner, datagrams);
             assert_eq!(units.len(), 1);
-            assert!(decoder.decode(&units[0]).unwrap().is_some());
+            assert_eq!(units[0].key, datagrams.len() > 2 && datagrams[0].get(4) == Some(&0x67));
+            assert!(decoder.decode(&units[0].annex_b).unwrap().is_some());
         }
         assert_eq!(joiner.tally(), VideoTally { units: 25, ..VideoTally::default() });
     }
@@ -280,7 +281,7 @@ mod tests {
             for (frame, datagrams) in damaged.iter().enumerate() {
                 for unit in join(&mut joiner, datagrams) {
                     came.push(frame);
-                    if decoder.decode(&unit).is_err() {
+                    if decoder.decode(&unit.annex_b).is_err() {
                         assert!((4..6).contains(&frame), "{frame}");
                         joiner.refuse();
                     }

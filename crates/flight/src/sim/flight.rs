@@ -434,6 +434,7 @@ fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Se
         battery: Some(circumstances.battery).filter(|charge| *charge != 1.0),
         camera_effects: effects_of(circumstances),
         late_replies: pilot.late_replies(),
+        glass_to_decision: None,
         not_recorded: Vec::new(),
         prompt: None,
         vlm_use: None,

@@ -70,9 +70,10 @@ pub(super) fn fly(
     check_vlm(&settings, &pointing, &printer)?;
     let interrupts = interrupts()?;
     let start = Instant::now();
-    let Connected { drone: craft, frames, state, sdk } = Tello::connect(&tello, start).map_err(|error| refused(&error, drone))?;
+    let Connected { drone: craft, frames, state, firmware } =
+        Tello::connect(&tello, start).map_err(|error| refused(&error, drone))?;
     let battery = state.battery.map_or("battery unknown".to_owned(), |charge| format!("battery {charge} %"));
-    printer.say(&format!("Connected to the Tello at {}: SDK {}, {battery}.", drone.ip(), sdk.as_deref().unwrap_or("1.3")));
+    printer.say(&format!("Connected to the Tello at {}: {firmware}, {battery}.", drone.ip()));
     let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
     let out = out_dir(&settings, instruction)?;
     let record = RecordPlan { out: out.clone(), video: flag(&settings, "fly.video")?, view: view.as_ref().map(Live::sender) };
@@ -124,8 +125,8 @@ pub(super) fn fly(
     }
     let tally = frames.tally();
     printer.say(&format!(
-        "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} refused",
-        tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused
+        "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} refused, {} overtaken by newer ones",
+        tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused, tally.overtaken
     ));
     report(&flown.summary, out.path(), &printer)?;
     Ok(Exit::of(flown.summary.outcome, flown.summary.verified))

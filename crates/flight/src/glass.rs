@@ -1,0 +1,50 @@
+//! Glass to decision: how old what is decided on is when it is decided.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use spf_core::pilot::{Action, Note, Pilot};
+use spf_core::time::Time;
+
+use crate::run::Observer;
+
+/// From the capture of a frame to the answer about it, over a flight.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct GlassToDecision {
+    /// Half of the decisions came within this, seconds.
+    pub median_s: f64,
+    /// The slowest, seconds.
+    pub worst_s: f64,
+}
+
+/// Counts it.
+#[derive(Default)]
+pub(crate) struct Glass(Vec<f64>);
+
+impl Glass {
+    /// None without a decision.
+    pub(crate) fn latency(&self) -> Option<GlassToDecision> {
+        let mut ages = self.0.clone();
+        ages.sort_by(f64::total_cmp);
+        Some(GlassToDecision { median_s: *ages.get(ages.len() / 2)?, worst_s: *ages.last()? })
+    }
+}
+
+impl Observer for Glass {
+    fn action(&mut self, _now: Time, action: &Action, _pilot: &Pilot) {
+        if let Action::Note(Note::Decision(decision)) = action {
+            self.0.push(decision.frame_age_s);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_and_the_worst_of_what_was_counted() {
+        assert_eq!(Glass::default().latency(), None);
+        let glass = Glass(vec![2.0, 9.0, 1.5, 3.0, 1.0]);
+        assert_eq!(glass.latency(), Some(GlassToDecision { median_s: 2.0, worst_s: 9.0 }));
+    }
+}
