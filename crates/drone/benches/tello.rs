@@ -1,4 +1,5 @@
-//! What one picture of a Tello's video costs, from datagrams to RGB, and what its answers and state lines do.
+//! What one picture of a Tello's video costs, from datagrams to RGB, and what its state lines do. `TELLO_VIDEO` names a recorded
+//! video to be taken in place of a drawn one (`docs/bench/tello_video.py` records it, and decodes it with PyAV).
 
 use divan::{Bencher, black_box};
 use spf_core::time::Time;
@@ -31,23 +32,41 @@ fn room(shift: u32) -> Rgb {
     picture
 }
 
+/// A NAL unit as a Tello cuts it: a full datagram is never the last.
+fn datagrams(nal: &[u8]) -> Vec<Vec<u8>> {
+    let mut bytes = [&[0, 0, 0, 1][..], nal].concat();
+    if bytes.len().is_multiple_of(1460) {
+        bytes.push(0);
+    }
+    bytes.chunks(1460).map(<[u8]>::to_vec).collect()
+}
+
 /// Datagrams of a second's pictures.
 fn second() -> Vec<Vec<Vec<u8>>> {
     let settings = EncoderSettings { key_interval: 1.0, ..EncoderSettings::for_size(960, 720, 30.0) };
     let mut encoder = Encoder::new(settings).expect("the size is valid");
-    let cut = |unit: &[u8]| -> Vec<Vec<u8>> {
-        nal_units(unit)
-            .flat_map(|nal| [&[0, 0, 0, 1][..], nal].concat().chunks(1460).map(<[u8]>::to_vec).collect::<Vec<_>>())
-            .collect()
-    };
+    let cut = |unit: &[u8]| nal_units(unit).flat_map(datagrams).collect();
     (0..30)
         .map(|n| cut(&encoder.encode(Time::from_millis(33 * u64::from(n)), &room(n)).expect("the codec encodes").annex_b))
         .collect()
 }
 
+/// Datagrams of a recording's pictures: NAL units behind start codes, cut as a Tello cuts them.
+fn recorded(path: &std::ffi::OsStr) -> Vec<Vec<Vec<u8>>> {
+    let stream = std::fs::read(path).expect("TELLO_VIDEO can be read");
+    let (mut pictures, mut waiting) = (Vec::new(), Vec::new());
+    for nal in nal_units(&stream) {
+        waiting.extend(datagrams(nal));
+        if matches!(nal.first().map(|first| first & 31), Some(1 | 5)) {
+            pictures.push(std::mem::take(&mut waiting));
+        }
+    }
+    pictures
+}
+
 #[divan::bench]
 fn video_to_rgb(bencher: Bencher<'_, '_>) {
-    let stream = second();
+    let stream = std::env::var_os("TELLO_VIDEO").map_or_else(second, |path| recorded(&path));
     let (mut joiner, mut decoder) = (Joiner::default(), Decoder::new().expect("the codec is there"));
     let (mut units, mut next) = (Vec::new(), 0);
     bencher.bench_local(|| {
