@@ -3,6 +3,7 @@
 //! [`run`](run::run) is the only loop there is. A [`World`](run::World) waits and does; a [`Pilot`](spf_core::pilot::Pilot)
 //! decides; an [`Observer`](run::Observer) watches. So one code path flies a real craft and ten thousand simulated trials.
 
+pub mod calibrate;
 pub mod dataset;
 pub mod doctor;
 pub mod endpoint;

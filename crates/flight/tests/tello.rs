@@ -2,136 +2,32 @@
 //! failings of such programs.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use std::collections::VecDeque;
-use std::net::SocketAddr;
+mod wired;
+
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
 
 use spf_core::camera::Camera;
-use spf_core::command::Command;
 use spf_core::craft::Craft;
-use spf_core::envelope::{Cleared, Limits};
+use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
-use spf_core::fault::{Fault, FaultMachine, FaultPlan, Rule, Stream, Trouble, TroubleRule};
-use spf_core::frame::FrameId;
+use spf_core::fault::{Fault, FaultPlan, Rule, Stream, Trouble, TroubleRule};
 use spf_core::geometry::EnuPosition;
-use spf_core::pilot::{Action, Event, Note, Outcome, Phase, Pilot, PilotParts, PilotSettings, Preset};
+use spf_core::pilot::{Action, Event, Note, OperatorEvent, Outcome, Phase, Pilot, PilotParts, PilotSettings, Preset};
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
-use spf_drone::tello::conversation::Order;
-use spf_drone::tello::link::Link;
 use spf_drone::tello::sticks::Calibration;
-use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
-use spf_flight::run::{Observer, run};
+use spf_flight::calibrate::{self, Routine};
+use spf_flight::run::{Observer, World, run};
 use spf_flight::sim::{OracleVlm, SimPictures, SimWorld, Stage};
 use spf_flight::world::{Lockstep, Script};
 use spf_sim::craft::SimCraft;
-use spf_sim::frame_clock::FrameClock;
 use spf_sim::model::CraftKind;
 use spf_sim::oracle::ErrorFile;
-use spf_sim::tello::{Figures, Firmware, Output, VirtualTello};
+use spf_sim::tello::Figures;
 use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
-
-const STEP: Duration = Duration::from_millis(5);
-
-/// The driver, the drone, and a cable of virtual time.
-struct Wired {
-    world: SimWorld,
-    tello: VirtualTello,
-    link: Link,
-    now: Time,
-    clock: FrameClock,
-    frame: FrameId,
-    events: VecDeque<(Time, DroneEvent)>,
-    /// Every word to the drone, with its time.
-    said: Arc<std::sync::Mutex<Vec<(Time, String)>>>,
-}
-
-impl Wired {
-    fn new(world: SimWorld, faults: FaultPlan) -> Self {
-        let tello = {
-            let craft = world.shared_craft();
-            let craft = craft.lock().unwrap();
-            let faults = FaultMachine::new(faults, 3).unwrap();
-            VirtualTello::new(&craft, Figures::default(), Firmware::V20, faults, 3)
-        };
-        let mut link = Link::new(Calibration::default());
-        link.order(Order::quick("command"));
-        link.order(Order::quick("streamon"));
-        let (now, frame, events) = (Time::ZERO, FrameId(0), VecDeque::new());
-        Self { world, tello, link, now, clock: FrameClock::default(), frame, events, said: Arc::default() }
-    }
-
-    fn client() -> SocketAddr {
-        SocketAddr::from(([127, 0, 0, 1], 40_000))
-    }
-
-    fn step(&mut self) {
-        while let Some(text) = self.link.poll(self.now) {
-            self.said.lock().unwrap().push((self.now, text.clone()));
-            self.tello.handle(self.now, Self::client(), text.as_bytes());
-        }
-        self.now += STEP;
-        let craft = self.world.shared_craft();
-        self.tello.advance(self.now, &mut craft.lock().unwrap());
-        while let Some(output) = self.tello.poll(self.now) {
-            match output {
-                Output::Response { bytes, .. } => self.link.handle_answer(self.now, &bytes),
-                Output::State { bytes, .. } => self.link.handle_state(self.now, &bytes),
-            }
-        }
-        while let Some(event) = self.link.take_event() {
-            self.events.push_back(event);
-        }
-        let camera = *self.world.camera();
-        let meta = self.clock.meta(self.frame, camera.width, camera.height);
-        if meta.received <= self.now {
-            self.frame = FrameId(self.frame.0 + 1);
-            let faults = self.tello.faults();
-            let lost = faults.troubled(self.now, Trouble::LinkCut) || faults.pass(self.now, Stream::Frames, meta.id.0).is_empty();
-            let frozen = faults.freezes(self.now, Stream::Frames);
-            let capture_counter = if frozen { 0 } else { meta.capture_counter };
-            if !lost {
-                self.events.push_back((self.now, DroneEvent::Frame(spf_core::frame::FrameMeta { capture_counter, ..meta })));
-            }
-        }
-    }
-}
-
-impl Drop for Wired {
-    /// As the driver: what is urgent is still said.
-    fn drop(&mut self) {
-        while self.link.is_urgent() {
-            self.step();
-        }
-    }
-}
-
-impl Drone for Wired {
-    fn name(&self) -> &str {
-        "tello"
-    }
-
-    fn capabilities(&self) -> Capabilities {
-        Capabilities { craft: Craft::tello(), camera: *self.world.camera() }
-    }
-
-    fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
-        self.link.apply(now, command);
-        Ok(())
-    }
-
-    fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
-        while self.events.is_empty() && self.now + STEP <= until {
-            self.step();
-        }
-        self.events.pop_front()
-    }
-
-    fn next_event_at(&self) -> Option<Time> {
-        Some(if self.events.is_empty() { self.now + STEP } else { self.now })
-    }
-}
+use wired::Wired;
 
 /// An oracle that takes its time.
 struct Slow(OracleVlm, Duration);
@@ -219,7 +115,7 @@ fn fly_in(
     let stage = Arc::new(Stage::load(scene).unwrap());
     let start = stage.scene.start;
     let world = SimWorld::new(stage, CraftKind::Tello, start, 5);
-    let drone = Wired::new(world.clone(), faults);
+    let drone = Wired::new(world.clone(), Figures::default(), faults);
     let said = drone.said.clone();
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
     let vlm: Box<dyn Vlm> = match latency {
@@ -432,4 +328,52 @@ fn a_lossy_link_is_flown_over() {
     let flight = fly(GOAL, FaultPlan { rules, ..FaultPlan::default() }, None, settings());
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "{:?}", flight.seen.outcome);
     assert!(!flight.craft(|craft| craft.dynamics().crashed()));
+}
+
+/// Virtual time with an operator who is a channel away.
+struct Operated(Lockstep, Receiver<OperatorEvent>);
+
+impl World for Operated {
+    fn now(&self) -> Time {
+        self.0.now()
+    }
+
+    fn wait(&mut self, deadline: Time) -> Option<Event> {
+        match self.1.try_recv() {
+            Ok(event) => Some(Event::Operator(event)),
+            Err(_) => self.0.wait(deadline),
+        }
+    }
+
+    fn apply(&mut self, action: &Action) {
+        self.0.apply(action);
+    }
+}
+
+/// Whatever full stick does, `spf tello calibrate` finds it.
+#[test]
+fn what_full_stick_does_is_measured() {
+    let yaw = 78.0_f64.to_radians();
+    let figures = Figures { stick_speed: 0.8, stick_climb: 1.1, stick_sink: 0.7, stick_yaw: yaw, ..Figures::default() };
+    let stage = Arc::new(Stage::load("yard").unwrap());
+    let start = stage.scene.start;
+    let world = SimWorld::new(stage, CraftKind::Tello, start, 5);
+    let drone = Wired::new(world.clone(), figures, FaultPlan::default());
+    let mut pilot = calibrate::pilot(&drone);
+    let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
+    let pictures = Box::new(SimPictures::new(world.clone()));
+    let (sender, operator) = channel();
+    let mut routine = Routine::new(Calibration::default(), sender);
+    let around = Lockstep::new(Box::new(drone), Box::new(oracle), pictures, Script::default(), Arc::default());
+    run(&mut pilot, &mut Operated(around, operator), &mut [&mut routine]);
+    let measured = routine.measured().unwrap();
+    let near = |name: &str, value: f64, truth: f64, share: f64| {
+        assert!((value / truth - 1.0).abs() < share, "{name}: measured {value}, in truth {truth}");
+    };
+    near("yaw", measured.yaw_rate, yaw, 0.05);
+    near("climb", measured.climb, 1.1, 0.15);
+    near("sink", measured.sink, 0.7, 0.15);
+    near("speed", measured.speed, 0.8, 0.15);
+    assert_eq!(pilot.decisions(), 0);
+    assert!(!world.truth().phase.eq(&FlightPhase::Flying));
 }

@@ -8,6 +8,7 @@ mod ground;
 mod log;
 mod serve;
 mod sim;
+mod tello;
 
 use std::path::PathBuf;
 
@@ -18,6 +19,7 @@ pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
 pub(crate) use serve::Serve;
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, View};
+pub(crate) use tello::{Calibrate, Tello};
 
 /// See, Point, Fly: tell a drone in plain words where to go.
 ///
@@ -50,6 +52,9 @@ pub(crate) enum Command {
     Fly(Box<Fly>),
     /// Check everything before a flight: drone, battery, video, light, VLM, disk
     Doctor(Doctor),
+    /// A DJI Tello: measure what its sticks do
+    #[command(subcommand)]
+    Tello(Tello),
     /// The embedded simulator: its scenes and pictures of them
     #[command(subcommand)]
     Sim(Sim),
@@ -83,7 +88,7 @@ impl Command {
             Self::Ground(ground) => ground.json,
             Self::Vlm(Vlm::List(list)) => list.json,
             Self::Bench(Bench::Run(run)) => run.json,
-            Self::Bench(_) | Self::Sim(_) | Self::Log(_) | Self::Vlm(_) | Self::Config(_) => false,
+            Self::Bench(_) | Self::Sim(_) | Self::Tello(_) | Self::Log(_) | Self::Vlm(_) | Self::Config(_) => false,
         }
     }
 }

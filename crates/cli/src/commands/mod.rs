@@ -9,9 +9,11 @@ pub(crate) mod log;
 mod reask;
 pub(crate) mod replay;
 pub(crate) mod sim;
+mod tello;
 pub(crate) mod vlm;
 
 pub(crate) use doctor::doctor;
+pub(crate) use tello::tello;
 
 use std::path::Path;
 

@@ -30,7 +30,7 @@ use crate::progress::Progress;
 use crate::settings::Settings;
 
 /// What the person must know before a Tello takes off.
-const WARNING: &str = "A Tello holds its last velocity: when the link is cut nothing can stop it before it lands by itself, 15 s \
+pub(crate) const WARNING: &str = "A Tello holds its last velocity: when the link is cut nothing can stop it before it lands by itself, 15 s \
                        after the last command. Ctrl-C lands, a second one ends the program.";
 
 /// The address of the Tello that is to be flown; none when it is another drone.
@@ -70,10 +70,7 @@ pub(super) fn fly(
     check_vlm(&settings, &pointing, &printer)?;
     let interrupts = interrupts()?;
     let start = Instant::now();
-    let Connected { drone: craft, frames, state, firmware } =
-        Tello::connect(&tello, start).map_err(|error| refused(&error, drone))?;
-    let battery = state.battery.map_or("battery unknown".to_owned(), |charge| format!("battery {charge} %"));
-    printer.say(&format!("Connected to the Tello at {}: {firmware}, {battery}.", drone.ip()));
+    let Connected { drone: craft, frames, .. } = connect(&tello, start, &printer)?;
     let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
     let out = out_dir(&settings, instruction)?;
     let record = RecordPlan { out: out.clone(), video: flag(&settings, "fly.video")?, view: view.as_ref().map(Live::sender) };
@@ -130,6 +127,14 @@ pub(super) fn fly(
     ));
     report(&flown.summary, out.path(), &printer)?;
     Ok(Exit::of(flown.summary.outcome, flown.summary.verified))
+}
+
+/// Connects, and tells to whom.
+pub(crate) fn connect(tello: &TelloSettings, start: Instant, printer: &Printer) -> Result<Connected, CliError> {
+    let connected = Tello::connect(tello, start).map_err(|error| refused(&error, tello.drone))?;
+    let battery = connected.state.battery.map_or("battery unknown".to_owned(), |charge| format!("battery {charge} %"));
+    printer.say(&format!("Connected to the Tello at {}: {}, {battery}.", tello.drone.ip(), connected.firmware));
+    Ok(connected)
 }
 
 /// How the Tello is reached and flown.

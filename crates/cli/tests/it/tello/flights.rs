@@ -72,7 +72,12 @@ fn a_flight_over_real_sockets_sees_flies_and_lands() {
     assert_eq!((&summary["outcome"], &summary["verified"]), (&"reached".into(), &Value::Null), "{}\n{}", run.stdout, run.stderr);
     assert_eq!((run.code, &summary["drone"]), (Some(0), &"tello".into()));
     assert!(summary["path_length_m"].as_f64().unwrap() > 0.2, "{summary}");
-    assert!(run.stderr.contains("SDK 20, serial number 0TQSIM00000001, battery 100 %") && run.stderr.contains("holds its last velocity"), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("SDK 20, serial number 0TQSIM00000001, battery 100 %")
+            && run.stderr.contains("holds its last velocity"),
+        "{}",
+        run.stderr
+    );
     // What the model was shown: the office, not a placeholder.
     for request in server.questions() {
         let picture = image::load_from_memory(&Vendor::Gemini.picture(&request)).unwrap().to_rgb8();
