@@ -9,7 +9,7 @@ use super::errors::Reading;
 use super::kinds;
 use super::language::Phrase;
 use super::language::parse;
-use super::language::resolve::{Item, meant, vocabulary};
+use super::language::resolve::{Item, meant, numbered, vocabulary};
 use super::percept::{Percept, Thing, logistic, slopes};
 use super::stages::{self, Aim, View};
 use super::{ErrorFile, Oracle};
@@ -60,9 +60,17 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
             if aim.done {
                 reply.status = Status::Done;
             }
+            if !aim.past.is_empty() {
+                reply.point = Some(corridor::clear(oracle, percept, place.point, &aim.past));
+            }
             if avoid {
                 let seen: Vec<&Thing> = percept.seen(&oracle.errors, query.image_size).collect();
-                let way = corridor::Way { point: place.point, range: place.range, target: aim.target.as_deref() };
+                let way = corridor::Way {
+                    point: place.point,
+                    range: place.range,
+                    target: aim.target.as_deref(),
+                    opening: place.opening,
+                };
                 let found = corridor::boxes(oracle, percept, &seen, &way);
                 reply.point = Some(corridor::clear(oracle, percept, place.point, &found));
                 reply.boxes = found
@@ -140,6 +148,11 @@ impl View<'_> {
         if found.iter().any(|&i| fits(self.seen[i])) {
             found.retain(|&i| fits(self.seen[i]));
         }
+        // Of several that fit alike, the one that was pointed at before is stayed with.
+        let last = self.query.memory.targets.last();
+        if found.iter().any(|&i| last == Some(&items[i].tags.words())) {
+            found.retain(|&i| last == Some(&items[i].tags.words()));
+        }
         let best = *found.iter().max_by(|&&a, &&b| items[a].weight.total_cmp(&items[b].weight).then(b.cmp(&a)))?;
         let mut which = self.oracle.by_query("which", self.query);
         if which.chance(self.oracle.errors.which.confused)
@@ -148,6 +161,19 @@ impl View<'_> {
             return Some(self.seen[other]);
         }
         Some(self.seen[best])
+    }
+
+    /// Every object that a phrase may mean in this picture.
+    pub(super) fn all(&self, phrase: &Phrase) -> Vec<&Thing> {
+        meant(phrase, &self.items()).into_iter().map(|i| self.seen[i]).collect()
+    }
+
+    /// Those of `found` that bear a number in their name; none where nothing seen does.
+    pub(super) fn numbered(&self, number: i32, found: &[&Thing]) -> Option<Vec<&Thing>> {
+        let items = self.items();
+        let among: Vec<usize> =
+            (0..items.len()).filter(|&i| found.iter().any(|thing| core::ptr::eq(*thing, self.seen[i]))).collect();
+        numbered(number, &among, &items).map(|named| named.into_iter().map(|i| self.seen[i]).collect())
     }
 
     /// The other object most like this one: kind counts most, then name, then colour; ties to the larger mask. None when

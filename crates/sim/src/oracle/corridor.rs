@@ -14,6 +14,8 @@ pub(super) struct Way<'a> {
     pub(super) range: f64,
     /// Key of the object it leads to.
     pub(super) target: Option<&'a str>,
+    /// Where the opening stands that it leads through, if it does.
+    pub(super) opening: Option<(ImageBox, f64)>,
 }
 
 /// An obstacle as noticed.
@@ -39,6 +41,7 @@ pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &W
             !tags.opening
                 && !tags.is_surface()
                 && !own
+                && !frames(thing, way)
                 && thing.range < way.range
                 && thing.box_luck >= errors.missed
                 && meets(oracle, percept, way.point, thing.bounds, thing.range)
@@ -61,6 +64,15 @@ pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &W
         });
     }
     out
+}
+
+/// Whether a thing is what the opening is in: a hill about a tunnel's mouth is not in the way into it.
+fn frames(thing: &Thing, way: &Way<'_>) -> bool {
+    way.opening.is_some_and(|(hole, range)| {
+        let b = thing.bounds;
+        let about = b.left <= hole.left && b.top <= hole.top && b.right >= hole.right;
+        about && thing.range >= 0.7 * range
+    })
 }
 
 /// Half the corridor's width and height at a range, as shares of the picture.
@@ -94,6 +106,9 @@ pub(super) fn clear(oracle: &Oracle, percept: &Percept, point: ImagePoint, found
     if free(point.u, point.v) {
         return point;
     }
+    // Below the horizon lies the ground, which no box stands for.
+    let lowest = point.v.max(percept.level);
+    let free = |u: f64, v: f64| v <= lowest && free(u, v);
     // The nearest free place has each coordinate either unchanged or on some wall's edge.
     let across: Vec<f64> = core::iter::once(point.u).chain(walls.iter().flat_map(|b| [b.left, b.right])).collect();
     let down: Vec<f64> = core::iter::once(point.v).chain(walls.iter().flat_map(|b| [b.top, b.bottom])).collect();

@@ -54,6 +54,10 @@ pub struct Thing {
     pub point: ImagePoint,
     /// Straight-line distance to the surface at `deepest`, with noise, metres; infinite where nothing is.
     pub range: f64,
+    /// Range of its nearest visible surface, with the same noise, metres: what tells whether one has arrived.
+    pub nearest: f64,
+    /// Range of what is seen at `deepest` in the ordinary picture, metres: through an opening, what lies beyond it.
+    pub beyond: f64,
     /// Whether it counts as in view: high enough and enough of it inside the frame.
     pub in_view: bool,
     /// The edge of the picture that cuts it most.
@@ -73,7 +77,9 @@ pub struct Percept {
     pub frame: FrameId,
     /// The camera that took it.
     pub camera: Camera,
-    /// Range at the middle of the picture, metres; infinite for sky. For flying on straight.
+    /// Row of the picture that is level with the craft, as a share from the top: the horizon where ground is seen up to it.
+    pub level: f64,
+    /// Range up to which a craft finds room straight on, metres; infinite where nothing stands there. For flying on straight.
     pub ahead: f64,
     pub(super) things: Vec<Thing>,
 }
@@ -94,9 +100,8 @@ impl Percept {
                 }
             }
         }
-        let middle = (h / 2) * w + w / 2;
-        let ahead = sight.depth.get(middle).filter(|d| **d > 0.0).map_or(f64::INFINITY, |&d| f64::from(d));
-        Self { frame, camera: *sight.camera, ahead, things }
+        let level = level(sight.camera, &things);
+        Self { frame, camera: *sight.camera, level, ahead: room_ahead(sight, level), things }
     }
 
     /// The objects noticed when the picture is sent at `size`; [`SIZE_SENT`] when none is named.
@@ -142,8 +147,10 @@ fn thing(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, depth
         v: (deepest.v + spread * noise.normal() / h).clamp(0.0, 1.0),
     };
     let along = f64::from(depth[mask.deepest.1 * sight.width + mask.deepest.0]);
-    let range =
-        along * stretch(sight.camera, deepest) * exp(errors.range.log_sd * Draw::new(seed, "oracle range", &key).normal());
+    let slip = exp(errors.range.log_sd * Draw::new(seed, "oracle range", &key).normal());
+    let range = along * stretch(sight.camera, deepest) * slip;
+    let nearest = nearest(sight, if tags.opening { sight.opening_ids } else { sight.ids }, depth, mask) * slip;
+    let past = f64::from(sight.depth.get(mask.deepest.1 * sight.width + mask.deepest.0).copied().unwrap_or(0.0));
     let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
     Thing {
         tags: tags.clone(),
@@ -152,6 +159,8 @@ fn thing(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, depth
         deepest,
         point,
         range: if range.is_finite() { range } else { f64::INFINITY },
+        nearest: nearest.min(range),
+        beyond: if past > 0.0 && past.is_finite() { past * stretch(sight.camera, deepest) } else { f64::INFINITY },
         // DESIGN.md section 5: at least 0.8 % of the frame high and a quarter inside it, or filling a tenth of it.
         in_view: (bounds.bottom - bounds.top >= 0.008 && share >= 0.25) || area >= 0.1 * w * h,
         cut: mask.cut(sight.width, sight.height),
@@ -159,6 +168,58 @@ fn thing(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, depth
         luck: Draw::new(seed, "oracle seen", &key).uniform(),
         box_luck: Draw::new(seed, "oracle box", &key).uniform(),
     }
+}
+
+/// Straight-line distance to the nearest visible surface of a mask, metres.
+fn nearest(sight: &Sight<'_>, ids: &[u16], depth: &[f32], mask: &Mask) -> f64 {
+    let mut least = f64::INFINITY;
+    for row in mask.top..=mask.bottom {
+        let line = row * sight.width;
+        for column in mask.left..=mask.right {
+            let along = f64::from(depth[line + column]);
+            if ids[line + column] == mask.id && along < least && along > 0.0 {
+                let at =
+                    ImagePoint { u: (column as f64 + 0.5) / sight.width as f64, v: (row as f64 + 0.5) / sight.height as f64 };
+                let (right, up) = slopes(sight.camera, at);
+                least = least.min(along * sqrt(1.0 + right * right + up * up));
+            }
+        }
+    }
+    least
+}
+
+/// Half the width that a craft takes up straight on, metres: a craft of 0.3 m radius and as much again.
+const ROOM_M: f64 = 0.6;
+/// Pixels from one look to the next across the picture.
+const ROOM_STEP: usize = 4;
+
+/// Where a level way leads: the horizon, which is no lower than a camera at rest has it, and no higher than the ground is seen.
+fn level(camera: &Camera, things: &[Thing]) -> f64 {
+    let rest = (camera.cy - camera.fy * libm::tan(camera.tilt)) / f64::from(camera.height);
+    let ground = things.iter().filter(|thing| thing.tags.is_surface()).map(|thing| thing.bounds.top);
+    ground.fold(rest, f64::min).clamp(HIGHEST_HORIZON, 1.0)
+}
+
+/// The horizon is not looked for above this share of the picture: a slope may reach higher.
+const HIGHEST_HORIZON: f64 = 0.25;
+
+/// Distance along the optical axis of the nearest surface within [`ROOM_M`] of the level way.
+fn room_ahead(sight: &Sight<'_>, level: f64) -> f64 {
+    let camera = sight.camera;
+    let (middle_u, middle_v) = (camera.cx as usize, (level * f64::from(camera.height)) as usize);
+    let mut least = f64::INFINITY;
+    for row in (0..sight.height).step_by(ROOM_STEP) {
+        for column in (0..sight.width).step_by(ROOM_STEP) {
+            let Some(&depth) = sight.depth.get(row * sight.width + column) else { continue };
+            let depth = f64::from(depth);
+            let right = depth * column.abs_diff(middle_u) as f64 / camera.fx;
+            let down = depth * row.abs_diff(middle_v) as f64 / camera.fy;
+            if depth > 0.0 && depth < least && right < ROOM_M && down < ROOM_M {
+                least = depth;
+            }
+        }
+    }
+    least
 }
 
 /// Straight-line distance per metre of depth along the optical axis, at an image point as the lens shows it.

@@ -1,9 +1,10 @@
 //! From verb to stages to where to point: the table of docs/oracle.md, advanced from percepts and the query's history alone.
 
-use spf_core::query::{ImagePoint, Query};
+use spf_core::query::{ImageBox, ImagePoint, Query};
 use spf_core::reply::Look;
 
 use super::Oracle;
+use super::corridor::Found;
 use super::language::{Clause, Instruction, Phrase, Verb};
 use super::percept::{Percept, Thing};
 
@@ -24,6 +25,8 @@ pub(super) struct Place {
     pub(super) range: f64,
     /// Share of the picture's height that it fills.
     pub(super) share: f64,
+    /// The opening that it lies in or beyond: its box and range, metres.
+    pub(super) opening: Option<(ImageBox, f64)>,
 }
 
 /// What the oracle makes of instruction, history and percept.
@@ -39,6 +42,8 @@ pub(super) struct Aim {
     pub(super) look: Option<Look>,
     /// Whether the last stage is fulfilled.
     pub(super) done: bool,
+    /// Things that were gone to before and that the way is to keep clear of.
+    pub(super) past: Vec<Found>,
     /// What is pointed at, in words.
     pub(super) words: String,
     /// Key of the object pointed at.
@@ -52,18 +57,22 @@ enum Step {
     Approach(f64),
     /// Up to its nearest opening; met at `near`.
     Opening,
-    /// On through the farthest opening in view; met when none is.
+    /// On through the farthest opening in view, to what is seen through it; met when none is.
     Pass,
     /// Straight on; met when the thing itself is out of view.
     Beyond,
+    /// One move straight on.
+    On,
     /// Beside it, so that it is passed on the right; met when it is out of view.
     Beside,
-    /// Turn right until it is back in view.
+    /// Turn right by half a picture, until it is back in view.
     Regain,
     /// Higher; met when its top is in the lower part of the picture.
     Above,
     /// Over it; met when it is out of view.
     Across,
+    /// To the middle of its upper edge; met at `near`.
+    Summit,
     /// Turn right; met after a full turn.
     Turn,
     /// Stay with it; never met.
@@ -72,13 +81,38 @@ enum Step {
 
 /// The table: each verb's stages.
 fn steps(verb: Verb) -> &'static [Step] {
-    use Step::{Above, Across, Approach, Beside, Beyond, Keep, Opening, Pass, Regain, Turn};
+    use Step::{Above, Across, Approach, Beside, Beyond, Keep, On, Opening, Pass, Regain, Summit, Turn};
     match verb {
         Verb::GoTo => &[Approach(1.0)],
-        Verb::Through => &[Opening, Pass, Beyond],
-        Verb::Around => &[Approach(3.0), Beside, Regain, Beside, Regain, Beside, Regain, Beside, Regain],
-        Verb::Behind => &[Approach(3.0), Beside, Regain, Beside, Regain],
-        Verb::Over => &[Above, Across],
+        Verb::Through => &[Opening, Pass, Beyond, On, On],
+        // What leaves the picture on the right is still ahead: four times along a side and past its end.
+        Verb::Around => &[
+            Approach(3.0),
+            Beside,
+            On,
+            On,
+            On,
+            Regain,
+            Beside,
+            On,
+            On,
+            On,
+            Regain,
+            Beside,
+            On,
+            On,
+            On,
+            Regain,
+            Beside,
+            On,
+            On,
+            On,
+            Regain,
+        ],
+        Verb::Behind => &[Approach(3.0), Beside, On, On, On, Regain, Beside, On, On],
+        // What leaves the picture below still lies between here and the far side.
+        Verb::Over => &[Above, Across, On, On, On, On, On, On, On, On, On, On],
+        Verb::Up => &[Above, Summit],
         Verb::Scan => &[Turn],
         Verb::Follow => &[Keep],
     }
@@ -96,8 +130,7 @@ enum Met {
 
 /// Finds the stage from the query's history, advances it by at most one, and points.
 pub(super) fn aim(instruction: &Instruction, view: &View<'_>) -> Aim {
-    let plan: Vec<(&Clause, Step)> =
-        instruction.clauses.iter().flat_map(|c| steps(c.verb).iter().map(move |s| (c, *s))).collect();
+    let plan = plan(instruction);
     let stages = plan.len() as u32;
     if plan.is_empty() {
         return Aim { stage: 1, stages: 1, look: Some(side(view)), ..Aim::default() };
@@ -108,10 +141,31 @@ pub(super) fn aim(instruction: &Instruction, view: &View<'_>) -> Aim {
     aim
 }
 
-fn attempt(plan: &[(&Clause, Step)], at: usize, view: &View<'_>) -> Aim {
-    let (clause, step) = plan[at];
-    let (outcome, thing) = take(clause, step, view);
-    let mut aim = Aim { stage: at as u32 + 1, words: words(clause, step, thing), ..Aim::default() };
+/// A stage of the instruction.
+#[derive(Clone, Copy)]
+struct Stage<'a> {
+    clause: &'a Clause,
+    step: Step,
+    /// Whether its target is another of those that a clause before went to: "… and the next", "the second tower".
+    another: bool,
+}
+
+fn plan(instruction: &Instruction) -> Vec<Stage<'_>> {
+    let clauses = &instruction.clauses;
+    let another = |at: usize| {
+        let target = &clauses[at].target;
+        let later = target.other || target.ordinal.is_some_and(|ordinal| ordinal.number != 1 && ordinal.from.is_none());
+        later && clauses[..at].iter().any(|before| before.target.nouns == target.nouns)
+    };
+    let of = |at: usize| steps(clauses[at].verb).iter().map(move |&step| (at, step));
+    (0..clauses.len()).flat_map(of).map(|(at, step)| Stage { clause: &clauses[at], step, another: another(at) }).collect()
+}
+
+fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
+    let stage = plan[at];
+    let (outcome, thing) = take(stage, false, view);
+    let mut aim = Aim { stage: at as u32 + 1, words: words(stage, thing), ..Aim::default() };
+    aim.past = past(stage, thing, view);
     aim.target = thing.map(|t| t.tags.opening_of.clone().unwrap_or_else(|| t.tags.key.clone()));
     match outcome {
         Met::Go(place) => aim.place = Some(place),
@@ -122,10 +176,11 @@ fn attempt(plan: &[(&Clause, Step)], at: usize, view: &View<'_>) -> Aim {
         }
         Met::Yes(_) => {
             // One stage an answer: the next is looked at, and not yet ended by the same look.
-            let (clause, step) = plan[at + 1];
-            let (outcome, thing) = take(clause, step, view);
+            let stage = plan[at + 1];
+            let (outcome, thing) = take(stage, true, view);
             aim.stage = at as u32 + 2;
-            aim.words = words(clause, step, thing);
+            aim.past = past(stage, thing, view);
+            aim.words = words(stage, thing);
             aim.target = thing.map(|t| t.tags.opening_of.clone().unwrap_or_else(|| t.tags.key.clone()));
             match outcome {
                 Met::Go(place) | Met::Yes(Some(place)) => aim.place = Some(place),
@@ -137,22 +192,40 @@ fn attempt(plan: &[(&Clause, Step)], at: usize, view: &View<'_>) -> Aim {
     aim
 }
 
+/// On the way to another of several, those that stand nearer.
+fn past(stage: Stage<'_>, thing: Option<&Thing>, view: &View<'_>) -> Vec<Found> {
+    let Some(thing) = thing.filter(|_| stage.another) else { return Vec::new() };
+    let alike = Phrase { ordinal: None, other: false, ..stage.clause.target.clone() };
+    let nearer = |other: &&Thing| other.tags.key != thing.tags.key && other.nearest < thing.nearest;
+    let found = |other: &Thing| Found { area: other.bounds, range: other.nearest, name: other.tags.words() };
+    view.all(&alike).into_iter().filter(nearer).map(found).collect()
+}
+
 /// The target's words; in view that of the object, else that of nothing.
-fn words(clause: &Clause, step: Step, thing: Option<&Thing>) -> String {
+fn words(stage: Stage<'_>, thing: Option<&Thing>) -> String {
     let name = thing.map(|t| t.tags.words());
-    match (step, name) {
+    match (stage.step, name) {
         (Step::Beside, Some(name)) => format!("left of the {name}"),
         (Step::Above | Step::Across, Some(name)) => format!("above the {name}"),
         (Step::Turn, _) => "surroundings".to_owned(),
-        (Step::Beyond, _) => "straight on".to_owned(),
+        (Step::Beyond | Step::On, _) => "straight on".to_owned(),
+        (Step::Approach(_), Some(name)) if stage.another => format!("{NEXT}{name}"),
         (_, Some(name)) => name,
-        (_, None) => clause.target.nouns.join(" "),
+        (_, None) => stage.clause.target.nouns.join(" "),
     }
 }
 
-fn take<'v>(clause: &Clause, step: Step, view: &'v View<'_>) -> (Met, Option<&'v Thing>) {
-    let phrase = &clause.target;
-    match step {
+/// Who is followed is not come nearer to than this many times `near`.
+const KEEP: f64 = 2.5;
+
+/// Before the name of a target that is another than the one before: so the history tells which was which.
+const NEXT: &str = "next ";
+
+/// One stage. `begins` when the stage before has just ended.
+fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<&'v Thing>) {
+    let phrase = &stage.clause.target;
+    let find = || if stage.another { another(phrase, begins, view) } else { view.find(phrase) };
+    match stage.step {
         Step::Turn => {
             // A full turn less half a picture, which the first and the last look share.
             let round = view.query.memory.turned.abs() >= 0.9 * core::f64::consts::TAU;
@@ -163,23 +236,23 @@ fn take<'v>(clause: &Clause, step: Step, view: &'v View<'_>) -> (Met, Option<&'v
             let (thing, _) = sighting(view.find(phrase));
             (if thing.is_some() { Met::Go(ahead(view)) } else { Met::Yes(Some(ahead(view))) }, None)
         }
+        Step::On => (Met::Yes(Some(ahead(view))), None),
         Step::Opening => {
             let opening = opening(phrase, view, false);
             let (thing, lost) = sighting(opening.or_else(|| view.find(phrase)));
             match thing {
                 None => (Met::Look(lost.unwrap_or_else(|| side(view))), None),
-                Some(thing) if thing.tags.opening && view.arrived(thing.range, view.near()) => {
-                    (Met::Yes(Some(place(thing))), Some(thing))
-                }
+                // What has no opening is come up to, and not flown into.
+                Some(thing) if view.arrived(thing.nearest, view.near()) => (Met::Yes(Some(place(thing))), Some(thing)),
                 Some(thing) => (Met::Go(place(thing)), Some(thing)),
             }
         }
         Step::Pass => match opening(phrase, view, true) {
-            Some(thing) if thing.in_view => (Met::Go(place(thing)), Some(thing)),
+            Some(thing) if thing.in_view => (Met::Go(through(thing)), Some(thing)),
             _ => (Met::Yes(Some(ahead(view))), None),
         },
-        _ => {
-            let (thing, lost) = sighting(view.find(phrase));
+        step => {
+            let (thing, lost) = sighting(find());
             match thing {
                 Some(thing) => (in_view(step, thing, view), Some(thing)),
                 None => (out_of_view(step, lost, view), None),
@@ -192,7 +265,9 @@ fn take<'v>(clause: &Clause, step: Step, view: &'v View<'_>) -> (Met, Option<&'v
 fn in_view(step: Step, thing: &Thing, view: &View<'_>) -> Met {
     let here = place(thing);
     match step {
-        Step::Approach(times) if view.arrived(thing.range, times * view.near()) => Met::Yes(Some(here)),
+        Step::Approach(times) if view.arrived(thing.nearest, times * view.near()) => Met::Yes(Some(here)),
+        Step::Summit if view.arrived(thing.nearest, view.near()) => Met::Yes(Some(here)),
+        Step::Summit => Met::Go(summit(thing)),
         Step::Regain => Met::Yes(Some(here)),
         Step::Beside => Met::Go(beside(thing, view)),
         Step::Above => {
@@ -206,10 +281,8 @@ fn in_view(step: Step, thing: &Thing, view: &View<'_>) -> Met {
             }
         }
         Step::Across => Met::Go(over(thing)),
-        Step::Keep if thing.range <= view.near() => {
-            // Near enough: the nearest there is, so that the least step is flown.
-            Met::Go(Place { range: here.range.min(1.0), ..here })
-        }
+        // Somebody who walks is kept at arm's length: the range is taken from there on, so that near him the least step is flown.
+        Step::Keep => Met::Go(Place { range: (here.range - KEEP * view.near()).max(1.0), ..here }),
         _ => Met::Go(here),
     }
 }
@@ -219,7 +292,7 @@ fn out_of_view(step: Step, lost: Option<Look>, view: &View<'_>) -> Met {
     match step {
         Step::Beside => Met::Yes(None),
         Step::Across => Met::Yes(Some(ahead(view))),
-        Step::Regain => Met::Look(Look::Right),
+        Step::Regain => Met::Go(edge(1.0, view)),
         _ => Met::Look(lost.unwrap_or_else(|| side(view))),
     }
 }
@@ -253,21 +326,71 @@ fn side(view: &View<'_>) -> Look {
 }
 
 fn place(thing: &Thing) -> Place {
-    Place { point: thing.point, range: thing.range, share: thing.bounds.bottom - thing.bounds.top }
+    Place {
+        point: thing.point,
+        range: thing.range,
+        share: thing.bounds.bottom - thing.bounds.top,
+        opening: thing.tags.opening.then_some((thing.bounds, thing.range)),
+    }
 }
 
-/// Straight on, half as far as the picture's middle is free.
+/// Through an opening: in its middle, as far as what is seen there, but no farther than a move or two.
+fn through(opening: &Thing) -> Place {
+    Place { range: opening.beyond.min(opening.range + MOVE_M), ..place(opening) }
+}
+
+/// How far on a place beyond is chosen at most, metres.
+const MOVE_M: f64 = 10.0;
+
+/// Where an edge of the picture is pointed at, right where one stands: a turn by half a picture.
+fn edge(u: f64, view: &View<'_>) -> Place {
+    Place { point: ImagePoint { u, v: view.percept.level }, range: 1.0, share: 0.0, opening: None }
+}
+
+/// Another than the one that was gone to before, by what the history calls it. Of things with the same name it is one that
+/// is not right here, at first and while looking for it; after that the one that was turned to, so the most central.
+fn another<'v>(phrase: &Phrase, begins: bool, view: &'v View<'_>) -> Option<&'v Thing> {
+    let alike = Phrase { ordinal: None, other: false, ..phrase.clone() };
+    let found = view.all(&alike);
+    let numbered = phrase.ordinal.and_then(|ordinal| view.numbered(ordinal.number, &found));
+    if let Some(numbered) = numbered {
+        return numbered.first().copied();
+    }
+    let spent = view.query.memory.targets.iter().rev().find(|target| !target.starts_with(NEXT));
+    let named_otherwise: Vec<&Thing> = found.iter().copied().filter(|t| Some(&t.tags.words()) != spent).collect();
+    let nearest = |a: &&Thing, b: &&Thing| a.range.total_cmp(&b.range);
+    if !named_otherwise.is_empty() {
+        return named_otherwise.into_iter().min_by(nearest);
+    }
+    let here = 3.0 * view.near();
+    if begins || view.query.memory.turned != 0.0 {
+        return found.into_iter().filter(|thing| thing.range > here).min_by(nearest);
+    }
+    let off = |thing: &Thing| (0.5 * (thing.bounds.left + thing.bounds.right) - 0.5).abs();
+    found.into_iter().min_by(|a, b| off(a).total_cmp(&off(b)))
+}
+
+/// Straight on, half as far as there is room.
 fn ahead(view: &View<'_>) -> Place {
     let range = 0.5 * view.percept.ahead;
-    Place { point: ImagePoint { u: 0.5, v: 0.5 }, range: if range.is_finite() { range.min(10.0) } else { 10.0 }, share: 0.0 }
+    Place { point: ImagePoint { u: 0.5, v: view.percept.level }, range: range.min(MOVE_M), share: 0.0, opening: None }
 }
 
-/// Left of the thing by `near` metres at its range.
+/// Left of the thing by one and a half times `near` metres at its range; along the picture's edge where it is cut by that.
 fn beside(thing: &Thing, view: &View<'_>) -> Place {
+    if thing.bounds.left <= 0.0 {
+        return edge(0.0, view);
+    }
     let camera = &view.percept.camera;
-    let aside = view.near() * camera.fx / f64::from(camera.width) / thing.range.max(0.1);
-    let point = ImagePoint { u: (thing.bounds.left - aside).max(0.0), v: 0.5 };
+    let aside = 1.5 * view.near() * camera.fx / f64::from(camera.width) / thing.range.max(0.1);
+    let point = ImagePoint { u: (thing.bounds.left - aside).max(0.0), v: view.percept.level };
     Place { point, ..place(thing) }
+}
+
+/// The middle of its upper edge.
+fn summit(thing: &Thing) -> Place {
+    let u = 0.5 * (thing.bounds.left + thing.bounds.right);
+    Place { point: ImagePoint { u, v: (thing.bounds.top + 0.02).min(1.0) }, ..place(thing) }
 }
 
 /// Above its top by a tenth of the picture, in the middle of its width.

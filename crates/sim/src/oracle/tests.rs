@@ -304,11 +304,47 @@ fn through_goes_by_the_opening() {
     let inside = Painting::new().with(solid, 0..960, 0..720, 5.0).with(mouth(3, "tunnel exit"), 440..520, 350..420, 20.0);
     let reply = ask(&oracle, &inside, &query);
     assert_eq!((reply.stage, reply.target.as_deref()), (Some(2), Some("tunnel exit")));
-    // Out of it nothing of the tunnel is in view: straight on, then done.
+    // Out of it nothing of the tunnel is in view: straight on for two moves more, then done.
     let out = Painting::new().with(tagged(5, "tree", "tree", "green"), 700..800, 100..400, 30.0);
     assert_eq!(ask(&oracle, &out, &query).stage, Some(3));
     query.memory.stage = 3;
+    assert_eq!(ask(&oracle, &out, &query).stage, Some(4));
+    query.memory.stage = 5;
     assert_eq!(ask(&oracle, &out, &query).status, Status::Done);
+}
+
+#[test]
+fn the_next_is_another_than_the_one_that_was_gone_to() {
+    let oracle = oracle("perfect");
+    let painting = Painting::new().with(tagged(1, "tower", "tower", "brown"), 300..500, 100..600, 2.5).with(
+        tagged(2, "tower", "tower", "red"),
+        700..760,
+        200..400,
+        40.0,
+    );
+    let mut query = query(0, POINT, "fly to the first tower and then fly to the second tower");
+    query.memory.stage = 1;
+    query.memory.targets = vec!["brown tower".to_owned()];
+    let reply = ask(&oracle, &painting, &query);
+    assert_eq!((reply.stage, reply.target.as_deref()), (Some(2), Some("next red tower")));
+    query.memory.stage = 2;
+    query.memory.targets.push("next red tower".to_owned());
+    assert_eq!(ask(&oracle, &painting, &query).target.as_deref(), Some("next red tower"));
+}
+
+#[test]
+fn what_is_through_an_opening_tells_how_far_to_fly() {
+    let oracle = oracle("perfect");
+    let frame = Tagged { opening: true, opening_of: Some("gate_1".to_owned()), ..tagged(2, "opening", "opening", "") };
+    let painting = Painting::new()
+        .with(tagged(1, "gate", "gate", "red"), 300..660, 200..500, 2.0)
+        .with(tagged(3, "wall", "wall", "grey"), 320..640, 220..480, 6.0)
+        .with(frame, 320..640, 220..480, 2.0);
+    let mut query = query(0, POINT, "fly through the gate");
+    query.memory.stage = 2;
+    // Not the 2 m of the opening itself (label 2), but the 6 m of the wall behind it: 1 + 4.5·log10 6 = 4.5.
+    let depth = ask(&oracle, &painting, &query).depth.unwrap();
+    assert!((4..=5).contains(&depth), "{depth}");
 }
 
 #[test]

@@ -18,6 +18,8 @@ pub enum Verb {
     Around,
     /// Over it.
     Over,
+    /// Up it, to where it is high.
+    Up,
     /// To its far side.
     Behind,
     /// Look all around.
@@ -65,6 +67,8 @@ pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
                 }
                 clauses.push(clause);
             }
+            // "Through the building without hitting it" excludes no building.
+            Read::Excluded(phrase) if (Phrase { pronoun: false, ..phrase.clone() }).is_empty() => {}
             Read::Excluded(phrase) => excluded.push(phrase),
             Read::Context(phrase) => context.push(phrase),
         }
@@ -246,9 +250,26 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let Some((at, n, verb)) = verb else {
         return bare(&words, previous);
     };
-    let (verb, rest) = refine(verb, &words[at + n..]);
+    // "Navigate fly through": of two verbs of motion the second leads on.
+    let moves = |words: &[String]| words.first().is_some_and(|w| matches!(w.as_str(), "fly" | "go" | "move" | "head"));
+    let n = if verb == Verb::GoTo && moves(&words[at + n..]) { n + 1 } else { n };
+    let said = &words[at + n..];
+    let (verb, rest) = refine(verb, said);
     let mut target = Phrase::read(rest);
     let mut verb = verb;
+    let reciprocal = starts(rest, "each other").or_else(|| starts(rest, "one another")).is_some();
+    if reciprocal {
+        // "Through each other": each of them is meant, and there is nothing to go through.
+        verb = Verb::GoTo;
+        target.other = true;
+    }
+    let toward = said.iter().find(|w| !lexicon::ADVERBS.contains(&w.as_str())).is_some_and(|w| w.starts_with("toward"));
+    if verb == Verb::Up && words[at] == "pick" {
+        verb = Verb::GoTo;
+    }
+    if verb == Verb::GoTo && toward && target.nouns.last().is_some_and(|n| lexicon::PEOPLE.contains(&n.as_str())) {
+        verb = Verb::Follow;
+    }
     if target.nouns.iter().all(|n| lexicon::SURROUNDINGS.contains(&n.as_str())) && matches!(verb, Verb::Scan | Verb::GoTo) {
         let looks = lexicon::VERBS.iter().any(|_| {
             matches!(
@@ -490,8 +511,11 @@ fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
             && !(leads_to && lexicon::ADVERBS.contains(&word))
             && !phrase
         {
+            // "Up the hill", and not "up and away".
+            let climbs = *refined != Some(Verb::Up) || matches!(next, Some("the" | "a" | "this" | "that"));
             if let Some(refined) = refined
-                && matches!(verb, Verb::GoTo | Verb::Over | Verb::Through)
+                && climbs
+                && matches!(verb, Verb::GoTo | Verb::Over | Verb::Through | Verb::Up)
             {
                 verb = *refined;
             }

@@ -65,7 +65,7 @@ pub(super) const VERB_PREPOSITIONS: &[(&str, Option<Verb>)] = &[
     ("through", Some(Verb::Through)), ("thru", Some(Verb::Through)), ("into", None), ("inside", None), ("in", None),
     ("around", Some(Verb::Around)), ("round", Some(Verb::Around)), ("about", None), ("over", Some(Verb::Over)),
     ("above", Some(Verb::Over)), ("across", Some(Verb::Over)), ("behind", Some(Verb::Behind)), ("to", None),
-    ("towards", None), ("toward", None), ("near", None), ("by", None), ("at", None), ("for", None), ("up", None),
+    ("towards", None), ("toward", None), ("near", None), ("by", None), ("at", None), ("for", None), ("up", Some(Verb::Up)),
     ("down", None), ("on", None), ("onto", None), ("upon", None), ("of", None), ("past", None), ("along", None),
     ("beside", None), ("with", None), ("out", None), ("under", None), ("beneath", None), ("below", None), ("before", None),
 ];
@@ -131,7 +131,7 @@ pub(super) const FLUFF: &[&str] = &[
     "parked", "stationary", "nearly", "kind", "sort", "type", "bit", "shiny", "clean", "dirty", "cool", "interesting",
     "striking", "imposing", "impressive", "majestic", "gigantic", "local", "public", "urban", "city", "downtown", "town",
     "elegant", "fancy", "plain", "actual", "light", "lit", "pure", "solid", "all", "mighty", "iconic", "conspicuous",
-    "stately", "proud", "empty", "busy", "quiet",
+    "stately", "proud", "empty", "busy", "quiet", "complex",
 ];
 
 /// Adjectives of shape and matter: they choose among objects whose tags know them, and are passed over where none does.
@@ -218,7 +218,7 @@ pub(super) const SIDES: &[(&str, Side)] = &[
 /// Phrases that add nothing to a target.
 #[rustfmt::skip]
 pub(super) const DROPPED: &[&str] = &[
-    "in front of you", "in front of me", "in front of us", "in front of the drone", "ahead of you", "straight ahead",
+    "in front of you", "in front you", "long distance", "in front of me", "in front of us", "in front of the drone", "ahead of you", "straight ahead",
     "ahead", "in sight", "in view", "in the city", "in this city", "in the town", "in the scene", "in the picture",
     "in the image", "in the frame", "in the area", "in the park", "you can see", "you see", "that you can see",
     "that you see", "over there", "out there", "down there", "up there", "around here", "near here", "near you", "close by",
@@ -241,6 +241,7 @@ pub(super) const SYNONYMS: &[&[&str]] = &[
     &["bridge", "overpass", "viaduct", "flyover", "footbridge", "crossing"],
     &["needle", "spire", "obelisk", "needle tower", "space needle", "mast", "pylon", "spike", "antenna"],
     &["tower", "spire"], &["road", "street", "avenue", "lane", "highway", "carriageway", "motorway", "boulevard"],
+    &["locomotive", "locomotion", "railway engine", "steam engine"], &["carriage", "cart", "railcar", "rail car", "train car"],
     &["lake", "pond"], &["truck", "lorry"], &["van", "minivan", "delivery van"], &["bus", "coach", "omnibus"],
     &["train", "railway train"],
     &["person", "human", "pedestrian", "man", "woman", "guy", "people", "somebody", "walker"],
@@ -285,4 +286,16 @@ pub(super) const GENERAL_USES: &[(&str, &[&str])] = &[
     ("lake", &["swim", "water", "fish", "boat", "drink"]),
     ("needle", &["antenna", "landmark", "point", "broadcast", "pointed"]), ("lamp", &["light", "lit"]),
     ("road", &["drive", "car", "traffic"]),
+];
+
+/// Vehicles that are coupled one after another: "the cart after the locomotive" tells a place, not a time.
+#[rustfmt::skip]
+pub(super) const COUPLED: &[&str] = &[
+    "train", "locomotive", "locomotion", "engine", "carriage", "wagon", "cart", "coach", "railcar",
+];
+
+/// People: flying *toward* one who may walk has no end of its own.
+#[rustfmt::skip]
+pub(super) const PEOPLE: &[&str] = &[
+    "person", "human", "pedestrian", "man", "woman", "guy", "boy", "girl", "child", "walker", "worker", "guest",
 ];

@@ -94,6 +94,8 @@ pub struct Phrase {
     pub relations: Vec<(Relation, Vec<Self>)>,
     /// Words that say what it serves for.
     pub uses: Vec<String>,
+    /// Whether `uses` tell what it has with it by its colour ("with the red cone"): what lacks it is not meant.
+    pub having: bool,
     /// What it is not.
     pub not: Vec<Self>,
     /// "the other one", "another": not what was meant before.
@@ -108,8 +110,7 @@ impl Phrase {
     /// Whether the phrase says nothing at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        let Self { nouns, colours, sizes, soft, ordinal, side, relations, uses, not, other, pronoun, superlative: _, said: _ } =
-            self;
+        let Self { nouns, colours, sizes, soft, ordinal, side, relations, uses, not, other, pronoun, .. } = self;
         nouns.is_empty()
             && colours.is_empty()
             && sizes.is_empty()
@@ -368,6 +369,7 @@ impl Phrase {
             let telling = rest.iter().filter(|w| w.len() > 1 && !empty(w));
             let before = self.uses.len();
             self.uses.extend(telling.cloned());
+            self.having |= first == "with" && rest.iter().any(|w| is_colour(w));
             // "The person who needs help": words that say little elsewhere are all there is to tell one by.
             if self.uses.len() == before && !self.nouns.is_empty() {
                 self.uses.extend(rest.iter().filter(|w| w.len() > 1).cloned());

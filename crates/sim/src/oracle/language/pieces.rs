@@ -1,6 +1,7 @@
 //! Cutting a text into the pieces that are read one by one, and putting them in order of flight.
 
 use super::grammar::{negative, starts_verb};
+use super::lexicon;
 use super::phrase::starts;
 
 /// A stretch of words, and how it was joined.
@@ -65,6 +66,11 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
             } else {
                 i += rest.iter().position(|w| w == ".").unwrap_or(rest.len());
             }
+        } else if word == "after" && coupled(out.last(), &rest[1..]) {
+            if let Some(piece) = out.last_mut() {
+                piece.words.extend(["next", "to"].map(str::to_owned));
+            }
+            i += 1;
         } else if matches!(word, "before" | "after") || (word == "prior" && rest.get(1).is_some_and(|w| w == "to")) {
             let skip = if word == "prior" { 2 } else { 1 };
             let before = word != "after";
@@ -129,8 +135,18 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
             i += 1;
         }
     }
-    out.retain(|piece| piece.words.iter().any(|w| !filler(w)));
+    // "And the next" says something by fillers alone.
+    let next = |piece: &Piece| piece.words.ends_with(&["the".to_owned(), "next".to_owned()]);
+    out.retain(|piece| next(piece) || piece.words.iter().any(|w| !filler(w)));
     out
+}
+
+/// Whether "after" stands between two vehicles of one train: "the cart after the locomotive".
+fn coupled(before: Option<&Piece>, after: &[String]) -> bool {
+    let rail = |words: &[String]| words.iter().any(|w| lexicon::COUPLED.contains(&w.as_str()));
+    let end = after.iter().position(|w| matches!(w.as_str(), "," | "." | "and" | "then")).unwrap_or(after.len());
+    let after = &after[..end];
+    before.is_some_and(|piece| rail(&piece.words)) && rail(after) && (0..after.len()).all(|i| starts_verb(&after[i..]).is_none())
 }
 
 /// Whether "and" or a comma is followed by another target: "… and the needle", "… and to the car".

@@ -55,13 +55,17 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
     if let Some(side) = phrase.side {
         found = on_side(side, found, items);
     }
-    if found.len() > 1 {
+    let merely_tall = phrase.sizes.contains(&Size::Tall) && !phrase.superlative && phrase.ordinal.is_none();
+    if found.len() > 1 || merely_tall {
         found = ranked(phrase, found, items);
     }
     if let Some(ordinal) = phrase.ordinal
         && phrase.sizes.is_empty()
     {
-        found = ordered(ordinal.number, ordinal.from, found, items);
+        found = match numbered(ordinal.number, &found, items) {
+            Some(named) => named,
+            None => ordered(ordinal.number, ordinal.from, found, items),
+        };
     }
     if found.is_empty() {
         found = (0..items.len()).filter(|&i| described(&phrase.said, items[i].tags)).collect();
@@ -77,7 +81,7 @@ pub(in super::super) fn vocabulary<'a>(tags: impl Iterator<Item = &'a Tagged>) -
 /// Whether the words hold a name of the object that is a whole description: "person in the dark", "engine of the train". Taken
 /// apart, such a name would ask for an object called "dark".
 fn described(said: &[String], tags: &Tagged) -> bool {
-    let place = |w: &String| matches!(w.as_str(), "of" | "in" | "with" | "under" | "on");
+    let place = |w: &String| PLACES.contains(&w.as_str());
     tags.names.iter().chain(&tags.synonyms).any(|name| {
         let mut name = split(name);
         name.retain(|w| !matches!(w.as_str(), "the" | "a" | "an"));
@@ -86,6 +90,12 @@ fn described(said: &[String], tags: &Tagged) -> bool {
         whole && said.windows(name.len()).any(|words| words == name)
     })
 }
+
+/// Words in a name after which no head follows: "person holding a cone" is no cone.
+const PLACES: [&str; 8] = ["of", "in", "with", "under", "on", "holding", "carrying", "wearing"];
+
+/// Height from which a building that nobody calls tall passes for tall, metres: four storeys.
+const TALL_M: f64 = 12.0;
 
 /// Nouns with their spelling put right by the tags at hand.
 fn spelt(nouns: &[String], items: &[Item<'_>]) -> Vec<String> {
@@ -130,7 +140,7 @@ fn terms(tags: &Tagged) -> Vec<Vec<String>> {
 /// A name as singular words, head last: "entrance of the tunnel" is a tunnel entrance.
 fn head_last(text: &str) -> Vec<String> {
     let words = split(text);
-    let Some(at) = words.iter().position(|w| matches!(w.as_str(), "of" | "in" | "with" | "under" | "on")) else { return words };
+    let Some(at) = words.iter().position(|w| PLACES.contains(&w.as_str())) else { return words };
     let (head, rest) = words.split_at(at);
     rest[1..].iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an")).chain(head).cloned().collect()
 }
@@ -147,6 +157,9 @@ fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
     // "A glass tower": matter may be part of the name.
     let whole: Vec<String> = phrase.soft.iter().chain(nouns).cloned().collect();
     let named = named(nouns, tags).max(if nouns.is_empty() { 0 } else { named(&whole, tags) });
+    // A red and white mast is no white needle, whatever the likeness of mast and needle.
+    let second = phrase.colours.len() == 1 && colours_of(tags).first().is_some_and(|main| *main != phrase.colours[0]);
+    let named = if second && named <= 3 { 0 } else { named };
     let used = used(&phrase.uses, tags);
     match (nouns.is_empty(), phrase.uses.is_empty()) {
         (false, true) => named,
@@ -154,7 +167,9 @@ fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
         (false, false) => {
             // "Who needs help": said of nobody in sight, it is nobody in sight.
             let only = phrase.uses.iter().all(|w| lexicon::EMPTY.contains(&stem(w).as_str()));
-            if named == 0 || (only && used == 0) { 0 } else { used * 10 + named }
+            let has = |word: &String| self::used(core::slice::from_ref(word), tags) > 0;
+            let lacks = phrase.having && phrase.uses.last().is_some_and(|word| !has(word));
+            if named == 0 || lacks || (only && used == 0) { 0 } else { used * 10 + named }
         }
         (true, false) => used,
         // "The red one", "the tallest thing": whatever has the colour or the rank.
@@ -430,6 +445,8 @@ fn ranked(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> 
             let said = |i: &usize| items[*i].tags.qualities.iter().any(|q| words.contains(&q.as_str()));
             if found.iter().any(said) {
                 found.retain(said);
+            } else if size == Size::Tall {
+                found.retain(|&i| items[i].tags.kind != "building" || items[i].height.is_none_or(|height| height >= TALL_M));
             }
         }
     }
@@ -464,6 +481,19 @@ fn order(size: Size, found: &[usize], items: &[Item<'_>]) -> Option<Vec<usize>> 
     let mut keyed: Vec<(f64, usize)> = found.iter().map(|&i| key(i).map(|k| (k, i))).collect::<Option<_>>()?;
     keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
     Some(keyed.into_iter().map(|(_, i)| i).collect())
+}
+
+/// Candidates that bear the number in their name ("second gate"); none where no candidate bears any.
+pub(in super::super) fn numbered(number: i32, found: &[usize], items: &[Item<'_>]) -> Option<Vec<usize>> {
+    let borne = |i: usize| -> Option<i32> {
+        let tags = items[i].tags;
+        tags.names.iter().chain(&tags.synonyms).find_map(|name| {
+            let first = name.split(' ').next()?;
+            lexicon::ORDINALS.iter().find(|(word, number)| *word == first && *number > 0).map(|(_, number)| *number)
+        })
+    };
+    let numbers: Vec<(usize, i32)> = found.iter().filter_map(|&i| borne(i).map(|n| (i, n))).collect();
+    (!numbers.is_empty() && number > 0).then(|| numbers.into_iter().filter(|(_, n)| *n == number).map(|(i, _)| i).collect())
 }
 
 /// The n-th candidate from a side, or by range where no side is named.
