@@ -55,8 +55,7 @@ struct RawStart {
     #[serde(default)]
     past: Vec<Spanned<Selector>>,
     past_m: Option<Spanned<f64>>,
-    #[serde(default)]
-    blocked: bool,
+    blocked: Option<bool>,
 }
 
 #[derive(Clone, Copy, PartialEq, Deserialize)]

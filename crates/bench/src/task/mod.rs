@@ -135,8 +135,8 @@ pub struct Start {
     pub of: Vec<Selector>,
     /// One of these stands on the straight way to the target, at most so far from it on the map, metres.
     pub past: Option<(Vec<Selector>, f64)>,
-    /// Whether something solid meets the straight way from take-off height to the middle of the target.
-    pub blocked: bool,
+    /// Whether something solid meets the straight way from take-off height to the target; none: it may, or may not.
+    pub blocked: Option<bool>,
 }
 
 /// One thing to be done. Goals are met in order.

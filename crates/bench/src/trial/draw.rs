@@ -18,6 +18,10 @@ const VARIANTS: u64 = 40;
 const PLACES: u64 = 3000;
 /// Places at most at which it is looked what is in view.
 const LOOKS: u32 = 40;
+/// The start is at most so much higher than the target's foot, metres.
+const FOOT_M: f64 = 2.0;
+/// Beside the craft's body on a way that is not blocked, metres.
+const ROOM_M: f64 = 0.3;
 /// Within this share of the half field of view the target lies from the middle, where it is to be in view.
 const MIDDLE: f64 = 0.7;
 /// Beyond this it is behind, radians.
@@ -131,7 +135,11 @@ fn start(task: &Task, stage: &Arc<Stage>, in_view: Option<bool>, mut draw: Draw)
         let fits = if wanted {
             sight.clearly(stage, &moment).iter().any(|id| place.targets.contains(id))
         } else {
-            !sight.glimpses(stage, &moment, &place.targets)
+            // Not a pixel of it now; and yet it can be found by turning.
+            !sight.glimpses(stage, &moment, &place.targets) && {
+                let turned = place.turned_to_focus(task, stage);
+                sight.clearly(stage, &turned).iter().any(|id| place.targets.contains(id))
+            }
         };
         if fits {
             return Some(found(in_view));
@@ -145,6 +153,8 @@ struct Place {
     start: Pose,
     targets: Vec<ObjectId>,
     focus: Option<ObjectId>,
+    /// How far the heading lies from the bearing of the target, radians.
+    off: f64,
 }
 
 impl Place {
@@ -170,7 +180,7 @@ impl Place {
             None => turn * core::f64::consts::TAU,
         };
         let attitude = Attitude { heading: wrap_angle(bearing + off), ..Attitude::default() };
-        Self { start: Pose { position: at, attitude }, targets, focus }
+        Self { start: Pose { position: at, attitude }, targets, focus, off }
     }
 
     /// Where the craft is after take-off.
@@ -182,6 +192,14 @@ impl Place {
     /// What it sees there.
     fn moment(&self, task: &Task, stage: &Stage) -> Moment {
         stage.beginning(Pose { position: self.aloft(task), ..self.start })
+    }
+
+    /// What it sees there with the target in the middle of the picture.
+    fn turned_to_focus(&self, task: &Task, stage: &Stage) -> Moment {
+        let heading = self.start.attitude.heading - self.off;
+        let turned =
+            Pose { position: self.aloft(task), attitude: Attitude { heading: wrap_angle(heading), ..self.start.attitude } };
+        stage.beginning(turned)
     }
 
     /// Open ground that nothing covers, and room to take off and to stay.
@@ -201,6 +219,10 @@ impl Place {
     fn is_right(&self, task: &Task, stage: &Stage) -> bool {
         let Some(focus) = self.focus.and_then(|id| stage.scene.object(id)) else { return task.start_targets().is_empty() };
         let moment = self.moment(task, stage);
+        // A craft does not sink below where it took off: not from a hill to what lies at its foot.
+        if focus.bounds.min.up < self.start.position.up - FOOT_M {
+            return false;
+        }
         let [least, most] = task.start.range;
         if !nearest(stage, &self.targets, &moment).is_some_and(|(_, range)| (least..=most).contains(&range)) {
             return false;
@@ -211,8 +233,30 @@ impl Place {
             things.iter().filter_map(|id| stage.scene.object(*id)).any(|thing| off_way(from, to, centre(&thing.bounds)) <= *near)
         });
         let radius = Model::of(task.craft).craft.radius;
-        past && (!task.start.blocked
-            || stage.collider.sweep(from, to, radius).is_some_and(|met| !self.is_target(stage, met.object)))
+        let is_met = |radius| stage.collider.sweep(from, to, radius).is_some_and(|met| !self.is_target(stage, met.object));
+        past && match task.start.blocked {
+            None => true,
+            Some(true) => is_met(radius),
+            Some(false) => self.targets.iter().all(|target| self.is_open(task, stage, *target)),
+        }
+    }
+
+    /// Whether the craft finds room on the straight way to a target, unless that is farther than any start may be. What
+    /// walks is not looked at.
+    fn is_open(&self, task: &Task, stage: &Stage, target: ObjectId) -> bool {
+        let (moment, from) = (self.moment(task, stage), self.aloft(task));
+        let away = stage.distance_to(target, &moment.actors, from).unwrap_or(f64::INFINITY);
+        let Some(object) = stage.scene.object(target) else { return true };
+        if away > task.start.range[1] {
+            return true;
+        }
+        let bounds = stage.bounds(object, &moment.actors);
+        let to = centre(&bounds);
+        let room = Model::of(task.craft).craft.radius + ROOM_M;
+        // The way ends where the judge would say that it is near enough.
+        let end = |at: EnuPosition| stage.distance_to(target, &moment.actors, at).is_some_and(|left| left <= task.set.radius());
+        let met = stage.collider.sweep(from, to, room);
+        met.is_none_or(|met| self.is_target(stage, met.object) || end(met.centre))
     }
 
     /// Whether an object is a target or what one of them leads through.
