@@ -198,14 +198,18 @@ fn wide_and_plain_instructions_give_the_same_bits() {
 }
 
 #[test]
-fn live_pictures_differ_at_edges_alone() {
+fn live_pictures_show_the_same_things_more_coarsely() {
     let renderer = Renderer::new(&yard::yard().geometry);
     let draw = |quality| renderer.render(&level(), &pose(0.0, -25.0, 6.0, 0.0), Channels { quality, ..Channels::ALL });
     let (full, live) = (draw(Quality::Full), draw(Quality::Live));
     assert_eq!((&full.ids, &full.depth), (&live.ids, &live.depth));
     let (full, live) = (full.rgb.unwrap(), live.rgb.unwrap());
-    let differing = full.chunks_exact(3).zip(live.chunks_exact(3)).filter(|(a, b)| a != b).count();
-    assert!(differing > 1000 && differing < 960 * 720 / 8, "{differing}");
+    let off = |(a, b): (&[u8], &[u8])| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0);
+    let off: Vec<u8> = full.chunks_exact(3).zip(live.chunks_exact(3)).map(off).collect();
+    let beyond = |least: u8| off.iter().filter(|&&off| off > least).count();
+    // Noise is faint; only edges and rims of shadows differ by much.
+    assert!(beyond(40) > 1000 && beyond(40) < 960 * 720 / 20, "{}", beyond(40));
+    assert!(beyond(0) > 960 * 720 / 10, "{}", beyond(0));
 }
 
 #[test]

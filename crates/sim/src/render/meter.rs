@@ -98,7 +98,7 @@ impl Palette {
             let p = V3::splat(simd, p);
             let receiver = self.shadows.receiver(light.to_sun, 1.0).splat(simd);
             let all = F::splat(simd, 0.0).simd_ge(0.0);
-            (self.ambient.open(p)[0], self.shadows.lit(p, &receiver, all)[0])
+            (self.ambient.open(p)[0], self.shadows.lit(p, &receiver, all, true)[0])
         });
         let even = luminance(light.sky_ambient + light.ground_ambient) * 0.5 * open;
         even + luminance(light.sun) * sun * 0.25 + luminance(self.lamps.at(p)) * 0.25

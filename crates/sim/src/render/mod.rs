@@ -81,7 +81,8 @@ pub enum Quality {
     /// With smooth edges: what is recorded and what a VLM is sent.
     #[default]
     Full,
-    /// Jagged edges, everything else as in [`Quality::Full`]: to look on while flying.
+    /// To look on while flying: jagged edges, shadows with hard rims, none where things stand on the ground, and of the noise of
+    /// materials what is broad.
     Live,
 }
 

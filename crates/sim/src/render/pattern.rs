@@ -53,6 +53,16 @@ pub(crate) struct Spot<S: Simd> {
     /// Metres of u and of v that a pixel covers.
     pub(crate) foot_u: F<S>,
     pub(crate) foot_v: F<S>,
+    /// Noise fades as if a pixel covered this many times more: the greater, the less of it is left, and the quicker it is drawn.
+    pub(crate) coarse: f32,
+}
+
+impl<S: Simd> Spot<S> {
+    /// Metres that a pixel covers, as far as noise is concerned.
+    #[inline(always)]
+    fn wide(&self) -> F<S> {
+        self.foot_u.max(self.foot_v) * self.coarse
+    }
 }
 
 /// A surface at eight pixels.
@@ -107,7 +117,7 @@ impl<S: Simd> Surface<S> {
     pub(crate) fn new(paint: &Paint, at: &Spot<S>, noise: &Noise) -> Self {
         let (base, accent) = (paint.base, paint.accent);
         let (u, v) = (at.u, at.v);
-        let wide = at.foot_u.max(at.foot_v);
+        let wide = at.wide();
         match paint.pattern {
             Pattern::Plain => Self::matt(V3::along(base, noise.faded(u, v, 1.0 / 0.9, wide) * 0.03 + 1.0)),
             Pattern::Windows { cell, glass } => windows(paint, cell, glass, at, noise),
@@ -175,7 +185,7 @@ impl<S: Simd> Surface<S> {
 /// One component of the slope of water, from the part of the noise at `off`.
 #[inline(always)]
 fn ripple<S: Simd>(at: &Spot<S>, off: (f32, f32), noise: &Noise) -> F<S> {
-    let wide = at.foot_u.max(at.foot_v);
+    let wide = at.wide();
     noise.faded(at.u + off.0, at.v * 1.6 + off.1, 1.0 / 1.6, wide) * 0.036
         + noise.faded(at.u * 1.3 - off.1, at.v + off.0, 1.0 / 0.5, wide) * 0.024
 }
@@ -200,7 +210,7 @@ fn windows<S: Simd>(paint: &Paint, cell: Vec2, glass: f32, at: &Spot<S>, noise: 
     // A mullion down the middle of wide panes, the frame, and the lintel's shade over the upper part.
     let mullion = if cell.x * glass > 1.0 { band(inner_x, fx * over, 0.485, 0.515) * near } else { none };
     let lintel = inner_y.simd_gt(0.86).select(near * 0.55, none);
-    let wide = at.foot_u.max(at.foot_v);
+    let wide = at.wide();
     let stain = noise.faded(at.u, at.v, 1.0 / 3.1, wide) * 0.05 + noise.faded(at.u, at.v, 1.0 / 0.25, wide) * 0.04 + 1.0;
     // Below each window a sill, brighter; between floors a faint line.
     let sill = band(y - y0, fy, edge - 0.05, edge) * near * band(inner_x, fx, -0.06, 1.06);
@@ -222,7 +232,7 @@ fn brick<S: Simd>(base: Vec3, accent: Vec3, at: &Spot<S>, noise: &Noise) -> Surf
     let mortar = 1.0 - (1.0 - pulse(y, fy, 0.14)) * (1.0 - pulse(x, fx, 0.05));
     let near = clamp(1.4 - fx.max(fy), 0.0, 1.0);
     let own = (cell_hashes(whole(x.floor()), row, 2) - 0.5) * 0.5 * near;
-    let wide = at.foot_u.max(at.foot_v);
+    let wide = at.wide();
     let broad = noise.faded(at.u, at.v, 1.0 / 2.2, wide) * 0.10 + noise.faded(at.u, at.v, 1.0 / 0.5, wide) * 0.08;
     let bricks = V3::along(base, own + broad + 1.0);
     Surface::matt(bricks + (V3::splat(at.u.token(), accent) - bricks) * mortar)
@@ -232,7 +242,7 @@ fn brick<S: Simd>(base: Vec3, accent: Vec3, at: &Spot<S>, noise: &Noise) -> Surf
 #[inline(always)]
 fn asphalt<S: Simd>(base: Vec3, accent: Vec3, width: f32, at: &Spot<S>, noise: &Noise) -> Surface<S> {
     let (u, v) = (at.u, at.v);
-    let wide = at.foot_u.max(at.foot_v);
+    let wide = at.wide();
     let grain = noise.faded(u, v, 1.0 / 0.06, wide) * 0.16
         + noise.faded(u, v, 1.0 / 0.9, wide) * 0.07
         + noise.faded(u, v * 0.3, 1.0 / 5.0, wide) * 0.08;
@@ -275,7 +285,7 @@ mod tests {
         with_instructions!(Instructions::best(), simd => {
             let at = |u: f32| {
                 let [u, v, foot] = [u, 1.0 + u, 30.0].map(|x| F::splat(simd, x));
-                Surface::new(&paint, &Spot { u, v, foot_u: foot, foot_v: foot }, &noise).albedo.x[0]
+                Surface::new(&paint, &Spot { u, v, foot_u: foot, foot_v: foot, coarse: 1.0 }, &noise).albedo.x[0]
             };
             assert!((0..40).all(|i| (at(i as f32 * 0.7) - at(0.0)).abs() < 0.02));
         });

@@ -16,6 +16,8 @@ use crate::texture::Texture;
 
 /// Share of a mirror that level ground is in heavy rain.
 const WET: f32 = 0.75;
+/// [`Spot::coarse`] of pictures that are not fine: noise of fewer than so many pixels to a cell is left out.
+const COARSE: f32 = 8.0;
 /// Moving things farther away than this darken no ground, metres.
 const STANDING: f32 = 80.0;
 
@@ -28,7 +30,8 @@ pub(crate) struct Shader<'a> {
     textures: &'a [Texture],
     pub(super) view: &'a View,
     pub(super) instructions: Instructions,
-    pub(super) smooth_edges: bool,
+    /// Smooth edges, and everything that only a longer look shows.
+    pub(super) fine: bool,
     /// What light is multiplied by on the film.
     exposure: f32,
     /// Where this picture's own things stand.
@@ -71,24 +74,12 @@ impl<'a> Shader<'a> {
         (palette, textures): (&'a Palette, &'a [Texture]),
         view: &'a View,
         instructions: Instructions,
-        smooth_edges: bool,
+        fine: bool,
     ) -> Self {
         let (right, down) = (view.right / view.fx, view.down / view.fy);
         let exposure = palette.exposure(view.eye);
-        let standing = Contact::about(soups[1], view.eye, STANDING);
-        Self {
-            soup: soups[0],
-            actors: soups[1],
-            palette,
-            textures,
-            view,
-            instructions,
-            smooth_edges,
-            exposure,
-            standing,
-            right,
-            down,
-        }
+        let standing = if fine { Contact::about(soups[1], view.eye, STANDING) } else { Contact::default() };
+        Self { soup: soups[0], actors: soups[1], palette, textures, view, instructions, fine, exposure, standing, right, down }
     }
 
     fn triangle(&self, id: u32) -> (&Soup, &Triangle) {
@@ -204,7 +195,7 @@ impl<'a> Shader<'a> {
     fn even<S: Simd>(&self, p: V3<F<S>>, flat: V3<F<S>>, normal: V3<F<S>>, ambient: V3<F<S>>) -> V3<F<S>> {
         let light = ambient + self.palette.lamps.on(p, flat, normal);
         let level = flat.z.simd_gt(0.5);
-        if level.all_false() {
+        if !self.fine || level.all_false() {
             return light;
         }
         light * (1.0 - self.palette.contact.dark(p, level).max(self.standing.dark(p, level)))
@@ -223,7 +214,7 @@ impl<'a> Shader<'a> {
         let simd = z.token();
         let away = rays.ray * z;
         let p = away.plus_same(self.view.eye);
-        let spot = spot(facet, away, z);
+        let spot = spot(facet, away, z, if self.fine { 1.0 } else { COARSE });
         let mut surface = Surface::new(paint, &spot, &self.palette.noise);
         if let Pattern::Image { texture, .. } = paint.pattern
             && let Some(picture) = self.textures.get(usize::from(texture))
@@ -249,7 +240,7 @@ impl<'a> Shader<'a> {
         }
         let none = F::splat(simd, 0.0);
         let sun = if sunlit.any_true() {
-            sunlit.select(direct * self.palette.shadows.lit(p, &facet.receiver, sunlit), none)
+            sunlit.select(direct * self.palette.shadows.lit(p, &facet.receiver, sunlit, self.fine), none)
         } else {
             none
         };
@@ -282,7 +273,7 @@ impl<'a> Shader<'a> {
 
 /// Where on their surfaces pixels are, and how much of them they cover.
 #[inline(always)]
-fn spot<S: Simd>(facet: &Facet<F<S>>, away: V3<F<S>>, z: F<S>) -> Spot<S> {
+fn spot<S: Simd>(facet: &Facet<F<S>>, away: V3<F<S>>, z: F<S>, coarse: f32) -> Spot<S> {
     let (u, v) = (facet.u_axis.dot(away), facet.v_axis.dot(away));
     // A step across the picture moves the point on the plane: dP = z·(R − ray·(n·R)/(n·ray)).
     let (slant_right, slant_down) = (facet.slant_right * z, facet.slant_down * z);
@@ -291,6 +282,7 @@ fn spot<S: Simd>(facet: &Facet<F<S>>, away: V3<F<S>>, z: F<S>) -> Spot<S> {
         v: facet.eye_v + v,
         foot_u: longer(facet.right_u * z - u * slant_right, facet.down_u * z - u * slant_down),
         foot_v: longer(facet.right_v * z - v * slant_right, facet.down_v * z - v * slant_down),
+        coarse,
     }
 }
 

@@ -242,9 +242,10 @@ impl ShadowMap {
         }
     }
 
-    /// Share of the sun's light that reaches `p` on a surface; pixels outside of `asked` get any answer.
+    /// Share of the sun's light that reaches `p` on a surface, all or nothing unless `soft`; pixels outside of `asked` get any
+    /// answer.
     #[inline(always)]
-    pub(crate) fn lit<S: Simd>(&self, p: V3<F<S>>, on: &Receiver<F<S>>, asked: M<S>) -> F<S> {
+    pub(crate) fn lit<S: Simd>(&self, p: V3<F<S>>, on: &Receiver<F<S>>, asked: M<S>, soft: bool) -> F<S> {
         let simd = p.x.token();
         let p = p + on.shift;
         let at = V3 {
@@ -286,9 +287,17 @@ impl ShadowMap {
         while unsure != 0 {
             let lane = unsure.trailing_zeros() as usize;
             unsure &= unsure - 1;
-            shares[lane] = self.filtered(simd, at.z[lane].max(0.0), at.x[lane], at.y[lane]);
+            let (own, x, y) = (at.z[lane].max(0.0), at.x[lane], at.y[lane]);
+            shares[lane] = if soft { self.filtered(simd, own, x, y) } else { self.nearest(own, x, y) };
         }
         F::from_slice(simd, &shares)
+    }
+
+    /// 1 if the texel in the middle of [`ShadowMap::filtered`]'s is no nearer to the sun than `own`, else 0.
+    #[inline(always)]
+    fn nearest(&self, own: f32, x: f32, y: f32) -> f32 {
+        let texel = self.near[(y + 1.5) as usize * self.width + (x + 1.5) as usize];
+        f32::from(u8::from(i32::from(texel) <= own as i32))
     }
 
     /// Share of the texels about (`x`, `y`) no nearer to the sun than `own`.

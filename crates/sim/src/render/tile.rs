@@ -66,7 +66,7 @@ impl Work {
         let area = Area { left, top, width: (width - left).min(TILE as usize), height: (height - top).min(TILE as usize) };
         self.packets.clear(shader.palette.paints.len());
         with_instructions!(shader.instructions, simd => {
-            if shader.smooth_edges {
+            if shader.fine {
                 self.gather(samples, left, top, width, height);
                 let edges = self.find_edges(simd, shader, bins, index, area);
                 self.fill(shader, samples, index, area, &edges);
