@@ -203,7 +203,7 @@ impl FlightLog {
                 (Level::Info, format!("{}. {}", decision.number, words::decision(decision)))
             }
             Note::Envelope(cause) => (Level::Warning, format!("envelope: {cause}")),
-            Note::LateReply(id) => (Level::Warning, format!("answer {} came too late and moves nothing", id.0)),
+            Note::LateReply(id) => (Level::Warning, format!("query {} ended after it had been given up: it moves nothing", id.0)),
             Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable answer: {reason}")),
             Note::Operator(event) => (Level::Info, format!("operator: {}", words::operator(event))),
             Note::OperatorIgnored(event, why) => (Level::Warning, format!("operator: {} ignored: {why}", words::operator(event))),

@@ -40,12 +40,23 @@ pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> 
         None if name == "oracle" => oracle(settings, name),
         Some(("oracle", _)) => oracle(settings, name),
         Some(("replay", file)) => replay(file),
-        _ => model(settings, name, prompt),
+        _ => return Ok(and_recorded(settings, model(settings, name, prompt)?)),
     }?;
-    Ok(match settings.get("vlm.record") {
+    let idle =
+        ["vlm.fallback", "vlm.hedge_s"].into_iter().filter(|name| settings.get(name).is_some()).collect::<Vec<_>>().join(" and ");
+    let sentence = match idle.as_str() {
+        "" => pointing.sentence,
+        idle => format!("{} Without use, for no model is asked: {idle}.", pointing.sentence),
+    };
+    Ok(and_recorded(settings, Pointing { sentence, ..pointing }))
+}
+
+/// The same, its answers recorded where the settings want it.
+fn and_recorded(settings: &Settings, pointing: Pointing) -> Pointing {
+    match settings.get("vlm.record") {
         Some(path) => recorded(pointing, path.to_owned()),
         None => pointing,
-    })
+    }
 }
 
 /// The answers of a recording, under the name of who gave them.
@@ -60,7 +71,7 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
     Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), sentence })
 }
 
-/// The same, its answers recorded.
+/// The same, its answers recorded in a file.
 fn recorded(pointing: Pointing, path: String) -> Pointing {
     let who = pointing.who;
     let record = move |world: Option<&SimWorld>, seed| {
