@@ -57,7 +57,7 @@ fn annotate(bencher: Bencher<'_, '_>, (width, height): (u32, u32)) {
     });
 }
 
-#[divan::bench(args = [85, 90])]
+#[divan::bench(args = [70, 80, 90])]
 fn jpeg_960x720(bencher: Bencher<'_, '_>, quality: u8) {
     let picture = scene(960, 720, 0);
     bencher.bench(|| Jpeg::encode(black_box(&picture), quality));
