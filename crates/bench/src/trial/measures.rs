@@ -36,9 +36,24 @@ fn spread(way: &[EnuPosition]) -> Vec<EnuPosition> {
     points
 }
 
-/// Normalised dynamic time warping of a flown way to a reference, 0..=1: `exp(−DTW / (N·radius))`.
+/// Places of a way that is sampled by time, at least [`SPACING`] of way apart, with the first and the last: where a craft hovers it would
+/// else count for each moment.
+fn thinned(way: &[EnuPosition]) -> Vec<EnuPosition> {
+    let mut kept: Vec<EnuPosition> = way.first().copied().into_iter().collect();
+    let mut since = 0.0;
+    for (i, pair) in way.windows(2).enumerate() {
+        since += pair[0].distance(pair[1]);
+        if since >= SPACING || (i + 2 == way.len() && since > 0.0) {
+            kept.push(pair[1]);
+            since = 0.0;
+        }
+    }
+    kept
+}
+
+/// Normalised dynamic time warping of a flown way to a reference, 0..=1: `exp(−DTW / (N·radius))`, N the points of the reference.
 pub(super) fn ndtw(reference: &[EnuPosition], flown: &[EnuPosition], radius: f64) -> f64 {
-    let reference = spread(reference);
+    let (reference, flown) = (spread(reference), thinned(flown));
     let (Some(_), Some(_)) = (reference.first(), flown.first()) else { return 0.0 };
     let mut row = vec![f64::INFINITY; flown.len() + 1];
     row[0] = 0.0;
@@ -70,6 +85,14 @@ mod tests {
         let aside: Vec<EnuPosition> = spread(&reference).iter().map(|p| EnuPosition { east: 1.0, ..*p }).collect();
         assert!((ndtw(&reference, &aside, 1.0) - libm::exp(-1.0)).abs() < 1e-12);
         assert_eq!(ndtw(&reference, &[], 1.0), 0.0);
+    }
+
+    #[test]
+    fn a_way_flown_slowly_with_rests_is_the_same_way() {
+        let reference = way(&[0.0, 4.0]);
+        // A step of 5 cm each moment, and a hundred moments of hovering.
+        let slow: Vec<f64> = (0..=80).map(|i| f64::from(i) * 0.05).chain([4.0; 100]).collect();
+        assert!(ndtw(&reference, &way(&slow), 1.0) > 0.9, "{}", ndtw(&reference, &way(&slow), 1.0));
     }
 
     #[test]
