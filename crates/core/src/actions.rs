@@ -231,10 +231,7 @@ fn interpret(value: &Value, nested: bool) -> Verdict<ActionsReply, ActionsError>
 fn reply(value: &Value, items: &[Value]) -> Result<ActionsReply, ActionsError> {
     let done = match value.field(&["done"]) {
         None => false,
-        Some(Value::Bool(done)) => *done,
-        Some(Value::Text(text)) if text.trim().eq_ignore_ascii_case("true") => true,
-        Some(Value::Text(text)) if text.trim().eq_ignore_ascii_case("false") => false,
-        Some(other) => return Err(wrong("done".to_owned(), "true or false", other)),
+        Some(said) => said.truth().ok_or_else(|| wrong("done".to_owned(), "true or false", said))?,
     };
     let actions: Vec<Action> =
         items.iter().take(MAX_ACTIONS).enumerate().map(|(i, item)| action(item, i)).collect::<Result<_, _>>()?;

@@ -137,3 +137,22 @@ pub struct Query {
     /// Size at which the picture is sent, if not that of the frame.
     pub image_size: Option<(u32, u32)>,
 }
+
+impl Query {
+    /// A question about a frame without words, marks or detections, not to be given up. For filling in.
+    #[must_use]
+    pub fn new(id: QueryId, frame: FrameId, kind: QueryKind) -> Self {
+        Self {
+            id,
+            frame,
+            kind,
+            instruction: String::new(),
+            memory: Memory::default(),
+            prompt: String::new(),
+            marks: Vec::new(),
+            detections: Vec::new(),
+            deadline: Time::MAX,
+            image_size: None,
+        }
+    }
+}

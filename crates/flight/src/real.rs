@@ -100,7 +100,7 @@ pub fn fly(plan: RealPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown,
         senses: plan.senses,
         camera,
         limits: plan.limits.clone(),
-        policy: plan.policy.policy(&plan.settings, capabilities.craft, eyesight, prompt),
+        policy: plan.policy.policy(&plan.settings, capabilities.craft, eyesight, prompt, 0),
         instruction: plan.instruction.clone(),
     });
     let witness = Witness::Real { camera, frames: plan.frames.clone() };

@@ -256,9 +256,11 @@ impl Asker {
     }
 }
 
-/// A query of the flight in the words that suit another model's eyesight.
+/// A query of the flight in the words that suit another model's eyesight. Only points are told in coordinates.
 fn rewritten(query: &Query, prompt: &PromptText, eyesight: &Eyesight) -> Query {
-    let avoid = matches!(query.kind, QueryKind::Point { avoid: true });
+    let QueryKind::Point { avoid } = query.kind else {
+        return Query { image_size: eyesight.image_size, ..query.clone() };
+    };
     let (instruction, memory, profile) = (&query.instruction, &query.memory, &eyesight.grounding);
     let prompt = prompt.write(&PromptInput { instruction, memory, profile, avoid });
     Query { prompt, image_size: eyesight.image_size, ..query.clone() }

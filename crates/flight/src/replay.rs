@@ -171,7 +171,7 @@ impl Replay {
             senses: head.senses,
             camera: head.camera,
             limits: head.limits.clone(),
-            policy: policy.policy(&settings, head.craft, eyesight, prompt),
+            policy: policy.policy(&settings, head.craft, eyesight, prompt, head.sim.as_ref().map_or(0, |sim| sim.seed)),
             instruction: head.instruction.clone(),
         });
         let (replayed, recorded) = (Outputs::new(), Outputs::new());

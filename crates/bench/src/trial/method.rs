@@ -3,9 +3,12 @@
 use std::sync::Arc;
 
 use spf_core::pilot::Preset;
+use spf_core::step::StepRule;
 use spf_core::time::duration_from_secs;
 use spf_flight::sim::{PolicyKind, WhoPoints};
 use spf_vlm::{Account, Answer, Asked, Picture, Vlm};
+
+use crate::task::Set;
 
 /// A way of flying that is compared with others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +17,12 @@ pub enum Method {
     Spf,
     /// Points, preset `paper`.
     SpfPaper,
+    /// Choices among numbered arrows, with the median of SPF's steps for a step.
+    Pivot,
+    /// The same with steps of a metre.
+    PivotMetre,
+    /// Three runs of choices at once, agreeing on the mean.
+    PivotParallel,
     /// Actions in words.
     Plain,
     /// Straight on, looking at nothing: what can be had by chance.
@@ -22,7 +31,8 @@ pub enum Method {
 
 impl Method {
     /// All, in the order of tables.
-    pub const ALL: [Self; 4] = [Self::Spf, Self::SpfPaper, Self::Plain, Self::Straight];
+    pub const ALL: [Self; 7] =
+        [Self::Spf, Self::SpfPaper, Self::Pivot, Self::PivotMetre, Self::PivotParallel, Self::Plain, Self::Straight];
 
     /// Its name on the command line.
     #[must_use]
@@ -30,6 +40,9 @@ impl Method {
         match self {
             Self::Spf => "spf",
             Self::SpfPaper => "spf-paper",
+            Self::Pivot => "pivot",
+            Self::PivotMetre => "pivot-1m",
+            Self::PivotParallel => "pivot-parallel",
             Self::Plain => "plain",
             Self::Straight => "straight",
         }
@@ -50,6 +63,8 @@ impl Method {
     pub(super) fn policy(self) -> PolicyKind {
         match self {
             Self::Spf | Self::SpfPaper => PolicyKind::Spf,
+            Self::Pivot | Self::PivotMetre => PolicyKind::Pivot,
+            Self::PivotParallel => PolicyKind::PivotParallel,
             Self::Plain | Self::Straight => PolicyKind::Plain,
         }
     }
@@ -57,8 +72,25 @@ impl Method {
     pub(super) fn preset(self) -> Preset {
         match self {
             Self::SpfPaper => Preset::Paper,
-            Self::Spf | Self::Plain | Self::Straight => Preset::Default,
+            _ => Preset::Default,
         }
+    }
+
+    /// How far a decision goes on a task of this set: PIVOT, which knows no depth, is given a fixed step.
+    pub(super) fn step(self, set: Set) -> StepRule {
+        match self {
+            Self::Pivot | Self::PivotParallel => StepRule::Fixed(median_step(set)),
+            Self::PivotMetre => StepRule::FIXED,
+            _ => StepRule::PAPER,
+        }
+    }
+}
+
+/// The median of the steps that SPF flies in the scenes of a set, metres (docs/baselines.md).
+fn median_step(set: Set) -> f64 {
+    match set {
+        Set::Simulation => 6.7,
+        Set::RealWorld => 1.9,
     }
 }
 
@@ -115,7 +147,7 @@ mod tests {
     #[test]
     fn a_method_is_found_by_its_name() {
         assert!(Method::ALL.iter().all(|method| Method::of_name(method.name()) == Some(*method)));
-        assert_eq!(Method::of_name("pivot"), None);
+        assert_eq!(Method::of_name("chance"), None);
     }
 
     #[test]

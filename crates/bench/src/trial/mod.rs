@@ -114,6 +114,7 @@ impl Trial {
             policy: self.method.policy(),
             preset,
             settings: PilotSettings {
+                step: self.method.step(task.set),
                 avoid: task.avoid,
                 max_time: duration_from_secs(task.max_time),
                 max_decisions: task.max_decisions,

@@ -240,7 +240,7 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<(FlightPla
 /// The named preset, and who decides.
 fn manner(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
     let preset = settings.choice("fly.preset", &[("default", Preset::Default), ("paper", Preset::Paper)])?;
-    let policy = settings.choice("fly.policy", &[("spf", PolicyKind::Spf), ("plain", PolicyKind::Plain)])?;
+    let policy = settings.choice("fly.policy", &PolicyKind::ALL.map(|kind| (kind.name(), kind)))?;
     Ok((preset.unwrap_or(Preset::Default), policy.unwrap_or(PolicyKind::Spf)))
 }
 

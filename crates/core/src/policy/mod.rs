@@ -3,6 +3,7 @@
 //! A policy never moves anything. It answers each event with one [`Step`]; the pilot carries the step out through executor and
 //! envelope, whatever the policy is, so that methods differ only in how they see and decide.
 
+pub mod pivot;
 pub mod plain;
 mod search;
 pub mod spf;
@@ -110,7 +111,7 @@ pub struct Move {
 pub struct Reading {
     /// The parsed reply of a `Point` query.
     pub reply: Option<Reply>,
-    /// Text actions of an `Act` query, as commands and values.
+    /// What was understood of any other query, in words: text actions as commands and values, numbers chosen.
     pub actions: Vec<String>,
     /// The point flown to, which differs from the reply's when the way to it was blocked.
     pub waypoint: Option<ImagePoint>,

@@ -10,7 +10,6 @@ use crate::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptInput, PromptKind, PromptText};
 use crate::query::{Memory, Query, QueryId, QueryKind};
-use crate::time::Time;
 
 /// Actions told back to the VLM.
 const REMEMBERED_ACTIONS: usize = 5;
@@ -68,22 +67,18 @@ impl Plain {
         self.next_id += 1;
         self.memory.confirming = self.confirming;
         self.asked = Some((id, self.confirming));
+        let prompt = self.prompt.write(&PromptInput {
+            instruction: &self.instruction,
+            memory: &self.memory,
+            profile: &GroundingProfile::default(),
+            avoid: false,
+        });
         Step::Ask(Box::new(Query {
-            id,
-            frame: view.frame.id,
-            kind: QueryKind::Act,
             instruction: self.instruction.clone(),
             memory: self.memory.clone(),
-            prompt: self.prompt.write(&PromptInput {
-                instruction: &self.instruction,
-                memory: &self.memory,
-                profile: &GroundingProfile::default(),
-                avoid: false,
-            }),
-            marks: Vec::new(),
-            detections: Vec::new(),
-            deadline: Time::MAX,
+            prompt,
             image_size: self.settings.image_size,
+            ..Query::new(id, view.frame.id, QueryKind::Act)
         }))
     }
 

@@ -13,7 +13,6 @@ use crate::prompt::{PromptInput, PromptKind, PromptText};
 use crate::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use crate::reply::{Look, Reply, Status, parse_reply};
 use crate::step::StepRule;
-use crate::time::Time;
 
 /// Earlier targets told to the VLM.
 const REMEMBERED_TARGETS: usize = 8;
@@ -100,17 +99,13 @@ impl Spf {
             avoid: self.settings.avoid,
         });
         self.asked = Some(Asked { id, view: *view, confirming: self.confirming });
+        let kind = QueryKind::Point { avoid: self.settings.avoid };
         Step::Ask(Box::new(Query {
-            id,
-            frame: view.frame.id,
-            kind: QueryKind::Point { avoid: self.settings.avoid },
             instruction: self.instruction.clone(),
             memory: self.memory.clone(),
             prompt,
-            marks: Vec::new(),
-            detections: Vec::new(),
-            deadline: Time::MAX,
             image_size: self.settings.image_size,
+            ..Query::new(id, view.frame.id, kind)
         }))
     }
 

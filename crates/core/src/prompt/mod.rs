@@ -36,6 +36,9 @@ pub struct PromptInput<'a> {
 static POINT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/point-1.txt")));
 static PLAIN: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/plain-1.txt")));
 
+static CHOOSE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/choose-1.txt")));
+static DONE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/done-1.txt")));
+
 fn shipped(file: &str) -> Arc<PromptText> {
     Arc::new(PromptText::parse(file).expect("the shipped prompts are part of the program"))
 }
@@ -47,28 +50,38 @@ impl PromptText {
         match kind {
             PromptKind::Point => POINT.clone(),
             PromptKind::Plain => PLAIN.clone(),
+            PromptKind::Choose => CHOOSE.clone(),
+            PromptKind::Done => DONE.clone(),
         }
     }
 
     /// The prompt for a query.
     #[must_use]
     pub fn write(&self, input: &PromptInput<'_>) -> String {
+        self.write_with(input, |_| None)
+    }
+
+    /// The prompt for a query, with the places that only its policy can fill.
+    #[must_use]
+    pub(crate) fn write_with(&self, input: &PromptInput<'_>, own: impl Fn(&str) -> Option<String>) -> String {
         let said = |flag: bool| if flag { "yes".to_owned() } else { String::new() };
         let range = |(least, most): (f64, f64)| format!("{least} to {most}");
-        self.fill(|place| match place {
-            "instruction" => instruction(input.instruction),
-            "coordinates" => input.profile.describe(),
-            "labels" => DEPTH_LABELS.to_string(),
-            "scale" => scale(),
-            "avoid" => said(input.avoid),
-            "memory" => remembered(input.memory),
-            "confirming" => said(input.memory.confirming),
-            "example" => example(input),
-            "metres" => range(MOVE_METRES),
-            "degrees" => range(TURN_DEGREES),
-            "most_actions" => MAX_ACTIONS.to_string(),
-            "actions" => input.memory.actions.iter().map(|action| one_line(action)).collect::<Vec<_>>().join("; "),
-            _ => String::new(),
+        self.fill(|place| {
+            own(place).unwrap_or_else(|| match place {
+                "instruction" => instruction(input.instruction),
+                "coordinates" => input.profile.describe(),
+                "labels" => DEPTH_LABELS.to_string(),
+                "scale" => scale(),
+                "avoid" => said(input.avoid),
+                "memory" => remembered(input.memory),
+                "confirming" => said(input.memory.confirming),
+                "example" => example(input),
+                "metres" => range(MOVE_METRES),
+                "degrees" => range(TURN_DEGREES),
+                "most_actions" => MAX_ACTIONS.to_string(),
+                "actions" => input.memory.actions.iter().map(|action| one_line(action)).collect::<Vec<_>>().join("; "),
+                _ => String::new(),
+            })
         })
     }
 }

@@ -17,15 +17,24 @@ pub enum PromptKind {
     Point,
     /// Actions in words.
     Plain,
+    /// Which of the numbered marks.
+    Choose,
+    /// Whether the instruction is fulfilled.
+    Done,
 }
 
 impl PromptKind {
+    /// All kinds.
+    const ALL: [Self; 4] = [Self::Point, Self::Plain, Self::Choose, Self::Done];
+
     /// Its word in the first line of a file.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
             Self::Point => "point",
             Self::Plain => "plain",
+            Self::Choose => "choose",
+            Self::Done => "done",
         }
     }
 
@@ -34,6 +43,8 @@ impl PromptKind {
         match self {
             Self::Point => &["instruction", "coordinates", "labels", "scale", "avoid", "memory", "confirming", "example"],
             Self::Plain => &["instruction", "metres", "degrees", "most_actions", "actions", "confirming"],
+            Self::Choose => &["instruction", "step", "most", "example"],
+            Self::Done => &["instruction", "memory", "confirming"],
         }
     }
 }
@@ -43,7 +54,7 @@ impl PromptKind {
 #[non_exhaustive]
 pub enum PromptError {
     /// The first line.
-    #[error("line 1 is not `spf-prompt point VERSION` or `spf-prompt plain VERSION`")]
+    #[error("line 1 is not `spf-prompt KIND VERSION` with a kind of {}", PromptKind::ALL.map(PromptKind::word).join(", "))]
     Head,
     /// Too long.
     #[error("a prompt has at most {LONGEST} bytes")]
@@ -107,11 +118,8 @@ impl PromptText {
         }
         let (head, body) = file.split_once('\n').ok_or(PromptError::Head)?;
         let mut words = head.trim_end().strip_prefix(HEAD).ok_or(PromptError::Head)?.split_whitespace();
-        let kind = match words.next() {
-            Some("point") => PromptKind::Point,
-            Some("plain") => PromptKind::Plain,
-            _ => return Err(PromptError::Head),
-        };
+        let word = words.next().ok_or(PromptError::Head)?;
+        let kind = PromptKind::ALL.into_iter().find(|kind| kind.word() == word).ok_or(PromptError::Head)?;
         let (Some(version), None) = (words.next(), words.next()) else { return Err(PromptError::Head) };
         let (version, source) = (version.to_owned(), file.to_owned());
         let mut prompt = Self { kind, version, source, pieces: Vec::new() };

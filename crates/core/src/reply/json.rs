@@ -41,6 +41,19 @@ impl Value {
         }
     }
 
+    /// The truth value that this is or, as text, spells.
+    pub(crate) fn truth(&self) -> Option<bool> {
+        match self {
+            Self::Bool(truth) => Some(*truth),
+            Self::Text(text) => match text.trim().to_ascii_lowercase().as_str() {
+                "true" | "yes" => Some(true),
+                "false" | "no" => Some(false),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
     /// A short rendering for error messages, at most 40 characters.
     pub(crate) fn excerpt(&self) -> String {
         match self {

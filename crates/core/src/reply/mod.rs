@@ -8,6 +8,7 @@
 mod json;
 mod parse;
 mod schema;
+mod short;
 mod stream;
 
 pub(crate) use json::Value;
@@ -15,6 +16,9 @@ pub(crate) use parse::one_line;
 pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError};
 pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
+pub use short::{
+    Choice, Completion, MAX_CHOSEN, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
+};
 pub use stream::{MAX_TEXT, ReplyStream, parse_reply};
 pub(crate) use stream::{Scan, Verdict};
 

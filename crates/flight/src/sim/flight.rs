@@ -13,9 +13,11 @@ use spf_core::executor::Motion;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::pilot::{Action, Ending, OperatorEvent, Outcome, Pilot, PilotParts, PilotSettings, Preset};
 use spf_core::policy::Policy;
+use spf_core::policy::pivot::{Pivot, PivotSettings};
 use spf_core::policy::plain::{Plain, PlainSettings};
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::prompt::{PromptKind, PromptText};
+use spf_core::step::StepRule;
 use spf_core::time::Time;
 use spf_drone::{Capabilities, Drone};
 use spf_record::live::LiveSender;
@@ -47,22 +49,35 @@ pub enum PolicyKind {
     Spf,
     /// Text actions (the baseline).
     Plain,
+    /// Choices among numbered arrows (the PIVOT baseline).
+    Pivot,
+    /// The same three times at once, agreeing on the mean.
+    PivotParallel,
 }
 
+/// Metres that PIVOT flies at a time where the settings name no fixed step: the median of SPF's in rooms and yards, for the craft
+/// may be in one (docs/baselines.md).
+const PIVOT_STEP: f64 = 1.9;
+
 impl PolicyKind {
+    /// All, in the order of help texts.
+    pub const ALL: [Self; 4] = [Self::Spf, Self::Plain, Self::Pivot, Self::PivotParallel];
+
     /// Its name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Spf => "spf",
             Self::Plain => "plain",
+            Self::Pivot => "pivot",
+            Self::PivotParallel => "pivot-parallel",
         }
     }
 
     /// The policy of that name.
     #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
-        [Self::Spf, Self::Plain].into_iter().find(|kind| kind.name() == name)
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
     /// Which prompts it takes.
@@ -71,21 +86,39 @@ impl PolicyKind {
         match self {
             Self::Spf => PromptKind::Point,
             Self::Plain => PromptKind::Plain,
+            Self::Pivot | Self::PivotParallel => PromptKind::Choose,
         }
     }
 
+    /// The policy. `seed` draws what it draws by chance, which only PIVOT does.
     pub(crate) fn policy(
         self,
         settings: &PilotSettings,
         craft: Craft,
         eyesight: Eyesight,
         prompt: Arc<PromptText>,
+        seed: u64,
     ) -> Box<dyn Policy> {
         let image_size = eyesight.image_size;
         match self {
             Self::Plain => {
                 let settings = PlainSettings { confirm_done: settings.confirm_done, image_size };
                 Box::new(Plain::new(settings).with_prompt(prompt))
+            }
+            Self::Pivot | Self::PivotParallel => {
+                let step = match settings.step {
+                    StepRule::Fixed(metres) => metres,
+                    StepRule::Adaptive { .. } => PIVOT_STEP,
+                };
+                let settings = PivotSettings {
+                    runs: if self == Self::Pivot { 1 } else { 3 },
+                    lifting: settings.lifting,
+                    confirm_done: settings.confirm_done,
+                    image_size,
+                    seed,
+                    ..PivotSettings::published(craft, step)
+                };
+                Box::new(Pivot::new(settings).with_prompt(prompt))
             }
             Self::Spf => {
                 let settings = SpfSettings {
@@ -246,7 +279,7 @@ pub fn fly(mut plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<
         senses: senses_of(plan.kind),
         camera: capabilities.camera,
         limits: plan.limits.clone(),
-        policy: plan.policy.policy(&plan.settings, capabilities.craft, eyesight, prompt),
+        policy: plan.policy.policy(&plan.settings, capabilities.craft, eyesight, prompt, plan.seed),
         instruction: plan.instruction.clone(),
     });
     let mut recorder = plan.record.as_ref().map(|record| {

@@ -81,9 +81,9 @@ fn metres(value: f64) -> f64 {
     round(10.0 * value.clamp(0.2, 5.0)) / 10.0
 }
 
-/// `{"done":…}`.
+/// `{"done":…,"stage":…}`.
 pub(super) fn done(aim: &Aim) -> String {
-    json!({ "done": aim.done }).to_string()
+    json!({ "done": aim.done, "stage": aim.stage }).to_string()
 }
 
 /// One line an object: `name_id x:… y:… width:… height:… color:…`, shares of the picture to two decimals.

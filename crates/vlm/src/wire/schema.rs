@@ -4,7 +4,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use spf_core::actions::actions_schema;
 use spf_core::query::QueryKind;
-use spf_core::reply::reply_schema;
+use spf_core::reply::{choice_schema, completion_schema, reply_schema};
 
 /// How a schema is told to a vendor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -26,6 +26,8 @@ pub(super) fn of(kind: &QueryKind) -> Option<Value> {
     match kind {
         QueryKind::Point { avoid } => Some(reply_schema(*avoid)),
         QueryKind::Act => Some(actions_schema()),
+        QueryKind::Choose => Some(choice_schema()),
+        QueryKind::Done => Some(completion_schema()),
         _ => None,
     }
 }

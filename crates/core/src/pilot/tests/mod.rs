@@ -6,6 +6,7 @@
 
 mod arbitrary;
 mod asking;
+mod baselines;
 mod endings;
 mod failings;
 mod motion;
