@@ -57,8 +57,8 @@ fn annotate(bencher: Bencher<'_, '_>, (width, height): (u32, u32)) {
     });
 }
 
-#[divan::bench(args = [70, 80, 90])]
-fn jpeg_960x720(bencher: Bencher<'_, '_>, quality: u8) {
-    let picture = scene(960, 720, 0);
+#[divan::bench(args = [(768, 576, 70), (960, 720, 70), (960, 720, 80), (960, 720, 90)])]
+fn encode_jpeg(bencher: Bencher<'_, '_>, (width, height, quality): (u32, u32, u8)) {
+    let picture = scene(width, height, 0);
     bencher.bench(|| Jpeg::encode(black_box(&picture), quality));
 }

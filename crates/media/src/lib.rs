@@ -25,4 +25,4 @@ pub mod resize;
 
 pub use frame::{FrameError, Rgb};
 pub use jpeg::{EncodeError, Jpeg};
-pub use resize::resize;
+pub use resize::{Scaler, resize};

@@ -1,9 +1,51 @@
 //! Scaling, the same on every machine.
 
-use fast_image_resize::images::{Image, ImageRef};
-use fast_image_resize::{FilterType, PixelType, ResizeAlg, ResizeOptions, Resizer};
+use fast_image_resize::images::{TypedImage, TypedImageRef};
+use fast_image_resize::pixels::U8x3;
+use fast_image_resize::{FilterType, ResizeAlg, ResizeOptions, Resizer};
 
 use crate::frame::Rgb;
+
+/// Scales pictures one after the other in the same memory.
+#[derive(Debug, Default)]
+pub struct Scaler {
+    resizer: Resizer,
+    /// Of a picture that was given back.
+    spare: Vec<u8>,
+}
+
+impl Scaler {
+    /// Scales as [`resize`] does.
+    #[must_use]
+    pub fn scale(&mut self, picture: &Rgb, width: u32, height: u32) -> Rgb {
+        let mut data = core::mem::take(&mut self.spare);
+        if (picture.width(), picture.height()) == (width, height) {
+            data.clear();
+            data.extend_from_slice(picture.data());
+        } else {
+            data.resize(width as usize * height as usize * 3, 0);
+            self.convolve(picture, width, height, &mut data);
+        }
+        Rgb::from_raw(width, height, data).unwrap_or_else(|_| Rgb::new(width, height))
+    }
+
+    fn convolve(&mut self, picture: &Rgb, width: u32, height: u32, into: &mut [u8]) {
+        if picture.data().is_empty() || into.is_empty() {
+            return into.fill(0);
+        }
+        // Typed, so that only this kind of pixels is compiled.
+        let from = TypedImageRef::<U8x3>::from_buffer(picture.width(), picture.height(), picture.data())
+            .expect("the buffer of an `Rgb` is as long as its size says");
+        let mut scaled = TypedImage::<U8x3>::from_buffer(width, height, into).expect("the buffer was made for this size");
+        let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(FilterType::CatmullRom));
+        self.resizer.resize_typed(&from, &mut scaled, &options).expect("nothing is cut off");
+    }
+
+    /// Takes the memory of a picture that is no longer wanted for the next one.
+    pub fn reuse(&mut self, picture: Rgb) {
+        self.spare = picture.into_data();
+    }
+}
 
 /// Scales a picture to `width × height` with an area-aware Catmull-Rom filter; the aspect ratio is the caller's business.
 ///
@@ -12,19 +54,7 @@ use crate::frame::Rgb;
 /// the size asked for.
 #[must_use]
 pub fn resize(picture: &Rgb, width: u32, height: u32) -> Rgb {
-    if (picture.width(), picture.height()) == (width, height) {
-        return picture.clone();
-    }
-    let empty = Rgb::new(width, height);
-    if picture.data().is_empty() || empty.data().is_empty() {
-        return empty;
-    }
-    let from = ImageRef::new(picture.width(), picture.height(), picture.data(), PixelType::U8x3)
-        .expect("the buffer of an `Rgb` is as long as its size says");
-    let mut scaled = Image::new(width, height, PixelType::U8x3);
-    let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(FilterType::CatmullRom));
-    Resizer::new().resize(&from, &mut scaled, &options).expect("both pictures have pixels of the same kind");
-    Rgb::from_raw(width, height, scaled.into_vec()).unwrap_or(empty)
+    Scaler::default().scale(picture, width, height)
 }
 
 #[cfg(test)]
@@ -68,6 +98,18 @@ mod tests {
         let small = resize(&picture, 13, 9);
         let found: Vec<[u8; 3]> = [(0, 0), (6, 4), (12, 8)].into_iter().filter_map(|(x, y)| small.pixel(x, y)).collect();
         assert_eq!(found, [[107, 122, 6], [192, 119, 120], [99, 165, 234]]);
+    }
+
+    #[test]
+    fn what_was_there_before_does_not_show() {
+        let (mut scaler, picture) = (Scaler::default(), Rgb::filled(12, 10, [9, 80, 200]));
+        for (width, height) in [(20, 30), (5, 4), (12, 10), (0, 3), (20, 30), (12, 10)] {
+            let scaled = scaler.scale(&picture, width, height);
+            assert_eq!(scaled, Rgb::filled(width, height, [9, 80, 200]));
+            scaler.reuse(scaled);
+        }
+        scaler.reuse(Rgb::filled(4, 4, [7, 7, 7]));
+        assert_eq!(scaler.scale(&Rgb::new(0, 0), 3, 3), Rgb::new(3, 3));
     }
 
     #[test]
