@@ -8,6 +8,7 @@
 pub mod actions;
 pub mod avoid;
 pub mod camera;
+pub mod coco;
 pub mod command;
 pub mod craft;
 pub mod envelope;

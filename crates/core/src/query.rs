@@ -32,8 +32,11 @@ pub enum QueryKind {
         /// The question.
         text: String,
     },
-    /// All objects of the picture.
-    Detect,
+    /// All objects of the picture, one line each (TypeFly).
+    Detect {
+        /// Only those of the classes of COCO, which is all that common detectors know.
+        coco: bool,
+    },
     /// Is the instruction fulfilled?
     Done,
 }

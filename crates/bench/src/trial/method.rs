@@ -23,6 +23,12 @@ pub enum Method {
     PivotMetre,
     /// Three runs of choices at once, agreeing on the mean.
     PivotParallel,
+    /// Programs from a list of every object, with replanning.
+    TypeFly,
+    /// The same from a list of the classes of COCO.
+    TypeFlyCoco,
+    /// The same with one program, as SPF was compared with.
+    TypeFlyOnce,
     /// Actions in words.
     Plain,
     /// Straight on, looking at nothing: what can be had by chance.
@@ -31,8 +37,18 @@ pub enum Method {
 
 impl Method {
     /// All, in the order of tables.
-    pub const ALL: [Self; 7] =
-        [Self::Spf, Self::SpfPaper, Self::Pivot, Self::PivotMetre, Self::PivotParallel, Self::Plain, Self::Straight];
+    pub const ALL: [Self; 10] = [
+        Self::Spf,
+        Self::SpfPaper,
+        Self::Pivot,
+        Self::PivotMetre,
+        Self::PivotParallel,
+        Self::TypeFly,
+        Self::TypeFlyCoco,
+        Self::TypeFlyOnce,
+        Self::Plain,
+        Self::Straight,
+    ];
 
     /// Its name on the command line.
     #[must_use]
@@ -43,6 +59,9 @@ impl Method {
             Self::Pivot => "pivot",
             Self::PivotMetre => "pivot-1m",
             Self::PivotParallel => "pivot-parallel",
+            Self::TypeFly => "typefly",
+            Self::TypeFlyCoco => "typefly-coco",
+            Self::TypeFlyOnce => "typefly-once",
             Self::Plain => "plain",
             Self::Straight => "straight",
         }
@@ -65,6 +84,9 @@ impl Method {
             Self::Spf | Self::SpfPaper => PolicyKind::Spf,
             Self::Pivot | Self::PivotMetre => PolicyKind::Pivot,
             Self::PivotParallel => PolicyKind::PivotParallel,
+            Self::TypeFly => PolicyKind::TypeFly,
+            Self::TypeFlyCoco => PolicyKind::TypeFlyCoco,
+            Self::TypeFlyOnce => PolicyKind::TypeFlyOnce,
             Self::Plain | Self::Straight => PolicyKind::Plain,
         }
     }

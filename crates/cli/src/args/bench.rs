@@ -36,7 +36,8 @@ pub(crate) struct BenchRun {
     /// A task by its name or its file; can be given several times
     #[arg(long, value_name = "ID|FILE")]
     pub(crate) task: Vec<String>,
-    /// Methods, joined by commas: spf, spf-paper, pivot, pivot-1m, pivot-parallel, plain, straight
+    /// Methods, joined by commas: spf, spf-paper, pivot, pivot-1m, pivot-parallel, typefly, typefly-coco, typefly-once, plain,
+    /// straight
     #[arg(long, value_name = "LIST", default_value = "spf")]
     pub(crate) method: String,
     /// Who points, joined by commas: as for `spf fly --vlm`

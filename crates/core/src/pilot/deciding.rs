@@ -132,12 +132,12 @@ impl Pilot {
                 Step::Wait => return,
                 Step::Done => return self.finish(now, Outcome::Reached, "the instruction is fulfilled".to_owned()),
                 Step::Reject(_) => return self.stop_motion(now),
-                Step::Fail(FailReason::NotFound) => {
-                    return self.finish(
-                        now,
-                        Outcome::NotFound,
-                        "searched all round, twice, and did not see the target".to_owned(),
-                    );
+                Step::Fail(reason) => {
+                    let (outcome, cause) = match reason {
+                        FailReason::NotFound => (Outcome::NotFound, "searched all round, twice, and did not see the target"),
+                        FailReason::NoProgram => (Outcome::Failed, "none of several programs in a row came to a good end"),
+                    };
+                    return self.finish(now, outcome, cause.to_owned());
                 }
             }
             step = self.policy.handle(PolicyEvent::Continue);

@@ -7,6 +7,7 @@ pub mod pivot;
 pub mod plain;
 mod search;
 pub mod spf;
+pub mod typefly;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -93,6 +94,8 @@ pub enum Step {
 pub enum FailReason {
     /// Searched everywhere the search goes; the target is not there.
     NotFound,
+    /// No program led to an end (TypeFly).
+    NoProgram,
 }
 
 /// A motion that a policy wants.

@@ -38,6 +38,9 @@ static PLAIN: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!(
 
 static CHOOSE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/choose-1.txt")));
 static DONE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/done-1.txt")));
+static PROGRAM: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/program-1.txt")));
+static QUESTION: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/question-1.txt")));
+static DETECT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/detect-1.txt")));
 
 fn shipped(file: &str) -> Arc<PromptText> {
     Arc::new(PromptText::parse(file).expect("the shipped prompts are part of the program"))
@@ -52,6 +55,9 @@ impl PromptText {
             PromptKind::Plain => PLAIN.clone(),
             PromptKind::Choose => CHOOSE.clone(),
             PromptKind::Done => DONE.clone(),
+            PromptKind::Program => PROGRAM.clone(),
+            PromptKind::Question => QUESTION.clone(),
+            PromptKind::Detect => DETECT.clone(),
         }
     }
 

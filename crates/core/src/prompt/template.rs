@@ -21,11 +21,17 @@ pub enum PromptKind {
     Choose,
     /// Whether the instruction is fulfilled.
     Done,
+    /// A program.
+    Program,
+    /// A question about a list of detections.
+    Question,
+    /// All objects of the picture.
+    Detect,
 }
 
 impl PromptKind {
     /// All kinds.
-    const ALL: [Self; 4] = [Self::Point, Self::Plain, Self::Choose, Self::Done];
+    const ALL: [Self; 7] = [Self::Point, Self::Plain, Self::Choose, Self::Done, Self::Program, Self::Question, Self::Detect];
 
     /// Its word in the first line of a file.
     #[must_use]
@@ -35,6 +41,9 @@ impl PromptKind {
             Self::Plain => "plain",
             Self::Choose => "choose",
             Self::Done => "done",
+            Self::Program => "program",
+            Self::Question => "question",
+            Self::Detect => "detect",
         }
     }
 
@@ -45,6 +54,18 @@ impl PromptKind {
             Self::Plain => &["instruction", "metres", "degrees", "most_actions", "actions", "confirming"],
             Self::Choose => &["instruction", "step", "most", "example"],
             Self::Done => &["instruction", "memory", "confirming"],
+            Self::Program => &["instruction", "low_skills", "high_skills", "replanning", "scene", "previous"],
+            Self::Question => &["question", "scene"],
+            Self::Detect => &["classes"],
+        }
+    }
+
+    /// The place that a prompt of this kind must have.
+    fn required(self) -> Option<&'static str> {
+        match self {
+            Self::Question => Some("question"),
+            Self::Detect => None,
+            _ => Some("instruction"),
         }
     }
 }
@@ -79,9 +100,9 @@ pub enum PromptError {
         /// Its name.
         name: String,
     },
-    /// A prompt that nobody's instruction enters.
-    #[error("the prompt has no `{{{{instruction}}}}`")]
-    NoInstruction,
+    /// A prompt that lacks what it is about.
+    #[error("the prompt has no `{{{{{0}}}}}`")]
+    Lacks(&'static str),
 }
 
 /// A prompt with places to be filled in.
@@ -129,8 +150,10 @@ impl PromptText {
         }
         match section {
             Some(name) => Err(PromptError::Section { line: body.lines().count() + 1, name: name.to_owned() }),
-            None if prompt.pieces.iter().any(|piece| piece.what == What::Place("instruction")) => Ok(prompt),
-            None => Err(PromptError::NoInstruction),
+            None => match kind.required().filter(|name| !prompt.pieces.iter().any(|piece| piece.what == What::Place(name))) {
+                Some(name) => Err(PromptError::Lacks(name)),
+                None => Ok(prompt),
+            },
         }
     }
 
@@ -237,7 +260,7 @@ mod tests {
         );
         assert!(refused("{{instruction}}\n{{#avoid}}\nx\n").contains("section `avoid`"));
         assert!(refused("{{/avoid}}\n").starts_with("line 2: "));
-        assert_eq!(refused("hello\n"), PromptError::NoInstruction.to_string());
+        assert_eq!(refused("hello\n"), PromptError::Lacks("instruction").to_string());
         for head in ["", "hello\n", "spf-prompt point\n", "spf-prompt none 1\n", "spf-prompt point 1 2\n"] {
             assert_eq!(PromptText::parse(head), Err(PromptError::Head), "{head}");
         }

@@ -16,6 +16,7 @@ use spf_core::policy::Policy;
 use spf_core::policy::pivot::{Pivot, PivotSettings};
 use spf_core::policy::plain::{Plain, PlainSettings};
 use spf_core::policy::spf::{Spf, SpfSettings};
+use spf_core::policy::typefly::{TypeFly, TypeFlySettings};
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::step::StepRule;
 use spf_core::time::Time;
@@ -53,6 +54,12 @@ pub enum PolicyKind {
     Pivot,
     /// The same three times at once, agreeing on the mean.
     PivotParallel,
+    /// Programs written from a list of detections (the TypeFly baseline), with replanning and every object listed.
+    TypeFly,
+    /// The same with only the classes of COCO listed.
+    TypeFlyCoco,
+    /// The same as SPF was compared with: classes of COCO, one program, "go to" as one turn and one hop.
+    TypeFlyOnce,
 }
 
 /// Metres that PIVOT flies at a time where the settings name no fixed step: the median of SPF's in rooms and yards, for the craft
@@ -61,7 +68,8 @@ const PIVOT_STEP: f64 = 1.9;
 
 impl PolicyKind {
     /// All, in the order of help texts.
-    pub const ALL: [Self; 4] = [Self::Spf, Self::Plain, Self::Pivot, Self::PivotParallel];
+    pub const ALL: [Self; 7] =
+        [Self::Spf, Self::Plain, Self::Pivot, Self::PivotParallel, Self::TypeFly, Self::TypeFlyCoco, Self::TypeFlyOnce];
 
     /// Its name on the command line.
     #[must_use]
@@ -71,6 +79,9 @@ impl PolicyKind {
             Self::Plain => "plain",
             Self::Pivot => "pivot",
             Self::PivotParallel => "pivot-parallel",
+            Self::TypeFly => "typefly",
+            Self::TypeFlyCoco => "typefly-coco",
+            Self::TypeFlyOnce => "typefly-once",
         }
     }
 
@@ -87,6 +98,7 @@ impl PolicyKind {
             Self::Spf => PromptKind::Point,
             Self::Plain => PromptKind::Plain,
             Self::Pivot | Self::PivotParallel => PromptKind::Choose,
+            Self::TypeFly | Self::TypeFlyCoco | Self::TypeFlyOnce => PromptKind::Program,
         }
     }
 
@@ -119,6 +131,15 @@ impl PolicyKind {
                     ..PivotSettings::published(craft, step)
                 };
                 Box::new(Pivot::new(settings).with_prompt(prompt))
+            }
+            Self::TypeFly | Self::TypeFlyCoco | Self::TypeFlyOnce => {
+                let settings = TypeFlySettings {
+                    replanning: self != Self::TypeFlyOnce,
+                    coco: self != Self::TypeFly,
+                    image_size,
+                    ..TypeFlySettings::new(craft)
+                };
+                Box::new(TypeFly::new(settings).with_prompt(prompt))
             }
             Self::Spf => {
                 let settings = SpfSettings {

@@ -21,7 +21,7 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
         QueryKind::Choose => kinds::choose(query, percept, &aim(oracle, query, percept)),
         QueryKind::Act => kinds::act(oracle, query, percept, &aim(oracle, query, percept)),
         QueryKind::Done => kinds::done(&aim(oracle, query, percept)),
-        QueryKind::Detect => kinds::detect(percept.seen(&oracle.errors, query.image_size)),
+        QueryKind::Detect { coco } => kinds::detect(percept.seen(&oracle.errors, query.image_size), *coco),
         QueryKind::Program => kinds::program(query),
         QueryKind::Question { text } => kinds::question(text, &query.detections),
     }

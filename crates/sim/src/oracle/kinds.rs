@@ -4,12 +4,13 @@ use core::fmt::Write as _;
 
 use libm::{atan2, exp, hypot, round};
 use serde_json::json;
+use spf_core::coco;
 use spf_core::query::{Mark, Query};
 use spf_core::reply::Look;
 
 use super::Oracle;
 use super::language::resolve::{Item, meant, vocabulary};
-use super::language::{Phrase, parse};
+use super::language::{Phrase, Verb, parse};
 use super::percept::{Percept, Thing, slopes};
 use super::stages::Aim;
 use super::tags::Tagged;
@@ -86,12 +87,14 @@ pub(super) fn done(aim: &Aim) -> String {
     json!({ "done": aim.done, "stage": aim.stage }).to_string()
 }
 
-/// One line an object: `name_id x:… y:… width:… height:… color:…`, shares of the picture to two decimals.
-pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a Thing>) -> String {
+/// One line an object: `name_id x:… y:… width:… height:… color:…`, shares of the picture to two decimals. `coco`: only objects of
+/// COCO's classes, by the names of those.
+pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a Thing>, coco: bool) -> String {
     let mut out = String::new();
     for thing in seen {
         let b = thing.bounds;
-        let name = thing.tags.names.first().unwrap_or(&thing.tags.kind).replace(' ', "_");
+        let Some(name) = (if coco { class(&thing.tags) } else { Some(called(&thing.tags)) }) else { continue };
+        let name = name.replace(' ', "_");
         let colour = thing.tags.colour.as_deref().unwrap_or("unknown").replace(' ', "_");
         // Writing to a String cannot fail.
         let _ = writeln!(
@@ -105,6 +108,17 @@ pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a Thing>) -> String {
         );
     }
     out
+}
+
+/// What an object is called first.
+fn called(tags: &Tagged) -> &str {
+    tags.names.first().unwrap_or(&tags.kind)
+}
+
+/// The class of COCO that an object belongs to, by any of its names; none for openings, which no detector knows.
+fn class(tags: &Tagged) -> Option<&str> {
+    let names = tags.names.iter().chain([&tags.kind]);
+    if tags.opening { None } else { names.into_iter().find_map(|name| coco::class_of(name)) }
 }
 
 /// A line of the list of detections, as far as it can be read.
@@ -168,25 +182,41 @@ fn listed<'a>(phrase: &Phrase, list: &'a [Detection]) -> Vec<&'a Detection> {
     found
 }
 
-/// A MiniSpec program (version 1): orient to and approach each target in turn, searching for those not listed.
+/// A MiniSpec program: go to each target in turn, searching for those not listed, and ask for a fresh program where one is not
+/// reached. Targets that the query's history says were gone to are left out.
 pub(super) fn program(query: &Query) -> String {
     let list = detections(&query.detections);
+    let reached = query.memory.actions.iter().filter(|call| call.starts_with("g(") && call.ends_with("= True")).count();
     let mut out = String::new();
-    for clause in parse(&query.instruction, &vocabulary(list.iter().map(|d| &d.tags))).clauses {
-        match listed(&clause.target, &list).first() {
-            // o orients, a approaches, s sweeps; the object is named by its label.
-            Some(found) => {
-                let _ = write!(out, "o,{0};a,{0};", found.label);
+    for clause in parse(&query.instruction, &vocabulary(list.iter().map(|d| &d.tags))).clauses.iter().skip(reached) {
+        let target = match listed(&clause.target, &list).first() {
+            Some(found) => found.label.clone(),
+            None if clause.target.nouns.is_empty() => {
+                out.push_str("8{tc(45);}");
+                continue;
             }
-            None if clause.target.nouns.is_empty() => out.push_str("8{tc,45};"),
             None => {
-                let name = clause.target.nouns.join("_");
-                let _ = write!(out, "_1=s,{name};?_1==False{{->False}};o,{name};a,{name};");
+                let name = wanted(&clause.target);
+                let _ = write!(out, "_1=s('{name}');?_1==False{{->False;}}rp;");
+                break;
             }
+        };
+        let _ = write!(out, "_1=g('{target}');?_1==False{{rp;}}");
+        if clause.verb == Verb::Through {
+            out.push_str(ON_THROUGH);
         }
     }
     out.push_str("->True;");
     out
+}
+
+/// Straight on through an opening: 36 m, in pieces after which a list is still good for a craft of 3 m/s.
+const ON_THROUGH: &str = "12{mf(300);}";
+
+/// What is looked for, in the words of lists.
+fn wanted(phrase: &Phrase) -> String {
+    let words: Vec<&str> = phrase.colours.iter().chain(&phrase.nouns).map(String::as_str).collect();
+    words.join(" ").replace('\'', "")
 }
 
 /// A question about the list: how many, is there, which one. What the list cannot answer is `False`.

@@ -19,7 +19,7 @@ mod tags;
 mod truth;
 
 use spf_core::frame::FrameId;
-use spf_core::query::Query;
+use spf_core::query::{Query, QueryKind};
 use spf_core::rng::Draw;
 use spf_core::time::{Duration, duration_from_secs};
 
@@ -32,6 +32,9 @@ pub use percept::{Percept, SIZE_SENT, Sight, Thing};
 pub(crate) use tags::SURFACES;
 pub use tags::{Place, Placed, Tagged, Viewpoint};
 pub use truth::{TruthTarget, resolve_truth};
+
+/// What a list of detections takes: no VLM makes it, but a detector, of which a small one on a processor is meant.
+const DETECTOR_LATENCY: Duration = Duration::from_millis(100);
 
 /// A stand-in for a VLM. Clone it freely: it has no state.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,8 +80,12 @@ impl Oracle {
         OracleAnswer { text: answer::text(self, query, percept), latency: self.latency(query) }
     }
 
-    /// Log-normal with the error file's median and 95th percentile, which lies 1.6449 deviations above.
+    /// Log-normal with the error file's median and 95th percentile, which lies 1.6449 deviations above; a list of detections takes
+    /// what a detector takes.
     fn latency(&self, query: &Query) -> Duration {
+        if matches!(query.kind, QueryKind::Detect { .. }) {
+            return DETECTOR_LATENCY;
+        }
         let latency = &self.errors.latency;
         let deviation = libm::log(latency.p95_s / latency.median_s) / 1.644_853_626_951_472_7;
         let normal = self.by_query("latency", query).normal();

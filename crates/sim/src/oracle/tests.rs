@@ -379,11 +379,19 @@ fn the_other_kinds_answer_from_the_same_percept() {
     assert_eq!(act["actions"][1]["value"], 5.0);
     assert_eq!(act["done"], false);
 
-    let lines = oracle.answer(&query(0, QueryKind::Detect, ""), &percept).text;
+    let lines = oracle.answer(&query(0, QueryKind::Detect { coco: false }, ""), &percept).text;
     assert!(lines.starts_with("crane_1 x:0.33 y:0.42 width:0.04 height:0.28 color:red\n"), "{lines}");
     let mut program = query(0, QueryKind::Program, "go to the yellow crane");
     program.detections = lines.lines().map(str::to_owned).collect();
-    assert_eq!(oracle.answer(&program, &percept).text, "o,crane_2;a,crane_2;->True;");
+    assert_eq!(oracle.answer(&program, &percept).text, "_1=g('crane_2');?_1==False{rp;}->True;");
+    // What was gone to is gone on from, and what is not listed is looked for.
+    let mut later = query(0, QueryKind::Program, "go to the yellow crane, then to the black car");
+    later.detections = program.detections.clone();
+    later.memory.actions = vec!["g('crane_2') = True".to_owned(), "mf(20) = True".to_owned()];
+    assert_eq!(oracle.answer(&later, &percept).text, "_1=s('black car');?_1==False{->False;}rp;->True;");
+    // Of COCO's classes there is none here, and a detector takes no VLM's time.
+    let known = oracle.answer(&query(0, QueryKind::Detect { coco: true }, ""), &percept);
+    assert_eq!((known.text.as_str(), known.latency), ("", Duration::from_millis(100)));
     let mut asked = query(0, QueryKind::Question { text: "How many cranes are there?".to_owned() }, "");
     asked.detections = program.detections;
     assert_eq!(oracle.answer(&asked, &percept).text, "2");

@@ -137,7 +137,7 @@ impl Policy for Restless {
             _ => Step::Ask(Box::new(Query {
                 id: QueryId(self.0),
                 frame: FrameId(0),
-                kind: QueryKind::Detect,
+                kind: QueryKind::Detect { coco: false },
                 instruction: String::new(),
                 memory: Memory::default(),
                 prompt: String::new(),
