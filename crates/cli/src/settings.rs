@@ -32,7 +32,12 @@ pub(crate) const KEYS: &[Key] = &[
     key("fly.start", "SPF_START", "", "start pose east,north,up,heading_deg[,pitch_deg]; empty: the scene's"),
     key("fly.drone", "SPF_DRONE", "sim", "the drone: sim, or tello[@ADDRESS]"),
     key("fly.drone_model", "SPF_DRONE_MODEL", "", "craft to simulate, quad or tello; empty: the scene's"),
-    key("fly.policy", "SPF_POLICY", "spf", "how decisions are made: spf, plain, pivot[-parallel], typefly[-coco|-once]"),
+    key(
+        "fly.policy",
+        "SPF_POLICY",
+        "spf",
+        "how decisions are made: spf, plain[-numeric|-discrete], pivot[-parallel], typefly[-coco|-once]",
+    ),
     key("fly.preset", "SPF_PRESET", "default", "named set of choices: default or paper"),
     key("fly.step", "SPF_STEP", "", "step length: adaptive or fixed:METRES; empty: the preset's"),
     key("fly.motion", "SPF_MOTION", "", "sequential or blended; empty: the preset's"),

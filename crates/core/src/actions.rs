@@ -5,7 +5,11 @@
 //!
 //! [`parse_reply`]: crate::reply::parse_reply
 
+mod forms;
+
 use core::f64::consts::PI;
+
+pub use forms::{ActForm, Moves, moves_schema, parse_moves};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -192,11 +196,16 @@ impl ActionsError {
 /// # Errors
 /// [`ActionsError`]; every number that is returned is finite and in its range.
 pub fn parse_actions(text: &str) -> Result<ActionsReply, ActionsError> {
+    search(text, interpret)
+}
+
+/// Looks for what `judge` accepts in the JSON of `text`.
+fn search<T>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, ActionsError>) -> Result<T, ActionsError> {
     if text.len() > MAX_TEXT {
         return Err(ActionsError::TooLong { limit: MAX_TEXT });
     }
     let mut scan = Scan::new();
-    scan.advance(text, true, interpret);
+    scan.advance(text, true, judge);
     match (scan.accepted, scan.refused) {
         (Some(reply), _) => Ok(reply),
         (None, Some(error)) => Err(error),
@@ -229,16 +238,21 @@ fn interpret(value: &Value, nested: bool) -> Verdict<ActionsReply, ActionsError>
 }
 
 fn reply(value: &Value, items: &[Value]) -> Result<ActionsReply, ActionsError> {
-    let done = match value.field(&["done"]) {
-        None => false,
-        Some(said) => said.truth().ok_or_else(|| wrong("done".to_owned(), "true or false", said))?,
-    };
+    let done = truth(value)?;
     let actions: Vec<Action> =
         items.iter().take(MAX_ACTIONS).enumerate().map(|(i, item)| action(item, i)).collect::<Result<_, _>>()?;
     if actions.is_empty() && !done {
         return Err(ActionsError::Empty);
     }
     Ok(ActionsReply { actions, done, truncated: items.len() > MAX_ACTIONS })
+}
+
+/// `done`, which may be left out.
+fn truth(value: &Value) -> Result<bool, ActionsError> {
+    match value.field(&["done"]) {
+        None => Ok(false),
+        Some(said) => said.truth().ok_or_else(|| wrong("done".to_owned(), "true or false", said)),
+    }
 }
 
 fn wrong(field: String, wanted: &'static str, found: &Value) -> ActionsError {

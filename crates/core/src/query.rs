@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::actions::ActForm;
 use crate::frame::FrameId;
 use crate::reply::Look;
 use crate::time::Time;
@@ -23,8 +24,12 @@ pub enum QueryKind {
     },
     /// Which of the numbered marks drawn on the picture (PIVOT).
     Choose,
-    /// A list of text actions (the plain-text baseline).
-    Act,
+    /// Text actions (the plain-text baseline).
+    Act {
+        /// In which form.
+        #[serde(default, skip_serializing_if = "ActForm::is_default")]
+        form: ActForm,
+    },
     /// A program in MiniSpec (TypeFly).
     Program,
     /// A question about the list of detections that the query carries.

@@ -10,6 +10,7 @@ use std::sync::atomic::AtomicU32;
 use std::sync::mpsc::{Sender, channel};
 use std::time::Instant;
 
+use spf_core::actions::ActForm;
 use spf_core::command::Setpoint;
 use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
@@ -260,7 +261,7 @@ pub fn pilot(drone: &dyn spf_drone::Drone) -> Pilot {
         senses: Senses::tello(),
         camera: capabilities.camera,
         limits: Limits::for_craft(&capabilities.craft),
-        policy: Box::new(Plain::new(PlainSettings { confirm_done: false, image_size: None })),
+        policy: Box::new(Plain::new(PlainSettings { confirm_done: false, image_size: None, form: ActForm::Commands })),
         instruction: "measure".to_owned(),
     })
 }

@@ -42,6 +42,9 @@ const PAPER: &[(&str, &str)] = &[
     ("real-follow-green-shirt", include_str!("../../../../tasks/paper/real-follow-green-shirt.toml")),
 ];
 
+/// The five on which the paper compares ways of asking.
+const NAVIGATION: &[(&str, &str)] = &[PAPER[0], PAPER[1], PAPER[2], PAPER[3], PAPER[4]];
+
 /// A named list of tasks.
 #[derive(Clone, Copy, Debug)]
 pub struct Suite {
@@ -49,12 +52,27 @@ pub struct Suite {
     pub name: &'static str,
     /// What it is, in a line.
     pub description: &'static str,
+    /// Methods that it compares where none are named, joined by commas.
+    pub methods: &'static str,
     tasks: &'static [(&'static str, &'static str)],
 }
 
 /// Every suite.
-pub const SUITES: &[Suite] =
-    &[Suite { name: "paper", description: "the paper's 23 simulation and 11 real-world tasks", tasks: PAPER }];
+pub const SUITES: &[Suite] = &[
+    Suite { name: "paper", description: "the paper's 23 simulation and 11 real-world tasks", methods: "spf", tasks: PAPER },
+    Suite {
+        name: "table1",
+        description: "the same, flown by SPF, PIVOT, TypeFly, plain text and blindly straight on",
+        methods: "spf,pivot,typefly,plain,straight",
+        tasks: PAPER,
+    },
+    Suite {
+        name: "ablation-prompting",
+        description: "the five navigation tasks, with every form of question",
+        methods: "spf,pivot,pivot-1m,pivot-parallel,plain,plain-numeric,plain-discrete",
+        tasks: NAVIGATION,
+    },
+];
 
 impl Suite {
     /// The names of its tasks, in order.

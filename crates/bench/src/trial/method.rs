@@ -31,13 +31,17 @@ pub enum Method {
     TypeFlyOnce,
     /// Actions in words.
     Plain,
+    /// Actions as four numbers.
+    PlainNumeric,
+    /// One of a few fixed moves.
+    PlainDiscrete,
     /// Straight on, looking at nothing: what can be had by chance.
     Straight,
 }
 
 impl Method {
     /// All, in the order of tables.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 12] = [
         Self::Spf,
         Self::SpfPaper,
         Self::Pivot,
@@ -47,6 +51,8 @@ impl Method {
         Self::TypeFlyCoco,
         Self::TypeFlyOnce,
         Self::Plain,
+        Self::PlainNumeric,
+        Self::PlainDiscrete,
         Self::Straight,
     ];
 
@@ -63,6 +69,8 @@ impl Method {
             Self::TypeFlyCoco => "typefly-coco",
             Self::TypeFlyOnce => "typefly-once",
             Self::Plain => "plain",
+            Self::PlainNumeric => "plain-numeric",
+            Self::PlainDiscrete => "plain-discrete",
             Self::Straight => "straight",
         }
     }
@@ -88,6 +96,8 @@ impl Method {
             Self::TypeFlyCoco => PolicyKind::TypeFlyCoco,
             Self::TypeFlyOnce => PolicyKind::TypeFlyOnce,
             Self::Plain | Self::Straight => PolicyKind::Plain,
+            Self::PlainNumeric => PolicyKind::PlainNumeric,
+            Self::PlainDiscrete => PolicyKind::PlainDiscrete,
         }
     }
 

@@ -23,7 +23,8 @@ pub(crate) enum Bench {
 #[command(after_help = "\
 Examples:
   spf bench run --suite paper -o out
-  spf bench run --suite paper --method spf,spf-paper,plain,straight --vlm oracle:perfect,oracle:default -o out
+  spf bench run --suite table1 --vlm oracle:perfect,oracle:default -o out
+  spf bench run --suite paper --method spf,spf-paper,pivot -o out
   spf bench run --task sim-nav-red-crane --task my/task.toml --trials 20 -o out
   spf bench run --suite paper --shard 0/4 -o part0
 
@@ -37,9 +38,9 @@ pub(crate) struct BenchRun {
     #[arg(long, value_name = "ID|FILE")]
     pub(crate) task: Vec<String>,
     /// Methods, joined by commas: spf, spf-paper, pivot, pivot-1m, pivot-parallel, typefly, typefly-coco, typefly-once, plain,
-    /// straight
-    #[arg(long, value_name = "LIST", default_value = "spf")]
-    pub(crate) method: String,
+    /// plain-numeric, plain-discrete, straight [default: spf, or those of the suite]
+    #[arg(long, value_name = "LIST")]
+    pub(crate) method: Option<String>,
     /// Who points, joined by commas: as for `spf fly --vlm`
     #[arg(long, value_name = "LIST", default_value = "oracle:default")]
     pub(crate) vlm: String,

@@ -197,8 +197,8 @@ pub(crate) struct MethodArgs {
     /// With a real drone: take off without asking the VLM about pictures of a dot first
     #[arg(long)]
     pub(crate) no_vlm_check: bool,
-    /// How decisions are made: spf (points), plain (text actions), pivot or pivot-parallel (numbered arrows), typefly,
-    /// typefly-coco or typefly-once (programs) [default: spf]
+    /// How decisions are made: spf (points); plain, plain-numeric, plain-discrete (text actions); pivot, pivot-parallel
+    /// (numbered arrows); typefly, typefly-coco, typefly-once (programs) [default: spf]
     #[arg(long, value_name = "POLICY")]
     pub(crate) policy: Option<String>,
     /// Named set of choices: default (the best we know) or paper (the paper's constants and manner) [default: default]

@@ -1,10 +1,10 @@
 //! The plain-text baseline: the VLM answers with actions in words and numbers, without image coordinates
-//! (paper §4.3, "plain VLM"; its format was never released, ours is described in docs/reply.md).
+//! (paper §4.3, "plain VLM"; its format was never released, ours, in three forms, is described in docs/reply.md).
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::actions::{Action, parse_actions};
+use crate::actions::{ActForm, parse_moves};
 use crate::grounding::GroundingProfile;
 use crate::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
@@ -17,10 +17,22 @@ const REMEMBERED_ACTIONS: usize = 5;
 /// What the plain policy can be set to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlainSettings {
+    /// In which form actions are asked for.
+    pub form: ActForm,
     /// Whether a `done` needs a second look while holding.
     pub confirm_done: bool,
     /// Size at which pictures are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
+}
+
+/// The prompt that asks in a form.
+#[must_use]
+pub fn prompt_kind(form: ActForm) -> PromptKind {
+    match form {
+        ActForm::Commands => PromptKind::Plain,
+        ActForm::Numeric => PromptKind::Numeric,
+        ActForm::Discrete => PromptKind::Discrete,
+    }
 }
 
 /// The plain-text policy.
@@ -30,7 +42,7 @@ pub struct Plain {
     instruction: String,
     memory: Memory,
     asked: Option<(QueryId, bool)>,
-    queue: VecDeque<Action>,
+    queue: VecDeque<(String, Primitives)>,
     moving: bool,
     confirming: bool,
     next_id: u64,
@@ -58,7 +70,7 @@ impl Plain {
             confirming: false,
             next_id: 0,
             reading: Reading::default(),
-            prompt: PromptText::shipped(PromptKind::Plain),
+            prompt: PromptText::shipped(prompt_kind(settings.form)),
         }
     }
 
@@ -78,20 +90,20 @@ impl Plain {
             memory: self.memory.clone(),
             prompt,
             image_size: self.settings.image_size,
-            ..Query::new(id, view.frame.id, QueryKind::Act)
+            ..Query::new(id, view.frame.id, QueryKind::Act { form: self.settings.form })
         }))
     }
 
     fn answered(&mut self, text: &str, confirming: bool) -> Step {
         self.reading = Reading::default();
-        let reply = match parse_actions(text) {
+        let reply = match parse_moves(self.settings.form, text) {
             Ok(reply) => reply,
             Err(error) => {
                 self.reading.refused = Some(error.to_string());
                 return Step::Reject(error.to_string());
             }
         };
-        self.reading.actions = reply.actions.iter().map(ToString::to_string).collect();
+        self.reading.actions = reply.moves.iter().map(|(words, _)| words.clone()).collect();
         if reply.done {
             if !self.settings.confirm_done || confirming {
                 return Step::Done;
@@ -100,18 +112,17 @@ impl Plain {
             return Step::Look;
         }
         self.confirming = false;
-        self.queue = reply.actions.into();
+        self.queue = reply.moves.into();
         self.next_action()
     }
 
     /// Starts the next action of the last reply; holds and looks again when there is none left.
     fn next_action(&mut self) -> Step {
-        while let Some(action) = self.queue.pop_front() {
-            self.memory.actions.push(action.to_string());
+        while let Some((words, primitives)) = self.queue.pop_front() {
+            self.memory.actions.push(words);
             if self.memory.actions.len() > REMEMBERED_ACTIONS {
                 self.memory.actions.remove(0);
             }
-            let primitives = Primitives::from(action);
             if primitives != Primitives::default() {
                 self.moving = true;
                 self.reading.primitives = Some(primitives);

@@ -36,6 +36,8 @@ pub struct PromptInput<'a> {
 static POINT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/point-1.txt")));
 static PLAIN: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/plain-1.txt")));
 
+static NUMERIC: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/numeric-1.txt")));
+static DISCRETE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/discrete-1.txt")));
 static CHOOSE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/choose-1.txt")));
 static DONE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/done-1.txt")));
 static PROGRAM: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/program-1.txt")));
@@ -53,6 +55,8 @@ impl PromptText {
         match kind {
             PromptKind::Point => POINT.clone(),
             PromptKind::Plain => PLAIN.clone(),
+            PromptKind::Numeric => NUMERIC.clone(),
+            PromptKind::Discrete => DISCRETE.clone(),
             PromptKind::Choose => CHOOSE.clone(),
             PromptKind::Done => DONE.clone(),
             PromptKind::Program => PROGRAM.clone(),

@@ -17,6 +17,10 @@ pub enum PromptKind {
     Point,
     /// Actions in words.
     Plain,
+    /// Actions as four numbers.
+    Numeric,
+    /// One of a few fixed moves.
+    Discrete,
     /// Which of the numbered marks.
     Choose,
     /// Whether the instruction is fulfilled.
@@ -31,7 +35,17 @@ pub enum PromptKind {
 
 impl PromptKind {
     /// All kinds.
-    const ALL: [Self; 7] = [Self::Point, Self::Plain, Self::Choose, Self::Done, Self::Program, Self::Question, Self::Detect];
+    const ALL: [Self; 9] = [
+        Self::Point,
+        Self::Plain,
+        Self::Numeric,
+        Self::Discrete,
+        Self::Choose,
+        Self::Done,
+        Self::Program,
+        Self::Question,
+        Self::Detect,
+    ];
 
     /// Its word in the first line of a file.
     #[must_use]
@@ -39,6 +53,8 @@ impl PromptKind {
         match self {
             Self::Point => "point",
             Self::Plain => "plain",
+            Self::Numeric => "numeric",
+            Self::Discrete => "discrete",
             Self::Choose => "choose",
             Self::Done => "done",
             Self::Program => "program",
@@ -51,7 +67,9 @@ impl PromptKind {
     fn places(self) -> &'static [&'static str] {
         match self {
             Self::Point => &["instruction", "coordinates", "labels", "scale", "avoid", "memory", "confirming", "example"],
-            Self::Plain => &["instruction", "metres", "degrees", "most_actions", "actions", "confirming"],
+            Self::Plain | Self::Numeric | Self::Discrete => {
+                &["instruction", "metres", "degrees", "most_actions", "actions", "confirming"]
+            }
             Self::Choose => &["instruction", "step", "most", "example"],
             Self::Done => &["instruction", "memory", "confirming"],
             Self::Program => &["instruction", "low_skills", "high_skills", "replanning", "scene", "previous"],

@@ -16,6 +16,7 @@ pub(crate) use parse::one_line;
 pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError};
 pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
+pub(crate) use short::plain_numbers;
 pub use short::{
     Choice, Completion, MAX_CHOSEN, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
 };

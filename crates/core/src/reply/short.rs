@@ -180,11 +180,11 @@ pub fn completion_schema() -> serde_json::Value {
     plain_numbers(closed_schema::<WireCompletion>())
 }
 
-/// Without `format` and `minimum` of Rust's unsigned numbers, which one vendor or another refuses.
-fn plain_numbers(mut schema: serde_json::Value) -> serde_json::Value {
+/// Without `format` and `minimum` of Rust's numbers, which one vendor or another refuses.
+pub(crate) fn plain_numbers(mut schema: serde_json::Value) -> serde_json::Value {
     match &mut schema {
         serde_json::Value::Object(map) => {
-            if map.get("type").is_some_and(|kind| kind == "integer") {
+            if map.get("type").is_some_and(|kind| kind == "integer" || kind == "number") {
                 map.retain(|key, _| !matches!(key.as_str(), "format" | "minimum"));
             }
             for value in map.values_mut() {

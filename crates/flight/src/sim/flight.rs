@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicU32;
 use std::sync::mpsc::Receiver;
 use std::time::Instant;
 
+use spf_core::actions::ActForm;
 use spf_core::avoid::PathShape;
 use spf_core::craft::Craft;
 use spf_core::envelope::Limits;
@@ -14,7 +15,7 @@ use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::pilot::{Action, Ending, OperatorEvent, Outcome, Pilot, PilotParts, PilotSettings, Preset};
 use spf_core::policy::Policy;
 use spf_core::policy::pivot::{Pivot, PivotSettings};
-use spf_core::policy::plain::{Plain, PlainSettings};
+use spf_core::policy::plain::{Plain, PlainSettings, prompt_kind};
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::policy::typefly::{TypeFly, TypeFlySettings};
 use spf_core::prompt::{PromptKind, PromptText};
@@ -50,6 +51,10 @@ pub enum PolicyKind {
     Spf,
     /// Text actions (the baseline).
     Plain,
+    /// The same as four numbers.
+    PlainNumeric,
+    /// The same as one of a few fixed moves.
+    PlainDiscrete,
     /// Choices among numbered arrows (the PIVOT baseline).
     Pivot,
     /// The same three times at once, agreeing on the mean.
@@ -68,8 +73,17 @@ const PIVOT_STEP: f64 = 1.9;
 
 impl PolicyKind {
     /// All, in the order of help texts.
-    pub const ALL: [Self; 7] =
-        [Self::Spf, Self::Plain, Self::Pivot, Self::PivotParallel, Self::TypeFly, Self::TypeFlyCoco, Self::TypeFlyOnce];
+    pub const ALL: [Self; 9] = [
+        Self::Spf,
+        Self::Plain,
+        Self::PlainNumeric,
+        Self::PlainDiscrete,
+        Self::Pivot,
+        Self::PivotParallel,
+        Self::TypeFly,
+        Self::TypeFlyCoco,
+        Self::TypeFlyOnce,
+    ];
 
     /// Its name on the command line.
     #[must_use]
@@ -77,6 +91,8 @@ impl PolicyKind {
         match self {
             Self::Spf => "spf",
             Self::Plain => "plain",
+            Self::PlainNumeric => "plain-numeric",
+            Self::PlainDiscrete => "plain-discrete",
             Self::Pivot => "pivot",
             Self::PivotParallel => "pivot-parallel",
             Self::TypeFly => "typefly",
@@ -96,7 +112,9 @@ impl PolicyKind {
     pub fn prompt(self) -> PromptKind {
         match self {
             Self::Spf => PromptKind::Point,
-            Self::Plain => PromptKind::Plain,
+            Self::Plain => prompt_kind(ActForm::Commands),
+            Self::PlainNumeric => prompt_kind(ActForm::Numeric),
+            Self::PlainDiscrete => prompt_kind(ActForm::Discrete),
             Self::Pivot | Self::PivotParallel => PromptKind::Choose,
             Self::TypeFly | Self::TypeFlyCoco | Self::TypeFlyOnce => PromptKind::Program,
         }
@@ -113,8 +131,13 @@ impl PolicyKind {
     ) -> Box<dyn Policy> {
         let image_size = eyesight.image_size;
         match self {
-            Self::Plain => {
-                let settings = PlainSettings { confirm_done: settings.confirm_done, image_size };
+            Self::Plain | Self::PlainNumeric | Self::PlainDiscrete => {
+                let form = match self {
+                    Self::PlainNumeric => ActForm::Numeric,
+                    Self::PlainDiscrete => ActForm::Discrete,
+                    _ => ActForm::Commands,
+                };
+                let settings = PlainSettings { confirm_done: settings.confirm_done, image_size, form };
                 Box::new(Plain::new(settings).with_prompt(prompt))
             }
             Self::Pivot | Self::PivotParallel => {

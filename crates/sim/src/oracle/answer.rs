@@ -4,6 +4,7 @@ use spf_core::grounding::GroundingProfile;
 use spf_core::query::{Query, QueryKind};
 use spf_core::reply::{DEPTH_LABELS, Look, ObstacleBox, Reply, Status};
 
+use super::act;
 use super::corridor;
 use super::errors::Reading;
 use super::kinds;
@@ -19,7 +20,7 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
     match &query.kind {
         QueryKind::Point { avoid } => point(oracle, query, percept, *avoid).to_json(&GroundingProfile::default(), *avoid),
         QueryKind::Choose => kinds::choose(query, percept, &aim(oracle, query, percept)),
-        QueryKind::Act => kinds::act(oracle, query, percept, &aim(oracle, query, percept)),
+        QueryKind::Act { form } => act::act(oracle, query, percept, &aim(oracle, query, percept), *form),
         QueryKind::Done => kinds::done(&aim(oracle, query, percept)),
         QueryKind::Detect { coco } => kinds::detect(percept.seen(&oracle.errors, query.image_size), *coco),
         QueryKind::Program => kinds::program(query),

@@ -2,16 +2,14 @@
 
 use core::fmt::Write as _;
 
-use libm::{atan2, exp, hypot, round};
+use libm::hypot;
 use serde_json::json;
 use spf_core::coco;
 use spf_core::query::{Mark, Query};
-use spf_core::reply::Look;
 
-use super::Oracle;
 use super::language::resolve::{Item, meant, vocabulary};
 use super::language::{Phrase, Verb, parse};
-use super::percept::{Percept, Thing, slopes};
+use super::percept::{Percept, Thing};
 use super::stages::Aim;
 use super::tags::Tagged;
 
@@ -34,52 +32,6 @@ pub(super) fn choose(query: &Query, percept: &Percept, aim: &Aim) -> String {
     });
     let points: Vec<u32> = nearest.into_iter().map(|(_, number)| number).collect();
     json!({ "points": points }).to_string()
-}
-
-/// `{"actions":[{"cmd":…,"value":…}],"done":…}`: bearing rounded, distance guessed.
-pub(super) fn act(oracle: &Oracle, query: &Query, percept: &Percept, aim: &Aim) -> String {
-    if aim.done {
-        return json!({ "actions": [{ "cmd": "stop", "value": 0 }], "done": true }).to_string();
-    }
-    let mut actions = Vec::new();
-    let mut say = |cmd: &str, value: f64| actions.push(json!({ "cmd": cmd, "value": value }));
-    match aim.place {
-        Some(place) => {
-            let (right, up) = slopes(&percept.camera, place.point);
-            let errors = &oracle.errors.act;
-            let bearing = atan2(right, 1.0).to_degrees();
-            let turn = errors.bearing_step_deg * round(bearing / errors.bearing_step_deg);
-            let distance = place.range * exp(errors.log_sd * oracle.by_query("act", query).normal());
-            let slope = hypot(1.0, right);
-            let forward = metres(distance * slope / hypot(slope, up));
-            let climb = up / slope * forward;
-            if turn > 0.0 {
-                say("yaw_right", turn);
-            } else if turn < 0.0 {
-                say("yaw_left", -turn);
-            }
-            say("forward", forward);
-            if climb >= 0.2 {
-                say("up", metres(climb));
-            } else if climb <= -0.2 {
-                say("down", metres(-climb));
-            }
-        }
-        // The plain-text form has no word for "not visible": it turns, or rises, or backs off.
-        None => match aim.look.unwrap_or(Look::Right) {
-            Look::Left => say("yaw_left", 60.0),
-            Look::Right => say("yaw_right", 60.0),
-            Look::Behind => say("yaw_right", 180.0),
-            Look::Up => say("up", 1.0),
-            Look::Down => say("back", 1.0),
-        },
-    }
-    json!({ "actions": actions, "done": false }).to_string()
-}
-
-/// Metres as the form allows them, to a tenth.
-fn metres(value: f64) -> f64 {
-    round(10.0 * value.clamp(0.2, 5.0)) / 10.0
 }
 
 /// `{"done":…,"stage":…}`.

@@ -7,6 +7,7 @@
 //!
 //! The truth that judges flights by `verified` shares its language, without errors and over all objects: [`resolve_truth`].
 
+mod act;
 mod answer;
 mod corridor;
 mod errors;

@@ -372,7 +372,7 @@ fn the_other_kinds_answer_from_the_same_percept() {
     assert_eq!(oracle.answer(&choose, &percept).text, r#"{"points":[]}"#);
 
     // Bearing atan(−159.5/480) = −18.4°, rounded to −15°; 21.2 m is cut to the form's 5 m; 0.124·5/1.053 = 0.6 m up.
-    let text = oracle.answer(&query(0, QueryKind::Act, "fly to the red crane"), &percept).text;
+    let text = oracle.answer(&query(0, QueryKind::Act { form: ActForm::Commands }, "fly to the red crane"), &percept).text;
     let act: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(act["actions"][0]["cmd"], "yaw_left");
     assert_eq!(act["actions"][0]["value"], 15.0);

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
-use spf_core::actions::actions_schema;
+use spf_core::actions::moves_schema;
 use spf_core::query::QueryKind;
 use spf_core::reply::{choice_schema, completion_schema, reply_schema};
 
@@ -25,7 +25,7 @@ pub enum SchemaDialect {
 pub(super) fn of(kind: &QueryKind) -> Option<Value> {
     match kind {
         QueryKind::Point { avoid } => Some(reply_schema(*avoid)),
-        QueryKind::Act => Some(actions_schema()),
+        QueryKind::Act { form } => Some(moves_schema(*form)),
         QueryKind::Choose => Some(choice_schema()),
         QueryKind::Done => Some(completion_schema()),
         _ => None,

@@ -22,7 +22,8 @@ use crate::settings::Settings;
 pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::load(args.config.as_deref())?;
     let tasks = tasks(args)?;
-    let methods = listed(&args.method).map(method).collect::<Result<Vec<_>, _>>()?;
+    let own = args.suite.as_deref().and_then(suite).map_or("spf", |suite| suite.methods);
+    let methods = listed(args.method.as_deref().unwrap_or(own)).map(method).collect::<Result<Vec<_>, _>>()?;
     let pointers: Vec<Pointer> = listed(&args.vlm).map(|name| pointer(&mut settings, name)).collect::<Result<_, _>>()?;
     if methods.is_empty() || pointers.is_empty() {
         return Err(CliError::usage("no method or no VLM is named").hint("--method spf --vlm oracle:default"));

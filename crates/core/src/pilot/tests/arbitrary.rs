@@ -124,7 +124,11 @@ impl Chaos {
         setup.settings.max_time = secs(max_time);
         setup.settings.reply_timeout = secs(4.0);
         let limits = setup.limits.clone();
-        let setup = if plain { setup.policy(Plain::new(PlainSettings { confirm_done: true, image_size: None })) } else { setup };
+        let setup = if plain {
+            setup.policy(Plain::new(PlainSettings { confirm_done: true, image_size: None, form: ActForm::Commands }))
+        } else {
+            setup
+        };
         let pilot = setup.fly(|_, _| Answer::Never).pilot;
         Self {
             pilot,

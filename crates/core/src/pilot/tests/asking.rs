@@ -222,11 +222,13 @@ fn a_part_of_an_answer_may_move_and_the_answer_counts_once() {
 
 fn plain(confirm_done: bool, texts: &'static [&'static str]) -> Flight {
     let mut number = 0;
-    Setup::preset(Preset::Paper).policy(Plain::new(PlainSettings { confirm_done, image_size: None })).fly(move |query, _| {
-        assert_eq!(query.kind, QueryKind::Act);
-        number += 1;
-        Answer::After(secs(0.5), texts[(number - 1).min(texts.len() - 1)].to_owned())
-    })
+    Setup::preset(Preset::Paper)
+        .policy(Plain::new(PlainSettings { confirm_done, image_size: None, form: ActForm::Commands }))
+        .fly(move |query, _| {
+            assert_eq!(query.kind, QueryKind::Act { form: ActForm::Commands });
+            number += 1;
+            Answer::After(secs(0.5), texts[(number - 1).min(texts.len() - 1)].to_owned())
+        })
 }
 
 const SQUARE: &str =

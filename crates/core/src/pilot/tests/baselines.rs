@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::policy::pivot::{Pivot, PivotSettings};
+use crate::policy::typefly::{TypeFly, TypeFlySettings};
 use crate::query::{Mark, QueryKind};
 
 /// The crane stands 20 m ahead and 8 m to the right of the start, 6 m up.
@@ -42,5 +43,34 @@ fn pivot_flies_to_what_the_choices_lead_to() {
         let (_, _, ended_at) = flight.finished[0];
         assert!(ended_at.distance(CRANE) < 3.2, "{ended_at:?}");
         assert!(flight.asked.iter().any(|(_, query)| query.marks.len() == 50), "25 arrows with their numbers");
+    }
+}
+
+/// The crane, 12 m high and 3 m wide, as a detector lists it.
+fn listed(pose: &Pose) -> String {
+    let Some(centre) = sighted(pose) else { return "none".to_owned() };
+    let range = pose.position.distance(CRANE);
+    // At 1 m a metre takes up half the width of the picture, and two thirds of its height.
+    let (width, height) = (1.5 / range, 8.0 / range);
+    format!("crane_1 x:{:.2} y:{:.2} width:{:.2} height:{:.2} color:red", centre.u, centre.v, width.min(1.0), height.min(1.0))
+}
+
+#[test]
+fn typefly_goes_to_what_its_list_tells() {
+    for (preset, heading) in [(Preset::Default, 0.0), (Preset::Default, 2.0), (Preset::Paper, 0.0)] {
+        let settings = TypeFlySettings::new(Craft::quad());
+        let mut flight = Setup::preset(preset).policy(TypeFly::new(settings)).fly(move |query, seen| {
+            let text = match &query.kind {
+                QueryKind::Detect { .. } => listed(&seen.pose),
+                _ if query.detections.is_empty() => "_1=s('crane');?_1==False{->False;}rp;".to_owned(),
+                _ => "_1=g('crane_1');?_1==False{rp;}->True;".to_owned(),
+            };
+            Answer::After(secs(0.3), text)
+        });
+        flight.model.heading = heading;
+        assert_eq!(flight.end(), Outcome::Reached, "{preset:?} {heading}");
+        let (_, _, ended_at) = flight.finished[0];
+        // Half of the picture is filled from 16 m on; it stops a hop later at most.
+        assert!((13.0..17.0).contains(&ended_at.distance(CRANE)), "{ended_at:?}");
     }
 }

@@ -17,6 +17,7 @@ mod whole;
 use std::collections::BTreeMap;
 
 use super::*;
+use crate::actions::ActForm;
 use crate::avoid::PathShape;
 use crate::command::Command;
 use crate::envelope::Cleared;

@@ -1,0 +1,201 @@
+//! Other forms of the plain-text baseline: four numbers at once, and one of a few fixed moves.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{ActionsError, MOVE_METRES, TURN_DEGREES, parse_actions, search, truth, wrong};
+use crate::primitives::Primitives;
+use crate::reply::{Value, Verdict};
+
+/// In which form actions are asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ActForm {
+    /// Up to three commands with a value each: [`parse_actions`].
+    #[default]
+    Commands,
+    /// One displacement and turn in numbers: `{"dx":1.5,"dy":0,"dz":0.2,"dyaw":20,"done":false}`.
+    Numeric,
+    /// One of the fixed moves of AerialVLN: `{"action":"forward"}`.
+    Discrete,
+}
+
+impl ActForm {
+    /// Whether it is the form that needs no mention.
+    #[must_use]
+    pub fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// What an answer in any form comes to: moves that are flown one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Moves {
+    /// Each in words, and as it is flown.
+    pub moves: Vec<(String, Primitives)>,
+    /// The instruction is fulfilled.
+    pub done: bool,
+}
+
+/// The fixed moves of AerialVLN (arXiv 2308.06735): word, metres forward, right and up, degrees clockwise.
+const FIXED: [(&str, [f64; 4]); 7] = [
+    ("forward", [5.0, 0.0, 0.0, 0.0]),
+    ("turn_left", [0.0, 0.0, 0.0, -15.0]),
+    ("turn_right", [0.0, 0.0, 0.0, 15.0]),
+    ("up", [0.0, 0.0, 2.0, 0.0]),
+    ("down", [0.0, 0.0, -2.0, 0.0]),
+    ("left", [0.0, -5.0, 0.0, 0.0]),
+    ("right", [0.0, 5.0, 0.0, 0.0]),
+];
+
+/// Reads an answer in a form.
+///
+/// # Errors
+/// [`ActionsError`]; every number of the moves is finite and in its range.
+pub fn parse_moves(form: ActForm, text: &str) -> Result<Moves, ActionsError> {
+    match form {
+        ActForm::Commands => parse_actions(text).map(|reply| Moves {
+            moves: reply.actions.into_iter().map(|action| (action.to_string(), action.into())).collect(),
+            done: reply.done,
+        }),
+        ActForm::Numeric => search(text, |value, _| match value.field(&["dx"]).or(value.field(&["dyaw"])) {
+            Some(_) => numeric(value).map_or_else(Verdict::Refused, Verdict::Accepted),
+            None => Verdict::Other,
+        }),
+        ActForm::Discrete => search(text, |value, _| match value.field(&["action"]) {
+            Some(word) => discrete(word).map_or_else(Verdict::Refused, Verdict::Accepted),
+            None => Verdict::Other,
+        }),
+    }
+}
+
+fn numeric(value: &Value) -> Result<Moves, ActionsError> {
+    let number = |field: &'static str, most: f64| match value.field(&[field]) {
+        None => Ok(0.0),
+        Some(found) => {
+            let number = found.number().ok_or_else(|| wrong(field.to_owned(), "a number", found))?;
+            if number.abs() <= 1.01 * most {
+                return Ok(number.clamp(-most, most));
+            }
+            Err(ActionsError::ValueOutside { command: field, found: number, least: -most, most })
+        }
+    };
+    let metres = |field| number(field, MOVE_METRES.1);
+    let (forward, right, climb) = (metres("dx")?, metres("dy")?, metres("dz")?);
+    let degrees = number("dyaw", TURN_DEGREES.1)?;
+    let words = format!("dx {forward}, dy {right}, dz {climb}, dyaw {degrees}");
+    let primitives = Primitives { yaw: degrees.to_radians(), forward, right, climb };
+    Ok(Moves { moves: vec![(words, primitives)], done: truth(value)? })
+}
+
+fn discrete(word: &Value) -> Result<Moves, ActionsError> {
+    let Value::Text(text) = word else { return Err(wrong("action".to_owned(), "a word", word)) };
+    let plain = |text: &str| text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<String>();
+    let said = plain(&text.chars().take(40).collect::<String>());
+    if said == "stop" {
+        return Ok(Moves { moves: Vec::new(), done: true });
+    }
+    let found = FIXED.into_iter().find(|(name, _)| plain(name) == said);
+    let (name, [forward, right, climb, degrees]) =
+        found.ok_or_else(|| ActionsError::UnknownCommand { found: crate::reply::one_line(text) })?;
+    Ok(Moves { moves: vec![(name.to_owned(), Primitives { yaw: degrees.to_radians(), forward, right, climb })], done: false })
+}
+
+/// How to move next.
+#[derive(JsonSchema)]
+#[allow(dead_code, reason = "only its schema is wanted")]
+struct WireNumeric {
+    /// Metres forward, negative backward.
+    dx: f64,
+    /// Metres to the right, negative to the left.
+    dy: f64,
+    /// Metres up, negative down.
+    dz: f64,
+    /// Degrees clockwise, negative counter-clockwise; turned first.
+    dyaw: f64,
+    /// Whether the whole instruction is fulfilled.
+    done: bool,
+}
+
+/// What to do next.
+#[derive(JsonSchema)]
+#[allow(dead_code, reason = "only its schema is wanted")]
+struct WireDiscrete {
+    /// The move.
+    #[schemars(schema_with = "fixed")]
+    action: String,
+}
+
+fn fixed(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    let words: Vec<&str> = FIXED.iter().map(|(word, _)| *word).chain(["stop"]).collect();
+    schemars::json_schema!({ "type": "string", "enum": words })
+}
+
+/// The JSON schema of an answer in a form, in the same portable subset as [`reply_schema`](crate::reply::reply_schema).
+#[must_use]
+pub fn moves_schema(form: ActForm) -> serde_json::Value {
+    match form {
+        ActForm::Commands => super::actions_schema(),
+        ActForm::Numeric => crate::reply::plain_numbers(crate::reply::closed_schema::<WireNumeric>()),
+        ActForm::Discrete => crate::reply::closed_schema::<WireDiscrete>(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn numbers_are_read_and_kept_in_range() {
+        let read = |text: &str| parse_moves(ActForm::Numeric, text);
+        let moves = read(r#"So: {"dx": 1.5, "dy": "-0.5", "dz": 0, "dyaw": 90, "done": false}"#).unwrap();
+        let expected = Primitives { yaw: core::f64::consts::FRAC_PI_2, forward: 1.5, right: -0.5, climb: 0.0 };
+        assert_eq!(moves.moves, [("dx 1.5, dy -0.5, dz 0, dyaw 90".to_owned(), expected)]);
+        assert!(!moves.done && read(r#"{"dx":0,"done":true}"#).unwrap().done);
+        assert_eq!(read(r#"{"dx":5.04}"#).unwrap().moves[0].1.forward, 5.0);
+        let code = |text: &str| read(text).unwrap_err().code();
+        assert_eq!((code(r#"{"dx":50}"#), code(r#"{"dyaw":"left"}"#), code("{}")), ("value_outside", "wrong_type", "no_reply"));
+    }
+
+    #[test]
+    fn fixed_moves_are_aerialvlns() {
+        let read = |text: &str| parse_moves(ActForm::Discrete, text);
+        for (word, [forward, right, climb, degrees]) in FIXED {
+            let moves = read(&format!("```\n{{\"action\":\"{word}\"}}\n```")).unwrap();
+            assert_eq!(moves.moves[0].1, Primitives { yaw: f64::to_radians(degrees), forward, right, climb });
+        }
+        assert_eq!(read(r#"{"action":"Turn Left"}"#).unwrap().moves[0].0, "turn_left");
+        assert_eq!(read(r#"{"action":"STOP"}"#), Ok(Moves { moves: Vec::new(), done: true }));
+        assert_eq!(read(r#"{"action":"flip"}"#).unwrap_err().code(), "unknown_command");
+    }
+
+    #[test]
+    fn every_form_has_a_schema_whose_words_are_read() {
+        for form in [ActForm::Commands, ActForm::Numeric, ActForm::Discrete] {
+            let schema = moves_schema(form);
+            assert_eq!(schema["additionalProperties"], false);
+            assert!(!schema.to_string().contains("format"), "{schema}");
+        }
+        for word in moves_schema(ActForm::Discrete)["properties"]["action"]["enum"].as_array().unwrap() {
+            assert!(parse_moves(ActForm::Discrete, &format!("{{\"action\":{word}}}")).is_ok());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn moves_are_finite_and_bounded(text in any::<String>(), dx: f64, dyaw: f64, word in "[a-z_]{2,11}") {
+            let numbers = format!("{{\"dx\":{dx:e},\"dyaw\":{dyaw:e}}}");
+            let word = format!("{{\"action\":\"{word}\"}}");
+            for text in [text, numbers, word] {
+                for form in [ActForm::Numeric, ActForm::Discrete, ActForm::Commands] {
+                    for (_, p) in parse_moves(form, &text).unwrap_or_default().moves {
+                        prop_assert!(p.yaw.abs() <= core::f64::consts::PI);
+                        prop_assert!([p.forward, p.right, p.climb].iter().all(|metres| metres.abs() <= 5.0));
+                    }
+                }
+            }
+        }
+    }
+}
