@@ -4,7 +4,7 @@ use super::{Action, Decision, Note, Outcome, Phase, Pilot, Think, Waiting};
 use crate::envelope::{Cause, Reaction};
 use crate::frame::FrameMeta;
 use crate::policy::{FailReason, PolicyEvent, Step, View};
-use crate::query::{Query, QueryId};
+use crate::query::{Query, QueryId, QueryKind};
 use crate::time::{Duration, Time};
 
 /// Steps a policy may take at one instant; more means a policy that never waits.
@@ -62,7 +62,7 @@ impl Pilot {
         };
         let step = self.policy.handle(PolicyEvent::Reply { id, text });
         self.envelope.observe_reply(now, !matches!(step, Step::Reject(_)));
-        if decides(&step) && !waiting.decided {
+        if decides(&step, &waiting.query) && !waiting.decided {
             self.decisions += 1;
         }
         let (goal, passed) = self.planned(now, &step);
@@ -75,7 +75,7 @@ impl Pilot {
         let Some(waiting) = self.waiting.get_mut(&id) else { return };
         let view = waiting.view;
         let step = self.policy.handle(PolicyEvent::Chunk { id, text });
-        if decides(&step) && !core::mem::replace(&mut waiting.decided, true) {
+        if decides(&step, &waiting.query) && !core::mem::replace(&mut waiting.decided, true) {
             self.decisions += 1;
         }
         self.carry_out(now, step, &view);
@@ -163,7 +163,7 @@ impl Pilot {
         goal: Option<crate::geometry::Pose>,
         passed: bool,
     ) -> Decision {
-        let number = if decides(step) || waiting.decided { self.decisions } else { self.decisions + 1 };
+        let number = if decides(step, &waiting.query) || waiting.decided { self.decisions } else { self.decisions + 1 };
         let step = match step {
             Step::Ask(_) => "ask",
             Step::Move(_) => "move",
@@ -197,7 +197,7 @@ impl Pilot {
     }
 }
 
-/// Whether a step ends a decision; asking more and waiting do not.
-fn decides(step: &Step) -> bool {
-    !matches!(step, Step::Ask(_) | Step::Wait)
+/// Whether a step ends a decision; asking more and waiting do not, and a list of detections is none: no model decided anything.
+fn decides(step: &Step, query: &Query) -> bool {
+    !matches!(step, Step::Ask(_) | Step::Wait) && !matches!(query.kind, QueryKind::Detect { .. })
 }

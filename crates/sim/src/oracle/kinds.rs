@@ -10,7 +10,7 @@ use spf_core::query::{Mark, Query};
 use super::language::resolve::{Item, meant, vocabulary};
 use super::language::{Phrase, Verb, parse};
 use super::percept::{Percept, Thing};
-use super::stages::Aim;
+use super::stages::{Aim, clause_of};
 use super::tags::Tagged;
 
 /// Farther than this share of the width from the percept's point, no candidate is chosen (DESIGN.md section 5).
@@ -79,6 +79,7 @@ struct Detection {
     label: String,
     tags: Tagged,
     x: f64,
+    y: f64,
     width: f64,
     height: f64,
 }
@@ -106,6 +107,7 @@ fn detections(lines: &[String]) -> Vec<Detection> {
                     ..Tagged::default()
                 },
                 x: field(line, "x:").unwrap_or(0.5),
+                y: field(line, "y:").unwrap_or(0.5),
                 width: field(line, "width:").unwrap_or(0.0),
                 height: field(line, "height:").unwrap_or(0.0),
             })
@@ -134,36 +136,64 @@ fn listed<'a>(phrase: &Phrase, list: &'a [Detection]) -> Vec<&'a Detection> {
     found
 }
 
-/// A MiniSpec program: go to each target in turn, searching for those not listed, and ask for a fresh program where one is not
-/// reached. Targets that the query's history says were gone to are left out.
+/// A MiniSpec program for the part of the instruction that is being worked on: turn to its target and approach it, or search where
+/// it is not listed. The planner knows what of a box is the thing's size: a large one that fills half the picture is still far.
 pub(super) fn program(query: &Query) -> String {
     let list = detections(&query.detections);
-    let reached = query.memory.actions.iter().filter(|call| call.starts_with("g(") && call.ends_with("= True")).count();
-    let mut out = String::new();
-    for clause in parse(&query.instruction, &vocabulary(list.iter().map(|d| &d.tags))).clauses.iter().skip(reached) {
-        let target = match listed(&clause.target, &list).first() {
-            Some(found) => found.label.clone(),
-            None if clause.target.nouns.is_empty() => {
-                out.push_str("8{tc(45);}");
-                continue;
-            }
-            None => {
-                let name = wanted(&clause.target);
-                let _ = write!(out, "_1=s('{name}');?_1==False{{->False;}}rp;");
-                break;
-            }
+    let instruction = parse(&query.instruction, &vocabulary(list.iter().map(|d| &d.tags)));
+    let Some(clause) = instruction.clauses.get(clause_of(&instruction, query.memory.stage)) else { return "->False;".to_owned() };
+    let Some(found) = listed(&clause.target, &list).first().copied() else {
+        return if clause.target.nouns.is_empty() {
+            "8{tc(45);}->True;".to_owned()
+        } else {
+            format!("_1=s('{}');?_1==False{{->False;}}rp;", wanted(&clause.target))
         };
-        let _ = write!(out, "_1=g('{target}');?_1==False{{rp;}}");
-        if clause.verb == Verb::Through {
-            out.push_str(ON_THROUGH);
-        }
+    };
+    let name = &found.label;
+    let mut out = format!("o('{name}');");
+    if found.y > LOW {
+        out.push_str("md(100);");
+    } else if found.y < HIGH {
+        out.push_str("mu(100);");
+    }
+    if clause.verb == Verb::Through && found.height > 0.5 {
+        out.push_str(ON_THROUGH);
+    } else if found.height > 0.5 {
+        out.push_str(if is_large(name) { "mf(200);" } else { "mf(60);" });
+    } else {
+        let _ = write!(out, "_1=a('{name}');?_1==False{{rp;}}");
     }
     out.push_str("->True;");
     out
 }
 
+/// A box whose middle is lower than this in the picture is sunk to …
+const LOW: f64 = 0.65;
+/// … and one whose middle is higher than this climbed to.
+const HIGH: f64 = 0.3;
 /// Straight on through an opening: 36 m, in pieces after which a list is still good for a craft of 3 m/s.
 const ON_THROUGH: &str = "12{mf(300);}";
+
+/// Whether people call something so that is higher than a house.
+fn is_large(label: &str) -> bool {
+    const LARGE: [&str; 14] = [
+        "building",
+        "tower",
+        "skyscraper",
+        "crane",
+        "needle",
+        "spire",
+        "bridge",
+        "hill",
+        "mountain",
+        "tunnel",
+        "gate",
+        "train",
+        "lake",
+        "tree",
+    ];
+    LARGE.iter().any(|word| label.split('_').any(|part| part == *word))
+}
 
 /// What is looked for, in the words of lists.
 fn wanted(phrase: &Phrase) -> String {

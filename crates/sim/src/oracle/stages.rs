@@ -150,6 +150,16 @@ struct Stage<'a> {
     another: bool,
 }
 
+/// The number, from 0, of the clause that a stage belongs to.
+pub(super) fn clause_of(instruction: &Instruction, stage: u32) -> usize {
+    let ends = instruction.clauses.iter().scan(0, |end, clause| {
+        *end += steps(clause.verb).len();
+        Some(*end)
+    });
+    let at = stage.max(1) as usize;
+    ends.take_while(|end| *end < at).count().min(instruction.clauses.len().saturating_sub(1))
+}
+
 fn plan(instruction: &Instruction) -> Vec<Stage<'_>> {
     let clauses = &instruction.clauses;
     let another = |at: usize| {

@@ -1,5 +1,6 @@
 use std::collections::BTreeMap;
 
+use spf_core::actions::ActForm;
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::grounding::GroundingProfile;
@@ -383,11 +384,11 @@ fn the_other_kinds_answer_from_the_same_percept() {
     assert!(lines.starts_with("crane_1 x:0.33 y:0.42 width:0.04 height:0.28 color:red\n"), "{lines}");
     let mut program = query(0, QueryKind::Program, "go to the yellow crane");
     program.detections = lines.lines().map(str::to_owned).collect();
-    assert_eq!(oracle.answer(&program, &percept).text, "_1=g('crane_2');?_1==False{rp;}->True;");
+    assert_eq!(oracle.answer(&program, &percept).text, "o('crane_2');_1=a('crane_2');?_1==False{rp;}->True;");
     // What was gone to is gone on from, and what is not listed is looked for.
     let mut later = query(0, QueryKind::Program, "go to the yellow crane, then to the black car");
     later.detections = program.detections.clone();
-    later.memory.actions = vec!["g('crane_2') = True".to_owned(), "mf(20) = True".to_owned()];
+    later.memory.stage = 2;
     assert_eq!(oracle.answer(&later, &percept).text, "_1=s('black car');?_1==False{->False;}rp;->True;");
     // Of COCO's classes there is none here, and a detector takes no VLM's time.
     let known = oracle.answer(&query(0, QueryKind::Detect { coco: true }, ""), &percept);

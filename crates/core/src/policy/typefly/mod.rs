@@ -19,7 +19,7 @@ use crate::grounding::GroundingProfile;
 use crate::policy::{FailReason, Policy, PolicyEvent, Reading, Step, View};
 use crate::prompt::{PromptInput, PromptKind, PromptText};
 use crate::query::{Memory, Query, QueryId, QueryKind};
-use crate::reply::one_line;
+use crate::reply::{one_line, parse_completion};
 use crate::time::{Duration, Time};
 
 /// Results of calls that are told back to the planner.
@@ -30,13 +30,14 @@ const TOLD_PROGRAM: usize = 600;
 /// What the TypeFly policy can be set to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TypeFlySettings {
-    /// Whether the planner is asked again when a program asks for it, ends in False or an error, or has moved so far that its
-    /// list is outdated; and whether "go to" looks again after each hop. Without it the first program is the only one, and "go to"
-    /// one turn and one hop, as in the configuration that SPF was compared with.
+    /// Whether the planner is asked again when a program asks for it, ends in False or an error, has moved so far that its list is
+    /// outdated, or ends without the picture showing that the instruction is fulfilled; and whether "go to" looks again after each
+    /// hop. Without it the first program is the only one and its end believed, and "go to" one turn and one hop, as in the
+    /// configuration that SPF was compared with.
     pub replanning: bool,
     /// Whether only objects of the classes of COCO are detected.
     pub coco: bool,
-    /// Programs in a row that may end in False or an error.
+    /// Programs in a row that may end in False or an error, or achieve nothing without moving from the spot.
     pub failures: u32,
     /// Which of `&` and `|` binds tighter.
     pub precedence: Precedence,
@@ -98,6 +99,11 @@ pub struct TypeFly {
     planning: Option<Planning>,
     machine: Option<Machine>,
     waits: Waits,
+    /// The program has come to its end; the next frame shows whether that is the instruction's.
+    ended: bool,
+    completing: Option<QueryId>,
+    /// The program has moved from the spot.
+    moved: bool,
     /// The last program.
     program: String,
     /// What came of it.
@@ -130,6 +136,9 @@ impl TypeFly {
             planning: None,
             machine: None,
             waits: Waits::No,
+            ended: false,
+            completing: None,
+            moved: false,
             program: String::new(),
             previous: String::new(),
             failures: 0,
@@ -169,7 +178,7 @@ impl TypeFly {
     }
 
     fn frame(&mut self, view: &View) -> Step {
-        if self.detecting.is_some() || self.planning.is_some() {
+        if self.detecting.is_some() || self.planning.is_some() || self.completing.is_some() {
             return Step::Wait;
         }
         match &mut self.waits {
@@ -185,7 +194,33 @@ impl TypeFly {
             Waits::No | Waits::List(_) => {}
         }
         self.view = Some(*view);
-        self.ask_list()
+        if self.ended { self.ask_completion() } else { self.ask_list() }
+    }
+
+    /// Whether a program's end is the instruction's: the question that every method is asked that does not say so itself.
+    fn ask_completion(&mut self) -> Step {
+        self.ended = false;
+        let prompt = self.write(&PromptText::shipped(PromptKind::Done), |_| None);
+        let query = self.query(QueryKind::Done, prompt);
+        self.completing = Some(query.id);
+        Step::Ask(Box::new(query))
+    }
+
+    fn completed(&mut self, text: &str) -> Step {
+        let completion = match parse_completion(text) {
+            Ok(completion) => completion,
+            Err(error) => return self.refuse(error.to_string()),
+        };
+        if completion.done {
+            return Step::Done;
+        }
+        let stage = completion.stage.unwrap_or(self.memory.stage);
+        // A part of the instruction that is behind it is worth as much as a way.
+        self.moved |= stage > self.memory.stage.max(1);
+        self.memory.stage = stage;
+        self.plan_again("the picture does not show that the instruction is fulfilled");
+        // What was looked at is looked at still.
+        if self.is_lost() { Step::Fail(FailReason::NoProgram) } else { self.ask_list() }
     }
 
     fn ask_list(&mut self) -> Step {
@@ -220,7 +255,9 @@ impl TypeFly {
         let query = self.query(QueryKind::Program, prompt);
         self.planning = Some(Planning { id: query.id, stream: ProgramStream::new(self.settings.precedence), begun: false });
         self.machine = Some(Machine::default());
-        self.waits = Waits::No;
+        (self.waits, self.moved) = (Waits::No, false);
+        // Of the program alone: it looks for things by itself.
+        self.memory.turned = 0.0;
         Step::Ask(Box::new(query))
     }
 
@@ -298,19 +335,28 @@ impl TypeFly {
         if *value == Value::Bool(false) {
             return self.failed("it returned False", FailReason::NotFound);
         }
-        Step::Done
+        if !self.settings.replanning {
+            return Step::Done;
+        }
+        self.ended = true;
+        Step::Look
     }
 
     /// The program came to no good end: another one, unless there were too many.
     fn failed(&mut self, why: &str, reason: FailReason) -> Step {
-        self.failures += 1;
-        let over = !self.settings.replanning || self.failures > self.settings.failures;
+        self.moved = false;
         self.plan_again(why);
-        if over { Step::Fail(reason) } else { Step::Look }
+        if self.is_lost() { Step::Fail(reason) } else { Step::Look }
     }
 
-    /// Ends the program; the next frame's list is planned on.
+    /// Whether no further program is of use.
+    fn is_lost(&self) -> bool {
+        !self.settings.replanning || self.failures > self.settings.failures
+    }
+
+    /// Ends the program; the next frame's list is planned on. One that has moved from the spot was of use, whatever it came to.
     fn plan_again(&mut self, why: &str) {
+        self.failures = if self.moved { 0 } else { self.failures + 1 };
         self.remember(why);
         self.machine = None;
         self.planning = None;
@@ -332,6 +378,7 @@ impl TypeFly {
     fn refuse(&mut self, why: String) -> Step {
         self.machine = None;
         self.waits = Waits::No;
+        self.fresh = false;
         self.reading.refused = Some(why.clone());
         Step::Reject(why)
     }
@@ -342,6 +389,9 @@ impl TypeFly {
         if self.detecting.take_if(|detecting| *detecting == id).is_some() {
             self.reading = Reading::default();
             self.listed(text)
+        } else if self.completing.take_if(|completing| *completing == id).is_some() {
+            self.reading = Reading::default();
+            self.completed(text)
         } else if plans {
             self.reading = Reading::default();
             self.arrived(text)
@@ -359,6 +409,9 @@ impl TypeFly {
             self.plan_again("no answer came");
         }
         self.detecting.take_if(|detecting| *detecting == id);
+        if self.completing.take_if(|completing| *completing == id).is_some() {
+            self.ended = true;
+        }
     }
 
     fn move_ended(&mut self, completed: bool) -> Step {
@@ -372,9 +425,8 @@ impl TypeFly {
             if let Some(machine) = &mut self.machine {
                 machine.resume(Value::Bool(true));
             }
-            self.failures = 0;
             self.plan_again("it moved so far that its list was outdated");
-            return Step::Look;
+            return if self.is_lost() { Step::Fail(FailReason::NoProgram) } else { Step::Look };
         }
         self.resume(Value::Bool(true))
     }

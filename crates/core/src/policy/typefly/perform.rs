@@ -3,7 +3,7 @@
 use super::minispec::{SkillCall, Value};
 use super::skills::{Argument, Axis, Figure, Skill};
 use super::{TypeFly, Waits};
-use crate::policy::{Move, Step};
+use crate::policy::{FailReason, Move, Step};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
 use crate::query::QueryKind;
@@ -63,9 +63,8 @@ impl TypeFly {
             Skill::Query => self.question(argument),
             Skill::TurnAndHop => self.turn_and_hop(&argument.text),
             Skill::RePlan => {
-                self.failures = 0;
                 self.plan_again("it asked for another");
-                Outcome::Step(Step::Look)
+                Outcome::Step(if self.is_lost() { Step::Fail(FailReason::NoProgram) } else { Step::Look })
             }
         }
     }
@@ -107,6 +106,8 @@ impl TypeFly {
 
     fn fly(&mut self, primitives: Primitives, outdates: bool) -> Outcome {
         self.fresh = false;
+        self.memory.turned += primitives.yaw;
+        self.moved |= Primitives { yaw: 0.0, ..primitives } != Primitives::default();
         self.waits = Waits::Move { outdates: outdates && self.settings.replanning };
         self.reading.primitives = Some(primitives);
         Outcome::Step(Step::Move(Move { primitives, anchor: None, then_rest: true }))

@@ -54,6 +54,14 @@ impl Told {
         self.reply(&asked, program)
     }
 
+    /// The program is over: the next frame is asked about.
+    fn ends(&mut self, step: Step, done: bool) -> Step {
+        assert_eq!(step, Step::Look);
+        let asked = query(self.frame());
+        assert_eq!(asked.kind, QueryKind::Done);
+        self.reply(&asked, &format!("{{\"done\":{done},\"stage\":1}}"))
+    }
+
     fn moved(&mut self) -> Step {
         self.policy.handle(PolicyEvent::MoveEnded { completed: true })
     }
@@ -101,7 +109,29 @@ fn moves_follow_one_another_and_the_program_ends() {
     assert!((motion(told.moved()).yaw - 45.0_f64.to_radians()).abs() < 1e-12);
     assert_eq!(motion(told.moved()), Primitives { right: -0.2, ..Primitives::default() }, "no less than 20 cm");
     assert_eq!(motion(told.moved()), Primitives { climb: 0.3, ..Primitives::default() });
-    assert_eq!(told.moved(), Step::Done);
+    let over = told.moved();
+    assert_eq!(told.ends(over, true), Step::Done);
+}
+
+#[test]
+fn an_end_that_the_picture_does_not_show_is_planned_on_from() {
+    let mut told = Told::new(|_| ());
+    let over = told.plans(CAR, "->True;");
+    let list = query(told.ends(over, false));
+    assert_eq!(list.kind, QueryKind::Detect { coco: false });
+    let asked = query(told.reply(&list, CAR));
+    assert!(asked.prompt.contains("It ended because: the picture does not show"), "{}", asked.prompt);
+    motion(told.reply(&asked, "mf,50;->True;"));
+    let over = told.moved();
+    // One that moved was of use; six in a row that did not are not.
+    let mut step = told.ends(over, false);
+    for _ in 0..6 {
+        let list = query(step);
+        let asked = query(told.reply(&list, CAR));
+        let over = told.reply(&asked, "->True;");
+        step = told.ends(over, false);
+    }
+    assert_eq!(step, Step::Fail(FailReason::NoProgram));
 }
 
 #[test]
@@ -110,7 +140,8 @@ fn skills_look_again_after_each_move() {
     // The list that was planned on is fresh; after the move another one is needed.
     assert_eq!(motion(told.plans(CAR, "?iv,car{mf,50;}?iv,car{mb,50;}->True;")), forward(0.5));
     assert_eq!(told.moved(), Step::Look);
-    assert_eq!(told.sees("none"), Step::Done);
+    let over = told.sees("none");
+    assert_eq!(told.ends(over, true), Step::Done);
 }
 
 #[test]
@@ -125,7 +156,8 @@ fn goto_orients_and_approaches_until_the_box_fills_half_the_picture() {
     assert_eq!(told.moved(), Step::Look);
     assert_eq!(motion(told.sees(&at(0.5, 0.4))), forward(0.4));
     assert_eq!(told.moved(), Step::Look);
-    assert_eq!(told.sees(&at(0.5, 0.6)), Step::Done);
+    let over = told.sees(&at(0.5, 0.6));
+    assert_eq!(told.ends(over, true), Step::Done);
 }
 
 #[test]
@@ -194,7 +226,8 @@ fn a_program_runs_while_it_arrives_and_nothing_of_it_twice() {
     assert_eq!(chunk("00;"), Step::Wait, "the first move is under way");
     assert_eq!(motion(told.moved()), forward(1.0));
     assert_eq!(told.moved(), Step::Wait, "nothing more has arrived");
-    assert_eq!(told.reply(&asked, "mf,50;mf,100;->True;"), Step::Done);
+    let over = told.reply(&asked, "mf,50;mf,100;->True;");
+    assert_eq!(told.ends(over, true), Step::Done);
 }
 
 #[test]
@@ -204,7 +237,8 @@ fn a_wait_ends_by_the_frames() {
     for _ in 0..3 {
         assert_eq!(told.frame(), Step::Wait);
     }
-    assert_eq!(told.frame(), Step::Done);
+    let over = told.frame();
+    assert_eq!(told.ends(over, true), Step::Done);
 }
 
 #[test]
@@ -213,7 +247,8 @@ fn what_cannot_be_read_is_refused_and_asked_for_anew() {
     assert!(matches!(told.sees("I see a car."), Step::Reject(_)));
     assert!(matches!(told.plans(CAR, "8{tc,45;"), Step::Reject(why) if why.starts_with("line 1, column 9")));
     assert!(matches!(told.plans(CAR, " \n"), Step::Reject(_)), "nothing is no program");
-    assert_eq!(told.plans(CAR, "->True;"), Step::Done);
+    let over = told.plans(CAR, "->True;");
+    assert_eq!(told.ends(over, true), Step::Done);
 }
 
 #[test]
@@ -224,5 +259,6 @@ fn what_is_cut_short_or_never_answered_is_planned_anew() {
     let asked = query(told.sees(CAR));
     assert_eq!(told.policy.handle(PolicyEvent::ReplyFailed { id: asked.id }), Step::Wait);
     assert_eq!(told.reply(&asked, "->True;"), Step::Wait, "too late");
-    assert_eq!(told.plans(CAR, "->True;"), Step::Done);
+    let over = told.plans(CAR, "->True;");
+    assert_eq!(told.ends(over, true), Step::Done);
 }
