@@ -2,7 +2,9 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spf_core::policy::typefly::minispec::{Block, Machine, Precedence, ProgramStream, Progress, Skills, Value, parse_body, parse_program};
+use spf_core::policy::typefly::minispec::{
+    Block, Machine, Precedence, ProgramStream, Progress, Skills, Value, parse_body, parse_program,
+};
 
 /// Two skills, one of them in the language.
 struct Few(Block);

@@ -4,15 +4,17 @@
 mod flight;
 mod oracle;
 mod pictures;
+mod policy;
 mod stage;
 mod tello;
 mod truth;
 mod world;
 
-pub use flight::{FlightError, FlightPlan, Flown, PolicyKind, RecordPlan, WhoError, WhoPoints, fly, oracle_points};
+pub use flight::{FlightError, FlightPlan, Flown, RecordPlan, WhoError, WhoPoints, fly, oracle_points};
 pub use oracle::OracleVlm;
 pub use pictures::SimPictures;
 pub(crate) use pictures::sim_picture;
+pub use policy::PolicyKind;
 pub use stage::{Moment, Stage, StageError};
 pub use tello::{Instruction, TelloFilm, TelloPlan, TelloService, truth_file};
 pub use truth::{Verdict, sighted};

@@ -1,0 +1,157 @@
+//! Which policy decides a flight.
+
+use std::sync::Arc;
+
+use spf_core::actions::ActForm;
+use spf_core::avoid::PathShape;
+use spf_core::craft::Craft;
+use spf_core::executor::Motion;
+use spf_core::pilot::PilotSettings;
+use spf_core::policy::Policy;
+use spf_core::policy::pivot::{Pivot, PivotSettings};
+use spf_core::policy::plain::{Plain, PlainSettings, prompt_kind};
+use spf_core::policy::spf::{Spf, SpfSettings};
+use spf_core::policy::typefly::{TypeFly, TypeFlySettings};
+use spf_core::prompt::{PromptKind, PromptText};
+use spf_core::step::StepRule;
+use spf_vlm::Eyesight;
+
+/// Which policy decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PolicyKind {
+    /// Points (the method).
+    Spf,
+    /// Text actions (the baseline).
+    Plain,
+    /// The same as four numbers.
+    PlainNumeric,
+    /// The same as one of a few fixed moves.
+    PlainDiscrete,
+    /// Choices among numbered arrows (the PIVOT baseline).
+    Pivot,
+    /// The same three times at once, agreeing on the mean.
+    PivotParallel,
+    /// Programs written from a list of detections (the TypeFly baseline), with replanning and every object listed.
+    TypeFly,
+    /// The same with only the classes of COCO listed.
+    TypeFlyCoco,
+    /// The same as SPF was compared with: classes of COCO, one program, "go to" as one turn and one hop.
+    TypeFlyOnce,
+}
+
+/// Metres that PIVOT flies at a time where the settings name no fixed step: the median of SPF's in rooms and yards, for the craft
+/// may be in one (docs/baselines.md).
+const PIVOT_STEP: f64 = 1.9;
+
+impl PolicyKind {
+    /// All, in the order of help texts.
+    pub const ALL: [Self; 9] = [
+        Self::Spf,
+        Self::Plain,
+        Self::PlainNumeric,
+        Self::PlainDiscrete,
+        Self::Pivot,
+        Self::PivotParallel,
+        Self::TypeFly,
+        Self::TypeFlyCoco,
+        Self::TypeFlyOnce,
+    ];
+
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Spf => "spf",
+            Self::Plain => "plain",
+            Self::PlainNumeric => "plain-numeric",
+            Self::PlainDiscrete => "plain-discrete",
+            Self::Pivot => "pivot",
+            Self::PivotParallel => "pivot-parallel",
+            Self::TypeFly => "typefly",
+            Self::TypeFlyCoco => "typefly-coco",
+            Self::TypeFlyOnce => "typefly-once",
+        }
+    }
+
+    /// The policy of that name.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// Which prompts it takes.
+    #[must_use]
+    pub fn prompt(self) -> PromptKind {
+        match self {
+            Self::Spf => PromptKind::Point,
+            Self::Plain => prompt_kind(ActForm::Commands),
+            Self::PlainNumeric => prompt_kind(ActForm::Numeric),
+            Self::PlainDiscrete => prompt_kind(ActForm::Discrete),
+            Self::Pivot | Self::PivotParallel => PromptKind::Choose,
+            Self::TypeFly | Self::TypeFlyCoco | Self::TypeFlyOnce => PromptKind::Program,
+        }
+    }
+
+    /// The policy. `seed` draws what it draws by chance, which only PIVOT does.
+    pub(crate) fn policy(
+        self,
+        settings: &PilotSettings,
+        craft: Craft,
+        eyesight: Eyesight,
+        prompt: Arc<PromptText>,
+        seed: u64,
+    ) -> Box<dyn Policy> {
+        let image_size = eyesight.image_size;
+        match self {
+            Self::Plain | Self::PlainNumeric | Self::PlainDiscrete => {
+                let form = match self {
+                    Self::PlainNumeric => ActForm::Numeric,
+                    Self::PlainDiscrete => ActForm::Discrete,
+                    _ => ActForm::Commands,
+                };
+                let settings = PlainSettings { confirm_done: settings.confirm_done, image_size, form };
+                Box::new(Plain::new(settings).with_prompt(prompt))
+            }
+            Self::Pivot | Self::PivotParallel => {
+                let step = match settings.step {
+                    StepRule::Fixed(metres) => metres,
+                    StepRule::Adaptive { .. } => PIVOT_STEP,
+                };
+                let settings = PivotSettings {
+                    runs: if self == Self::Pivot { 1 } else { 3 },
+                    lifting: settings.lifting,
+                    confirm_done: settings.confirm_done,
+                    image_size,
+                    seed,
+                    ..PivotSettings::published(craft, step)
+                };
+                Box::new(Pivot::new(settings).with_prompt(prompt))
+            }
+            Self::TypeFly | Self::TypeFlyCoco | Self::TypeFlyOnce => {
+                let settings = TypeFlySettings {
+                    replanning: self != Self::TypeFlyOnce,
+                    coco: self != Self::TypeFly,
+                    image_size,
+                    ..TypeFlySettings::new(craft)
+                };
+                Box::new(TypeFly::new(settings).with_prompt(prompt))
+            }
+            Self::Spf => {
+                let settings = SpfSettings {
+                    step: settings.step,
+                    lifting: settings.lifting,
+                    avoid: settings.avoid,
+                    confirm_done: settings.confirm_done,
+                    grounding: eyesight.grounding,
+                    image_size,
+                    craft,
+                    shape: match settings.motion {
+                        Motion::Sequential => PathShape::LevelThenClimb,
+                        Motion::Blended => PathShape::Straight,
+                    },
+                };
+                Box::new(Spf::new(settings).with_prompt(prompt))
+            }
+        }
+    }
+}
