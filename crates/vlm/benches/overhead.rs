@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::QueryKind;
 use spf_core::reply::parse_reply;
-use spf_media::{Jpeg, Rgb, resize};
+use spf_media::{Jpeg, Rgb, Scaler};
 use spf_vlm::table::Table;
 use spf_vlm::wire::sse::Events;
 use spf_vlm::wire::{Gathered, Question, WireKind};
@@ -30,9 +30,12 @@ fn frame_to_request(bencher: Bencher<'_, '_>, name: &str) {
     let (frame, table) = (frame(), Table::shipped());
     let model = table.select(name, "2026-11-21").expect("it is in the table").model;
     let kind = QueryKind::Point { avoid: true };
-    bencher.bench(|| {
+    let mut scaler = Scaler::default();
+    bencher.bench_local(|| {
         let (width, height) = model.image.sent((960, 720), None);
-        let jpeg = Jpeg::encode(&resize(black_box(&frame), width, height), 70).expect("it has a size");
+        let scaled = scaler.scale(black_box(&frame), width, height);
+        let jpeg = Jpeg::encode(&scaled, 70).expect("it has a size");
+        scaler.reuse(scaled);
         let question = Question { prompt: "Where?", jpeg: jpeg.bytes(), kind: &kind };
         serde_json::to_vec(&model.wire.request(&model, &question).body)
     });

@@ -22,12 +22,30 @@ pub struct Account {
 pub struct Parts {
     /// The picture drawn and encoded.
     pub encoded_s: Option<f64>,
-    /// The request sent and the answer's head there.
+    /// The request's last piece taken by the connection; the operating system may hold some of it still.
+    #[serde(default)]
+    pub uploaded_s: Option<f64>,
+    /// The answer's head there.
     pub head_s: Option<f64>,
     /// The first piece of the answer's text there.
     pub first_text_s: Option<f64>,
     /// The answer complete.
     pub complete_s: Option<f64>,
+}
+
+impl Parts {
+    /// What each part took, seconds: encoding, upload (with connecting and what was asked before in vain), waiting for the first
+    /// text, the rest of the answer; none for what was not reached.
+    #[must_use]
+    pub fn durations(&self) -> [Option<f64>; 4] {
+        let between = |from: Option<f64>, to: Option<f64>| Some((to? - from?).max(0.0));
+        [
+            self.encoded_s,
+            between(self.encoded_s, self.uploaded_s),
+            between(self.uploaded_s, self.first_text_s),
+            between(self.first_text_s, self.complete_s),
+        ]
+    }
 }
 
 /// Tokens as the vendor counted them.
@@ -72,5 +90,26 @@ impl Account {
             (Some(a), Some(b)) => Some(a + b),
             (a, b) => a.or(b),
         };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_told_one_after_the_other() {
+        let parts = Parts {
+            encoded_s: Some(0.25),
+            uploaded_s: Some(0.5),
+            head_s: Some(0.75),
+            first_text_s: Some(1.5),
+            complete_s: Some(2.0),
+        };
+        assert_eq!(parts.durations(), [Some(0.25), Some(0.25), Some(1.0), Some(0.5)]);
+        assert_eq!(Parts { first_text_s: None, complete_s: None, ..parts }.durations(), [Some(0.25), Some(0.25), None, None]);
+        // Recordings from before uploads were noted.
+        let old: Parts = serde_json::from_str(r#"{"encoded_s":0.1,"head_s":0.2,"first_text_s":0.3,"complete_s":0.4}"#).unwrap();
+        assert_eq!(old.uploaded_s, None);
     }
 }

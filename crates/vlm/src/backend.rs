@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
+use bytes::Bytes;
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::QueryKind;
 use spf_core::rng::Draw;
@@ -28,6 +29,8 @@ const LONGEST_WAIT: Duration = Duration::from_secs(120);
 /// A JPEG's share of a question's tokens where nobody counted them, and characters to a token.
 const GUESSED_PICTURE: u64 = 1000;
 const CHARACTERS_A_TOKEN: u64 = 4;
+/// Bytes of a request beside picture and prompt, about: its schema and settings.
+const ROOM: usize = 8192;
 
 /// One model at one vendor.
 #[derive(Debug)]
@@ -44,7 +47,7 @@ pub(crate) struct Backend {
 /// A question written in the form of one backend.
 pub(crate) struct Written {
     path: String,
-    body: Vec<u8>,
+    body: Bytes,
     prompt_length: usize,
     enough: Option<GroundingProfile>,
     encoded: Option<f64>,
@@ -84,12 +87,14 @@ impl Backend {
         began: Instant,
     ) -> Result<Written, VlmError> {
         let request = self.endpoint.wire.request(&self.model, question);
-        let body = serde_json::to_vec(&request.body)
+        // In one piece: it need not be moved while it grows.
+        let mut body = Vec::with_capacity(question.jpeg.len() / 3 * 4 + 2 * question.prompt.len() + ROOM);
+        serde_json::to_writer(&mut body, &request.body)
             .map_err(|error| VlmError::Refused { model: self.model.id.clone(), reason: error.to_string() })?;
         let point = matches!(question.kind, QueryKind::Point { .. });
         Ok(Written {
             path: request.path,
-            body,
+            body: body.into(),
             prompt_length: question.prompt.len(),
             enough: point.then_some(grounding),
             encoded: Some(began.elapsed().as_secs_f64()),
@@ -218,7 +223,8 @@ impl Backend {
         }
         let bytes_sent = written.bytes();
         account.add(&Account { requests: 1, bytes_sent, parts: Parts::default(), tokens, cost_usd: self.cost(&tokens) });
-        account.parts = Parts { encoded_s: written.encoded, ..exchange.parts };
+        let uploaded = exchange.uploaded.get().map(|at| at.saturating_duration_since(written.began).as_secs_f64());
+        account.parts = Parts { encoded_s: written.encoded, uploaded_s: uploaded, ..exchange.parts };
     }
 }
 

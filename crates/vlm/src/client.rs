@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use bytes::Bytes;
 use reqwest::header::{CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
 use serde_json::Value;
 use spf_core::grounding::GroundingProfile;
@@ -11,6 +12,7 @@ use spf_core::time::Duration;
 use crate::account::Parts;
 use crate::error::{VlmError, quote};
 use crate::key::ApiKey;
+use crate::upload::{Upload, Uploaded};
 use crate::wire::sse::Events;
 use crate::wire::{Gathered, WireKind, error_of};
 
@@ -48,6 +50,8 @@ impl Endpoint {
 pub(crate) struct Exchange {
     pub(crate) parts: Parts,
     pub(crate) gathered: Gathered,
+    /// When the question was sent whole.
+    pub(crate) uploaded: Uploaded,
     /// Bytes of the answer so far.
     pub(crate) received: usize,
     /// The stream was ended by us, before it told its tokens.
@@ -71,7 +75,7 @@ impl Exchange {
         client: &reqwest::Client,
         endpoint: &Endpoint,
         path: &str,
-        body: Vec<u8>,
+        body: Bytes,
         enough: Enough,
         began: Instant,
     ) -> Result<String, VlmError> {
@@ -80,7 +84,7 @@ impl Exchange {
             .post(format!("{}{path}", endpoint.base))
             .headers(endpoint.headers.clone())
             .header(CONTENT_TYPE, HeaderValue::from_static("application/json"))
-            .body(body);
+            .body(reqwest::Body::wrap(Upload::new(body, self.uploaded.clone())));
         let response = request.send().await.map_err(|error| unreachable(host, &error))?;
         let since = |began: Instant| Some(began.elapsed().as_secs_f64());
         self.parts.head_s = since(began);
@@ -225,7 +229,13 @@ fn unreachable(host: &str, error: &reqwest::Error) -> VlmError {
     if reason.is_empty() {
         reason = "the request failed".to_owned();
     }
-    VlmError::Network { host: host.to_owned(), reason: quote(&reason) }
+    let mut reason = quote(&reason);
+    // The name that rustls has for it.
+    if reason.contains("UnknownIssuer") {
+        reason
+            .push_str(" (this machine does not trust whoever signed its certificate: SSL_CERT_FILE names a file of authorities)");
+    }
+    VlmError::Network { host: host.to_owned(), reason }
 }
 
 fn broken_off(host: &str, error: &reqwest::Error) -> VlmError {

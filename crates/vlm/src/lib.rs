@@ -20,6 +20,7 @@ mod remote;
 pub mod setup;
 pub mod table;
 mod transport;
+mod upload;
 pub mod wire;
 
 use std::sync::Arc;

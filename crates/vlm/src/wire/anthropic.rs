@@ -25,14 +25,14 @@ struct Message<'a> {
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 enum Part<'a> {
-    Image { source: Source<'a> },
+    Image { source: Source },
     Text { text: &'a str },
 }
 
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
-enum Source<'a> {
-    Base64 { media_type: &'static str, data: &'a str },
+enum Source {
+    Base64 { media_type: &'static str, data: String },
 }
 
 pub(super) fn request(ask: &Ask<'_>) -> Request {
@@ -45,7 +45,7 @@ pub(super) fn request(ask: &Ask<'_>) -> Request {
         messages: [Message {
             role: "user",
             content: [
-                Part::Image { source: Source::Base64 { media_type: "image/jpeg", data: &ask.picture } },
+                Part::Image { source: Source::Base64 { media_type: "image/jpeg", data: ask.picture("") } },
                 Part::Text { text: ask.prompt },
             ],
         }],

@@ -87,9 +87,8 @@ impl WireKind {
     /// The request that puts a question to a model.
     #[must_use]
     pub fn request(self, model: &Model, question: &Question<'_>) -> Request {
-        let picture = STANDARD.encode(question.jpeg);
         let schema = schema::of(question.kind).filter(|_| model.schema != SchemaDialect::None);
-        let ask = Ask { model, prompt: question.prompt, picture, schema };
+        let ask = Ask { model, prompt: question.prompt, jpeg: question.jpeg, schema };
         let mut request = match self {
             Self::Gemini => gemini::request(&ask),
             Self::OpenaiChat => chat::request(&ask),
@@ -158,10 +157,22 @@ impl Gathered {
 struct Ask<'a> {
     model: &'a Model,
     prompt: &'a str,
-    /// Base64.
-    picture: String,
+    jpeg: &'a [u8],
     schema: Option<Value>,
 }
+
+impl Ask<'_> {
+    /// The picture in base64, behind a prefix.
+    fn picture(&self, prefix: &str) -> String {
+        let mut text = String::with_capacity(prefix.len() + self.jpeg.len().div_ceil(3) * 4);
+        text.push_str(prefix);
+        STANDARD.encode_string(self.jpeg, &mut text);
+        text
+    }
+}
+
+/// What stands before a picture that is told as an address.
+const DATA_URL: &str = "data:image/jpeg;base64,";
 
 fn malformed(host: &str, reason: impl Into<String>) -> VlmError {
     VlmError::Malformed { host: host.to_owned(), reason: reason.into() }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::chat::decline;
-use super::{Ask, End, Gathered, Request, SchemaDialect, typed};
+use super::{Ask, DATA_URL, End, Gathered, Request, SchemaDialect, typed};
 use crate::account::Tokens;
 use crate::error::VlmError;
 
@@ -37,10 +37,7 @@ pub(super) fn request(ask: &Ask<'_>) -> Request {
         SchemaDialect::JsonObject => json!({ "format": { "type": "json_object" } }),
         _ => json!({ "format": { "type": "json_schema", "name": "spf_reply", "strict": true, "schema": schema } }),
     });
-    let picture = Part::InputImage {
-        image_url: format!("data:image/jpeg;base64,{}", ask.picture),
-        detail: model.detail.as_deref().unwrap_or("auto"),
-    };
+    let picture = Part::InputImage { image_url: ask.picture(DATA_URL), detail: model.detail.as_deref().unwrap_or("auto") };
     let body = Body {
         model: &model.id,
         stream: model.stream,

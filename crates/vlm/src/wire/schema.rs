@@ -1,5 +1,7 @@
 //! The schema of answers, in the dialects of vendors. It is generated from the Rust types of the replies.
 
+use std::sync::LazyLock;
+
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use spf_core::actions::moves_schema;
@@ -21,10 +23,15 @@ pub enum SchemaDialect {
     None,
 }
 
+// Asked for with every decision.
+static POINT: LazyLock<Value> = LazyLock::new(|| reply_schema(false));
+static POINT_AND_BOXES: LazyLock<Value> = LazyLock::new(|| reply_schema(true));
+
 /// The schema of the answers to a kind of question; none where any text will do.
 pub(super) fn of(kind: &QueryKind) -> Option<Value> {
     match kind {
-        QueryKind::Point { avoid } => Some(reply_schema(*avoid)),
+        QueryKind::Point { avoid: false } => Some(POINT.clone()),
+        QueryKind::Point { avoid: true } => Some(POINT_AND_BOXES.clone()),
         QueryKind::Act { form } => Some(moves_schema(*form)),
         QueryKind::Choose => Some(choice_schema()),
         QueryKind::Done => Some(completion_schema()),
