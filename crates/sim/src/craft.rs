@@ -75,7 +75,7 @@ impl SimCraft {
         Self::among(Arc::default(), collider, model, start, conditions)
     }
 
-    /// A craft among the actors of its scene, who follow the seed of the conditions. They take no notice of it.
+    /// A craft among the actors of its scene, who follow the seed of the conditions. They stop for it, but do not flee from it.
     #[must_use]
     pub fn among(cast: Arc<Cast>, collider: Arc<Collider>, model: Model, start: Pose, conditions: Conditions) -> Self {
         let dynamics = Dynamics::new(&collider, model, start, conditions);
@@ -110,6 +110,8 @@ impl SimCraft {
     /// Lets the actors go on to the end of the tick, and finds out whether the craft, which was at `before`, has met one.
     fn meet(&mut self, before: EnuPosition) {
         let (now, after) = (self.dynamics.time(), self.dynamics.pose().position);
+        let radius = self.dynamics.model().craft.radius;
+        self.traffic.set_craft(after, radius);
         self.traffic.advance_to(now);
         if !self.dynamics.airborne() || self.traffic.cast().is_empty() {
             return;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 use proptest::prelude::*;
+use spf_core::command::{Command, Setpoint};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::time::Time;
 use spf_sim::actors::{ActorPlace, Cast, Traffic};
@@ -242,21 +243,35 @@ fn hovering(stage: &Stage, at: [f64; 3]) -> SimCraft {
 }
 
 #[test]
-fn a_hovering_craft_is_run_over_where_a_car_comes() {
-    let stage = Stage::of(&[("car", "car", drive("[[0, -40], [0, 40]]", ", loop = \"once\""))]);
-    let mut hit = hovering(&stage, [0.0, 0.0, 0.8]);
-    let mut above = hovering(&stage, [0.0, 0.0, 2.4]);
-    let mut beside = hovering(&stage, [1.5, 0.0, 0.8]);
-    for craft in [&mut hit, &mut above, &mut beside] {
-        craft.advance_to(Time::from_secs_f64(20.0));
+fn a_car_and_a_person_stop_for_a_hovering_craft_and_not_for_one_high_above() {
+    let car = Stage::of(&[("car", "car", drive("[[0, -40], [0, 40]]", ", loop = \"once\""))]);
+    let person = Stage::of(&[("person", "person", walk("[[0, -10], [0, 40]]", ", loop = \"once\""))]);
+    // Half a car of 4.5 m, or half a person, the craft's radius, and the room that is kept.
+    for (stage, half) in [(&car, 2.25), (&person, 0.25)] {
+        let mut below = hovering(stage, [0.0, 0.0, 0.8]);
+        let mut above = hovering(stage, [0.0, 0.0, 4.0]);
+        let mut beside = hovering(stage, [3.0, 0.0, 0.8]);
+        for craft in [&mut below, &mut above, &mut beside] {
+            craft.advance_to(Time::from_secs_f64(20.0));
+            assert!(craft.truth().collided_with.is_empty());
+        }
+        let north = |craft: &SimCraft| craft.actors_at(craft.time()).unwrap()[0].position.north;
+        let left = -north(&below) - half - 0.3;
+        assert!((0.3..1.2).contains(&left), "{left}");
+        assert!(north(&above) > 5.0 && north(&beside) > 5.0);
     }
-    let contacts = hit.truth().collided_with;
+}
+
+#[test]
+fn a_craft_that_flies_into_a_person_hits_them() {
+    let stage = Stage::of(&[("person", "person", walk("[[0, 3], [0, 2.9]]", ", loop = \"once\""))]);
+    let mut craft = hovering(&stage, [0.0, 0.0, 0.8]);
+    let forward = Setpoint { forward: 1.0, ..Setpoint::HOLD };
+    craft.apply(Time::ZERO, Command::Setpoint(forward), Time::from_secs_f64(10.0));
+    craft.advance_to(Time::from_secs_f64(10.0));
+    let contacts = craft.truth().collided_with;
     assert_eq!(contacts.len(), 1);
-    assert_eq!(stage.scene.object(contacts[0].1).unwrap().key, "car");
-    // The bumper reaches the craft's side when the middle is half a car and a radius away.
-    let place = hit.actors_at(contacts[0].0);
-    assert!(place.is_none() || (place.unwrap()[0].position.north + 2.25 + 0.3).abs() < 0.3);
-    assert!(above.truth().collided_with.is_empty() && beside.truth().collided_with.is_empty());
+    assert_eq!(stage.scene.object(contacts[0].1).unwrap().key, "person");
 }
 
 #[test]

@@ -54,6 +54,11 @@ impl Watch {
         self.kind.is_momentary()
     }
 
+    /// Whether a moment alone tells if it is met.
+    pub(super) fn forgets(&self) -> bool {
+        matches!(self.kind, GoalKind::Reach { .. })
+    }
+
     /// What it was met with, for a next one that wants another.
     pub(super) fn met_with(&self) -> Vec<ObjectId> {
         self.passed.iter().copied().chain(self.spent.iter().copied()).collect()
@@ -91,7 +96,7 @@ impl Watch {
         if near.is_empty() {
             return near;
         }
-        let clear = sight.clearly(shown.stage, moment);
+        let clear = sight.clearly(shown.stage, moment, &near);
         near.into_iter().filter(|id| clear.contains(id)).collect()
     }
 

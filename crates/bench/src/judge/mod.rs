@@ -106,6 +106,18 @@ impl Judge {
         self.last = Some(moment.clone());
     }
 
+    /// Whether looks matter only at the end from now on, because the last goal is met or not at each moment, whatever was before: a
+    /// judge that has said success once need be told no more than [`Judge::pass`] until then.
+    #[must_use]
+    pub fn waits_for_the_end(&self) -> bool {
+        self.current + 1 == self.goals.len() && self.goals.last().is_some_and(Watch::forgets)
+    }
+
+    /// Remembers a moment without looking.
+    pub fn pass(&mut self, moment: &Moment) {
+        self.last = Some(moment.clone());
+    }
+
     /// Whether the judge would say success, as of the last look and collisions aside.
     #[must_use]
     pub fn holds(&self) -> bool {
@@ -138,7 +150,7 @@ impl Judge {
     /// Whether one of the last goal's targets is clearly visible; none for a scan.
     pub fn sees(&mut self, moment: &Moment) -> Option<bool> {
         let targets = self.last_targets().to_vec();
-        (!targets.is_empty()).then(|| self.sight.clearly(&self.stage, moment).iter().any(|id| targets.contains(id)))
+        (!targets.is_empty()).then(|| !self.sight.clearly(&self.stage, moment, &targets).is_empty())
     }
 }
 

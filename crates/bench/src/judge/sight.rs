@@ -1,9 +1,7 @@
 //! The judge's eye: what the craft's camera shows clearly, from ids alone.
 
-use std::collections::BTreeMap;
-
 use spf_core::camera::Camera;
-use spf_flight::sim::{Moment, Stage, sighted};
+use spf_flight::sim::{Moment, Stage, sighted_of};
 use spf_sim::geometry::ObjectId;
 use spf_sim::model::CraftKind;
 use spf_sim::render::{Channels, Picture};
@@ -35,13 +33,15 @@ impl Sight {
         &self.camera
     }
 
-    /// What is clearly visible at a moment.
-    pub fn clearly(&mut self, stage: &Stage, moment: &Moment) -> Vec<ObjectId> {
+    /// Which of these are clearly visible at a moment.
+    pub fn clearly(&mut self, stage: &Stage, moment: &Moment, objects: &[ObjectId]) -> Vec<ObjectId> {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         stage.render_into(&self.camera, moment, channels, &mut self.picture);
-        stage.render_into(self.surroundings.camera(), moment, channels, &mut self.around);
-        let shares: BTreeMap<ObjectId, f32> = self.surroundings.shares(&self.around);
-        sighted(&self.picture, &shares, CLEAR_HEIGHT)
+        let (around, surroundings) = (&mut self.around, &self.surroundings);
+        sighted_of(&self.picture, objects, CLEAR_HEIGHT, || {
+            stage.render_into(surroundings.camera(), moment, channels, around);
+            surroundings.shares(around)
+        })
     }
 
     /// Whether one of these has a pixel at a moment.

@@ -133,12 +133,12 @@ fn start(task: &Task, stage: &Arc<Stage>, in_view: Option<bool>, mut draw: Draw)
             return None;
         }
         let fits = if wanted {
-            sight.clearly(stage, &moment).iter().any(|id| place.targets.contains(id))
+            !sight.clearly(stage, &moment, &place.targets).is_empty()
         } else {
             // Not a pixel of it now; and yet it can be found by turning.
             !sight.glimpses(stage, &moment, &place.targets) && {
                 let turned = place.turned_to_focus(task, stage);
-                sight.clearly(stage, &turned).iter().any(|id| place.targets.contains(id))
+                !sight.clearly(stage, &turned, &place.targets).is_empty()
             }
         };
         if fits {

@@ -57,12 +57,17 @@ impl Watcher {
         (self.findings, self.judge)
     }
 
-    fn look(&mut self, now: Time, pilot: &Pilot) {
+    /// Looks; at the `end` whatever was found before.
+    fn look(&mut self, now: Time, pilot: &Pilot, end: bool) {
         let Some(world) = self.world.get() else { return };
         world.advance_to(now);
         let (truth, moment) = (world.truth(), world.now());
-        self.judge.look(now, &moment);
         let found = &mut self.findings;
+        if !end && found.judge_stop.is_some() && self.judge.waits_for_the_end() {
+            self.judge.pass(&moment);
+        } else {
+            self.judge.look(now, &moment);
+        }
         found.untouched = truth.collided_with.is_empty();
         if self.judge.holds() && found.untouched {
             found.judge_stop.get_or_insert(now);
@@ -85,7 +90,7 @@ impl Watcher {
 impl Observer for Watcher {
     fn time(&mut self, now: Time, pilot: &Pilot) {
         if now >= self.next && !self.ended {
-            self.look(now, pilot);
+            self.look(now, pilot, false);
             self.next = now + EVERY;
         }
     }
@@ -93,7 +98,7 @@ impl Observer for Watcher {
     fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
         match action {
             Action::Finished(ending) => {
-                self.look(now, pilot);
+                self.look(now, pilot, true);
                 self.ended = true;
                 self.findings.outcome = Some(ending.outcome);
                 self.findings.holds_at_end = self.judge.holds();

@@ -68,24 +68,62 @@ fn in_view(world: &SimWorld, moment: &Moment) -> Vec<ObjectId> {
 /// Only pixels that nothing hides count. First things, then openings, each ascending by id.
 #[must_use]
 pub fn sighted(picture: &Picture, shares: &BTreeMap<ObjectId, f32>, height: f64) -> Vec<ObjectId> {
-    let (w, h) = (picture.width as usize, picture.height as usize);
-    let mut seen = Vec::new();
-    for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {
-        let mut spans: BTreeMap<ObjectId, (usize, usize, usize)> = BTreeMap::new();
-        for (y, row) in ids.chunks_exact(w).enumerate() {
-            for id in row.iter().filter(|id| **id != 0) {
-                let span = spans.entry(*id).or_insert((y, y, 0));
-                span.1 = y;
-                span.2 += 1;
-            }
-        }
-        for (id, (top, bottom, pixels)) in spans {
-            let high = (bottom - top + 1) as f64 >= height * h as f64;
-            let inside = shares.get(&id).is_none_or(|share| *share >= VIEW_SHARE);
-            if (high && inside) || pixels as f64 >= VIEW_FILL * (w * h) as f64 {
-                seen.push(id);
-            }
-        }
+    let all: Vec<ObjectId> = extents(picture).into_iter().map(|(id, _)| id).collect();
+    sighted_of(picture, &all, height, || shares.clone())
+}
+
+/// Those of `objects` that a picture shows well, as [`sighted`] says; what lies beside the frame is asked for only when it
+/// decides.
+pub fn sighted_of(
+    picture: &Picture,
+    objects: &[ObjectId],
+    height: f64,
+    shares: impl FnOnce() -> BTreeMap<ObjectId, f32>,
+) -> Vec<ObjectId> {
+    let high = |(id, extent): &(ObjectId, Extent)| objects.contains(id) && extent.high(picture, height);
+    let fills = |(id, extent): &(ObjectId, Extent)| objects.contains(id) && extent.fills(picture);
+    let extents = extents(picture);
+    let shares = if extents.iter().any(|of| high(of) && !fills(of)) { shares() } else { BTreeMap::new() };
+    let inside = |id: &ObjectId| shares.get(id).is_none_or(|share| *share >= VIEW_SHARE);
+    let shown = extents.into_iter().filter(|of| fills(of) || (high(of) && inside(&of.0)));
+    shown.map(|(id, _)| id).collect()
+}
+
+/// What an object covers of a picture.
+#[derive(Clone, Copy)]
+struct Extent {
+    top: usize,
+    bottom: usize,
+    pixels: usize,
+}
+
+impl Extent {
+    fn high(&self, picture: &Picture, share: f64) -> bool {
+        (self.bottom - self.top + 1) as f64 >= share * f64::from(picture.height)
     }
-    seen
+
+    fn fills(&self, picture: &Picture) -> bool {
+        self.pixels as f64 >= VIEW_FILL * f64::from(picture.width) * f64::from(picture.height)
+    }
+}
+
+/// What every object covers: first things, then openings, each ascending by id.
+fn extents(picture: &Picture) -> Vec<(ObjectId, Extent)> {
+    let w = picture.width as usize;
+    let mut all = Vec::new();
+    for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten().filter(|_| w > 0) {
+        let most = ids.iter().max().copied().unwrap_or(0);
+        let mut found: Vec<Option<Extent>> = vec![None; usize::from(most) + 1];
+        for (y, row) in ids.chunks_exact(w).enumerate() {
+            // Neighbours of one id are taken together.
+            for run in row.chunk_by(|a, b| a == b) {
+                let extent = found[usize::from(run[0])].get_or_insert(Extent { top: y, bottom: y, pixels: 0 });
+                extent.bottom = y;
+                extent.pixels += run.len();
+            }
+        }
+        let found = found.into_iter().enumerate().skip(1);
+        all.extend(found.filter_map(|(id, extent)| Some((id as ObjectId, extent?))));
+    }
+    all
 }

@@ -352,6 +352,14 @@ impl Course {
 }
 
 impl Claim {
+    /// Becomes the room of a craft, in the air or on the ground.
+    pub(super) fn take_craft(&mut self, position: EnuPosition, radius: f64) {
+        let centre = DVec2::new(position.east, position.north);
+        (self.centre, self.reach, self.up, self.radius) = (centre, radius, position.up, radius);
+        self.discs.clear();
+        self.discs.push(centre);
+    }
+
     /// Whether these bounds come nearer than `gap`, so that the discs must be compared.
     pub(super) fn near(&self, other: &Self, gap: f64) -> bool {
         let reach = self.reach + other.reach + gap;

@@ -1,7 +1,7 @@
 //! Actors: the persons and vehicles of a scene that move by themselves (`docs/scene-format.md`, "Actors").
 //!
-//! Each follows its own path, slows down in bends, and stops for the others. Motion goes in ticks of [`TICK`] and follows from
-//! the scene and the seed alone: it does not depend on the craft, nor on when or how often it is asked for. A [`Cast`] holds
+//! Each follows its own path, slows down in bends, and stops for the others and for a craft. Motion goes in ticks of [`TICK`] and
+//! follows from the scene, the seed and where the craft was alone, not from when or how often it is asked for. A [`Cast`] holds
 //! what never changes (paths, meshes) and is shared by all flights in a scene; a [`Traffic`] is the motion of one flight.
 
 mod cast;

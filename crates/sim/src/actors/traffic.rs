@@ -3,10 +3,12 @@
 //! Nobody ever runs into anybody: each actor holds the room that it needs until it stands, braking as hard as it can, and
 //! moves on only where the room that it needs then is free of everybody else's. Where it is not, it brakes, for which it holds
 //! the room already. Persons choose first, and vehicles leave free where a person wants to go next, so that they stop for them.
+//! Nobody walks or drives into a craft either, which holds the room that it takes; it is not held to do the same.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use spf_core::geometry::EnuPosition;
 use spf_core::time::{Duration, Time};
 
 use super::Gait;
@@ -35,10 +37,14 @@ pub struct Traffic {
     tick: u64,
 }
 
+/// Free room that everybody keeps to a craft, metres.
+const CRAFT_GAP: f64 = 0.4;
+
 /// What everybody holds, and room to try what else one would need.
 #[derive(Clone, Debug, Default)]
 struct Rooms {
     claims: Vec<Claim>,
+    craft: Option<Claim>,
     trial: Claim,
     wish: Claim,
 }
@@ -63,6 +69,11 @@ impl Traffic {
     #[must_use]
     pub fn cast(&self) -> &Arc<Cast> {
         &self.cast
+    }
+
+    /// Tells where there is a craft, of a radius in metres, from now on.
+    pub fn set_craft(&mut self, position: EnuPosition, radius: f64) {
+        self.rooms.craft.get_or_insert_default().take_craft(position, radius);
     }
 
     /// Moves on until the places at `now` are known.
@@ -138,6 +149,14 @@ impl Rooms {
         let course = cast.course(actor);
         let gap = course.gap();
         course.claim(state, place, &mut self.trial);
+        if let Some(craft) = &self.craft
+            && self.trial.near(craft, CRAFT_GAP)
+        {
+            course.fill(state, &mut self.trial);
+            if self.trial.meets(craft, CRAFT_GAP) {
+                return false;
+            }
+        }
         let yields = course.motion.gait == Gait::Drive && !Course::is_impatient(&states[actor]);
         for other in (0..states.len()).filter(|other| *other != actor) {
             let theirs = cast.course(other);

@@ -62,7 +62,10 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
                 reply.status = Status::Done;
             }
             if !aim.past.is_empty() {
-                reply.point = Some(corridor::clear(oracle, percept, place.point, &aim.past));
+                let Some(beside) = corridor::free(oracle, percept, place.point, &aim.past) else {
+                    return Reply { status: Status::NotVisible, look: Some(Look::Up), point: None, depth: None, ..reply };
+                };
+                reply.point = Some(beside);
             }
             if avoid {
                 let seen: Vec<&Thing> = percept.seen(&oracle.errors, query.image_size).collect();

@@ -91,6 +91,11 @@ fn meets(oracle: &Oracle, percept: &Percept, point: ImagePoint, area: ImageBox, 
 
 /// The place nearest to `point` that is clear of all boxes and their margins; `point` itself when the picture has none.
 pub(super) fn clear(oracle: &Oracle, percept: &Percept, point: ImagePoint, found: &[Found]) -> ImagePoint {
+    free(oracle, percept, point, found).unwrap_or(point)
+}
+
+/// The same, or nothing when the picture has no such place.
+pub(super) fn free(oracle: &Oracle, percept: &Percept, point: ImagePoint, found: &[Found]) -> Option<ImagePoint> {
     let walls: Vec<ImageBox> = found
         .iter()
         .map(|b| {
@@ -104,7 +109,7 @@ pub(super) fn clear(oracle: &Oracle, percept: &Percept, point: ImagePoint, found
             && walls.iter().all(|b| u <= b.left || u >= b.right || v <= b.top || v >= b.bottom)
     };
     if free(point.u, point.v) {
-        return point;
+        return Some(point);
     }
     // Below the horizon lies the ground, which no box stands for.
     let lowest = point.v.max(percept.level);
@@ -122,5 +127,5 @@ pub(super) fn clear(oracle: &Oracle, percept: &Percept, point: ImagePoint, found
             }
         }
     }
-    best.map_or(point, |(_, place)| place)
+    best.map(|(_, place)| place)
 }

@@ -94,9 +94,11 @@ impl Percept {
             if w == 0 || ids.len() < w * h || depth.len() < w * h {
                 continue;
             }
+            let nearest = nearest(sight, &ids[..w * h], &depth[..w * h]);
             for mask in masks(ids, w) {
                 if let Some(tags) = tags.iter().find(|t| t.id == mask.id && t.opening == opening) {
-                    things.push(thing(errors, seed, frame, sight, depth, &mask, tags));
+                    let nearest = nearest[usize::from(mask.id)];
+                    things.push(thing(errors, seed, frame, sight, (depth, nearest), &mask, tags));
                 }
             }
         }
@@ -127,7 +129,16 @@ pub(super) fn logistic(x: f64, width: f64) -> f64 {
     if width > 0.0 { 1.0 / (1.0 + exp(-x / width)) } else { f64::from(u8::from(x >= 0.0)) }
 }
 
-fn thing(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, depth: &[f32], mask: &Mask, tags: &Tagged) -> Thing {
+/// `depth` is that of the picture which shows the thing, and the distance to its nearest surface there.
+fn thing(
+    errors: &ErrorFile,
+    seed: u64,
+    frame: FrameId,
+    sight: &Sight<'_>,
+    (depth, nearest): (&[f32], f64),
+    mask: &Mask,
+    tags: &Tagged,
+) -> Thing {
     let (w, h) = (sight.width as f64, sight.height as f64);
     let key = [frame.0, u64::from(mask.id)];
     let area = mask.area as f64;
@@ -149,7 +160,6 @@ fn thing(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, depth
     let along = f64::from(depth[mask.deepest.1 * sight.width + mask.deepest.0]);
     let slip = exp(errors.range.log_sd * Draw::new(seed, "oracle range", &key).normal());
     let range = along * stretch(sight.camera, deepest) * slip;
-    let nearest = nearest(sight, if tags.opening { sight.opening_ids } else { sight.ids }, depth, mask) * slip;
     let past = f64::from(sight.depth.get(mask.deepest.1 * sight.width + mask.deepest.0).copied().unwrap_or(0.0));
     let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
     Thing {
@@ -159,7 +169,7 @@ fn thing(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, depth
         deepest,
         point,
         range: if range.is_finite() { range } else { f64::INFINITY },
-        nearest: nearest.min(range),
+        nearest: (nearest * slip).min(range),
         beyond: if past > 0.0 && past.is_finite() { past * stretch(sight.camera, deepest) } else { f64::INFINITY },
         // DESIGN.md section 5: at least 0.8 % of the frame high and a quarter inside it, or filling a tenth of it.
         in_view: (bounds.bottom - bounds.top >= 0.008 && share >= 0.25) || area >= 0.1 * w * h,
@@ -170,22 +180,27 @@ fn thing(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, depth
     }
 }
 
-/// Straight-line distance to the nearest visible surface of a mask, metres.
-fn nearest(sight: &Sight<'_>, ids: &[u16], depth: &[f32], mask: &Mask) -> f64 {
-    let mut least = f64::INFINITY;
-    for row in mask.top..=mask.bottom {
-        let line = row * sight.width;
-        for column in mask.left..=mask.right {
-            let along = f64::from(depth[line + column]);
-            if ids[line + column] == mask.id && along < least && along > 0.0 {
-                let at =
-                    ImagePoint { u: (column as f64 + 0.5) / sight.width as f64, v: (row as f64 + 0.5) / sight.height as f64 };
-                let (right, up) = slopes(sight.camera, at);
-                least = least.min(along * sqrt(1.0 + right * right + up * up));
+/// Straight-line distance to the nearest visible surface of each object of an id picture, metres, by id.
+fn nearest(sight: &Sight<'_>, ids: &[u16], depth: &[f32]) -> Vec<f64> {
+    let (w, h) = (sight.width, sight.height);
+    let most = ids.iter().max().copied().unwrap_or(0);
+    // Squared, with what only the row and only the column has to say kept apart.
+    let mut least = vec![f64::INFINITY; usize::from(most) + 1];
+    let at = |x: usize, y: usize| ImagePoint { u: (x as f64 + 0.5) / w as f64, v: (y as f64 + 0.5) / h as f64 };
+    let aside: Vec<f64> = (0..w).map(|x| slopes(sight.camera, at(x, 0)).0).map(|right| right * right).collect();
+    for (y, (ids, depth)) in ids.chunks_exact(w).zip(depth.chunks_exact(w)).enumerate() {
+        let up = slopes(sight.camera, at(0, y)).1;
+        let level = 1.0 + up * up;
+        for ((id, along), aside) in ids.iter().zip(depth).zip(&aside) {
+            let along = f64::from(*along);
+            let squared = along * along * (level + aside);
+            let least = &mut least[usize::from(*id)];
+            if squared < *least && along > 0.0 {
+                *least = squared;
             }
         }
     }
-    least
+    least.into_iter().map(sqrt).collect()
 }
 
 /// Half the width that a craft takes up straight on, metres: a craft of 0.3 m radius and as much again.

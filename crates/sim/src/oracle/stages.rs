@@ -5,6 +5,7 @@ use spf_core::reply::Look;
 
 use super::Oracle;
 use super::corridor::Found;
+use super::language::resolve::knows;
 use super::language::{Clause, Instruction, Phrase, Verb};
 use super::percept::{Percept, Thing};
 
@@ -42,7 +43,7 @@ pub(super) struct Aim {
     pub(super) look: Option<Look>,
     /// Whether the last stage is fulfilled.
     pub(super) done: bool,
-    /// Things that were gone to before and that the way is to keep clear of.
+    /// Things that were gone to before and that the way is to keep clear of: beside them, or above where nothing else is free.
     pub(super) past: Vec<Found>,
     /// What is pointed at, in words.
     pub(super) words: String,
@@ -80,43 +81,26 @@ enum Step {
 }
 
 /// The table: each verb's stages.
-fn steps(verb: Verb) -> &'static [Step] {
-    use Step::{Above, Across, Approach, Beside, Beyond, Keep, On, Opening, Pass, Regain, Summit, Turn};
+fn steps(verb: Verb) -> Vec<Step> {
+    use Step::{Above, Across, Approach, Beside, Beyond, Keep, On, Opening, Pass, Summit, Turn};
     match verb {
-        Verb::GoTo => &[Approach(1.0)],
-        Verb::Through => &[Opening, Pass, Beyond, On, On],
-        // What leaves the picture on the right is still ahead: four times along a side and past its end.
-        Verb::Around => &[
-            Approach(3.0),
-            Beside,
-            On,
-            On,
-            On,
-            Regain,
-            Beside,
-            On,
-            On,
-            On,
-            Regain,
-            Beside,
-            On,
-            On,
-            On,
-            Regain,
-            Beside,
-            On,
-            On,
-            On,
-            Regain,
-        ],
-        Verb::Behind => &[Approach(3.0), Beside, On, On, On, Regain, Beside, On, On],
+        Verb::GoTo => vec![Approach(1.0)],
+        Verb::Through => vec![Opening, Pass, Beyond, On, On],
+        Verb::Around => [Approach(3.0)].into_iter().chain([SIDE; SIDES].into_iter().flatten()).collect(),
+        Verb::Behind => [Approach(3.0)].into_iter().chain(SIDE).chain([Beside, On, On]).collect(),
         // What leaves the picture below still lies between here and the far side.
-        Verb::Over => &[Above, Across, On, On, On, On, On, On, On, On, On, On],
-        Verb::Up => &[Above, Summit],
-        Verb::Scan => &[Turn],
-        Verb::Follow => &[Keep],
+        Verb::Over => [Above, Across].into_iter().chain([On; 10]).collect(),
+        Verb::Up => vec![Above, Summit],
+        Verb::Scan => vec![Turn],
+        Verb::Follow => vec![Keep],
     }
 }
+
+/// Along a side and past its end: what leaves the picture on the right is still ahead.
+const SIDE: [Step; 5] = [Step::Beside, Step::On, Step::On, Step::On, Step::Regain];
+
+/// Sides to a way round: each turns by about 45°, for the way is cut shorter the nearer one comes.
+const SIDES: usize = 7;
 
 /// A stage's outcome.
 enum Met {
@@ -167,7 +151,7 @@ fn plan(instruction: &Instruction) -> Vec<Stage<'_>> {
         let later = target.other || target.ordinal.is_some_and(|ordinal| ordinal.number != 1 && ordinal.from.is_none());
         later && clauses[..at].iter().any(|before| before.target.nouns == target.nouns)
     };
-    let of = |at: usize| steps(clauses[at].verb).iter().map(move |&step| (at, step));
+    let of = |at: usize| steps(clauses[at].verb).into_iter().map(move |step| (at, step));
     (0..clauses.len()).flat_map(of).map(|(at, step)| Stage { clause: &clauses[at], step, another: another(at) }).collect()
 }
 
@@ -227,6 +211,8 @@ fn words(stage: Stage<'_>, thing: Option<&Thing>) -> String {
 
 /// Who is followed is not come nearer to than this many times `near`.
 const KEEP: f64 = 2.5;
+/// … and backed off from within this many.
+const TOO_NEAR: f64 = 1.5;
 
 /// Before the name of a target that is another than the one before: so the history tells which was which.
 const NEXT: &str = "next ";
@@ -248,13 +234,15 @@ fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<
         }
         Step::On => (Met::Yes(Some(ahead(view))), None),
         Step::Opening => {
-            let opening = opening(phrase, view, false);
-            let (thing, lost) = sighting(opening.or_else(|| view.find(phrase)));
+            let whole = || view.find(phrase).filter(|thing| phrase.soft.iter().all(|word| knows(&thing.tags, word)));
+            let (thing, lost) = sighting(opening(phrase, view, false).or_else(whole));
             match thing {
+                None if lost.is_none() && is_within(phrase, view) => (Met::Yes(Some(ahead(view))), None),
                 None => (Met::Look(lost.unwrap_or_else(|| side(view))), None),
-                // What has no opening is come up to, and not flown into.
-                Some(thing) if view.arrived(thing.nearest, view.near()) => (Met::Yes(Some(place(thing))), Some(thing)),
-                Some(thing) => (Met::Go(place(thing)), Some(thing)),
+                Some(thing) if !view.arrived(thing.nearest, view.near()) => (Met::Go(place(thing)), Some(thing)),
+                Some(thing) if thing.tags.opening => (Met::Yes(Some(place(thing))), Some(thing)),
+                // Nothing is flown into that shows no opening: it is looked for elsewhere.
+                Some(thing) => (Met::Look(side(view)), Some(thing)),
             }
         }
         Step::Pass => match opening(phrase, view, true) {
@@ -291,6 +279,8 @@ fn in_view(step: Step, thing: &Thing, view: &View<'_>) -> Met {
             }
         }
         Step::Across => Met::Go(over(thing)),
+        // Nearer than that is too near: back off.
+        Step::Keep if thing.nearest < TOO_NEAR * view.near() => Met::Look(Look::Down),
         // Somebody who walks is kept at arm's length: the range is taken from there on, so that near him the least step is flown.
         Step::Keep => Met::Go(Place { range: (here.range - KEEP * view.near()).max(1.0), ..here }),
         _ => Met::Go(here),
@@ -315,6 +305,17 @@ fn sighting(thing: Option<&Thing>) -> (Option<&Thing>, Option<Look>) {
         None => (None, None),
     }
 }
+
+/// Whether one is right in the opening that was pointed at a moment ago: it is out of view all at once, without a search for it,
+/// and so is all that it belongs to.
+fn is_within(phrase: &Phrase, view: &View<'_>) -> bool {
+    let memory = &view.query.memory;
+    let is_opening = |last: &String| last.split(' ').next_back().is_some_and(|head| OPENINGS.contains(&head));
+    memory.turned == 0.0 && memory.targets.last().is_some_and(is_opening) && view.all(phrase).is_empty()
+}
+
+/// What openings are called in the history.
+const OPENINGS: [&str; 9] = ["opening", "hollow", "hole", "mouth", "entrance", "exit", "span", "doorway", "passage"];
 
 /// The nearest or the farthest opening in view that the phrase names, by itself or by what it belongs to.
 fn opening<'v>(phrase: &Phrase, view: &'v View<'_>, farthest: bool) -> Option<&'v Thing> {

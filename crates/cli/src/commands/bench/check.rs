@@ -87,7 +87,8 @@ fn row(task: &Task, seed: u64, drawn: &Drawn) -> Vec<String> {
         let to = libm::atan2(east - start.position.east, north - start.position.north);
         wrap_angle(to - start.attitude.heading).to_degrees()
     });
-    let seen = Sight::of(task.craft).clearly(&drawn.stage, &drawn.stage.beginning(aloft(task, drawn)));
+    let all: Vec<u16> = scene.objects.iter().map(|object| object.id).collect();
+    let seen = Sight::of(task.craft).clearly(&drawn.stage, &drawn.stage.beginning(aloft(task, drawn)), &all);
     let is_thing = |id: &&u16| {
         let object = scene.object(**id);
         Some(**id) != drawn.focus

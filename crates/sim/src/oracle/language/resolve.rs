@@ -309,12 +309,17 @@ fn barred(not: &Phrase, nouns: &[String], found: &[usize], items: &[Item<'_>], d
 fn soft(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
     let mut found = found;
     for word in &phrase.soft {
-        let knows: Vec<usize> = found.iter().copied().filter(|&i| words_of(items[i].tags).contains(word)).collect();
+        let knows: Vec<usize> = found.iter().copied().filter(|&i| knows(items[i].tags, word)).collect();
         if !knows.is_empty() {
             found = knows;
         }
     }
     found
+}
+
+/// Whether an object's tags hold the word.
+pub(in super::super) fn knows(tags: &Tagged, word: &String) -> bool {
+    words_of(tags).contains(word)
 }
 
 /// Candidates that stand in the relation to an anchor. An absent anchor leaves none.
