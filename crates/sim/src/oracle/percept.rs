@@ -102,7 +102,7 @@ impl Percept {
                 }
             }
         }
-        let level = level(sight.camera, &things);
+        let level = level(sight, tags);
         Self { frame, camera: *sight.camera, level, ahead: room_ahead(sight, level), things }
     }
 
@@ -208,12 +208,22 @@ const ROOM_M: f64 = 0.6;
 /// Pixels from one look to the next across the picture.
 const ROOM_STEP: usize = 4;
 
-/// Where a level way leads: the horizon, which is no lower than a camera at rest has it, and no higher than the ground is seen.
-fn level(camera: &Camera, things: &[Thing]) -> f64 {
+/// Where a level way leads: the row in which the ground ends in half of the columns that show it, for a hill reaches higher in
+/// some; no lower than a camera at rest has the horizon.
+fn level(sight: &Sight<'_>, tags: &[Tagged]) -> f64 {
+    let camera = sight.camera;
     let rest = (camera.cy - camera.fy * libm::tan(camera.tilt)) / f64::from(camera.height);
-    let ground = things.iter().filter(|thing| thing.tags.is_surface()).map(|thing| thing.bounds.top);
-    ground.fold(rest, f64::min).clamp(HIGHEST_HORIZON, 1.0)
+    let ground: Vec<u16> = tags.iter().filter(|tags| tags.is_surface() && !tags.opening).map(|tags| tags.id).collect();
+    let ids = |row: usize, column: usize| sight.ids.get(row * sight.width + column);
+    let top = |column: usize| (0..sight.height).find(|&row| ids(row, column).is_some_and(|id| ground.contains(id)));
+    let mut tops: Vec<usize> = (0..sight.width).step_by(HORIZON_STEP).filter_map(top).collect();
+    tops.sort_unstable();
+    let horizon = tops.get(tops.len() / 2).map_or(rest, |row| *row as f64 / sight.height as f64);
+    rest.min(horizon).clamp(HIGHEST_HORIZON, 1.0)
 }
+
+/// Columns from one look for the horizon to the next.
+const HORIZON_STEP: usize = 16;
 
 /// The horizon is not looked for above this share of the picture: a slope may reach higher.
 const HIGHEST_HORIZON: f64 = 0.25;

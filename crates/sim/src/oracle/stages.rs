@@ -199,7 +199,7 @@ fn past(stage: Stage<'_>, thing: Option<&Thing>, view: &View<'_>) -> Vec<Found> 
 fn words(stage: Stage<'_>, thing: Option<&Thing>) -> String {
     let name = thing.map(|t| t.tags.words());
     match (stage.step, name) {
-        (Step::Beside, Some(name)) => format!("left of the {name}"),
+        (Step::Beside, Some(name)) => format!("{LEFT_OF}{name}"),
         (Step::Above | Step::Across, Some(name)) => format!("above the {name}"),
         (Step::Turn, _) => "surroundings".to_owned(),
         (Step::Beyond | Step::On, _) => "straight on".to_owned(),
@@ -229,15 +229,15 @@ fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<
         }
         Step::Beyond => {
             // The walls of what one is inside of fill the picture; something left behind is out of view.
-            let (thing, _) = sighting(view.find(phrase));
+            let (thing, _) = sighting(whole(phrase, view));
             (if thing.is_some() { Met::Go(ahead(view)) } else { Met::Yes(Some(ahead(view))) }, None)
         }
         Step::On => (Met::Yes(Some(ahead(view))), None),
         Step::Opening => {
-            let whole = || view.find(phrase).filter(|thing| phrase.soft.iter().all(|word| knows(&thing.tags, word)));
-            let (thing, lost) = sighting(opening(phrase, view, false).or_else(whole));
+            let found = opening(phrase, view, false).or_else(|| whole(phrase, view));
+            let (thing, lost) = sighting(found);
             match thing {
-                None if lost.is_none() && is_within(phrase, view) => (Met::Yes(Some(ahead(view))), None),
+                None if is_within(found, view) => (Met::Yes(Some(ahead(view))), None),
                 None => (Met::Look(lost.unwrap_or_else(|| side(view))), None),
                 Some(thing) if !view.arrived(thing.nearest, view.near()) => (Met::Go(place(thing)), Some(thing)),
                 Some(thing) if thing.tags.opening => (Met::Yes(Some(place(thing))), Some(thing)),
@@ -250,7 +250,8 @@ fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<
             _ => (Met::Yes(Some(ahead(view))), None),
         },
         step => {
-            let (thing, lost) = sighting(find());
+            let (thing, lost) =
+                sighting(if step == Step::Regain || step == Step::Beside { round(view).unwrap_or_else(find) } else { find() });
             match thing {
                 Some(thing) => (in_view(step, thing, view), Some(thing)),
                 None => (out_of_view(step, lost, view), None),
@@ -306,12 +307,31 @@ fn sighting(thing: Option<&Thing>) -> (Option<&Thing>, Option<Look>) {
     }
 }
 
+/// What is flown through, if its tags hold every word of shape and matter that was said: no building passes for a hollow one.
+fn whole<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<&'v Thing> {
+    view.find(phrase).filter(|thing| phrase.soft.iter().all(|word| knows(&thing.tags, word)))
+}
+
+/// What one is going round already, by its name in the history: of several with that name the nearest, and none farther off
+/// than one goes round anything. Nothing when the history knows of no way round.
+fn round<'v>(view: &'v View<'_>) -> Option<Option<&'v Thing>> {
+    let name = view.query.memory.targets.iter().rev().find_map(|target| target.strip_prefix(LEFT_OF))?;
+    let near = |thing: &&Thing| thing.nearest < ROUND * view.near() && thing.tags.words() == name;
+    Some(view.seen.iter().copied().filter(near).min_by(|a, b| a.nearest.total_cmp(&b.nearest)))
+}
+
+/// Before the name of what one goes round.
+const LEFT_OF: &str = "left of the ";
+/// One goes round within this many times `near`.
+const ROUND: f64 = 8.0;
+
 /// Whether one is right in the opening that was pointed at a moment ago: it is out of view all at once, without a search for it,
-/// and so is all that it belongs to.
-fn is_within(phrase: &Phrase, view: &View<'_>) -> bool {
+/// and what is left in view of it or of what it belongs to is right here.
+fn is_within(found: Option<&Thing>, view: &View<'_>) -> bool {
     let memory = &view.query.memory;
     let is_opening = |last: &String| last.split(' ').next_back().is_some_and(|head| OPENINGS.contains(&head));
-    memory.turned == 0.0 && memory.targets.last().is_some_and(is_opening) && view.all(phrase).is_empty()
+    let is_here = found.is_none_or(|thing| thing.nearest < 2.0 * view.near());
+    memory.turned == 0.0 && memory.targets.last().is_some_and(is_opening) && is_here
 }
 
 /// What openings are called in the history.
