@@ -5,6 +5,7 @@
 //! that was cut short can be gone on with. What an instruction means is decided by the language of the truth, over the objects
 //! that the picture shows: an example whose words are not clear to it is not made.
 
+mod place;
 pub mod record;
 mod views;
 mod wording;
@@ -27,9 +28,10 @@ use spf_sim::render::{Channels, Picture, Renderer};
 use spf_sim::surroundings::Surroundings;
 
 use crate::sim::{Moment, Stage};
+use place::Plainly;
 use views::Views;
 pub use wording::Wording;
-use wording::{instructions, shuffle};
+use wording::{PLACES, instructions, shuffle};
 
 /// Views that are drawn for one example before it is given up.
 const ATTEMPTS: u64 = 3000;
@@ -265,7 +267,7 @@ impl<'a> Generator<'a> {
         }
         let (wording, instruction, meant) = match kind {
             Kind::Absent => self.absent(&visible, &moment, &mut draw)?,
-            _ => self.present(kind, focus, &visible, &moment, &mut draw)?,
+            _ => self.present(kind, focus, &visible, (&moment, &Plainly { masks: &seen, truth: &truth }), &mut draw)?,
         };
         let look_alikes = self.look_alikes(meant, &visible);
         let target = match kind {
@@ -336,7 +338,7 @@ impl<'a> Generator<'a> {
         kind: Kind,
         focus: ObjectId,
         visible: &[Visible],
-        moment: &Moment,
+        (moment, plainly): (&Moment, &Plainly<'_>),
         draw: &mut Draw,
     ) -> Option<(Wording, String, ObjectId)> {
         let tags = self.tags_of(focus)?;
@@ -347,7 +349,12 @@ impl<'a> Generator<'a> {
         let shown = self.placed(moment, |id| visible.iter().any(|thing| thing.id == id));
         let clear = |(wording, instruction): &(Wording, String)| {
             let meant = resolve_truth(instruction, &shown, Some(moment.pose));
-            (kind == Kind::Present || wording.by_look()) && meant.checkable && meant.objects == [focus]
+            // "The leftmost chair" is the leftmost of what "the chair" may mean.
+            let plain = PLACES.iter().filter(|_| *wording == Wording::Place).all(|place| {
+                let without = instruction.replacen(&format!("{place} "), "", 1);
+                without == *instruction || plainly.holds(place, focus, &resolve_truth(&without, &shown, None).objects)
+            });
+            (kind == Kind::Present || wording.by_look()) && meant.checkable && meant.objects == [focus] && plain
         };
         let (wording, instruction) = instructions(tags, draw).into_iter().find(clear)?;
         Some((wording, instruction, focus))

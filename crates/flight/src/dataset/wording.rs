@@ -111,12 +111,12 @@ fn with_qualities(tags: &Tagged, names: &[String]) -> Vec<String> {
     tags.qualities.iter().flat_map(pair).collect()
 }
 
+/// Words of place.
+pub(super) const PLACES: [&str; 3] = ["leftmost", "rightmost", "nearest"];
+
 fn placed(tags: &Tagged) -> Vec<String> {
     let names = names(tags, &tags.names);
-    ["leftmost", "rightmost", "nearest"]
-        .iter()
-        .flat_map(|place| names.iter().map(move |name| format!("{place} {name}")))
-        .collect()
+    PLACES.iter().flat_map(|place| names.iter().map(move |name| format!("{place} {name}"))).collect()
 }
 
 /// Fisher and Yates.
