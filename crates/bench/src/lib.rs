@@ -2,8 +2,10 @@
 //!
 //! [`stats`] knows nothing of drones: counts and numbers go in, estimates with intervals and p values come out. Bootstrap draws
 //! follow from a seed. [`ground`] measures how well somebody points. [`task`] is what is to be done, as data; [`judge`] says from
-//! the scene itself whether it was; [`trial`] draws, flies and scores one flight, [`run`] many of them.
+//! the scene itself whether it was; [`trial`] draws, flies and scores one flight, [`run`] many of them;
+//! [`table`] and [`contrast`] are what a run comes to.
 
+pub mod contrast;
 pub mod ground;
 pub mod judge;
 pub mod run;

@@ -69,7 +69,7 @@ pub fn table(records: &[Record]) -> Vec<Line> {
 }
 
 /// Who pointed, as a part of the trial's name.
-fn vlm_of(record: &Record) -> String {
+pub(crate) fn vlm_of(record: &Record) -> String {
     record.run_id.split('/').nth(2).unwrap_or_default().to_owned()
 }
 

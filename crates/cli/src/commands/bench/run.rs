@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use serde_json::json;
+use spf_bench::contrast::{Contrast, contrasts};
 use spf_bench::run::{Plan, Shard, read_records, run as run_plan};
 use spf_bench::stats::Rate;
 use spf_bench::table::{Line, table as lines, words};
@@ -65,6 +66,10 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
         printer.data(&json_of(&lines).to_string());
     } else {
         printer.result(&table(&rows(&lines)));
+        let pairs = contrasts(&records);
+        if !pairs.is_empty() {
+            printer.result(&format!("\n{}", table(&compared(&pairs))));
+        }
         printer.result(&args.output.join("results.jsonl").display().to_string());
     }
     Ok(Exit::Success)
@@ -139,6 +144,26 @@ fn rows(lines: &[Line]) -> Vec<Vec<String>> {
         [vec![line.method.clone(), line.vlm.clone(), group(line)], rates.to_vec()].concat()
     };
     std::iter::once(head).chain(lines.iter().map(row)).collect()
+}
+
+/// Pairs of methods on the same draws.
+fn compared(pairs: &[Contrast]) -> Vec<Vec<String>> {
+    let head = ["PAIRED", "SELF STOP, POINTS", "ONLY FIRST : ONLY SECOND", "P (MCNEMAR, HOLM)"].map(str::to_owned).to_vec();
+    let row = |pair: &Contrast| {
+        let [first, second] = pair.who.each_ref().map(|(method, vlm)| format!("{method} {vlm}"));
+        let [value, low, high] = {
+            let e = pair.self_stop.difference;
+            [e.value, e.low, e.high].map(|share| 100.0 * share)
+        };
+        let apart = pair.self_stop.discordant;
+        vec![
+            format!("{first} − {second}"),
+            format!("{value:+.1} [{low:.1}, {high:.1}]"),
+            format!("{} : {}", apart.first, apart.second),
+            if pair.p_holm < 0.0001 { "< 0.0001".to_owned() } else { format!("{:.4}", pair.p_holm) },
+        ]
+    };
+    std::iter::once(head).chain(pairs.iter().map(row)).collect()
 }
 
 fn json_of(lines: &[Line]) -> serde_json::Value {

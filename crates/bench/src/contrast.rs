@@ -1,0 +1,76 @@
+//! Methods and models against each other on the same tasks and seeds.
+
+use std::collections::BTreeMap;
+
+use crate::stats::{PairedDifference, holm};
+use crate::table::vlm_of;
+use crate::trial::Record;
+
+/// Two of a run, on the draws that both flew.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contrast {
+    /// Method and who pointed, of the first and of the second.
+    pub who: [(String, String); 2],
+    /// Self stops: the first's rate less the second's.
+    pub self_stop: PairedDifference,
+    /// Exact McNemar, two-sided, after Holm over all pairs of the run.
+    pub p_holm: f64,
+}
+
+/// Every pair of methods and models, in the order in which they come; none of a single one. Trials of one task are taken for
+/// independent, which they are not quite: p is a little too small.
+#[must_use]
+pub fn contrasts(records: &[Record]) -> Vec<Contrast> {
+    let seed = |record: &'_ Record| record.run_id.rsplit('/').next().unwrap_or_default().to_owned();
+    let trial =
+        |record: &Record| ((record.method.clone(), vlm_of(record)), (record.task.clone(), seed(record)), record.scores.self_stop);
+    between(records.iter().map(trial))
+}
+
+/// Task and seed.
+type Draw = (String, String);
+
+fn between(trials: impl Iterator<Item = ((String, String), Draw, bool)>) -> Vec<Contrast> {
+    let mut arms: Vec<((String, String), BTreeMap<Draw, bool>)> = Vec::new();
+    for (who, of, hit) in trials {
+        match arms.iter_mut().find(|(arm, _)| *arm == who) {
+            Some((_, trials)) => drop(trials.insert(of, hit)),
+            None => arms.push((who, BTreeMap::from([(of, hit)]))),
+        }
+    }
+    let mut found = Vec::new();
+    for (number, (first, one)) in arms.iter().enumerate() {
+        for (second, other) in &arms[number + 1..] {
+            let pairs: Vec<(bool, bool)> = one.iter().filter_map(|(of, hit)| Some((*hit, *other.get(of)?))).collect();
+            if let Some(self_stop) = PairedDifference::of(&pairs) {
+                found.push(Contrast { who: [first.clone(), second.clone()], self_stop, p_holm: 1.0 });
+            }
+        }
+    }
+    let adjusted = holm(&found.iter().map(|contrast| contrast.self_stop.p).collect::<Vec<_>>());
+    found.iter_mut().zip(adjusted).for_each(|(contrast, p)| contrast.p_holm = p);
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn methods_meet_on_the_draws_that_both_flew() {
+        let who = |name: &str| (name.to_owned(), "oracle".to_owned());
+        let draw = |seed: u64| ("task".to_owned(), seed.to_string());
+        // Eight of eight against two of the same eight, and a third that flew others.
+        let a = (0..8).map(|seed| (who("a"), draw(seed), true));
+        let b = (0..10).map(|seed| (who("b"), draw(seed), seed < 2));
+        let c = (20..22).map(|seed| (who("c"), draw(seed), true));
+        let found = between(a.chain(b).chain(c));
+        assert_eq!(found.len(), 1, "{found:?}");
+        let contrast = &found[0];
+        assert_eq!(contrast.who, [who("a"), who("b")]);
+        assert_eq!((contrast.self_stop.discordant.first, contrast.self_stop.discordant.second), (6, 0));
+        assert!((contrast.self_stop.difference.value - 0.75).abs() < 1e-12);
+        // Two tosses of six the same way.
+        assert!((contrast.p_holm - 2.0 / 64.0).abs() < 1e-12, "{}", contrast.p_holm);
+    }
+}
