@@ -85,7 +85,7 @@ fn steps(verb: Verb) -> Vec<Step> {
     use Step::{Above, Across, Approach, Beside, Beyond, Keep, On, Opening, Pass, Summit, Turn};
     match verb {
         Verb::GoTo => vec![Approach(1.0)],
-        Verb::Through => vec![Opening, Pass, Beyond, On, On],
+        Verb::Through => vec![Opening, Pass, Beyond, On, On, On, On],
         Verb::Around => [Approach(3.0)].into_iter().chain([SIDE; SIDES].into_iter().flatten()).collect(),
         Verb::Behind => [Approach(3.0)].into_iter().chain(SIDE).chain([Beside, On, On]).collect(),
         // What leaves the picture below still lies between here and the far side.
