@@ -18,6 +18,7 @@ use spf_vlm::{Account, Answer, Asked, Cancel, Vlm, VlmError};
 
 use super::photo::Photograph;
 use super::{AnswerRow, Item, Said, oracle, photo};
+use crate::fnv;
 
 /// The one who always points at the middle of the picture.
 pub const CENTRE: &str = "centre";
@@ -38,6 +39,19 @@ pub enum Mind {
     Oracle(Box<ErrorFile>, u64),
     /// A model, and what it is told.
     Model(MakeVlm, Arc<PromptText>),
+}
+
+impl Mind {
+    /// A number of how it answers, as far as that is told here: its prompt, or its error file and seed.
+    #[must_use]
+    pub fn manner(&self) -> String {
+        let words = match self {
+            Self::Centre => String::new(),
+            Self::Oracle(errors, seed) => format!("{errors:?} {seed}"),
+            Self::Model(_, prompt) => format!("{prompt:?}"),
+        };
+        format!("{:016x}", fnv(words.as_bytes()))
+    }
 }
 
 /// Somebody who is asked, by the name in tables.

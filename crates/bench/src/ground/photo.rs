@@ -93,11 +93,15 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
     let units = if bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]) { bare(bytes) } else { demux(bytes)? };
     let mut decoder = Decoder::new().map_err(|error| PhotoError::Stream(error.to_string()))?;
     let (mut frames, mut next, mut last_error) = (Vec::new(), 0.0, None);
+    let (mut tried, mut shown) = (0_usize, 0_usize);
     for (at, unit) in units {
         if frames.len() >= most {
             break;
         }
-        match decoder.decode(&unit) {
+        tried += 1;
+        let decoded = decoder.decode(&unit);
+        shown += usize::from(matches!(decoded, Ok(Some(_))));
+        match decoded {
             Ok(Some(picture)) if at >= next => {
                 frames.push(VideoFrame { at, picture });
                 next = at + every;
@@ -106,6 +110,14 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
             // One damaged unit is passed over; a stream of nothing else is not.
             Err(error) => last_error = Some(error.to_string()),
         }
+    }
+    // A stream that hides most of its pictures is not passed off for the few that it shows.
+    if !frames.is_empty() && 2 * shown < tried {
+        let why = format!(
+            "{} of its {tried} pictures cannot be decoded (B-frames?): `ffmpeg -i in.mp4 -c:v libx264 -bf 0 out.mp4` makes a video that can",
+            tried - shown
+        );
+        return Err(PhotoError::Stream(why));
     }
     match last_error {
         Some(error) if frames.is_empty() => Err(PhotoError::Stream(error)),

@@ -86,8 +86,9 @@ pub struct Outline {
     shape: Shape,
     /// Width and height of the picture, pixels.
     size: (f64, f64),
-    middle: ImagePoint,
-    /// Pixels of the picture inside; none for points.
+    /// The points that errors are measured from, the nearest of several; the first is that of the largest.
+    middles: Vec<ImagePoint>,
+    /// Pixels of the picture inside, of several the largest; none for points.
     area: Option<f64>,
 }
 
@@ -145,24 +146,22 @@ impl Target {
         };
         let size = (f64::from(size.0.max(1)), f64::from(size.1.max(1)));
         let pixels = size.0 * size.1;
-        let (middle, area) = match &shape {
+        let (middles, area) = match &shape {
             Shape::Mask(mask) => {
                 let all = f64::from(mask.width.max(1)) * f64::from(mask.height.max(1));
-                (mask.deepest(), Some(mask.area() as f64 / all * pixels))
+                (vec![mask.deepest()], Some(mask.area() as f64 / all * pixels))
             }
             Shape::Boxes(boxes) => {
-                let area = |b: &ImageBox| (b.right - b.left) * (b.bottom - b.top);
-                let largest = boxes.iter().max_by(|a, b| area(a).total_cmp(&area(b))).copied().unwrap_or_default();
-                (centre(&largest), Some(boxes.iter().map(area).sum::<f64>() * pixels))
+                largest_first(boxes.iter().map(|b| (centre(b), (b.right - b.left) * (b.bottom - b.top) * pixels)))
             }
             Shape::Polygons(polygons) => {
-                let all: Vec<ImagePoint> = polygons.concat();
-                (centre(&around(&all)), Some(polygons.iter().map(|polygon| enclosed(polygon)).sum::<f64>() * pixels))
+                largest_first(polygons.iter().map(|polygon| (deep_inside(polygon), enclosed(polygon) * pixels)))
             }
-            Shape::Points(points, _) => (points.first().copied().unwrap_or_default(), None),
-            Shape::MaskFile(_) => (ImagePoint::default(), None),
+            Shape::Points(points, _) => (points.clone(), None),
+            Shape::MaskFile(_) => (Vec::new(), None),
         };
-        Ok(Outline { shape, size, middle: self.point.unwrap_or(middle), area })
+        let middles = self.point.map_or(middles, |point| vec![point]);
+        Ok(Outline { shape, size, middles, area })
     }
 }
 
@@ -185,10 +184,7 @@ impl Outline {
     /// Pixels from the point that is meant; of several the nearest.
     #[must_use]
     pub fn error_px(&self, at: ImagePoint) -> f64 {
-        match &self.shape {
-            Shape::Points(points, _) => points.iter().map(|point| self.pixels_between(*point, at)).fold(f64::INFINITY, f64::min),
-            _ => self.pixels_between(self.middle, at),
-        }
+        self.middles.iter().map(|middle| self.pixels_between(*middle, at)).fold(f64::INFINITY, f64::min)
     }
 
     /// The side of a square as large as the target, pixels; none for points.
@@ -209,10 +205,10 @@ impl Outline {
         if let Shape::Mask(mask) = &self.shape { Some(mask) } else { None }
     }
 
-    /// The point that errors are measured from.
+    /// The point that errors are measured from; of several that of the largest.
     #[must_use]
     pub fn middle(&self) -> ImagePoint {
-        self.middle
+        self.middles.first().copied().unwrap_or_default()
     }
 
     /// The smallest box around it.
@@ -255,6 +251,31 @@ fn around(points: &[ImagePoint]) -> ImageBox {
         right: fold(|p| p.u, f64::max),
         bottom: fold(|p| p.v, f64::max),
     }
+}
+
+/// Middles of several parts, that of the largest first, and its area.
+fn largest_first(parts: impl Iterator<Item = (ImagePoint, f64)>) -> (Vec<ImagePoint>, Option<f64>) {
+    let mut parts: Vec<(ImagePoint, f64)> = parts.collect();
+    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let area = parts.first().map_or(0.0, |(_, area)| *area);
+    (parts.into_iter().map(|(middle, _)| middle).collect(), Some(area))
+}
+
+/// Cells a side in which the deepest place of an outline is looked for.
+const CELLS: u32 = 96;
+
+/// The place deepest inside an outline, to a cell of its box; the middle of the box where no cell's middle is inside.
+fn deep_inside(polygon: &[ImagePoint]) -> ImagePoint {
+    let b = around(polygon);
+    let of = |share: f64, low: f64, high: f64| low + share * (high - low);
+    let place = |at: ImagePoint| ImagePoint { u: of(at.u, b.left, b.right), v: of(at.v, b.top, b.bottom) };
+    let cell = |i: u32| ImagePoint {
+        u: (f64::from(i % CELLS) + 0.5) / f64::from(CELLS),
+        v: (f64::from(i / CELLS) + 0.5) / f64::from(CELLS),
+    };
+    let mask =
+        Mask { width: CELLS, height: CELLS, inside: (0..CELLS * CELLS).map(|i| inside(polygon, place(cell(i)))).collect() };
+    place(mask.deepest())
 }
 
 /// By the even-odd rule.
@@ -310,6 +331,23 @@ mod tests {
         assert_eq!((boxed.holds(at(0.3, 0.3)), boxed.holds(at(0.5, 0.3))), (Some(true), Some(false)));
         // From the middle (0.3, 0.4): 10 px across and 10 px down.
         assert!((boxed.error_px(at(0.4, 0.6)) - 200.0_f64.sqrt()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn of_several_the_nearest_counts_and_no_error_is_measured_from_between_them() {
+        let square = |u: f64, side: f64| vec![at(u, 0.2), at(u + side, 0.2), at(u + side, 0.2 + side), at(u, 0.2 + side)];
+        let cars = target(Shape::Polygons(vec![square(0.0, 0.1), square(0.8, 0.2)]));
+        assert!(cars.error_px(at(0.05, 0.25)) < 1.0 && cars.error_px(at(0.9, 0.3)) < 1.5);
+        assert!(cars.error_px(at(0.5, 0.25)) > 35.0);
+        // The side is that of the larger.
+        assert!((cars.side_px().unwrap() - (20.0_f64 * 10.0).sqrt()).abs() < 1e-9);
+        assert!(cars.middle().u > 0.8);
+        let boxes = [0.0, 0.8].map(|left| ImageBox { left, top: 0.0, right: left + 0.2, bottom: 1.0 });
+        assert!(target(Shape::Boxes(boxes.to_vec())).error_px(at(0.1, 0.5)) < 1e-9);
+        // An outline like a C: its middle is air.
+        let c = [(0.0, 0.0), (1.0, 0.0), (1.0, 0.2), (0.2, 0.2), (0.2, 0.8), (1.0, 0.8), (1.0, 1.0), (0.0, 1.0)];
+        let c = target(Shape::Polygons(vec![c.map(|(u, v)| at(u, v)).to_vec()]));
+        assert_eq!(c.holds(c.middle()), Some(true));
     }
 
     #[test]

@@ -11,6 +11,7 @@ use std::sync::mpsc::channel;
 pub use shard::{Shard, ShardError};
 pub use store::{Head, Store, StoreError, merge, read_records};
 
+use crate::fnv;
 use crate::task::Task;
 use crate::trial::{Method, Pointer, Record, Trial, draw};
 
@@ -60,10 +61,7 @@ impl Plan {
     pub fn head(&self, shard: Shard, pointing: &str) -> Head {
         let trials = self.draws().iter().flatten().map(Trial::run_id).collect();
         let all = format!("{:?} {pointing} {:?}", self.tasks, self.max_cost_usd);
-        // FNV-1a, 64 bits: for telling apart, not for safety.
-        let number =
-            all.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
-        Head::new(trials, shard, format!("{number:016x}"))
+        Head::new(trials, shard, format!("{:016x}", fnv(all.as_bytes())))
     }
 }
 

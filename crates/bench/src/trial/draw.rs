@@ -9,6 +9,7 @@ use spf_sim::geometry::ObjectId;
 use spf_sim::model::Model;
 use thiserror::Error;
 
+use crate::fnv;
 use crate::judge::{Sight, nearest};
 use crate::task::{Selector, Task, View, centre, select_all};
 
@@ -74,7 +75,8 @@ pub struct Drawn {
 /// # Errors
 /// [`DrawError`] when the scene cannot be flown in, or nothing fits.
 pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
-    let word = word_of(&task.id);
+    // A task's own number in draws.
+    let word = fnv(task.id.as_bytes());
     let in_view = match task.start.view {
         View::Always => Some(true),
         View::Never => Some(false),
@@ -97,12 +99,6 @@ pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
         }
     }
     Err(DrawError::NoStart { task: task.id.clone(), seed })
-}
-
-/// A task's own number in draws.
-fn word_of(id: &str) -> u64 {
-    // FNV-1a, 64 bits.
-    id.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 /// A start in a scene; none when none is found.

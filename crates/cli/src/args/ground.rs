@@ -58,10 +58,10 @@ pub(crate) struct Ground {
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=256))]
     pub(crate) parallel: u16,
     /// Questions a minute to each model [default: as fast as they are answered]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, requires = "dataset")]
     pub(crate) rate: Option<f64>,
     /// US dollars after which no model is asked any more [default: no limit]
-    #[arg(long, value_name = "USD", allow_negative_numbers = true)]
+    #[arg(long, value_name = "USD", allow_negative_numbers = true, requires = "dataset")]
     pub(crate) max_cost: Option<String>,
     /// Seed of the oracle's errors
     #[arg(long, value_name = "N", default_value_t = 0)]

@@ -305,13 +305,38 @@ fn through_goes_by_the_opening() {
     let inside = Painting::new().with(solid, 0..960, 0..720, 5.0).with(mouth(3, "tunnel exit"), 440..520, 350..420, 20.0);
     let reply = ask(&oracle, &inside, &query);
     assert_eq!((reply.stage, reply.target.as_deref()), (Some(2), Some("tunnel exit")));
-    // Out of it nothing of the tunnel is in view: straight on for two moves more, then done.
+    // Out of it nothing of the tunnel is in view: straight on for four moves more, then done.
     let out = Painting::new().with(tagged(5, "tree", "tree", "green"), 700..800, 100..400, 30.0);
     assert_eq!(ask(&oracle, &out, &query).stage, Some(3));
     query.memory.stage = 3;
     assert_eq!(ask(&oracle, &out, &query).stage, Some(4));
-    query.memory.stage = 5;
+    query.memory.stage = 7;
     assert_eq!(ask(&oracle, &out, &query).status, Status::Done);
+}
+
+#[test]
+fn right_in_an_opening_one_flies_on_and_no_building_passes_for_a_hollow_one() {
+    let oracle = oracle("perfect");
+    let out = Painting::new().with(tagged(5, "tree", "tree", "green"), 700..800, 100..400, 30.0);
+    let mut query = query(0, POINT, "fly through the gate");
+    query.memory.targets = vec!["opening".to_owned()];
+    let reply = ask(&oracle, &out, &query);
+    assert_eq!((reply.status, reply.stage), (Status::Navigating, Some(2)));
+    // Searched for already, it is not where one is.
+    query.memory.turned = 1.2;
+    assert_eq!(ask(&oracle, &out, &query).status, Status::NotVisible);
+
+    let school = tagged(1, "building", "building", "brown");
+    let near = Painting::new().with(school.clone(), 100..800, 100..600, 2.0);
+    query.memory = spf_core::query::Memory::default();
+    query.instruction = "fly through the hollow building".to_owned();
+    assert_eq!(ask(&oracle, &near, &query).status, Status::NotVisible);
+    let hollow = Tagged { qualities: vec!["hollow".to_owned()], ..school };
+    let far = Painting::new().with(hollow.clone(), 300..500, 200..400, 40.0);
+    assert_eq!(ask(&oracle, &far, &query).status, Status::Navigating);
+    // Come up to, and no opening seen: not flown into.
+    let near = Painting::new().with(hollow, 100..800, 100..600, 2.0);
+    assert_eq!(ask(&oracle, &near, &query).status, Status::NotVisible);
 }
 
 #[test]
@@ -355,9 +380,13 @@ fn a_scan_ends_after_a_full_turn_and_follow_never() {
     assert_eq!(ask(&oracle, &site(), &scan).status, Status::NotVisible);
     scan.memory.turned = 6.0;
     assert_eq!(ask(&oracle, &site(), &scan).status, Status::Done);
-    let close = Painting::new().with(tagged(1, "person", "person", ""), 430..530, 310..610, 1.0);
+    let close = Painting::new().with(tagged(1, "person", "person", ""), 430..530, 310..610, 5.0);
     let reply = ask(&oracle, &close, &query(0, POINT, "follow the person"));
     assert_eq!((reply.status, reply.depth), (Status::Navigating, Some(1)));
+    // Nearer than that one backs off.
+    let closer = Painting::new().with(tagged(1, "person", "person", ""), 430..530, 310..610, 1.0);
+    let reply = ask(&oracle, &closer, &query(0, POINT, "follow the person"));
+    assert_eq!((reply.status, reply.look), (Status::NotVisible, Some(Look::Down)));
 }
 
 #[test]
@@ -389,7 +418,7 @@ fn the_other_kinds_answer_from_the_same_percept() {
     let mut later = query(0, QueryKind::Program, "go to the yellow crane, then to the black car");
     later.detections = program.detections.clone();
     later.memory.stage = 2;
-    assert_eq!(oracle.answer(&later, &percept).text, "_1=s('black car');?_1==False{->False;}rp;->True;");
+    assert_eq!(oracle.answer(&later, &percept).text, "_1=s('black car');?_1==False{->False;}rp;");
     // Of COCO's classes there is none here, and a detector takes no VLM's time.
     let known = oracle.answer(&query(0, QueryKind::Detect { coco: true }, ""), &percept);
     assert_eq!((known.text.as_str(), known.latency), ("", Duration::from_millis(100)));

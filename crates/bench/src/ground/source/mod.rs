@@ -5,13 +5,16 @@ mod layouts;
 mod plain;
 mod sim;
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use spf_core::query::{ImageBox, ImagePoint};
 
-use super::{Item, photo};
+use super::truth::{Mask, TruthError};
+use super::{Item, Shape, Truth, photo};
+use crate::fnv;
 pub use sim::SimExample;
 
 /// Longest file of rows that is read, bytes.
@@ -55,6 +58,8 @@ pub struct Source {
     pub form: &'static str,
     /// What is in it, in order.
     pub items: Vec<Item>,
+    /// A number of the files that say what is asked (FNV-1a, 64 bits): for telling datasets apart, not for safety.
+    pub digest: u64,
 }
 
 /// Reads a dataset: a folder, or the file in it that names the pictures.
@@ -65,8 +70,11 @@ pub fn open(path: &Path) -> Result<Source, SourceError> {
     let file = if path.is_dir() { find(path)? } else { path.to_owned() };
     let folder = file.parent().unwrap_or(Path::new("")).to_owned();
     let text = read(&file)?;
+    let mut said = text.clone();
     let (form, items) = if file.file_name().is_some_and(|name| name == "dataset.json") {
-        ("a dataset of `spf sim dataset`", sim::items(&folder, &text, &read(&folder.join("examples.jsonl"))?)?)
+        let rows = read(&folder.join("examples.jsonl"))?;
+        said.push_str(&rows);
+        ("a dataset of `spf sim dataset`", sim::items(&folder, &text, &rows)?)
     } else if file.extension().is_some_and(|end| end == "jsonl") {
         ("pictures with a JSONL of what is meant", plain::items(&folder, &file, &text)?)
     } else {
@@ -77,7 +85,28 @@ pub fn open(path: &Path) -> Result<Source, SourceError> {
             layouts::items(&folder, &file, &value)?
         }
     };
-    if items.is_empty() { Err(form_of(&file, "there is nothing in it")) } else { Ok(Source { form, items }) }
+    let mut keys = BTreeSet::new();
+    if let Some((row, twice)) = items.iter().enumerate().find(|(_, item)| !keys.insert(item.key.as_str())) {
+        return Err(self::form(&file, Some(row + 1), format!("the id `{}` stands in it twice", twice.key)));
+    }
+    if items.is_empty() {
+        Err(form_of(&file, "there is nothing in it"))
+    } else {
+        Ok(Source { form, items, digest: fnv(said.as_bytes()) })
+    }
+}
+
+impl Source {
+    /// Reads every mask, so that nothing is asked that cannot be graded.
+    ///
+    /// # Errors
+    /// [`TruthError`] of the first that cannot be read or is black.
+    pub fn check_masks(&self) -> Result<(), TruthError> {
+        let targets =
+            self.items.iter().filter_map(|item| if let Truth::Target(target) = &item.truth { Some(target) } else { None });
+        let files = targets.filter_map(|target| if let Shape::MaskFile(path) = &target.shape { Some(path) } else { None });
+        files.into_iter().try_for_each(|path| Mask::read(path).map(drop))
+    }
 }
 
 /// The file that names the pictures of a folder.
@@ -113,11 +142,16 @@ fn form_of(path: &Path, what: &str) -> SourceError {
 /// refused: a dataset is other people's.
 fn beside(folder: &Path, name: &str, folders: &[&str]) -> Option<PathBuf> {
     let relative = Path::new(name);
-    if relative.components().any(|part| !matches!(part, std::path::Component::Normal(_) | std::path::Component::CurDir)) {
+    if !stays(name) || !folders.iter().all(|inner| stays(inner)) {
         return None;
     }
     let places = std::iter::once(folder.join(relative)).chain(folders.iter().map(|inner| folder.join(inner).join(relative)));
     places.into_iter().find(|path| path.is_file())
+}
+
+/// Whether a name leads to no place outside of the folder that it is joined to.
+fn stays(name: &str) -> bool {
+    Path::new(name).components().all(|part| matches!(part, std::path::Component::Normal(_) | std::path::Component::CurDir))
 }
 
 /// Turns pixels into shares of a picture.

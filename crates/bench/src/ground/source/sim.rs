@@ -10,7 +10,7 @@ use spf_core::query::{ImageBox, ImagePoint};
 use spf_flight::dataset::record::{FORMAT, Head, Row};
 use spf_sim::oracle::{Tagged, masks};
 
-use super::{SourceError, form, form_of, read};
+use super::{SourceError, form, form_of, read, stays};
 use crate::ground::{Item, Shape, Target, Truth};
 
 /// An example with all that the oracle reads.
@@ -60,6 +60,9 @@ pub(super) fn items(folder: &Path, head: &str, rows: &str) -> Result<Vec<Item>, 
     }
     let mut tags = BTreeMap::new();
     for scene in &head.scenes {
+        if !stays(&scene.legend) {
+            return Err(form_of(&path, &format!("`{}` leads out of the dataset's folder", scene.legend)));
+        }
         let path = folder.join(&scene.legend);
         let legend: Value = serde_json::from_str(&read(&path)?).map_err(|error| form(&path, None, error.to_string()))?;
         let tagged = tagged(&legend).map_err(|error| form(&path, None, error))?;
@@ -70,6 +73,12 @@ pub(super) fn items(folder: &Path, head: &str, rows: &str) -> Result<Vec<Item>, 
     let mut items = Vec::new();
     for (number, line) in rows.lines().enumerate() {
         let row: Row = serde_json::from_str(line).map_err(|error| form(&path, Some(number + 1), error.to_string()))?;
+        let files = &row.files;
+        let named = [&files.picture, &files.ids, &files.depth].into_iter();
+        let maybe = [&files.mask, &files.opening_ids, &files.opening_depth].into_iter().flatten();
+        if let Some(name) = named.chain(maybe).find(|name| !stays(name)) {
+            return Err(form(&path, Some(number + 1), format!("`{name}` leads out of the dataset's folder")));
+        }
         let tags =
             tags.get(&row.scene).ok_or_else(|| form(&path, Some(number + 1), format!("no scene is called `{}`", row.scene)))?;
         let example = SimExample { folder: folder.to_owned(), row: Arc::new(row), head: head.clone(), tags: tags.clone() };

@@ -20,7 +20,7 @@ use crate::printer::{Printer, table as columns};
 use crate::settings::Settings;
 
 /// Version of the folder's files.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// What `--json` prints and `report.json` holds.
 #[derive(Serialize)]
@@ -48,7 +48,19 @@ pub(super) fn grade(
     source.items.truncate(args.count.unwrap_or(usize::MAX));
     let (answerers, sentences) = everybody(args, settings, &source)?;
     let out = args.output.clone().unwrap_or_else(|| default_folder(path));
-    let head = Head { format: FORMAT, dataset: path.to_owned(), avoid: args.avoid, seed: args.seed };
+    source.check_masks().map_err(|error| {
+        CliError::usage(format!("the dataset `{}` cannot be graded on", path.display()))
+            .because(&error)
+            .hint("mend the mask, or take its row out")
+    })?;
+    let head = Head {
+        format: FORMAT,
+        dataset: path.to_owned(),
+        avoid: args.avoid,
+        seed: args.seed,
+        questions: format!("{:016x}", source.digest),
+        manners: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.mind.manner())).collect(),
+    };
     let (mut folder, mut rows) = Folder::open(&out, &head, args.resume, args.overwrite)?;
     let plan = Plan {
         items: &source.items,
@@ -75,7 +87,14 @@ pub(super) fn grade(
         printer.data(&json);
     }
     tell(&report, &source, &answerers, &page, printer);
+    let silent = |answerer: &Answerer| !rows.iter().any(|row| row.answerer == answerer.name && is_answered(row));
+    let mut models = answerers.iter().filter(|answerer| matches!(answerer.mind, Mind::Model(..))).peekable();
+    let unanswered = models.peek().is_some() && models.all(silent);
     Ok(match ended {
+        Ended::Complete if unanswered => {
+            printer.say("no model answered a single question; with --resume they are asked again");
+            Exit::Failed
+        }
         Ended::Complete => Exit::Success,
         Ended::Stopped => {
             printer.say("stopped; the same command with --resume goes on");

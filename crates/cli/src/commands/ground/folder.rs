@@ -1,5 +1,6 @@
 //! The folder of a grading: answers that are whole or not there, so that it can be gone on with.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
@@ -24,6 +25,10 @@ pub(super) struct Head {
     pub(super) dataset: PathBuf,
     pub(super) avoid: bool,
     pub(super) seed: u64,
+    /// A number of what the dataset's files say.
+    pub(super) questions: String,
+    /// By the name of each who is asked, a number of how: the prompt, or the error file.
+    pub(super) manners: BTreeMap<String, String>,
 }
 
 /// A folder that answers are put into.
@@ -45,6 +50,7 @@ impl Folder {
         let shown = path.display();
         let empty = fs::read_dir(path).map_err(unusable)?.next().is_none();
         let known = path.join(HEAD).is_file();
+        let mut manners = BTreeMap::new();
         match (empty, known) {
             (false, false) => {
                 return Err(CliError::usage(format!("the folder `{shown}` is not empty and holds no grading"))
@@ -55,15 +61,17 @@ impl Folder {
                     fs::remove_file(path.join(name)).map_err(unusable)?;
                 }
             }
-            (false, true) if resume => same(path, head)?,
+            (false, true) if resume => manners.append(&mut same(path, head)?),
             (false, true) => {
                 return Err(CliError::usage(format!("the folder `{shown}` holds a grading"))
                     .hint("go on with it by --resume, make it anew by --overwrite, or name another folder with -o DIR"));
             }
             (true, _) => {}
         }
-        let text =
-            serde_json::to_string_pretty(head).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+        // Who is not asked this time was still asked so before.
+        manners.extend(head.manners.clone());
+        let text = serde_json::to_string_pretty(&Head { manners, ..head.clone() })
+            .map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
         write(&path.join(HEAD), format!("{text}\n").as_bytes())?;
         let answers = path.join(ANSWERS);
         let (length, rows) = if answers.exists() { whole(&answers).map_err(unusable)? } else { (0, Vec::new()) };
@@ -89,14 +97,23 @@ impl Folder {
     }
 }
 
-/// Only answers to the same questions go together.
-fn same(path: &Path, head: &Head) -> Result<(), CliError> {
+/// Only answers to the same questions, asked in the same manner, go together; in which manner who was asked.
+fn same(path: &Path, head: &Head) -> Result<BTreeMap<String, String>, CliError> {
+    let refused = |what: String| {
+        Err(CliError::usage(what).hint(format!("{HEAD} there says how; give the same, or make it anew with --overwrite")))
+    };
+    let shown = path.display();
     let there = fs::read_to_string(path.join(HEAD)).ok().and_then(|text| serde_json::from_str::<Head>(&text).ok());
-    if there.as_ref() == Some(head) {
-        return Ok(());
+    let Some(there) = there.filter(|there| Head { manners: head.manners.clone(), ..there.clone() } == *head) else {
+        return refused(format!(
+            "the grading in `{shown}` is of another dataset, of one that has changed, or was made otherwise"
+        ));
+    };
+    let differs = |(name, manner): &(&String, &String)| there.manners.get(*name).is_some_and(|before| before != *manner);
+    match head.manners.iter().find(differs) {
+        Some((name, _)) => refused(format!("`{name}` was asked with another prompt or error file in `{shown}`")),
+        None => Ok(there.manners),
     }
-    Err(CliError::usage(format!("the grading in `{}` is of another dataset or was made otherwise", path.display()))
-        .hint(format!("{HEAD} there says how; give the same, or make it anew with --overwrite")))
 }
 
 /// The whole rows at the beginning of the file that hold an answer, and the length of all whole ones.
