@@ -27,7 +27,7 @@ use spf_core::pilot::{PilotSettings, Preset};
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::policy::{Policy, PolicyEvent, Step, View};
 use spf_core::time::{Duration, Time};
-use spf_media::{Jpeg, Rgb, resize};
+use spf_media::{Jpeg, Rgb, Scaler};
 use spf_sim::render::{Channels, Picture as Drawn, Renderer};
 use spf_sim::scene::Scene;
 use spf_vlm::setup;
@@ -40,7 +40,7 @@ const WARM: u64 = 20;
 const DECISIONS: u64 = 400;
 
 /// A camera's frame, as `spf_flight::picture` shows it.
-struct Frame<'a>(&'a Rgb);
+struct Frame<'a>(&'a Rgb, &'a mut Scaler);
 
 impl Picture for Frame<'_> {
     fn size(&self) -> (u32, u32) {
@@ -48,7 +48,9 @@ impl Picture for Frame<'_> {
     }
 
     fn jpeg(&mut self, (width, height): (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
-        let encoded = Jpeg::encode(&resize(self.0, width, height), quality);
+        let scaled = self.1.scale(self.0, width, height);
+        let encoded = Jpeg::encode(&scaled, quality);
+        self.1.reuse(scaled);
         Ok(encoded.map_err(|error| VlmError::Picture(error.to_string()))?.shared())
     }
 }
@@ -130,20 +132,20 @@ fn frames(camera: &Camera) -> Result<Vec<Rgb>, Failure> {
 }
 
 /// One decision: the policy asks, the model answers, and the executor gives the first setpoint.
-fn decide(spf: &mut Spf, vlm: &mut dyn Vlm, frame: &Rgb, camera: &Camera, number: u64) -> Result<(), Failure> {
+fn decide(spf: &mut Spf, vlm: &mut dyn Vlm, mut frame: Frame<'_>, camera: &Camera, number: u64) -> Result<(), Failure> {
     let now = Time::from_millis(1000 * number);
     let meta = FrameMeta {
         id: FrameId(number),
         captured: now,
         received: now,
         capture_counter: number,
-        width: frame.width(),
-        height: frame.height(),
+        width: frame.0.width(),
+        height: frame.0.height(),
         unusable: false,
     };
     let view = View { frame: meta, camera: *camera, pose: Pose::default(), at_rest: true };
     let Step::Ask(query) = spf.handle(PolicyEvent::Frame(&view)) else { return Err("the policy did not ask".into()) };
-    let text = vlm.answer(&Asked::new(&query, Duration::from_secs(10)), &mut Frame(frame)).text?;
+    let text = vlm.answer(&Asked::new(&query, Duration::from_secs(10)), &mut frame).text?;
     let Step::Move(motion) = spf.handle(PolicyEvent::Reply { id: query.id, text: &text }) else {
         return Err(format!("no motion came of {text}").into());
     };
@@ -184,13 +186,13 @@ fn measure(name: &str, frames: &[Rgb], camera: &Camera) -> Result<(), Failure> {
     });
     spf.handle(PolicyEvent::Instruction("Take off and fly to the red crane"));
     let client = || Ok::<_, Failure>(on_cores()? - server.cpu.load(Ordering::SeqCst));
-    let (mut spent, mut sent) = (0, 0);
+    let (mut spent, mut sent, mut scaler) = (0, 0, Scaler::default());
     for number in 0..WARM + DECISIONS {
         if number == WARM {
             spent = client()?;
             sent = server.bytes.load(Ordering::SeqCst);
         }
-        decide(&mut spf, &mut remote, &frames[number as usize % frames.len()], camera, number)?;
+        decide(&mut spf, &mut remote, Frame(&frames[number as usize % frames.len()], &mut scaler), camera, number)?;
     }
     let spent = client()? - spent;
     let sent = server.bytes.load(Ordering::SeqCst) - sent;

@@ -35,8 +35,24 @@ pub struct VlmUse {
     pub cost_usd: Option<f64>,
     /// Median latency of the answers, seconds; null without any.
     pub median_latency_s: Option<f64>,
+    /// Where that time went.
+    #[serde(default)]
+    pub median_parts: MedianParts,
     /// Bytes sent for a question, the most.
     pub most_bytes_sent: u64,
+}
+
+/// Medians of what each part of the latency took, over the answers that have it, seconds; null without any.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MedianParts {
+    /// Scaling and encoding the picture, writing the request.
+    pub encode_s: Option<f64>,
+    /// Until the connection had taken the whole request; with connecting, and with what was asked before in vain.
+    pub upload_s: Option<f64>,
+    /// From there to the first text.
+    pub first_text_s: Option<f64>,
+    /// From there to the end.
+    pub complete_s: Option<f64>,
 }
 
 /// A row of `vlm.jsonl`.
@@ -60,6 +76,8 @@ struct Row<'a> {
 struct Sums {
     total: VlmUse,
     latencies: Vec<f64>,
+    /// Of each part of [`spf_vlm::Parts::durations`].
+    parts: [Vec<f64>; 4],
     /// Made with the first row: the oracle leaves none.
     path: Option<PathBuf>,
     rows: Option<JsonLines>,
@@ -88,9 +106,10 @@ impl Ledger {
     #[must_use]
     pub fn total(&self) -> Option<VlmUse> {
         let mut sums = self.sums();
-        sums.latencies.sort_by(f64::total_cmp);
-        let median = sums.latencies.get(sums.latencies.len() / 2).copied();
-        (sums.total.requests > 0).then(|| VlmUse { median_latency_s: median, ..sums.total.clone() })
+        let median_latency_s = median(&mut sums.latencies);
+        let [encode_s, upload_s, first_text_s, complete_s] = sums.parts.each_mut().map(|part| median(part));
+        let median_parts = MedianParts { encode_s, upload_s, first_text_s, complete_s };
+        (sums.total.requests > 0).then(|| VlmUse { median_latency_s, median_parts, ..sums.total.clone() })
     }
 
     /// What could not be written.
@@ -126,6 +145,9 @@ impl Ledger {
             Ok(_) => {
                 *total.models.entry(answer.model.clone()).or_default() += 1;
                 sums.latencies.push(latency_s);
+                for (part, seconds) in sums.parts.iter_mut().zip(account.parts.durations()) {
+                    part.extend(seconds);
+                }
             }
             Err(error) => *total.failed.entry(error.code().to_owned()).or_default() += 1,
         }
@@ -145,6 +167,12 @@ impl Ledger {
             sums.rows = None;
         }
     }
+}
+
+/// The middle one, or the upper of the two in the middle.
+fn median(numbers: &mut [f64]) -> Option<f64> {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied()
 }
 
 /// A VLM whose answers are entered in a ledger, and that is asked no more when the money is spent.

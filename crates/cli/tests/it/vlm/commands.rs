@@ -27,12 +27,14 @@ fn a_flight_tells_what_it_took() {
     // 5·1200 tokens in at 1 $ and what came out at 5 $ a million.
     let out = used["tokens_out"].as_f64().unwrap() + used["tokens_thinking"].as_f64().unwrap();
     assert!((used["cost_usd"].as_f64().unwrap() - (6000.0 + 5.0 * out) / 1e6).abs() < 1e-12, "{used}");
+    let medians = ["encode_s", "upload_s", "first_text_s", "complete_s"].map(|part| used["median_parts"][part].as_f64().unwrap());
+    assert!(medians[0] > 0.0 && medians.iter().sum::<f64>() < 60.0, "{used}");
     let rows = crate::harness::rows(&lab.path("mine/vlm.jsonl"));
     assert_eq!(rows.len(), 5);
     for row in &rows {
         let parts = &row["parts"];
-        let order = ["encoded_s", "head_s", "first_text_s", "complete_s"].map(|part| parts[part].as_f64().unwrap());
-        assert!(order.is_sorted() && order[3] <= row["latency_s"].as_f64().unwrap(), "{row}");
+        let order = ["encoded_s", "uploaded_s", "head_s", "first_text_s", "complete_s"].map(|part| parts[part].as_f64().unwrap());
+        assert!(order.is_sorted() && order[4] <= row["latency_s"].as_f64().unwrap(), "{row}");
         assert!((10_000..80_000).contains(&row["bytes_sent"].as_u64().unwrap()), "{row}");
     }
     let run =
