@@ -328,7 +328,7 @@ fn right_in_an_opening_one_flies_on_and_no_building_passes_for_a_hollow_one() {
 
     let school = tagged(1, "building", "building", "brown");
     let near = Painting::new().with(school.clone(), 100..800, 100..600, 2.0);
-    query.memory = spf_core::query::Memory::default();
+    query.memory = Memory::default();
     query.instruction = "fly through the hollow building".to_owned();
     assert_eq!(ask(&oracle, &near, &query).status, Status::NotVisible);
     let hollow = Tagged { qualities: vec!["hollow".to_owned()], ..school };
