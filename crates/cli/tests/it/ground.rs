@@ -148,6 +148,33 @@ fn a_model_is_graded_on_boxes_points_masks_and_absence() {
     let said = |request: &crate::vlm::server::Request| request.json().to_string().contains("aircraft");
     let questions = server.questions();
     assert_eq!((questions.len(), questions.iter().filter(|request| said(request)).count()), (15, 5));
+
+    // Answers to another prompt, or about another dataset, are not gone on with.
+    let resumed = || ground(&lab, &server, Vendor::Gemini, &[&args[..], &["--resume"]].concat());
+    assert_eq!(resumed().code, Some(0));
+    lab.write("q.txt", prompt.replace("drone", "balloon"));
+    let refused = resumed();
+    assert!(refused.code == Some(2) && refused.stderr.contains("was asked with another prompt"), "{}", refused.stderr);
+    lab.write("q.txt", prompt.replace("drone", "aircraft"));
+    lab.write("set/rows.jsonl", json!({"picture": "a.jpg", "instruction": "six"}).to_string());
+    let refused = resumed();
+    assert!(refused.code == Some(2) && refused.stderr.contains("of one that has changed"), "{}", refused.stderr);
+    assert_eq!(server.questions().len(), 15);
+    let twice = json!({"id": "a", "picture": "a.jpg", "instruction": "six"}).to_string();
+    lab.write("set/rows.jsonl", format!("{twice}\n{twice}\n"));
+    let refused = ground(&lab, &server, Vendor::Gemini, &["--dataset", "set", "-o", "twice"]);
+    assert!(refused.code == Some(2) && refused.stderr.contains("the id `a` stands in it twice"), "{}", refused.stderr);
+}
+
+#[test]
+fn a_model_that_answers_nothing_is_told_by_the_exit_code() {
+    let lab = Lab::new();
+    picture(&lab, "a.jpg", (320, 240));
+    lab.write("rows.jsonl", json!({"picture": "a.jpg", "instruction": "go", "box": [0, 0, 9, 9]}).to_string());
+    // Nobody listens there.
+    let args = ["ground", "--dataset", "rows.jsonl", "--vlm", "vllm#m@http://127.0.0.1:9/v1", "-o", "graded"];
+    let run = Run::of(&lab.command(&args).output().unwrap());
+    assert!(run.code == Some(6) && run.stderr.contains("no model answered"), "{:?} {}", run.code, run.stderr);
 }
 
 #[test]
@@ -198,6 +225,12 @@ fn coco_and_public_layouts_are_read() {
     lab.write("ref/question.json", question.to_string().replace("image/0.jpg", "../coco/images/a.jpg"));
     let run = ground(&lab, &server, Vendor::Gemini, &["--dataset", "ref", "-o", "x"]);
     assert!(run.code == Some(2) && run.stderr.contains("there is no file"), "{}", run.stderr);
+    let elsewhere =
+        json!([{"image_filename": "a.jpg", "mask_filename": "a.jpg", "user_input": "x", "category": "../../coco/images"}]);
+    std::fs::create_dir_all(lab.path("points")).unwrap();
+    lab.write("points/data.json", elsewhere.to_string());
+    let run = ground(&lab, &server, Vendor::Gemini, &["--dataset", "points", "-o", "y"]);
+    assert!(run.code == Some(2) && run.stderr.contains("leads out of the dataset's folder"), "{}", run.stderr);
 }
 
 #[test]

@@ -225,7 +225,7 @@ async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String
 }
 
 fn think(shared: &Shared, number: u64, prompt: &str, picture: &[u8]) -> Result<Thought, String> {
-    let picture = jpeg::decode(picture).map_err(|error| error.to_string())?;
+    let picture = jpeg::decode_any(picture).map_err(|error| error.to_string())?;
     let answer = shared.mind.answer(shared.lens.now(), number, prompt, &picture);
     answer.map_err(|why: Unrecognised| why.to_string())
 }

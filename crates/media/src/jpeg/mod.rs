@@ -42,9 +42,9 @@ const FULL_COLOUR: u8 = 90;
 /// Longest side of a picture that is decoded, pixels.
 const LONGEST_SIDE: u32 = 8192;
 
-/// Why a JPEG could not be decoded.
+/// Why a picture could not be decoded.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot decode the JPEG: it is damaged, or a side is longer than {LONGEST_SIDE} pixels")]
+#[error("cannot decode the picture: it is no JPEG or PNG, damaged, or a side is longer than {LONGEST_SIDE} pixels")]
 pub struct DecodeError(#[from] image::ImageError);
 
 /// Decodes a JPEG file of at most 8192 pixels a side; grey becomes colour.
@@ -52,7 +52,19 @@ pub struct DecodeError(#[from] image::ImageError);
 /// # Errors
 /// [`DecodeError`] if it is damaged or too large. Memory is bounded by the largest picture.
 pub fn decode(bytes: &[u8]) -> Result<Rgb, DecodeError> {
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Jpeg);
+    decode_as(ImageFormat::Jpeg, bytes)
+}
+
+/// Decodes a JPEG or a PNG file in the same manner: what other programs send.
+///
+/// # Errors
+/// [`DecodeError`] if it is neither, damaged or too large.
+pub fn decode_any(bytes: &[u8]) -> Result<Rgb, DecodeError> {
+    decode_as(if bytes.starts_with(b"\x89PNG") { ImageFormat::Png } else { ImageFormat::Jpeg }, bytes)
+}
+
+fn decode_as(format: ImageFormat, bytes: &[u8]) -> Result<Rgb, DecodeError> {
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(LONGEST_SIDE), Some(LONGEST_SIDE));
     reader.limits(limits);

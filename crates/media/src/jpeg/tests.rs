@@ -164,6 +164,15 @@ fn bytes_are_these() {
 }
 
 #[test]
+fn what_others_send_may_be_a_png_too() {
+    let picture = picture(40, 30, 9, 3);
+    assert_eq!(decode_any(&crate::png::encode(&picture).unwrap()).unwrap(), picture);
+    let jpeg = Jpeg::encode(&picture, 90).unwrap();
+    assert_eq!(decode_any(jpeg.bytes()).unwrap(), decode(jpeg.bytes()).unwrap());
+    assert!(decode_any(b"GIF89a").is_err() && decode(&crate::png::encode(&picture).unwrap()).is_err());
+}
+
+#[test]
 fn clones_share_the_bytes() {
     let jpeg = Jpeg::encode(&Rgb::new(8, 8), 90).unwrap();
     assert!(Arc::ptr_eq(&jpeg.shared(), &jpeg.clone().shared()));

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Pixels, SourceError, beside, form, form_of};
+use super::{Pixels, SourceError, beside, form, form_of, stays};
 use crate::ground::{Item, Shape, Target, Truth};
 
 /// RefSpatial-Bench: a mask in a file.
@@ -69,6 +69,7 @@ fn item(folder: &Path, number: usize, entry: Entry) -> Result<(&'static str, Ite
     };
     let (name, instruction, (picture, shape, boxes)) = match entry {
         Entry::RefSpatial(e) => ("RefSpatial-Bench", e.prompt, masked(&e.rgb_path, &e.mask_path, [&["image"], &["mask"]])?),
+        Entry::PointBench(e) if !stays(&e.category) => return Err(format!("`{}` leads out of the dataset's folder", e.category)),
         Entry::PointBench(e) => {
             let of = |kind: &str| format!("{kind}/{}", e.category);
             let (images, masks) = (of("selected_images"), of("selected_masks"));
