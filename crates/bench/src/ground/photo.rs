@@ -92,36 +92,44 @@ pub struct VideoFrame {
 pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, PhotoError> {
     let units = if bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]) { bare(bytes) } else { demux(bytes)? };
     let mut decoder = Decoder::new().map_err(|error| PhotoError::Stream(error.to_string()))?;
-    let (mut frames, mut next, mut last_error) = (Vec::new(), 0.0, None);
-    let (mut tried, mut shown) = (0_usize, 0_usize);
-    for (at, unit) in units {
-        if frames.len() >= most {
-            break;
+    // Pictures come in the order in which they are shown; the n-th is taken to be shown when the n-th unit is due.
+    let times: Vec<f64> = units.iter().map(|(at, _)| *at).collect();
+    let (mut frames, mut shown, mut last_error) = (Vec::new(), 0, None);
+    let mut next = 0.0;
+    let mut take = |picture: Rgb| {
+        let at = times.get(shown).copied().unwrap_or(next);
+        shown += 1;
+        if at >= next && frames.len() < most {
+            frames.push(VideoFrame { at, picture });
+            next = at + every;
         }
-        tried += 1;
-        let decoded = decoder.decode(&unit);
-        shown += usize::from(matches!(decoded, Ok(Some(_))));
-        match decoded {
-            Ok(Some(picture)) if at >= next => {
-                frames.push(VideoFrame { at, picture });
-                next = at + every;
+        frames.len() >= most
+    };
+    let mut whole = true;
+    for (_, unit) in &units {
+        match decoder.decode_in_order(unit) {
+            Ok(picture) => {
+                if picture.is_some_and(&mut take) {
+                    whole = false;
+                    break;
+                }
             }
-            Ok(_) => {}
             // One damaged unit is passed over; a stream of nothing else is not.
             Err(error) => last_error = Some(error.to_string()),
         }
     }
-    // A stream that hides most of its pictures is not passed off for the few that it shows.
-    if !frames.is_empty() && 2 * shown < tried {
-        let why = format!(
-            "{} of its {tried} pictures cannot be decoded (B-frames?): `ffmpeg -i in.mp4 -c:v libx264 -bf 0 out.mp4` makes a video that can",
-            tried - shown
-        );
-        return Err(PhotoError::Stream(why));
+    if whole {
+        for picture in decoder.rest().unwrap_or_default() {
+            take(picture);
+        }
     }
     match last_error {
         Some(error) if frames.is_empty() => Err(PhotoError::Stream(error)),
         _ if frames.is_empty() => Err(PhotoError::Stream("there is no picture in it".to_owned())),
+        // A stream that hides most of its pictures is not passed off for the few that it shows.
+        Some(error) if whole && 2 * shown < times.len() => {
+            Err(PhotoError::Stream(format!("{} of its {} pictures: {error}", times.len() - shown, times.len())))
+        }
         _ => Ok(frames),
     }
 }

@@ -1,7 +1,7 @@
 //! Decoding H.264 into pictures.
 
 use openh264::OpenH264API;
-use openh264::decoder::{DecodedYUV, DecoderConfig};
+use openh264::decoder::{DecodeOptions, DecodedYUV, DecoderConfig, Flush};
 use openh264::formats::YUVSource;
 
 use crate::frame::Rgb;
@@ -42,7 +42,25 @@ impl Decoder {
         Ok(self.0.decode(annex_b)?.map(|planes| colours(&planes)))
     }
 
-    /// The same without looking at the picture: for those that only lead to a newer one.
+    /// Decodes a unit of a file: pictures come in the order in which they are shown, which for a stream with B-frames is
+    /// another than that of the units, and later; the last ones by [`Decoder::rest`]. Not for live video, which waits for nothing.
+    ///
+    /// # Errors
+    /// [`DecoderError::Codec`].
+    pub fn decode_in_order(&mut self, annex_b: &[u8]) -> Result<Option<Rgb>, DecoderError> {
+        let options = DecodeOptions::new().flush_after_decode(Flush::NoFlush);
+        Ok(self.0.decode_with_options(annex_b, options)?.map(|planes| colours(&planes)))
+    }
+
+    /// The pictures that [`Decoder::decode_in_order`] still holds at the end of a file.
+    ///
+    /// # Errors
+    /// [`DecoderError::Codec`].
+    pub fn rest(&mut self) -> Result<Vec<Rgb>, DecoderError> {
+        Ok(self.0.flush_remaining()?.iter().map(colours).collect())
+    }
+
+    /// [`Decoder::decode`] without looking at the picture: for those that only lead to a newer one.
     ///
     /// # Errors
     /// [`DecoderError::Codec`].
