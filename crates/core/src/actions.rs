@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::primitives::Primitives;
-use crate::reply::{MAX_TEXT, Scan, Value, Verdict};
+use crate::reply::{MAX_TEXT, Unfound, Value, Verdict, search};
 
 /// Most actions of one reply that are flown.
 pub const MAX_ACTIONS: usize = 3;
@@ -196,23 +196,18 @@ impl ActionsError {
 /// # Errors
 /// [`ActionsError`]; every number that is returned is finite and in its range.
 pub fn parse_actions(text: &str) -> Result<ActionsReply, ActionsError> {
-    search(text, interpret)
+    find(text, interpret)
 }
 
-/// Looks for what `judge` accepts in the JSON of `text`.
-fn search<T>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, ActionsError>) -> Result<T, ActionsError> {
-    if text.len() > MAX_TEXT {
-        return Err(ActionsError::TooLong { limit: MAX_TEXT });
-    }
-    let mut scan = Scan::new();
-    scan.advance(text, true, judge);
-    match (scan.accepted, scan.refused) {
-        (Some(reply), _) => Ok(reply),
-        (None, Some(error)) => Err(error),
-        (None, None) if scan.truncated => Err(ActionsError::Truncated),
-        (None, None) if scan.any_json => Err(ActionsError::NoReply),
-        (None, None) => Err(ActionsError::NoJson),
-    }
+/// What `judge` accepts first in the JSON of `text`.
+fn find<T>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, ActionsError>) -> Result<T, ActionsError> {
+    search(text, judge).map_err(|unfound| match unfound {
+        Unfound::TooLong => ActionsError::TooLong { limit: MAX_TEXT },
+        Unfound::Refused(error) => error,
+        Unfound::Truncated => ActionsError::Truncated,
+        Unfound::NoReply => ActionsError::NoReply,
+        Unfound::NoJson => ActionsError::NoJson,
+    })
 }
 
 const LIST: [&str; 1] = ["actions"];

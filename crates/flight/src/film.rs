@@ -130,7 +130,8 @@ impl Film {
     fn shot(&self, light: Seen, pilot: &Pilot) -> Shot {
         let at = light.at();
         let known = pilot.known_pose(at);
-        let heading = known.attitude.heading.to_degrees().round().rem_euclid(360.0);
+        // Adding zero takes the sign from a negative one, which would read "-00".
+        let heading = known.attitude.heading.to_degrees().round().rem_euclid(360.0) + 0.0;
         Shot {
             light,
             known,

@@ -1,22 +1,16 @@
 //! H.264 streams of other people's encoders.
 
-// The configuration allows both in test functions; these are helpers of tests.
-#![allow(clippy::unwrap_used, clippy::print_stderr)]
+// The configuration allows it in test functions; these are helpers of tests.
+#![allow(clippy::unwrap_used)]
+
+mod common;
 
 use std::process::Command;
 
 use spf_media::Rgb;
 use spf_media::h264::{Decoder, nal_units};
 
-/// Whether ffmpeg is there; under `CI=true` it has to be.
-fn have_ffmpeg() -> bool {
-    let there = Command::new("ffmpeg").arg("-version").output().is_ok();
-    assert!(there || std::env::var("CI").as_deref() != Ok("true"), "`ffmpeg` is missing: install Debian's package `ffmpeg`");
-    if !there {
-        eprintln!("NOT CHECKED: `ffmpeg` is missing, so this test did not run");
-    }
-    there
-}
+use common::have_ffmpeg;
 
 fn ffmpeg(arguments: &[&str]) -> Vec<u8> {
     let output = Command::new("ffmpeg").args(["-v", "error"]).args(arguments).arg("-").output().unwrap();

@@ -1,22 +1,16 @@
 //! JPEG files as other people's programs read them.
 
-// The configuration allows both in test functions; these are helpers of tests.
-#![allow(clippy::unwrap_used, clippy::print_stderr)]
+// The configuration allows it in test functions; these are helpers of tests.
+#![allow(clippy::unwrap_used)]
+
+mod common;
 
 use std::io::Write;
 use std::process::{Command, Stdio};
 
 use spf_media::{Jpeg, Rgb};
 
-/// Whether ffmpeg is there; under `CI=true` it has to be.
-fn have_ffmpeg() -> bool {
-    let there = Command::new("ffmpeg").arg("-version").output().is_ok();
-    assert!(there || std::env::var("CI").as_deref() != Ok("true"), "`ffmpeg` is missing: install Debian's package `ffmpeg`");
-    if !there {
-        eprintln!("NOT CHECKED: `ffmpeg` is missing, so this test did not run");
-    }
-    there
-}
+use common::have_ffmpeg;
 
 /// Bright and dark blocks on a slope of colours.
 fn picture(width: u32, height: u32) -> Rgb {

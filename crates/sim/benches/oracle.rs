@@ -5,8 +5,7 @@ use std::collections::BTreeMap;
 use divan::{Bencher, black_box};
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
-use spf_core::query::{Memory, Query, QueryId, QueryKind};
-use spf_core::time::Time;
+use spf_core::query::{Query, QueryId, QueryKind};
 use spf_sim::oracle::{ErrorFile, Oracle, Sight, Tagged};
 
 fn main() {
@@ -45,18 +44,7 @@ fn picture() -> (Vec<u16>, Vec<f32>, Vec<Tagged>) {
 }
 
 fn query(instruction: &str) -> Query {
-    Query {
-        id: QueryId(0),
-        frame: FrameId(0),
-        kind: QueryKind::Point { avoid: true },
-        instruction: instruction.to_owned(),
-        memory: Memory::default(),
-        prompt: String::new(),
-        marks: Vec::new(),
-        detections: Vec::new(),
-        deadline: Time::MAX,
-        image_size: None,
-    }
+    Query { instruction: instruction.to_owned(), ..Query::new(QueryId(0), FrameId(0), QueryKind::Point { avoid: true }) }
 }
 
 #[divan::bench]

@@ -7,7 +7,7 @@ use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
 use spf_core::prompt::{PromptInput, point_prompt};
 use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::parse_reply;
-use spf_core::time::{Duration, Time};
+use spf_core::time::Duration;
 use spf_media::{Jpeg, Rgb, resize};
 
 use crate::{Account, Answer, Asked, Picture, Vlm, VlmError};
@@ -114,16 +114,11 @@ pub fn check(vlm: &mut dyn Vlm, time: Duration) -> Check {
 fn query(number: u64, profile: &GroundingProfile, image_size: Option<(u32, u32)>) -> Query {
     let memory = Memory::default();
     Query {
-        id: QueryId(number),
-        frame: FrameId(number),
-        kind: QueryKind::Point { avoid: false },
         instruction: INSTRUCTION.to_owned(),
         prompt: point_prompt(&PromptInput { instruction: INSTRUCTION, memory: &memory, profile, avoid: false }),
         memory,
-        marks: Vec::new(),
-        detections: Vec::new(),
-        deadline: Time::MAX,
         image_size,
+        ..Query::new(QueryId(number), FrameId(number), QueryKind::Point { avoid: false })
     }
 }
 

@@ -11,7 +11,7 @@ use spf_core::grounding::GroundingProfile;
 use spf_core::prompt::{PromptInput, PromptText};
 use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status};
-use spf_core::time::{Duration, Time};
+use spf_core::time::Duration;
 use spf_media::Rgb;
 use spf_sim::oracle::ErrorFile;
 use spf_vlm::{Account, Answer, Asked, Cancel, Vlm, VlmError};
@@ -172,16 +172,10 @@ fn centre(key: &str) -> AnswerRow {
 
 fn query(number: u64, instruction: &str, prompt: String, manner: Manner, image_size: Option<(u32, u32)>) -> Query {
     Query {
-        id: QueryId(number),
-        frame: FrameId(number),
-        kind: QueryKind::Point { avoid: manner.avoid },
         instruction: instruction.to_owned(),
-        memory: Memory::default(),
         prompt,
-        marks: Vec::new(),
-        detections: Vec::new(),
-        deadline: Time::MAX,
         image_size,
+        ..Query::new(QueryId(number), FrameId(number), QueryKind::Point { avoid: manner.avoid })
     }
 }
 

@@ -105,12 +105,12 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
         }
         frames.len() >= most
     };
-    let mut whole = true;
+    let mut enough = false;
     for (_, unit) in &units {
         match decoder.decode_in_order(unit) {
             Ok(picture) => {
                 if picture.is_some_and(&mut take) {
-                    whole = false;
+                    enough = true;
                     break;
                 }
             }
@@ -118,16 +118,17 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
             Err(error) => last_error = Some(error.to_string()),
         }
     }
-    if whole {
-        for picture in decoder.rest().unwrap_or_default() {
-            take(picture);
+    if !enough {
+        match decoder.rest() {
+            Ok(rest) => rest.into_iter().for_each(|picture| enough |= take(picture)),
+            Err(error) => last_error = Some(error.to_string()),
         }
     }
     match last_error {
         Some(error) if frames.is_empty() => Err(PhotoError::Stream(error)),
         _ if frames.is_empty() => Err(PhotoError::Stream("there is no picture in it".to_owned())),
         // A stream that hides most of its pictures is not passed off for the few that it shows.
-        Some(error) if whole && 2 * shown < times.len() => {
+        Some(error) if !enough && 2 * shown < times.len() => {
             Err(PhotoError::Stream(format!("{} of its {} pictures: {error}", times.len() - shown, times.len())))
         }
         _ => Ok(frames),

@@ -1,7 +1,7 @@
 //! The judge's eye: what the craft's camera shows clearly, from ids alone.
 
 use spf_core::camera::Camera;
-use spf_flight::sim::{Moment, Stage, sighted_of};
+use spf_flight::sim::{Moment, Stage, sighted};
 use spf_sim::geometry::ObjectId;
 use spf_sim::model::CraftKind;
 use spf_sim::render::{Channels, Picture};
@@ -38,7 +38,7 @@ impl Sight {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         stage.render_into(&self.camera, moment, channels, &mut self.picture);
         let (around, surroundings) = (&mut self.around, &self.surroundings);
-        sighted_of(&self.picture, objects, CLEAR_HEIGHT, || {
+        sighted(&self.picture, objects, CLEAR_HEIGHT, || {
             stage.render_into(surroundings.camera(), moment, channels, around);
             surroundings.shares(around)
         })

@@ -7,7 +7,6 @@ use serde_json::Value;
 use spf_core::frame::FrameId;
 use spf_core::query::{Query, QueryId, QueryKind};
 use spf_core::reply::parse_reply;
-use spf_core::time::Time;
 use spf_flight::dataset::Kind;
 use spf_flight::dataset::record::{Head, Row};
 use spf_sim::oracle::{ErrorFile, Oracle, Placed, Sight, Tagged, masks, resolve_truth};
@@ -96,16 +95,8 @@ fn pointed(oracle: &Oracle, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]
     let frame = FrameId(row.number);
     let percept = oracle.percept(frame, &sight, tags);
     let query = Query {
-        id: QueryId(row.number),
-        frame,
-        kind: QueryKind::Point { avoid: false },
         instruction: row.instruction.clone(),
-        memory: Default::default(),
-        prompt: Default::default(),
-        marks: Vec::new(),
-        detections: Vec::new(),
-        deadline: Time::MAX,
-        image_size: None,
+        ..Query::new(QueryId(row.number), frame, QueryKind::Point { avoid: false })
     };
     let reply = parse_reply(&oracle.answer(&query, &percept).text, &Default::default()).unwrap();
     reply.point.map(|point| ((point.u * w as f64) as usize, (point.v * h as f64) as usize))

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ActionsError, MOVE_METRES, TURN_DEGREES, parse_actions, search, truth, wrong};
+use super::{ActionsError, MOVE_METRES, TURN_DEGREES, find, parse_actions, truth, wrong};
 use crate::primitives::Primitives;
 use crate::reply::{Value, Verdict};
 
@@ -58,11 +58,11 @@ pub fn parse_moves(form: ActForm, text: &str) -> Result<Moves, ActionsError> {
             moves: reply.actions.into_iter().map(|action| (action.to_string(), action.into())).collect(),
             done: reply.done,
         }),
-        ActForm::Numeric => search(text, |value, _| match value.field(&["dx"]).or(value.field(&["dyaw"])) {
+        ActForm::Numeric => find(text, |value, _| match value.field(&["dx"]).or(value.field(&["dyaw"])) {
             Some(_) => numeric(value).map_or_else(Verdict::Refused, Verdict::Accepted),
             None => Verdict::Other,
         }),
-        ActForm::Discrete => search(text, |value, _| match value.field(&["action"]) {
+        ActForm::Discrete => find(text, |value, _| match value.field(&["action"]) {
             Some(word) => discrete(word).map_or_else(Verdict::Refused, Verdict::Accepted),
             None => Verdict::Other,
         }),

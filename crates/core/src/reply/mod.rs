@@ -12,8 +12,8 @@ mod short;
 mod stream;
 
 pub(crate) use json::Value;
-pub(crate) use parse::one_line;
 pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError};
+pub(crate) use parse::{one_line, one_line_within};
 pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
 pub(crate) use short::plain_numbers;
@@ -21,7 +21,7 @@ pub use short::{
     Choice, Completion, MAX_CHOSEN, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
 };
 pub use stream::{MAX_TEXT, ReplyStream, parse_reply};
-pub(crate) use stream::{Scan, Verdict};
+pub(crate) use stream::{Unfound, Verdict, search};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

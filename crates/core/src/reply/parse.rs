@@ -223,6 +223,11 @@ fn name(value: &Value, field: &str) -> Result<Option<String>, ReplyError> {
 
 /// `text` with every run of white space and control characters as one space, trimmed, at most [`MAX_NAME`] characters.
 pub(crate) fn one_line(text: &str) -> String {
+    one_line_within(text, MAX_NAME)
+}
+
+/// The same with at most so many characters.
+pub(crate) fn one_line_within(text: &str, most: usize) -> String {
     let mut out = String::new();
     let words = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty());
     for (i, word) in words.enumerate() {
@@ -230,7 +235,7 @@ pub(crate) fn one_line(text: &str) -> String {
             out.push(' ');
         }
         out.push_str(word);
-        if let Some((end, _)) = out.char_indices().nth(MAX_NAME) {
+        if let Some((end, _)) = out.char_indices().nth(most) {
             out.truncate(end);
             return out.trim_end().to_owned();
         }

@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{MAX_STAGE, MAX_TEXT, Scan, Value, Verdict, closed_schema};
+use super::{MAX_STAGE, MAX_TEXT, Unfound, Value, Verdict, closed_schema, search};
 
 /// Most numbers of one answer that are read; further ones are left out unread.
 pub const MAX_CHOSEN: usize = 64;
@@ -98,17 +98,12 @@ fn find<T>(
     wanted: &'static str,
     judge: impl Fn(&Value, bool) -> Verdict<T, ShortReplyError>,
 ) -> Result<T, ShortReplyError> {
-    if text.len() > MAX_TEXT {
-        return Err(ShortReplyError::TooLong { limit: MAX_TEXT });
-    }
-    let mut scan = Scan::new();
-    scan.advance(text, true, judge);
-    match (scan.accepted, scan.refused) {
-        (Some(reply), _) => Ok(reply),
-        (None, Some(error)) => Err(error),
-        (None, None) if scan.truncated => Err(ShortReplyError::Truncated),
-        (None, None) => Err(ShortReplyError::NoReply { wanted }),
-    }
+    search(text, judge).map_err(|unfound| match unfound {
+        Unfound::TooLong => ShortReplyError::TooLong { limit: MAX_TEXT },
+        Unfound::Refused(error) => error,
+        Unfound::Truncated => ShortReplyError::Truncated,
+        Unfound::NoReply | Unfound::NoJson => ShortReplyError::NoReply { wanted },
+    })
 }
 
 fn wrong(field: &'static str, wanted: &'static str, found: &Value) -> ShortReplyError {

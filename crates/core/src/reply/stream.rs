@@ -57,7 +57,43 @@ enum Mode {
 const THINK: &[u8] = b"<think>";
 const THOUGHT: &[u8] = b"</think>";
 
+/// Why nothing was accepted in an answer that has ended.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Unfound<E> {
+    /// Longer than [`MAX_TEXT`]: not looked at.
+    TooLong,
+    /// Meant to be it, but not to be used.
+    Refused(E),
+    /// It ends inside its JSON.
+    Truncated,
+    /// There is JSON, but none that was looked for.
+    NoReply,
+    /// There is no JSON.
+    NoJson,
+}
+
+/// What `judge` accepts first in the JSON of a whole answer.
+pub(crate) fn search<T, E>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, E>) -> Result<T, Unfound<E>> {
+    if text.len() > MAX_TEXT {
+        return Err(Unfound::TooLong);
+    }
+    let mut scan = Scan::new();
+    scan.advance(text, true, judge);
+    scan.outcome()
+}
+
 impl<T, E> Scan<T, E> {
+    /// What was found, once the answer has ended.
+    fn outcome(self) -> Result<T, Unfound<E>> {
+        match (self.accepted, self.refused) {
+            (Some(found), _) => Ok(found),
+            (None, Some(error)) => Err(Unfound::Refused(error)),
+            (None, None) if self.truncated => Err(Unfound::Truncated),
+            (None, None) if self.any_json => Err(Unfound::NoReply),
+            (None, None) => Err(Unfound::NoJson),
+        }
+    }
+
     pub(crate) fn new() -> Self {
         Self { at: 0, mode: Mode::Prose, nested_until: 0, accepted: None, refused: None, any_json: false, truncated: false }
     }
@@ -248,14 +284,13 @@ impl ReplyStream {
             return Err(ReplyError::TooLong { limit: MAX_TEXT });
         }
         self.scan_to(true);
-        let Scan { accepted, refused, any_json, truncated, .. } = self.scan;
-        match (accepted, refused) {
-            (Some(reply), _) => Ok(reply),
-            (None, Some(error)) => Err(error),
-            (None, None) if truncated => Err(ReplyError::Truncated),
-            (None, None) if any_json => Err(ReplyError::NoReply),
-            (None, None) => Err(ReplyError::NoJson),
-        }
+        self.scan.outcome().map_err(|unfound| match unfound {
+            Unfound::TooLong => ReplyError::TooLong { limit: MAX_TEXT },
+            Unfound::Refused(error) => error,
+            Unfound::Truncated => ReplyError::Truncated,
+            Unfound::NoReply => ReplyError::NoReply,
+            Unfound::NoJson => ReplyError::NoJson,
+        })
     }
 
     fn scan_to(&mut self, ended: bool) {

@@ -71,16 +71,10 @@ impl Mind {
         let Remembered { frame, moment } = self.memory.recognise(now, picture)?;
         let avoid = prompt.contains("\"boxes\"") || prompt.contains("- boxes:");
         let query = Query {
-            id: QueryId(number),
-            frame,
-            kind: QueryKind::Point { avoid },
             instruction: self.heard(prompt),
             memory: Told { stage: stage_of(prompt), ..Told::default() },
-            prompt: String::new(),
-            marks: Vec::new(),
-            detections: Vec::new(),
-            deadline: Time::MAX,
             image_size: Some((picture.width(), picture.height())),
+            ..Query::new(QueryId(number), frame, QueryKind::Point { avoid })
         };
         let answer = self.oracle.answer_at(&query, &moment);
         let text = answer.text.unwrap_or_default();

@@ -17,5 +17,5 @@ pub(crate) use pictures::sim_picture;
 pub use policy::PolicyKind;
 pub use stage::{Moment, Stage, StageError};
 pub use tello::{Instruction, TelloFilm, TelloPlan, TelloService, truth_file};
-pub use truth::{Verdict, sighted, sighted_of};
+pub use truth::{Verdict, sighted};
 pub use world::{Circumstances, SimDrone, SimWorld};

@@ -45,7 +45,7 @@ pub(crate) fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdic
     let near: Vec<(ObjectId, f64)> =
         meant.objects.iter().filter_map(|id| distance(*id).map(|distance| (*id, distance))).collect();
     let nearest = near.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
-    let seen = in_view(world, &now);
+    let seen = in_view(world, &now, &meant.objects);
     let within = |(id, distance): &(ObjectId, f64)| *distance <= stage.scene.success_radius && seen.contains(id);
     let verified = meant.checkable.then(|| truth.collided_with.is_empty() && near.iter().any(within));
     Verdict {
@@ -56,25 +56,16 @@ pub(crate) fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdic
     }
 }
 
-/// The objects that count as in view.
-fn in_view(world: &SimWorld, moment: &Moment) -> Vec<ObjectId> {
+/// Those of `objects` that count as in view.
+fn in_view(world: &SimWorld, moment: &Moment, objects: &[ObjectId]) -> Vec<ObjectId> {
     let picture = world.look(moment, Channels { ids: true, openings: true, ..Channels::default() });
-    let shares = world.in_frame(moment, &mut Picture::default());
-    sighted(&picture, &shares, VIEW_HEIGHT)
+    sighted(&picture, objects, VIEW_HEIGHT, || world.in_frame(moment, &mut Picture::default()))
 }
 
-/// The objects, openings among them, that a picture with ids and openings shows well: at least `height` of the frame high with
-/// a quarter of the silhouette inside the frame (`shares`; those not listed are beside no edge), or filling a tenth of the frame.
-/// Only pixels that nothing hides count. First things, then openings, each ascending by id.
-#[must_use]
-pub fn sighted(picture: &Picture, shares: &BTreeMap<ObjectId, f32>, height: f64) -> Vec<ObjectId> {
-    let all: Vec<ObjectId> = extents(picture).into_iter().map(|(id, _)| id).collect();
-    sighted_of(picture, &all, height, || shares.clone())
-}
-
-/// Those of `objects` that a picture shows well, as [`sighted`] says; what lies beside the frame is asked for only when it
-/// decides.
-pub fn sighted_of(
+/// Those of `objects`, openings among them, that a picture with ids and openings shows well: at least `height` of the frame
+/// high with a quarter of the silhouette inside the frame (`shares`; those not listed are beside no edge), or filling a tenth of
+/// the frame. Only pixels that nothing hides count. `shares`, another picture, is asked for only when it decides.
+pub fn sighted(
     picture: &Picture,
     objects: &[ObjectId],
     height: f64,

@@ -202,7 +202,7 @@ fn words(stage: Stage<'_>, thing: Option<&Thing>) -> String {
         (Step::Beside, Some(name)) => format!("{LEFT_OF}{name}"),
         (Step::Above | Step::Across, Some(name)) => format!("above the {name}"),
         (Step::Turn, _) => "surroundings".to_owned(),
-        (Step::Beyond | Step::On, _) => "straight on".to_owned(),
+        (Step::Beyond | Step::On, _) => STRAIGHT_ON.to_owned(),
         (Step::Approach(_), Some(name)) if stage.another => format!("{NEXT}{name}"),
         (_, Some(name)) => name,
         (_, None) => stage.clause.target.nouns.join(" "),
@@ -250,8 +250,8 @@ fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<
             _ => (Met::Yes(Some(ahead(view))), None),
         },
         step => {
-            let (thing, lost) =
-                sighting(if step == Step::Regain || step == Step::Beside { round(view).unwrap_or_else(find) } else { find() });
+            let begun = if matches!(step, Step::Regain | Step::Beside) { gone_round(phrase, view) } else { None };
+            let (thing, lost) = sighting(begun.unwrap_or_else(find));
             match thing {
                 Some(thing) => (in_view(step, thing, view), Some(thing)),
                 None => (out_of_view(step, lost, view), None),
@@ -313,13 +313,18 @@ fn whole<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<&'v Thing> {
 }
 
 /// What one is going round already, by its name in the history: of several with that name the nearest, and none farther off
-/// than one goes round anything. Nothing when the history knows of no way round.
-fn round<'v>(view: &'v View<'_>) -> Option<Option<&'v Thing>> {
-    let name = view.query.memory.targets.iter().rev().find_map(|target| target.strip_prefix(LEFT_OF))?;
+/// than one goes round anything. Nothing when the way round has not begun: what was pointed at last, the way itself aside, is then
+/// no place beside anything.
+fn gone_round<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<Option<&'v Thing>> {
+    let on_the_way = |target: &&String| *target == STRAIGHT_ON || **target == phrase.nouns.join(" ");
+    let last = view.query.memory.targets.iter().rev().find(|target| !on_the_way(target))?;
+    let name = last.strip_prefix(LEFT_OF)?;
     let near = |thing: &&Thing| thing.nearest < ROUND * view.near() && thing.tags.words() == name;
     Some(view.seen.iter().copied().filter(near).min_by(|a, b| a.nearest.total_cmp(&b.nearest)))
 }
 
+/// What moves straight on point at, in words.
+const STRAIGHT_ON: &str = "straight on";
 /// Before the name of what one goes round.
 const LEFT_OF: &str = "left of the ";
 /// One goes round within this many times `near`.

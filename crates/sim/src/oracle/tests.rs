@@ -6,7 +6,6 @@ use spf_core::frame::FrameId;
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::{Mark, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Look, Reply, Status, parse_reply};
-use spf_core::time::Time;
 
 use super::*;
 
@@ -81,18 +80,7 @@ impl Painting {
 }
 
 fn query(id: u64, kind: QueryKind, instruction: &str) -> Query {
-    Query {
-        id: QueryId(id),
-        frame: FrameId(id),
-        kind,
-        instruction: instruction.to_owned(),
-        memory: Memory::default(),
-        prompt: String::new(),
-        marks: Vec::new(),
-        detections: Vec::new(),
-        deadline: Time::MAX,
-        image_size: None,
-    }
+    Query { instruction: instruction.to_owned(), ..Query::new(QueryId(id), FrameId(id), kind) }
 }
 
 const POINT: QueryKind = QueryKind::Point { avoid: false };
@@ -337,6 +325,21 @@ fn right_in_an_opening_one_flies_on_and_no_building_passes_for_a_hollow_one() {
     // Come up to, and no opening seen: not flown into.
     let near = Painting::new().with(hollow, 100..800, 100..600, 2.0);
     assert_eq!(ask(&oracle, &near, &query).status, Status::NotVisible);
+}
+
+#[test]
+fn who_goes_round_keeps_to_what_he_began_with_and_no_longer() {
+    let oracle = oracle("perfect");
+    let tree = |id, colour: &str| tagged(id, "tree", "tree", colour);
+    let two = Painting::new().with(tree(1, "green"), 100..200, 200..500, 9.0).with(tree(2, "red"), 500..900, 100..600, 9.0);
+    let mut query = query(0, POINT, "go around the tree, then go around the tree");
+    // Beside, with the green one begun: the larger red one is not taken for it.
+    query.memory.stage = 7;
+    query.memory.targets = ["green tree", "left of the green tree", "straight on", "tree"].map(str::to_owned).to_vec();
+    assert_eq!(ask(&oracle, &two, &query).target.as_deref(), Some("left of the green tree"));
+    // Come up to another, that one is gone round.
+    query.memory.targets.push("red tree".to_owned());
+    assert_eq!(ask(&oracle, &two, &query).target.as_deref(), Some("left of the red tree"));
 }
 
 #[test]

@@ -2,8 +2,7 @@
 
 use spf_core::frame::FrameId;
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
-use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
-use spf_core::time::Time;
+use spf_core::query::{ImagePoint, Query, QueryId, QueryKind};
 
 use super::KEY;
 use super::server::{Reply, Server};
@@ -13,16 +12,9 @@ use crate::harness::{Lab, Run};
 /// Any question.
 pub(super) fn query() -> Query {
     Query {
-        id: QueryId(0),
-        frame: FrameId(0),
-        kind: QueryKind::Point { avoid: false },
         instruction: "fly to the red dot".to_owned(),
-        memory: Memory::default(),
         prompt: "Where?".to_owned(),
-        marks: Vec::new(),
-        detections: Vec::new(),
-        deadline: Time::MAX,
-        image_size: None,
+        ..Query::new(QueryId(0), FrameId(0), QueryKind::Point { avoid: false })
     }
 }
 

@@ -3,7 +3,7 @@
 use super::*;
 use crate::policy::{Move, PolicyEvent, Reading, View};
 use crate::primitives::Primitives;
-use crate::query::{Memory, QueryKind};
+use crate::query::QueryKind;
 
 /// Asks three dependent questions about one frame, moves by what the answers add up to, and asks while moving; the answer to that
 /// is `done` or another round.
@@ -22,18 +22,8 @@ impl Chooser {
     fn ask(&mut self, kind: QueryKind) -> Step {
         let id = QueryId(self.next_id);
         self.next_id += 1;
-        Step::Ask(Box::new(Query {
-            id,
-            frame: self.view.unwrap().frame.id,
-            kind,
-            instruction: String::new(),
-            memory: Memory::default(),
-            prompt: format!("{:?}", self.answers),
-            marks: Vec::new(),
-            detections: Vec::new(),
-            deadline: Time::MAX,
-            image_size: None,
-        }))
+        let frame = self.view.unwrap().frame.id;
+        Step::Ask(Box::new(Query { prompt: format!("{:?}", self.answers), ..Query::new(id, frame, kind) }))
     }
 }
 
@@ -134,18 +124,7 @@ impl Policy for Restless {
         match (self.0 % 3, event) {
             (_, PolicyEvent::Instruction(_)) => Step::Wait,
             (0, _) => Step::Move(Move { primitives, anchor: None, then_rest: false }),
-            _ => Step::Ask(Box::new(Query {
-                id: QueryId(self.0),
-                frame: FrameId(0),
-                kind: QueryKind::Detect { coco: false },
-                instruction: String::new(),
-                memory: Memory::default(),
-                prompt: String::new(),
-                marks: Vec::new(),
-                detections: Vec::new(),
-                deadline: Time::MAX,
-                image_size: None,
-            })),
+            _ => Step::Ask(Box::new(Query::new(QueryId(self.0), FrameId(0), QueryKind::Detect { coco: false }))),
         }
     }
 

@@ -19,7 +19,7 @@ use crate::grounding::GroundingProfile;
 use crate::policy::{FailReason, Policy, PolicyEvent, Reading, Step, View};
 use crate::prompt::{PromptInput, PromptKind, PromptText};
 use crate::query::{Memory, Query, QueryId, QueryKind};
-use crate::reply::{one_line, parse_completion};
+use crate::reply::{one_line, one_line_within, parse_completion};
 use crate::time::{Duration, Time};
 
 /// Results of calls that are told back to the planner.
@@ -280,7 +280,7 @@ impl TypeFly {
         let rest = text.strip_prefix(planning.stream.text()).unwrap_or_default();
         let mut statements = planning.stream.push(rest);
         let ended = planning.stream.finish();
-        self.program = one_line_of(text);
+        self.program = one_line_within(text, TOLD_PROGRAM);
         self.reading.actions = vec![self.program.clone()];
         let refused = match ended {
             Ok(last) => {
@@ -371,7 +371,12 @@ impl TypeFly {
         let excess = self.memory.actions.len().saturating_sub(REMEMBERED_CALLS);
         self.memory.actions.drain(..excess);
         let done = if trace.is_empty() { "nothing".to_owned() } else { trace.join("; ") };
-        self.previous = format!("{}\nIt did: {}\nIt ended because: {}", self.program, one_line_of(&done), one_line_of(why));
+        self.previous = format!(
+            "{}\nIt did: {}\nIt ended because: {}",
+            self.program,
+            one_line_within(&done, TOLD_PROGRAM),
+            one_line_within(why, TOLD_PROGRAM)
+        );
     }
 
     /// An answer that cannot be used: the pilot counts it, and the next frame begins anew.
@@ -430,12 +435,6 @@ impl TypeFly {
         }
         self.resume(Value::Bool(true))
     }
-}
-
-/// A text on one line, for prompts and readings.
-fn one_line_of(text: &str) -> String {
-    let words: Vec<&str> = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty()).collect();
-    words.join(" ").chars().take(TOLD_PROGRAM).collect()
 }
 
 impl Policy for TypeFly {
