@@ -20,8 +20,8 @@ use super::{Beginning, Library, guard, session};
 
 /// Most pages at once; each flies and draws in a thread of its own.
 const MOST_PAGES: usize = 8;
-/// How long the end waits for pages to be told.
-const FAREWELL: Duration = Duration::from_secs(1);
+/// How long the end waits for pages to be told, a little longer than each of them is heard out.
+const FAREWELL: Duration = session::FAREWELL.saturating_add(Duration::from_millis(200));
 
 /// Nothing is loaded from elsewhere, nothing runs but the page's own script, no other site may frame it.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; \

@@ -21,6 +21,9 @@ const PING: Duration = Duration::from_secs(15);
 /// A browser answers pings by itself.
 const SILENCE: Duration = Duration::from_secs(50);
 
+/// A page that does not close in answer within this is left.
+pub(super) const FAREWELL: Duration = Duration::from_secs(1);
+
 /// Serves a page until it leaves or the server stops.
 pub(super) async fn converse(mut socket: WebSocket, shared: &Shared, mut stop: watch::Receiver<bool>) {
     let (to_eye, inbox) = sync_channel(INBOX);
@@ -70,13 +73,20 @@ pub(super) async fn converse(mut socket: WebSocket, shared: &Shared, mut stop: w
             // The value seen is a lock that must not be held over the sending.
             () = async { drop(stop.wait_for(|stop| *stop).await) } => {
                 let frame = CloseFrame { code: close_code::AWAY, reason: "the server stops".into() };
-                drop(timeout(Duration::from_secs(1), socket.send(Message::Close(Some(frame)))).await);
+                drop(timeout(FAREWELL, farewell(&mut socket, frame)).await);
                 return;
             }
         };
         if !matches!(timeout(SEND_TIMEOUT, socket.send(message)).await, Ok(Ok(()))) {
             return;
         }
+    }
+}
+
+/// Tells a page the end and hears it out: a connection closed over unread messages is reset, and the page would lose the frame.
+async fn farewell(socket: &mut WebSocket, frame: CloseFrame) {
+    if socket.send(Message::Close(Some(frame))).await.is_ok() {
+        while let Some(Ok(_)) = socket.recv().await {}
     }
 }
 
