@@ -17,10 +17,20 @@ pub enum FlightPhase {
     TakingOff,
     /// In the air and taking setpoints.
     Flying,
+    /// In the air and flying a [`Manoeuvre`](crate::command::Manoeuvre) by itself; of setpoints it takes only the hold that ends it.
+    Manoeuvring,
     /// Sinking to the ground by itself.
     Landing,
     /// Motors cut in the air, or crashed.
     Stopped,
+}
+
+impl FlightPhase {
+    /// In the air, with somebody's motion: neither on the way into the air nor out of it.
+    #[must_use]
+    pub fn is_flying(self) -> bool {
+        matches!(self, Self::Flying | Self::Manoeuvring)
+    }
 }
 
 /// One telemetry report. Absent means that the craft does not tell it; it never means zero.

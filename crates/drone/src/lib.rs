@@ -41,6 +41,9 @@ pub enum DroneError {
     /// The link is gone.
     #[error("the link to `{0}` is gone")]
     LinkLost(String),
+    /// The craft has no such command.
+    #[error("`{0}` flies no manoeuvres by itself")]
+    NoManoeuvres(String),
 }
 
 /// A craft.

@@ -29,7 +29,7 @@ pub(super) struct Estimate {
     pub(super) battery: Option<f64>,
     /// Whether it flies.
     pub(super) phase: FlightPhase,
-    /// Since when it is in this phase.
+    /// Since when it is in this phase; a manoeuvre begins no phase of its own here, so that it makes no old frame new.
     pub(super) phase_since: Time,
     /// Whether it crashed.
     pub(super) crashed: bool,
@@ -48,9 +48,10 @@ impl Estimate {
         }
         let elapsed = self.measured.map_or(0.0, |newest| measured.since(newest).as_secs_f64());
         self.measured = Some(measured);
-        if telemetry.phase != self.phase {
-            (self.phase, self.phase_since) = (telemetry.phase, now);
+        if telemetry.phase != self.phase && !(telemetry.phase.is_flying() && self.phase.is_flying()) {
+            self.phase_since = now;
         }
+        self.phase = telemetry.phase;
         self.crashed = telemetry.crashed || telemetry.phase == FlightPhase::Stopped;
         self.battery = telemetry.battery.filter(|x| x.is_finite()).map(|x| x.clamp(0.0, 1.0)).or(self.battery);
         self.heading = Some(telemetry.attitude.heading).filter(|x| x.is_finite());
@@ -81,7 +82,7 @@ impl Estimate {
 
     /// In the air, or on the way into or out of it.
     pub(super) fn airborne(&self) -> bool {
-        matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Landing)
+        self.phase.is_flying() || matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Landing)
     }
 }
 

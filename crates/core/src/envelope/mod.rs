@@ -10,6 +10,7 @@
 mod cause;
 mod estimate;
 mod limits;
+mod manoeuvre;
 mod reach;
 mod watch;
 
@@ -39,8 +40,8 @@ impl<T> Cleared<T> {
         &self.what
     }
 
-    /// Until when it holds. A setpoint without a fresh successor by then is to be replaced by zero, by whoever applies it;
-    /// [`Time::MAX`] for commands that are not setpoints.
+    /// Until when it holds. A setpoint without a fresh successor by then is to be replaced by zero, by whoever applies it, and a
+    /// manoeuvre that has not ended by then is to be ended; [`Time::MAX`] for other commands.
     pub fn valid_until(&self) -> Time {
         self.valid_until
     }
@@ -170,13 +171,14 @@ impl Envelope {
         watch::next_change(now, conditions).into_iter().chain(validity).min()
     }
 
-    /// Clears a command of the pilot. Setpoints are limited, never refused; landing and emergency stop always pass.
+    /// Clears a command of the pilot. Setpoints and manoeuvres are limited, to a hold at worst, never refused; landing and emergency stop always pass.
     ///
     /// # Errors
     /// A [`Refusal`] of a take-off, with its reason; no other command is ever refused.
     pub fn clear(&mut self, now: Time, command: Command) -> Result<Clearance, Refusal> {
         match command {
             Command::Setpoint(setpoint) => Ok(self.clear_setpoint(now, setpoint)),
+            Command::Manoeuvre(manoeuvre) => Ok(self.clear_manoeuvre(now, manoeuvre)),
             Command::TakeOff => self.take_off(now),
             Command::Land | Command::EmergencyStop => {
                 self.advance(now);

@@ -10,7 +10,7 @@ use super::limits::Limits;
 use crate::command::Setpoint;
 use crate::craft::Craft;
 use crate::geofence::{Geofence, MapPoint};
-use crate::geometry::{EnuPosition, EnuVelocity};
+use crate::geometry::{BodyDisplacement, EnuPosition, EnuVelocity};
 
 /// Speed below which a craft counts as standing still, m/s (the pilot's own figure for the next frame).
 const STANDSTILL: f64 = 0.1;
@@ -137,6 +137,52 @@ pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: 
         limited.forward = v.0 * sin + v.1 * cos;
     }
     (limited, cause)
+}
+
+/// How much farther than it was told a craft that measures its way itself may go, as a share of it.
+const WAY_ERROR: f64 = 0.1;
+/// The cosine between a way and a limit's normal below which the way counts as going along it.
+const ALONG: f64 = 0.05;
+
+/// What is left of a straight way, told in the body frame, so that it ends, and passes, the margin inside the limits. From outside of
+/// one, nothing.
+pub(super) fn confine_way(
+    limits: &Limits,
+    craft: &Craft,
+    is: &Situation,
+    way: BodyDisplacement,
+) -> (BodyDisplacement, Option<Cause>) {
+    let height = is.at.up;
+    let between = |floor: f64, ceiling: f64| {
+        way.up.clamp((floor - height).min(0.0), ((ceiling - limits.margin - height) / (1.0 + WAY_ERROR)).max(0.0))
+    };
+    let mut up = between(limits.min_altitude, limits.max_altitude);
+    let mut cause = (up != way.up).then_some(Cause::AltitudeLimit);
+    if let Some(fence) = &limits.geofence {
+        let (floor, ceiling) = fence.band(is.at);
+        let fenced = between(floor.max(limits.min_altitude), ceiling.min(limits.max_altitude));
+        if fenced != up {
+            (up, cause) = (fenced, cause.or(Some(Cause::GeofenceLimit)));
+        }
+    }
+    let level = libm::hypot(way.right, way.forward);
+    let altitudes = (height.min(height + up) + limits.margin, height.max(height + up));
+    let mut plane = Plane::new(limits, craft, is, altitudes, 0.0);
+    plane.reach = level * (1.0 + WAY_ERROR) + limits.margin / ALONG;
+    let v = map_velocity(Setpoint { right: way.right, forward: way.forward, ..Setpoint::HOLD }, is.heading);
+    if let (_, Some(outside)) = plane.only_back(v) {
+        return (BodyDisplacement::default(), Some(outside));
+    }
+    let mut share = 1.0;
+    for wall in plane.walls(v).into_iter().flatten() {
+        let across = (dot(v, wall.out) / level).max(ALONG);
+        let room = (wall.distance - limits.margin / across) / (1.0 + WAY_ERROR);
+        if room < share * level {
+            share = (room / level).max(0.0);
+            cause = cause.or(Some(wall.cause));
+        }
+    }
+    (BodyDisplacement { right: way.right * share, forward: way.forward * share, up }, cause)
 }
 
 /// The climb rate between floor and ceiling, the altitudes it may sweep, and the limit that took something.

@@ -1,6 +1,7 @@
 mod failings;
 mod flights;
 mod limits;
+mod manoeuvres;
 mod rows;
 
 use super::*;

@@ -126,7 +126,7 @@ impl Watch {
         let operator = control == Control::Operator;
         let airborne = estimate.airborne();
         // The camera and the VLM matter once the pilot may move the craft.
-        let piloted = estimate.phase == FlightPhase::Flying && !operator;
+        let piloted = estimate.phase.is_flying() && !operator;
 
         let crashed = self.crashed.map(|since| condition(Cause::Crashed, since, 0.0));
         let link = self.link_lost.filter(|_| airborne).map(|lost| Condition {

@@ -11,6 +11,7 @@
 mod axis;
 mod blended;
 mod clock;
+mod course;
 pub(crate) mod response;
 mod sequential;
 
@@ -20,13 +21,15 @@ use serde::{Deserialize, Serialize};
 use self::axis::{Axis, Rules};
 use self::blended::Blend;
 use self::clock::TickClock;
+use self::course::Course;
 use self::response::{CommandLog, Response, State};
 use self::sequential::Queue;
-use crate::command::Setpoint;
+use crate::command::{Manoeuvre, Setpoint};
 use crate::craft::Craft;
 use crate::estimator::Known;
 use crate::geometry::{BodyDisplacement, EnuPosition, EnuVelocity, Pose, wrap_angle};
 use crate::primitives::{PrimitiveKind, Primitives};
+use crate::telemetry::FlightPhase;
 use crate::time::{Duration, Time, duration_from_secs};
 
 /// How primitives follow each other.
@@ -38,6 +41,9 @@ pub enum Motion {
     /// All at once, arriving together: straight to the goal while the body turns into the motion.
     #[default]
     Blended,
+    /// Turn, then straight to the place, as manoeuvres that the craft ends by itself ([`Manoeuvre`]): for a craft that would fly on
+    /// with its last setpoint when the link is cut. What is too short for one is flown as [`Sequential`](Self::Sequential).
+    Manoeuvres,
 }
 
 /// What ends a primitive.
@@ -91,11 +97,23 @@ impl Goal {
 /// What one tick gives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick {
-    /// To be held until the next tick.
+    /// To be held until the next tick. A hold that is not to be sent while there is a [`manoeuvre`](Self::manoeuvre), which it
+    /// would end.
     pub setpoint: Setpoint,
+    /// What the craft flies by itself.
+    pub manoeuvre: Option<OwnFlight>,
     /// True when the motion has ended *and the craft is at rest there* as far as is known, or its time limit has passed: an
     /// empty queue alone is no end, since its last item still flies. The setpoint is then a hold.
     pub finished: bool,
+}
+
+/// A manoeuvre at a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum OwnFlight {
+    /// To be begun.
+    Begin(Manoeuvre),
+    /// Begun, and not ended yet.
+    UnderWay,
 }
 
 /// At most this speed counts as rest, m/s: the next frame of stop-and-think is one taken below it.
@@ -134,6 +152,7 @@ pub struct Executor {
 enum Plan {
     Queue(Queue),
     Blend(Blend),
+    Course(Course),
 }
 
 impl Executor {
@@ -176,12 +195,20 @@ impl Executor {
         }
         self.plan = Some(match self.motion {
             Motion::Sequential => Plan::Queue(Queue::new(from, primitives, self.rules())),
+            Motion::Manoeuvres => Plan::Course(Course::new(primitives, self.rules())),
             Motion::Blended => {
                 let position = from.position.displaced(primitives.to_displacement(), from.heading);
                 Plan::Blend(Blend::new(from, position, from.heading + primitives.yaw, self.rules()))
             }
         });
         self.limit(now, primitives);
+    }
+
+    /// Takes note of what the craft does, from a report that it measured at `time`: whether it flies a manoeuvre by itself.
+    pub fn observe(&mut self, time: Time, phase: FlightPhase) {
+        if let Some(Plan::Course(course)) = &mut self.plan {
+            course.observe(time, phase);
+        }
     }
 
     /// Begins a motion to a goal in the world, replacing any other as [`start`](Self::start) does. Always blended, whatever the
@@ -229,7 +256,7 @@ impl Executor {
         self.clock.tick(now);
         let Some(plan) = &mut self.plan else {
             self.log.push(now, Setpoint::HOLD);
-            return Tick { setpoint: Setpoint::HOLD, finished: true };
+            return Tick { setpoint: Setpoint::HOLD, manoeuvre: None, finished: true };
         };
         if known.is_finite() {
             self.heading += wrap_angle(known.attitude.heading - self.heading);
@@ -249,12 +276,22 @@ impl Executor {
         let outcome = match plan {
             Plan::Queue(queue) => queue.tick(&view),
             Plan::Blend(blend) => blend.tick(&view),
+            Plan::Course(course) => course.tick(&view),
         };
         self.timed_out = now >= self.deadline;
+        let mut manoeuvre = None;
         let (setpoint, mut finished) = match outcome {
             _ if self.timed_out => (Setpoint::HOLD, true),
             Outcome::Fly(setpoint) if setpoint.is_finite() => (setpoint, false),
             Outcome::Fly(_) => (Setpoint::HOLD, false),
+            Outcome::Begin(begun) => {
+                manoeuvre = Some(OwnFlight::Begin(begun));
+                (Setpoint::HOLD, false)
+            }
+            Outcome::Wait => {
+                manoeuvre = Some(OwnFlight::UnderWay);
+                (Setpoint::HOLD, false)
+            }
             Outcome::Arrived => (Setpoint::HOLD, view.rest),
         };
         finished &= setpoint.is_hold();
@@ -262,7 +299,7 @@ impl Executor {
             self.plan = None;
         }
         self.log.push(now, setpoint);
-        Tick { setpoint, finished }
+        Tick { setpoint, manoeuvre, finished }
     }
 
     /// True while there is a motion that has not finished.
@@ -309,6 +346,9 @@ impl Executor {
     fn limit(&mut self, now: Time, primitives: Primitives) {
         let each = 2.5 * self.rules().settling();
         let mut total = 2.0;
+        if let Some(Plan::Course(course)) = &self.plan {
+            total += course.overhead();
+        }
         for kind in PrimitiveKind::QUEUE {
             let magnitude = primitives.magnitude(kind).abs();
             if magnitude > 0.0 {
@@ -349,6 +389,10 @@ struct View<'a> {
 enum Outcome {
     /// Command this; a hold is waiting for the craft to have flown it.
     Fly(Setpoint),
+    /// The craft is to fly this by itself.
+    Begin(Manoeuvre),
+    /// It does.
+    Wait,
     /// Nothing is left to command.
     Arrived,
 }

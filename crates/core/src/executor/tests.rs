@@ -315,7 +315,7 @@ fn stop_holds_from_the_next_tick_on() {
     assert!(executor.remaining(model.now) > Duration::from_secs(3));
     executor.stop(model.now);
     assert!(!executor.is_active() && executor.remaining(model.now).is_zero());
-    assert_eq!(executor.tick(model.now, model.known()), Tick { setpoint: Setpoint::HOLD, finished: true });
+    assert_eq!(executor.tick(model.now, model.known()), Tick { setpoint: Setpoint::HOLD, manoeuvre: None, finished: true });
 }
 
 /// A craft that does not move at all ends the motion by its time limit, and says so.
@@ -346,7 +346,7 @@ fn what_is_not_finite_is_held() {
     assert!(executor.tick(Time::ZERO, known).finished);
     executor.start(Time::ZERO, known, Primitives { forward: 5.0, ..Primitives::default() });
     let lost = Known { position: EnuPosition { east: f64::NAN, ..EnuPosition::default() }, ..known };
-    assert_eq!(executor.tick(Time::from_millis(100), lost), Tick { setpoint: Setpoint::HOLD, finished: false });
+    assert_eq!(executor.tick(Time::from_millis(100), lost), Tick { setpoint: Setpoint::HOLD, manoeuvre: None, finished: false });
     assert!(executor.tick(Time::from_millis(200), known).setpoint.forward > 0.0);
 }
 

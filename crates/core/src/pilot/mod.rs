@@ -253,6 +253,7 @@ impl Pilot {
         self.heard = Some(telemetry.time);
         self.envelope.observe_telemetry(now, &telemetry);
         self.estimator.observe(&telemetry);
+        self.executor.observe(telemetry.time, telemetry.phase);
         self.craft_phase = telemetry.phase;
         self.follow_craft(now, telemetry.crashed);
     }

@@ -1,9 +1,9 @@
 //! Plans become setpoints, tick by tick, through the executor and the envelope.
 
 use super::{Action, Note, Outcome, Phase, Pilot, Think};
-use crate::command::{Command, Setpoint};
+use crate::command::{Command, Manoeuvre, Setpoint};
 use crate::envelope::{Cause, Clearance, Reaction};
-use crate::executor::{Goal, Motion};
+use crate::executor::{Goal, Motion, OwnFlight};
 use crate::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use crate::policy::{Move, PolicyEvent, Step};
 use crate::primitives::Primitives;
@@ -52,7 +52,7 @@ impl Pilot {
 
     /// A queue that is always replaced, or stopped for what it has passed, never climbs: the next plan waits for its end.
     fn waits_for_queue(&self) -> bool {
-        self.settings.motion == Motion::Sequential && self.executing
+        self.settings.motion != Motion::Blended && self.executing
     }
 
     pub(super) fn begin_move(&mut self, now: Time, motion: Move) {
@@ -150,7 +150,12 @@ impl Pilot {
                 let mut setpoint = Setpoint::HOLD;
                 if self.executing {
                     let tick = self.executor.tick(now, known);
-                    (setpoint, finished) = (tick.setpoint, tick.finished);
+                    match tick.manoeuvre {
+                        // Nothing is said meanwhile: a hold would end it, and `stop_motion` says one when its reason ends.
+                        Some(OwnFlight::UnderWay) => return,
+                        Some(OwnFlight::Begin(manoeuvre)) => return self.begin_manoeuvre(now, manoeuvre),
+                        None => (setpoint, finished) = (tick.setpoint, tick.finished),
+                    }
                 }
                 self.wanted = setpoint;
                 self.envelope.clear_setpoint(now, setpoint)
@@ -159,6 +164,17 @@ impl Pilot {
         self.send(now, clearance);
         if finished {
             self.move_ended(now);
+        }
+    }
+
+    /// A manoeuvre as far as the envelope lets it go. One that it does not let begin is the end of the move.
+    fn begin_manoeuvre(&mut self, now: Time, manoeuvre: Manoeuvre) {
+        self.wanted = Setpoint::HOLD;
+        let clearance = self.envelope.clear_manoeuvre(now, manoeuvre);
+        let held = clearance.setpoint().is_some();
+        self.send(now, clearance);
+        if held {
+            self.stop_motion(now);
         }
     }
 
@@ -177,12 +193,12 @@ impl Pilot {
         if let Command::Setpoint(setpoint) = clearance.cleared.get() {
             self.estimator.commanded(now, *setpoint);
             self.executor.commanded(now, *setpoint);
-            if setpoint.is_hold() {
-                self.hold_since.get_or_insert(now);
-            } else {
-                (self.hold_since, self.settled) = (None, None);
-                self.first_motion.get_or_insert(now);
-            }
+        }
+        if clearance.setpoint().is_some_and(Setpoint::is_hold) {
+            self.hold_since.get_or_insert(now);
+        } else {
+            (self.hold_since, self.settled) = (None, None);
+            self.first_motion.get_or_insert(now);
         }
         let told = core::mem::replace(&mut self.told_change, clearance.changed);
         self.tell(clearance.changed, told);

@@ -100,6 +100,8 @@ pub struct Conversation {
     tombs: [Time; 2],
     ended: VecDeque<(Order, Fate)>,
     strays: u64,
+    /// What was put in the place of everything else and was not said yet.
+    urgent: Option<String>,
 }
 
 impl Conversation {
@@ -111,6 +113,21 @@ impl Conversation {
     /// Forgets the orders that were not said yet.
     pub fn clear(&mut self) {
         self.waiting.clear();
+    }
+
+    /// Puts an order in the place of the one in flight and of all that wait, and says it at once: `stop`. A late answer of what was
+    /// in flight may be taken for this one's; then what it was to end has ended.
+    pub fn interrupt(&mut self, now: Time, order: Order) {
+        self.waiting.clear();
+        self.urgent = Some(order.text.clone());
+        let repeats_left = order.repeats;
+        self.flight = Some(InFlight { order, said: now, repeats_left, echoes_until: now + ECHO });
+    }
+
+    /// Whether something was not said yet.
+    #[must_use]
+    pub fn is_waiting(&self) -> bool {
+        !self.waiting.is_empty()
     }
 
     /// Whether nothing waits and nothing is in flight.
@@ -147,6 +164,9 @@ impl Conversation {
 
     /// What to say now.
     pub fn poll(&mut self, now: Time) -> Option<String> {
+        if let Some(text) = self.urgent.take() {
+            return Some(text);
+        }
         if let Some(flight) = &mut self.flight {
             if now.since(flight.said) < flight.order.timeout {
                 return None;

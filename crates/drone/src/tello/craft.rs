@@ -191,6 +191,9 @@ impl Shared {
                     tracing::warn!("the drone answers `{answer}` to `{command}`: {meaning}");
                 }
                 Notice::Unanswered { command } => tracing::warn!("the drone did not answer `{command}`"),
+                Notice::Unsaid { command } => {
+                    tracing::warn!("`{command}` was not said: an answer to what went before it may still come");
+                }
                 Notice::MotorsOff => tracing::warn!("the drone stopped its motors by itself"),
             }
         }

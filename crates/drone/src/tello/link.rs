@@ -10,6 +10,7 @@ use spf_core::time::{Duration, Time, duration_from_secs};
 
 use super::answer::{Answer, explain};
 use super::conversation::{Conversation, Fate, Order};
+use super::manoeuvre::{self, Move, Stage};
 use super::state::State;
 use super::sticks::{Calibration, Sticks};
 use crate::DroneEvent;
@@ -54,6 +55,11 @@ pub enum Notice {
         /// To which command.
         command: String,
     },
+    /// A manoeuvre was not said: what was said before could still be answered, and the answers are not to be mixed up.
+    Unsaid {
+        /// Which.
+        command: String,
+    },
     /// The drone landed or stopped its motors by itself.
     MotorsOff,
 }
@@ -82,6 +88,8 @@ pub struct Link {
     told: VecDeque<(Time, Setpoint)>,
     modelled: [f64; 3],
     rc_sent: u64,
+    /// What the drone flies by itself.
+    manoeuvre: Option<Move>,
 }
 
 impl Link {
@@ -106,6 +114,7 @@ impl Link {
             told: VecDeque::new(),
             modelled: [0.0; 3],
             rc_sent: 0,
+            manoeuvre: None,
         }
     }
 
@@ -161,15 +170,26 @@ impl Link {
                 self.conversation.submit(Order::motion("takeoff", Duration::from_millis(1500), Duration::from_secs(20)));
             }
             Command::Setpoint(setpoint) => {
-                if self.phase == FlightPhase::Flying {
+                if self.phase == FlightPhase::Manoeuvring && setpoint.is_hold() {
+                    self.end_manoeuvre(now);
+                } else if self.phase == FlightPhase::Flying {
                     self.sticks.set(self.calibration.sticks(setpoint), command.valid_until());
                     self.told.push_back((now, setpoint));
                 }
             }
+            Command::Manoeuvre(manoeuvre) if self.phase == FlightPhase::Flying => {
+                let Some(begun) = Move::new(manoeuvre, now, command.valid_until(), self.calibration.yaw_rate) else { return };
+                self.sticks.release();
+                self.phase = FlightPhase::Manoeuvring;
+                self.manoeuvre = Some(begun);
+            }
+            Command::Manoeuvre(_) => {}
             // Said again by the pilot it is the same landing.
             Command::Land if self.land_again.is_some() => {}
             Command::Land => {
-                // Sticks hold until something replaces them, also when `land` gets lost.
+                // Sticks hold until something replaces them, also when `land` gets lost, and a manoeuvre would refuse it.
+                self.end_manoeuvre(now);
+                self.manoeuvre = None;
                 self.sticks.set([0; 4], now);
                 self.conversation.clear();
                 if self.phase != FlightPhase::OnGround {
@@ -179,6 +199,7 @@ impl Link {
             }
             Command::EmergencyStop => {
                 self.sticks.release();
+                self.manoeuvre = None;
                 self.conversation.clear();
                 self.phase = FlightPhase::Stopped;
                 self.land_again = None;
@@ -209,20 +230,79 @@ impl Link {
                         self.on_ground();
                     }
                     let meaning = explain(&answer);
+                    self.manoeuvre_over(now, &command);
                     self.notices.push_back(Notice::Refused { command, answer, meaning });
                 }
                 Fate::Answered(_) => {
                     if command == "takeoff" && self.phase == FlightPhase::TakingOff {
                         self.begin_flying(now);
                     }
+                    self.manoeuvre_over(now, &command);
                 }
-                Fate::TimedOut => self.notices.push_back(Notice::Unanswered { command }),
+                Fate::TimedOut => {
+                    self.manoeuvre_over(now, &command);
+                    self.notices.push_back(Notice::Unanswered { command });
+                }
             }
+        }
+    }
+
+    /// Ends the manoeuvre that is flown, if one is: what was not said yet is not, and what was is stopped.
+    fn end_manoeuvre(&mut self, now: Time) {
+        let Some(flown) = &mut self.manoeuvre else { return };
+        match flown.stage {
+            Stage::Resting => self.hover(now),
+            Stage::Submitted => {
+                flown.stage = Stage::Stopping;
+                self.conversation.interrupt(now, manoeuvre::stop());
+                // Besides, for a drone whose sticks end a manoeuvre too.
+                self.sticks.set([0; 4], now);
+                self.told.push_back((now, Setpoint::HOLD));
+            }
+            Stage::Stopping => {}
+        }
+    }
+
+    /// An order has ended: if it is the manoeuvre that is flown, or what stops it, setpoints count again.
+    fn manoeuvre_over(&mut self, now: Time, command: &str) {
+        let is = |flown: &Move| if flown.stage == Stage::Stopping { command == manoeuvre::STOP } else { command == flown.text };
+        if self.manoeuvre.as_ref().is_some_and(is) {
+            self.hover(now);
+        }
+    }
+
+    /// After a manoeuvre: sticks at rest, until a setpoint comes.
+    fn hover(&mut self, now: Time) {
+        self.manoeuvre = None;
+        self.sticks.set([0; 4], now);
+        self.told.push_back((now, Setpoint::HOLD));
+        if self.phase == FlightPhase::Manoeuvring {
+            self.phase = FlightPhase::Flying;
+        }
+    }
+
+    /// Goes on with the manoeuvre that was cleared.
+    fn fly_manoeuvre(&mut self, now: Time) {
+        let Some(flown) = &mut self.manoeuvre else { return };
+        if flown.stage == Stage::Resting && now >= flown.due() {
+            flown.stage = Stage::Submitted;
+            self.conversation.submit(flown.order());
+        }
+        let unsaid = self.conversation.is_waiting();
+        if flown.stage == Stage::Submitted && unsaid && flown.is_stale(now) {
+            // Whatever keeps it from being said, it is not to begin at some later time.
+            let command = flown.text.clone();
+            self.conversation.clear();
+            self.notices.push_back(Notice::Unsaid { command });
+            self.hover(now);
+        } else if now >= flown.valid_until {
+            self.end_manoeuvre(now);
         }
     }
 
     fn on_ground(&mut self) {
         self.phase = FlightPhase::OnGround;
+        self.manoeuvre = None;
         self.land_again = None;
         self.sticks.release();
         self.told.clear();
@@ -268,7 +348,7 @@ impl Link {
                 self.begin_flying(now)
             }
             FlightPhase::Landing if motors_off || height <= 10 && self.state.motor_time.is_none() => self.on_ground(),
-            FlightPhase::Flying if motors_off => {
+            FlightPhase::Flying | FlightPhase::Manoeuvring if motors_off => {
                 self.notices.push_back(Notice::MotorsOff);
                 self.on_ground();
             }
@@ -312,7 +392,7 @@ impl Link {
         Telemetry {
             time: now,
             position: None,
-            velocity: velocity.filter(|_| self.phase == FlightPhase::Flying),
+            velocity: velocity.filter(|_| self.phase.is_flying()),
             attitude: Attitude {
                 heading: state.yaw.map_or(f64::NAN, |_| self.heading()),
                 pitch: angle(state.pitch),
@@ -352,7 +432,11 @@ impl Link {
             self.rc_sent += 1;
             return Some(text);
         }
+        self.fly_manoeuvre(now);
         let said = self.conversation.poll(now);
+        if let Some(flown) = self.manoeuvre.as_ref().filter(|flown| Some(&flown.text) == said.as_ref()) {
+            self.told.push_back((now, flown.velocity));
+        }
         self.settle(now);
         said
     }

@@ -9,6 +9,7 @@ pub mod conversation;
 pub mod craft;
 mod inlet;
 pub mod link;
+mod manoeuvre;
 pub mod state;
 pub mod sticks;
 pub mod video;

@@ -251,17 +251,18 @@ pub(crate) fn output(action: &Action, pilot: &Pilot) -> Option<(Channel, Bytes)>
         Action::Ask(query) => (Channel::Query, serde_json::to_vec(query)),
         Action::Cancel(id) => (Channel::Cancel, serde_json::to_vec(&Cancelled { id: *id })),
         Action::Command(cleared) => {
-            let (name, cleared_setpoint) = match cleared.get() {
-                Command::TakeOff => (CommandName::TakeOff, None),
-                Command::Setpoint(setpoint) => (CommandName::Setpoint, Some(*setpoint)),
-                Command::Land => (CommandName::Land, None),
-                Command::EmergencyStop => (CommandName::EmergencyStop, None),
-            };
-            let row = CommandRow {
-                command: name,
-                wanted: cleared_setpoint.map(|_| pilot.wanted()),
-                cleared: cleared_setpoint,
-                valid_until: cleared_setpoint.map(|_| cleared.valid_until()),
+            let row = |command| CommandRow { command, wanted: None, cleared: None, manoeuvre: None, valid_until: None };
+            let valid_until = Some(cleared.valid_until());
+            let row = match *cleared.get() {
+                Command::TakeOff => row(CommandName::TakeOff),
+                Command::Setpoint(setpoint) => {
+                    CommandRow { wanted: Some(pilot.wanted()), cleared: Some(setpoint), valid_until, ..row(CommandName::Setpoint) }
+                }
+                Command::Manoeuvre(manoeuvre) => {
+                    CommandRow { manoeuvre: Some(manoeuvre), valid_until, ..row(CommandName::Manoeuvre) }
+                }
+                Command::Land => row(CommandName::Land),
+                Command::EmergencyStop => row(CommandName::EmergencyStop),
             };
             (Channel::Command, serde_json::to_vec(&row))
         }

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::camera::Camera;
-use spf_core::command::Setpoint;
+use spf_core::command::{Manoeuvre, Setpoint};
 use spf_core::craft::Craft;
 use spf_core::envelope::{Cause, Limits};
 use spf_core::estimator::Senses;
@@ -130,6 +130,8 @@ pub enum CommandName {
     TakeOff,
     /// Hold a velocity.
     Setpoint,
+    /// Fly this way by itself.
+    Manoeuvre,
     /// Sink to the ground.
     Land,
     /// Cut the motors.
@@ -147,7 +149,10 @@ pub struct CommandRow {
     /// The setpoint after the envelope: what the craft was told.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cleared: Option<Setpoint>,
-    /// Until when it holds, flight time, nanoseconds.
+    /// What is flown by the craft itself, after the envelope.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub manoeuvre: Option<Manoeuvre>,
+    /// Until when it holds, or has to have ended; flight time, nanoseconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub valid_until: Option<Time>,
 }

@@ -147,7 +147,7 @@ impl PolicyKind {
                     craft,
                     shape: match settings.motion {
                         Motion::Sequential => PathShape::LevelThenClimb,
-                        Motion::Blended => PathShape::Straight,
+                        Motion::Blended | Motion::Manoeuvres => PathShape::Straight,
                     },
                 };
                 Box::new(Spf::new(settings).with_prompt(prompt))

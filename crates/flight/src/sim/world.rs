@@ -215,6 +215,9 @@ impl Drone for SimDrone {
     }
 
     fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
+        if matches!(command.get(), Command::Manoeuvre(_)) {
+            return Err(DroneError::NoManoeuvres(self.name().to_owned()));
+        }
         let mut craft = self.world.craft();
         craft.advance_to(now);
         craft.apply(now, *command.get(), command.valid_until());

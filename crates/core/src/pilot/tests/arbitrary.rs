@@ -73,6 +73,7 @@ fn operator_events() -> impl Strategy<Value = OperatorEvent> {
 fn happenings() -> impl Strategy<Value = Happens> {
     let phase = prop_oneof![
         8 => Just(FlightPhase::Flying),
+        1 => Just(FlightPhase::Manoeuvring),
         2 => Just(FlightPhase::OnGround),
         2 => Just(FlightPhase::TakingOff),
         1 => Just(FlightPhase::Landing),
@@ -112,6 +113,8 @@ struct Chaos {
     /// An answer that was waited for and says to move, since the last event that ends every reason to move.
     reason: bool,
     hand: Option<Time>,
+    /// When the manoeuvre that was cleared last ends, while nothing has ended it.
+    own_until: Option<Time>,
     captured: Option<Time>,
     link: bool,
     moved: usize,
@@ -119,8 +122,11 @@ struct Chaos {
 }
 
 impl Chaos {
-    fn new(preset: Preset, plain: bool, max_time: f64) -> Self {
+    fn new(preset: Preset, plain: bool, own: bool, max_time: f64) -> Self {
         let mut setup = Setup::preset(preset);
+        if own {
+            (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, Think::Stop);
+        }
         setup.settings.max_time = secs(max_time);
         setup.settings.reply_timeout = secs(4.0);
         let limits = setup.limits.clone();
@@ -142,6 +148,7 @@ impl Chaos {
             limits,
             reason: false,
             hand: None,
+            own_until: None,
             captured: None,
             link: true,
             moved: 0,
@@ -196,9 +203,23 @@ impl Chaos {
     fn command(&mut self, cleared: &Cleared<Command>) {
         match *cleared.get() {
             Command::TakeOff => self.phase = FlightPhase::TakingOff,
-            Command::Land => self.phase = FlightPhase::Landing,
-            Command::EmergencyStop => self.phase = FlightPhase::Stopped,
+            Command::Land => (self.phase, self.own_until) = (FlightPhase::Landing, None),
+            Command::EmergencyStop => (self.phase, self.own_until) = (FlightPhase::Stopped, None),
+            Command::Manoeuvre(manoeuvre) => {
+                assert!(manoeuvre.is_finite(), "{manoeuvre:?}");
+                let velocity = manoeuvre.velocity(1.0);
+                assert!(velocity.right.hypot(velocity.forward) <= self.limits.max_speed + 1e-9, "{manoeuvre:?}");
+                assert!(velocity.up.abs() <= self.limits.max_climb + 1e-9, "{manoeuvre:?}");
+                self.moved += 1;
+                self.has_reason();
+                self.own_until = Some(self.now + secs(2.0));
+                self.phase = FlightPhase::Manoeuvring;
+            }
             Command::Setpoint(setpoint) => {
+                self.own_until = None;
+                if self.phase == FlightPhase::Manoeuvring {
+                    self.phase = FlightPhase::Flying;
+                }
                 let limits = &self.limits;
                 assert!(setpoint.is_finite(), "{setpoint:?}");
                 assert!(setpoint.right.hypot(setpoint.forward) <= limits.max_speed + 1e-9, "{setpoint:?}");
@@ -233,6 +254,10 @@ impl Chaos {
     /// Time passes as the pilot wants to be asked.
     fn pass(&mut self, millis: u64) {
         let until = self.now + Duration::from_millis(millis);
+        // A manoeuvre that is flown has a reason all the time: one that lost it was ended within a tick.
+        if let Some(ends) = self.own_until {
+            assert!(self.reason || self.now > ends || !self.is_flown(), "a manoeuvre without a reason is flown on");
+        }
         for _ in 0..100_000 {
             let due = self.pilot.next_deadline().unwrap_or(until).max(self.now);
             if due > until || self.now == until {
@@ -244,6 +269,11 @@ impl Chaos {
             self.pump();
         }
         panic!("time does not pass");
+    }
+
+    /// Whether the pilot flies, as opposed to having ended the flight in the same instant.
+    fn is_flown(&self) -> bool {
+        matches!(self.pilot.phase(), Phase::Flying)
     }
 
     fn id(&self, which: u64) -> QueryId {
@@ -317,6 +347,9 @@ impl Chaos {
             if self.phase == FlightPhase::TakingOff && self.up >= 3.0 {
                 self.phase = FlightPhase::Flying;
             }
+            if self.phase == FlightPhase::Manoeuvring && self.own_until.is_none_or(|until| until <= self.now) {
+                (self.phase, self.own_until) = (FlightPhase::Flying, None);
+            }
             if self.phase == FlightPhase::Landing && self.up <= 0.0 {
                 self.phase = FlightPhase::OnGround;
             }
@@ -337,11 +370,12 @@ proptest! {
     fn whatever_happens_the_pilot_moves_for_a_reason_and_its_run_ends(
         paper: bool,
         plain: bool,
+        own: bool,
         begin in prop_oneof![3 => Just(6000u64), 1 => 0..6000u64],
         happenings in prop::collection::vec(happenings(), 0..60),
     ) {
         let max_time = 90.0;
-        let mut chaos = Chaos::new(if paper { Preset::Paper } else { Preset::Default }, plain, max_time);
+        let mut chaos = Chaos::new(if paper { Preset::Paper } else { Preset::Default }, plain, own, max_time);
         chaos.go_well(begin);
         for happens in happenings {
             chaos.happen(happens);
@@ -366,10 +400,10 @@ proptest! {
 /// The property would hold of a pilot that never moves: with nothing in the way this one does.
 #[test]
 fn the_property_is_one_of_a_pilot_that_moves() {
-    for (preset, plain) in [(Preset::Default, false), (Preset::Paper, false)] {
-        let mut chaos = Chaos::new(preset, plain, 90.0);
+    for (preset, own, least) in [(Preset::Default, false, 20), (Preset::Paper, false, 20), (Preset::Default, true, 2)] {
+        let mut chaos = Chaos::new(preset, false, own, 90.0);
         chaos.go_well(12_000);
-        assert!(chaos.moved > 20, "{preset:?} {}", chaos.moved);
+        assert!(chaos.moved > least, "{preset:?} {}", chaos.moved);
         chaos.happen(Happens::Operator(OperatorEvent::Setpoint(Setpoint { forward: 1.0, ..Setpoint::HOLD })));
         let moved = chaos.moved;
         chaos.go_well(300);

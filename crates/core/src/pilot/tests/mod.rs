@@ -9,6 +9,7 @@ mod asking;
 mod baselines;
 mod endings;
 mod failings;
+mod manoeuvres;
 mod motion;
 mod operator;
 mod search;
@@ -19,7 +20,7 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::actions::ActForm;
 use crate::avoid::PathShape;
-use crate::command::Command;
+use crate::command::{Command, Manoeuvre};
 use crate::envelope::Cleared;
 use crate::executor::Motion;
 use crate::executor::craft_model::CraftModel;
@@ -110,7 +111,7 @@ impl Setup {
             Box::new(Spf::new(SpfSettings {
                 step: settings.step,
                 lifting: settings.lifting,
-                shape: if settings.motion == Motion::Blended { PathShape::Straight } else { PathShape::LevelThenClimb },
+                shape: if settings.motion == Motion::Sequential { PathShape::LevelThenClimb } else { PathShape::Straight },
                 avoid: settings.avoid,
                 confirm_done: settings.confirm_done,
                 grounding: GroundingProfile::default(),
@@ -142,6 +143,8 @@ impl Setup {
             queue: BTreeMap::new(),
             queued: 0,
             valid_until: Time::MAX,
+            own_until: None,
+            refuses_manoeuvres: false,
             frames: Vec::new(),
             delivered: Vec::new(),
             asked: Vec::new(),
@@ -172,6 +175,9 @@ struct Flight {
     queued: u64,
     /// Of the setpoint that the craft flies.
     valid_until: Time,
+    /// When the manoeuvre that the craft flies ends; none while it flies none, or refuses them.
+    own_until: Option<Time>,
+    refuses_manoeuvres: bool,
     /// Truth of each capture, by frame number.
     frames: Vec<Seen>,
     /// Frames as they reached the pilot, and when.
@@ -259,6 +265,10 @@ impl Flight {
                 self.phase = FlightPhase::Flying;
                 self.model.send(Setpoint::HOLD);
             }
+            FlightPhase::Manoeuvring if self.own_until.is_none_or(|until| until <= self.now) => {
+                self.phase = FlightPhase::Flying;
+                self.model.send(Setpoint::HOLD);
+            }
             FlightPhase::Landing if self.model.position.up <= 0.05 => {
                 self.phase = FlightPhase::OnGround;
                 (self.model.velocity, self.model.yaw_rate) = (EnuVelocity::default(), 0.0);
@@ -288,6 +298,20 @@ impl Flight {
             Command::Setpoint(setpoint) if phase == FlightPhase::Flying => {
                 self.model.send(setpoint);
                 self.valid_until = cleared.valid_until();
+            }
+            Command::Manoeuvre(manoeuvre) if phase == FlightPhase::Flying && !self.refuses_manoeuvres => {
+                let takes = match manoeuvre {
+                    Manoeuvre::Turn { angle } => angle.abs() / self.model.craft.yaw_rate,
+                    Manoeuvre::Go { displacement: way, speed } => way.right.hypot(way.forward).hypot(way.up) / speed,
+                };
+                self.phase = FlightPhase::Manoeuvring;
+                self.own_until = Some(self.now + secs(takes));
+                self.valid_until = Time::MAX;
+                self.model.send(manoeuvre.velocity(self.model.craft.yaw_rate));
+            }
+            Command::Setpoint(setpoint) if phase == FlightPhase::Manoeuvring && setpoint.is_hold() => {
+                self.own_until = None;
+                self.model.send(setpoint);
             }
             Command::Land if up > 0.05 => {
                 self.phase = FlightPhase::Landing;

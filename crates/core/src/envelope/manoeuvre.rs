@@ -1,0 +1,65 @@
+//! Manoeuvres: what the envelope leaves of a move that the craft will end by itself.
+
+use super::reach::{self, Situation};
+use super::watch::Control;
+use super::{Cause, Cleared, Clearance, Envelope, Reaction};
+use crate::command::{Command, Manoeuvre};
+use crate::time::{Time, duration_from_secs};
+
+/// What is left below this on every axis is nothing, metres.
+const LEAST_WAY: f64 = 0.2;
+/// Times what it takes at full speed, and seconds besides, after which a manoeuvre that has not ended is to be ended.
+const PATIENCE: (f64, f64) = (2.0, 8.0);
+
+impl Envelope {
+    /// Clears a manoeuvre of the pilot: as much of it as ends, and passes, inside of all limits, and a hold where nothing is left of
+    /// it or a setpoint would not move now. From outside a limit none begins. It is valid until it has to have ended.
+    pub fn clear_manoeuvre(&mut self, now: Time, asked: Manoeuvre) -> Clearance {
+        let now = self.advance(now);
+        let velocity = asked.velocity(self.craft.yaw_rate);
+        // A manoeuvre is no way back in, which a setpoint may be: it would not be watched.
+        let reaction = match self.reaction(now) {
+            Reaction::Continue => None,
+            Reaction::Hold(cause) | Reaction::Land(cause) => Some(cause),
+        };
+        let stopped = self.stopped_by(now, velocity, Control::Pilot).max(reaction);
+        let (allowed, changed) = match stopped {
+            _ if !asked.is_finite() => (None, Some(Cause::NotFinite)),
+            Some(cause) => (None, Some(cause)),
+            None => self.confined(now, asked),
+        };
+        let Some(manoeuvre) = allowed else { return Clearance { changed, ..self.hold(now) } };
+        let turn_rate = self.craft.yaw_rate.max(0.1);
+        let takes = match manoeuvre {
+            Manoeuvre::Turn { angle } => angle.abs() / turn_rate,
+            Manoeuvre::Go { displacement: way, speed } => libm::hypot(libm::hypot(way.right, way.forward), way.up) / speed,
+        };
+        let valid_until = now + duration_from_secs(PATIENCE.0 * takes + PATIENCE.1);
+        let heading = self.estimate.heading.unwrap_or(0.0);
+        self.commanded = Some((reach::world_velocity(manoeuvre.velocity(0.0), heading), valid_until));
+        Clearance { cleared: Cleared { what: Command::Manoeuvre(manoeuvre), valid_until }, changed }
+    }
+
+    /// What the limits leave of a finite manoeuvre.
+    fn confined(&self, now: Time, asked: Manoeuvre) -> (Option<Manoeuvre>, Option<Cause>) {
+        let limits = &self.limits;
+        let Manoeuvre::Go { displacement: way, speed } = asked else { return (Some(asked), None) };
+        let (Some(home), Some(heading)) = (self.estimate.home, self.estimate.heading) else {
+            return (None, Some(Cause::NoTelemetry));
+        };
+        let situation = Situation { at: self.ahead(now), home, heading };
+        let (allowed, confined) = reach::confine_way(limits, &self.craft, &situation, way);
+        if [allowed.right, allowed.forward, allowed.up].iter().all(|part| part.abs() < LEAST_WAY) {
+            return (None, confined);
+        }
+        let level = libm::hypot(allowed.right, allowed.forward);
+        let length = libm::hypot(level, allowed.up);
+        let within = |limit: f64, part: f64| if part > 0.0 { limit * length / part } else { f64::INFINITY };
+        let fastest = within(limits.max_speed, level).min(within(limits.max_climb, allowed.up.abs()));
+        if !(speed > 0.0 && fastest > 0.0) {
+            return (None, Some(Cause::SpeedLimit));
+        }
+        let slowed = (speed > fastest).then_some(Cause::SpeedLimit);
+        (Some(Manoeuvre::Go { displacement: allowed, speed: speed.min(fastest) }), confined.or(slowed))
+    }
+}
