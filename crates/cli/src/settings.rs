@@ -76,6 +76,7 @@ pub(crate) const KEYS: &[Key] = &[
     key("vlm.models", "SPF_VLM_MODELS", "", "TOML file with rows for the table of models; empty: none"),
     key("vlm.image_long_side", "SPF_VLM_IMAGE_LONG_SIDE", "", "longest side of pictures sent, pixels; empty: the model's, 768"),
     key("vlm.jpeg_quality", "SPF_VLM_JPEG_QUALITY", "70", "quality of pictures sent, 1 to 100"),
+    key("tello.motion", "SPF_TELLO_MOTION", "rc", "how a Tello flies: rc, or go (steps that it ends by itself; docs/tello.md)"),
     key("tello.local", "SPF_TELLO_LOCAL", "", "this machine's address towards the Tello; empty: any"),
     key("tello.state_port", "SPF_TELLO_STATE_PORT", "8890", "UDP port that the Tello's state comes to"),
     key("tello.video_port", "SPF_TELLO_VIDEO_PORT", "11111", "UDP port that the Tello's video comes to"),

@@ -94,6 +94,10 @@ const NOISE_TIME: f64 = 0.3;
 const WANDER_TIME: f64 = 30.0;
 /// A position this many times its noise away from the estimate is a jump of the source, and believed at once.
 const JUMP: f64 = 10.0;
+/// Share of its way by which a dead-reckoned craft is wrong: scale and direction of its speeds.
+const WAY_ERROR: f64 = 0.05;
+/// The error of one velocity report stays so long, s: while the velocity does, it is rounded the same way.
+const ERROR_TIME: f64 = 1.0;
 /// How far telemetry is extrapolated; a link that is silent for longer tells nothing any more.
 const HORIZON: Duration = Duration::from_millis(500);
 /// How long poses are kept: the oldest frame that a reply may be about.
@@ -108,6 +112,7 @@ pub struct MotionEstimator {
     senses: Senses,
     log: CommandLog,
     newest: Option<(Telemetry, State)>,
+    drift: Drift,
     past: VecDeque<(Time, Known)>,
 }
 
@@ -120,6 +125,7 @@ impl MotionEstimator {
             senses,
             log: CommandLog::default(),
             newest: None,
+            drift: Drift::default(),
             past: VecDeque::with_capacity(POSES),
         }
     }
@@ -145,6 +151,12 @@ impl MotionEstimator {
             None => first(telemetry),
             Some((before, _)) if telemetry.time <= before.time => return,
             Some((before, state)) => {
+                if telemetry.position.is_some() {
+                    self.drift = Drift::default();
+                } else if telemetry.phase != FlightPhase::OnGround {
+                    let elapsed = telemetry.time.since(before.time).as_secs_f64();
+                    self.drift.grow(&self.senses, libm::hypot(state.velocity.east, state.velocity.north), elapsed);
+                }
                 let predicted = self.predict(before, *state, telemetry.time);
                 self.correct(predicted, telemetry, telemetry.time.since(before.time).as_secs_f64())
             }
@@ -195,6 +207,19 @@ impl MotionEstimator {
                 roll: a0.roll + share * wrap_angle(a1.roll - a0.roll),
             },
         })
+    }
+
+    /// Standard deviation of the position on the map as of the newest report, metres: that of its source, or, where it is
+    /// dead-reckoned, what has gathered since take-off.
+    #[must_use]
+    pub fn position_error(&self) -> f64 {
+        libm::hypot(self.senses.position_noise, self.drift.deviation())
+    }
+
+    /// Whether the craft tells no position, so that it is reckoned from its velocity.
+    #[must_use]
+    pub fn is_dead_reckoned(&self) -> bool {
+        self.newest.as_ref().is_some_and(|(telemetry, _)| telemetry.position.is_none())
     }
 
     /// Time of the newest report.
@@ -253,6 +278,29 @@ impl MotionEstimator {
         state.heading = wrap_angle(state.heading + gain * beyond(off, 0.5 * senses.heading_resolution));
         state.yaw_rate = telemetry.yaw_rate.unwrap_or(state.yaw_rate);
         state
+    }
+}
+
+/// The error of a dead-reckoned position, as it grows.
+#[derive(Clone, Copy, Debug, Default)]
+struct Drift {
+    /// Of the errors of single reports, on the map, m².
+    variance: f64,
+    /// Flown so far, metres.
+    way: f64,
+}
+
+impl Drift {
+    /// Another `elapsed` seconds at `speed` m/s on the map.
+    fn grow(&mut self, senses: &Senses, speed: f64, elapsed: f64) {
+        // Rounding to a unit has a variance of a twelfth of its square.
+        let report = senses.velocity_noise * senses.velocity_noise + senses.velocity_resolution * senses.velocity_resolution / 12.0;
+        self.variance += 2.0 * report * ERROR_TIME * elapsed;
+        self.way += speed * elapsed;
+    }
+
+    fn deviation(self) -> f64 {
+        libm::hypot(self.variance.sqrt(), WAY_ERROR * self.way)
     }
 }
 

@@ -132,6 +132,9 @@ impl Film {
         let known = pilot.known_pose(at);
         // Adding zero takes the sign from a negative one, which would read "-00".
         let heading = known.attitude.heading.to_degrees().round().rem_euclid(360.0) + 0.0;
+        // Of a craft that tells its position this stays what it is, and a person need not know it.
+        let error = pilot.position_error();
+        let drifted = if pilot.is_dead_reckoned() { format!("  position ±{error:.1} m") } else { String::new() };
         Shot {
             light,
             known,
@@ -140,7 +143,7 @@ impl Film {
             title: self.title.clone(),
             status: format!("{:.1} s  {}", at.as_secs_f64(), words::phase(pilot.phase())),
             decision: self.decision.clone(),
-            craft: format!("height {:.1} m  heading {heading:03.0}  decisions {}", known.position.up, pilot.decisions()),
+            craft: format!("height {:.1} m  heading {heading:03.0}  decisions {}{drifted}", known.position.up, pilot.decisions()),
         }
     }
 

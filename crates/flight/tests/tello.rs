@@ -11,9 +11,10 @@ use spf_core::camera::Camera;
 use spf_core::craft::Craft;
 use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
+use spf_core::executor::Motion;
 use spf_core::fault::{Fault, FaultPlan, Rule, Stream, Trouble, TroubleRule};
 use spf_core::geometry::EnuPosition;
-use spf_core::pilot::{Action, Event, Note, OperatorEvent, Outcome, Phase, Pilot, PilotParts, PilotSettings, Preset};
+use spf_core::pilot::{Action, Event, Note, OperatorEvent, Outcome, Phase, Pilot, PilotParts, PilotSettings, Preset, Think};
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
@@ -57,6 +58,8 @@ struct Seen {
     world: Option<SimWorld>,
     /// Where it truly was, with the time.
     path: Vec<(Time, EnuPosition)>,
+    /// Where the pilot believed it to be, and with what standard deviation on the map.
+    believed: Vec<(EnuPosition, f64)>,
 }
 
 impl Observer for Seen {
@@ -72,7 +75,8 @@ impl Observer for Seen {
 
     fn event(&mut self, _: Time, _: &Event) {}
 
-    fn time(&mut self, now: Time, _: &Pilot) {
+    fn time(&mut self, now: Time, pilot: &Pilot) {
+        self.believed.push((pilot.known_pose(now).position, pilot.position_error()));
         self.path.extend(self.world.as_ref().map(|world| (now, world.truth().pose.position)));
     }
 }
@@ -260,7 +264,9 @@ fn a_link_that_comes_back_within_two_seconds_goes_on() {
 #[test]
 fn a_refused_take_off_ends_the_flight_on_the_ground() {
     let flight = fly(GOAL, trouble(Trouble::TakeOffRefused, 0.0, None), None, settings());
-    assert_ne!(flight.outcome(), Outcome::Reached);
+    let (at, outcome, cause) = flight.seen.outcome.clone().unwrap();
+    assert_eq!((outcome, cause.as_str()), (Outcome::Failed, "the craft refused to take off"));
+    assert!(at < Time::from_millis(6000), "{at}");
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
     assert_stopped(&flight, 0.0);
     assert_eq!(flight.said.iter().filter(|(_, text)| text == "takeoff").count(), 1, "never said twice");
@@ -311,11 +317,121 @@ fn a_cut_link_lets_a_tello_fly_on_for_15_s() {
     let (_, told) = flight.sticks().into_iter().rfind(|(at, _)| *at < cut).unwrap();
     let speed = 0.01 * f64::hypot(f64::from(told[0]), f64::from(told[1]));
     assert!(speed > 0.7, "it flew: {told:?}");
-    let there = |at: Time| flight.seen.path.iter().rfind(|(t, _)| *t <= at).unwrap().1;
-    let (from, to) = (there(cut), there(Time::MAX));
+    let (from, to) = (flight.place(cut), flight.place(Time::MAX));
     let flown_on = f64::hypot(to.east - from.east, to.north - from.north);
+    println!("by rc: {flown_on:.1} m after the cut, at {speed:.2} m/s");
     assert!((13.0..17.0).contains(&(flown_on / speed)), "{flown_on} m at {speed} m/s");
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "it landed by itself");
+}
+
+/// The pilot's error, counted in standard deviations as it states them, over whole flights: neither too sure nor too modest.
+#[test]
+fn the_stated_error_of_the_dead_reckoned_position_is_the_true_one() {
+    let mut last = Vec::new();
+    for (scene, goal) in [("office", GOAL), ("yard", "fly to the door"), ("city", "fly to the red crane"), ("city", "fly to the black car")] {
+        let flight = fly_in(scene, goal, FaultPlan::default(), None, settings(), "");
+        let start = flight.seen.path[0].1;
+        let heading = Stage::load(scene).unwrap().scene.start.attitude.heading;
+        let off: Vec<f64> = (flight.seen.path.iter().zip(&flight.seen.believed))
+            .map(|((_, truth), (known, error))| {
+                // The drone's north is where it faced when it was switched on.
+                let so_far = start.displacement_to(*truth, heading);
+                f64::hypot(so_far.right - known.east, so_far.forward - known.north) / error.max(0.05)
+            })
+            .collect();
+        let errors: Vec<f64> = flight.seen.believed.iter().map(|(_, error)| *error).collect();
+        assert!(errors.is_sorted(), "it grows");
+        let worst = off.iter().copied().fold(0.0, f64::max);
+        println!("{goal}: {:.2} m stated at the end, {:.1} of it true, {worst:.1} at worst", errors.last().unwrap(), off.last().unwrap());
+        assert!(worst < 3.5, "{goal}: {worst}");
+        last.push(*off.last().unwrap());
+    }
+    let typical = last.iter().sum::<f64>() / last.len() as f64;
+    assert!(typical > 0.15, "stated far too large: {typical}");
+}
+
+fn by_go() -> PilotSettings {
+    PilotSettings { motion: Motion::Manoeuvres, think: Think::Stop, ..settings() }
+}
+
+impl Flight {
+    /// Words that begin so, with their times.
+    fn words(&self, verb: &str) -> Vec<(Time, String)> {
+        self.said.iter().filter(|(_, said)| said.split(' ').next() == Some(verb)).cloned().collect()
+    }
+
+    fn place(&self, at: Time) -> EnuPosition {
+        self.seen.path.iter().rfind(|(t, _)| *t <= at).unwrap().1
+    }
+}
+
+#[test]
+fn a_whole_flight_by_go_arrives_and_moves_by_nothing_else() {
+    let flight = fly(GOAL, FaultPlan::default(), None, by_go());
+    assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    let gone = flight.words("go");
+    assert!(gone.len() >= 3 && flight.words("stop").is_empty(), "{gone:?}");
+    // Sticks that are not zero only for what is too short for `go`, and no stick while a move is under way.
+    assert!(flight.sticks().iter().filter(|(_, sticks)| sticks.iter().any(|s| *s != 0)).count() < 40);
+    for (at, text) in gone.iter().chain(&flight.words("cw")).chain(&flight.words("ccw")) {
+        let close = |other: &Time| *other < *at + Duration::from_millis(400) && at.since(*other) < Duration::from_millis(400);
+        assert!(!flight.sticks().iter().any(|(other, _)| close(other)), "{text} at {at}");
+    }
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+}
+
+/// The other half of `a_cut_link_lets_a_tello_fly_on_for_15_s`: what the drone ends by itself goes no farther than it was to.
+#[test]
+fn by_go_a_cut_link_lets_it_fly_the_rest_of_its_step() {
+    let undisturbed = fly_in("city", "fly to the red crane", FaultPlan::default(), None, by_go(), "");
+    let (began, text) = undisturbed.words("go")[2].clone();
+    let cut = began + Duration::from_millis(1200);
+    let flight =
+        fly_in("city", "fly to the red crane", trouble(Trouble::LinkCut, cut.as_secs_f64(), None), None, by_go(), "");
+    let cm: Vec<f64> = text.split(' ').skip(1).map(|n| n.parse().unwrap()).collect();
+    let length = 0.01 * f64::hypot(cm[0], cm[1]);
+    let (from, at, to) = (flight.place(began), flight.place(cut), flight.place(Time::MAX));
+    let map = |a: EnuPosition, b: EnuPosition| f64::hypot(b.east - a.east, b.north - a.north);
+    assert!(map(from, at) < 0.8 * length, "it was cut in the middle");
+    // 5 % and 5 cm are what the drone misses by, one standard deviation.
+    assert!((map(from, to) - length).abs() < 0.15 * length + 0.15, "{} m of {length} m", map(from, to));
+    println!("by go: {:.1} m after the cut, of a step of {length:.1} m", map(at, to));
+    assert!(map(at, to) < 5.5, "{} m after the cut", map(at, to));
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "it landed by itself");
+}
+
+#[test]
+fn by_go_the_end_of_a_reason_is_a_stop_and_the_flight_goes_on() {
+    let undisturbed = fly(GOAL, FaultPlan::default(), None, by_go());
+    let (began, _) = undisturbed.words("go")[0].clone();
+    let hold = began + Duration::from_millis(900);
+    let events = format!(
+        "[[event]]\nat_s = {}\ndo = \"hold\"\n[[event]]\nat_s = {}\ndo = \"resume\"\n",
+        hold.as_secs_f64(),
+        hold.as_secs_f64() + 3.0
+    );
+    let flight = fly_in("office", GOAL, FaultPlan::default(), None, by_go(), &events);
+    let stops = flight.words("stop");
+    assert!(stops.len() == 1 && stops[0].0.since(hold) <= Duration::from_millis(200), "{stops:?}, hold at {hold}");
+    let (stopped, later) = (flight.place(hold + Duration::from_millis(1600)), flight.place(hold + Duration::from_secs(3)));
+    assert!(stopped.distance(later) < 0.1, "{stopped:?} {later:?}");
+    assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+
+    // The video freezes in a step: it is stopped when the last frame is a second old.
+    let frozen = rule(Stream::Frames, hold.as_secs_f64(), None, Fault::Freeze);
+    let flight = fly(GOAL, frozen, None, by_go());
+    assert_eq!(flight.outcome(), Outcome::Failed);
+    let last = flight.words("go").last().unwrap().0;
+    assert!(last < hold + Duration::from_millis(1200), "nothing begins on old frames: {last}");
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+}
+
+#[test]
+fn by_go_moves_that_the_drone_refuses_are_not_flown_otherwise() {
+    let flight = fly(GOAL, trouble(Trouble::ImuInvalid, 6.0, None), None, PilotSettings { max_decisions: 6, ..by_go() });
+    assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    let flown = flight.place(Time::from_millis(6000)).distance(flight.place(Time::MAX));
+    assert!(flown < 1.5, "{flown} m, the landing among them");
 }
 
 #[test]

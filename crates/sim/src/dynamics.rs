@@ -178,7 +178,8 @@ impl Dynamics {
             FlightPhase::OnGround => {}
             FlightPhase::Stopped => self.come_down(collider, air),
             FlightPhase::TakingOff if self.spin_up_left > 0 => self.spin_up_left -= 1,
-            FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Landing => {
+            // No craft of the simulator flies manoeuvres by itself; the virtual Tello flies its own by setpoints.
+            FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Manoeuvring | FlightPhase::Landing => {
                 let setpoint = self.wanted(now, collider);
                 self.body.follow(&self.model, &self.response, setpoint, air, creep);
                 self.touch(collider, before, now + TICK);

@@ -137,6 +137,10 @@ pub(crate) struct WorldArgs {
     /// The drone: sim, or tello[@ADDRESS], a DJI Tello at 192.168.10.1 unless said (see docs/tello.md) [default: sim]
     #[arg(long, value_name = "DRONE")]
     pub(crate) drone: Option<String>,
+    /// How a Tello flies: rc (velocities, which it holds when the link is cut) or go (each step as moves that it ends by itself;
+    /// stop-and-think, sequential) [default: rc]
+    #[arg(long, value_name = "HOW")]
+    pub(crate) tello_motion: Option<String>,
     /// Craft to simulate: quad or tello [default: the scene's]
     #[arg(long, value_name = "MODEL")]
     pub(crate) drone_model: Option<String>,

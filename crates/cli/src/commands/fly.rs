@@ -53,6 +53,10 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
     if let Some(drone) = real::tello(&settings)? {
         return real::fly(args, settings, instruction, drone, printer);
     }
+    if args.world.tello_motion.is_some() {
+        return Err(CliError::usage("--tello-motion is about a Tello, and this flight has none")
+            .hint("--drone tello flies one; --motion tells how the simulated craft moves"));
+    }
     let (plan, points) = plan(args, &settings, instruction)?;
     let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
     let out = out_dir(&settings, instruction)?;
@@ -156,6 +160,7 @@ fn layered(args: &Fly) -> Result<Settings, CliError> {
     settings.flag("fly.weather", "--weather", world.conditions.weather.clone());
     settings.flag("fly.start", "--start", world.start.clone());
     settings.flag("fly.drone", "--drone", world.drone.clone());
+    settings.flag("tello.motion", "--tello-motion", world.tello_motion.clone());
     settings.flag("fly.drone_model", "--drone-model", world.drone_model.clone());
     settings.flag("fly.seed", "--seed", world.seed.clone());
     settings.flag("fly.wind", "--wind", world.wind.clone());

@@ -13,8 +13,8 @@ pub(super) const LAND_REPEAT: Duration = Duration::from_secs(1);
 const LANDING_TIME: Duration = Duration::from_secs(90);
 
 impl Pilot {
-    /// Follows what the craft itself says of its phase.
-    pub(super) fn follow_craft(&mut self, now: Time, crashed: bool) {
+    /// Follows what the craft itself says of its phase, which was another `before`, or the same.
+    pub(super) fn follow_craft(&mut self, now: Time, before: FlightPhase, crashed: bool) {
         if crashed && self.phase != Phase::Ended {
             self.cancel_queries();
             self.stop_motion(now);
@@ -30,6 +30,10 @@ impl Pilot {
                 self.next_tick = now;
                 let phase = if self.hold_after_take_off { Phase::Held } else { Phase::Flying };
                 self.enter(now, phase);
+            }
+            // It began, and is where it was: the craft has given it up, and says why itself.
+            (Phase::TakeOff, FlightPhase::OnGround) if before == FlightPhase::TakingOff => {
+                self.finish(now, Outcome::Failed, "the craft refused to take off".to_owned());
             }
             (Phase::Landing, FlightPhase::OnGround | FlightPhase::Stopped) => self.enter(now, Phase::Ended),
             // The craft lands or has stopped by itself (its own battery or link protection): follow, never fight it.

@@ -238,6 +238,18 @@ impl Pilot {
         self.known(now).pose()
     }
 
+    /// Standard deviation of the craft's position on the map as known, metres ([`MotionEstimator::position_error`]).
+    #[must_use]
+    pub fn position_error(&self) -> f64 {
+        self.estimator.position_error()
+    }
+
+    /// Whether the craft tells no position of its own.
+    #[must_use]
+    pub fn is_dead_reckoned(&self) -> bool {
+        self.estimator.is_dead_reckoned()
+    }
+
     /// What is known of the craft's motion. Before the first telemetry nothing flies, so that nothing is decided on the default.
     fn known(&self, now: Time) -> Known {
         self.estimator.at(now).unwrap_or_default()
@@ -254,8 +266,8 @@ impl Pilot {
         self.envelope.observe_telemetry(now, &telemetry);
         self.estimator.observe(&telemetry);
         self.executor.observe(telemetry.time, telemetry.phase);
-        self.craft_phase = telemetry.phase;
-        self.follow_craft(now, telemetry.crashed);
+        let before = core::mem::replace(&mut self.craft_phase, telemetry.phase);
+        self.follow_craft(now, before, telemetry.crashed);
     }
 
     fn clock(&mut self, now: Time) -> Time {

@@ -386,13 +386,20 @@ impl Link {
             let [east, north, up] = self.modelled;
             let expected = libm::hypot(east, north);
             let share = if expected > SIGN { length / expected } else { 0.0 };
-            let up = if up.abs() > SIGN { 0.1 * f64::from(z.abs()) * up.signum() } else { 0.0 };
+            let rises = match self.phase {
+                FlightPhase::TakingOff => 1.0,
+                FlightPhase::Landing => -1.0,
+                _ if up.abs() > SIGN => up.signum(),
+                _ => 0.0,
+            };
+            let up = 0.1 * f64::from(z.abs()) * rises;
             EnuVelocity { east: east * share, north: north * share, up }
         });
         Telemetry {
             time: now,
             position: None,
-            velocity: velocity.filter(|_| self.phase.is_flying()),
+            // Also on the way down: a position that is reckoned must not go on as it went before.
+            velocity: velocity.filter(|_| self.phase != FlightPhase::OnGround),
             attitude: Attitude {
                 heading: state.yaw.map_or(f64::NAN, |_| self.heading()),
                 pitch: angle(state.pitch),

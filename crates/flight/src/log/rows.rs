@@ -157,6 +157,13 @@ pub struct CommandRow {
     pub valid_until: Option<Time>,
 }
 
+/// How well the position is known.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PoseErrorRow {
+    /// Standard deviation on the map, metres; it grows while the position is dead-reckoned.
+    pub horizontal_m: f64,
+}
+
 /// Messages are missing before this one: the disk was too slow for them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GapRow {

@@ -7,7 +7,7 @@ use spf_core::query::Query;
 use spf_core::telemetry::Telemetry;
 use spf_record::log::{Topic, foxglove};
 
-use super::rows::{Cancelled, CommandRow, GapRow, Head, LinkRow, NoteRow, OperatorRow, ReplyRow, TruthRow, Wake};
+use super::rows::{Cancelled, CommandRow, GapRow, Head, LinkRow, NoteRow, OperatorRow, PoseErrorRow, ReplyRow, TruthRow, Wake};
 use crate::summary::Summary;
 
 /// A topic of a flight log.
@@ -57,6 +57,8 @@ pub enum Channel {
     PoseKnown,
     /// Pose in truth.
     PoseTrue,
+    /// How well the position is known.
+    PoseError,
     /// The scene in outline.
     Scene,
     /// The plan in force.
@@ -67,7 +69,7 @@ pub enum Channel {
 
 impl Channel {
     /// Every channel, in the order of their numbers.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 26] = [
         Self::Flight,
         Self::Wake,
         Self::Telemetry,
@@ -90,6 +92,7 @@ impl Channel {
         Self::Transforms,
         Self::PoseKnown,
         Self::PoseTrue,
+        Self::PoseError,
         Self::Scene,
         Self::Plan,
         Self::Log,
@@ -139,6 +142,7 @@ impl Channel {
             Self::Transforms => "/tf",
             Self::PoseKnown => "/pose/known",
             Self::PoseTrue => "/pose/true",
+            Self::PoseError => "/pose/error",
             Self::Scene => "/scene",
             Self::Plan => "/plan",
             Self::Log => "/log",
@@ -173,6 +177,7 @@ impl Channel {
             Self::Calibration => Topic::of_foxglove::<foxglove::CameraCalibration>(name),
             Self::Transforms => Topic::of_foxglove::<foxglove::FrameTransforms>(name),
             Self::PoseKnown | Self::PoseTrue => Topic::of_foxglove::<foxglove::PoseInFrame>(name),
+            Self::PoseError => json::<PoseErrorRow>(self, "spf.PoseError"),
             Self::Scene | Self::Plan => Topic::of_foxglove::<foxglove::SceneUpdate>(name),
             Self::Log => Topic::of_foxglove::<foxglove::Log>(name),
         }

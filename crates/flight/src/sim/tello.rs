@@ -255,8 +255,8 @@ impl Judging {
     fn look(&mut self, shut_down: bool) {
         let truth = self.world.truth();
         let ended_by = match truth.phase {
-            FlightPhase::TakingOff | FlightPhase::Flying if shut_down => "shutdown",
-            FlightPhase::TakingOff | FlightPhase::Flying => {
+            FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Manoeuvring if shut_down => "shutdown",
+            FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Manoeuvring => {
                 self.flight.get_or_insert(Flight {
                     began: truth.time,
                     start: truth.pose,

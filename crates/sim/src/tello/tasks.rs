@@ -70,7 +70,7 @@ impl VirtualTello {
         match phase {
             FlightPhase::OnGround | FlightPhase::Stopped => return Err("error Motor stop"),
             FlightPhase::Landing => return Err("error Auto land"),
-            FlightPhase::TakingOff | FlightPhase::Flying => {}
+            FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Manoeuvring => {}
         }
         if self.running.is_some() || now < self.busy_until {
             return Err("error Not joystick");

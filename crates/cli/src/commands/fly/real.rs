@@ -4,6 +4,8 @@ use std::net::{IpAddr, SocketAddr};
 use std::time::Instant;
 
 use spf_core::estimator::Senses;
+use spf_core::executor::Motion;
+use spf_core::pilot::Think;
 use spf_core::time::duration_from_secs;
 use spf_drone::Drone;
 use spf_drone::tello::craft::COMMAND_PORT;
@@ -32,6 +34,10 @@ use crate::settings::Settings;
 /// What the person must know before a Tello takes off.
 pub(crate) const WARNING: &str = "A Tello holds its last velocity: when the link is cut nothing can stop it before it lands by itself, 15 s \
                        after the last command. Ctrl-C lands, a second one ends the program.";
+
+/// The same, when it ends each step by itself.
+const OWN_WARNING: &str = "Each step ends by itself: when the link is cut the Tello flies the rest of it, at most 5 m, hovers, and lands 15 s after the \
+                           last command. Steps within 20 cm are flown by rc. Ctrl-C lands, a second one ends the program.";
 
 /// The address of the Tello that is to be flown; none when it is another drone.
 pub(crate) fn tello(settings: &Settings) -> Result<Option<SocketAddr>, CliError> {
@@ -62,7 +68,12 @@ pub(super) fn fly(
 ) -> Result<Exit, CliError> {
     settings.default("fly.vlm", spf_vlm::setup::AUTO);
     let (preset, policy) = manner(&settings)?;
-    let (method, prompt) = (method(&settings, preset)?, prompt(&settings, policy)?);
+    let (mut method, prompt) = (method(&settings, preset)?, prompt(&settings, policy)?);
+    let own = settings.choice("tello.motion", &[("rc", false), ("go", true)])?.unwrap_or(false);
+    if own {
+        // Whatever else is set: what the drone flies by itself has no end that a later answer could move.
+        (method.motion, method.think) = (Motion::Manoeuvres, Think::Stop);
+    }
     let (limits, tello) = (limits(&settings, CraftKind::Tello)?, tello_settings(&settings, drone)?);
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let max_cost_usd = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
@@ -70,7 +81,11 @@ pub(super) fn fly(
     check_vlm(&settings, &pointing, &printer)?;
     let interrupts = interrupts()?;
     let start = Instant::now();
-    let Connected { drone: craft, frames, .. } = connect(&tello, start, &printer)?;
+    let Connected { drone: craft, frames, firmware, .. } = connect(&tello, start, &printer)?;
+    if own && firmware.sdk.is_none() {
+        return Err(CliError::usage("this Tello cannot be flown with --tello-motion go")
+            .hint("its firmware speaks SDK 1.3, in which nothing ends a move; update it in the Tello app, or fly it by rc"));
+    }
     let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
     let out = out_dir(&settings, instruction)?;
     let record = RecordPlan { out: out.clone(), video: flag(&settings, "fly.video")?, view: view.as_ref().map(Live::sender) };
@@ -82,7 +97,7 @@ pub(super) fn fly(
         settings.get("fly.preset").unwrap_or_default(),
     ));
     printer.say(&format!("{} Standstill after a stop: {:.2} s at cruise.", pointing.sentence, standstill(CraftKind::Tello)));
-    printer.say(WARNING);
+    printer.say(if own { OWN_WARNING } else { WARNING });
     if let Some(view) = &view {
         tell_view(view, &printer);
     }
