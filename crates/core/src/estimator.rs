@@ -294,7 +294,8 @@ impl Drift {
     /// Another `elapsed` seconds at `speed` m/s on the map.
     fn grow(&mut self, senses: &Senses, speed: f64, elapsed: f64) {
         // Rounding to a unit has a variance of a twelfth of its square.
-        let report = senses.velocity_noise * senses.velocity_noise + senses.velocity_resolution * senses.velocity_resolution / 12.0;
+        let report =
+            senses.velocity_noise * senses.velocity_noise + senses.velocity_resolution * senses.velocity_resolution / 12.0;
         self.variance += 2.0 * report * ERROR_TIME * elapsed;
         self.way += speed * elapsed;
     }

@@ -328,7 +328,9 @@ fn a_cut_link_lets_a_tello_fly_on_for_15_s() {
 #[test]
 fn the_stated_error_of_the_dead_reckoned_position_is_the_true_one() {
     let mut last = Vec::new();
-    for (scene, goal) in [("office", GOAL), ("yard", "fly to the door"), ("city", "fly to the red crane"), ("city", "fly to the black car")] {
+    for (scene, goal) in
+        [("office", GOAL), ("yard", "fly to the door"), ("city", "fly to the red crane"), ("city", "fly to the black car")]
+    {
         let flight = fly_in(scene, goal, FaultPlan::default(), None, settings(), "");
         let start = flight.seen.path[0].1;
         let heading = Stage::load(scene).unwrap().scene.start.attitude.heading;
@@ -342,7 +344,11 @@ fn the_stated_error_of_the_dead_reckoned_position_is_the_true_one() {
         let errors: Vec<f64> = flight.seen.believed.iter().map(|(_, error)| *error).collect();
         assert!(errors.is_sorted(), "it grows");
         let worst = off.iter().copied().fold(0.0, f64::max);
-        println!("{goal}: {:.2} m stated at the end, {:.1} of it true, {worst:.1} at worst", errors.last().unwrap(), off.last().unwrap());
+        println!(
+            "{goal}: {:.2} m stated at the end, {:.1} of it true, {worst:.1} at worst",
+            errors.last().unwrap(),
+            off.last().unwrap()
+        );
         assert!(worst < 3.5, "{goal}: {worst}");
         last.push(*off.last().unwrap());
     }
@@ -386,8 +392,7 @@ fn by_go_a_cut_link_lets_it_fly_the_rest_of_its_step() {
     let undisturbed = fly_in("city", "fly to the red crane", FaultPlan::default(), None, by_go(), "");
     let (began, text) = undisturbed.words("go")[2].clone();
     let cut = began + Duration::from_millis(1200);
-    let flight =
-        fly_in("city", "fly to the red crane", trouble(Trouble::LinkCut, cut.as_secs_f64(), None), None, by_go(), "");
+    let flight = fly_in("city", "fly to the red crane", trouble(Trouble::LinkCut, cut.as_secs_f64(), None), None, by_go(), "");
     let cm: Vec<f64> = text.split(' ').skip(1).map(|n| n.parse().unwrap()).collect();
     let length = 0.01 * f64::hypot(cm[0], cm[1]);
     let (from, at, to) = (flight.place(began), flight.place(cut), flight.place(Time::MAX));

@@ -2,7 +2,7 @@
 
 use super::reach::{self, Situation};
 use super::watch::Control;
-use super::{Cause, Cleared, Clearance, Envelope, Reaction};
+use super::{Cause, Clearance, Cleared, Envelope, Reaction};
 use crate::command::{Command, Manoeuvre};
 use crate::time::{Time, duration_from_secs};
 

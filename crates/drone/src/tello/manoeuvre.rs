@@ -95,9 +95,8 @@ mod tests {
 
     #[test]
     fn hand_worked_words() {
-        let go = |right, forward, up, speed| {
-            words(Manoeuvre::Go { displacement: BodyDisplacement { right, forward, up }, speed })
-        };
+        let go =
+            |right, forward, up, speed| words(Manoeuvre::Go { displacement: BodyDisplacement { right, forward, up }, speed });
         // Ahead, to the left, up.
         assert_eq!(go(0.3, 1.5, -0.25, 0.8).as_deref(), Some("go 150 -30 -25 80"));
         assert_eq!(go(0.0, 9.0, 0.0, 3.0).as_deref(), Some("go 500 0 0 100"));

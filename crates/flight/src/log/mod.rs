@@ -5,7 +5,8 @@ mod rows;
 mod topics;
 
 pub use rows::{
-    Cancelled, CommandName, CommandRow, GapRow, Head, LinkRow, NoteKind, NoteRow, OperatorRow, PoseErrorRow, ReplyRow, SimHead, TruthRow, Wake,
+    Cancelled, CommandName, CommandRow, GapRow, Head, LinkRow, NoteKind, NoteRow, OperatorRow, PoseErrorRow, ReplyRow, SimHead,
+    TruthRow, Wake,
 };
 pub use topics::Channel;
 
@@ -256,9 +257,12 @@ pub(crate) fn output(action: &Action, pilot: &Pilot) -> Option<(Channel, Bytes)>
             let valid_until = Some(cleared.valid_until());
             let row = match *cleared.get() {
                 Command::TakeOff => row(CommandName::TakeOff),
-                Command::Setpoint(setpoint) => {
-                    CommandRow { wanted: Some(pilot.wanted()), cleared: Some(setpoint), valid_until, ..row(CommandName::Setpoint) }
-                }
+                Command::Setpoint(setpoint) => CommandRow {
+                    wanted: Some(pilot.wanted()),
+                    cleared: Some(setpoint),
+                    valid_until,
+                    ..row(CommandName::Setpoint)
+                },
                 Command::Manoeuvre(manoeuvre) => {
                     CommandRow { manoeuvre: Some(manoeuvre), valid_until, ..row(CommandName::Manoeuvre) }
                 }

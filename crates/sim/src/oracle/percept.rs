@@ -191,13 +191,20 @@ fn nearest(sight: &Sight<'_>, ids: &[u16], depth: &[f32]) -> Vec<f64> {
     for (y, (ids, depth)) in ids.chunks_exact(w).zip(depth.chunks_exact(w)).enumerate() {
         let up = slopes(sight.camera, at(0, y)).1;
         let level = 1.0 + up * up;
-        for ((id, along), aside) in ids.iter().zip(depth).zip(&aside) {
-            let along = f64::from(*along);
-            let squared = along * along * (level + aside);
-            let least = &mut least[usize::from(*id)];
-            if squared < *least && along > 0.0 {
-                *least = squared;
+        let mut first = 0;
+        // Neighbours of one thing are taken together, and where there is nothing nothing is worked out.
+        for run in ids.chunk_by(|a, b| a == b) {
+            let (from, to) = (first, first + run.len());
+            first = to;
+            if run[0] == 0 {
+                continue;
             }
+            let squares = depth[from..to].iter().zip(&aside[from..to]).map(|(along, aside)| {
+                let along = f64::from(*along);
+                if along > 0.0 { along * along * (level + aside) } else { f64::INFINITY }
+            });
+            let least = &mut least[usize::from(run[0])];
+            *least = squares.fold(*least, |least, squared| if squared < least { squared } else { least });
         }
     }
     least.into_iter().map(sqrt).collect()

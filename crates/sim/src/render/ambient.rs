@@ -1,11 +1,14 @@
 //! How open to the sky a place is: a grid over the scene, from the directions of the sky that are seen there, so that streets,
 //! corners, tunnels, rooms and the insides of trees are darker than open ground, and rooms are light about their windows.
 
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
+
 use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::lanes::{F, LANES, Simd, U, V3, four_bytes, whole};
+use super::lanes::{F, Instructions, LANES, Simd, U, V3, four_bytes, whole, with_instructions};
 use super::prepare::Soup;
 use super::visibility::{self, Map, centres};
 
@@ -35,14 +38,66 @@ pub(crate) struct Ambient {
     corners: Vec<[u32; 2]>,
 }
 
+/// What the openness of a place is worked out from.
+#[derive(Debug)]
+struct Survey {
+    low: Vec3,
+    step: Vec3,
+    columns: usize,
+    rows: usize,
+    ground: Vec<f32>,
+    maps: Vec<Map>,
+}
+
+impl Survey {
+    /// Places of the grid.
+    fn len(&self) -> usize {
+        LAYERS * self.rows * self.columns
+    }
+
+    /// Where the place of that number is looked from.
+    fn point(&self, i: usize) -> Vec3 {
+        let (column, row, up) = (i % self.columns, i / self.columns % self.rows, i / (self.columns * self.rows));
+        let p = self.low + Vec3::new(column as f32, row as f32, up as f32) * self.step;
+        // What lies under the ground stands for the air above it, which pixels on the ground read.
+        Vec3::new(p.x, p.y, p.z.max(self.ground[row * self.columns + column] + ABOVE))
+    }
+
+    /// The share of the sky that each of these sees, in steps of 1/255. A map after the other: neighbours read the same part.
+    fn openness(&self, points: &[Vec3]) -> Vec<u8> {
+        let share = 255.0 / DIRECTIONS as f32;
+        let mut seen = vec![0u8; points.len()];
+        for map in &self.maps {
+            seen.iter_mut().zip(points).for_each(|(seen, &p)| *seen += u8::from(map.sees(p)));
+        }
+        seen.into_iter().map(|seen| (f32::from(seen) * share + 0.5) as u8).collect()
+    }
+
+    /// The corners of the cell of that number, as they are kept.
+    fn corners(&self, i: usize, open: impl Fn(usize) -> u8) -> [u32; 2] {
+        let at = |i: usize| if i < self.len() { u32::from(open(i)) } else { 255 };
+        let four = |i: usize| at(i) | at(i + 1) << 8 | at(i + self.columns) << 16 | at(i + self.columns + 1) << 24;
+        [four(i), four(i + self.columns * self.rows)]
+    }
+}
+
 impl Ambient {
     pub(crate) fn new(soup: &Soup) -> Self {
+        let (grid, survey) = Self::survey(soup);
+        let Some(survey) = survey else { return grid };
+        let points: Vec<Vec3> = (0..survey.len()).map(|i| survey.point(i)).collect();
+        let open: Vec<u8> = points.par_chunks(NEIGHBOURS).flat_map_iter(|points| survey.openness(points)).collect();
+        Self { corners: (0..open.len()).map(|i| survey.corners(i, |i| open[i])).collect(), ..grid }
+    }
+
+    /// The grid without its values, and what these come from; none where nothing stands.
+    fn survey(soup: &Soup) -> (Self, Option<Survey>) {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for cluster in soup.clusters.iter().filter(|c| !c.opening && c.high.z - c.low.z > 0.5) {
             (low, high) = (low.min(cluster.low), high.max(cluster.high));
         }
         if low.x > high.x {
-            return Self { low: Vec3::ZERO, cells: Vec3::ONE, columns: 0, rows: 0, corners: Vec::new() };
+            return (Self { low: Vec3::ZERO, cells: Vec3::ONE, columns: 0, rows: 0, corners: Vec::new() }, None);
         }
         let rim = (0.25 * (high - low).truncate().max_element()).clamp(1.0, 6.0);
         low -= Vec3::new(rim, rim, 0.5);
@@ -54,18 +109,19 @@ impl Ambient {
         let step = Vec3::new(cell, cell, layer);
         let grid = Self { low, cells: Vec3::ONE / step, columns, rows, corners: Vec::new() };
         let ground = grid.ground(soup, cell);
-        let points: Vec<Vec3> = (0..LAYERS * rows * columns)
-            .map(|i| {
-                let (column, row, up) = (i % columns, i / columns % rows, i / (columns * rows));
-                let p = low + Vec3::new(column as f32, row as f32, up as f32) * step;
-                // What lies under the ground stands for the air above it, which pixels on the ground read.
-                Vec3::new(p.x, p.y, p.z.max(ground[row * columns + column] + ABOVE))
-            })
-            .collect();
-        let open = openness(soup, &points, (low, high), 0.75 * cell);
-        let at = |i: usize| u32::from(open.get(i).copied().unwrap_or(u8::MAX));
-        let four = |i: usize| at(i) | at(i + 1) << 8 | at(i + columns) << 16 | at(i + columns + 1) << 24;
-        Self { corners: (0..open.len()).map(|i| [four(i), four(i + columns * rows)]).collect(), ..grid }
+        let texel = 0.75 * cell;
+        let sky = visibility::sky(DIRECTIONS).into_par_iter();
+        let maps = sky.map(|to| Map::new(soup, to, (low, high), texel)).collect();
+        (grid, Some(Survey { low, step, columns, rows, ground, maps }))
+    }
+
+    /// The number of the cell in which a place lies; none outside of the grid. As [`Self::open`] finds it.
+    fn cell(&self, p: Vec3) -> Option<usize> {
+        let at = (p - self.low) * self.cells;
+        let most = Vec3::new(self.columns as f32 - 1.0, self.rows as f32 - 1.0, LAYERS as f32 - 1.0);
+        let inside = at.x >= 0.0 && at.y >= 0.0 && at.cmplt(most).all();
+        let [column, row, up] = at.max(Vec3::ZERO).floor().to_array().map(|x| x as usize);
+        inside.then_some((up * self.rows + row) * self.columns + column)
     }
 
     /// The lowest surface that looks upwards at each column of points; far below where there is none.
@@ -123,17 +179,61 @@ impl Ambient {
     }
 }
 
-/// The share of the sky that each point sees, in steps of 1/255.
-fn openness(soup: &Soup, points: &[Vec3], bounds: (Vec3, Vec3), texel: f32) -> Vec<u8> {
-    let maps: Vec<Map> = visibility::sky(DIRECTIONS).into_par_iter().map(|to| Map::new(soup, to, bounds, texel)).collect();
-    let share = 255.0 / DIRECTIONS as f32;
-    // A map after the other for neighbouring points: they read the same part of it.
-    let near = |points: &[Vec3]| {
-        let mut seen = vec![0u8; points.len()];
-        for map in &maps {
-            seen.iter_mut().zip(points).for_each(|(seen, &p)| *seen += u8::from(map.sees(p)));
+/// The same openness where it is asked for at some thousand places and not in every pixel: cells are worked out one by one.
+#[derive(Debug)]
+pub(crate) struct Spots {
+    survey: Option<Survey>,
+    known: Mutex<Known>,
+}
+
+#[derive(Debug)]
+struct Known {
+    /// With the corners of the cells that were asked for.
+    ambient: Ambient,
+    /// Which these are.
+    cells: BTreeSet<usize>,
+}
+
+impl Spots {
+    pub(crate) fn new(soup: &Soup) -> Self {
+        let (ambient, survey) = Ambient::survey(soup);
+        let corners = vec![[0; 2]; survey.as_ref().map_or(0, Survey::len)];
+        Self { survey, known: Mutex::new(Known { ambient: Ambient { corners, ..ambient }, cells: BTreeSet::new() }) }
+    }
+
+    /// As [`Ambient::open`].
+    pub(crate) fn open(&self, p: Vec3) -> f32 {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let Known { ambient, cells } = &mut *known;
+        if let Some((survey, cell)) = self.survey.as_ref().zip(ambient.cell(p))
+            && cells.insert(cell)
+        {
+            ambient.corners[cell] = survey.corners(cell, |i| survey.openness(&[survey.point(i)])[0]);
         }
-        seen.into_iter().map(|seen| (f32::from(seen) * share + 0.5) as u8).collect::<Vec<u8>>()
-    };
-    points.par_chunks(NEIGHBOURS).flat_map_iter(near).collect()
+        with_instructions!(Instructions::plain(), simd => ambient.open(V3::splat(simd, p))[0])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    #[test]
+    fn spots_are_the_grid_bit_for_bit() {
+        let scene = Scene::load("yard").unwrap();
+        let soup = Soup::new(&scene.geometry.parts, &scene.geometry.materials);
+        let (ambient, spots) = (Ambient::new(&soup), Spots::new(&soup));
+        let (low, size) = (ambient.low, Vec3::new(ambient.columns as f32, ambient.rows as f32, LAYERS as f32) / ambient.cells);
+        let mut shades = BTreeSet::new();
+        for i in 0..4000_u32 {
+            // Some of them outside.
+            let share = |k: u32| (i.wrapping_mul(k) >> 12) as f32 / (1 << 20) as f32 * 1.2 - 0.1;
+            let p = low + size * Vec3::new(share(2_654_435_761), share(2_246_822_519), share(3_266_489_917).powi(3));
+            let grid = with_instructions!(Instructions::plain(), simd => ambient.open(V3::splat(simd, p))[0]);
+            assert_eq!(spots.open(p).to_bits(), grid.to_bits(), "{p}");
+            shades.insert(grid.to_bits());
+        }
+        assert!(shades.len() > 100, "{}", shades.len());
+    }
 }

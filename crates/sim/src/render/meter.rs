@@ -7,7 +7,11 @@ use glam::Vec3;
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 
+use super::ambient::Spots;
+use super::lamps::LampLight;
 use super::lanes::{F, Instructions, V3, smooth, with_instructions};
+use super::shadow::ShadowMap;
+use super::sky::Sky;
 use super::view::View;
 use super::{Palette, Picture, Renderer};
 
@@ -18,18 +22,50 @@ const CLEAR: f32 = 0.06;
 /// Things that give off this much are seen in any dark.
 const GLOWING: f32 = 0.1;
 
+/// What the light on a thing is worked out from.
+struct Lights<'a> {
+    sky: &'a Sky,
+    lamps: &'a LampLight,
+    shadows: &'a ShadowMap,
+    glowing: &'a BTreeSet<u16>,
+    /// How open to the sky a place is.
+    open: &'a dyn Fn(Vec3) -> f32,
+}
+
+/// What it needs of a scene, for a renderer that has drawn no colours: the openness of a place is worked out where it is asked for.
+#[derive(Debug)]
+pub(super) struct Meter {
+    sky: Sky,
+    lamps: LampLight,
+    shadows: ShadowMap,
+    glowing: BTreeSet<u16>,
+    open: Spots,
+}
+
 impl Palette {
     /// What light is multiplied by on the film of a camera at `eye`: the scene's own value if it names one.
     pub(super) fn exposure(&self, eye: Vec3) -> f32 {
+        self.lights(&|p| self.open(p)).exposure(eye)
+    }
+
+    fn open(&self, p: Vec3) -> f32 {
+        with_instructions!(Instructions::plain(), simd => self.ambient.open(V3::splat(simd, p))[0])
+    }
+
+    fn lights<'a>(&'a self, open: &'a dyn Fn(Vec3) -> f32) -> Lights<'a> {
+        Lights { sky: &self.sky, lamps: &self.lamps, shadows: &self.shadows, glowing: &self.glowing, open }
+    }
+}
+
+impl Lights<'_> {
+    fn exposure(&self, eye: Vec3) -> f32 {
         let light = &self.sky.light;
         if let Some(exposure) = light.exposure {
             return exposure;
         }
         let outside = self.sky.exposure;
-        let (open, covered) = with_instructions!(Instructions::plain(), simd => {
-            let open = self.ambient.open(V3::splat(simd, eye));
-            (open[0], smooth((F::splat(simd, 0.6) - open) * 4.0)[0])
-        });
+        let open = (self.open)(eye);
+        let covered = with_instructions!(Instructions::plain(), simd => smooth((F::splat(simd, 0.6) - open) * 4.0)[0]);
         let here = luminance(light.sky_ambient) * open + 0.4 * luminance(self.lamps.at(eye));
         let inside = (0.5 / here.max(1e-3)).clamp(outside, outside * GREATEST);
         outside + (inside - outside) * covered
@@ -48,38 +84,25 @@ impl Renderer {
         if picture.width == 0 || !self.light.dark_places {
             return BTreeMap::new();
         }
-        let palette = self.palette();
         let view = View::new(camera, pose);
-        let exposure = palette.exposure(view.eye);
-        let mut seen: BTreeMap<u16, (u32, u32, f32)> = BTreeMap::new();
-        let (mut last, mut count) = (0, 0);
-        for (i, (&id, &z)) in ids.iter().zip(depth).enumerate() {
-            if id == 0 || z <= 0.0 {
-                continue;
-            }
-            if id != last {
-                // Most pixels are like the one before.
-                if last != 0 {
-                    seen.entry(last).or_default().0 = count;
-                }
-                (last, count) = (id, seen.get(&id).map_or(0, |thing| thing.0));
-            }
-            count += 1;
-            // The first, second, fourth, … pixel: spread over the thing, however large.
-            if count.is_power_of_two() {
-                let (x, y) = (i as u32 % picture.width, i as u32 / picture.width);
-                let ray = view.forward
-                    + view.right * ((x as f32 + 0.5 - view.cx) / view.fx)
-                    + view.down * ((y as f32 + 0.5 - view.cy) / view.fy);
-                // A little towards the eye, off the surface.
-                let at = view.eye + ray * (z * 0.99) - ray * 0.3f32.min(0.1 * z);
-                let thing = seen.entry(id).or_default();
-                thing.1 += 1;
-                thing.2 += palette.white(at) * exposure;
-            }
+        // Whoever has drawn in colour knows it all; for the light alone it would take too long.
+        if let Some(palette) = self.palette.get() {
+            light_on(&palette.lights(&|p| palette.open(p)), &view, picture.width, ids, depth)
+        } else {
+            let meter = self.meter.get_or_init(|| self.meter());
+            let Meter { sky, lamps, shadows, glowing, open } = meter;
+            light_on(&Lights { sky, lamps, shadows, glowing, open: &|p| open.open(p) }, &view, picture.width, ids, depth)
         }
-        let light = |(_, samples, sum): (u32, u32, f32)| (sum / samples.max(1) as f32 / CLEAR).clamp(0.0, 1.0);
-        seen.into_iter().map(|(id, thing)| (id, if palette.glowing.contains(&id) { 1.0 } else { light(thing) })).collect()
+    }
+
+    fn meter(&self) -> Meter {
+        Meter {
+            sky: Sky::new(&self.light),
+            lamps: LampLight::new(&self.soup, &self.light.lamps),
+            shadows: ShadowMap::new(&self.soup, &self.light),
+            glowing: self.glowing(),
+            open: Spots::new(&self.soup),
+        }
     }
 
     /// Things that give off light of their own.
@@ -90,15 +113,50 @@ impl Renderer {
     }
 }
 
-impl Palette {
+/// [`Renderer::light_on`] of a picture `width` pixels wide.
+fn light_on(lights: &Lights<'_>, view: &View, width: u32, ids: &[u16], depth: &[f32]) -> BTreeMap<u16, f32> {
+    let exposure = lights.exposure(view.eye);
+    let mut seen: BTreeMap<u16, (u32, u32, f32)> = BTreeMap::new();
+    let (mut last, mut count) = (0, 0);
+    for (i, (&id, &z)) in ids.iter().zip(depth).enumerate() {
+        if id == 0 || z <= 0.0 {
+            continue;
+        }
+        if id != last {
+            // Most pixels are like the one before.
+            if last != 0 {
+                seen.entry(last).or_default().0 = count;
+            }
+            (last, count) = (id, seen.get(&id).map_or(0, |thing| thing.0));
+        }
+        count += 1;
+        // The first, second, fourth, … pixel: spread over the thing, however large.
+        if count.is_power_of_two() {
+            let (x, y) = (i as u32 % width, i as u32 / width);
+            let ray = view.forward
+                + view.right * ((x as f32 + 0.5 - view.cx) / view.fx)
+                + view.down * ((y as f32 + 0.5 - view.cy) / view.fy);
+            // A little towards the eye, off the surface.
+            let at = view.eye + ray * (z * 0.99) - ray * 0.3f32.min(0.1 * z);
+            let thing = seen.entry(id).or_default();
+            thing.1 += 1;
+            thing.2 += lights.white(at) * exposure;
+        }
+    }
+    let light = |(_, samples, sum): (u32, u32, f32)| (sum / samples.max(1) as f32 / CLEAR).clamp(0.0, 1.0);
+    seen.into_iter().map(|(id, thing)| (id, if lights.glowing.contains(&id) { 1.0 } else { light(thing) })).collect()
+}
+
+impl Lights<'_> {
     /// Luminance of the light on a white surface at `p`, over all ways that it may face.
     fn white(&self, p: Vec3) -> f32 {
         let light = &self.sky.light;
-        let (open, sun) = with_instructions!(Instructions::plain(), simd => {
+        let open = (self.open)(p);
+        let sun = with_instructions!(Instructions::plain(), simd => {
             let p = V3::splat(simd, p);
             let receiver = self.shadows.receiver(light.to_sun, 1.0).splat(simd);
             let all = F::splat(simd, 0.0).simd_ge(0.0);
-            (self.ambient.open(p)[0], self.shadows.lit(p, &receiver, all, true)[0])
+            self.shadows.lit(p, &receiver, all, true)[0]
         });
         let even = luminance(light.sky_ambient + light.ground_ambient) * 0.5 * open;
         even + luminance(light.sun) * sun * 0.25 + luminance(self.lamps.at(p)) * 0.25

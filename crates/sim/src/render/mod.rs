@@ -45,6 +45,7 @@ use develop::{Developed, Srgb};
 use glam::Vec3;
 use lamps::LampLight;
 use lanes::{Instructions, with_instructions};
+use meter::Meter;
 use noise::Noise;
 use pattern::Paint;
 pub use picture::{Picture, SaveError};
@@ -122,6 +123,7 @@ pub struct Renderer {
     textures: Vec<Texture>,
     light: Light,
     palette: OnceLock<Palette>,
+    meter: OnceLock<Meter>,
     scratch: Mutex<Vec<Scratch>>,
     instructions: Instructions,
 }
@@ -148,6 +150,7 @@ impl Renderer {
             textures: scene.textures.clone(),
             light: scene.light.clone(),
             palette: OnceLock::new(),
+            meter: OnceLock::new(),
             scratch: Mutex::default(),
             instructions: Instructions::best(),
         }

@@ -62,20 +62,28 @@ impl Picture {
     pub(crate) fn take_truth(&mut self, near: &[f32], id: &[u32], columns: usize, object: impl Fn(u32) -> u16 + Sync) {
         let width = self.width as usize;
         if let Some(depth) = &mut self.depth {
-            untile(depth, width, columns, |i| if near[i] > 0.0 { 1.0 / near[i] } else { 0.0 });
+            untile(depth, width, columns, |first, out| {
+                for (out, &near) in out.iter_mut().zip(&near[first..]) {
+                    *out = if near > 0.0 { 1.0 / near } else { 0.0 };
+                }
+            });
         }
         if let Some(ids) = &mut self.ids {
-            untile(ids, width, columns, |i| if id[i] == NONE { 0 } else { object(id[i]) });
+            untile(ids, width, columns, |first, out| objects(&id[first..], out, &object));
         }
     }
 
     pub(crate) fn take_openings(&mut self, near: &[f32], id: &[u32], columns: usize, object: impl Fn(u32) -> u16 + Sync) {
         let width = self.width as usize;
         if let Some(depth) = &mut self.opening_depth {
-            untile(depth, width, columns, |i| if id[i] == NONE { 0.0 } else { 1.0 / near[i] });
+            untile(depth, width, columns, |first, out| {
+                for (out, (&near, &id)) in out.iter_mut().zip(near[first..].iter().zip(&id[first..])) {
+                    *out = if id == NONE { 0.0 } else { 1.0 / near };
+                }
+            });
         }
         if let Some(ids) = &mut self.opening_ids {
-            untile(ids, width, columns, |i| if id[i] == NONE { 0 } else { object(id[i]) });
+            untile(ids, width, columns, |first, out| objects(&id[first..], out, &object));
         }
     }
 
@@ -134,17 +142,25 @@ fn centimetres(metres: f32) -> u16 {
     if steps < 65_536.0 { steps as u16 } else { 0 }
 }
 
-/// Brings samples from the order of tiles into rows.
-fn untile<T: Send>(out: &mut [T], width: usize, columns: usize, value: impl Fn(usize) -> T + Sync) {
+/// The objects of up to eight neighbouring triangles, which mostly are one.
+fn objects(ids: &[u32], out: &mut [u16], object: &impl Fn(u32) -> u16) {
+    let of = |id| if id == NONE { 0 } else { object(id) };
+    let ids = &ids[..out.len()];
+    if ids.iter().all(|id| *id == ids[0]) {
+        out.fill(of(ids[0]));
+    } else {
+        out.iter_mut().zip(ids).for_each(|(out, &id)| *out = of(id));
+    }
+}
+
+/// Brings samples from the order of tiles into rows, up to `eight` neighbours at once, the first of which has this place.
+fn untile<T: Send>(out: &mut [T], width: usize, columns: usize, eight: impl Fn(usize, &mut [T]) + Sync) {
     let side = TILE as usize;
     out.par_chunks_exact_mut(width).enumerate().for_each(|(y, line)| {
         for (column, out) in line.chunks_mut(side).enumerate() {
             let start = (y / side * columns + column) * TILE_AREA;
             for (block, out) in out.chunks_mut(8).enumerate() {
-                let first = start + place(block * 8, y % side);
-                for (k, slot) in out.iter_mut().enumerate() {
-                    *slot = value(first + k);
-                }
+                eight(start + place(block * 8, y % side), out);
             }
         }
     });

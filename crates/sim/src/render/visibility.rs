@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::prepare::Soup;
 
 /// Nearness to the light of the first surface, on a grid across its rays.
+#[derive(Debug)]
 pub(crate) struct Map {
     across: Vec3,
     along: Vec3,
