@@ -20,7 +20,7 @@ FOXGLOVE = {
     "/plan": "SceneUpdate",
     "/log": "Log",
 }
-OURS = "flight wake telemetry frame reply operator query command decision note finished truth summary".split() + ["pose/error"]
+OURS = "flight wake telemetry frame reply operator query command decision note finished truth summary".split() + ["pose/deviation"]
 
 
 def read(folder, pictures):

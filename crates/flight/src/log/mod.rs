@@ -5,8 +5,8 @@ mod rows;
 mod topics;
 
 pub use rows::{
-    Cancelled, CommandName, CommandRow, GapRow, Head, LinkRow, NoteKind, NoteRow, OperatorRow, PoseErrorRow, ReplyRow, SimHead,
-    TruthRow, Wake,
+    Cancelled, CommandName, CommandRow, GapRow, Head, LinkRow, NoteKind, NoteRow, OperatorRow, PoseDeviationRow, ReplyRow,
+    SimHead, TruthRow, Wake,
 };
 pub use topics::Channel;
 
@@ -117,7 +117,7 @@ impl FlightLog {
         if self.posed.is_none_or(|at| now.since(at) >= POSE_EVERY) {
             self.posed = Some(now);
             self.poses(now, &pilot.known_pose(now));
-            self.row(Channel::PoseError, now, &PoseErrorRow { horizontal_m: pilot.position_error() });
+            self.row(Channel::PoseDeviation, now, &PoseDeviationRow { horizontal_m: pilot.position_error() });
         }
     }
 

@@ -159,7 +159,7 @@ pub struct CommandRow {
 
 /// How well the position is known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct PoseErrorRow {
+pub struct PoseDeviationRow {
     /// Standard deviation on the map, metres; it grows while the position is dead-reckoned.
     pub horizontal_m: f64,
 }

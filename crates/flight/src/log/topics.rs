@@ -7,7 +7,9 @@ use spf_core::query::Query;
 use spf_core::telemetry::Telemetry;
 use spf_record::log::{Topic, foxglove};
 
-use super::rows::{Cancelled, CommandRow, GapRow, Head, LinkRow, NoteRow, OperatorRow, PoseErrorRow, ReplyRow, TruthRow, Wake};
+use super::rows::{
+    Cancelled, CommandRow, GapRow, Head, LinkRow, NoteRow, OperatorRow, PoseDeviationRow, ReplyRow, TruthRow, Wake,
+};
 use crate::summary::Summary;
 
 /// A topic of a flight log.
@@ -58,7 +60,7 @@ pub enum Channel {
     /// Pose in truth.
     PoseTrue,
     /// How well the position is known.
-    PoseError,
+    PoseDeviation,
     /// The scene in outline.
     Scene,
     /// The plan in force.
@@ -92,7 +94,7 @@ impl Channel {
         Self::Transforms,
         Self::PoseKnown,
         Self::PoseTrue,
-        Self::PoseError,
+        Self::PoseDeviation,
         Self::Scene,
         Self::Plan,
         Self::Log,
@@ -142,7 +144,7 @@ impl Channel {
             Self::Transforms => "/tf",
             Self::PoseKnown => "/pose/known",
             Self::PoseTrue => "/pose/true",
-            Self::PoseError => "/pose/error",
+            Self::PoseDeviation => "/pose/deviation",
             Self::Scene => "/scene",
             Self::Plan => "/plan",
             Self::Log => "/log",
@@ -177,7 +179,7 @@ impl Channel {
             Self::Calibration => Topic::of_foxglove::<foxglove::CameraCalibration>(name),
             Self::Transforms => Topic::of_foxglove::<foxglove::FrameTransforms>(name),
             Self::PoseKnown | Self::PoseTrue => Topic::of_foxglove::<foxglove::PoseInFrame>(name),
-            Self::PoseError => json::<PoseErrorRow>(self, "spf.PoseError"),
+            Self::PoseDeviation => json::<PoseDeviationRow>(self, "spf.PoseDeviation"),
             Self::Scene | Self::Plan => Topic::of_foxglove::<foxglove::SceneUpdate>(name),
             Self::Log => Topic::of_foxglove::<foxglove::Log>(name),
         }
