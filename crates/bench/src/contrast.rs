@@ -6,24 +6,78 @@ use crate::stats::{PairedDifference, holm};
 use crate::table::vlm_of;
 use crate::trial::Record;
 
+/// When a trial counts as a success.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scoring {
+    /// The method said that it was done, and was.
+    SelfStop,
+    /// The judge would have said success at some instant.
+    JudgeStop,
+}
+
+impl Scoring {
+    /// Both, the headline first.
+    pub const ALL: [Self; 2] = [Self::SelfStop, Self::JudgeStop];
+
+    /// Its name, as among the `scores` of a row.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::SelfStop => "self_stop",
+            Self::JudgeStop => "judge_stop",
+        }
+    }
+
+    /// In words for people.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::SelfStop => "self stop",
+            Self::JudgeStop => "judge stop",
+        }
+    }
+
+    fn of(self, record: &Record) -> bool {
+        match self {
+            Self::SelfStop => record.scores.self_stop,
+            Self::JudgeStop => record.scores.judge_stop,
+        }
+    }
+}
+
 /// Two of a run, on the draws that both flew.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contrast {
     /// Method and who pointed, of the first and of the second.
     pub who: [(String, String); 2],
-    /// Self stops: the first's rate less the second's.
-    pub self_stop: PairedDifference,
+    /// Successes: the first's rate less the second's.
+    pub paired: PairedDifference,
     /// Exact McNemar, two-sided, after Holm over all pairs of the run.
     pub p_holm: f64,
+}
+
+impl Contrast {
+    /// The difference and the ends of its interval in points, hundredths of the trials.
+    #[must_use]
+    pub fn points(&self) -> [f64; 3] {
+        let e = self.paired.difference;
+        [e.value, e.low, e.high].map(|share| 100.0 * share)
+    }
+
+    /// The corrected p in four decimals.
+    #[must_use]
+    pub fn p_words(&self) -> String {
+        if self.p_holm < 0.0001 { "< 0.0001".to_owned() } else { format!("{:.4}", self.p_holm) }
+    }
 }
 
 /// Every pair of methods and models, in the order in which they come; none of a single one. Trials of one task are taken for
 /// independent, which they are not quite: p is a little too small.
 #[must_use]
-pub fn contrasts(records: &[Record]) -> Vec<Contrast> {
+pub fn contrasts(records: &[Record], scoring: Scoring) -> Vec<Contrast> {
     let seed = |record: &'_ Record| record.run_id.rsplit('/').next().unwrap_or_default().to_owned();
     let trial =
-        |record: &Record| ((record.method.clone(), vlm_of(record)), (record.task.clone(), seed(record)), record.scores.self_stop);
+        |record: &Record| ((record.method.clone(), vlm_of(record)), (record.task.clone(), seed(record)), scoring.of(record));
     between(records.iter().map(trial))
 }
 
@@ -42,12 +96,12 @@ fn between(trials: impl Iterator<Item = ((String, String), Draw, bool)>) -> Vec<
     for (number, (first, one)) in arms.iter().enumerate() {
         for (second, other) in &arms[number + 1..] {
             let pairs: Vec<(bool, bool)> = one.iter().filter_map(|(of, hit)| Some((*hit, *other.get(of)?))).collect();
-            if let Some(self_stop) = PairedDifference::of(&pairs) {
-                found.push(Contrast { who: [first.clone(), second.clone()], self_stop, p_holm: 1.0 });
+            if let Some(paired) = PairedDifference::of(&pairs) {
+                found.push(Contrast { who: [first.clone(), second.clone()], paired, p_holm: 1.0 });
             }
         }
     }
-    let adjusted = holm(&found.iter().map(|contrast| contrast.self_stop.p).collect::<Vec<_>>());
+    let adjusted = holm(&found.iter().map(|contrast| contrast.paired.p).collect::<Vec<_>>());
     found.iter_mut().zip(adjusted).for_each(|(contrast, p)| contrast.p_holm = p);
     found
 }
@@ -68,8 +122,8 @@ mod tests {
         assert_eq!(found.len(), 1, "{found:?}");
         let contrast = &found[0];
         assert_eq!(contrast.who, [who("a"), who("b")]);
-        assert_eq!((contrast.self_stop.discordant.first, contrast.self_stop.discordant.second), (6, 0));
-        assert!((contrast.self_stop.difference.value - 0.75).abs() < 1e-12);
+        assert_eq!((contrast.paired.discordant.first, contrast.paired.discordant.second), (6, 0));
+        assert!((contrast.paired.difference.value - 0.75).abs() < 1e-12);
         // Two tosses of six the same way.
         assert!((contrast.p_holm - 2.0 / 64.0).abs() < 1e-12, "{}", contrast.p_holm);
     }

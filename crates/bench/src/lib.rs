@@ -8,6 +8,7 @@
 pub mod contrast;
 pub mod ground;
 pub mod judge;
+pub mod report;
 pub mod run;
 pub mod stats;
 pub mod table;

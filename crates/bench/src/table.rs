@@ -25,6 +25,18 @@ pub struct Line {
     pub collided: Rate,
 }
 
+impl Line {
+    /// What it is about, in words for people.
+    #[must_use]
+    pub fn group(&self) -> String {
+        match (self.set, self.category) {
+            (Some(set), Some(category)) => format!("{}, {}", set.words(), category.words()),
+            (Some(set), None) => format!("{}, all", set.words()),
+            _ => "all".to_owned(),
+        }
+    }
+}
+
 type Key = (String, String, Option<(Set, Option<Category>)>);
 
 /// The table, by method and model in the order in which they come, sets and categories in the paper's order.

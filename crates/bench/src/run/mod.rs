@@ -1,19 +1,24 @@
 //! Many trials on several threads, into a folder; resumed where they were cut off.
 
+mod film;
+mod made;
 mod shard;
 mod store;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 
+pub use film::video_of;
+pub use made::{Made, shell_word};
 pub use shard::{Shard, ShardError};
-pub use store::{Head, Store, StoreError, merge, read_records};
+pub use store::{Head, Store, StoreError, merge, read_head, read_paths, read_records};
 
 use crate::fnv;
 use crate::task::Task;
-use crate::trial::{Method, Pointer, Record, Trial, draw};
+use crate::trial::{Flown, Method, Pointer, Record, Trial, draw};
 
 /// What is to be run.
 pub struct Plan {
@@ -76,7 +81,20 @@ pub struct Progress {
     pub stopped: bool,
 }
 
-/// Runs the trials of one share that are not there yet, on `jobs` threads. `told` hears of the progress; when `stop` says so, no
+/// How a plan is run, which changes nothing in its rows.
+#[derive(Clone, Debug)]
+pub struct Manner {
+    /// Trials that are flown at once.
+    pub jobs: usize,
+    /// Whether each flight is filmed.
+    pub videos: bool,
+    /// The command that makes the same rows, as it is kept in `run.json`.
+    pub command: String,
+    /// Tasks that do not come with the program: id and file.
+    pub files: BTreeMap<String, String>,
+}
+
+/// Runs the trials of one share that are not there yet. `told` hears of the progress; when `stop` says so, no
 /// further trial is begun.
 ///
 /// # Errors
@@ -85,11 +103,12 @@ pub fn run(
     plan: &Plan,
     head: &Head,
     folder: &Path,
-    jobs: usize,
+    manner: &Manner,
     stop: &dyn Fn() -> bool,
     told: &mut dyn FnMut(Progress, Option<&Record>),
 ) -> Result<Progress, StoreError> {
     let (mut store, there) = Store::open(folder, head)?;
+    let made = Made::begin(folder, &manner.command, &manner.files)?;
     let is_there = |trial: &Trial| there.binary_search(&trial.run_id()).is_ok();
     let own = plan.draws().into_iter().enumerate().filter(|(number, _)| head.shard.has(*number)).map(|(_, trials)| trials);
     let own: Vec<Vec<Trial>> = own.collect();
@@ -104,24 +123,25 @@ pub fn run(
     let (next, ending) = (AtomicUsize::new(0), AtomicBool::new(false));
     let (rows, arrived) = channel();
     std::thread::scope(|scope| {
-        for _ in 0..jobs.clamp(1, left.len().max(1)) {
+        for _ in 0..manner.jobs.clamp(1, left.len().max(1)) {
             let (rows, next, ending, left) = (rows.clone(), &next, &ending, &left);
             scope.spawn(move || {
                 while let Some(trials) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    if !fly_draw(trials, ending, &mut |record| rows.send(record).is_ok()) {
+                    let film = manner.videos.then_some(folder);
+                    if !fly_draw(trials, film, ending, &mut |flown| rows.send(flown).is_ok()) {
                         return;
                     }
                 }
             });
         }
         drop(rows);
-        for record in arrived {
-            let kept = store.push(&record);
+        for flown in arrived {
+            let kept = flown.and_then(|flown| store.push(&flown).map(|()| flown.record));
             if kept.is_err() || stop() {
                 ending.store(true, Ordering::Relaxed);
                 progress.stopped = true;
             }
-            kept?;
+            let record = kept?;
             progress.done += 1;
             told(progress, Some(&record));
         }
@@ -129,22 +149,31 @@ pub fn run(
     })?;
     progress.stopped &= progress.done < of;
     store.finish(head)?;
+    if progress.done == of && !left.is_empty() {
+        made.end(folder)?;
+    }
     Ok(progress)
 }
 
-/// Flies the trials of one draw; false when it is to end.
-fn fly_draw(trials: &[Trial], ending: &AtomicBool, send: &mut dyn FnMut(Record) -> bool) -> bool {
+/// Flies the trials of one draw, filmed into the folder `film` where there is one; false when it is to end.
+fn fly_draw(
+    trials: &[Trial],
+    film: Option<&Path>,
+    ending: &AtomicBool,
+    send: &mut dyn FnMut(Result<Flown, StoreError>) -> bool,
+) -> bool {
     let Some(first) = trials.first() else { return true };
     let mut drawn = None;
     for trial in trials {
         if ending.load(Ordering::Relaxed) {
             return false;
         }
-        let record = match drawn.get_or_insert_with(|| draw(&first.task, first.seed)) {
-            Ok(drawn) => trial.fly(drawn, None),
-            Err(error) => trial.failed(None, error),
+        let flown = match (drawn.get_or_insert_with(|| draw(&first.task, first.seed)), film) {
+            (Ok(drawn), None) => Ok(trial.fly(drawn, None)),
+            (Ok(drawn), Some(folder)) => film::fly(trial, drawn, folder),
+            (Err(error), _) => Ok(trial.failed(None, error)),
         };
-        if !send(record) {
+        if !send(flown) {
             return false;
         }
     }

@@ -1,7 +1,7 @@
-//! The out folder: `bench.json` says what is run, `results.jsonl` has a row a trial.
+//! The out folder: `bench.json` says what is run, `results.jsonl` has a row a trial, `paths.jsonl` the way of each.
 //!
-//! A row is appended as soon as its trial is over, so that a kill loses none; when all are there, the rows are put in the order
-//! of the plan, which is the same whatever the number of jobs.
+//! A row is appended as soon as its trial is over, its way before it, so that a kill loses none; when all are there, the rows are put
+//! in the order of the plan, which is the same whatever the number of jobs.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -11,11 +11,16 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::made::Made;
 use super::shard::Shard;
-use crate::trial::Record;
+use crate::trial::{Flown, FlownPath, Record};
 
 /// Version of the files.
 const FORMAT: u32 = 1;
+/// A row a trial.
+const RESULTS: &str = "results.jsonl";
+/// The way of each.
+const PATHS: &str = "paths.jsonl";
 
 /// What is run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -78,7 +83,8 @@ pub enum StoreError {
 #[derive(Debug)]
 pub struct Store {
     folder: PathBuf,
-    file: File,
+    results: File,
+    paths: File,
 }
 
 /// The part of a row that tells which it is.
@@ -87,7 +93,7 @@ struct Id {
     run_id: String,
 }
 
-fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> StoreError {
+pub(super) fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> StoreError {
     let path = path.to_owned();
     move |source| StoreError::File { path, source }
 }
@@ -99,7 +105,7 @@ impl Store {
     /// [`StoreError`] when it cannot be written to or is another plan's.
     pub fn open(folder: &Path, head: &Head) -> Result<(Self, Vec<String>), StoreError> {
         std::fs::create_dir_all(folder).map_err(failed(folder))?;
-        let (head_path, rows_path) = (folder.join("bench.json"), folder.join("results.jsonl"));
+        let head_path = folder.join("bench.json");
         match std::fs::read_to_string(&head_path) {
             Ok(text) => {
                 let other = |what| StoreError::Other { path: folder.to_owned(), what };
@@ -114,24 +120,18 @@ impl Store {
             }
             Err(error) => return Err(failed(&head_path)(error)),
         }
-        let rows = whole_rows(&rows_path)?;
-        let there = rows.keys().cloned().collect();
-        // What a kill tore is cut off before anything is appended to it.
-        let text: String = rows.into_values().collect();
-        replace(&rows_path, &text)?;
-        let file = OpenOptions::new().append(true).open(&rows_path).map_err(failed(&rows_path))?;
-        Ok((Self { folder: folder.to_owned(), file }, there))
+        let (results, there) = appended(&folder.join(RESULTS))?;
+        let (paths, _) = appended(&folder.join(PATHS))?;
+        Ok((Self { folder: folder.to_owned(), results, paths }, there))
     }
 
-    /// Appends a row.
+    /// Appends the rows of a trial.
     ///
     /// # Errors
     /// [`StoreError::File`].
-    pub fn push(&mut self, record: &Record) -> Result<(), StoreError> {
-        let path = self.folder.join("results.jsonl");
-        let mut line = serde_json::to_vec(record).map_err(|error| failed(&path)(error.into()))?;
-        line.push(b'\n');
-        self.file.write_all(&line).map_err(failed(&path))
+    pub fn push(&mut self, flown: &Flown) -> Result<(), StoreError> {
+        append(&mut self.paths, &flown.path, &self.folder.join(PATHS))?;
+        append(&mut self.results, &flown.record, &self.folder.join(RESULTS))
     }
 
     /// Puts the rows in the order of the plan.
@@ -139,11 +139,32 @@ impl Store {
     /// # Errors
     /// [`StoreError`] when they cannot be read or written.
     pub fn finish(&self, head: &Head) -> Result<(), StoreError> {
-        let path = self.folder.join("results.jsonl");
-        let mut rows = whole_rows(&path)?;
-        let text: String = head.trials.iter().filter_map(|id| rows.remove(id)).collect();
-        replace(&path, &text)
+        for path in [RESULTS, PATHS].map(|name| self.folder.join(name)) {
+            replace(&path, &in_order(head, whole_rows(&path)?))?;
+        }
+        Ok(())
     }
+}
+
+/// The rows in the order of the plan.
+fn in_order(head: &Head, mut rows: BTreeMap<String, String>) -> String {
+    head.trials.iter().filter_map(|id| rows.remove(id)).collect()
+}
+
+/// Opens a file of rows to append to it, and tells whose rows are there.
+fn appended(path: &Path) -> Result<(File, Vec<String>), StoreError> {
+    let rows = whole_rows(path)?;
+    let there = rows.keys().cloned().collect();
+    // What a kill tore is cut off before anything is appended to it.
+    let text: String = rows.into_values().collect();
+    replace(path, &text)?;
+    Ok((OpenOptions::new().append(true).open(path).map_err(failed(path))?, there))
+}
+
+fn append(file: &mut File, row: &impl Serialize, path: &Path) -> Result<(), StoreError> {
+    let mut line = serde_json::to_vec(row).map_err(|error| failed(path)(error.into()))?;
+    line.push(b'\n');
+    file.write_all(&line).map_err(failed(path))
 }
 
 fn difference(there: &Head, wanted: &Head) -> &'static str {
@@ -166,29 +187,62 @@ fn whole_rows(path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
         Err(error) => return Err(failed(path)(error)),
     };
     let mut rows = BTreeMap::new();
-    for (row, line) in text.split_inclusive('\n').zip(1..).filter(|(row, _)| row.ends_with('\n')) {
-        let id: Id = serde_json::from_str(row).map_err(|_| StoreError::Row { path: path.to_owned(), line })?;
+    for (row, line) in whole_lines(&text) {
+        let id: Id = serde_json::from_str(row).map_err(|_| no_row(path, line))?;
         rows.insert(id.run_id, row.to_owned());
     }
     Ok(rows)
 }
 
+/// Lines that end, with their numbers from 1: what a kill tore is none.
+fn whole_lines(text: &str) -> impl Iterator<Item = (&str, usize)> {
+    text.split_inclusive('\n').zip(1..).filter(|(row, _)| row.ends_with('\n'))
+}
+
 /// Writes a file whole or not at all.
-fn replace(path: &Path, text: &str) -> Result<(), StoreError> {
+pub(super) fn replace(path: &Path, text: &str) -> Result<(), StoreError> {
     let beside = path.with_extension("new");
     std::fs::write(&beside, text).map_err(failed(&beside))?;
     std::fs::rename(&beside, path).map_err(failed(path))
 }
 
-/// The rows of a folder of results.
+/// The rows of a folder of results, as they stand there; a torn last line is left out.
 ///
 /// # Errors
 /// [`StoreError`] when they cannot be read.
 pub fn read_records(folder: &Path) -> Result<Vec<Record>, StoreError> {
-    let path = folder.join("results.jsonl");
+    let path = folder.join(RESULTS);
     let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
-    let row = |(row, line): (&str, usize)| serde_json::from_str(row).map_err(|_| StoreError::Row { path: path.clone(), line });
-    text.lines().zip(1..).map(row).collect()
+    whole_lines(&text).map(|(row, line)| serde_json::from_str(row).map_err(|_| no_row(&path, line))).collect()
+}
+
+/// The flown ways of a folder of results by their trial; none of a folder of a version that kept none.
+///
+/// # Errors
+/// [`StoreError`] when they cannot be read.
+pub fn read_paths(folder: &Path) -> Result<BTreeMap<String, FlownPath>, StoreError> {
+    let path = folder.join(PATHS);
+    let mut found = BTreeMap::new();
+    for ((id, row), line) in whole_rows(&path)?.into_iter().zip(1..) {
+        let row: Option<FlownPath> = serde_json::from_str(&row).ok().filter(FlownPath::is_sound);
+        found.insert(id, row.ok_or_else(|| no_row(&path, line))?);
+    }
+    Ok(found)
+}
+
+/// The plan of a folder of results.
+///
+/// # Errors
+/// [`StoreError`] when it cannot be read.
+pub fn read_head(folder: &Path) -> Result<Head, StoreError> {
+    let path = folder.join("bench.json");
+    let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
+    let other = |_| StoreError::Other { path: folder.to_owned(), what: "`bench.json` is not one of this program" };
+    serde_json::from_str(&text).map_err(other)
+}
+
+fn no_row(path: &Path, line: usize) -> StoreError {
+    StoreError::Row { path: path.to_owned(), line }
 }
 
 /// Joins the shares of one plan: the rows, byte for byte those of a run in one piece.
@@ -197,18 +251,18 @@ pub fn read_records(folder: &Path) -> Result<Vec<Record>, StoreError> {
 /// [`StoreError`] when a share is missing, not finished, or another plan's.
 pub fn merge(shares: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
     let mut whole: Option<Head> = None;
-    let mut rows = BTreeMap::new();
+    let (mut rows, mut ways, mut made) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
     for folder in shares {
-        let path = folder.join("bench.json");
-        let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
-        let other = |what| StoreError::Other { path: folder.clone(), what };
-        let head: Head = serde_json::from_str(&text).map_err(|_| other("`bench.json` is not one of this program"))?;
-        let head = Head { shard: Shard::WHOLE, ..head };
+        let head = Head { shard: Shard::WHOLE, ..read_head(folder)? };
         match &whole {
-            Some(first) if *first != head => return Err(other(difference(first, &head))),
+            Some(first) if *first != head => {
+                return Err(StoreError::Other { path: folder.clone(), what: difference(first, &head) });
+            }
             _ => whole = Some(head),
         }
-        rows.extend(whole_rows(&folder.join("results.jsonl"))?);
+        rows.extend(whole_rows(&folder.join(RESULTS))?);
+        ways.extend(whole_rows(&folder.join(PATHS))?);
+        made.extend(Made::read(folder)?);
     }
     let head = whole.ok_or_else(|| StoreError::Shares("none is given".to_owned()))?;
     let missing: Vec<&String> = head.trials.iter().filter(|id| !rows.contains_key(*id)).collect();
@@ -216,7 +270,10 @@ pub fn merge(shares: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
         return Err(StoreError::Shares(format!("{} trials are missing, the first is {first}", missing.len())));
     }
     let (store, _) = Store::open(into, &head)?;
-    let text: String = head.trials.iter().filter_map(|id| rows.remove(id)).collect();
-    replace(&store.folder.join("results.jsonl"), &text)?;
+    replace(&store.folder.join(RESULTS), &in_order(&head, rows))?;
+    replace(&store.folder.join(PATHS), &in_order(&head, ways))?;
+    if let Some(made) = Made::joined(made.into_iter()) {
+        made.write(into)?;
+    }
     Ok(head.trials.len())
 }

@@ -3,6 +3,7 @@
 mod draw;
 mod measures;
 mod method;
+mod path;
 mod record;
 mod watch;
 
@@ -16,6 +17,7 @@ use spf_core::time::duration_from_secs;
 use spf_flight::sim::{Circumstances, FlightPlan, RecordPlan, SimWorld, WhoPoints, fly};
 use spf_flight::summary::Summary;
 use spf_flight::world::Script;
+use spf_sim::geometry::ObjectId;
 use spf_sim::model::Model;
 
 use crate::judge::Judge;
@@ -23,6 +25,7 @@ use crate::stats::percentile;
 use crate::task::{GoalKind, Set, Task, centre};
 pub use draw::{DrawError, Drawn, draw};
 pub use method::{Method, NOBODY};
+pub use path::FlownPath;
 pub use record::{Milliseconds, Record, Scores, VlmDetails, run_id};
 use watch::{Findings, Watcher};
 
@@ -33,6 +36,15 @@ pub struct Pointer {
     pub name: String,
     /// Makes it.
     pub who: WhoPoints,
+}
+
+/// What became of a trial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flown {
+    /// Its row of `results.jsonl`.
+    pub record: Record,
+    /// Its row of `paths.jsonl`; without places when it was not flown.
+    pub path: FlownPath,
 }
 
 /// One trial of a plan.
@@ -65,7 +77,7 @@ impl Trial {
 
     /// Flies it where it was drawn. It never fails: what cannot be flown is a row with its `error`.
     #[must_use]
-    pub fn fly(&self, drawn: &Drawn, record: Option<RecordPlan>) -> Record {
+    pub fn fly(&self, drawn: &Drawn, record: Option<RecordPlan>) -> Flown {
         let judge = match Judge::new(&self.task, drawn.stage.clone(), drawn.start) {
             Ok(judge) => judge,
             Err(error) => return self.failed(Some(drawn), &error),
@@ -78,16 +90,17 @@ impl Trial {
         }
     }
 
-    /// The row of a trial that could not be flown.
+    /// The rows of a trial that could not be flown.
     #[must_use]
-    pub fn failed(&self, drawn: Option<&Drawn>, error: &dyn std::error::Error) -> Record {
+    pub fn failed(&self, drawn: Option<&Drawn>, error: &dyn std::error::Error) -> Flown {
         let mut why = error.to_string();
         let mut source = error.source();
         while let Some(cause) = source {
             why = format!("{why}: {cause}");
             source = cause.source();
         }
-        Record { error: Some(why), ..self.blank(drawn) }
+        let record = Record { error: Some(why), ..self.blank(drawn) };
+        Flown { path: FlownPath { run_id: record.run_id.clone(), ..FlownPath::default() }, record }
     }
 
     fn plan(&self, drawn: &Drawn, world: Arc<OnceLock<SimWorld>>, record: Option<RecordPlan>) -> FlightPlan {
@@ -174,8 +187,8 @@ impl Trial {
         }
     }
 
-    fn scored(&self, drawn: &Drawn, watcher: Watcher, summary: Summary) -> Record {
-        let (found, judge) = watcher.into_findings();
+    fn scored(&self, drawn: &Drawn, watcher: Watcher, summary: Summary) -> Flown {
+        let (mut found, judge) = watcher.into_findings();
         let stage = &drawn.stage;
         let scores = self.scores(&found);
         let reference = self.reference(drawn, &judge);
@@ -186,7 +199,9 @@ impl Trial {
         let goal: Vec<String> = judge.last_targets().iter().map(|id| stage.key(*id)).collect();
         let usage = summary.vlm_use.clone();
         let base = self.blank(Some(drawn));
-        Record {
+        let keys = |ids: &[ObjectId]| ids.iter().map(|id| stage.key(*id)).collect();
+        let path = core::mem::take(&mut found.trace).into_path(self.run_id(), judge.targets().map(keys).collect());
+        let record = Record {
             goals_met: judge.met().max(if found.holds_at_end { self.task.goals.len() } else { 0 }),
             osr: found.least_distance.is_some_and(|least| least <= radius),
             spl: earned(measures::spl(shortest_m, measures::length(&found.path))),
@@ -218,7 +233,8 @@ impl Trial {
             goal,
             scores,
             ..base
-        }
+        };
+        Flown { record, path }
     }
 
     fn scores(&self, found: &Findings) -> Scores {

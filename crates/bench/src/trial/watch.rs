@@ -8,6 +8,7 @@ use spf_core::time::Time;
 use spf_flight::run::Observer;
 use spf_flight::sim::SimWorld;
 
+use super::path::Trace;
 use crate::judge::{EVERY, Judge};
 
 /// What the judge found, and what was measured.
@@ -28,6 +29,8 @@ pub(super) struct Findings {
     pub(super) clearance: Option<f64>,
     /// The true way flown, a place a look.
     pub(super) path: Vec<EnuPosition>,
+    /// The same for people who look at it.
+    pub(super) trace: Trace,
     /// Seconds of each answer and age of each frame.
     pub(super) latencies: Vec<f64>,
     pub(super) frame_ages: Vec<f64>,
@@ -82,6 +85,7 @@ impl Watcher {
             let near = moving.chain(stage.collider.nearest(at).map(|near| near.distance)).reduce(f64::min);
             found.clearance = least(found.clearance, near);
             found.path.push(at);
+            found.trace.push(now, at);
         }
         found.first_motion = pilot.first_motion();
     }

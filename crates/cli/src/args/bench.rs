@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+/// Folder that results go to, and a report is about, unless another is named.
+const RESULTS: &str = "bench-results";
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum Bench {
     /// Fly a suite of tasks, many trials each, and say how often they were done
@@ -12,6 +15,8 @@ pub(crate) enum Bench {
     Check(BenchCheck),
     /// Join the results of several machines
     Merge(BenchMerge),
+    /// Write a page with figures, tables, maps, videos and failures of runs; and CSV and LaTeX
+    Report(BenchReport),
     /// Fly one trial of a run again, and write its video
     Show(BenchShow),
     /// List the suites and their tasks
@@ -56,11 +61,14 @@ pub(crate) struct BenchRun {
     /// Fly share i of n only, counted from 0 [default: what Slurm or Kubernetes tells, else all]
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<String>,
+    /// Film each trial into videos/RUN_ID.mp4; takes several times as long
+    #[arg(long)]
+    pub(crate) videos: bool,
     /// US dollars for the VLM after which a trial ends [default: no limit]
     #[arg(long, value_name = "USD")]
     pub(crate) max_cost: Option<f64>,
     /// Folder for the results
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", default_value = RESULTS)]
     pub(crate) output: PathBuf,
     /// Print the table as one JSON array on standard output, and nothing else there
     #[arg(long)]
@@ -104,6 +112,26 @@ pub(crate) struct BenchMerge {
     /// Folder for the whole; must be new or empty
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
+}
+
+/// Writes what runs come to: `report.html`, one file with everything but videos in it, and folders `csv` and `latex`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf bench run --suite table1 && spf bench report
+  spf bench report out
+  spf bench report oracle-run gemini-run -o report
+
+Success by category with intervals, paired tests, curves over errors and latency, times, ways from above, videos (of runs with \
+--videos), every failure with the command that flies it again, and the paper's published figures in a block of their own. The \
+same folders give the same bytes. Exit code 2 when a folder is none of results, or is damaged.")]
+pub(crate) struct BenchReport {
+    /// Folders of results
+    #[arg(value_name = "DIR", default_value = RESULTS)]
+    pub(crate) folders: Vec<PathBuf>,
+    /// Folder for the report [default: DIR/report, of a single DIR]
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
 }
 
 /// Flies one trial again: the same trajectory, with its video and its log.

@@ -2,7 +2,8 @@
 
 use std::fs;
 
-use crate::harness::{Lab, Run, rows};
+use crate::harness::{Lab, Run, rows, skip};
+use crate::view::Browser;
 
 /// A task over in seconds: the first thing flown at is the vending machine of the yard.
 const TASK: &str = r#"
@@ -51,8 +52,24 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     assert_eq!(whole.code, Some(0), "{}", whole.stderr);
     assert!(whole.stdout.contains("SELF STOP") && whole.stdout.contains("real-world, navigation"), "{}", whole.stdout);
     let bytes = lab.read("whole/results.jsonl");
+    let ways = lab.read("whole/paths.jsonl");
     let flown = rows(&lab.path("whole/results.jsonl"));
     assert!(flown.len() == 8 && flown.iter().all(|row| row["error"].is_null() && row["decisions"].as_u64() > Some(0)));
+
+    // Every trial has its way, from above its start, and no longer than the row says.
+    for (row, way) in flown.iter().zip(rows(&lab.path("whole/paths.jsonl"))) {
+        let places: Vec<Vec<f64>> = serde_json::from_value(way["places"].clone()).unwrap();
+        let steps = places.windows(2).map(|pair| pair[0].iter().zip(&pair[1]).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt());
+        let (metres, said) = (steps.sum::<f64>(), row["path_length_m"].as_f64().unwrap());
+        assert!(way["run_id"] == row["run_id"] && metres > 0.0 && metres < said + 0.1, "{metres} m of {said} m: {way}");
+        let start = &row["start_pose"]["position"];
+        let off = (places[0][0] - start["east"].as_f64().unwrap()).hypot(places[0][1] - start["north"].as_f64().unwrap());
+        assert!(off < 0.5, "{off} m: {way}");
+        assert_eq!(way["targets"], serde_json::json!([["vending_machine"]]));
+    }
+    let made: serde_json::Value = serde_json::from_slice(&lab.read("whole/run.json")).unwrap();
+    let command = "spf bench run --task ./drink.toml --method spf,straight --vlm oracle:default --trials 4 --seed 0";
+    assert!(made["command"] == command && made["files"]["drink"] == "./drink.toml" && made["ended"].is_string(), "{made}");
 
     // What a kill leaves: some rows in the order in which they came, and a torn one.
     let text = String::from_utf8(bytes.clone()).unwrap();
@@ -63,6 +80,8 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     let resumed = run(&lab, &["--method", "spf,straight", "-o", "torn"]);
     assert!(resumed.stderr.contains("2 of 8 trials are there already"), "{}", resumed.stderr);
     assert_eq!(lab.read("torn/results.jsonl"), bytes);
+    // Ways of rows that were there are kept, not flown again.
+    assert_eq!(rows(&lab.path("torn/paths.jsonl")).len(), 6);
 
     for share in ["0/3", "1/3", "2/3"] {
         let part = run(&lab, &["--method", "spf,straight", "--shard", share, "-o", &share[..1]]);
@@ -73,6 +92,9 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     let merged = lab.spf(&["bench", "merge", "2", "0", "1", "-o", "merged"]);
     assert_eq!(merged.code, Some(0), "{}", merged.stderr);
     assert_eq!(lab.read("merged/results.jsonl"), bytes);
+    assert_eq!(lab.read("merged/paths.jsonl"), ways);
+    let merged: serde_json::Value = serde_json::from_slice(&lab.read("merged/run.json")).unwrap();
+    assert_eq!(merged["command"], made["command"]);
 
     let other = run(&lab, &["--method", "spf", "-o", "whole"]);
     assert!(other.code == Some(2) && other.stderr.contains("another plan"), "{}", other.stderr);
@@ -93,6 +115,17 @@ fn a_trial_is_shown_as_it_was_flown() {
     }
     let wrong = lab.spf(&["bench", "show", "drink/spf/gemini/7", "--task", "./drink.toml"]);
     assert!(wrong.code == Some(2) && wrong.stderr.contains("--vlm"), "{}", wrong.stderr);
+}
+
+#[test]
+fn trials_are_filmed_and_flown_the_same() {
+    let lab = lab();
+    assert_eq!(run(&lab, &["--method", "straight", "-o", "out"]).code, Some(0));
+    let filmed = run(&lab, &["--method", "straight", "--videos", "-o", "filmed"]);
+    assert_eq!(filmed.code, Some(0), "{}", filmed.stderr);
+    assert_eq!(lab.read("filmed/results.jsonl"), lab.read("out/results.jsonl"));
+    assert_eq!(lab.names("filmed/videos/drink/straight/none"), ["0.mp4", "1.mp4", "2.mp4", "3.mp4"]);
+    assert!(lab.read("filmed/videos/drink/straight/none/0.mp4").len() > 10_000);
 }
 
 #[test]
@@ -122,5 +155,56 @@ fn what_does_not_exist_is_named_with_what_is_near() {
     ] {
         let run = lab.spf(args);
         assert!(run.code == Some(2) && run.stderr.contains(near), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn a_browser_shows_the_report() {
+    let lab = lab();
+    let args = ["--method", "spf,straight", "--vlm", "oracle:perfect,oracle:poor", "--trials", "2", "--videos", "-o", "out"];
+    let flown = lab.spf(&[&["bench", "run", "--task", "./drink.toml"][..], &args].concat());
+    assert_eq!(flown.code, Some(0), "{}", flown.stderr);
+    let reported = lab.spf(&["bench", "report", "out"]);
+    assert_eq!((reported.code, reported.stdout.trim_end()), (Some(0), "out/report/report.html"), "{}", reported.stderr);
+    let bytes = lab.read("out/report/report.html");
+    assert_eq!(lab.spf(&["bench", "report", "out"]).code, Some(0));
+    assert_eq!(lab.read("out/report/report.html"), bytes);
+    let failed = rows(&lab.path("out/results.jsonl")).iter().filter(|row| row["scores"]["self_stop"] == false).count();
+    assert!(failed > 0, "the blind control fails");
+
+    let Some(mut browser) = Browser::start(&lab) else { return skip("chromium") };
+    browser.open(&format!("file://{}", lab.path("out/report/report.html").display()));
+    browser.until("document.readyState === 'complete' && document.querySelectorAll('video').length > 0");
+    assert_eq!(browser.evaluate("document.querySelectorAll('article.trial').length"), failed);
+    assert_eq!(browser.evaluate("document.querySelectorAll('svg.chart').length"), 3);
+    // A map for each of two seeds, and one for each failure; every one has ways, and a plan that is there.
+    assert_eq!(browser.evaluate("document.querySelectorAll('svg.map').length"), 2 + failed);
+    let has_all = "[...document.querySelectorAll('svg.map')].every(map => map.querySelector('path.way') \
+                   && document.querySelector(map.querySelector('use').getAttribute('href')).getBBox().width > 100)";
+    assert_eq!(browser.evaluate(has_all), true);
+    // Texts of a figure do not lie on each other, nor outside of it.
+    let clear = "[...document.querySelectorAll('svg.chart')].every(chart => { \
+                 const frame = chart.getBoundingClientRect(), all = [...chart.querySelectorAll('text')].map(t => t.getBoundingClientRect()); \
+                 return all.every((a, i) => a.left >= frame.left - 1 && a.right <= frame.right + 1 && all.every((b, j) => \
+                 i === j || a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top)); })";
+    assert_eq!(browser.evaluate(clear), true);
+    browser.until("[...document.querySelectorAll('video')].every(video => video.error || video.readyState >= 1)");
+    assert_eq!(browser.evaluate("[...document.querySelectorAll('video')].every(video => video.videoWidth === 640)"), true);
+    browser.until("(() => { const video = document.querySelector('video'); video.play(); return video.currentTime > 0.2; })()");
+    assert_eq!(browser.evaluate("document.scripts.length"), 0);
+    let elsewhere = "performance.getEntriesByType('resource').filter(entry => !entry.name.endsWith('.mp4')).length";
+    assert_eq!(browser.evaluate(elsewhere), 0);
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+#[test]
+fn folders_that_are_none_of_results_are_told() {
+    let lab = Lab::new();
+    for (args, said) in [
+        (["bench", "report"].as_slice(), "`bench-results` is no folder of results"),
+        (&["bench", "report", "a", "b"], "name it with -o DIR"),
+    ] {
+        let run = lab.spf(args);
+        assert!(run.code == Some(2) && run.stderr.contains(said), "{}", run.stderr);
     }
 }

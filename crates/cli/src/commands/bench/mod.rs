@@ -1,6 +1,7 @@
 //! `spf bench`: tasks, trials, how often they were done (docs/bench.md).
 
 mod check;
+mod report;
 mod run;
 mod show;
 
@@ -23,6 +24,7 @@ pub(crate) fn bench(command: &Bench, printer: &mut Printer) -> Result<Exit, CliE
         Bench::Run(args) => run::run(args, printer),
         Bench::Check(args) => check::check(args, printer),
         Bench::Merge(args) => merge_shares(args, printer),
+        Bench::Report(args) => report::report(args, printer),
         Bench::Show(args) => show::show(args, printer),
         Bench::List => list(printer),
     }

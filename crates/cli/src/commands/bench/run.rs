@@ -1,11 +1,12 @@
 //! `spf bench run`.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use serde_json::json;
-use spf_bench::contrast::{Contrast, contrasts};
-use spf_bench::run::{Plan, Shard, read_records, run as run_plan};
+use spf_bench::contrast::{Contrast, Scoring, contrasts};
+use spf_bench::run::{Manner, Plan, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::stats::Rate;
 use spf_bench::table::{Line, table as lines, words};
 use spf_bench::task::{SUITES, Task, suite};
@@ -22,7 +23,7 @@ use crate::settings::Settings;
 /// Flies tasks and prints how often they were done.
 pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::load(args.config.as_deref())?;
-    let tasks = tasks(args)?;
+    let (tasks, files) = tasks(args)?;
     let own = args.suite.as_deref().and_then(suite).map_or("spf", |suite| suite.methods);
     let methods = listed(args.method.as_deref().unwrap_or(own)).map(method).collect::<Result<Vec<_>, _>>()?;
     let pointers: Vec<Pointer> = listed(&args.vlm).map(|name| pointer(&mut settings, name)).collect::<Result<_, _>>()?;
@@ -30,9 +31,10 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
         return Err(CliError::usage("no method or no VLM is named").hint("--method spf --vlm oracle:default"));
     }
     let shard = shard(args)?;
+    let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let manner = Manner { jobs, videos: args.videos, command: command(args), files };
     let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: args.max_cost };
     let head = plan.head(shard, &args.vlm);
-    let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let interrupts = interrupts()?;
     if shard != Shard::WHOLE {
         printer.say(&format!("share {} of {}", shard.index, shard.count));
@@ -40,7 +42,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let mut begun = false;
     let ended = {
         let printer = &mut *printer;
-        run_plan(&plan, &head, &args.output, jobs, &|| interrupts.load(Ordering::Relaxed) > 0, &mut |progress, record| {
+        run_plan(&plan, &head, &args.output, &manner, &|| interrupts.load(Ordering::Relaxed) > 0, &mut |progress, record| {
             if !begun {
                 begun = true;
                 if progress.done > 0 {
@@ -66,7 +68,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
         printer.data(&json_of(&lines).to_string());
     } else {
         printer.result(&table(&rows(&lines)));
-        let pairs = contrasts(&records);
+        let pairs = contrasts(&records, Scoring::SelfStop);
         if !pairs.is_empty() {
             printer.result(&format!("\n{}", table(&compared(&pairs))));
         }
@@ -75,12 +77,33 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     Ok(Exit::Success)
 }
 
+/// The command that makes the same rows: what is given, without folder, share and number of jobs.
+fn command(args: &BenchRun) -> String {
+    let mut words: Vec<String> = ["spf", "bench", "run"].map(str::to_owned).to_vec();
+    let mut give = |name: &str, value: Option<String>| {
+        words.extend(value.into_iter().flat_map(|value| [name.to_owned(), shell_word(&value)]));
+    };
+    give("--suite", args.suite.clone());
+    args.task.iter().for_each(|task| give("--task", Some(task.clone())));
+    give("--method", args.method.clone());
+    give("--vlm", Some(args.vlm.clone()));
+    give("--trials", Some(args.trials.to_string()));
+    give("--seed", Some(args.seed.to_string()));
+    give("--max-cost", args.max_cost.map(|cost| cost.to_string()));
+    give("--config", args.config.as_ref().map(|path| path.display().to_string()));
+    words.join(" ")
+}
+
 fn listed(text: &str) -> impl Iterator<Item = &str> {
     text.split(',').map(str::trim).filter(|name| !name.is_empty())
 }
 
-fn tasks(args: &BenchRun) -> Result<Vec<Arc<Task>>, CliError> {
-    let mut tasks = Vec::new();
+/// Tasks that do not come with the program: id and file.
+type Files = BTreeMap<String, String>;
+
+/// The tasks, and those of them that are files.
+fn tasks(args: &BenchRun) -> Result<(Vec<Arc<Task>>, Files), CliError> {
+    let (mut tasks, mut files) = (Vec::new(), Files::new());
     if let Some(name) = &args.suite {
         let suite = suite(name).ok_or_else(|| {
             let names: Vec<&str> = SUITES.iter().map(|suite| suite.name).collect();
@@ -93,7 +116,11 @@ fn tasks(args: &BenchRun) -> Result<Vec<Arc<Task>>, CliError> {
         tasks = suite.tasks().map_err(|error| CliError::internal("a shipped task is refused").because(&error))?;
     }
     for name in &args.task {
-        tasks.push(Arc::new(task_of(name)?));
+        let task = task_of(name)?;
+        if *name != task.id {
+            files.insert(task.id.clone(), name.clone());
+        }
+        tasks.push(Arc::new(task));
     }
     let mut ids: Vec<&str> = tasks.iter().map(|task| task.id.as_str()).collect();
     ids.sort_unstable();
@@ -103,7 +130,7 @@ fn tasks(args: &BenchRun) -> Result<Vec<Arc<Task>>, CliError> {
     if tasks.is_empty() {
         return Err(CliError::usage("no task is named").hint("spf bench run --suite paper -o out"));
     }
-    Ok(tasks)
+    Ok((tasks, files))
 }
 
 fn method(name: &str) -> Result<Method, CliError> {
@@ -129,19 +156,11 @@ fn shard(args: &BenchRun) -> Result<Shard, CliError> {
         .map_err(|error| CliError::usage("the share of trials is not known").because(&error).hint(hint))
 }
 
-fn group(line: &Line) -> String {
-    match (line.set, line.category) {
-        (Some(set), Some(category)) => format!("{}, {}", set.words(), category.words()),
-        (Some(set), None) => format!("{}, all", set.words()),
-        _ => "all".to_owned(),
-    }
-}
-
 fn rows(lines: &[Line]) -> Vec<Vec<String>> {
     let head = ["METHOD", "VLM", "TASKS", "SELF STOP", "JUDGE STOP", "COLLIDED"].map(str::to_owned).to_vec();
     let row = |line: &Line| {
         let rates = [line.self_stop, line.judge_stop, line.collided].map(words);
-        [vec![line.method.clone(), line.vlm.clone(), group(line)], rates.to_vec()].concat()
+        [vec![line.method.clone(), line.vlm.clone(), line.group()], rates.to_vec()].concat()
     };
     std::iter::once(head).chain(lines.iter().map(row)).collect()
 }
@@ -151,16 +170,13 @@ fn compared(pairs: &[Contrast]) -> Vec<Vec<String>> {
     let head = ["PAIRED", "SELF STOP, POINTS", "ONLY FIRST : ONLY SECOND", "P (MCNEMAR, HOLM)"].map(str::to_owned).to_vec();
     let row = |pair: &Contrast| {
         let [first, second] = pair.who.each_ref().map(|(method, vlm)| format!("{method} {vlm}"));
-        let [value, low, high] = {
-            let e = pair.self_stop.difference;
-            [e.value, e.low, e.high].map(|share| 100.0 * share)
-        };
-        let apart = pair.self_stop.discordant;
+        let [value, low, high] = pair.points();
+        let apart = pair.paired.discordant;
         vec![
             format!("{first} − {second}"),
             format!("{value:+.1} [{low:.1}, {high:.1}]"),
             format!("{} : {}", apart.first, apart.second),
-            if pair.p_holm < 0.0001 { "< 0.0001".to_owned() } else { format!("{:.4}", pair.p_holm) },
+            pair.p_words(),
         ]
     };
     std::iter::once(head).chain(pairs.iter().map(row)).collect()

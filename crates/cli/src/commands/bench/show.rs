@@ -24,7 +24,7 @@ pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError
         CliError::usage("no folder for the flight's files").because(&error).hint("name a new or an empty folder with -o DIR")
     })?;
     printer.say(&format!("Flying {} in {}: \"{}\"", args.run_id, drawn.scene, trial.task.instruction));
-    let record = trial.fly(&drawn, Some(RecordPlan { out: out.clone(), video: !args.no_video, view: None }));
+    let record = trial.fly(&drawn, Some(RecordPlan { out: out.clone(), video: !args.no_video, view: None })).record;
     if let Some(why) = record.error {
         return Err(CliError::internal(format!("the trial could not be flown: {why}")));
     }

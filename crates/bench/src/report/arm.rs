@@ -1,0 +1,119 @@
+//! Who is compared: a method with somebody who points.
+
+use crate::stats::{Rate, median, percentile};
+use crate::table::vlm_of;
+use crate::trial::{NOBODY, Record};
+
+/// A method with somebody who points.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Arm {
+    /// The method.
+    pub method: String,
+    /// Who pointed, as a part of the trial's name.
+    pub vlm: String,
+    /// Place of the method among those of the report: its colour and its mark.
+    pub(super) colour: usize,
+    /// Place of who pointed among those that this method flew with: its dashes.
+    pub(super) dash: usize,
+}
+
+/// What an arm comes to.
+pub(super) struct Sums {
+    pub(super) self_stop: Rate,
+    pub(super) judge_stop: Rate,
+    pub(super) collided: Rate,
+    pub(super) false_stop: Rate,
+    pub(super) timeout: Rate,
+    /// Completion times of the successes, seconds, as they come.
+    pub(super) times: Vec<f64>,
+    /// Metres flown in all flights.
+    pub(super) spl: f64,
+    /// Median of the trials' median latencies, seconds.
+    pub(super) latency_s: Option<f64>,
+}
+
+impl Arm {
+    /// All of them, in the order in which they come.
+    pub(super) fn all(records: &[Record]) -> Vec<Self> {
+        let (mut arms, mut methods, mut vlms): (Vec<Self>, Vec<String>, Vec<String>) = Default::default();
+        for record in records {
+            if arms.iter().any(|arm| arm.flew(record)) {
+                continue;
+            }
+            let vlm = vlm_of(record);
+            let dash = if vlm == NOBODY { 0 } else { place(&mut vlms, &vlm) };
+            arms.push(Self { colour: place(&mut methods, &record.method), dash, method: record.method.clone(), vlm });
+        }
+        arms
+    }
+
+    pub(super) fn flew(&self, record: &Record) -> bool {
+        self.method == record.method && record.run_id.split('/').nth(2) == Some(self.vlm.as_str())
+    }
+
+    /// Its name for people.
+    pub(super) fn name(&self) -> String {
+        name(&self.method, &self.vlm)
+    }
+
+    /// Whether it is the blind control.
+    pub(super) fn is_blind(&self) -> bool {
+        self.vlm == NOBODY
+    }
+
+    /// The oracle's level of errors, where the oracle pointed.
+    pub(super) fn level(&self) -> Option<&str> {
+        match self.vlm.strip_prefix("oracle") {
+            Some("") => Some("default"),
+            Some(level) => level.strip_prefix('-'),
+            None => None,
+        }
+    }
+
+    /// Whether a vision-language model pointed, or a recording of one.
+    pub(super) fn is_real(&self) -> bool {
+        !self.is_blind() && self.level().is_none()
+    }
+}
+
+/// The name of an arm for people.
+pub(super) fn name(method: &str, vlm: &str) -> String {
+    if vlm == NOBODY { method.to_owned() } else { format!("{method} · {vlm}") }
+}
+
+fn place(among: &mut Vec<String>, name: &str) -> usize {
+    among.iter().position(|known| known == name).unwrap_or_else(|| {
+        among.push(name.to_owned());
+        among.len() - 1
+    })
+}
+
+impl Sums {
+    /// Of some rows.
+    pub(super) fn of<'a>(records: impl Iterator<Item = &'a Record>) -> Self {
+        let records: Vec<&Record> = records.collect();
+        let rate = |hit: fn(&Record) -> bool| records.iter().map(|record| hit(record)).collect::<Rate>();
+        let latencies = records.iter().filter_map(|record| Some(record.latency_ms.as_ref()?.p50 / 1e3));
+        Self {
+            self_stop: rate(|record| record.scores.self_stop),
+            judge_stop: rate(|record| record.scores.judge_stop),
+            collided: rate(|record| record.scores.collided),
+            false_stop: rate(|record| record.scores.false_stop),
+            timeout: rate(|record| record.scores.timeout),
+            times: records.iter().filter_map(|record| completion(record)).collect(),
+            spl: records.iter().map(|record| record.spl).sum::<f64>() / records.len().max(1) as f64,
+            latency_s: median(&latencies.collect::<Vec<f64>>()),
+        }
+    }
+
+    /// Quartiles of the times: a quarter, half and three quarters of the successes were quicker.
+    pub(super) fn quartiles(&self) -> Option<[f64; 3]> {
+        let at = |share| percentile(&self.times, share);
+        Some([at(0.25)?, at(0.5)?, at(0.75)?])
+    }
+}
+
+/// Seconds from first motion to the end, of a success by self stop.
+pub(super) fn completion(record: &Record) -> Option<f64> {
+    record.flight.as_ref().filter(|_| record.scores.self_stop)?.completion_time_s
+}

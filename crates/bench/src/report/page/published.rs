@@ -1,0 +1,92 @@
+//! The paper's figures in a block of their own, and beside them what real models did here.
+
+use maud::{Markup, html};
+
+use super::super::arm::Arm;
+use super::super::published::{DETECTOR_TRIALS, DETECTORS, METHODS, PROMPT_TRIALS, PROMPTS, STEP_TRIALS, STEPS, TABLE, total};
+use super::super::source::Source;
+use super::from;
+use super::tables::{by_category, cell};
+use crate::contrast::Scoring;
+use crate::stats::Rate;
+use crate::task::Set;
+
+/// The block, with real models beside it where there are some.
+pub(super) fn published(source: &Source) -> Markup {
+    let real: Vec<&Arm> = source.arms.iter().filter(|arm| arm.is_real()).collect();
+    html! {
+        section id="published" {
+            h2 { "Published figures" }
+            p class="note" { "Hu et al., CoRL 2025, arXiv 2509.22653: another simulator or a real drone, real models, a human judge, other starts. They are \
+                told for orientation; the oracle's figures above are not comparable with them. The intervals are Wilson's, 95 %, computed here." }
+            (paper())
+            (others())
+            @if real.is_empty() {
+                p { "No real model flew in these trials. What would stand here: " code { "spf bench run --suite paper --vlm gemini -o DIR" } "." }
+            } @else { (measured(source, &real)) }
+        }
+    }
+}
+
+fn paper() -> Markup {
+    html! {
+        div class="wide" { table {
+            thead { tr { th { "Published, by category" } @for method in METHODS { th { (method) } } } }
+            tbody { @for set in [Set::Simulation, Set::RealWorld] {
+                @for row in TABLE.iter().filter(|row| row.set == set) {
+                    tr { th { (set.words()) ", " (row.category.words()) } @for hits in row.hits { (cell(Rate { hits, of: row.of })) } }
+                }
+                tr class="sum" { th { (set.words()) ", all" } @for method in 0..METHODS.len() { (cell(total(set, method))) } }
+            } }
+        } }
+    }
+}
+
+fn others() -> Markup {
+    html! {
+        div class="wide" { table {
+            thead { tr { th { "Published, by prompt and model" } th { "Model" } th { "Success" } } }
+            tbody { @for (prompt, model, hits) in PROMPTS { tr { th { (prompt) } td class="words" { (model) } (cell(Rate { hits, of: PROMPT_TRIALS })) } } }
+        } }
+        div class="wide" { table {
+            thead { tr { th { "Published, by step" } th { "Fixed" } th { "Success" } th { "Adaptive" } th { "Success" } } }
+            tbody { @for row in STEPS { tr { th { (row.task) }
+                @for (seconds, hits) in [row.fixed, row.adaptive] { td { (seconds) " s" } (cell(Rate { hits, of: STEP_TRIALS })) } } } }
+        } }
+        div class="wide" { table {
+            thead { tr { th { "Published, by who finds obstacles" } th { "A decision" } th { "Success" } th { "As so many of 18" } } }
+            tbody { @for (who, seconds, percent, hits) in DETECTORS { tr { th { (who) } td { (seconds) " s" } td { (percent) " %" }
+                (cell(Rate { hits, of: DETECTOR_TRIALS })) } } }
+        } }
+        p class="note" { "The detector's percentages are given without numbers of trials; 16 and 13 of 18 fit them." }
+    }
+}
+
+/// What real models did in these trials.
+fn measured(source: &Source, real: &[&Arm]) -> Markup {
+    html! {
+        h3 { "Measured here, in the embedded simulator" }
+        @for arm in real {
+            p class="note" { b { (arm.name()) } ": " (models(source, arm)) ", flown " (days(source, arm)) "." }
+        }
+        (by_category(source, real, Scoring::SelfStop, "Measured here, self stop"))
+        (from(source))
+    }
+}
+
+/// The models that answered, as they told.
+fn models(source: &Source, arm: &Arm) -> String {
+    let mut models: Vec<&str> =
+        source.of_arm(arm).flat_map(|record| record.vlm_details.models.iter().map(String::as_str)).collect();
+    models.sort_unstable();
+    models.dedup();
+    if models.is_empty() { "no model told its name".to_owned() } else { format!("answered by {}", models.join(", ")) }
+}
+
+/// On which days it flew.
+fn days(source: &Source, arm: &Arm) -> String {
+    let flew = source.records.iter().enumerate().filter(|(_, record)| arm.flew(record));
+    let mut days: Vec<String> = flew.filter_map(|(row, _)| Some(source.run_of(row)?.days())).collect();
+    days.dedup();
+    days.join("; ")
+}

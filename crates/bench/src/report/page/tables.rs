@@ -1,0 +1,153 @@
+//! Tables of the page.
+
+use maud::{Markup, html};
+
+use super::super::arm::{Arm, Sums, name};
+use super::super::chart;
+use super::super::map::seed;
+use super::super::matrix::matrix;
+use super::super::source::Source;
+use super::from;
+use crate::contrast::{Contrast, Scoring, contrasts};
+use crate::stats::Rate;
+use crate::table::words;
+use crate::trial::Record;
+
+/// More pairs than this are folded.
+const OPEN: usize = 15;
+
+/// `7/10 = 70.0 %`, the interval in small below it.
+pub(super) fn cell(rate: Rate) -> Markup {
+    let words = words(rate);
+    let (value, interval) = words.split_once(" [").unwrap_or((&words, ""));
+    html! { td { (value) @if !interval.is_empty() { small class="below" { " [" (interval) } } } }
+}
+
+/// Success overall and by category, by both scorings.
+pub(super) fn success(source: &Source) -> Markup {
+    let arms: Vec<&Arm> = source.arms.iter().collect();
+    html! {
+        section id="success" {
+            h2 { "Success" }
+            p class="note" { b { "Self stop" } ": the method said that it was done, and was; nothing was touched. " b { "Judge stop" }
+                ": at some instant a judge would have said so, as the paper's human did. Intervals are Wilson's, 95 %; trials of one task are \
+                not independent, so they are a little too narrow." }
+            figure { (chart::overview(source))
+                figcaption class="note" { "All tasks. Filled: self stop; hollow: judge stop." } }
+            (overall(source))
+            @for scoring in Scoring::ALL {
+                h3 { "By category, " (scoring.words()) }
+                (by_category(source, &arms, scoring, "Tasks"))
+            }
+            (from(source))
+        }
+    }
+}
+
+fn overall(source: &Source) -> Markup {
+    html! {
+        div class="wide" { table id="overall" {
+            thead { tr { th { "Method · who pointed" } th { "Self stop" } th { "Judge stop" } th { "Something touched" } th { "False stop" }
+                th { "Timeout" } th { "SPL" } th { "Median time" } th { "Median latency" } } }
+            tbody { @for arm in &source.arms {
+                @let sums = Sums::of(source.of_arm(arm));
+                tr { th { (arm.name()) } (cell(sums.self_stop)) (cell(sums.judge_stop)) (cell(sums.collided))
+                    td { (sums.false_stop.hits) } td { (sums.timeout.hits) } td { (format!("{:.2}", sums.spl)) }
+                    td { (seconds(sums.quartiles().map(|[_, middle, _]| middle))) } td { (seconds(sums.latency_s)) } }
+            } }
+        } }
+    }
+}
+
+fn seconds(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".to_owned(), |seconds| format!("{seconds:.1} s"))
+}
+
+/// Success of some arms by category; `head` stands above the categories.
+pub(super) fn by_category(source: &Source, arms: &[&Arm], scoring: Scoring, head: &str) -> Markup {
+    html! {
+        div class="wide" { table {
+            thead { tr { th { (head) } @for arm in arms { th { (arm.name()) } } } }
+            tbody { @for row in matrix(source, arms, scoring) {
+                tr class=[row.is_sum.then_some("sum")] { th { (row.name) } @for rate in row.rates { (cell(rate)) } }
+            } }
+        } }
+    }
+}
+
+/// Every pair of methods on the draws that both flew.
+pub(super) fn compared(source: &Source) -> Markup {
+    html! {
+        section id="compared" {
+            h2 { "Compared in pairs" }
+            @if source.arms.len() < 2 { p { "Only one method with one who points is in these trials." } } @else {
+                p class="note" { "On the draws that both flew: the difference in points with Newcombe's interval for pairs, how many only one of \
+                    both did, and the exact test of McNemar, corrected after Holm for all pairs of a scoring." }
+                @for scoring in Scoring::ALL {
+                    h3 { (scoring.words()) }
+                    @let found = contrasts(&source.records, scoring);
+                    @if found.len() > OPEN {
+                        details { summary { (found.len()) " pairs" } (pairs(&found)) }
+                    } @else { (pairs(&found)) }
+                }
+                (from(source))
+            }
+        }
+    }
+}
+
+/// Numbers with a true minus sign.
+fn minus(figures: &str) -> String {
+    figures.replace('-', "−")
+}
+
+fn pairs(pairs: &[Contrast]) -> Markup {
+    html! {
+        div class="wide" { table {
+            thead { tr { th { "Pair" } th { "Draws" } th { "Points" } th { "Only first" } th { "Only second" } th { "p" } } }
+            tbody { @for pair in pairs {
+                @let [value, low, high] = pair.points();
+                tr {
+                    @let [first, second] = pair.who.each_ref().map(|(method, vlm)| name(method, vlm));
+                    th { (first) " − " (second) }
+                    td { (pair.paired.difference.n) }
+                    td { (minus(&format!("{value:+.1}"))) small { (minus(&format!(" [{low:.1}, {high:.1}]"))) } }
+                    td { (pair.paired.discordant.first) } td { (pair.paired.discordant.second) } td { (pair.p_words()) }
+                }
+            } }
+        } }
+    }
+}
+
+/// Successes of every task by every method, with links to the failures.
+pub(super) fn tasks(source: &Source) -> Markup {
+    html! {
+        section id="tasks" {
+            h2 { "Tasks" }
+            p class="note" { "Self stop. The small numbers are the seeds of the failures, and lead to them." }
+            div class="wide" { table {
+                thead { tr { th { "Task" } @for arm in &source.arms { th { (arm.name()) } } } }
+                tbody { @for task in source.tasks() { tr {
+                    th { (task) }
+                    @for arm in &source.arms { (of_task(source, task, arm)) }
+                } } }
+            } }
+            (from(source))
+        }
+    }
+}
+
+fn of_task(source: &Source, task: &str, arm: &Arm) -> Markup {
+    let records: Vec<&Record> = source.of_arm(arm).filter(|record| record.task == task).collect();
+    let hits = records.iter().filter(|record| record.scores.self_stop).count();
+    html! {
+        td {
+            @if records.is_empty() { "–" } @else {
+                (hits) "/" (records.len())
+                small { @for record in records.iter().filter(|record| !record.scores.self_stop) {
+                    " " a href=(format!("#trial/{}", record.run_id)) { (seed(record)) }
+                } }
+            }
+        }
+    }
+}

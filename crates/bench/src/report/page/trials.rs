@@ -1,0 +1,179 @@
+//! Ways from above, videos, and every failure.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use maud::{Markup, html};
+
+use super::super::chart;
+use super::super::map::{Draw, seed, way};
+use super::super::source::Source;
+use super::{from, link};
+use crate::run::video_of;
+use crate::trial::Record;
+
+/// Maps of one task at most, one for each seed.
+const MAPS: usize = 6;
+/// With more videos than this none is loaded before it is played.
+const EAGER: usize = 40;
+
+/// The name of a draw's plan.
+fn plan(draw: usize) -> String {
+    format!("plan-{draw}")
+}
+
+/// All methods in one map for each seed of each task.
+pub(super) fn ways(source: &Source, draws: &[Draw]) -> Markup {
+    let unknown = source.records.iter().filter(|record| record.flight.is_some() && way(source, record).is_none()).count();
+    let undrawn: Vec<&str> = draws.iter().filter(|draw| !draw.has_ground()).map(|draw| draw.scene.as_str()).collect();
+    html! {
+        section id="ways" {
+            h2 { "Ways from above" }
+            @if unknown > 0 { p class="warn" { "Of " (unknown) " flights the way is not known: they were flown by a version that kept no "
+                code { "paths.jsonl" } ". Flown again into a new folder they have one." } }
+            @if let Some(scene) = undrawn.first() { p class="warn" { "The plan of " (undrawn.len()) " draws is not drawn: their scenes, such as "
+                code { (scene) } ", cannot be loaded here." } }
+            @if !draws.is_empty() {
+                p class="note" { "North is up. A cross is the start, an orange ring a target, grey are the footprints of what stands in the scene; what \
+                    moves is where it begins. A filled mark ends a success, a hollow one a failure. Each seed is a variant of the scene of its \
+                    own, and so a map of its own, up to " (MAPS) " of a task." }
+                svg class="plans" aria-hidden="true" { defs {
+                    @for (draw, number) in draws.iter().zip(0..) { (draw.plan(&plan(number))) }
+                } }
+                @for task in source.tasks() { (of_task(source, draws, task)) }
+                (from(source))
+            }
+        }
+    }
+}
+
+fn of_task(source: &Source, draws: &[Draw], task: &str) -> Markup {
+    let all = || draws.iter().zip(0..).filter(|(draw, _)| draw.task == task);
+    let more = all().count().saturating_sub(MAPS);
+    html! {
+        @if all().next().is_some() {
+            h3 { (task) @if let Some(said) = instruction(source, task) { ": “" (said) "”" } }
+            (chart::legend(source, true))
+            div class="maps" { @for (draw, number) in all().take(MAPS) {
+                figure {
+                    (draw.map(source, &draw.rows, &plan(number)))
+                    figcaption { "seed " (draw.seed) ", " code { (draw.scene) }
+                        @if draw.targets().len() == 1 { ", target " code { (draw.targets()[0]) } } }
+                }
+            } }
+            @if more > 0 { p class="note" { (more) " more seeds are not shown." } }
+        }
+    }
+}
+
+fn instruction<'a>(source: &'a Source, task: &str) -> Option<&'a str> {
+    let of_task = source.records.iter().filter(|record| record.task == task);
+    of_task.filter_map(|record| record.flight.as_ref()).map(|flight| flight.instruction.as_str()).next()
+}
+
+/// Videos that are there, by trial: links.
+pub(super) struct Films(BTreeMap<String, String>);
+
+impl Films {
+    /// Looks for the video of every row, beside its folder's results; `into` is where the page will stand.
+    pub(super) fn of(source: &Source, into: &Path) -> Self {
+        let link = |(row, record): (usize, &Record)| {
+            let video = video_of(&source.run_of(row)?.folder, &record.run_id);
+            let link = video.is_file().then(|| link::relative(into, &video))?;
+            Some((record.run_id.clone(), link?))
+        };
+        Self(source.records.iter().enumerate().filter_map(link).collect())
+    }
+
+    fn film(&self, record: &Record) -> Option<Markup> {
+        let preload = if self.0.len() > EAGER { "none" } else { "metadata" };
+        let link = self.0.get(&record.run_id)?;
+        Some(html! { video controls muted loop preload=(preload) src=(link) {} })
+    }
+
+    /// All of them.
+    pub(super) fn gallery(&self, source: &Source) -> Markup {
+        html! {
+            section id="videos" {
+                h2 { "Videos" }
+                @if self.0.is_empty() {
+                    p { "None of these trials was filmed. " code { "spf bench run … --videos" } " films all of a new run; "
+                        code { "spf bench show" } " films one (its command stands with each failure)." }
+                } @else {
+                    p class="note" { (self.0.len()) " of " (source.records.len()) " trials were filmed. Videos are files beside the results, and this page \
+                        only links to them: copied alone it plays none." }
+                    @for task in source.tasks() {
+                        @let of_task = || source.records.iter().filter(move |record| record.task == task && self.0.contains_key(&record.run_id));
+                        @if of_task().next().is_some() {
+                            h3 { (task) }
+                            div class="films" { @for record in of_task() { figure {
+                                @if let Some(film) = self.film(record) { (film) }
+                                figcaption { (record.run_id) ": " (if record.scores.self_stop { "success" } else { "failure" }) }
+                            } } }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Every failure by self stop: what happened, its way, its video, and how it is flown again.
+pub(super) fn failures(source: &Source, draws: &[Draw], films: &Films) -> Markup {
+    let failed = || source.records.iter().enumerate().filter(|(_, record)| !record.scores.self_stop);
+    html! {
+        section id="failures" {
+            h2 { "Failures" }
+            p class="note" { (failed().count()) " of " (source.records.len()) " trials are no success by self stop." }
+            div class="trials" { @for (row, record) in failed() { (failure(source, draws, films, row, record)) } }
+        }
+    }
+}
+
+fn failure(source: &Source, draws: &[Draw], films: &Films, row: usize, record: &Record) -> Markup {
+    let draw = draws.iter().zip(0..).find(|(draw, _)| draw.rows.contains(&row));
+    let arm = source.arms.iter().find(|arm| arm.flew(record));
+    html! {
+        article class="trial" id=(format!("trial/{}", record.run_id)) {
+            div {
+                @match draw {
+                    Some((draw, number)) => (draw.map(source, &[row], &plan(number))),
+                    None => p class="note" { "Its way is not known." },
+                }
+                @if let Some(film) = films.film(record) { (film) }
+            }
+            div {
+                h4 { a href=(format!("#trial/{}", record.run_id)) { (record.run_id) } }
+                @if let Some(flight) = &record.flight { p { "“" (flight.instruction) "”" } }
+                (happened(record))
+                @if let Some(arm) = arm { pre { (link::show(source.run_of(row), arm, record)) } }
+            }
+        }
+    }
+}
+
+/// What happened, in a few lines.
+fn happened(record: &Record) -> Markup {
+    let scores = &record.scores;
+    html! {
+        @if let Some(error) = &record.error { p { b { "could not be flown" } ": " (error) } }
+        @if let Some(flight) = &record.flight {
+            p { b { (spf_flight::words::outcome(flight.outcome)) } ": " (flight.cause)
+                @if scores.false_stop { "; said to be done, and was not" } }
+            @if !flight.touched.is_empty() {
+                p { "Touched " @for (touch, number) in flight.touched.iter().zip(0..) {
+                    @if number > 0 { ", " } code { (touch.object) } (format!(" at {:.1} s", touch.at_s)) } "." }
+            }
+            p {
+                (record.goals_met) " of " (record.goals) " goals met; "
+                @match scores.judge_stop_s { Some(at) => (format!("the judge would have stopped it at {at:.1} s; ")), None => "at no instant would the judge have stopped it; " }
+                @match flight.final_distance_m { Some(metres) => (format!("{metres:.1} m from the last target at the end")), None => "no target to be near to" }
+                @match flight.target_in_view { Some(true) => ", in view.", Some(false) => ", not in view.", None => "." }
+            }
+            p class="note" { (format!("Ended after {:.1} s, {:.1} m flown, {} decisions", flight.finished_at_s, flight.path_length_m, flight.decisions))
+                @if let Some(at) = record.ttfm_s { (format!(", first motion at {at:.1} s")) }
+                @if let Some(metres) = record.min_clearance_m { (format!(", never nearer than {metres:.2} m to anything solid")) }
+                "; seed " (seed(record)) " in " code { (record.scene_id) } "." }
+        }
+    }
+}

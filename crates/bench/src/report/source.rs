@@ -1,0 +1,193 @@
+//! The folders that a report is about.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use super::ReportError;
+use super::arm::Arm;
+use crate::run::{Head, Made, Shard, read_head, read_paths, read_records};
+use crate::table::vlm_of;
+use crate::trial::{FlownPath, Record, run_id};
+
+/// One folder of results.
+#[derive(Debug)]
+pub struct Run {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Its plan.
+    pub head: Head,
+    /// How it was made; none of a version that did not keep it.
+    pub made: Option<Made>,
+    records: usize,
+}
+
+/// All that a report is made of.
+#[derive(Debug)]
+pub struct Source {
+    /// The folders, as they were named.
+    pub runs: Vec<Run>,
+    /// Their rows, folder by folder, each in the order of its plan.
+    pub records: Vec<Record>,
+    /// The ways flown, by trial.
+    pub paths: BTreeMap<String, FlownPath>,
+    /// Methods with who pointed, in the order in which they come.
+    pub arms: Vec<Arm>,
+    /// Folder of each row.
+    of: Vec<usize>,
+}
+
+/// Trials of a plan that are not there.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Missing {
+    /// Trials of the plan.
+    pub of: usize,
+    /// Those that are missing.
+    pub trials: Vec<String>,
+    /// Folders of the plan.
+    pub folders: Vec<PathBuf>,
+}
+
+impl Source {
+    /// Reads folders.
+    ///
+    /// # Errors
+    /// [`ReportError`] for what is no folder of results, is damaged, or holds a trial that another holds too.
+    pub fn read(folders: &[PathBuf]) -> Result<Self, ReportError> {
+        let mut source = Self { runs: Vec::new(), records: Vec::new(), paths: BTreeMap::new(), arms: Vec::new(), of: Vec::new() };
+        let mut seen: BTreeMap<String, usize> = BTreeMap::new();
+        for folder in folders {
+            if !folder.join("bench.json").is_file() {
+                return Err(ReportError::NoResults { path: folder.clone() });
+            }
+            let head = read_head(folder)?;
+            let records = rows(folder, &head)?;
+            let number = source.runs.len();
+            for record in &records {
+                if let Some(first) = seen.insert(record.run_id.clone(), number) {
+                    let first = source.runs.get(first).map_or_else(|| folder.clone(), |run| run.folder.clone());
+                    return Err(ReportError::Twice { run_id: record.run_id.clone(), first, second: folder.clone() });
+                }
+            }
+            source.paths.extend(read_paths(folder)?);
+            source.of.extend(records.iter().map(|_| number));
+            let made = Made::read(folder)?;
+            source.runs.push(Run { folder: folder.clone(), head, made, records: records.len() });
+            source.records.extend(records);
+        }
+        if source.records.is_empty() {
+            let named: Vec<String> = folders.iter().map(|folder| format!("`{}`", folder.display())).collect();
+            return Err(ReportError::Empty { folders: named.join(", ") });
+        }
+        source.arms = Arm::all(&source.records);
+        Ok(source)
+    }
+
+    /// The folder of a row, by its place among them.
+    pub(super) fn run_of(&self, row: usize) -> Option<&Run> {
+        self.runs.get(*self.of.get(row)?)
+    }
+
+    /// Rows of an arm, in order.
+    pub(super) fn of_arm<'a>(&'a self, arm: &'a Arm) -> impl Iterator<Item = &'a Record> {
+        self.records.iter().filter(|record| arm.flew(record))
+    }
+
+    /// Tasks, in the order in which they come.
+    pub(super) fn tasks(&self) -> Vec<&str> {
+        let mut tasks: Vec<&str> = Vec::new();
+        for record in &self.records {
+            if !tasks.contains(&record.task.as_str()) {
+                tasks.push(&record.task);
+            }
+        }
+        tasks
+    }
+
+    /// Plans that are not complete. Shares of one plan are counted together.
+    #[must_use]
+    pub fn missing(&self) -> Vec<Missing> {
+        let there: BTreeSet<&str> = self.records.iter().map(|record| record.run_id.as_str()).collect();
+        let mut plans: Vec<(&Head, Vec<PathBuf>)> = Vec::new();
+        for run in &self.runs {
+            let same = |(head, _): &&mut (&Head, _)| head.trials == run.head.trials && head.plan == run.head.plan;
+            match plans.iter_mut().find(same) {
+                Some((_, folders)) => folders.push(run.folder.clone()),
+                None => plans.push((&run.head, vec![run.folder.clone()])),
+            }
+        }
+        let missing = plans.into_iter().map(|(head, folders)| {
+            let trials = head.trials.iter().filter(|id| !there.contains(id.as_str())).cloned().collect();
+            Missing { of: head.trials.len(), trials, folders }
+        });
+        missing.filter(|plan: &Missing| !plan.trials.is_empty()).collect()
+    }
+
+    /// How each folder's rows were made, a line a folder.
+    pub(super) fn commands(&self) -> Vec<String> {
+        let mut lines: Vec<String> = self.runs.iter().map(Run::command).collect();
+        // Shares of one plan have one command.
+        lines.dedup();
+        lines
+    }
+}
+
+impl Run {
+    /// The command that makes its rows, with the seeds.
+    pub(super) fn command(&self) -> String {
+        let command = self.made.as_ref().map_or_else(
+            || "spf bench run, by a version that did not keep its arguments; the trials stand in bench.json".to_owned(),
+            |made| made.command.clone(),
+        );
+        format!("{command} (seeds {})", self.seeds())
+    }
+
+    /// The seeds of its plan: `0 to 4`, or one by one.
+    pub(super) fn seeds(&self) -> String {
+        let seeds: BTreeSet<u64> = self.head.trials.iter().filter_map(|id| id.rsplit('/').next()?.parse::<u64>().ok()).collect();
+        match (seeds.first(), seeds.last()) {
+            (Some(first), Some(last)) if first == last => first.to_string(),
+            (Some(first), Some(last)) if last - first == seeds.len() as u64 - 1 => format!("{first} to {last}"),
+            _ => seeds.iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        }
+    }
+
+    /// On which days it was flown, as far as it is known.
+    pub(super) fn days(&self) -> String {
+        match &self.made {
+            None => "on a day that was not kept".to_owned(),
+            Some(Made { began, ended: Some(ended), .. }) if began == ended => format!("on {began}"),
+            Some(Made { began, ended: Some(ended), .. }) => format!("from {began} to {ended}"),
+            Some(Made { began, .. }) => format!("begun on {began}, not finished"),
+        }
+    }
+
+    /// Folder, share and number of rows in a few words.
+    pub(super) fn words(&self) -> String {
+        let share = self.head.shard;
+        let share = if share == Shard::WHOLE { String::new() } else { format!(", share {} of {}", share.index, share.count) };
+        format!("{} trials of {}{share}", self.records, self.head.trials.len())
+    }
+}
+
+/// The rows of a folder, which must be those of its plan.
+fn rows(folder: &Path, head: &Head) -> Result<Vec<Record>, ReportError> {
+    if !folder.join("results.jsonl").exists() {
+        return Ok(Vec::new());
+    }
+    let mut records = read_records(folder)?;
+    let planned: BTreeMap<&str, usize> = head.trials.iter().map(String::as_str).zip(0..).collect();
+    let stranger = records.iter().find(|record| {
+        let seed = record.run_id.rsplit('/').next().and_then(|seed| seed.parse().ok());
+        let fits = seed.is_some_and(|seed| run_id(&record.task, &record.method, &vlm_of(record), seed) == record.run_id);
+        let climbs = record.run_id.split('/').any(|part| part.is_empty() || part.chars().all(|c| c == '.'));
+        !fits || climbs || !planned.contains_key(record.run_id.as_str())
+    });
+    match stranger {
+        Some(record) => Err(ReportError::Stranger { path: folder.to_owned(), run_id: record.run_id.clone() }),
+        None => {
+            // Those of an unfinished run stand as they came.
+            records.sort_by_key(|record| planned.get(record.run_id.as_str()).copied());
+            Ok(records)
+        }
+    }
+}

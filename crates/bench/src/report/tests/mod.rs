@@ -1,0 +1,237 @@
+//! Reports of made rows, read back.
+
+mod folder;
+
+use std::path::PathBuf;
+
+use folder::{Folder, Row};
+use proptest::prelude::*;
+
+use super::{ReportError, Source, fields, latex, page};
+use crate::stats::wilson;
+
+fn source(folder: &Folder) -> Source {
+    Source::read(&[folder.path()]).unwrap()
+}
+
+fn page_of(folder: &Folder) -> String {
+    page::page(&source(folder), &folder.path())
+}
+
+fn csv_of(folder: &Folder, name: &str) -> Vec<csv::StringRecord> {
+    let files = fields::files(&source(folder));
+    let text = &files.iter().find(|(file, _)| *file == name).unwrap().1;
+    csv::Reader::from_reader(text.as_bytes()).records().map(Result::unwrap).collect()
+}
+
+/// Two methods, four seeds: `spf` does three of four, `plain` one, with two levels of errors.
+fn two_methods() -> Folder {
+    let row = |method, vlm, seed, done| Row { method, vlm, seed, done, ..Row::default() };
+    let mut rows = Vec::new();
+    for seed in 0..4 {
+        rows.push(row("spf", "oracle:perfect", seed, seed < 3));
+        rows.push(row("spf", "oracle:poor", seed, seed < 2));
+        rows.push(row("plain", "oracle:perfect", seed, seed == 0));
+    }
+    Folder::of(&rows)
+}
+
+#[test]
+fn numbers_in_the_page_are_those_of_the_rows() {
+    let folder = two_methods();
+    let page = page_of(&folder);
+    for (hits, of) in [(3, 4), (2, 4), (1, 4)] {
+        let (low, high) = wilson(hits, of).unwrap();
+        let rate = 100.0 * hits as f64 / of as f64;
+        let cell = format!("{hits}/{of} = {rate:.1} %<small class=\"below\"> [{:.1}, {:.1}]</small>", 100.0 * low, 100.0 * high);
+        assert!(page.contains(&cell), "{cell}");
+    }
+    // Three against one of the same four: two discordant pairs, all one way.
+    assert!(page.contains("spf · oracle-perfect − plain · oracle-perfect</th><td>4</td><td>+50.0<small>"), "{page}");
+    // 3 of 12 rows are there with every seed; every failure has its article, its link and its command.
+    assert_eq!(page.matches("<article").count(), 12 - 3 - 2 - 1);
+    for seed in 1..4 {
+        let id = format!("drink/plain/oracle-perfect/{seed}");
+        assert!(page.contains(&format!("id=\"trial/{id}\"")) && page.contains(&format!("href=\"#trial/{id}\"")), "{id}");
+        assert!(
+            page.contains(&format!("<pre>spf bench show {id} --task ./drink.toml -o shown-drink-plain-oracle-perfect-{seed}"))
+        );
+    }
+    assert!(page.contains("spf bench run --task ./drink.toml --trials 4 (seeds 0 to 3)"), "{page}");
+}
+
+#[test]
+fn csv_reads_back_as_it_was_flown() {
+    let folder = two_methods();
+    let trials = csv_of(&folder, "trials.csv");
+    assert_eq!(trials.len(), 12);
+    let done = trials.iter().filter(|row| &row[4] == "spf" && &row[5] == "oracle-perfect" && &row[8] == "true");
+    let times: Vec<f64> = done.map(|row| row[18].parse().unwrap()).collect();
+    assert_eq!(times, [20.0, 21.0, 22.0]);
+    let success = csv_of(&folder, "success.csv");
+    let all = success.iter().find(|row| [&row[0], &row[1], &row[2], &row[4]] == ["plain", "oracle-perfect", "all", "self_stop"]);
+    let all = all.unwrap();
+    assert_eq!((&all[5], &all[6], all[7].parse::<f64>().unwrap()), ("1", "4", wilson(1, 4).unwrap().0));
+    let levels = csv_of(&folder, "error_levels.csv");
+    let of_spf: Vec<(&str, &str)> = levels.iter().filter(|row| &row[0] == "spf").map(|row| (&row[2], &row[3])).collect();
+    assert_eq!(of_spf, [("perfect", "3"), ("poor", "2")]);
+    assert_eq!(csv_of(&folder, "compared.csv").len(), 2 * 3);
+}
+
+#[test]
+fn the_same_rows_give_the_same_bytes() {
+    let (one, two) = (two_methods(), two_methods());
+    let files = |folder: &Folder| (fields::files(&source(folder)), latex::files(&source(folder)));
+    assert_eq!((page_of(&one), files(&one)), (page_of(&two), files(&two)));
+}
+
+#[test]
+fn latex_is_balanced_and_its_rows_are_as_wide_as_its_head() {
+    for (name, text) in latex::files(&source(&two_methods())) {
+        let body: Vec<&str> = text.lines().filter(|line| line.ends_with("\\\\")).collect();
+        let columns = body[0].matches(" & ").count();
+        assert!(body.iter().all(|row| row.matches(" & ").count() == columns), "{name}: {text}");
+        assert!(text.contains(&format!("{{l{}}}", "r".repeat(columns))), "{name}: {text}");
+        assert_eq!(text.matches('{').count(), text.matches('}').count(), "{name}");
+        assert!(name == "published.tex" || text.starts_with("% spf bench run --task ./drink.toml"), "{name}: {text}");
+    }
+}
+
+#[test]
+fn curves_are_drawn_from_what_was_flown_alone() {
+    let page = page_of(&two_methods());
+    assert!(page.contains("aria-label=\"Success over the oracle's level of errors\""));
+    assert!(page.contains("no method flew with several latencies"));
+    let slow = |vlm, ms| Row { vlm, latency_ms: ms, ..Row::default() };
+    let page = page_of(&Folder::of(&[slow("oracle:./quick.toml", 500.0), slow("oracle:./slow.toml", 6000.0)]));
+    assert!(page.contains("aria-label=\"Success over the latency of answers\""));
+    let page = page_of(&Folder::of(&[Row::default()]));
+    assert!(page.contains("one level of errors, or none, is in these trials") && !page.contains("Success over the latency of"));
+}
+
+#[test]
+fn real_models_stand_beside_the_published_figures_with_model_and_day() {
+    let page = page_of(&Folder::of(&[Row { vlm: "gemini", model: Some("gemini-2.5-flash"), ..Row::default() }]));
+    let block = &page[page.find("id=\"published\"").unwrap()..];
+    for words in ["answered by gemini-2.5-flash, flown from 2026-01-02 to 2026-01-03", "108/115 = 93.9 %", "1/1 = 100.0 %"] {
+        assert!(block.contains(words), "{words}");
+    }
+    assert!(page_of(&two_methods()).contains("No real model flew in these trials."));
+}
+
+#[test]
+fn words_from_elsewhere_are_no_markup() {
+    let evil = "</style><script>alert(1)</script><img src=x onerror='alert(2)'>\"'&";
+    let row = Row {
+        done: false,
+        instruction: evil,
+        cause: evil,
+        touched: Some(evil),
+        scene: evil,
+        model: Some(evil),
+        ..Row::default()
+    };
+    let folder = Folder::of(&[row]).made_by(&format!("spf {evil}"));
+    folder.put("results.jsonl", &folder.text("results.jsonl").replace("\"scores\"", "\"error\":\"<script>x\",\"scores\""));
+    let page = page_of(&folder);
+    assert!(page.contains("&lt;script&gt;alert(1)") && page.contains("could not be flown"));
+    for markup in ["<script", "<img", "<iframe"] {
+        assert!(!page.to_lowercase().contains(markup), "{markup}");
+    }
+    // Every quote inside an attribute is one of ours: no tag has an attribute of theirs.
+    assert!(!page.split('<').any(|tag| tag.split('>').next().unwrap().contains(" onerror=")), "{page}");
+    let commands = latex::files(&source(&folder));
+    assert!(commands.iter().all(|(_, text)| text.lines().next().unwrap().starts_with(['%', '\\'])));
+}
+
+#[test]
+fn names_that_need_it_are_quoted_in_commands() {
+    let row = Row { done: false, vlm: "replay:my file's.jsonl", ..Row::default() };
+    let page = page_of(&Folder::of(&[row]));
+    let command = page.split("<pre>").nth(1).unwrap().split("</pre>").next().unwrap();
+    let command = command.replace("&quot;", "\"").replace("&amp;", "&");
+    let words = shlex::split(&command).unwrap();
+    assert_eq!(words[..3], ["spf", "bench", "show"]);
+    assert!(words.windows(2).any(|pair| pair == ["--vlm", "replay:my file's.jsonl"]), "{words:?}");
+}
+
+#[test]
+fn an_unfinished_run_says_how_much_is_missing() {
+    let folder = two_methods();
+    let text = folder.text("results.jsonl");
+    let lines: Vec<&str> = text.split_inclusive('\n').collect();
+    // What a kill leaves: rows as they came, the last torn.
+    folder.put("results.jsonl", &format!("{}{}{}", lines[6], lines[0], &lines[1][..50]));
+    let source = source(&folder);
+    assert_eq!(source.missing()[0].trials.len(), 10);
+    assert!(source.records[0].run_id < source.records[1].run_id);
+    let page = page_of(&folder);
+    assert!(page.contains("10 of 12 trials of the plan in"), "{page}");
+    assert!(page_of(&two_methods()).find("class=\"warn\"").is_none());
+}
+
+#[test]
+fn a_folder_of_an_older_version_is_reported_without_ways() {
+    let folder = two_methods();
+    folder.remove("paths.jsonl");
+    folder.remove("run.json");
+    let page = page_of(&folder);
+    assert!(page.contains("Of 12 flights the way is not known") && page.contains("did not keep its arguments"));
+    assert!(!page.contains("class=\"map\""));
+}
+
+#[test]
+fn shares_are_one_run_together() {
+    let (one, other) = (two_methods(), two_methods());
+    let text = one.text("results.jsonl");
+    let (first, second) = text.split_at(text.match_indices('\n').nth(5).unwrap().0 + 1);
+    one.put("results.jsonl", first);
+    other.put("results.jsonl", second);
+    let both = Source::read(&[one.path(), other.path()]).unwrap();
+    assert!(both.missing().is_empty() && both.records.len() == 12);
+    let twice = Source::read(&[one.path(), one.path()]).unwrap_err();
+    assert!(matches!(twice, ReportError::Twice { .. }), "{twice}");
+}
+
+#[test]
+fn what_is_no_folder_of_results_is_told() {
+    let folder = two_methods();
+    let missing = Source::read(&[PathBuf::from("nowhere")]).unwrap_err();
+    assert!(missing.to_string().contains("`nowhere` is no folder of results"), "{missing}");
+    let text = folder.text("results.jsonl");
+    folder.put("results.jsonl", &text.replacen("drink/spf", "../spf", 1));
+    assert!(Source::read(&[folder.path()]).unwrap_err().to_string().contains("is no trial of the plan"));
+    folder.put("results.jsonl", "{}\n");
+    assert!(Source::read(&[folder.path()]).unwrap_err().to_string().contains("line 1: this is no row of results"));
+    folder.put("results.jsonl", "");
+    assert!(matches!(Source::read(&[folder.path()]).unwrap_err(), ReportError::Empty { .. }));
+    folder.put("results.jsonl", &text);
+    for name in ["bench.json", "run.json"] {
+        let kept = folder.text(name);
+        folder.put(name, "[]");
+        let error = Source::read(&[folder.path()]).unwrap_err().to_string();
+        assert!(error.contains(&format!("`{name}` is not one of this program")), "{error}");
+        folder.put(name, &kept);
+    }
+    folder.put("paths.jsonl", "{\"run_id\":\"x\",\"targets\":[],\"from_s\":0,\"places\":[[1e300,0,0]]}\n");
+    assert!(Source::read(&[folder.path()]).unwrap_err().to_string().contains("paths.jsonl"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// A damaged folder is refused or reported, never more than that.
+    #[test]
+    fn damage_is_refused_or_reported(file in 0..4_usize, at in 0.0..1.0_f64, with in any::<[u8; 3]>()) {
+        let folder = Folder::of(&[Row::default(), Row { seed: 1, done: false, ..Row::default() }]);
+        let name = ["bench.json", "results.jsonl", "paths.jsonl", "run.json"][file];
+        let mut bytes = folder.text(name).into_bytes();
+        let place = (at * bytes.len() as f64) as usize;
+        let end = (place + with.len()).min(bytes.len());
+        bytes[place..end].copy_from_slice(&with[..end - place]);
+        folder.put_bytes(name, &bytes);
+        if let Ok(source) = Source::read(&[folder.path()]) {
+            prop_assert!(page::page(&source, &folder.path()).ends_with("</html>"));
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Trials that are filmed while they are flown.
+
+use std::path::{Path, PathBuf};
+
+use spf_flight::sim::RecordPlan;
+use spf_record::out_dir::{OutDir, OutDirError};
+
+use super::store::{StoreError, failed};
+use crate::trial::{Drawn, Flown, Trial};
+
+/// The video of a trial in a folder of results, whether it is there or not.
+#[must_use]
+pub fn video_of(folder: &Path, run_id: &str) -> PathBuf {
+    folder.join("videos").join(format!("{run_id}.mp4"))
+}
+
+/// Flies a trial and keeps its video; what else a recorded flight leaves is thrown away.
+pub(super) fn fly(trial: &Trial, drawn: &Drawn, folder: &Path) -> Result<Flown, StoreError> {
+    let run_id = trial.run_id();
+    let video = video_of(folder, &run_id);
+    let made = video.parent().map_or(Ok(()), std::fs::create_dir_all);
+    made.map_err(failed(&video))?;
+    let beside = video.with_extension("part");
+    // What a kill left.
+    if beside.exists() {
+        std::fs::remove_dir_all(&beside).map_err(failed(&beside))?;
+    }
+    let out = OutDir::at(&beside).map_err(|error| match error {
+        OutDirError::Folder { path, source } => StoreError::File { path, source },
+        _ => StoreError::Other { path: beside.clone(), what: "somebody else films this trial" },
+    })?;
+    let flown = trial.fly(drawn, Some(RecordPlan { out, video: true, view: None }));
+    let film = beside.join("video.mp4");
+    // A trial that could not be begun has none.
+    if film.is_file() {
+        std::fs::rename(&film, &video).map_err(failed(&video))?;
+    }
+    std::fs::remove_dir_all(&beside).map_err(failed(&beside))?;
+    Ok(flown)
+}

@@ -1,0 +1,47 @@
+//! `spf bench report`.
+
+use std::path::PathBuf;
+
+use spf_bench::report::{ReportError, Source, write};
+
+use super::store_error;
+use crate::args::BenchReport;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::Printer;
+
+/// Writes the report about folders of results.
+pub(super) fn report(args: &BenchReport, printer: &Printer) -> Result<Exit, CliError> {
+    let output = output(args)?;
+    let source = Source::read(&args.folders).map_err(|error| refused(&error))?;
+    for plan in source.missing() {
+        let folders: Vec<String> = plan.folders.iter().map(|folder| folder.display().to_string()).collect();
+        printer.say(&format!("{} of {} trials are missing in {}", plan.trials.len(), plan.of, folders.join(", ")));
+    }
+    std::fs::create_dir_all(&output)
+        .map_err(|error| CliError::usage(format!("cannot make the folder `{}`", output.display())).because(&error))?;
+    let page = write(&source, &output).map_err(|error| refused(&error))?;
+    printer.result(&page.display().to_string());
+    Ok(Exit::Success)
+}
+
+/// Where it goes: beside the results of a single folder.
+fn output(args: &BenchReport) -> Result<PathBuf, CliError> {
+    match (&args.output, args.folders.as_slice()) {
+        (Some(output), _) => Ok(output.clone()),
+        (None, [folder]) => Ok(folder.join("report")),
+        _ => Err(CliError::usage("a report about several folders needs a folder of its own").hint("name it with -o DIR")),
+    }
+}
+
+fn refused(error: &ReportError) -> CliError {
+    let failed = CliError::usage("there is no report").because(error);
+    match error {
+        ReportError::Store(error) => store_error(error),
+        ReportError::NoResults { .. } => failed.hint("name a folder that `spf bench run -o DIR` wrote"),
+        ReportError::Empty { .. } => failed.hint("the command that began the run goes on with it"),
+        ReportError::Stranger { .. } => failed.hint("rows of other runs were put in; fly them again into a folder of their own"),
+        ReportError::Twice { .. } => failed.hint("name one of the two folders; shares that were merged are in the whole already"),
+        _ => CliError::internal("the report cannot be written").because(error),
+    }
+}
