@@ -3,6 +3,7 @@
 use super::arm::{Arm, Sums, completion};
 use super::curve::{self, Curve};
 use super::map::seed;
+use super::published::{METHODS, TABLE};
 use super::source::Source;
 use crate::contrast::{Contrast, Scoring, contrasts};
 use crate::stats::Rate;
@@ -41,6 +42,7 @@ pub(super) fn files(source: &Source) -> Vec<(&'static str, String)> {
         ("error_levels.csv", curves("level", curve::levels(source).map_or_else(Vec::new, |levels| levels.curves), source)),
         ("latency.csv", curves("latency_s", curve::latencies(source).unwrap_or_default(), source)),
         ("made.csv", made(source)),
+        ("published.csv", published()),
     ]
 }
 
@@ -208,6 +210,17 @@ fn curves(axis: &str, curves: Vec<Curve<'_>>, source: &Source) -> String {
         let level = source.arms.iter().find(|arm| arm.vlm == point.vlm).and_then(Arm::level);
         let x = if axis == "level" { level.unwrap_or_default().to_owned() } else { shown(point.x) };
         rows.row([curve.arm.method.clone(), point.vlm.clone(), x].into_iter().chain(rate(point.rate)));
+    }
+    rows.finish()
+}
+
+fn published() -> String {
+    let mut rows = Table::new(&["method", "set", "category", "hits", "of", "wilson_low", "wilson_high"]);
+    for row in TABLE {
+        for (method, hits) in METHODS.into_iter().zip(row.hits) {
+            let words = [method, row.set.words(), row.category.words()].map(str::to_owned);
+            rows.row(words.into_iter().chain(rate(Rate { hits, of: row.of })));
+        }
     }
     rows.finish()
 }

@@ -38,7 +38,7 @@ pub(super) const PROMPTS: [(&str, &str, u64); 8] = [
     ("plain text", "Gemini 2.0 Flash", 1),
     ("PIVOT", "Gemini 2.0 Flash", 6),
     ("SPF", "Gemini 2.0 Flash", 15),
-    ("SPF", "Gemini 2.0 Flash-Lite", 13),
+    ("SPF", "Gemini Flash-Lite", 13),
     ("SPF", "Gemini 2.5 Pro", 15),
     ("SPF", "GPT-4.1", 15),
     ("SPF", "Claude 3.7 Sonnet", 14),

@@ -45,6 +45,11 @@ fn help_of_bench_run() {
 }
 
 #[test]
+fn help_of_bench_report() {
+    insta::assert_snapshot!(help(&["bench", "report", "--help"]));
+}
+
+#[test]
 fn version() {
     assert_eq!(help(&["--version"]), concat!("spf ", env!("CARGO_PKG_VERSION"), "\n"));
 }

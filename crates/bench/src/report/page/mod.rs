@@ -86,7 +86,7 @@ fn made(source: &Source) -> Markup {
         section id="made" {
             h2 { "How it was made" }
             div class="wide" { table {
-                thead { tr { th { "Trials" } th { "Command" } th { "Seeds" } th { "Program" } th { "Flown" } } }
+                thead { tr { th { "Trials" } th class="words" { "Command" } th { "Seeds" } th { "Program" } th { "Flown" } } }
                 tbody { @for run in &source.runs { tr {
                     td class="words" { (run.words()) }
                     td class="words" { code { (run.made.as_ref().map_or("not kept by the version that flew it", |made| made.command.as_str())) } }

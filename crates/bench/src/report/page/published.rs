@@ -45,7 +45,7 @@ fn paper() -> Markup {
 fn others() -> Markup {
     html! {
         div class="wide" { table {
-            thead { tr { th { "Published, by prompt and model" } th { "Model" } th { "Success" } } }
+            thead { tr { th { "Published, by prompt and model" } th class="words" { "Model" } th { "Success" } } }
             tbody { @for (prompt, model, hits) in PROMPTS { tr { th { (prompt) } td class="words" { (model) } (cell(Rate { hits, of: PROMPT_TRIALS })) } } }
         } }
         div class="wide" { table {

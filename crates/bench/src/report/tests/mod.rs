@@ -232,6 +232,10 @@ proptest! {
         folder.put_bytes(name, &bytes);
         if let Ok(source) = Source::read(&[folder.path()]) {
             prop_assert!(page::page(&source, &folder.path()).ends_with("</html>"));
+            for record in &source.records {
+                let again = serde_json::to_string(record).unwrap();
+                prop_assert_eq!(&serde_json::from_str::<crate::trial::Record>(&again).unwrap(), record);
+            }
         }
     }
 }
