@@ -61,9 +61,11 @@ impl Arm {
         self.vlm == NOBODY
     }
 
-    /// The oracle's level of errors, where the oracle pointed.
+    /// The oracle's level of errors, where the oracle pointed, at whatever latency it was told (`oracle-default-3s`).
     pub(super) fn level(&self) -> Option<&str> {
-        match self.vlm.strip_prefix("oracle") {
+        let is_latency = |word: &str| word.strip_suffix('s').is_some_and(|seconds| seconds.parse::<f64>().is_ok());
+        let untimed = self.vlm.rsplit_once('-').filter(|(_, last)| is_latency(last));
+        match untimed.map_or(self.vlm.as_str(), |(vlm, _)| vlm).strip_prefix("oracle") {
             Some("") => Some("default"),
             Some(level) => level.strip_prefix('-'),
             None => None,

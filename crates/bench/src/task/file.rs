@@ -9,7 +9,7 @@ use spf_sim::scene::{Conditions, Lighting, Weather, hint_from};
 use toml::Spanned;
 
 use super::select::Selector;
-use super::{Category, Goal, GoalKind, MAX_BYTES, Set, Start, Task, TaskError, Trajectory, View};
+use super::{Category, Goal, GoalKind, MAX_BYTES, Set, Start, Task, TaskError, Trajectory, View, Winds};
 
 /// The version of the format that is read.
 const FORMAT: u32 = 1;
@@ -19,6 +19,10 @@ const MOST: usize = 16;
 const MOST_CORNERS: usize = 500;
 /// Longest word, characters.
 const LONGEST: usize = 300;
+/// Strongest wind, metres a second; no craft here holds against more than 15.
+const STRONGEST_M_S: f64 = 15.0;
+/// Most that an answer is delayed by, seconds: the pilot gives up a question after 20 s.
+const MOST_DELAY_S: f64 = 15.0;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -33,6 +37,8 @@ struct Raw {
     variants: bool,
     light: Option<Lighting>,
     weather: Option<Weather>,
+    wind: Option<RawWind>,
+    vlm_delay_s: Option<Spanned<[f64; 2]>>,
     craft: CraftKind,
     avoid: bool,
     max_time_s: Spanned<f64>,
@@ -41,6 +47,14 @@ struct Raw {
     goals: Spanned<Vec<Spanned<RawGoal>>>,
     #[serde(default)]
     trajectories: Vec<Spanned<RawTrajectory>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawWind {
+    speed_m_s: Spanned<[f64; 2]>,
+    gust_m_s: Option<Spanned<f64>>,
+    gust_time_s: Option<Spanned<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -216,6 +230,8 @@ fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
         scene: source.word("scene", &raw.scene)?,
         variants: raw.variants,
         conditions: Conditions { lighting: raw.light, weather: raw.weather },
+        wind: raw.wind.as_ref().map(|raw| wind(raw, source)).transpose()?,
+        vlm_delay: raw.vlm_delay_s.map(|delay| source.range("vlm_delay_s", &delay, 0.0, MOST_DELAY_S)).transpose()?,
         craft: raw.craft,
         avoid: raw.avoid,
         max_time: source.number("max_time_s", &raw.max_time_s, 1.0, 3600.0)?,
@@ -223,6 +239,14 @@ fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
         start: start(raw.start, source)?,
         goals,
         trajectories: raw.trajectories.into_iter().map(|raw| trajectory(raw, source)).collect::<Result<_, _>>()?,
+    })
+}
+
+fn wind(raw: &RawWind, source: &Source<'_>) -> Result<Winds, TaskError> {
+    Ok(Winds {
+        speed: source.range("speed_m_s", &raw.speed_m_s, 0.0, STRONGEST_M_S)?,
+        gust: source.or("gust_m_s", raw.gust_m_s.as_ref(), 0.0, STRONGEST_M_S, 0.0)?,
+        gust_time: source.or("gust_time_s", raw.gust_time_s.as_ref(), 0.1, 600.0, 2.0)?,
     })
 }
 
@@ -369,6 +393,15 @@ path = ["0,0,3,0", "10,0,3,90"]
         assert_eq!(task.goals[0].targets[0].colour.as_deref(), Some("red"));
         assert_eq!(task.trajectories[0].path[1].attitude.heading, core::f64::consts::FRAC_PI_2);
         assert_eq!(task.start_targets(), &task.goals[0].targets[..]);
+        assert_eq!((task.wind, task.vlm_delay), (None, None));
+    }
+
+    #[test]
+    fn wind_and_slow_answers_are_read() {
+        let delayed = "max_decisions = 60\nvlm_delay_s = [0.5, 4.5]\n\n[wind]\nspeed_m_s = [2.0, 5.0]\ngust_m_s = 1.0";
+        let task = Task::parse(&GOOD.replace("max_decisions = 60", delayed), "a.toml").unwrap();
+        assert_eq!(task.wind, Some(Winds { speed: [2.0, 5.0], gust: 1.0, gust_time: 2.0 }));
+        assert_eq!(task.vlm_delay, Some([0.5, 4.5]));
     }
 
     #[test]
@@ -381,6 +414,9 @@ path = ["0,0,3,0", "10,0,3,90"]
             ("kind = \"reach\"", "kind = \"reach\"\nangle_deg = 3.0", "a.toml:17:", "angle_deg"),
             ("\"10,0,3,90\"", "\"10,0,3\"", "a.toml:24:", "corner"),
             ("format = 1", "format = 2", "a.toml:2:", "format 1"),
+            ("format = 1", "format = 1\nvlm_delay_s = [0.0, 60.0]", "a.toml:3:", "vlm_delay_s"),
+            ("[start]", "[wind]\nspeed_m_s = [4.0, 2.0]\n[start]", "a.toml:14:", "must rise"),
+            ("[start]", "[wind]\nspeed_m_s = [2.0, 4.0]\ngust_ms = 1\n[start]", "a.toml:15:", "did you mean `gust_m_s`"),
             ("id = \"sim-nav-red-crane\"", "id = \"Red Crane\"", "a.toml:3:", "lower case"),
         ];
         for (good, bad, place, words) in cases {

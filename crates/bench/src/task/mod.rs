@@ -139,6 +139,17 @@ pub struct Start {
     pub blocked: Option<bool>,
 }
 
+/// Wind that a trial is flown in: it blows from anywhere, by the trial's seed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Winds {
+    /// Least and most speed, metres a second.
+    pub speed: [f64; 2],
+    /// Standard deviation of the gusts along each axis, metres a second.
+    pub gust: f64,
+    /// Time constant of the gusts, seconds.
+    pub gust_time: f64,
+}
+
 /// One thing to be done. Goals are met in order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
@@ -243,6 +254,10 @@ pub struct Task {
     pub variants: bool,
     /// Light and weather that are not left to the variant.
     pub conditions: Conditions,
+    /// Wind; none: still air.
+    pub wind: Option<Winds>,
+    /// Least and most seconds by which every answer of the VLM comes later, drawn by question; none: it comes when it comes.
+    pub vlm_delay: Option<[f64; 2]>,
     /// In what is flown.
     pub craft: CraftKind,
     /// Obstacle mode.

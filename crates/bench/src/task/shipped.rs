@@ -4,46 +4,61 @@ use std::sync::Arc;
 
 use super::{Task, TaskError};
 
+/// Tasks of a folder of `tasks/`, by their names: name and text.
+macro_rules! tasks {
+    ($folder:literal: $($name:literal),+ $(,)?) => {
+        &[$(($name, include_str!(concat!("../../../../tasks/", $folder, "/", $name, ".toml")))),+]
+    };
+}
+
 /// The tasks of the paper's table, in its order: name and text.
-const PAPER: &[(&str, &str)] = &[
-    ("sim-nav-red-crane", include_str!("../../../../tasks/paper/sim-nav-red-crane.toml")),
-    ("sim-nav-white-building", include_str!("../../../../tasks/paper/sim-nav-white-building.toml")),
-    ("sim-nav-white-needle", include_str!("../../../../tasks/paper/sim-nav-white-needle.toml")),
-    ("sim-nav-black-car", include_str!("../../../../tasks/paper/sim-nav-black-car.toml")),
-    ("sim-nav-tunnel", include_str!("../../../../tasks/paper/sim-nav-tunnel.toml")),
-    ("sim-obstacle-white-needle", include_str!("../../../../tasks/paper/sim-obstacle-white-needle.toml")),
-    ("sim-obstacle-black-car", include_str!("../../../../tasks/paper/sim-obstacle-black-car.toml")),
-    ("sim-obstacle-tunnel", include_str!("../../../../tasks/paper/sim-obstacle-tunnel.toml")),
-    ("sim-obstacle-hollow-building", include_str!("../../../../tasks/paper/sim-obstacle-hollow-building.toml")),
-    ("sim-obstacle-bridge", include_str!("../../../../tasks/paper/sim-obstacle-bridge.toml")),
-    ("sim-long-gates", include_str!("../../../../tasks/paper/sim-long-gates.toml")),
-    ("sim-long-towers", include_str!("../../../../tasks/paper/sim-long-towers.toml")),
-    ("sim-long-tree-hill", include_str!("../../../../tasks/paper/sim-long-tree-hill.toml")),
-    ("sim-long-plane-crane", include_str!("../../../../tasks/paper/sim-long-plane-crane.toml")),
-    ("sim-long-over-building", include_str!("../../../../tasks/paper/sim-long-over-building.toml")),
-    ("sim-reason-scan-city", include_str!("../../../../tasks/paper/sim-reason-scan-city.toml")),
-    ("sim-reason-drive", include_str!("../../../../tasks/paper/sim-reason-drive.toml")),
-    ("sim-reason-train-cart", include_str!("../../../../tasks/paper/sim-reason-train-cart.toml")),
-    ("sim-search-monorail", include_str!("../../../../tasks/paper/sim-search-monorail.toml")),
-    ("sim-search-balloons", include_str!("../../../../tasks/paper/sim-search-balloons.toml")),
-    ("sim-search-train", include_str!("../../../../tasks/paper/sim-search-train.toml")),
-    ("sim-search-tower", include_str!("../../../../tasks/paper/sim-search-tower.toml")),
-    ("sim-search-lake", include_str!("../../../../tasks/paper/sim-search-lake.toml")),
-    ("real-nav-chair", include_str!("../../../../tasks/paper/real-nav-chair.toml")),
-    ("real-obstacle-cone", include_str!("../../../../tasks/paper/real-obstacle-cone.toml")),
-    ("real-obstacle-door", include_str!("../../../../tasks/paper/real-obstacle-door.toml")),
-    ("real-long-chairs", include_str!("../../../../tasks/paper/real-long-chairs.toml")),
-    ("real-long-cones", include_str!("../../../../tasks/paper/real-long-cones.toml")),
-    ("real-reason-dry-chair", include_str!("../../../../tasks/paper/real-reason-dry-chair.toml")),
-    ("real-reason-help", include_str!("../../../../tasks/paper/real-reason-help.toml")),
-    ("real-reason-thirsty", include_str!("../../../../tasks/paper/real-reason-thirsty.toml")),
-    ("real-reason-dark", include_str!("../../../../tasks/paper/real-reason-dark.toml")),
-    ("real-follow-red-cone", include_str!("../../../../tasks/paper/real-follow-red-cone.toml")),
-    ("real-follow-green-shirt", include_str!("../../../../tasks/paper/real-follow-green-shirt.toml")),
-];
+const PAPER: &[(&str, &str)] = tasks!("paper":
+    "sim-nav-red-crane",
+    "sim-nav-white-building",
+    "sim-nav-white-needle",
+    "sim-nav-black-car",
+    "sim-nav-tunnel",
+    "sim-obstacle-white-needle",
+    "sim-obstacle-black-car",
+    "sim-obstacle-tunnel",
+    "sim-obstacle-hollow-building",
+    "sim-obstacle-bridge",
+    "sim-long-gates",
+    "sim-long-towers",
+    "sim-long-tree-hill",
+    "sim-long-plane-crane",
+    "sim-long-over-building",
+    "sim-reason-scan-city",
+    "sim-reason-drive",
+    "sim-reason-train-cart",
+    "sim-search-monorail",
+    "sim-search-balloons",
+    "sim-search-train",
+    "sim-search-tower",
+    "sim-search-lake",
+    "real-nav-chair",
+    "real-obstacle-cone",
+    "real-obstacle-door",
+    "real-long-chairs",
+    "real-long-cones",
+    "real-reason-dry-chair",
+    "real-reason-help",
+    "real-reason-thirsty",
+    "real-reason-dark",
+    "real-follow-red-cone",
+    "real-follow-green-shirt",
+);
 
 /// The five on which the paper compares ways of asking.
 const NAVIGATION: &[(&str, &str)] = &[PAPER[0], PAPER[1], PAPER[2], PAPER[3], PAPER[4]];
+
+/// The three on which the paper compares steps: the cones, the dry chair, the drink.
+const STEPS: &[(&str, &str)] = &[PAPER[27], PAPER[28], PAPER[30]];
+
+/// One of each row of the paper's table: red crane, white needle behind obstacles, towers, something to drive, a tower out of
+/// view; chair, person behind a cone, cones, drink, a person who walks.
+const CROSS_SECTION: &[(&str, &str)] =
+    &[PAPER[0], PAPER[5], PAPER[11], PAPER[16], PAPER[21], PAPER[23], PAPER[24], PAPER[27], PAPER[30], PAPER[33]];
 
 /// A named list of tasks.
 #[derive(Clone, Copy, Debug)]
@@ -54,23 +69,71 @@ pub struct Suite {
     pub description: &'static str,
     /// Methods that it compares where none are named, joined by commas.
     pub methods: &'static str,
+    /// Who points where nobody is named, joined by commas.
+    pub vlms: &'static str,
     tasks: &'static [(&'static str, &'static str)],
 }
 
+/// Who points in most of them.
+const ORACLE: &str = "oracle:default";
+
 /// Every suite.
 pub const SUITES: &[Suite] = &[
-    Suite { name: "paper", description: "the paper's 23 simulation and 11 real-world tasks", methods: "spf", tasks: PAPER },
+    Suite {
+        name: "paper",
+        description: "the paper's 23 simulation and 11 real-world tasks",
+        methods: "spf",
+        vlms: ORACLE,
+        tasks: PAPER,
+    },
     Suite {
         name: "table1",
         description: "the same, flown by SPF, PIVOT, TypeFly, plain text and blindly straight on",
         methods: "spf,pivot,typefly,plain,straight",
+        vlms: ORACLE,
         tasks: PAPER,
     },
     Suite {
         name: "ablation-prompting",
         description: "the five navigation tasks, with every form of question",
         methods: "spf,pivot,pivot-1m,pivot-parallel,plain,plain-numeric,plain-discrete",
+        vlms: ORACLE,
         tasks: NAVIGATION,
+    },
+    Suite {
+        name: "ablation-step",
+        description: "cones, dry chair, drink: the adaptive step, its median as a fixed step, and one metre",
+        methods: "spf,spf-step-median,spf-step-1m",
+        vlms: ORACLE,
+        tasks: STEPS,
+    },
+    Suite {
+        name: "ablation-motion",
+        description: "one task of each row of the table: primitives blended or one after the other, ended by what was flown or by time",
+        methods: "spf,spf-sequential,spf-timed,spf-stop,spf-stop-sequential",
+        vlms: ORACLE,
+        tasks: CROSS_SECTION,
+    },
+    Suite {
+        name: "ablation-think",
+        description: "the same tasks: flying on or holding while the VLM thinks, for 1, 3 and 6 s",
+        methods: "spf,spf-stop",
+        vlms: "oracle:default@1s,oracle:default@3s,oracle:default@6s",
+        tasks: CROSS_SECTION,
+    },
+    Suite {
+        name: "noise-sweep",
+        description: "the same tasks, pointed at without errors, with the default ones and with poor ones",
+        methods: "spf",
+        vlms: "oracle:perfect,oracle:default,oracle:poor",
+        tasks: CROSS_SECTION,
+    },
+    Suite {
+        name: "latency-sweep",
+        description: "the same tasks, each answer after 0, 1, 2, 3, 4.5 and 6 s",
+        methods: "spf",
+        vlms: "oracle:default@0s,oracle:default@1s,oracle:default@2s,oracle:default@3s,oracle:default@4.5s,oracle:default@6s",
+        tasks: CROSS_SECTION,
     },
 ];
 

@@ -7,6 +7,7 @@ use spf_core::rng::Draw;
 use spf_flight::sim::{Moment, Stage, StageError};
 use spf_sim::geometry::ObjectId;
 use spf_sim::model::Model;
+use spf_sim::wind::Wind;
 use thiserror::Error;
 
 use crate::fnv;
@@ -21,7 +22,9 @@ const PLACES: u64 = 3000;
 const LOOKS: u32 = 40;
 /// The start is at most so much higher than the target's foot, metres.
 const FOOT_M: f64 = 2.0;
-/// Beside the craft's body on a way that is not blocked, metres.
+/// Ground is looked for from so far below a scene's upper bound, which indoors is the ceiling, metres.
+const CEILING_M: f64 = 0.05;
+/// Beside the craft's body where it takes off, and on a way that is not blocked, metres.
 const ROOM_M: f64 = 0.3;
 /// Within this share of the half field of view the target lies from the middle, where it is to be in view.
 const MIDDLE: f64 = 0.7;
@@ -60,6 +63,8 @@ pub struct Drawn {
     pub stage: Arc<Stage>,
     /// Its name, with the variant's number.
     pub scene: String,
+    /// The wind that blows there.
+    pub wind: Wind,
     /// The start, on the ground.
     pub start: Pose,
     /// Whether a target is clearly visible from above the start; none where it is not looked at.
@@ -95,10 +100,20 @@ pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
         })?);
         let draw = Draw::new(seed, "bench start", &[word, attempt]);
         if let Some(drawn) = start(task, &stage, in_view, draw) {
-            return Ok(Drawn { scene, ..drawn });
+            return Ok(Drawn { scene, wind: wind(task, seed, word), ..drawn });
         }
     }
     Err(DrawError::NoStart { task: task.id.clone(), seed })
+}
+
+/// The wind of a trial: within the task's speeds, from anywhere.
+fn wind(task: &Task, seed: u64, word: u64) -> Wind {
+    let Some(winds) = task.wind else { return Wind::default() };
+    let mut draw = Draw::new(seed, "bench wind", &[word]);
+    let [least, most] = winds.speed;
+    let speed = least + (most - least) * draw.uniform();
+    let (sin, cos) = libm::sincos(draw.uniform() * core::f64::consts::TAU);
+    Wind { east: speed * sin, north: speed * cos, gust: winds.gust, gust_time: winds.gust_time }
 }
 
 /// A start in a scene; none when none is found.
@@ -118,6 +133,7 @@ fn start(task: &Task, stage: &Arc<Stage>, in_view: Option<bool>, mut draw: Draw)
         let found = |in_view| Drawn {
             stage: stage.clone(),
             scene: String::new(),
+            wind: Wind::default(),
             start: place.start,
             in_view,
             focus: place.focus,
@@ -159,7 +175,7 @@ impl Place {
         let mut within = |[from, to]: [f64; 2]| from + (to - from) * draw.uniform();
         let east = within(task.start.east.unwrap_or([bounds.min.east, bounds.max.east]));
         let north = within(task.start.north.unwrap_or([bounds.min.north, bounds.max.north]));
-        let above = EnuPosition { east, north, up: bounds.max.up };
+        let above = EnuPosition { east, north, up: bounds.max.up - CEILING_M };
         let (aside, turn) = (draw.uniform() * 2.0 - 1.0, draw.uniform());
         let up = stage.collider.ground_below(above).map_or(0.0, |ground| ground.up);
         let at = EnuPosition { east, north, up };
@@ -204,11 +220,13 @@ impl Place {
         let Some(below) = stage.collider.ground_below(EnuPosition { up: ground.up + 0.1, ..ground }) else { return false };
         let object = stage.scene.object(below.object);
         let is_ground = object.is_some_and(|object| matches!(object.tags.kind.as_str(), "ground" | "floor"));
-        let (low, aloft) = (EnuPosition { up: ground.up + 0.4, ..ground }, self.aloft(task));
-        let room = 2.0 * Model::of(task.craft).craft.radius;
+        // A craft that takes off wanders by what its senses err.
+        let radius = Model::of(task.craft).craft.radius;
+        let room = radius + ROOM_M;
+        let (low, aloft) = (EnuPosition { up: ground.up + room + 0.05, ..ground }, self.aloft(task));
         let moment = self.moment(task, stage);
-        let clear = |id| stage.distance_to(id, &moment.actors, aloft).is_none_or(|away| away > 4.0 * room);
-        is_ground && stage.collider.sweep(low, aloft, room.min(0.35)).is_none() && stage.cast.objects().all(clear)
+        let clear = |id| stage.distance_to(id, &moment.actors, aloft).is_none_or(|away| away > 8.0 * radius);
+        is_ground && stage.collider.sweep(low, aloft, room).is_none() && stage.cast.objects().all(clear)
     }
 
     /// Range, and what is to stand on the way.

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use spf_core::pilot::Preset;
+use spf_core::executor::{Ending, Motion};
+use spf_core::pilot::{PilotSettings, Preset, Think};
 use spf_core::step::StepRule;
 use spf_core::time::duration_from_secs;
 use spf_flight::sim::{PolicyKind, WhoPoints};
 use spf_vlm::{Account, Answer, Asked, Picture, Vlm};
 
-use crate::task::Set;
+use crate::task::{Set, Task};
 
 /// A way of flying that is compared with others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +18,18 @@ pub enum Method {
     Spf,
     /// Points, preset `paper`.
     SpfPaper,
+    /// `Spf` with every step as long as the median of its adaptive ones.
+    SpfStepMedian,
+    /// `Spf` with steps of a metre.
+    SpfStepMetre,
+    /// `Spf`, one primitive after the other.
+    SpfSequential,
+    /// `Spf`, its primitives ended by time alone.
+    SpfTimed,
+    /// `Spf`, holding while the VLM thinks.
+    SpfStop,
+    /// The same, one primitive after the other.
+    SpfStopSequential,
     /// Choices among numbered arrows, with the median of SPF's steps for a step.
     Pivot,
     /// The same with steps of a metre.
@@ -41,9 +54,15 @@ pub enum Method {
 
 impl Method {
     /// All, in the order of tables.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 18] = [
         Self::Spf,
         Self::SpfPaper,
+        Self::SpfStepMedian,
+        Self::SpfStepMetre,
+        Self::SpfSequential,
+        Self::SpfTimed,
+        Self::SpfStop,
+        Self::SpfStopSequential,
         Self::Pivot,
         Self::PivotMetre,
         Self::PivotParallel,
@@ -62,6 +81,12 @@ impl Method {
         match self {
             Self::Spf => "spf",
             Self::SpfPaper => "spf-paper",
+            Self::SpfStepMedian => "spf-step-median",
+            Self::SpfStepMetre => "spf-step-1m",
+            Self::SpfSequential => "spf-sequential",
+            Self::SpfTimed => "spf-timed",
+            Self::SpfStop => "spf-stop",
+            Self::SpfStopSequential => "spf-stop-sequential",
             Self::Pivot => "pivot",
             Self::PivotMetre => "pivot-1m",
             Self::PivotParallel => "pivot-parallel",
@@ -89,7 +114,14 @@ impl Method {
 
     pub(super) fn policy(self) -> PolicyKind {
         match self {
-            Self::Spf | Self::SpfPaper => PolicyKind::Spf,
+            Self::Spf
+            | Self::SpfPaper
+            | Self::SpfStepMedian
+            | Self::SpfStepMetre
+            | Self::SpfSequential
+            | Self::SpfTimed
+            | Self::SpfStop
+            | Self::SpfStopSequential => PolicyKind::Spf,
             Self::Pivot | Self::PivotMetre => PolicyKind::Pivot,
             Self::PivotParallel => PolicyKind::PivotParallel,
             Self::TypeFly => PolicyKind::TypeFly,
@@ -108,11 +140,28 @@ impl Method {
         }
     }
 
+    /// How it is flown on a task: the preset, but for what the method is about.
+    pub(super) fn settings(self, task: &Task) -> PilotSettings {
+        let preset = PilotSettings::preset(self.preset());
+        let stops = matches!(self, Self::SpfStop | Self::SpfStopSequential);
+        let queues = matches!(self, Self::SpfSequential | Self::SpfStopSequential);
+        PilotSettings {
+            step: self.step(task.set),
+            motion: if queues { Motion::Sequential } else { preset.motion },
+            ending: if self == Self::SpfTimed { Ending::Timed } else { preset.ending },
+            think: if stops { Think::Stop } else { preset.think },
+            avoid: task.avoid,
+            max_time: duration_from_secs(task.max_time),
+            max_decisions: task.max_decisions,
+            ..preset
+        }
+    }
+
     /// How far a decision goes on a task of this set: PIVOT, which knows no depth, is given a fixed step.
-    pub(super) fn step(self, set: Set) -> StepRule {
+    fn step(self, set: Set) -> StepRule {
         match self {
-            Self::Pivot | Self::PivotParallel => StepRule::Fixed(median_step(set)),
-            Self::PivotMetre => StepRule::FIXED,
+            Self::SpfStepMedian | Self::Pivot | Self::PivotParallel => StepRule::Fixed(median_step(set)),
+            Self::SpfStepMetre | Self::PivotMetre => StepRule::FIXED,
             _ => StepRule::PAPER,
         }
     }
@@ -180,6 +229,21 @@ mod tests {
     fn a_method_is_found_by_its_name() {
         assert!(Method::ALL.iter().all(|method| Method::of_name(method.name()) == Some(*method)));
         assert_eq!(Method::of_name("chance"), None);
+    }
+
+    #[test]
+    fn an_ablation_changes_what_its_name_says() {
+        let task = crate::task::shipped("real-long-cones").unwrap().unwrap();
+        let [spf, median, metre, queue, timed, stop] =
+            [Method::Spf, Method::SpfStepMedian, Method::SpfStepMetre, Method::SpfSequential, Method::SpfTimed, Method::SpfStop]
+                .map(|method| method.settings(&task));
+        assert_eq!((spf.step, spf.max_decisions), (StepRule::PAPER, task.max_decisions));
+        assert_eq!(median, PilotSettings { step: StepRule::Fixed(1.9), ..spf });
+        assert_eq!(metre, PilotSettings { step: StepRule::Fixed(1.0), ..spf });
+        assert_eq!(queue, PilotSettings { motion: Motion::Sequential, ..spf });
+        assert_eq!(timed, PilotSettings { ending: Ending::Timed, ..spf });
+        assert_eq!(stop, PilotSettings { think: Think::Stop, ..spf });
+        assert_eq!(Method::SpfStopSequential.settings(&task), PilotSettings { motion: Motion::Sequential, ..stop });
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! One trial: drawn, flown, judged, measured.
 
 mod draw;
+mod latency;
 mod measures;
 mod method;
 mod path;
@@ -12,18 +13,21 @@ use std::sync::{Arc, OnceLock};
 
 use spf_core::envelope::Limits;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::pilot::{Outcome, PilotSettings};
-use spf_core::time::duration_from_secs;
+use spf_core::pilot::Outcome;
+use spf_core::prompt::PromptText;
 use spf_flight::sim::{Circumstances, FlightPlan, RecordPlan, SimWorld, WhoPoints, fly};
 use spf_flight::summary::Summary;
 use spf_flight::world::Script;
 use spf_sim::geometry::ObjectId;
 use spf_sim::model::Model;
 
+use crate::fnv;
 use crate::judge::Judge;
 use crate::stats::percentile;
 use crate::task::{GoalKind, Set, Task, centre};
 pub use draw::{DrawError, Drawn, draw};
+use latency::Timed;
+pub use latency::split_latency;
 pub use method::{Method, NOBODY};
 pub use path::FlownPath;
 pub use record::{Milliseconds, Record, Scores, VlmDetails, run_id};
@@ -36,6 +40,8 @@ pub struct Pointer {
     pub name: String,
     /// Makes it.
     pub who: WhoPoints,
+    /// Seconds that each of its answers takes; none: as it comes.
+    pub latency: Option<f64>,
 }
 
 /// What became of a trial.
@@ -82,10 +88,14 @@ impl Trial {
             Ok(judge) => judge,
             Err(error) => return self.failed(Some(drawn), &error),
         };
-        let world = Arc::new(OnceLock::new());
+        let (world, sent) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()));
         let mut watcher = Watcher::new(world.clone(), judge);
-        match fly(self.plan(drawn, world, record), &mut [&mut watcher]) {
-            Ok(flown) => self.scored(drawn, watcher, flown.summary),
+        match fly(self.plan(drawn, world, sent.clone(), record), &mut [&mut watcher]) {
+            Ok(flown) => {
+                let mut flown = self.scored(drawn, watcher, flown.summary);
+                flown.record.vlm_details.image_px = sent.get().map(|(width, height)| [*width, *height]);
+                flown
+            }
             Err(error) => self.failed(Some(drawn), &error),
         }
     }
@@ -103,37 +113,42 @@ impl Trial {
         Flown { path: FlownPath { run_id: record.run_id.clone(), ..FlownPath::default() }, record }
     }
 
-    fn plan(&self, drawn: &Drawn, world: Arc<OnceLock<SimWorld>>, record: Option<RecordPlan>) -> FlightPlan {
+    /// `world` and `sent`, the size of the pictures that are asked about, are told when it is asked who points.
+    fn plan(
+        &self,
+        drawn: &Drawn,
+        world: Arc<OnceLock<SimWorld>>,
+        sent: Arc<OnceLock<(u32, u32)>>,
+        record: Option<RecordPlan>,
+    ) -> FlightPlan {
         let task = &self.task;
         let who = match &self.pointer {
             Some(pointer) => pointer.who.clone(),
             None => method::blind(if task.set == Set::Simulation { 5.0 } else { 1.0 }),
         };
+        let (fixed, delay) = (self.pointer.as_ref().and_then(|pointer| pointer.latency), task.vlm_delay);
         let seen: WhoPoints = Arc::new(move |of, seed| {
+            let vlm = who(of, seed)?;
             // A flight has one world; it is asked for once.
             if let Some(of) = of {
+                let camera = of.camera();
+                let frame = (camera.width, camera.height);
+                sent.get_or_init(|| vlm.eyesight(frame).image_size.unwrap_or(frame));
                 drop(world.set(of.clone()));
             }
-            who(of, seed)
+            Ok(Box::new(Timed { vlm, fixed, delay, seed }))
         });
-        let preset = self.method.preset();
         FlightPlan {
             stage: drawn.stage.clone(),
             scene: drawn.scene.clone(),
             instruction: task.instruction.clone(),
             start: Some(drawn.start),
             kind: task.craft,
-            circumstances: Circumstances::default(),
+            circumstances: Circumstances { wind: drawn.wind, ..Circumstances::default() },
             policy: self.method.policy(),
-            preset,
-            settings: PilotSettings {
-                step: self.method.step(task.set),
-                avoid: task.avoid,
-                max_time: duration_from_secs(task.max_time),
-                max_decisions: task.max_decisions,
-                ..PilotSettings::preset(preset)
-            },
-            limits: Limits::for_craft(&Model::of(task.craft).craft),
+            preset: self.method.preset(),
+            settings: self.method.settings(task),
+            limits: self.limits(),
             vlm: self.vlm().to_owned(),
             who: seen,
             prompt: None,
@@ -147,6 +162,29 @@ impl Trial {
         }
     }
 
+    fn limits(&self) -> Limits {
+        Limits::for_craft(&Model::of(self.task.craft).craft)
+    }
+
+    /// What stands for all that decides how it is flown, besides scene, start and who points: policy, settings, limits, prompt.
+    fn params_hash(&self) -> String {
+        let policy = self.method.policy();
+        let prompt = PromptText::shipped(policy.prompt());
+        let all = format!("{} {:?} {:?} {}", policy.name(), self.method.settings(&self.task), self.limits(), prompt.source());
+        format!("{:016x}", fnv(all.as_bytes()))
+    }
+
+    /// How the latency of answers came about.
+    fn latency_model(&self) -> String {
+        let own = match &self.pointer {
+            None => "fixed".to_owned(),
+            Some(Pointer { latency: Some(seconds), .. }) => format!("fixed {seconds} s"),
+            Some(pointer) if provider(&pointer.name) == "oracle" => "log-normal".to_owned(),
+            Some(_) => "measured".to_owned(),
+        };
+        self.task.vlm_delay.map_or(own.clone(), |[least, most]| format!("{own} + uniform {least} to {most} s"))
+    }
+
     /// A row with what is known before the flight.
     fn blank(&self, drawn: Option<&Drawn>) -> Record {
         let task = &self.task;
@@ -157,6 +195,8 @@ impl Trial {
             set: task.set,
             category: task.category,
             method: self.method.name().to_owned(),
+            params_hash: self.params_hash(),
+            latency_model: self.latency_model(),
             scores: Scores::default(),
             error: None,
             scene_id: drawn.map_or_else(|| task.scene.clone(), |drawn| drawn.scene.clone()),

@@ -38,7 +38,7 @@ pub struct VlmDetails {
     pub provider: String,
     /// Models that answered.
     pub models: Vec<String>,
-    /// Size of the pictures sent, if not the camera's.
+    /// Width and height at which the camera's pictures are looked at.
     pub image_px: Option<[u32; 2]>,
 }
 
@@ -70,6 +70,13 @@ pub struct Record {
     pub category: Category,
     /// The method.
     pub method: String,
+    /// Stands for policy, settings, limits and prompt: trials with the same one were flown by the same rules.
+    #[serde(default)]
+    pub params_hash: String,
+    /// How the latency of answers came about: `log-normal` (the oracle's error file), `measured`, `fixed 3 s`, and what the
+    /// task adds.
+    #[serde(default)]
+    pub latency_model: String,
     /// The scores.
     pub scores: Scores,
     /// Why the trial could not be flown, when it could not; it counts as a failure.

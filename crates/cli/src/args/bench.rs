@@ -31,6 +31,7 @@ Examples:
   spf bench run --suite table1 --vlm oracle:perfect,oracle:default -o out
   spf bench run --suite paper --method spf,spf-paper,pivot -o out
   spf bench run --task sim-nav-red-crane --task my/task.toml --trials 20 -o out
+  spf bench run --suite latency-sweep --trials 20 -o out
   spf bench run --suite paper --shard 0/4 -o part0
 
 The same command in the same folder goes on where it was stopped. results.jsonl has a row a trial and no wall clock in it; \
@@ -42,13 +43,15 @@ pub(crate) struct BenchRun {
     /// A task by its name or its file; can be given several times
     #[arg(long, value_name = "ID|FILE")]
     pub(crate) task: Vec<String>,
-    /// Methods, joined by commas: spf, spf-paper, pivot, pivot-1m, pivot-parallel, typefly, typefly-coco, typefly-once, plain,
-    /// plain-numeric, plain-discrete, straight [default: spf, or those of the suite]
+    /// Methods, joined by commas: spf, spf-paper, spf-step-median, spf-step-1m, spf-sequential, spf-timed, spf-stop,
+    /// spf-stop-sequential, pivot, pivot-1m, pivot-parallel, typefly, typefly-coco, typefly-once, plain, plain-numeric,
+    /// plain-discrete, straight [default: spf, or those of the suite]
     #[arg(long, value_name = "LIST")]
     pub(crate) method: Option<String>,
-    /// Who points, joined by commas: as for `spf fly --vlm`
-    #[arg(long, value_name = "LIST", default_value = "oracle:default")]
-    pub(crate) vlm: String,
+    /// Who points, joined by commas: as for `spf fly --vlm`; `oracle:default@3s` answers after 3 s each time
+    /// [default: oracle:default, or those of the suite]
+    #[arg(long, value_name = "LIST")]
+    pub(crate) vlm: Option<String>,
     /// Trials of each task
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(crate) trials: u64,

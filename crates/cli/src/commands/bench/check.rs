@@ -10,6 +10,7 @@ use spf_core::geometry::{Pose, wrap_angle};
 use spf_flight::sim::Stage;
 use spf_sim::model::Model;
 use spf_sim::render::Channels;
+use spf_sim::wind::Wind;
 
 use super::task_of;
 use crate::args::BenchCheck;
@@ -69,7 +70,7 @@ fn words(judgement: &Judgement, task: &Task) -> String {
     format!("{verdict}, {} of {} goals met{distance}{seen}{touched}", judgement.met, task.goals.len())
 }
 
-const HEAD: [&str; 9] = ["SEED", "SCENE", "LIGHT", "START", "TARGET", "BEARING", "RANGE", "IN VIEW", "CLUTTER"];
+const HEAD: [&str; 10] = ["SEED", "SCENE", "LIGHT", "WIND", "START", "TARGET", "BEARING", "RANGE", "IN VIEW", "CLUTTER"];
 
 fn aloft(task: &Task, drawn: &Drawn) -> Pose {
     let mut pose = drawn.start;
@@ -99,6 +100,7 @@ fn row(task: &Task, seed: u64, drawn: &Drawn) -> Vec<String> {
         seed.to_string(),
         drawn.scene.clone(),
         format!("{}, {}", scene.lighting.name(), scene.weather.name()),
+        if drawn.wind == Wind::default() { dash() } else { drawn.wind.to_string() },
         format!("{:.1},{:.1},{:.0}°", start.position.east, start.position.north, start.attitude.heading.to_degrees()),
         focus.map_or_else(dash, |object| object.key.clone()),
         bearing.map_or_else(dash, |degrees| format!("{degrees:.0}°")),

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use spf_bench::run::{StoreError, merge};
 use spf_bench::task::{SUITES, Task, TaskError, shipped};
-use spf_bench::trial::Pointer;
+use spf_bench::trial::{Pointer, split_latency};
 
 use crate::args::{Bench, BenchMerge};
 use crate::commands::vlm::pointing;
@@ -46,11 +46,12 @@ fn task_of(name: &str) -> Result<Task, CliError> {
     })
 }
 
-/// Who points, by a name as for `spf fly --vlm`.
+/// Who points, by a name as for `spf fly --vlm`; an oracle may be told how long it takes.
 fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
-    settings.flag("fly.vlm", "--vlm", Some(name.to_owned()));
+    let (who, latency) = split_latency(name);
+    settings.flag("fly.vlm", "--vlm", Some(who.to_owned()));
     let pointing = pointing(settings, None)?;
-    Ok(Pointer { name: name.to_owned(), who: pointing.who })
+    Ok(Pointer { name: name.to_owned(), who: pointing.who, latency })
 }
 
 /// Why results cannot be kept, and what to do.

@@ -24,17 +24,18 @@ use crate::settings::Settings;
 pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::load(args.config.as_deref())?;
     let (tasks, files) = tasks(args)?;
-    let own = args.suite.as_deref().and_then(suite).map_or("spf", |suite| suite.methods);
-    let methods = listed(args.method.as_deref().unwrap_or(own)).map(method).collect::<Result<Vec<_>, _>>()?;
-    let pointers: Vec<Pointer> = listed(&args.vlm).map(|name| pointer(&mut settings, name)).collect::<Result<_, _>>()?;
+    let own = args.suite.as_deref().and_then(suite).map_or(("spf", "oracle:default"), |suite| (suite.methods, suite.vlms));
+    let vlms = args.vlm.as_deref().unwrap_or(own.1);
+    let methods = listed(args.method.as_deref().unwrap_or(own.0)).map(method).collect::<Result<Vec<_>, _>>()?;
+    let pointers: Vec<Pointer> = listed(vlms).map(|name| pointer(&mut settings, name)).collect::<Result<_, _>>()?;
     if methods.is_empty() || pointers.is_empty() {
         return Err(CliError::usage("no method or no VLM is named").hint("--method spf --vlm oracle:default"));
     }
     let shard = shard(args)?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let manner = Manner { jobs, videos: args.videos, command: command(args), files };
+    let manner = Manner { jobs, videos: args.videos, command: command(args, vlms), files };
     let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: args.max_cost };
-    let head = plan.head(shard, &args.vlm);
+    let head = plan.head(shard, vlms);
     let interrupts = interrupts()?;
     if shard != Shard::WHOLE {
         printer.say(&format!("share {} of {}", shard.index, shard.count));
@@ -78,7 +79,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
 }
 
 /// The command that makes the same rows: what is given, without folder, share and number of jobs.
-fn command(args: &BenchRun) -> String {
+fn command(args: &BenchRun, vlms: &str) -> String {
     let mut words: Vec<String> = ["spf", "bench", "run"].map(str::to_owned).to_vec();
     let mut give = |name: &str, value: Option<String>| {
         words.extend(value.into_iter().flat_map(|value| [name.to_owned(), shell_word(&value)]));
@@ -86,7 +87,7 @@ fn command(args: &BenchRun) -> String {
     give("--suite", args.suite.clone());
     args.task.iter().for_each(|task| give("--task", Some(task.clone())));
     give("--method", args.method.clone());
-    give("--vlm", Some(args.vlm.clone()));
+    give("--vlm", Some(vlms.to_owned()));
     give("--trials", Some(args.trials.to_string()));
     give("--seed", Some(args.seed.to_string()));
     give("--max-cost", args.max_cost.map(|cost| cost.to_string()));

@@ -1,0 +1,70 @@
+//! How long answers take, where a bench has it otherwise than who points.
+
+use spf_core::query::QueryKind;
+use spf_core::rng::Draw;
+use spf_core::time::duration_from_secs;
+use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
+
+/// Longest latency that a name fixes, seconds.
+const LONGEST_S: f64 = 600.0;
+
+/// A name of who points, and the latency in seconds that it fixes: `oracle:default@3s`. An oracle alone can be told how long it
+/// takes; behind a model's `@` stands its address.
+#[must_use]
+pub fn split_latency(name: &str) -> (&str, Option<f64>) {
+    let fixed = name.rsplit_once('@').filter(|(who, _)| *who == "oracle" || who.starts_with("oracle:"));
+    let split = fixed.and_then(|(who, text)| {
+        let seconds: f64 = text.strip_suffix('s')?.parse().ok()?;
+        (0.0..=LONGEST_S).contains(&seconds).then_some((who, Some(seconds)))
+    });
+    split.unwrap_or((name, None))
+}
+
+/// Somebody who answers as another does, at another time. A detector is no VLM: its lists come when they come.
+pub(super) struct Timed {
+    pub(super) vlm: Box<dyn Vlm>,
+    /// Seconds that every answer takes; none: as it comes.
+    pub(super) fixed: Option<f64>,
+    /// Least and most seconds by which it comes later still, drawn by question.
+    pub(super) delay: Option<[f64; 2]>,
+    pub(super) seed: u64,
+}
+
+impl Vlm for Timed {
+    fn name(&self) -> &str {
+        self.vlm.name()
+    }
+
+    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
+        self.vlm.eyesight(camera)
+    }
+
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+        let mut answer = self.vlm.answer(asked, picture);
+        if matches!(asked.query.kind, QueryKind::Detect { .. }) {
+            return answer;
+        }
+        if let Some(seconds) = self.fixed {
+            answer.latency = duration_from_secs(seconds);
+        }
+        if let Some([least, most]) = self.delay {
+            let share = Draw::new(self.seed, "bench delay", &[asked.query.id.0]).uniform();
+            answer.latency += duration_from_secs(least + (most - least) * share);
+        }
+        answer
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_oracles_name_may_fix_its_latency() {
+        assert_eq!(split_latency("oracle:default@3s"), ("oracle:default", Some(3.0)));
+        assert_eq!(split_latency("oracle@0.5s"), ("oracle", Some(0.5)));
+        for whole in ["oracle:default", "oracle@3", "oracle@-1s", "oracle@NaNs", "gemini@http://host:1/v1s", "vllm@3s"] {
+            assert_eq!(split_latency(whole), (whole, None));
+        }
+    }
+}
