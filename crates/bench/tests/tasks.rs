@@ -5,9 +5,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use spf_bench::judge::judge_trajectory;
-use spf_bench::task::{Category, Set, Task, View, suite};
-use spf_bench::trial::draw;
+use spf_bench::task::{Category, SUITES, Set, Task, View, suite};
+use spf_bench::trial::{Method, draw, split_latency};
 use spf_flight::sim::Stage;
+use spf_sim::oracle::ErrorFile;
+use spf_sim::scene::Lighting;
+
+/// Every task that ships, once.
+fn shipped() -> Vec<Arc<Task>> {
+    ["paper", "hard"].iter().flat_map(|name| suite(name).unwrap().tasks().unwrap()).collect()
+}
 
 fn paper() -> Vec<Arc<Task>> {
     suite("paper").unwrap().tasks().unwrap()
@@ -31,8 +38,38 @@ fn the_papers_table_is_whole() {
 
 #[test]
 fn names_are_those_of_the_files() {
-    for (name, task) in suite("paper").unwrap().names().zip(paper()) {
-        assert_eq!(name, task.id);
+    for suite in SUITES {
+        for (name, task) in suite.names().zip(suite.tasks().unwrap()) {
+            assert_eq!(name, task.id);
+        }
+    }
+}
+
+#[test]
+fn the_hard_suite_has_what_it_says() {
+    let tasks = suite("hard").unwrap().tasks().unwrap();
+    assert_eq!(tasks.len(), 30);
+    let count = |has: &dyn Fn(&Task) -> bool| tasks.iter().filter(|task| has(task)).count();
+    for scene in ["city", "park", "office", "yard"] {
+        assert!(count(&|task| task.scene == scene) >= 6, "{scene}");
+    }
+    assert!(count(&|task| task.goals.len() == 5) >= 3);
+    assert!(count(&|task| task.wind.is_some()) >= 2);
+    assert!(count(&|task| task.conditions.lighting == Some(Lighting::Dusk)) >= 2);
+    assert!(count(&|task| task.vlm_delay.is_some()) >= 2);
+    assert!(count(&|task| task.avoid && task.start.blocked == Some(true)) >= 4);
+    assert!(count(&|task| task.start.range[0] >= 70.0) >= 2);
+}
+
+/// A suite that compares oracles names them so that the program knows them.
+#[test]
+fn suites_name_methods_and_oracles_that_there_are() {
+    for suite in SUITES {
+        assert!(suite.methods.split(',').all(|name| Method::of_name(name).is_some()), "{}", suite.name);
+        for name in suite.vlms.split(',') {
+            let (oracle, _) = split_latency(name);
+            assert!(ErrorFile::named(oracle.strip_prefix("oracle:").unwrap()).is_ok(), "{name}");
+        }
     }
 }
 
@@ -57,7 +94,7 @@ fn targets_are_in_view_as_the_instruction_has_it() {
 fn every_task_judges_its_own_trajectories() {
     let mut stages: BTreeMap<String, Arc<Stage>> = BTreeMap::new();
     let mut wrong = Vec::new();
-    for task in paper() {
+    for task in shipped() {
         let stage = stages.entry(task.scene.clone()).or_insert_with(|| Arc::new(Stage::load(&task.scene).unwrap()));
         let accepted = task.trajectories.iter().filter(|trajectory| trajectory.accepted).count();
         assert_eq!((accepted, task.trajectories.len()), (1, 3), "{}", task.id);
@@ -73,12 +110,25 @@ fn every_task_judges_its_own_trajectories() {
 
 #[test]
 fn a_draw_follows_from_task_and_seed() {
-    for id in ["sim-search-tower", "real-reason-dark"] {
-        let task = paper().into_iter().find(|task| task.id == id).unwrap();
+    for id in ["sim-search-tower", "real-reason-dark", "hard-delay-extinguisher"] {
+        let task = shipped().into_iter().find(|task| task.id == id).unwrap();
         let [one, again] = [draw(&task, 3).unwrap(), draw(&task, 3).unwrap()];
         assert_eq!((one.start, &one.scene, one.range), (again.start, &again.scene, again.range));
         let other = draw(&task, 4).unwrap();
         assert_ne!((one.start, &one.scene), (other.start, &other.scene));
         assert!((task.start.range[0]..=task.start.range[1]).contains(&one.range.unwrap()));
+    }
+}
+
+#[test]
+fn wind_is_drawn_within_its_speeds() {
+    let task = shipped().into_iter().find(|task| task.id == "hard-wind-bicycle").unwrap();
+    let [one, again, other] = [2, 2, 3].map(|seed| draw(&task, seed).unwrap().wind);
+    assert_eq!(one, again);
+    assert_ne!(one, other);
+    let winds = task.wind.unwrap();
+    for wind in [one, other] {
+        let speed = libm::hypot(wind.east, wind.north);
+        assert!((winds.speed[0]..=winds.speed[1]).contains(&speed) && wind.gust == winds.gust, "{wind:?}");
     }
 }

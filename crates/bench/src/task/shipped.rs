@@ -49,6 +49,41 @@ const PAPER: &[(&str, &str)] = tasks!("paper":
     "real-follow-green-shirt",
 );
 
+/// Thirty in which methods differ: far, small, behind clutter, alike, moving, round a corner, five in a row, in wind, at dusk,
+/// with slow answers.
+const HARD: &[(&str, &str)] = tasks!("hard":
+    "hard-far-windsock",
+    "hard-far-yellow-crane",
+    "hard-small-bottle",
+    "hard-small-cactus",
+    "hard-clutter-armchair",
+    "hard-clutter-vending-machine",
+    "hard-clutter-excavator",
+    "hard-clutter-pavilion",
+    "hard-alike-carriage",
+    "hard-alike-green-chair",
+    "hard-alike-person",
+    "hard-alike-van",
+    "hard-moving-follow",
+    "hard-moving-guest",
+    "hard-moving-passage",
+    "hard-moving-traffic",
+    "hard-moving-walker",
+    "hard-corner-behind",
+    "hard-corner-boat",
+    "hard-corner-ladder",
+    "hard-corner-whiteboard",
+    "hard-five-city",
+    "hard-five-park",
+    "hard-five-yard",
+    "hard-wind-bicycle",
+    "hard-wind-chimney",
+    "hard-dusk-armchair",
+    "hard-dusk-taxi",
+    "hard-delay-extinguisher",
+    "hard-delay-radio-mast",
+);
+
 /// The five on which the paper compares ways of asking.
 const NAVIGATION: &[(&str, &str)] = &[PAPER[0], PAPER[1], PAPER[2], PAPER[3], PAPER[4]];
 
@@ -85,6 +120,13 @@ pub const SUITES: &[Suite] = &[
         methods: "spf",
         vlms: ORACLE,
         tasks: PAPER,
+    },
+    Suite {
+        name: "hard",
+        description: "30 tasks of our own: far, small, cluttered, alike, moving, hidden, five in a row, wind, dusk, slow answers",
+        methods: "spf",
+        vlms: ORACLE,
+        tasks: HARD,
     },
     Suite {
         name: "table1",
