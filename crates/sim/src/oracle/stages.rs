@@ -254,7 +254,7 @@ fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<
             let (thing, lost) = sighting(begun.unwrap_or_else(find));
             match thing {
                 Some(thing) => (in_view(step, thing, view), Some(thing)),
-                None => (out_of_view(step, lost, view), None),
+                None => (out_of_view(step, phrase, lost, view), None),
             }
         }
     }
@@ -289,10 +289,15 @@ fn in_view(step: Step, thing: &Thing, view: &View<'_>) -> Met {
 }
 
 /// A stage whose thing is out of view: for some that is the aim.
-fn out_of_view(step: Step, lost: Option<Look>, view: &View<'_>) -> Met {
+fn out_of_view(step: Step, phrase: &Phrase, lost: Option<Look>, view: &View<'_>) -> Met {
     match step {
         Step::Beside => Met::Yes(None),
         Step::Across => Met::Yes(Some(ahead(view))),
+        // Gone round on its left, it lies to the right, and mostly half a picture away; what is not there is searched for, since a
+        // search ends.
+        Step::Regain if view.query.memory.targets.last().is_some_and(|last| *last == phrase.nouns.join(" ")) => {
+            Met::Look(Look::Right)
+        }
         Step::Regain => Met::Go(edge(1.0, view)),
         _ => Met::Look(lost.unwrap_or_else(|| side(view))),
     }
@@ -313,12 +318,17 @@ fn whole<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<&'v Thing> {
 }
 
 /// What one is going round already, by its name in the history: of several with that name the nearest, and none farther off
-/// than one goes round anything. Nothing when the way round has not begun: what was pointed at last, the way itself aside, is then
-/// no place beside anything.
+/// than one goes round anything. Nothing when the way round has not begun: since the last place beside anything something else was
+/// pointed at than the way itself and what is gone round.
 fn gone_round<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<Option<&'v Thing>> {
-    let on_the_way = |target: &&String| *target == STRAIGHT_ON || **target == phrase.nouns.join(" ");
-    let last = view.query.memory.targets.iter().rev().find(|target| !on_the_way(target))?;
-    let name = last.strip_prefix(LEFT_OF)?;
+    let targets = &view.query.memory.targets;
+    let begun = targets.iter().rposition(|target| target.starts_with(LEFT_OF))?;
+    let name = targets[begun].strip_prefix(LEFT_OF)?;
+    let nouns = phrase.nouns.join(" ");
+    let on_the_way = |target: &String| target == STRAIGHT_ON || *target == nouns || target == name;
+    if !targets[begun + 1..].iter().all(on_the_way) {
+        return None;
+    }
     let near = |thing: &&Thing| thing.nearest < ROUND * view.near() && thing.tags.words() == name;
     Some(view.seen.iter().copied().filter(near).min_by(|a, b| a.nearest.total_cmp(&b.nearest)))
 }
