@@ -3,6 +3,7 @@
 
     python3 docs/trials/tello.py target/debug/spf docs/trials/office.txt OUT_FOLDER --scene office [--only 3,7]
     python3 docs/trials/tello.py target/debug/spf docs/trials/office.txt OUT_FOLDER --scene office --faults
+    python3 docs/trials/tello.py target/debug/spf docs/trials/office.txt OUT_FOLDER --scene office -- --tello-motion go
 
 The drone and the oracle behind HTTP are one process (`spf sim serve --tello --vlm --truth`), the pilot another (`spf fly --drone
 tello`). What the pilot believes stands beside what the server knows. `--faults` flies the first instruction once under each
@@ -15,6 +16,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 
 DRONE, LOCAL = "127.0.0.71", "127.0.0.72"
@@ -131,8 +133,9 @@ def main():
     parser.add_argument("--scene", default="office")
     parser.add_argument("--only", type=lambda text: [int(number) for number in text.split(",")])
     parser.add_argument("--faults", action="store_true")
-    parser.add_argument("more", nargs="*", help="further flags of spf fly, after --")
-    given = parser.parse_args()
+    own, _, more = " ".join(sys.argv[1:]).partition(" -- ")
+    given = parser.parse_args(own.split())
+    given.more = more.split()  # further flags of spf fly
     with open(given.instructions, encoding="utf-8") as file:
         texts = [line.strip() for line in file if line.strip()]
     if given.faults:
