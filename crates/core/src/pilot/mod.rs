@@ -81,6 +81,8 @@ pub struct Pilot {
     hold_after_take_off: bool,
     first_motion: Option<Time>,
     next_tick: Time,
+    /// Since when a limit has left nothing of what the move asks for.
+    kept_since: Option<Time>,
     /// What was asked of the envelope last.
     wanted: Setpoint,
     /// The envelope's reaction, and its change of a setpoint, that were told last.
@@ -142,6 +144,7 @@ impl Pilot {
             hold_after_take_off: false,
             first_motion: None,
             next_tick: Time::ZERO,
+            kept_since: None,
             wanted: Setpoint::HOLD,
             told_reaction: None,
             told_change: None,

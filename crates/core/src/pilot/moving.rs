@@ -16,6 +16,8 @@ const REST_YAW_RATE: f64 = 3.0 / 180.0 * core::f64::consts::PI;
 const REST_WAIT: Duration = Duration::from_millis(1500);
 /// A plan shorter than this, metres, is a turn on the spot: it has no direction to have been passed in.
 const TURN_ONLY: f64 = 0.05;
+/// A move of which a limit leaves nothing for so long is over.
+const KEPT_STILL: Duration = Duration::from_secs(1);
 /// Flown back at most, metres: a craft that brakes for its goal stops within centimetres of it.
 const FLY_BACK: f64 = 0.1;
 
@@ -161,10 +163,26 @@ impl Pilot {
                 self.envelope.clear_setpoint(now, setpoint)
             }
         };
+        if self.is_kept_still(now, &clearance) {
+            finished = true;
+            self.kept_since = None;
+            self.executor.stop(now);
+        }
         self.send(now, clearance);
         if finished {
             self.move_ended(now);
         }
+    }
+
+    /// Whether a limit has left nothing of what a move asks for, for so long that it will not come to its end: down at the floor, out
+    /// at the fence. Without this it would end by its time limit only.
+    fn is_kept_still(&mut self, now: Time, clearance: &Clearance) -> bool {
+        let kept = self.executing && !self.wanted.is_hold() && clearance.setpoint().is_some_and(Setpoint::is_hold);
+        if !kept {
+            self.kept_since = None;
+            return false;
+        }
+        now.since(*self.kept_since.get_or_insert(now)) >= KEPT_STILL
     }
 
     /// A manoeuvre as far as the envelope lets it go. One that it does not let begin is the end of the move.

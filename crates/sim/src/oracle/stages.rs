@@ -186,11 +186,13 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
     aim
 }
 
-/// On the way to another of several, those that stand nearer.
+/// On the way to another of several, those that stand nearer. Not what the opening that is meant belongs to, nor the other openings
+/// of that: the way leads through it.
 fn past(stage: Stage<'_>, thing: Option<&Thing>, view: &View<'_>) -> Vec<Found> {
     let Some(thing) = thing.filter(|_| stage.another) else { return Vec::new() };
     let alike = Phrase { ordinal: None, other: false, ..stage.clause.target.clone() };
-    let nearer = |other: &&Thing| other.tags.key != thing.tags.key && other.nearest < thing.nearest;
+    let whole = |thing: &Thing| thing.tags.opening_of.clone().unwrap_or_else(|| thing.tags.key.clone());
+    let nearer = |other: &&Thing| whole(other) != whole(thing) && other.nearest < thing.nearest;
     let found = |other: &Thing| Found { area: other.bounds, range: other.nearest, name: other.tags.words() };
     view.all(&alike).into_iter().filter(nearer).map(found).collect()
 }

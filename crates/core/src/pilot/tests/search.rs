@@ -163,3 +163,15 @@ fn without_telemetry_nothing_takes_off_and_the_run_ends() {
     assert_eq!(flight.end(), Outcome::Timeout);
     assert!(flight.commands.is_empty());
 }
+
+/// At the floor the envelope leaves nothing of a metre down: the look must not wait for the time limit of the move.
+#[test]
+fn looking_down_at_the_floor_goes_on_at_once() {
+    let mut flight = Setup::preset(Preset::Default).fly(always(not_visible(Look::Down), 0.4));
+    flight.until_asked(8);
+    assert!(flight.model.position.up < 0.8, "{:?}", flight.model.position);
+    for pair in flight.asked.windows(2) {
+        let took = pair[1].0.since(pair[0].0).as_secs_f64();
+        assert!(took < 6.5, "{took} s at {:?}", pair[0].0);
+    }
+}
