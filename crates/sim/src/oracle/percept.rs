@@ -94,7 +94,11 @@ impl Percept {
             if w == 0 || ids.len() < w * h || depth.len() < w * h {
                 continue;
             }
-            let nearest = nearest(sight, &ids[..w * h], &depth[..w * h]);
+            let most = ids.iter().fold(0, |most, id| *id.max(&most));
+            if most == 0 {
+                continue;
+            }
+            let nearest = nearest(sight, most, &ids[..w * h], &depth[..w * h]);
             for mask in masks(ids, w) {
                 if let Some(tags) = tags.iter().find(|t| t.id == mask.id && t.opening == opening) {
                     let nearest = nearest[usize::from(mask.id)];
@@ -180,10 +184,9 @@ fn thing(
     }
 }
 
-/// Straight-line distance to the nearest visible surface of each object of an id picture, metres, by id.
-fn nearest(sight: &Sight<'_>, ids: &[u16], depth: &[f32]) -> Vec<f64> {
+/// Straight-line distance to the nearest visible surface of each object of an id picture, metres, by id up to `most`.
+fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64> {
     let (w, h) = (sight.width, sight.height);
-    let most = ids.iter().max().copied().unwrap_or(0);
     // Squared, with what only the row and only the column has to say kept apart.
     let mut least = vec![f64::INFINITY; usize::from(most) + 1];
     let at = |x: usize, y: usize| ImagePoint { u: (x as f64 + 0.5) / w as f64, v: (y as f64 + 0.5) / h as f64 };
@@ -199,12 +202,22 @@ fn nearest(sight: &Sight<'_>, ids: &[u16], depth: &[f32]) -> Vec<f64> {
             if run[0] == 0 {
                 continue;
             }
-            let squares = depth[from..to].iter().zip(&aside[from..to]).map(|(along, aside)| {
-                let along = f64::from(*along);
+            let square = |along: f32, aside: f64| {
+                let along = f64::from(along);
                 if along > 0.0 { along * along * (level + aside) } else { f64::INFINITY }
-            });
+            };
+            let lesser = |least: f64, squared: f64| if squared < least { squared } else { least };
+            // Neighbours by fours, each with a least of its own: the least of all is the same.
+            let ((depths, depth), (asides, aside)) = (depth[from..to].as_chunks::<4>(), aside[from..to].as_chunks::<4>());
+            let mut fours = [f64::INFINITY; 4];
+            for (depth, aside) in depths.iter().zip(asides) {
+                for i in 0..4 {
+                    fours[i] = lesser(fours[i], square(depth[i], aside[i]));
+                }
+            }
+            let rest = depth.iter().zip(aside).map(|(along, aside)| square(*along, *aside));
             let least = &mut least[usize::from(run[0])];
-            *least = squares.fold(*least, |least, squared| if squared < least { squared } else { least });
+            *least = fours.into_iter().chain(rest).fold(*least, lesser);
         }
     }
     least.into_iter().map(sqrt).collect()
@@ -244,9 +257,12 @@ fn room_ahead(sight: &Sight<'_>, level: f64) -> f64 {
         for column in (0..sight.width).step_by(ROOM_STEP) {
             let Some(&depth) = sight.depth.get(row * sight.width + column) else { continue };
             let depth = f64::from(depth);
-            let right = depth * column.abs_diff(middle_u) as f64 / camera.fx;
-            let down = depth * row.abs_diff(middle_v) as f64 / camera.fy;
-            if depth > 0.0 && depth < least && right < ROOM_M && down < ROOM_M {
+            let within = |away: usize, focal: f64| depth * away as f64 / focal < ROOM_M;
+            if depth > 0.0
+                && depth < least
+                && within(column.abs_diff(middle_u), camera.fx)
+                && within(row.abs_diff(middle_v), camera.fy)
+            {
                 least = depth;
             }
         }

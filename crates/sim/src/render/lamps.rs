@@ -7,7 +7,7 @@ use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::lanes::{F, LANES, Simd, V3};
+use super::lanes::{F, Instructions, LANES, Simd, V3, with_instructions};
 use super::meter::luminance;
 use super::prepare::Soup;
 use super::raster::{NONE, SUB, TILE, TILE_AREA, Tile, place};
@@ -260,10 +260,14 @@ impl Cube {
                 cx: half,
                 cy: half,
             };
-            bins.fill(&[soup], &view, false);
+            bins.fill(&[soup], &view, false, true);
             id.fill(NONE);
             let mut tile = Tile::new(near, &mut id, (0, 0), (SUB / 2, SUB / 2));
-            bins.of(0).for_each(|t| tile.draw(t));
+            with_instructions!(Instructions::best(), _simd => {
+                for t in bins.of(0) {
+                    tile.draw(t);
+                }
+            });
         }
         Self { near }
     }

@@ -186,7 +186,7 @@ impl Renderer {
         if view.width == 0 || view.height == 0 || !(channels.rgb || channels.depth || channels.ids || channels.openings) {
             return;
         }
-        let actors = Soup::new(actors, &self.materials);
+        let actors = if channels.rgb { Soup::new(actors, &self.materials) } else { Soup::unpainted(actors, &self.materials) };
         let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
         self.draw(&view, channels, &actors, &mut scratch, picture);
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
@@ -194,7 +194,7 @@ impl Renderer {
 
     fn draw(&self, view: &View, channels: Channels, actors: &Soup, scratch: &mut Scratch, picture: &mut Picture) {
         let soups = [&self.soup, actors];
-        scratch.solid.fill(&soups, view, false);
+        scratch.solid.fill(&soups, view, false, !channels.rgb);
         let (columns, rows) = tiles(view.width, view.height);
         let area = columns * rows * TILE_AREA;
         scratch.near.resize(area, 0.0);
@@ -218,7 +218,11 @@ impl Renderer {
         };
         picture.take_truth(&scratch.near, &scratch.id, columns, object);
         if channels.openings {
-            scratch.openings.fill(&soups, view, true);
+            scratch.openings.fill(&soups, view, true, true);
+        }
+        if channels.openings && scratch.openings.are_empty() {
+            picture.take_no_openings();
+        } else if channels.openings {
             scratch.opening_near.resize(area, 0.0);
             scratch.opening_id.resize(area, NONE);
             let openings = &scratch.openings;
@@ -231,7 +235,11 @@ impl Renderer {
                 // An opening flush with its wall is seen: it need not be nearer than the wall, only not behind it.
                 near.iter_mut().zip(solid).for_each(|(n, s)| *n = s * 0.999);
                 let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2));
-                openings.of(index).for_each(|t| tile.draw(t));
+                with_instructions!(self.instructions, _simd => {
+                    for t in openings.of(index) {
+                        tile.draw(t);
+                    }
+                });
             });
             picture.take_openings(&scratch.opening_near, &scratch.opening_id, columns, object);
         }

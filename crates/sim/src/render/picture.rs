@@ -62,28 +62,31 @@ impl Picture {
     pub(crate) fn take_truth(&mut self, near: &[f32], id: &[u32], columns: usize, object: impl Fn(u32) -> u16 + Sync) {
         let width = self.width as usize;
         if let Some(depth) = &mut self.depth {
-            untile(depth, width, columns, |first, out| {
-                for (out, &near) in out.iter_mut().zip(&near[first..]) {
-                    *out = if near > 0.0 { 1.0 / near } else { 0.0 };
-                }
-            });
+            let near = near.as_chunks::<EIGHT>().0;
+            untile(depth, width, columns, |eight| near[eight].map(|near| if near > 0.0 { 1.0 / near } else { 0.0 }));
         }
         if let Some(ids) = &mut self.ids {
-            untile(ids, width, columns, |first, out| objects(&id[first..], out, &object));
+            let id = id.as_chunks::<EIGHT>().0;
+            untile(ids, width, columns, |eight| objects(&id[eight], &object));
         }
+    }
+
+    /// The channels of openings where none is in view.
+    pub(crate) fn take_no_openings(&mut self) {
+        self.opening_depth.iter_mut().for_each(|depth| depth.fill(0.0));
+        self.opening_ids.iter_mut().for_each(|ids| ids.fill(0));
     }
 
     pub(crate) fn take_openings(&mut self, near: &[f32], id: &[u32], columns: usize, object: impl Fn(u32) -> u16 + Sync) {
         let width = self.width as usize;
+        let (near, id) = (near.as_chunks::<EIGHT>().0, id.as_chunks::<EIGHT>().0);
         if let Some(depth) = &mut self.opening_depth {
-            untile(depth, width, columns, |first, out| {
-                for (out, (&near, &id)) in out.iter_mut().zip(near[first..].iter().zip(&id[first..])) {
-                    *out = if id == NONE { 0.0 } else { 1.0 / near };
-                }
+            untile(depth, width, columns, |eight| {
+                core::array::from_fn(|i| if id[eight][i] == NONE { 0.0 } else { 1.0 / near[eight][i] })
             });
         }
         if let Some(ids) = &mut self.opening_ids {
-            untile(ids, width, columns, |first, out| objects(&id[first..], out, &object));
+            untile(ids, width, columns, |eight| objects(&id[eight], &object));
         }
     }
 
@@ -142,25 +145,29 @@ fn centimetres(metres: f32) -> u16 {
     if steps < 65_536.0 { steps as u16 } else { 0 }
 }
 
-/// The objects of up to eight neighbouring triangles, which mostly are one.
-fn objects(ids: &[u32], out: &mut [u16], object: &impl Fn(u32) -> u16) {
+/// Pixels of a row that lie one after another in the order of tiles.
+const EIGHT: usize = 8;
+
+/// The objects of neighbouring triangles, which mostly are one.
+fn objects(ids: &[u32; EIGHT], object: &impl Fn(u32) -> u16) -> [u16; EIGHT] {
     let of = |id| if id == NONE { 0 } else { object(id) };
-    let ids = &ids[..out.len()];
-    if ids.iter().all(|id| *id == ids[0]) {
-        out.fill(of(ids[0]));
-    } else {
-        out.iter_mut().zip(ids).for_each(|(out, &id)| *out = of(id));
-    }
+    // Without a branch for each, they are compared at once.
+    let differ = ids.iter().fold(0, |differ, id| differ | (id ^ ids[0]));
+    if differ == 0 { [of(ids[0]); EIGHT] } else { ids.map(of) }
 }
 
-/// Brings samples from the order of tiles into rows, up to `eight` neighbours at once, the first of which has this place.
-fn untile<T: Send>(out: &mut [T], width: usize, columns: usize, eight: impl Fn(usize, &mut [T]) + Sync) {
+/// Brings samples from the order of tiles into rows, [`EIGHT`] neighbours at once, which `eight` finds by their number.
+fn untile<T: Copy + Send>(out: &mut [T], width: usize, columns: usize, eight: impl Fn(usize) -> [T; EIGHT] + Sync) {
     let side = TILE as usize;
     out.par_chunks_exact_mut(width).enumerate().for_each(|(y, line)| {
         for (column, out) in line.chunks_mut(side).enumerate() {
-            let start = (y / side * columns + column) * TILE_AREA;
-            for (block, out) in out.chunks_mut(8).enumerate() {
-                eight(start + place(block * 8, y % side), out);
+            let start = ((y / side * columns + column) * TILE_AREA + place(0, y % side)) / EIGHT;
+            let blocks = place(EIGHT, 0) / EIGHT;
+            let (whole, rest) = out.as_chunks_mut::<EIGHT>();
+            let count = whole.len();
+            whole.iter_mut().enumerate().for_each(|(block, out)| *out = eight(start + block * blocks));
+            if !rest.is_empty() {
+                rest.copy_from_slice(&eight(start + count * blocks)[..rest.len()]);
             }
         }
     });

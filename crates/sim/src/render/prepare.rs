@@ -64,14 +64,23 @@ pub(crate) struct Soup {
 
 impl Soup {
     pub(crate) fn new(parts: &[Part], materials: &[Material]) -> Self {
+        Self::with(parts, materials, true)
+    }
+
+    /// The same without what only colours need: surfaces, texture coordinates and curvature.
+    pub(crate) fn unpainted(parts: &[Part], materials: &[Material]) -> Self {
+        Self::with(parts, materials, false)
+    }
+
+    fn with(parts: &[Part], materials: &[Material], painted: bool) -> Self {
         let mut soup = Self::default();
         for part in parts.iter().filter(|part| part.role != Role::Glass) {
-            soup.add(part, materials);
+            soup.add(part, materials, painted);
         }
         soup
     }
 
-    fn add(&mut self, part: &Part, materials: &[Material]) {
+    fn add(&mut self, part: &Part, materials: &[Material], painted: bool) {
         let two_sided = part.role == Role::Opening || materials.get(usize::from(part.material)).is_none_or(|m| m.two_sided);
         let corner = |i: u32| part.vertices.get(i as usize).map(|v| v.position);
         let mut order: Vec<(u64, u32)> = Vec::with_capacity(part.triangles.len());
@@ -88,50 +97,33 @@ impl Soup {
         }
         order.sort_unstable();
         for chunk in order.chunks(CLUSTER) {
-            self.add_cluster(part, two_sided, chunk);
+            self.add_cluster(part, (two_sided, painted), chunk);
         }
     }
 
-    fn add_cluster(&mut self, part: &Part, two_sided: bool, chunk: &[(u64, u32)]) {
+    fn add_cluster(&mut self, part: &Part, (two_sided, painted): (bool, bool), chunk: &[(u64, u32)]) {
         let (position_start, triangle_start) = (self.positions.len(), self.triangles.len());
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for &(_, i) in chunk {
             let [a, b, c] = part.triangles[i as usize].map(|i| part.vertices[i as usize]);
             let corners = [a.position, b.position, c.position].map(|p| {
                 (low, high) = (low.min(p), high.max(p));
-                let known = self.positions[position_start..].iter().position(|&q| q == p);
-                known.unwrap_or_else(|| {
+                // The latest ones first: neighbours in the list share corners. To look costs more than to turn a corner into one view.
+                let known = painted.then(|| self.positions[position_start..].iter().rposition(|&q| q == p));
+                known.flatten().unwrap_or_else(|| {
                     self.positions.push(p);
                     self.positions.len() - 1 - position_start
                 }) as u8
             });
             self.corners.push(corners);
             self.objects.push(part.object);
-            let [x, y, z] = [a, b, c];
-            let affine = Affine::new(x.position, y.position, z.position);
-            let (u_axis, u_offset) = affine.of(x.uv.x, y.uv.x, z.uv.x);
-            let (v_axis, v_offset) = affine.of(x.uv.y, y.uv.y, z.uv.y);
-            let flat = [x, y, z].iter().all(|v| v.normal.dot(affine.normal) > 0.9995);
-            let smooth = if flat || Vec2::new(x.normal.length(), y.normal.length()).min_element() < 0.5 {
-                0
-            } else {
-                let rows = [0, 1, 2].map(|k| affine.of(x.normal[k], y.normal[k], z.normal[k]));
-                self.smooth.push(SmoothNormal { axes: rows.map(|r| r.0), offset: Vec3::new(rows[0].1, rows[1].1, rows[2].1) });
-                self.smooth.len() as u32
-            };
-            let index = self.triangles.len();
-            let known = (smooth == 0).then(|| self.piece(triangle_start, &[x, y, z]));
-            self.surfaces.push(known.flatten().unwrap_or(index as u32));
-            self.triangles.push(Triangle {
-                normal: affine.normal,
-                offset: affine.normal.dot(affine.origin),
-                u_axis,
-                u_offset,
-                v_axis,
-                v_offset,
-                material: part.material,
-                smooth,
-            });
+            let affine = Affine::new(a.position, b.position, c.position);
+            let triangle = Triangle::unpainted(&affine, part.material);
+            let index = self.triangles.len() as u32;
+            let (surface, triangle) =
+                if painted { self.paint(triangle, &affine, &[a, b, c], triangle_start) } else { (index, triangle) };
+            self.surfaces.push(surface);
+            self.triangles.push(triangle);
         }
         self.clusters.push(Cluster {
             low,
@@ -145,6 +137,25 @@ impl Soup {
 }
 
 impl Soup {
+    /// What a triangle with these corners, the next of a cluster that begins with triangle `start`, is painted on as: its surface
+    /// and itself.
+    fn paint(&mut self, unpainted: Triangle, affine: &Affine, corners: &[Vertex; 3], start: usize) -> (u32, Triangle) {
+        let [x, y, z] = corners;
+        let (u_axis, u_offset) = affine.of(x.uv.x, y.uv.x, z.uv.x);
+        let (v_axis, v_offset) = affine.of(x.uv.y, y.uv.y, z.uv.y);
+        let flat = corners.iter().all(|v| v.normal.dot(affine.normal) > 0.9995);
+        let smooth = if flat || Vec2::new(x.normal.length(), y.normal.length()).min_element() < 0.5 {
+            0
+        } else {
+            let rows = [0, 1, 2].map(|k| affine.of(x.normal[k], y.normal[k], z.normal[k]));
+            self.smooth.push(SmoothNormal { axes: rows.map(|r| r.0), offset: Vec3::new(rows[0].1, rows[1].1, rows[2].1) });
+            self.smooth.len() as u32
+        };
+        let known = (smooth == 0).then(|| self.piece(start, corners)).flatten();
+        let surface = known.unwrap_or(self.triangles.len() as u32);
+        (surface, Triangle { u_axis, u_offset, v_axis, v_offset, smooth, ..unpainted })
+    }
+
     /// The flat surface among the last ones since triangle `start` that has these corners too.
     fn piece(&self, start: usize, corners: &[Vertex; 3]) -> Option<u32> {
         let earlier = self.triangles.iter().zip(&self.surfaces).enumerate().skip(start).rev();
@@ -154,6 +165,20 @@ impl Soup {
 }
 
 impl Triangle {
+    /// One without texture coordinates.
+    fn unpainted(affine: &Affine, material: u16) -> Self {
+        Self {
+            normal: affine.normal,
+            offset: affine.normal.dot(affine.origin),
+            u_axis: Vec3::ZERO,
+            u_offset: 0.0,
+            v_axis: Vec3::ZERO,
+            v_offset: 0.0,
+            material,
+            smooth: 0,
+        }
+    }
+
     /// True when a corner of another triangle lies in this one's plane, faces as it does, and has the texture coordinates that
     /// this one's go on to.
     fn has(&self, corner: &Vertex) -> bool {

@@ -23,12 +23,56 @@ pub(crate) struct Bins {
     order: Vec<(u32, u32, u32)>,
 }
 
+/// A corner as a view sees it.
+#[derive(Debug)]
+struct Corner {
+    camera: Vec3,
+    /// Whether it is before the near plane and within the guard band.
+    in_guard: bool,
+    /// If so, its place in the picture, 1/16 pixel.
+    x: i32,
+    y: i32,
+}
+
+impl Corner {
+    fn of(position: Vec3, view: &View) -> Self {
+        let p = view.to_camera(position);
+        let band = (GUARD - 8192.0) * p.z;
+        let in_guard = p.z > NEAR && (view.fx * p.x).abs() < band && (view.fy * p.y).abs() < band;
+        let (x, y) = if in_guard { (column(p, view), row(p, view)) } else { (0, 0) };
+        Self { camera: p, in_guard, x, y }
+    }
+}
+
+/// Where a point in camera axes lies across the picture, 1/16 pixel.
+#[inline]
+fn column(p: Vec3, view: &View) -> i32 {
+    snap(view.fx * p.x / p.z + view.cx)
+}
+
+/// Where it lies down the picture.
+#[inline]
+fn row(p: Vec3, view: &View) -> i32 {
+    snap(view.fy * p.y / p.z + view.cy)
+}
+
+/// Whether corners at these places along one side of a picture, `side` pixels long, leave room for a pixel of it that a triangle may
+/// cover: its centre, or any of its samples.
+#[inline]
+fn may_be_seen([a, b, c]: [i32; 3], side: i32, centres: bool) -> bool {
+    // A pixel's centre, or its first sixteenth, is at or after the first corner, and at or before the last.
+    let (before, after) = if centres { (SUB / 2 - 1, SUB / 2) } else { (0, 0) };
+    let first = (a.min(b).min(c) + before) >> 4;
+    let last = (a.max(b).max(c) - after) >> 4;
+    first.max(0) <= last.min(side - 1)
+}
+
 #[derive(Debug, Default)]
 struct Group {
     triangles: Vec<ScreenTriangle>,
     /// (tile, place in `triangles`)
     tiles: Vec<(u32, u32)>,
-    corners: Vec<Vec3>,
+    corners: Vec<Corner>,
 }
 
 /// Tiles of a picture of `width` × `height`: columns and rows.
@@ -44,12 +88,18 @@ impl Bins {
         self.entries[range].iter().map(|&e| &self.groups[(e >> 16) as usize].triangles[(e & 0xffff) as usize])
     }
 
+    /// Whether no tile has any.
+    pub(crate) fn are_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
     pub(crate) fn is_empty(&self, tile: usize) -> bool {
         self.starts[tile] == self.starts[tile + 1]
     }
 
-    /// Sets up what `view` sees of the openings, or of all but the openings. Ids count on from one soup to the next.
-    pub(crate) fn fill(&mut self, soups: &[&Soup], view: &View, openings: bool) {
+    /// Sets up what `view` sees of the openings, or of all but the openings; with `centres` only what may cover the centre of a
+    /// pixel. Ids count on from one soup to the next.
+    pub(crate) fn fill(&mut self, soups: &[&Soup], view: &View, openings: bool, centres: bool) {
         self.order.clear();
         let planes = frustum(view);
         for (s, soup) in soups.iter().enumerate() {
@@ -79,7 +129,7 @@ impl Bins {
             group.clear();
             for &(_, s, c) in order {
                 let soup = soups[s as usize];
-                group.add_cluster(soup, &soup.clusters[c as usize], first_id[s as usize], view);
+                group.add_cluster(soup, &soup.clusters[c as usize], first_id[s as usize], view, centres);
             }
             group.bin(view.width, view.height, columns);
         });
@@ -150,28 +200,31 @@ impl Group {
         self.tiles.clear();
     }
 
-    fn add_cluster(&mut self, soup: &Soup, cluster: &Cluster, first_id: u32, view: &View) {
-        self.corners.clear();
+    fn add_cluster(&mut self, soup: &Soup, cluster: &Cluster, first_id: u32, view: &View, centres: bool) {
         let positions = &soup.positions[cluster.positions.0 as usize..cluster.positions.1 as usize];
-        self.corners.extend(positions.iter().map(|&p| view.to_camera(p)));
-        for t in cluster.triangles.0..cluster.triangles.1 {
-            let shape = &soup.triangles[t as usize];
-            let corners = soup.corners[t as usize];
-            let first = positions[usize::from(corners[0])];
-            let height = shape.normal.dot(first - view.eye);
+        self.corners.clear();
+        self.corners.extend(positions.iter().map(|&p| Corner::of(p, view)));
+        let (width, height) = (view.width as i32, view.height as i32);
+        for t in cluster.triangles.0 as usize..cluster.triangles.1 as usize {
+            let [a, b, c] = soup.corners[t].map(|i| &self.corners[usize::from(i)]);
+            let in_guard = a.in_guard & b.in_guard & c.in_guard;
+            let (x, y) = ([a.x, b.x, c.x], [a.y, b.y, c.y]);
+            // Most triangles far away lie between the centres of pixels.
+            if in_guard && (!may_be_seen(x, width, centres) || !may_be_seen(y, height, centres)) {
+                continue;
+            }
+            let normal = soup.triangles[t].normal;
+            let first = positions[usize::from(soup.corners[t][0])];
+            let height = normal.dot(first - view.eye);
             // Seen from behind, or exactly on edge.
             if height == 0.0 || (height > 0.0 && !cluster.two_sided) {
                 continue;
             }
-            let [a, b, c] = corners.map(|i| self.corners[usize::from(i)]);
             // 1/z is affine over the picture: the plane n·p = h meets the ray r at z = h / (n·r).
-            let n = Vec3::new(shape.normal.dot(view.right), shape.normal.dot(view.down), shape.normal.dot(view.forward)) / height;
+            let n = Vec3::new(normal.dot(view.right), normal.dot(view.down), normal.dot(view.forward)) / height;
             let (slope_x, slope_y) = (n.x / view.fx, n.y / view.fy);
             let base = n.z - slope_x * view.cx - slope_y * view.cy;
-            let mut emit = |corners: [Vec3; 3]| {
-                let depths = corners.map(|p| p.z);
-                let x = corners.map(|p| snap(view.fx * p.x / p.z + view.cx));
-                let y = corners.map(|p| snap(view.fy * p.y / p.z + view.cy));
+            let mut emit = |depths: [f32; 3], x, y| {
                 let triangle = ScreenTriangle {
                     x,
                     y,
@@ -180,17 +233,16 @@ impl Group {
                     base,
                     farthest: 1.0 / depths[0].max(depths[1]).max(depths[2]),
                     nearest: 1.0 / depths[0].min(depths[1]).min(depths[2]),
-                    id: first_id + soup.surfaces[t as usize],
+                    id: first_id + soup.surfaces[t],
                 };
                 self.triangles.extend(triangle.oriented());
             };
-            let guard = |p: Vec3| {
-                p.z > NEAR && (view.fx * p.x).abs() < (GUARD - 8192.0) * p.z && (view.fy * p.y).abs() < (GUARD - 8192.0) * p.z
-            };
-            if guard(a) && guard(b) && guard(c) {
-                emit([a, b, c]);
+            if in_guard {
+                emit([a.camera.z, b.camera.z, c.camera.z], x, y);
             } else {
-                clip([a, b, c], view, emit);
+                clip([a.camera, b.camera, c.camera], view, |corners| {
+                    emit(corners.map(|p| p.z), corners.map(|p| column(p, view)), corners.map(|p| row(p, view)));
+                });
             }
         }
     }

@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::lanes::{F, I, LANES, M, Simd, V3, each, whole};
+use super::lanes::{F, I, Instructions, LANES, M, Simd, V3, each, whole, with_instructions};
 use super::prepare::Soup;
 use super::raster::{NONE, SUB, ScreenTriangle, TILE, TILE_AREA, Tile, place};
 use super::setup::{Bins, tiles};
@@ -185,7 +185,11 @@ impl ShadowMap {
                 near.fill(0.0);
                 let corner = (column as i32 * TILE, row as i32 * TILE);
                 let mut tile = Tile::new(&mut near, &mut id, corner, (SUB / 2, SUB / 2));
-                bins.of(index).for_each(|t| tile.draw(t));
+                with_instructions!(Instructions::best(), _simd => {
+                    for t in bins.of(index) {
+                        tile.draw(t);
+                    }
+                });
                 for y in 0..TILE as usize {
                     for x in 0..TILE as usize {
                         out[y * columns * TILE as usize + column * TILE as usize + x] = near[place(x, y)] as u16;

@@ -1,7 +1,11 @@
 //! What stands before a far light: a map of the first surfaces that parallel rays meet, drawn for points in the air, not for pixels.
 
+use core::ops::Range;
+
+use fearless_simd::prelude::*;
 use glam::Vec3;
 
+use super::lanes::{F, Instructions, LANES, Simd, each, with_instructions};
 use super::prepare::Soup;
 
 /// Nearness to the light of the first surface, on a grid across its rays.
@@ -16,6 +20,7 @@ pub(crate) struct Map {
     texels: f32,
     width: usize,
     height: usize,
+    /// Row after row, and then as many as are looked at together.
     near: Vec<f32>,
 }
 
@@ -34,16 +39,20 @@ impl Map {
         }
         let size = (top - map.low) / texel;
         (map.width, map.height) = (size.x as usize + 2, size.y as usize + 2);
-        map.near = vec![f32::NEG_INFINITY; map.width * map.height];
-        for cluster in soup.clusters.iter().filter(|c| !c.opening) {
-            let corners: Vec<Vec3> = soup.positions[cluster.positions.0 as usize..cluster.positions.1 as usize]
-                .iter()
-                .map(|&p| (map.turned(p) - map.low) / Vec3::new(texel, texel, 1.0))
-                .collect();
-            for i in cluster.triangles.0..cluster.triangles.1 {
-                map.draw(soup.corners[i as usize].map(|k| corners[usize::from(k)]));
+        map.near = vec![f32::NEG_INFINITY; map.width * map.height + LANES];
+        let mut corners: Vec<Vec3> = Vec::new();
+        with_instructions!(Instructions::best(), simd => {
+            for cluster in soup.clusters.iter().filter(|c| !c.opening) {
+                corners.clear();
+                for &p in &soup.positions[cluster.positions.0 as usize..cluster.positions.1 as usize] {
+                    corners.push((map.turned(p) - map.low) / Vec3::new(texel, texel, 1.0));
+                }
+                for i in cluster.triangles.0..cluster.triangles.1 {
+                    let [a, b, c] = soup.corners[i as usize];
+                    map.draw(simd, [corners[usize::from(a)], corners[usize::from(b)], corners[usize::from(c)]]);
+                }
             }
-        }
+        });
         map
     }
 
@@ -52,18 +61,29 @@ impl Map {
         Vec3::new(p.dot(self.across), p.dot(self.along), p.dot(self.to))
     }
 
-    fn draw(&mut self, triangle: [Vec3; 3]) {
-        let n = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
+    /// Draws a triangle, several cells of a row at once.
+    #[inline(always)]
+    fn draw<S: Simd>(&mut self, simd: S, [a, b, c]: [Vec3; 3]) {
+        let n = (b - a).cross(c - a);
         if n.z.abs() < 1e-9 {
             return;
         }
         let slope = (n.x / n.z, n.y / n.z);
-        let (width, height) = (self.width, self.height);
-        centres(triangle, (width, height), |x, y| {
-            let (dx, dy) = (x as f32 + 0.5 - triangle[0].x, y as f32 + 0.5 - triangle[0].y);
-            let near = &mut self.near[y * width + x];
-            *near = near.max(triangle[0].z - slope.0 * dx - slope.1 * dy);
-        });
+        let Some((columns, rows)) = cells([a, b, c], (self.width, self.height)) else { return };
+        let first = F::from_slice(simd, &each(|lane| lane as f32));
+        for y in rows {
+            let py = y as f32 + 0.5;
+            for x in columns.clone().step_by(LANES) {
+                let px = first + x as f32 + 0.5;
+                let (u, v, w) = (side((a, b), px, py), side((b, c), px, py), side((c, a), px, py));
+                let (left, right) = (u.simd_ge(0.0) & v.simd_ge(0.0), u.simd_le(0.0) & v.simd_le(0.0));
+                let inside = ((left & w.simd_ge(0.0)) | (right & w.simd_le(0.0))) & px.simd_lt(columns.end as f32);
+                let near = &mut self.near[y * self.width + x..][..LANES];
+                let there = F::from_slice(simd, near);
+                let here = F::splat(simd, a.z) - (px - a.x) * slope.0 - slope.1 * (py - a.y);
+                (inside & here.simd_gt(there)).select(here, there).store_slice(near);
+            }
+        }
     }
 
     /// Whether nothing stands between the light and `p`, but for things nearer to `p` than half a texel.
@@ -76,17 +96,30 @@ impl Map {
     }
 }
 
-/// Calls `seen` with the cells of a grid whose centres lie in the triangle, seen along z.
-pub(crate) fn centres([a, b, c]: [Vec3; 3], (width, height): (usize, usize), mut seen: impl FnMut(usize, usize)) {
+/// On which side of the line from `p` to `q` each of some points in a row lies.
+#[inline(always)]
+fn side<S: Simd>((p, q): (Vec3, Vec3), x: F<S>, y: f32) -> F<S> {
+    (x - p.x) * (p.y - q.y) + (q.x - p.x) * (y - p.y)
+}
+
+/// Columns and rows of a grid whose centres may lie in the triangle, seen along z.
+#[inline(always)]
+fn cells([a, b, c]: [Vec3; 3], (width, height): (usize, usize)) -> Option<(Range<usize>, Range<usize>)> {
     let (least, most) = (a.min(b).min(c), a.max(b).max(c));
     let (right, bottom) = (width as f32, height as f32);
     if most.x <= 0.0 || most.y <= 0.0 || least.x >= right || least.y >= bottom {
-        return;
+        return None;
     }
     let span = |low: f32, high: f32, end: f32| (low - 0.5).clamp(0.0, end) as usize..(high + 0.5).clamp(0.0, end) as usize;
+    Some((span(least.x, most.x, right), span(least.y, most.y, bottom)))
+}
+
+/// Calls `seen` with the cells of a grid whose centres lie in the triangle, seen along z.
+pub(crate) fn centres([a, b, c]: [Vec3; 3], size: (usize, usize), mut seen: impl FnMut(usize, usize)) {
+    let Some((columns, rows)) = cells([a, b, c], size) else { return };
     let side = |p: Vec3, q: Vec3, x: f32, y: f32| (q.x - p.x) * (y - p.y) - (q.y - p.y) * (x - p.x);
-    for y in span(least.y, most.y, bottom) {
-        for x in span(least.x, most.x, right) {
+    for y in rows {
+        for x in columns.clone() {
             let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
             let (u, v, w) = (side(a, b, px, py), side(b, c, px, py), side(c, a, px, py));
             if (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0) {
