@@ -1,6 +1,6 @@
 //! The truth about a flight, from the scene itself, taken at `Finished` and before landing. Policies never see it (DESIGN section 5).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -71,12 +71,11 @@ pub fn sighted(
     height: f64,
     shares: impl FnOnce() -> BTreeMap<ObjectId, f32>,
 ) -> Vec<ObjectId> {
-    let high = |(id, extent): &(ObjectId, Extent)| objects.contains(id) && extent.high(picture, height);
-    let fills = |(id, extent): &(ObjectId, Extent)| objects.contains(id) && extent.fills(picture);
-    let extents = extents(picture);
-    let shares = if extents.iter().any(|of| high(of) && !fills(of)) { shares() } else { BTreeMap::new() };
+    let extents = extents(picture, objects);
+    let (high, fills) = (|of: &Extent| of.high(picture, height), |of: &Extent| of.fills(picture));
+    let shares = if extents.iter().any(|(_, of)| high(of) && !fills(of)) { shares() } else { BTreeMap::new() };
     let inside = |id: &ObjectId| shares.get(id).is_none_or(|share| *share >= VIEW_SHARE);
-    let shown = extents.into_iter().filter(|of| fills(of) || (high(of) && inside(&of.0)));
+    let shown = extents.into_iter().filter(|(id, of)| fills(of) || (high(of) && inside(id)));
     shown.map(|(id, _)| id).collect()
 }
 
@@ -98,23 +97,25 @@ impl Extent {
     }
 }
 
-/// What every object covers: first things, then openings, each ascending by id.
-fn extents(picture: &Picture) -> Vec<(ObjectId, Extent)> {
+/// What those of `objects` that a picture shows cover of it: first things, then openings, each ascending by id.
+fn extents(picture: &Picture, objects: &[ObjectId]) -> Vec<(ObjectId, Extent)> {
     let w = picture.width as usize;
-    let mut all = Vec::new();
-    for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten().filter(|_| w > 0) {
-        let most = ids.iter().max().copied().unwrap_or(0);
-        let mut found: Vec<Option<Extent>> = vec![None; usize::from(most) + 1];
-        for (y, row) in ids.chunks_exact(w).enumerate() {
-            // Neighbours of one id are taken together.
-            for run in row.chunk_by(|a, b| a == b) {
-                let extent = found[usize::from(run[0])].get_or_insert(Extent { top: y, bottom: y, pixels: 0 });
-                extent.bottom = y;
-                extent.pixels += run.len();
-            }
+    let objects = BTreeSet::from_iter(objects.iter().copied().filter(|id| *id != 0));
+    let channels = [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten().filter(|_| w > 0);
+    channels.flat_map(|ids| objects.iter().filter_map(move |id| Some((*id, extent(ids, w, *id)?)))).collect()
+}
+
+/// What one object covers of an id picture of this width, at most 65 535; none where it has no pixel.
+fn extent(ids: &[ObjectId], width: usize, id: ObjectId) -> Option<Extent> {
+    let mut found: Option<Extent> = None;
+    for (y, row) in ids.chunks_exact(width).enumerate() {
+        // A sum as wide as an id, so that as many pixels are compared at once as vectors hold.
+        let pixels = row.iter().fold(0_u16, |sum, of| sum + u16::from(*of == id));
+        if pixels > 0 {
+            let extent = found.get_or_insert(Extent { top: y, bottom: y, pixels: 0 });
+            extent.bottom = y;
+            extent.pixels += usize::from(pixels);
         }
-        let found = found.into_iter().enumerate().skip(1);
-        all.extend(found.filter_map(|(id, extent)| Some((id as ObjectId, extent?))));
     }
-    all
+    found
 }
