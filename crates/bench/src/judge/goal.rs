@@ -74,7 +74,7 @@ impl Watch {
         match self.kind {
             GoalKind::Reach { other, up_share } => self.reach(shown, sight, other, up_share),
             GoalKind::Visit { count } => {
-                let here = self.clear_within(shown, sight, shown.radius);
+                let here = self.clear_within(shown, sight, shown.radius, |id| !self.passed.contains(&id));
                 self.passed.extend(here);
                 self.passed.len() >= count
             }
@@ -87,11 +87,17 @@ impl Watch {
         }
     }
 
-    /// Targets within so many metres that are clearly visible. It looks only where something is near enough.
-    fn clear_within(&self, shown: &Shown<'_>, sight: &mut Sight, within: f64) -> Vec<ObjectId> {
+    /// Targets that count, are within so many metres and clearly visible. It looks only where something is near enough.
+    fn clear_within(
+        &self,
+        shown: &Shown<'_>,
+        sight: &mut Sight,
+        within: f64,
+        counts: impl Fn(ObjectId) -> bool,
+    ) -> Vec<ObjectId> {
         let moment = shown.moment;
         let distance = |id: &ObjectId| shown.stage.distance_to(*id, &moment.actors, moment.pose.position);
-        let near = |id: &&ObjectId| distance(id).is_some_and(|distance| distance <= within);
+        let near = |id: &&ObjectId| counts(**id) && distance(id).is_some_and(|distance| distance <= within);
         let near: Vec<ObjectId> = self.targets.iter().filter(near).copied().collect();
         if near.is_empty() {
             return near;
@@ -101,13 +107,12 @@ impl Watch {
     }
 
     fn reach(&mut self, shown: &Shown<'_>, sight: &mut Sight, other: bool, up_share: f64) -> bool {
-        let mut here = self.clear_within(shown, sight, shown.radius);
-        here.retain(|id| !(other && self.spent.contains(id)));
-        here.retain(|id| {
-            let bounds = bounds(shown, *id);
-            let least = bounds.map_or(f64::MIN, |b| b.min.up + up_share * (b.max.up - b.min.up));
+        let is_high = |id| {
+            let least = bounds(shown, id).map_or(f64::MIN, |b| b.min.up + up_share * (b.max.up - b.min.up));
             up_share == 0.0 || shown.moment.pose.position.up >= least
-        });
+        };
+        let counts = |id| !(other && self.spent.contains(&id)) && is_high(id);
+        let here = self.clear_within(shown, sight, shown.radius, counts);
         self.passed = here.iter().copied().collect();
         !here.is_empty()
     }
@@ -184,7 +189,7 @@ impl Watch {
     }
 
     fn follow(&mut self, shown: &Shown<'_>, sight: &mut Sight, within: f64, share: f64, window: f64) -> bool {
-        let kept = !self.clear_within(shown, sight, within).is_empty();
+        let kept = !self.clear_within(shown, sight, within, |_| true).is_empty();
         self.kept.push_back((shown.at, kept));
         let gone = |at: Time| shown.at.since(at).as_secs_f64();
         // The oldest look that is kept is the last one at least a window ago.

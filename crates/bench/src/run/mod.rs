@@ -11,6 +11,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
 pub use film::video_of;
 pub use made::{Made, shell_word};
 pub use shard::{Shard, ShardError};
@@ -126,9 +128,15 @@ pub fn run(
         for _ in 0..manner.jobs.clamp(1, left.len().max(1)) {
             let (rows, next, ending, left) = (rows.clone(), &next, &ending, &left);
             scope.spawn(move || {
-                while let Some(trials) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let own = threads(manner.jobs);
+                loop {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(trials) = left.get(number) else { return };
                     let film = manner.videos.then_some(folder);
-                    if !fly_draw(trials, film, ending, &mut |flown| rows.send(flown).is_ok()) {
+                    let fly = || fly_draw(trials, film, ending, &mut |flown| rows.send(flown).is_ok());
+                    // Of the last draws some have ended when others go on: those may use what threads there are.
+                    let is_last = number + manner.jobs > left.len();
+                    if !own.as_ref().filter(|_| !is_last).map_or_else(fly, |own| own.install(fly)) {
                         return;
                     }
                 }
@@ -153,6 +161,12 @@ pub fn run(
         made.end(folder)?;
     }
     Ok(progress)
+}
+
+/// The threads of one of `jobs` that run side by side: those that all share would spend their time waiting for one another. None
+/// where the system gives no more.
+fn threads(jobs: usize) -> Option<ThreadPool> {
+    ThreadPoolBuilder::new().num_threads((rayon::current_num_threads() / jobs.max(1)).max(1)).build().ok()
 }
 
 /// Flies the trials of one draw, filmed into the folder `film` where there is one; false when it is to end.
