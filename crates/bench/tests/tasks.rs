@@ -74,6 +74,17 @@ fn suites_name_methods_and_oracles_that_there_are() {
 }
 
 #[test]
+fn the_detector_is_compared_where_there_are_obstacles() {
+    let obstacles = suite("ablation-detector").unwrap();
+    assert_eq!((obstacles.methods, obstacles.names().len()), ("spf,spf-detector", 7));
+    assert!(obstacles.tasks().unwrap().iter().all(|task| task.avoid && task.category == Category::ObstacleAvoidance));
+    // Every task there is, once.
+    let all: Vec<&str> = suite("all").unwrap().names().collect();
+    let parts: Vec<&str> = ["paper", "hard"].iter().flat_map(|name| suite(name).unwrap().names()).collect();
+    assert_eq!(all, parts);
+}
+
+#[test]
 fn targets_are_in_view_as_the_instruction_has_it() {
     for task in paper() {
         let wanted = match (task.category, task.instruction.contains("in front")) {

@@ -36,7 +36,7 @@ pub(crate) const KEYS: &[Key] = &[
         "fly.policy",
         "SPF_POLICY",
         "spf",
-        "how decisions are made: spf, plain[-numeric|-discrete], pivot[-parallel], typefly[-coco|-once]",
+        "how decisions are made: spf[-detector], plain[-numeric|-discrete], pivot[-parallel], typefly[-coco|-once]",
     ),
     key("fly.preset", "SPF_PRESET", "default", "named set of choices: default or paper"),
     key("fly.step", "SPF_STEP", "", "step length: adaptive or fixed:METRES; empty: the preset's"),
@@ -44,6 +44,7 @@ pub(crate) const KEYS: &[Key] = &[
     key("fly.think", "SPF_THINK", "", "stop or continuous; empty: the preset's"),
     key("fly.rate_hz", "SPF_RATE_HZ", "10", "setpoints a second, 5 to 100"),
     key("fly.avoid", "SPF_AVOID", "false", "obstacle mode: true or false"),
+    key("fly.detector", "SPF_DETECTOR", "", "detector of obstacle mode: oracle[:NAME]; empty: the VLM gives the boxes"),
     key("fly.vlm", "SPF_VLM", "oracle", "who points: NAME[#MODEL][@URL], auto, replay:FILE, oracle, oracle:NAME or oracle:FILE"),
     key(
         "fly.vlm_check",

@@ -91,6 +91,45 @@ pub fn class_of(name: &str) -> Option<&'static str> {
     CLASSES.into_iter().filter(|class| ends(class)).max_by_key(|class| class.len())
 }
 
+/// Usual heights of things in metres: of classes whose things, standing or hanging as they do, are about equally high (most
+/// within a third of this). What is carried, lies about, flies or is of any size is left out.
+const HEIGHTS: [(&str, f64); 28] = [
+    ("person", 1.7),
+    ("bicycle", 1.05),
+    ("car", 1.5),
+    ("motorcycle", 1.1),
+    ("bus", 3.1),
+    ("train", 3.8),
+    ("truck", 3.0),
+    ("traffic light", 0.9),
+    ("fire hydrant", 0.75),
+    ("stop sign", 0.75),
+    ("parking meter", 1.3),
+    ("bench", 0.85),
+    ("dog", 0.55),
+    ("horse", 1.8),
+    ("sheep", 0.9),
+    ("cow", 1.5),
+    ("elephant", 2.8),
+    ("bear", 1.2),
+    ("zebra", 1.5),
+    ("giraffe", 4.6),
+    ("chair", 0.9),
+    ("couch", 0.85),
+    ("bed", 0.7),
+    ("dining table", 0.75),
+    ("toilet", 0.75),
+    ("oven", 0.85),
+    ("refrigerator", 1.7),
+    ("microwave", 0.3),
+];
+
+/// How high things of a class usually are, metres; nothing where that differs too much from one to the other.
+#[must_use]
+pub fn height(class: &str) -> Option<f64> {
+    HEIGHTS.iter().find(|(name, _)| *name == class).map(|(_, metres)| *metres)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -104,5 +143,11 @@ mod tests {
         );
         assert_eq!((class_of("scar"), class_of("red crane"), class_of("car park")), (None, None, None));
         assert_eq!(class_of("teddy bear"), Some("teddy bear"));
+    }
+
+    #[test]
+    fn heights_are_of_classes() {
+        assert!(HEIGHTS.iter().all(|(name, metres)| CLASSES.contains(name) && (0.1..10.0).contains(metres)));
+        assert_eq!((height("person"), height("kite")), (Some(1.7), None));
     }
 }

@@ -11,6 +11,7 @@ pub mod camera;
 pub mod coco;
 pub mod command;
 pub mod craft;
+pub mod detection;
 pub mod envelope;
 pub mod estimator;
 pub mod executor;

@@ -37,10 +37,13 @@ pub enum QueryKind {
         /// The question.
         text: String,
     },
-    /// All objects of the picture, one line each (TypeFly).
+    /// All objects of the picture, one line each (TypeFly, and obstacle mode with a detector).
     Detect {
         /// Only those of the classes of COCO, which is all that common detectors know.
         coco: bool,
+        /// As a detector lists them: with how sure it is, and to four decimals.
+        #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+        scored: bool,
     },
     /// Is the instruction fulfilled?
     Done,
@@ -103,6 +106,22 @@ pub struct ImageBox {
     pub bottom: f64,
 }
 
+impl ImageBox {
+    /// Intersection over union with another box, 0 apart ..= 1 the same; of two empty boxes 0.
+    #[must_use]
+    pub fn iou(&self, other: &Self) -> f64 {
+        let area = |b: &Self| (b.right - b.left).max(0.0) * (b.bottom - b.top).max(0.0);
+        let both = area(&Self {
+            left: self.left.max(other.left),
+            top: self.top.max(other.top),
+            right: self.right.min(other.right),
+            bottom: self.bottom.min(other.bottom),
+        });
+        let either = area(self) + area(other) - both;
+        if either > 0.0 { both / either } else { 0.0 }
+    }
+}
+
 /// What the pilot remembers and tells the VLM with each query (DESIGN.md section 4, "Ending and memory").
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Memory {
@@ -138,7 +157,7 @@ pub struct Query {
     pub prompt: String,
     /// Marks to draw on the picture.
     pub marks: Vec<Mark>,
-    /// Detections that a `Program` or `Question` query is about, one line each.
+    /// Detections that a `Program` or `Question` query is about, or that a `Point` query is to keep clear of, one line each.
     pub detections: Vec<String>,
     /// Flight time after which the answer is no longer waited for.
     pub deadline: Time,
@@ -162,5 +181,18 @@ impl Query {
             deadline: Time::MAX,
             image_size: None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_overlap_by_their_shares() {
+        let at = |left: f64, right: f64| ImageBox { left, top: 0.2, right, bottom: 0.4 };
+        assert_eq!(at(0.0, 0.5).iou(&at(0.0, 0.5)), 1.0);
+        assert!((at(0.0, 0.5).iou(&at(0.25, 0.75)) - 1.0 / 3.0).abs() < 1e-12);
+        assert_eq!((at(0.0, 0.5).iou(&at(0.6, 0.7)), at(0.5, 0.5).iou(&at(0.5, 0.5))), (0.0, 0.0));
     }
 }

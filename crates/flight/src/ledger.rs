@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::frame::FrameId;
-use spf_core::query::QueryId;
+use spf_core::query::{QueryId, QueryKind};
 use spf_record::jsonl::JsonLines;
 use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
 
@@ -120,6 +120,10 @@ impl Ledger {
 
     fn enter(&self, asked: &Asked<'_>, answer: &Answer) {
         let account = &answer.account;
+        // A detector of one's own is no model that is paid.
+        if account.requests == 0 && matches!(asked.query.kind, QueryKind::Detect { .. }) {
+            return;
+        }
         let mut sums = self.sums();
         if account.requests > 0
             && let Some(path) = sums.path.take()

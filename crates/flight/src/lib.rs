@@ -5,6 +5,7 @@
 
 pub mod calibrate;
 pub mod dataset;
+pub mod detector;
 pub mod doctor;
 pub mod endpoint;
 mod film;

@@ -50,6 +50,8 @@ pub struct RealPlan {
     pub vlm: String,
     /// Who points.
     pub who: WhoPoints,
+    /// The name of who detects; `None` without a detector.
+    pub detector: Option<String>,
     /// What it is told; `None`: the shipped prompt.
     pub prompt: Option<Arc<PromptText>>,
     /// US dollars from which on nothing more is asked, and the flight ends.
@@ -88,6 +90,7 @@ pub fn fly(plan: RealPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown,
         camera,
         limits: plan.limits.clone(),
         vlm: plan.vlm.clone(),
+        detector: plan.detector.clone(),
         grounding: eyesight.grounding,
         image_size: eyesight.image_size,
         drone: plan.drone.name().to_owned(),
@@ -141,6 +144,7 @@ pub fn fly(plan: RealPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown,
         target_in_view: None,
         seed: 0,
         vlm: plan.vlm,
+        detector: plan.detector,
         preset: plan.preset,
         policy: plan.policy.name().to_owned(),
         settings: plan.settings,

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 use spf_core::grounding::GroundingProfile;
-use spf_core::prompt::{PromptInput, PromptText};
+use spf_core::prompt::PromptText;
 use spf_core::query::{ImagePoint, Query, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status, parse_reply};
 use spf_core::time::{Duration, Time};
@@ -258,12 +258,11 @@ impl Asker {
 
 /// A query of the flight in the words that suit another model's eyesight. Only points are told in coordinates.
 fn rewritten(query: &Query, prompt: &PromptText, eyesight: &Eyesight) -> Query {
-    let QueryKind::Point { avoid } = query.kind else {
-        return Query { image_size: eyesight.image_size, ..query.clone() };
-    };
-    let (instruction, memory, profile) = (&query.instruction, &query.memory, &eyesight.grounding);
-    let prompt = prompt.write(&PromptInput { instruction, memory, profile, avoid });
-    Query { prompt, image_size: eyesight.image_size, ..query.clone() }
+    let image_size = eyesight.image_size;
+    if !matches!(query.kind, QueryKind::Point { .. }) {
+        return Query { image_size, ..query.clone() };
+    }
+    Query { prompt: prompt.write_point(query, &eyesight.grounding), image_size, ..query.clone() }
 }
 
 fn captured(question: &Question) -> Time {

@@ -51,6 +51,9 @@ pub struct Summary {
     pub seed: u64,
     /// Who pointed. The oracle is no VLM.
     pub vlm: String,
+    /// Who detects, in obstacle mode with a detector; left out without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detector: Option<String>,
     /// The named preset.
     pub preset: Preset,
     /// The policy.

@@ -89,6 +89,7 @@ fn flown(circumstances: Circumstances, kind: CraftKind, seed: u64) -> Summary {
         limits: Limits::for_craft(&Model::of(kind).craft),
         vlm: "oracle:perfect".to_owned(),
         who: oracle_points("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap()),
+        detector: None,
         prompt: None,
         max_cost_usd: None,
         seed,

@@ -4,16 +4,18 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde_json::Value;
 use spf_core::command::Setpoint;
 use spf_core::envelope::Limits;
 use spf_core::grounding::{AxisOrder, GroundingProfile};
 use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_core::step::StepRule;
 use spf_core::time::{Duration, Time};
-use spf_flight::replay::{Changes, Report, replay};
+use spf_flight::detector::with_detector;
+use spf_flight::replay::{Changes, Report, head, replay, row};
 use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, RecordPlan, Stage, fly, oracle_points};
 use spf_flight::world::Script;
-use spf_record::log::LogReader;
+use spf_record::log::{Entry, LogReader};
 use spf_record::out_dir::OutDir;
 use spf_sim::model::{CraftKind, Model};
 use spf_sim::oracle::ErrorFile;
@@ -47,6 +49,7 @@ fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
         limits: Limits::for_craft(&Model::of(kind).craft),
         vlm: "oracle".to_owned(),
         who: oracle_points("oracle".to_owned(), ErrorFile::named("default").unwrap()),
+        detector: None,
         prompt: None,
         max_cost_usd: None,
         seed: 3,
@@ -104,6 +107,28 @@ fn other_policies_and_presets_are_the_same_again() {
         plan.settings.avoid = true;
     });
     assert_eq!(replayed(&paper, &Changes::default()).differences, []);
+}
+
+#[test]
+fn a_flight_with_a_detector_is_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = flown(&folder.path().join("flight"), |plan| {
+        (plan.policy, plan.detector) = (PolicyKind::SpfDetector, Some("oracle:perfect".to_owned()));
+        plan.settings.avoid = true;
+        let detector = oracle_points("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
+        plan.who = with_detector(plan.who.clone(), detector);
+    });
+    assert_eq!(replayed(&log, &Changes::default()).differences, []);
+    let mut entries = LogReader::open(&log).unwrap();
+    assert_eq!(head(&mut entries).unwrap().detector.as_deref(), Some("oracle:perfect"));
+    // The lists are in the log: as answers, and in the questions about the same frames.
+    let rows: Vec<Entry> = entries.map(Result::unwrap).collect();
+    let saying = |topic: &str, words: &str| {
+        let of = rows.iter().filter(|entry| entry.topic == topic).map(|entry| row::<Value>(entry).unwrap().to_string());
+        of.filter(|text| text.contains(words)).count()
+    };
+    let (listed, told) = (saying("/reply", "car_1 x:0."), saying("/query", r#""detections":["car_1 x:0."#));
+    assert!(listed > 3 && told > 3, "{listed} lists, {told} told");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Instant;
 
 use spf_core::grounding::GroundingProfile;
-use spf_core::prompt::{PromptInput, PromptKind, PromptText};
+use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::query::{Query, QueryKind};
 use spf_core::reply::parse_reply;
 use spf_core::time::Duration;
@@ -134,8 +134,7 @@ impl Remote {
 
     /// A question's text in other coordinates; none where there are none in it.
     fn prompt_for(&self, query: &Query, profile: &GroundingProfile) -> Option<String> {
-        let QueryKind::Point { avoid } = query.kind else { return None };
-        Some(self.prompt.write(&PromptInput { instruction: &query.instruction, memory: &query.memory, profile, avoid }))
+        matches!(query.kind, QueryKind::Point { .. }).then(|| self.prompt.write_point(query, profile))
     }
 
     /// The coordinates in which a backend is asked about a camera's pictures, and the size of those.

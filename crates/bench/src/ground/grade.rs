@@ -58,18 +58,7 @@ pub fn grade(truth: &Truth, outline: Option<&Outline>, boxes: &[ImageBox], said:
 }
 
 fn best_overlap(boxes: &[ImageBox], found: &ImageBox) -> Option<f64> {
-    boxes.iter().map(|truth| overlap(truth, found)).max_by(f64::total_cmp)
-}
-
-/// Intersection over union of two boxes.
-#[must_use]
-pub fn overlap(a: &ImageBox, b: &ImageBox) -> f64 {
-    let area = |b: &ImageBox| (b.right - b.left).max(0.0) * (b.bottom - b.top).max(0.0);
-    let both =
-        ImageBox { left: a.left.max(b.left), top: a.top.max(b.top), right: a.right.min(b.right), bottom: a.bottom.min(b.bottom) };
-    let shared = area(&both);
-    let all = area(a) + area(b) - shared;
-    if all > 0.0 { shared / all } else { 0.0 }
+    boxes.iter().map(|truth| truth.iou(found)).max_by(f64::total_cmp)
 }
 
 #[cfg(test)]
@@ -122,15 +111,5 @@ mod tests {
         let of = |said: &Said| grade(&truth, Some(&outline), &[], said);
         assert_eq!(of(&reply(Status::Navigating, Some((0.5, 0.5)))).hit, None);
         assert_eq!(of(&reply(Status::NotVisible, None)).hit, None);
-    }
-
-    #[test]
-    fn overlaps_by_hand() {
-        let unit = ImageBox { left: 0.0, top: 0.0, right: 0.4, bottom: 0.4 };
-        let moved = ImageBox { left: 0.2, top: 0.0, right: 0.6, bottom: 0.4 };
-        // 0.08 of 0.16 + 0.16 − 0.08.
-        assert!((overlap(&unit, &moved) - 1.0 / 3.0).abs() < 1e-12);
-        assert_eq!(overlap(&unit, &unit), 1.0);
-        assert_eq!(overlap(&unit, &ImageBox { left: 0.5, top: 0.5, right: 0.6, bottom: 0.6 }), 0.0);
     }
 }

@@ -87,6 +87,23 @@ const HARD: &[(&str, &str)] = tasks!("hard":
 /// The five on which the paper compares ways of asking.
 const NAVIGATION: &[(&str, &str)] = &[PAPER[0], PAPER[1], PAPER[2], PAPER[3], PAPER[4]];
 
+/// Those of the paper with obstacles on the straight way, and obstacle mode on; the paper does not tell which of its 18 trials with a
+/// detector are of.
+const OBSTACLES: &[(&str, &str)] = &[PAPER[5], PAPER[6], PAPER[7], PAPER[8], PAPER[9], PAPER[24], PAPER[25]];
+
+/// Every task.
+const EVERY: &[(&str, &str)] = &every();
+
+const fn every() -> [(&'static str, &'static str); PAPER.len() + HARD.len()] {
+    let mut all = [PAPER[0]; PAPER.len() + HARD.len()];
+    let mut at = 0;
+    while at < all.len() {
+        all[at] = if at < PAPER.len() { PAPER[at] } else { HARD[at - PAPER.len()] };
+        at += 1;
+    }
+    all
+}
+
 /// The three on which the paper compares steps: the cones, the dry chair, the drink.
 const STEPS: &[(&str, &str)] = &[PAPER[27], PAPER[28], PAPER[30]];
 
@@ -143,6 +160,20 @@ pub const SUITES: &[Suite] = &[
         tasks: NAVIGATION,
     },
     Suite {
+        name: "ablation-vlm",
+        description: "the same five, flown by SPF with whoever --vlm names, joined by commas",
+        methods: "spf",
+        vlms: ORACLE,
+        tasks: NAVIGATION,
+    },
+    Suite {
+        name: "ablation-detector",
+        description: "the paper's seven with obstacles: boxes from the VLM's own answer, or from a detector of COCO's classes",
+        methods: "spf,spf-detector",
+        vlms: ORACLE,
+        tasks: OBSTACLES,
+    },
+    Suite {
         name: "ablation-step",
         description: "cones, dry chair, drink: the adaptive step, its median as a fixed step, and one metre",
         methods: "spf,spf-step-median,spf-step-1m",
@@ -176,6 +207,13 @@ pub const SUITES: &[Suite] = &[
         methods: "spf",
         vlms: "oracle:default@0s,oracle:default@1s,oracle:default@2s,oracle:default@3s,oracle:default@4.5s,oracle:default@6s",
         tasks: CROSS_SECTION,
+    },
+    Suite {
+        name: "all",
+        description: "all 64 tasks, flown by SPF with and without a detector, PIVOT, TypeFly, plain text and blindly straight on",
+        methods: "spf,spf-detector,pivot,typefly,plain,straight",
+        vlms: ORACLE,
+        tasks: EVERY,
     },
 ];
 

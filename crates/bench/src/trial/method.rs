@@ -18,6 +18,8 @@ pub enum Method {
     Spf,
     /// Points, preset `paper`.
     SpfPaper,
+    /// `Spf`, where the task has obstacle mode with boxes from a detector in place of the reply's.
+    SpfDetector,
     /// `Spf` with every step as long as the median of its adaptive ones.
     SpfStepMedian,
     /// `Spf` with steps of a metre.
@@ -54,9 +56,10 @@ pub enum Method {
 
 impl Method {
     /// All, in the order of tables.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::Spf,
         Self::SpfPaper,
+        Self::SpfDetector,
         Self::SpfStepMedian,
         Self::SpfStepMetre,
         Self::SpfSequential,
@@ -81,6 +84,7 @@ impl Method {
         match self {
             Self::Spf => "spf",
             Self::SpfPaper => "spf-paper",
+            Self::SpfDetector => "spf-detector",
             Self::SpfStepMedian => "spf-step-median",
             Self::SpfStepMetre => "spf-step-1m",
             Self::SpfSequential => "spf-sequential",
@@ -122,6 +126,7 @@ impl Method {
             | Self::SpfTimed
             | Self::SpfStop
             | Self::SpfStopSequential => PolicyKind::Spf,
+            Self::SpfDetector => PolicyKind::SpfDetector,
             Self::Pivot | Self::PivotMetre => PolicyKind::Pivot,
             Self::PivotParallel => PolicyKind::PivotParallel,
             Self::TypeFly => PolicyKind::TypeFly,

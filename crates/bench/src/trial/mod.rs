@@ -15,11 +15,13 @@ use spf_core::envelope::Limits;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::pilot::Outcome;
 use spf_core::prompt::PromptText;
-use spf_flight::sim::{Circumstances, FlightPlan, RecordPlan, SimWorld, WhoPoints, fly};
+use spf_flight::detector::with_detector;
+use spf_flight::sim::{Circumstances, FlightPlan, RecordPlan, SimWorld, WhoPoints, fly, oracle_points};
 use spf_flight::summary::Summary;
 use spf_flight::world::Script;
 use spf_sim::geometry::ObjectId;
 use spf_sim::model::Model;
+use spf_sim::oracle::ErrorFile;
 
 use crate::fnv;
 use crate::judge::Judge;
@@ -32,6 +34,9 @@ pub use method::{Method, NOBODY};
 pub use path::FlownPath;
 pub use record::{Milliseconds, Record, Scores, VlmDetails, run_id};
 use watch::{Findings, Watcher};
+
+/// The detector where a model points.
+const DETECTOR: &str = "oracle:default";
 
 /// Who points, under a name.
 #[derive(Clone)]
@@ -127,6 +132,7 @@ impl Trial {
             None => method::blind(if task.set == Set::Simulation { 5.0 } else { 1.0 }),
         };
         let (fixed, delay) = (self.pointer.as_ref().and_then(|pointer| pointer.latency), task.vlm_delay);
+        let who = self.with_detector(who);
         let seen: WhoPoints = Arc::new(move |of, seed| {
             let vlm = who(of, seed)?;
             // A flight has one world; it is asked for once.
@@ -151,6 +157,7 @@ impl Trial {
             limits: self.limits(),
             vlm: self.vlm().to_owned(),
             who: seen,
+            detector: self.detector(),
             prompt: None,
             max_cost_usd: self.max_cost_usd,
             seed: self.seed,
@@ -159,6 +166,20 @@ impl Trial {
             realtime: false,
             interrupts: Arc::new(AtomicU32::new(0)),
             record,
+        }
+    }
+
+    /// Who lists what is in view, where the method has a detector: the oracle that points, from the same look; where a model points
+    /// the default one. Both know COCO's classes only.
+    fn detector(&self) -> Option<String> {
+        let own = provider(self.vlm()) == "oracle";
+        (self.method == Method::SpfDetector).then(|| if own { self.vlm() } else { DETECTOR }.to_owned())
+    }
+
+    fn with_detector(&self, who: WhoPoints) -> WhoPoints {
+        match self.detector() {
+            Some(name) if name != self.vlm() => with_detector(who, oracle_points(name, ErrorFile::default())),
+            _ => who,
         }
     }
 

@@ -43,7 +43,7 @@ pub(crate) struct BenchRun {
     /// A task by its name or its file; can be given several times
     #[arg(long, value_name = "ID|FILE")]
     pub(crate) task: Vec<String>,
-    /// Methods, joined by commas: spf, spf-paper, spf-step-median, spf-step-1m, spf-sequential, spf-timed, spf-stop,
+    /// Methods, joined by commas: spf, spf-paper, spf-detector, spf-step-median, spf-step-1m, spf-sequential, spf-timed, spf-stop,
     /// spf-stop-sequential, pivot, pivot-1m, pivot-parallel, typefly, typefly-coco, typefly-once, plain, plain-numeric,
     /// plain-discrete, straight [default: spf, or those of the suite]
     #[arg(long, value_name = "LIST")]

@@ -201,7 +201,7 @@ pub(crate) struct MethodArgs {
     /// With a real drone: take off without asking the VLM about pictures of a dot first
     #[arg(long)]
     pub(crate) no_vlm_check: bool,
-    /// How decisions are made: spf (points); plain, plain-numeric, plain-discrete (text actions); pivot, pivot-parallel
+    /// How decisions are made: spf (points); spf-detector (see --detector); plain, plain-numeric, plain-discrete (text actions); pivot, pivot-parallel
     /// (numbered arrows); typefly, typefly-coco, typefly-once (programs) [default: spf]
     #[arg(long, value_name = "POLICY")]
     pub(crate) policy: Option<String>,
@@ -223,6 +223,10 @@ pub(crate) struct MethodArgs {
     /// Obstacle mode: ask for boxes of obstacles and keep clear of them
     #[arg(long)]
     pub(crate) avoid: bool,
+    /// Obstacle mode with boxes from a detector in place of the VLM's: oracle or oracle:NAME, which in the simulator stands in for
+    /// one that knows COCO's classes (see docs/detector.md)
+    #[arg(long, value_name = "WHO")]
+    pub(crate) detector: Option<String>,
 }
 
 #[derive(Debug, Args)]

@@ -32,7 +32,7 @@ use spf_sim::wind::WindError;
 use self::manual::Manual;
 use crate::args::Fly;
 use crate::commands::vlm::pointing;
-use crate::commands::{load_stage, parse_pose, read};
+use crate::commands::{detector, load_stage, parse_pose, read};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
@@ -181,6 +181,7 @@ fn layered(args: &Fly) -> Result<Settings, CliError> {
     settings.flag("fly.think", "--think", method.think.clone());
     settings.flag("fly.rate_hz", "--rate", method.rate.clone());
     settings.flag("fly.avoid", "--avoid", on(method.avoid));
+    settings.flag("fly.detector", "--detector", method.detector.clone());
     settings.flag("fly.max_time_s", "--max-time", limits.max_time.clone());
     settings.flag("fly.max_decisions", "--max-decisions", limits.max_decisions.clone());
     settings.flag("fly.max_cost_usd", "--max-cost", limits.max_cost.clone());
@@ -198,10 +199,10 @@ fn flag(settings: &Settings, name: &'static str) -> Result<bool, CliError> {
 /// The plan of a flight, and a sentence about who points.
 fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<(FlightPlan, String), CliError> {
     let (preset, policy) = manner(settings)?;
-    let method = method(settings, preset)?;
+    let (policy, method) = detector::manner(settings, policy, method(settings, preset)?)?;
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
-    let pointing = pointing(settings, prompt.clone())?;
+    let (pointing, detector) = detector::beside(settings, policy, pointing(settings, prompt.clone())?)?;
     let seed = settings.parse("fly.seed", "a whole number from 0 to 18446744073709551615")?.unwrap_or(0);
     let start = settings.get("fly.start").map(parse_pose).transpose().map_err(|what| settings.wrong("fly.start", &what))?;
     let kind = settings.choice("fly.drone_model", &[("quad", CraftKind::Quad), ("tello", CraftKind::Tello)])?;
@@ -229,6 +230,7 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<(FlightPla
         limits: limits(settings, kind)?,
         vlm: pointing.name,
         who: pointing.who,
+        detector,
         prompt,
         max_cost_usd,
         seed,

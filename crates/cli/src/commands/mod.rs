@@ -2,6 +2,7 @@
 
 pub(crate) mod bench;
 pub(crate) mod config;
+mod detector;
 mod doctor;
 pub(crate) mod fly;
 pub(crate) mod ground;

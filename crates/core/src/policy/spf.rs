@@ -4,14 +4,15 @@ use std::sync::Arc;
 
 use crate::avoid::{self, Avoidance, BODY_MARGIN, PathShape, PlannedStep};
 use crate::craft::Craft;
+use crate::detection::{self, Detection, parse_detections};
 use crate::grounding::GroundingProfile;
 use crate::lift::{self, Lifting};
 use crate::policy::search::Search;
 use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
-use crate::prompt::{PromptInput, PromptKind, PromptText};
+use crate::prompt::{PromptKind, PromptText};
 use crate::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
-use crate::reply::{Look, Reply, Status, parse_reply};
+use crate::reply::{Look, ObstacleBox, Reply, Status, one_line, parse_reply};
 use crate::step::StepRule;
 
 /// Earlier targets told to the VLM.
@@ -45,7 +46,16 @@ pub struct SpfSettings {
 struct Asked {
     id: QueryId,
     view: View,
-    confirming: bool,
+    about: About,
+}
+
+/// What is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum About {
+    /// The detector, what is in the picture.
+    List,
+    /// Where to fly; perhaps as the second look at a `done`.
+    Point { confirming: bool },
 }
 
 /// The SPF policy.
@@ -61,6 +71,10 @@ pub struct Spf {
     next_id: u64,
     reading: Reading,
     prompt: Arc<PromptText>,
+    /// Obstacle mode's boxes come from a detector.
+    detector: bool,
+    /// What it found in the frame that is asked about.
+    detections: Vec<Detection>,
 }
 
 impl Spf {
@@ -68,6 +82,13 @@ impl Spf {
     #[must_use]
     pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
         Self { prompt, ..self }
+    }
+
+    /// The same with a detector: in obstacle mode each decision begins with a list of detections ([`QueryKind::Detect`]), which the
+    /// VLM is told of and whose boxes are kept clear of in place of the reply's. The VLM is asked for the point and its depth alone.
+    #[must_use]
+    pub fn with_detector(self) -> Self {
+        Self { detector: true, ..self }
     }
 
     /// A policy without an instruction; it waits until it has one.
@@ -84,54 +105,103 @@ impl Spf {
             next_id: 0,
             reading: Reading::default(),
             prompt: PromptText::shipped(PromptKind::Point),
+            detector: false,
+            detections: Vec::new(),
         }
     }
 
-    fn ask(&mut self, view: &View) -> Step {
-        let id = QueryId(self.next_id);
-        self.next_id += 1;
-        self.memory.confirming = self.confirming;
-        self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
-        let prompt = self.prompt.write(&PromptInput {
-            instruction: &self.instruction,
-            memory: &self.memory,
-            profile: &self.settings.grounding,
-            avoid: self.settings.avoid,
-        });
-        self.asked = Some(Asked { id, view: *view, confirming: self.confirming });
-        let kind = QueryKind::Point { avoid: self.settings.avoid };
+    /// A decision begins: with the detector's list where obstacle mode has one, else with the VLM.
+    fn decide(&mut self, view: &View) -> Step {
+        if !self.lists() {
+            return self.ask(view);
+        }
+        self.detections.clear();
+        // A detector has neither prompt nor a size of its own: it sees the camera's picture.
+        let id = self.asking(view, About::List);
         Step::Ask(Box::new(Query {
             instruction: self.instruction.clone(),
-            memory: self.memory.clone(),
-            prompt,
-            image_size: self.settings.image_size,
-            ..Query::new(id, view.frame.id, kind)
+            ..Query::new(id, view.frame.id, QueryKind::Detect { coco: true, scored: true })
         }))
     }
 
-    fn answered(&mut self, asked: Asked, text: &str) -> Step {
-        self.reading = Reading::default();
-        let reply = match parse_reply(text, &self.settings.grounding) {
-            Ok(reply) => reply,
-            Err(error) => {
-                self.reading.refused = Some(error.to_string());
-                return Step::Reject(error.to_string());
-            }
+    fn lists(&self) -> bool {
+        self.detector && self.settings.avoid
+    }
+
+    /// Notes what is out.
+    fn asking(&mut self, view: &View, about: About) -> QueryId {
+        let id = QueryId(self.next_id);
+        self.next_id += 1;
+        self.asked = Some(Asked { id, view: *view, about });
+        id
+    }
+
+    fn ask(&mut self, view: &View) -> Step {
+        self.memory.confirming = self.confirming;
+        self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
+        let id = self.asking(view, About::Point { confirming: self.confirming });
+        let kind = QueryKind::Point { avoid: self.settings.avoid && !self.detector };
+        let mut query = Query {
+            instruction: self.instruction.clone(),
+            memory: self.memory.clone(),
+            detections: if self.lists() { detection::lines(&self.detections) } else { Vec::new() },
+            image_size: self.settings.image_size,
+            ..Query::new(id, view.frame.id, kind)
         };
+        query.prompt = self.prompt.write_point(&query, &self.settings.grounding);
+        Step::Ask(Box::new(query))
+    }
+
+    /// The detector's list came: the VLM is asked about the same frame.
+    fn listed(&mut self, view: &View, text: &str) -> Step {
+        self.reading = Reading::default();
+        match parse_detections(text) {
+            Ok(detections) => self.detections = detections,
+            Err(error) => return self.refuse(&error),
+        }
+        let names: Vec<&str> = self.detections.iter().map(|detection| detection.name.as_str()).collect();
+        let names = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
+        self.reading.actions = vec![format!("the detector found {}", one_line(&names))];
+        self.ask(view)
+    }
+
+    /// What cannot be used; the pilot counts it.
+    fn refuse(&mut self, error: &dyn std::error::Error) -> Step {
+        self.reading.refused = Some(error.to_string());
+        Step::Reject(error.to_string())
+    }
+
+    fn answered(&mut self, asked: Asked, confirming: bool, text: &str) -> Step {
+        self.reading = Reading::default();
+        let mut reply = match parse_reply(text, &self.settings.grounding) {
+            Ok(reply) => reply,
+            Err(error) => return self.refuse(&error),
+        };
+        if self.lists() {
+            reply.boxes = self.obstacles(&reply, &asked.view);
+        }
         self.reading.reply = Some(reply.clone());
         if let Some(stage) = reply.stage {
             self.memory.stage = stage;
         }
         match reply.status {
-            Status::Done => self.done(asked),
+            Status::Done => self.done(confirming),
             Status::NotVisible => self.not_visible(asked, reply.look),
             Status::Navigating => self.navigate(asked, &reply),
         }
     }
 
-    fn done(&mut self, asked: Asked) -> Step {
+    /// What the detector's list stands for on the way to the reply's point; nothing where it leads nowhere.
+    fn obstacles(&self, reply: &Reply, view: &View) -> Vec<ObstacleBox> {
+        let Some((point, depth)) = reply.point.zip(reply.depth) else { return Vec::new() };
+        let ray = view.camera.ray(point);
+        let length = self.settings.step.length(depth) * libm::sqrt(1.0 + ray.right * ray.right + ray.up * ray.up);
+        detection::obstacles(&self.detections, &view.camera, length, reply.target.as_deref())
+    }
+
+    fn done(&mut self, confirming: bool) -> Step {
         // Believed at once 79–88 % success, with the second look while holding 98–99 % (DESIGN section 4).
-        if !self.settings.confirm_done || asked.confirming {
+        if !self.settings.confirm_done || confirming {
             return Step::Done;
         }
         self.confirming = true;
@@ -195,10 +265,7 @@ impl Spf {
         self.reading.step = Some(step);
         let lifted = match lift::unproject(&view.camera, waypoint, step) {
             Ok(camera) => lift::lift(camera, &view.camera, view.pose.attitude, self.settings.lifting),
-            Err(error) => {
-                self.reading.refused = Some(error.to_string());
-                return Step::Reject(error.to_string());
-            }
+            Err(error) => return self.refuse(&error),
         };
         let primitives = Primitives::from_displacement(lifted);
         self.reading.displacement = Some(lifted);
@@ -239,13 +306,14 @@ impl Policy for Spf {
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
             PolicyEvent::Instruction(text) => {
-                let (next_id, prompt) = (self.next_id, self.prompt.clone());
-                *self = Self { instruction: text.to_owned(), next_id, prompt, ..Self::new(self.settings) };
+                let (next_id, prompt, detector) = (self.next_id, self.prompt.clone(), self.detector);
+                *self = Self { instruction: text.to_owned(), next_id, prompt, detector, ..Self::new(self.settings) };
                 Step::Look
             }
-            PolicyEvent::Frame(view) if self.asked.is_none() && (view.at_rest || !self.confirming) => self.ask(view),
+            PolicyEvent::Frame(view) if self.asked.is_none() && (view.at_rest || !self.confirming) => self.decide(view),
             PolicyEvent::Reply { id, text } => match self.asked.take_if(|asked| asked.id == id) {
-                Some(asked) => self.answered(asked, text),
+                Some(Asked { view, about: About::List, .. }) => self.listed(&view, text),
+                Some(asked @ Asked { about: About::Point { confirming }, .. }) => self.answered(asked, confirming, text),
                 None => Step::Wait,
             },
             PolicyEvent::ReplyFailed { id } => {
@@ -262,3 +330,6 @@ impl Policy for Spf {
         self.reading.clone()
     }
 }
+
+#[cfg(test)]
+mod tests;

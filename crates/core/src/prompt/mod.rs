@@ -11,9 +11,10 @@ use std::sync::{Arc, LazyLock};
 pub use template::{PromptError, PromptKind, PromptText};
 
 use crate::actions::{MAX_ACTIONS, MOVE_METRES, TURN_DEGREES};
+use crate::detection::{self, parse_detections};
 use crate::grounding::GroundingProfile;
 use crate::lift::range_of_label;
-use crate::query::{ImageBox, ImagePoint, Memory};
+use crate::query::{ImageBox, ImagePoint, Memory, Query, QueryKind};
 use crate::reply::{DEPTH_LABELS, Look, ObstacleBox, Reply, Status, one_line};
 
 /// Longest instruction that is sent, in characters; longer ones are cut.
@@ -69,6 +70,19 @@ impl PromptText {
     #[must_use]
     pub fn write(&self, input: &PromptInput<'_>) -> String {
         self.write_with(input, |_| None)
+    }
+
+    /// The prompt of a [`Point`](crate::query::QueryKind::Point) query in a model's coordinates, from what the query carries; for
+    /// any query's text in other coordinates than those that it was written in.
+    #[must_use]
+    pub fn write_point(&self, query: &Query, profile: &GroundingProfile) -> String {
+        let avoid = query.kind == QueryKind::Point { avoid: true };
+        let input = PromptInput { instruction: &query.instruction, memory: &query.memory, profile, avoid };
+        self.write_with(&input, |place| {
+            let listed = place == "detected" && !query.detections.is_empty();
+            // Lines that are none were left out when the list came.
+            listed.then(|| detection::told(&parse_detections(&query.detections.join("\n")).unwrap_or_default(), profile))
+        })
     }
 
     /// The prompt for a query, with the places that only its policy can fill.
@@ -180,7 +194,9 @@ fn example(input: &PromptInput<'_>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::FrameId;
     use crate::grounding::{AxisOrder, Scale};
+    use crate::query::QueryId;
     use crate::reply::parse_reply;
 
     fn input<'a>(instruction: &'a str, memory: &'a Memory, profile: &'a GroundingProfile, avoid: bool) -> PromptInput<'a> {
@@ -228,6 +244,23 @@ For example: {"status":"navigating","look":null,"stage":1,"point":[400,620],"dep
         assert!(text.contains("\nYour last answer was \"done\". The drone now holds still for a second look"), "{text}");
         assert!(text.contains("A point is [x, y] and a box is [xmin, ymin, xmax, ymax], in pixels of this picture: x runs from 0 at the left edge to 640"), "{text}");
         assert!(text.contains("- boxes: every obstacle"), "{text}");
+    }
+
+    #[test]
+    fn what_a_detector_found_is_told() {
+        let profile = GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width: 640, height: 480 } };
+        let query = |detections: &[&str]| Query {
+            instruction: "go".to_owned(),
+            detections: detections.iter().map(|line| (*line).to_owned()).collect(),
+            ..Query::new(QueryId(0), FrameId(0), QueryKind::Point { avoid: false })
+        };
+        let prompt = PromptText::shipped(PromptKind::Point);
+        let text = prompt.write_point(&query(&["car_1 x:0.5 y:0.5 width:0.5 height:0.5 score:0.875"]), &profile);
+        assert!(text.contains("A detector found these things in the picture, one a line: name, box, how sure it is (0 to 1).\ncar, [160, 120, 480, 360], 0.88\n"), "{text}");
+        assert!(prompt.write_point(&query(&["none"]), &profile).contains("(0 to 1).\nnone\n"));
+        // Without a detector it is the prompt that it always was.
+        let memory = Memory::default();
+        assert_eq!(prompt.write_point(&query(&[]), &profile), point_prompt(&input("go", &memory, &profile, false)));
     }
 
     #[test]

@@ -66,7 +66,9 @@ impl PromptKind {
     /// The places that a prompt of this kind may have.
     fn places(self) -> &'static [&'static str] {
         match self {
-            Self::Point => &["instruction", "coordinates", "labels", "scale", "avoid", "memory", "confirming", "example"],
+            Self::Point => {
+                &["instruction", "coordinates", "labels", "scale", "avoid", "detected", "memory", "confirming", "example"]
+            }
             Self::Plain | Self::Numeric | Self::Discrete => {
                 &["instruction", "metres", "degrees", "most_actions", "actions", "confirming"]
             }

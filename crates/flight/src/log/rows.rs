@@ -39,6 +39,9 @@ pub struct Head {
     pub limits: Limits,
     /// Who pointed. The oracle is no VLM.
     pub vlm: String,
+    /// Who detected, in obstacle mode with a detector; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detector: Option<String>,
     /// The coordinates that it was asked for and answered in.
     #[serde(default)]
     pub grounding: GroundingProfile,

@@ -77,6 +77,8 @@ pub struct FlightPlan {
     pub vlm: String,
     /// Who points.
     pub who: WhoPoints,
+    /// The name of who detects; `None` without a detector.
+    pub detector: Option<String>,
     /// What it is told; `None`: the shipped prompt.
     pub prompt: Option<Arc<PromptText>>,
     /// US dollars from which on nothing more is asked, and the flight ends.
@@ -224,6 +226,7 @@ fn head(plan: &FlightPlan, drone: &str, capabilities: &Capabilities, start: Pose
         camera: capabilities.camera,
         limits: plan.limits.clone(),
         vlm: plan.vlm.clone(),
+        detector: plan.detector.clone(),
         grounding: eyesight.grounding,
         image_size: eyesight.image_size,
         prompt: plan.prompt.as_ref().map(|prompt| prompt.source().to_owned()),
@@ -350,6 +353,7 @@ fn summarise(plan: &FlightPlan, stage: &Stage, pilot: &Pilot, settled: Option<Se
         target_in_view: settled.verdict.in_view,
         seed: plan.seed,
         vlm: plan.vlm.clone(),
+        detector: plan.detector.clone(),
         preset: plan.preset,
         policy: plan.policy.name().to_owned(),
         settings: plan.settings,

@@ -21,6 +21,8 @@ use spf_vlm::Eyesight;
 pub enum PolicyKind {
     /// Points (the method).
     Spf,
+    /// Points, and in obstacle mode boxes from a detector in place of the reply's.
+    SpfDetector,
     /// Text actions (the baseline).
     Plain,
     /// The same as four numbers.
@@ -45,8 +47,9 @@ const PIVOT_STEP: f64 = 1.9;
 
 impl PolicyKind {
     /// All, in the order of help texts.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Spf,
+        Self::SpfDetector,
         Self::Plain,
         Self::PlainNumeric,
         Self::PlainDiscrete,
@@ -62,6 +65,7 @@ impl PolicyKind {
     pub fn name(self) -> &'static str {
         match self {
             Self::Spf => "spf",
+            Self::SpfDetector => "spf-detector",
             Self::Plain => "plain",
             Self::PlainNumeric => "plain-numeric",
             Self::PlainDiscrete => "plain-discrete",
@@ -83,7 +87,7 @@ impl PolicyKind {
     #[must_use]
     pub fn prompt(self) -> PromptKind {
         match self {
-            Self::Spf => PromptKind::Point,
+            Self::Spf | Self::SpfDetector => PromptKind::Point,
             Self::Plain => prompt_kind(ActForm::Commands),
             Self::PlainNumeric => prompt_kind(ActForm::Numeric),
             Self::PlainDiscrete => prompt_kind(ActForm::Discrete),
@@ -136,7 +140,7 @@ impl PolicyKind {
                 };
                 Box::new(TypeFly::new(settings).with_prompt(prompt))
             }
-            Self::Spf => {
+            Self::Spf | Self::SpfDetector => {
                 let settings = SpfSettings {
                     step: settings.step,
                     lifting: settings.lifting,
@@ -150,7 +154,8 @@ impl PolicyKind {
                         Motion::Blended | Motion::Manoeuvres => PathShape::Straight,
                     },
                 };
-                Box::new(Spf::new(settings).with_prompt(prompt))
+                let spf = Spf::new(settings).with_prompt(prompt);
+                Box::new(if self == Self::SpfDetector { spf.with_detector() } else { spf })
             }
         }
     }

@@ -22,7 +22,10 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
         QueryKind::Choose => kinds::choose(query, percept, &aim(oracle, query, percept)),
         QueryKind::Act { form } => act::act(oracle, query, percept, &aim(oracle, query, percept), *form),
         QueryKind::Done => kinds::done(&aim(oracle, query, percept)),
-        QueryKind::Detect { coco } => kinds::detect(percept.seen(&oracle.errors, query.image_size), *coco),
+        QueryKind::Detect { coco, scored: false } => kinds::detect(percept.seen(&oracle.errors, query.image_size), *coco),
+        QueryKind::Detect { coco, scored: true } => {
+            kinds::detect_scored(percept.seen_with_chance(&oracle.errors, query.image_size), *coco)
+        }
         QueryKind::Program => kinds::program(query),
         QueryKind::Question { text } => kinds::question(text, &query.detections),
     }
@@ -67,7 +70,7 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
                 };
                 reply.point = Some(beside);
             }
-            if avoid {
+            if avoid || !query.detections.is_empty() {
                 let seen: Vec<&Thing> = percept.seen(&oracle.errors, query.image_size).collect();
                 let way = corridor::Way {
                     point: place.point,
@@ -75,9 +78,15 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
                     target: aim.target.as_deref(),
                     opening: place.opening,
                 };
-                let found = corridor::boxes(oracle, percept, &seen, &way);
+                let found = if avoid {
+                    corridor::boxes(oracle, percept, &seen, &way)
+                } else {
+                    corridor::listed(oracle, percept, &seen, &way, &query.detections)
+                };
                 reply.point = Some(corridor::clear(oracle, percept, place.point, &found));
-                reply.boxes = found
+                // Boxes that were told are not told back.
+                let reported = if avoid { found } else { Vec::new() };
+                reply.boxes = reported
                     .into_iter()
                     .map(|b| ObstacleBox {
                         area: b.area,

@@ -1,5 +1,6 @@
 //! Obstacle mode: which objects stand in the way, and the nearest point clear of the boxes reported (DESIGN.md section 5).
 
+use spf_core::detection::parse_detections;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::rng::Draw;
 
@@ -29,24 +30,20 @@ pub(super) struct Found {
     pub(super) name: String,
 }
 
+impl Found {
+    fn of(thing: &Thing) -> Self {
+        Self { area: thing.bounds, range: thing.range, name: thing.tags.words() }
+    }
+}
+
 /// Boxes nearer than the target that meet the corridor: the error file's share is missed, and now and then one is around
 /// nothing. Drawn by frame, like the rest of the percept.
 pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &Way<'_>) -> Vec<Found> {
     let errors = &oracle.errors.boxes;
     let mut out: Vec<Found> = seen
         .iter()
-        .filter(|thing| {
-            let tags = &thing.tags;
-            let own = way.target.is_some_and(|key| key == tags.key || tags.opening_of.as_deref() == Some(key));
-            !tags.opening
-                && !tags.is_surface()
-                && !own
-                && !frames(thing, way)
-                && thing.range < way.range
-                && thing.box_luck >= errors.missed
-                && meets(oracle, percept, way.point, thing.bounds, thing.range)
-        })
-        .map(|thing| Found { area: thing.bounds, range: thing.range, name: thing.tags.words() })
+        .filter(|thing| thing.box_luck >= errors.missed && is_in_way(oracle, percept, thing, way))
+        .map(|thing| Found::of(thing))
         .collect();
     let mut luck = Draw::new(oracle.seed, "oracle spurious box", &[percept.frame.0]);
     if luck.chance(errors.spurious) {
@@ -64,6 +61,30 @@ pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &W
         });
     }
     out
+}
+
+/// Of the boxes that a detector listed, those around something that is seen there, nearer than the target, and in the way.
+pub(super) fn listed(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &Way<'_>, lines: &[String]) -> Vec<Found> {
+    // A list that is none says nothing.
+    let detections = parse_detections(&lines.join("\n")).unwrap_or_default();
+    let is_listed = |thing: &Thing| detections.iter().any(|detection| detection.area.iou(&thing.bounds) >= SAME_THING);
+    let in_way = |thing: &&&Thing| is_listed(thing) && is_in_way(oracle, percept, thing, way);
+    seen.iter().filter(in_way).map(|thing| Found::of(thing)).collect()
+}
+
+/// Intersection over union of two boxes from which on they are about the same thing, as detectors are judged.
+const SAME_THING: f64 = 0.5;
+
+/// Whether a thing stands nearer than what the way leads to, and meets it.
+fn is_in_way(oracle: &Oracle, percept: &Percept, thing: &Thing, way: &Way<'_>) -> bool {
+    let tags = &thing.tags;
+    let own = way.target.is_some_and(|key| key == tags.key || tags.opening_of.as_deref() == Some(key));
+    !tags.opening
+        && !tags.is_surface()
+        && !own
+        && !frames(thing, way)
+        && thing.range < way.range
+        && meets(oracle, percept, way.point, thing.bounds, thing.range)
 }
 
 /// Whether a thing is what the opening is in: a hill about a tunnel's mouth is not in the way into it.

@@ -5,6 +5,7 @@ use core::fmt::Write as _;
 use libm::hypot;
 use serde_json::json;
 use spf_core::coco;
+use spf_core::detection::{Detection, MAX_DETECTIONS, write_detections};
 use spf_core::query::{Mark, Query};
 
 use super::language::resolve::{Item, meant, vocabulary};
@@ -62,6 +63,15 @@ pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a Thing>, coco: bool) -> S
     out
 }
 
+/// The same as a detector's list: with scores, the chance that the object was noticed, and to four decimals.
+pub(super) fn detect_scored<'a>(seen: impl Iterator<Item = (&'a Thing, f64)>, coco: bool) -> String {
+    let found = seen.filter_map(|(thing, score)| {
+        let name = if coco { class(&thing.tags)? } else { called(&thing.tags) };
+        Some(Detection { name: name.to_owned(), score, area: thing.bounds })
+    });
+    write_detections(&found.take(MAX_DETECTIONS).collect::<Vec<_>>())
+}
+
 /// What an object is called first.
 fn called(tags: &Tagged) -> &str {
     tags.names.first().unwrap_or(&tags.kind)
@@ -74,7 +84,7 @@ fn class(tags: &Tagged) -> Option<&str> {
 }
 
 /// A line of the list of detections, as far as it can be read.
-struct Detection {
+struct Listed {
     /// `name_id`, as programs call it.
     label: String,
     tags: Tagged,
@@ -84,7 +94,7 @@ struct Detection {
     height: f64,
 }
 
-fn detections(lines: &[String]) -> Vec<Detection> {
+fn detections(lines: &[String]) -> Vec<Listed> {
     let field =
         |line: &str, key: &str| -> Option<f64> { line.split_whitespace().find_map(|part| part.strip_prefix(key)?.parse().ok()) };
     lines
@@ -97,7 +107,7 @@ fn detections(lines: &[String]) -> Vec<Detection> {
                 _ => label,
             };
             let colour = line.split_whitespace().find_map(|part| part.strip_prefix("color:"));
-            Some(Detection {
+            Some(Listed {
                 label: label.to_owned(),
                 tags: Tagged {
                     id: u16::try_from(index + 1).ok()?,
@@ -116,7 +126,7 @@ fn detections(lines: &[String]) -> Vec<Detection> {
 }
 
 /// The detections that a phrase means, largest first.
-fn listed<'a>(phrase: &Phrase, list: &'a [Detection]) -> Vec<&'a Detection> {
+fn listed<'a>(phrase: &Phrase, list: &'a [Listed]) -> Vec<&'a Listed> {
     let items: Vec<Item<'_>> = list
         .iter()
         .map(|d| Item {
@@ -131,7 +141,7 @@ fn listed<'a>(phrase: &Phrase, list: &'a [Detection]) -> Vec<&'a Detection> {
             weight: d.width * d.height,
         })
         .collect();
-    let mut found: Vec<&Detection> = meant(phrase, &items).into_iter().map(|i| &list[i]).collect();
+    let mut found: Vec<&Listed> = meant(phrase, &items).into_iter().map(|i| &list[i]).collect();
     found.sort_by(|a, b| (b.width * b.height).total_cmp(&(a.width * a.height)));
     found
 }

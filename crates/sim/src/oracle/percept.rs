@@ -112,9 +112,19 @@ impl Percept {
 
     /// The objects noticed when the picture is sent at `size`; [`SIZE_SENT`] when none is named.
     pub fn seen<'a>(&'a self, errors: &'a ErrorFile, size: Option<(u32, u32)>) -> impl Iterator<Item = &'a Thing> {
+        self.seen_with_chance(errors, size).map(|(thing, _)| thing)
+    }
+
+    /// The same, with the chance of noticing each.
+    pub(super) fn seen_with_chance<'a>(
+        &'a self,
+        errors: &'a ErrorFile,
+        size: Option<(u32, u32)>,
+    ) -> impl Iterator<Item = (&'a Thing, f64)> {
         let pixels = |(w, h): (u32, u32)| f64::from(w) * f64::from(h);
         let scale = sqrt(pixels(size.unwrap_or(SIZE_SENT)) / pixels(SIZE_SENT));
-        self.things.iter().filter(move |thing| thing.luck < chance_seen(errors, thing.size * scale))
+        let chances = self.things.iter().map(move |thing| (thing, chance_seen(errors, thing.size * scale)));
+        chances.filter(|(thing, chance)| thing.luck < *chance)
     }
 }
 

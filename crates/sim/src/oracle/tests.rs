@@ -255,6 +255,34 @@ fn obstacles_are_boxed_and_pointed_clear_of() {
 }
 
 #[test]
+fn what_a_detector_listed_is_pointed_clear_of() {
+    let oracle = oracle("perfect");
+    let painting = Painting::new()
+        .with(tagged(1, "building", "building", "white"), 400..660, 100..500, 60.0)
+        .with(tagged(3, "truck", "vehicle", "green"), 440..620, 110..500, 12.0)
+        .with(tagged(4, "bin", "bin", "red"), 650..660, 110..500, 12.0);
+    let percept = painting.percept(&oracle, 0);
+    let detect = query(0, QueryKind::Detect { coco: true, scored: true }, "");
+    let list = oracle.answer(&detect, &percept);
+    assert_eq!(list.text, "truck_1 x:0.5521 y:0.4236 width:0.1875 height:0.5417 score:1.00\n", "no building and no bin in COCO");
+    assert_eq!(list.latency, Duration::from_millis(100));
+
+    let pointed = |detections: &[&str]| {
+        let detections = detections.iter().map(|line| (*line).to_owned()).collect();
+        let query = Query { detections, ..query(1, POINT, "fly to the white building") };
+        let reply = ask(&oracle, &painting, &query);
+        assert_eq!(reply.boxes, [], "boxes that were told are not told back");
+        reply.point.unwrap()
+    };
+    let straight = pointed(&[]);
+    assert_eq!(pointed(&["none"]), straight);
+    assert_eq!(pointed(&["truck_1 x:0.2 y:0.4 width:0.2 height:0.5"]), straight, "nothing is seen there");
+    let clear = pointed(&[list.text.trim()]);
+    let truck = percept.things.iter().find(|thing| thing.tags.id == 3).unwrap().bounds;
+    assert!(clear.u < truck.left || clear.u > truck.right || clear.v < truck.top || clear.v > truck.bottom, "{clear:?}");
+}
+
+#[test]
 fn stages_advance_one_an_answer_and_end_with_the_last() {
     let oracle = oracle("perfect");
     let painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 430..530, 310..410, 2.0).with(
@@ -412,7 +440,7 @@ fn the_other_kinds_answer_from_the_same_percept() {
     assert_eq!(act["actions"][1]["value"], 5.0);
     assert_eq!(act["done"], false);
 
-    let lines = oracle.answer(&query(0, QueryKind::Detect { coco: false }, ""), &percept).text;
+    let lines = oracle.answer(&query(0, QueryKind::Detect { coco: false, scored: false }, ""), &percept).text;
     assert!(lines.starts_with("crane_1 x:0.33 y:0.42 width:0.04 height:0.28 color:red\n"), "{lines}");
     let mut program = query(0, QueryKind::Program, "go to the yellow crane");
     program.detections = lines.lines().map(str::to_owned).collect();
@@ -423,7 +451,7 @@ fn the_other_kinds_answer_from_the_same_percept() {
     later.memory.stage = 2;
     assert_eq!(oracle.answer(&later, &percept).text, "_1=s('black car');?_1==False{->False;}rp;");
     // Of COCO's classes there is none here, and a detector takes no VLM's time.
-    let known = oracle.answer(&query(0, QueryKind::Detect { coco: true }, ""), &percept);
+    let known = oracle.answer(&query(0, QueryKind::Detect { coco: true, scored: false }, ""), &percept);
     assert_eq!((known.text.as_str(), known.latency), ("", Duration::from_millis(100)));
     let mut asked = query(0, QueryKind::Question { text: "How many cranes are there?".to_owned() }, "");
     asked.detections = program.detections;

@@ -24,6 +24,7 @@ use super::{
     flag, give_back, interrupts, limits, live_view, manner, method, out_dir, prompt, report, script, standstill, tell_view,
 };
 use crate::args::Fly;
+use crate::commands::detector;
 use crate::commands::vlm::{Pointing, pointing};
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -68,7 +69,8 @@ pub(super) fn fly(
 ) -> Result<Exit, CliError> {
     settings.default("fly.vlm", spf_vlm::setup::AUTO);
     let (preset, policy) = manner(&settings)?;
-    let (mut method, prompt) = (method(&settings, preset)?, prompt(&settings, policy)?);
+    let (policy, mut method) = detector::manner(&settings, policy, method(&settings, preset)?)?;
+    let prompt = prompt(&settings, policy)?;
     let own = settings.choice("tello.motion", &[("rc", false), ("go", true)])?.unwrap_or(false);
     if own {
         // Whatever else is set: what the drone flies by itself has no end that a later answer could move.
@@ -79,6 +81,7 @@ pub(super) fn fly(
     let max_cost_usd = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
     let pointing = pointing(&settings, prompt.clone())?;
     check_vlm(&settings, &pointing, &printer)?;
+    let (pointing, detector) = detector::beside(&settings, policy, pointing)?;
     let interrupts = interrupts()?;
     let start = Instant::now();
     let Connected { drone: craft, frames, firmware, .. } = connect(&tello, start, &printer)?;
@@ -117,6 +120,7 @@ pub(super) fn fly(
         limits,
         vlm: pointing.name,
         who: pointing.who,
+        detector,
         prompt,
         max_cost_usd,
         script,

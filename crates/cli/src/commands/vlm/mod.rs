@@ -24,6 +24,7 @@ use crate::error::{CliError, nearest};
 use crate::settings::{Settings, variables};
 
 /// Who points in a flight.
+#[derive(Clone)]
 pub(crate) struct Pointing {
     /// The name as it was given.
     pub(crate) name: String,

@@ -72,6 +72,7 @@ pub(super) fn plan(who: WhoPoints, avoid: bool) -> FlightPlan {
         limits: Limits::for_craft(&Model::of(kind).craft),
         vlm: String::new(),
         who,
+        detector: None,
         prompt: None,
         max_cost_usd: None,
         seed: 2,

@@ -124,7 +124,7 @@ impl Policy for Restless {
         match (self.0 % 3, event) {
             (_, PolicyEvent::Instruction(_)) => Step::Wait,
             (0, _) => Step::Move(Move { primitives, anchor: None, then_rest: false }),
-            _ => Step::Ask(Box::new(Query::new(QueryId(self.0), FrameId(0), QueryKind::Detect { coco: false }))),
+            _ => Step::Ask(Box::new(Query::new(QueryId(self.0), FrameId(0), QueryKind::Detect { coco: false, scored: false }))),
         }
     }
 

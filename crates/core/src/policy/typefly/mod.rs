@@ -227,7 +227,7 @@ impl TypeFly {
         let coco = self.settings.coco;
         let classes = if coco { crate::coco::CLASSES.join(", ") } else { String::new() };
         let prompt = self.write(&PromptText::shipped(PromptKind::Detect), |place| (place == "classes").then(|| classes.clone()));
-        let query = self.query(QueryKind::Detect { coco }, prompt);
+        let query = self.query(QueryKind::Detect { coco, scored: false }, prompt);
         self.detecting = Some(query.id);
         Step::Ask(Box::new(query))
     }
@@ -238,7 +238,7 @@ impl TypeFly {
                 self.reading.actions = vec![format!("sees {} objects", scene.sightings.len())];
                 (self.scene, self.fresh) = (scene, true);
             }
-            Err(error) => return self.refuse(error),
+            Err(error) => return self.refuse(error.to_string()),
         }
         if self.machine.is_some() { self.run() } else { self.ask_program() }
     }

@@ -1,11 +1,9 @@
 //! The list of detections that planner and skills see instead of the picture.
 
-use crate::reply::MAX_TEXT;
+use crate::detection::{DetectionsError, Line, field, lines_of, name_of};
 
 /// Most lines of a list that are read.
 const MAX_LINES: usize = 200;
-/// Longest line, characters.
-const MAX_LINE: usize = 160;
 
 /// One detection: `name_id x:… y:… width:… height:… color:…`, shares of the picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,17 +31,9 @@ impl Scene {
     /// Reads a list, a line each; lines that are none are left out.
     ///
     /// # Errors
-    /// A sentence, when there is text but no line of a list, and it does not say that there is nothing either.
-    pub(super) fn parse(text: &str) -> Result<Self, String> {
-        if text.len() > MAX_TEXT {
-            return Err(format!("the list of detections is longer than {MAX_TEXT} bytes"));
-        }
-        let sightings: Vec<Sighting> = text.lines().filter_map(sighting).take(MAX_LINES).collect();
-        let nothing = text.trim().trim_end_matches('.').to_ascii_lowercase();
-        if sightings.is_empty() && !["", "none", "nothing", "[]"].contains(&nothing.as_str()) {
-            return Err("the answer has no line like `chair_1 x:0.5 y:0.5 width:0.1 height:0.2 color:red`".to_owned());
-        }
-        Ok(Self { sightings })
+    /// [`DetectionsError`] when there is text but no line of a list, and it does not say that there is nothing either.
+    pub(super) fn parse(text: &str) -> Result<Self, DetectionsError> {
+        Ok(Self { sightings: lines_of(text, MAX_LINES, sighting)? })
     }
 
     /// The lines, for a query.
@@ -66,23 +56,20 @@ impl Scene {
 
 /// The words of `red_chair_3`, and whether a number was at its end.
 fn words_of(label: &str) -> (Vec<String>, bool) {
-    let (name, numbered) = match label.rsplit_once('_') {
-        Some((name, id)) if !id.is_empty() && id.bytes().all(|b| b.is_ascii_digit()) => (name, true),
-        _ => (label, false),
-    };
+    let (name, numbered) = name_of(label);
     (name.split('_').filter(|word| !word.is_empty()).map(str::to_owned).collect(), numbered)
 }
 
-fn sighting(line: &str) -> Option<Sighting> {
-    let line: String = line.trim().trim_start_matches(['-', '*', ' ']).chars().take(MAX_LINE).collect();
-    let label = line.split_whitespace().next()?.to_lowercase();
-    let field = |key: &str| line.split_whitespace().find_map(|part| part.strip_prefix(key));
-    let share = |key: &str| field(key)?.trim_end_matches(',').parse::<f64>().ok().filter(|share| (0.0..=1.0).contains(share));
+fn sighting(line: String) -> Option<Sighting> {
+    let Line { label, x, y, width, height } = Line::read(&line)?;
+    let label = label.to_lowercase();
     let (mut words, _) = words_of(&label);
     words.extend(
-        field("color:").into_iter().flat_map(|colour| colour.to_lowercase().split('_').map(str::to_owned).collect::<Vec<_>>()),
+        field(&line, "color:")
+            .into_iter()
+            .flat_map(|colour| colour.to_lowercase().split('_').map(str::to_owned).collect::<Vec<_>>()),
     );
-    Some(Sighting { x: share("x:")?, y: share("y:")?, width: share("width:")?, height: share("height:")?, label, words, line })
+    Some(Sighting { x, y, width, height, label, words, line })
 }
 
 #[cfg(test)]
@@ -90,6 +77,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::reply::MAX_TEXT;
 
     const LIST: &str = "car_3 x:0.50 y:0.60 width:0.20 height:0.10 color:black\n\
         - car_4 x:0.10 y:0.60 width:0.05 height:0.04 color:white\nand:\n\

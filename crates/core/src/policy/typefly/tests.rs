@@ -118,7 +118,7 @@ fn an_end_that_the_picture_does_not_show_is_planned_on_from() {
     let mut told = Told::new(|_| ());
     let over = told.plans(CAR, "->True;");
     let list = query(told.ends(over, false));
-    assert_eq!(list.kind, QueryKind::Detect { coco: false });
+    assert_eq!(list.kind, QueryKind::Detect { coco: false, scored: false });
     let asked = query(told.reply(&list, CAR));
     assert!(asked.prompt.contains("It ended because: the picture does not show"), "{}", asked.prompt);
     motion(told.reply(&asked, "mf,50;->True;"));
@@ -192,7 +192,7 @@ fn long_moves_outdate_the_plan() {
 fn the_weak_configuration_turns_once_and_hops_once() {
     let mut told = Told::new(|settings| (settings.replanning, settings.coco) = (false, true));
     let asked = query(told.frame());
-    assert_eq!(asked.kind, QueryKind::Detect { coco: true });
+    assert_eq!(asked.kind, QueryKind::Detect { coco: true, scored: false });
     assert!(asked.prompt.contains("classes only: person, bicycle,"), "{}", asked.prompt);
     let asked = query(told.reply(&asked, "car_3 x:0.80 y:0.6 width:0.1 height:0.1 color:black"));
     assert!(!asked.prompt.contains("rp;") && !asked.prompt.contains("re_plan"), "{}", asked.prompt);

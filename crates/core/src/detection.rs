@@ -1,0 +1,300 @@
+//! Lists of what a detector found in a frame, and the obstacles that obstacle mode makes of one.
+//!
+//! A detector names boxes and is sure of them to some degree, but tells no range. So a box of a class whose things are about
+//! equally high is as far away as such a thing looks that high; any other is taken to stand where the planned step ends, which
+//! is the nearest place at which a thing of that box is in the way of this step.
+
+use core::fmt::Write as _;
+
+use crate::camera::Camera;
+use crate::coco;
+use crate::grounding::GroundingProfile;
+use crate::lift::{label_of_range, range_of_label};
+use crate::query::ImageBox;
+use crate::reply::{MAX_TEXT, ObstacleBox, one_line};
+
+/// Most lines of a list that are read: detectors give at most as many boxes.
+pub const MAX_DETECTIONS: usize = 300;
+/// Most detections that a VLM is told of, the surest ones.
+const MOST_TOLD: usize = 40;
+/// Longest line that is read, characters.
+const MAX_LINE: usize = 160;
+/// A box that ends within this share of the picture of its edge is cut off there.
+const EDGE: f64 = 0.01;
+/// What a list says that has no line.
+const NONE: &str = "none";
+
+/// One object that a detector found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Detection {
+    /// Its class, in words.
+    pub name: String,
+    /// How sure the detector is, 0..=1.
+    pub score: f64,
+    /// Where in the picture.
+    pub area: ImageBox,
+}
+
+/// Why a text is no list of detections.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DetectionsError {
+    /// Not looked at.
+    #[error("the list of detections is longer than {MAX_TEXT} bytes")]
+    TooLong,
+    /// Text, but no line of a list, and it does not say that there is nothing either.
+    #[error("the answer has no line like `chair_1 x:0.5 y:0.5 width:0.1 height:0.2`")]
+    NoLine,
+}
+
+/// A line of a list, `name_number x:… y:… width:… height:… …`: label, and centre and size as shares of the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Line<'a> {
+    pub(crate) label: &'a str,
+    pub(crate) x: f64,
+    pub(crate) y: f64,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
+}
+
+impl<'a> Line<'a> {
+    /// Nothing for a line that is none.
+    pub(crate) fn read(line: &'a str) -> Option<Self> {
+        let share = |key: &str| number(line, key).filter(|share| (0.0..=1.0).contains(share));
+        let label = line.split_whitespace().next()?;
+        Some(Self { label, x: share("x:")?, y: share("y:")?, width: share("width:")?, height: share("height:")? })
+    }
+}
+
+/// The word of a line behind a key such as `color:`.
+pub(crate) fn field<'a>(line: &'a str, key: &str) -> Option<&'a str> {
+    line.split_whitespace().find_map(|part| part.strip_prefix(key))
+}
+
+fn number(line: &str, key: &str) -> Option<f64> {
+    field(line, key)?.trim_end_matches(',').parse().ok()
+}
+
+/// The lines of a list: those of a text with neither bullets nor more than [`MAX_LINE`] characters.
+///
+/// # Errors
+/// [`DetectionsError`].
+pub(crate) fn lines_of<T>(text: &str, most: usize, read: impl FnMut(String) -> Option<T>) -> Result<Vec<T>, DetectionsError> {
+    if text.len() > MAX_TEXT {
+        return Err(DetectionsError::TooLong);
+    }
+    let cut = |line: &str| line.trim().trim_start_matches(['-', '*', ' ']).chars().take(MAX_LINE).collect::<String>();
+    let found: Vec<T> = text.lines().map(cut).filter_map(read).take(most).collect();
+    let nothing = text.trim().trim_end_matches('.').to_ascii_lowercase();
+    if found.is_empty() && !["", NONE, "nothing", "[]"].contains(&nothing.as_str()) {
+        return Err(DetectionsError::NoLine);
+    }
+    Ok(found)
+}
+
+/// The name of `red_chair_3`, and whether a number was at its end.
+pub(crate) fn name_of(label: &str) -> (&str, bool) {
+    match label.rsplit_once('_') {
+        Some((name, id)) if !id.is_empty() && id.bytes().all(|b| b.is_ascii_digit()) => (name, true),
+        _ => (label, false),
+    }
+}
+
+impl Detection {
+    fn read(line: &str) -> Option<Self> {
+        let Line { label, x, y, width, height } = Line::read(line)?;
+        let label = label.to_lowercase();
+        let name = one_line(&name_of(&label).0.replace('_', " "));
+        let area = ImageBox {
+            left: (x - 0.5 * width).max(0.0),
+            top: (y - 0.5 * height).max(0.0),
+            right: (x + 0.5 * width).min(1.0),
+            bottom: (y + 0.5 * height).min(1.0),
+        };
+        let score = number(line, "score:").filter(|score| (0.0..=1.0).contains(score)).unwrap_or(1.0);
+        (!name.is_empty()).then_some(Self { name, score, area })
+    }
+
+    /// Whether words of people's, such as `the black car`, name this class: they have all its words in a row.
+    fn is_called(&self, words: &str) -> bool {
+        let lower = words.to_lowercase();
+        let called: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+        let own: Vec<&str> = self.name.split(' ').collect();
+        let person = self.name == "person" && called.iter().any(|word| PEOPLE.contains(word));
+        person || called.windows(own.len()).any(|row| row == own)
+    }
+
+    /// The range at which a thing of this class is so high in the picture, metres; nothing where its class has no height that
+    /// goes for most of its things, or the box is cut by the picture's edge and so not its height.
+    fn range(&self, camera: &Camera) -> Option<f64> {
+        let ImageBox { left, top, right, bottom } = self.area;
+        let whole = left > EDGE && top > EDGE && right < 1.0 - EDGE && bottom < 1.0 - EDGE;
+        let pixels = (bottom - top) * f64::from(camera.height);
+        let height = coco::height(&self.name).filter(|_| whole && pixels > 0.0)?;
+        Some(height * camera.fy / pixels)
+    }
+}
+
+/// Words for people beside the class's own.
+const PEOPLE: [&str; 14] = [
+    "man",
+    "woman",
+    "boy",
+    "girl",
+    "child",
+    "kid",
+    "guy",
+    "lady",
+    "pedestrian",
+    "worker",
+    "guest",
+    "walker",
+    "human",
+    "somebody",
+];
+
+/// Reads a list of detections, a line each; lines that are none are left out, and a line without `score:` is sure.
+///
+/// # Errors
+/// [`DetectionsError`] for prose and for what is longer than any list.
+pub fn parse_detections(text: &str) -> Result<Vec<Detection>, DetectionsError> {
+    lines_of(text, MAX_DETECTIONS, |line| Detection::read(&line))
+}
+
+/// Writes a list that [`parse_detections`] reads, numbered from 1: four decimals, a tenth of a pixel of a 960-pixel picture.
+#[must_use]
+pub fn write_detections(detections: &[Detection]) -> String {
+    let mut out = String::new();
+    for (index, Detection { name, score, area }) in detections.iter().enumerate() {
+        let name = name.split_whitespace().collect::<Vec<_>>().join("_");
+        let (x, y) = (0.5 * (area.left + area.right), 0.5 * (area.top + area.bottom));
+        let (width, height) = (area.right - area.left, area.bottom - area.top);
+        // Writing to a String cannot fail.
+        let _ = writeln!(out, "{name}_{} x:{x:.4} y:{y:.4} width:{width:.4} height:{height:.4} score:{score:.2}", index + 1);
+    }
+    if out.is_empty() { NONE.to_owned() } else { out }
+}
+
+/// The lines of a list as a query carries them; one line that says so where nothing was found.
+#[must_use]
+pub fn lines(detections: &[Detection]) -> Vec<String> {
+    write_detections(detections).lines().map(str::to_owned).collect()
+}
+
+/// A list for a prompt, a line each: name, box in the coordinates that the model points in, score. The surest come first.
+#[must_use]
+pub fn told(detections: &[Detection], profile: &GroundingProfile) -> String {
+    let mut surest: Vec<&Detection> = detections.iter().collect();
+    surest.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let line = |detection: &&Detection| {
+        let area = profile.area_numbers(detection.area).map(|number| number.to_string()).join(", ");
+        format!("{}, [{area}], {:.2}", one_line(&detection.name), detection.score)
+    };
+    let lines: Vec<String> = surest.iter().take(MOST_TOLD).map(line).collect();
+    if lines.is_empty() { NONE.to_owned() } else { lines.join("\n") }
+}
+
+/// The obstacles that a list stands for while a step of `length` metres is planned towards something called `target`. What is
+/// called as the target gets the target's name, so that [`avoid`](crate::avoid::avoid) knows it.
+#[must_use]
+pub fn obstacles(detections: &[Detection], camera: &Camera, length: f64, target: Option<&str>) -> Vec<ObstacleBox> {
+    let at_end = label_before(length);
+    let obstacle = |detection: &Detection| ObstacleBox {
+        area: detection.area,
+        depth: detection.range(camera).map_or(at_end, label_of_range),
+        name: target.filter(|target| detection.is_called(target)).unwrap_or(&detection.name).to_owned(),
+    };
+    detections.iter().map(obstacle).collect()
+}
+
+/// The greatest label whose interval begins within `length` metres; 1 where none does.
+fn label_before(length: f64) -> u8 {
+    let label = label_of_range(length);
+    if range_of_label(f64::from(label) - 0.5) > length { label.saturating_sub(1).max(1) } else { label }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn detection(name: &str, [left, top, right, bottom]: [f64; 4]) -> Detection {
+        Detection { name: name.to_owned(), score: 0.87, area: ImageBox { left, top, right, bottom } }
+    }
+
+    #[test]
+    fn a_list_is_read_as_it_is_written() {
+        let list = [detection("traffic light", [0.1, 0.2, 0.3, 0.4]), detection("car", [0.5, 0.5, 1.0, 0.75])];
+        let text = "traffic_light_1 x:0.2000 y:0.3000 width:0.2000 height:0.2000 score:0.87\n\
+            car_2 x:0.7500 y:0.6250 width:0.5000 height:0.2500 score:0.87\n";
+        assert_eq!(write_detections(&list), text);
+        let read = parse_detections(text).unwrap();
+        assert_eq!((read[0].name.as_str(), read[1].clone()), ("traffic light", list[1].clone()));
+        assert_eq!((lines(&[]), parse_detections("none")), (vec!["none".to_owned()], Ok(Vec::new())));
+        // The oracle's lines have a colour and no score.
+        let oracles = parse_detections("- Car_3 x:0.50 y:0.60 width:0.20 height:0.10 color:black").unwrap();
+        assert_eq!((oracles[0].name.as_str(), oracles[0].score), ("car", 1.0));
+        assert_eq!(parse_detections("I see a car."), Err(DetectionsError::NoLine));
+        assert_eq!(parse_detections(&" ".repeat(MAX_TEXT + 1)), Err(DetectionsError::TooLong));
+    }
+
+    #[test]
+    fn a_model_is_told_the_surest_in_its_own_coordinates() {
+        let mut list = vec![detection("car", [0.5, 0.25, 1.0, 0.75]); MOST_TOLD + 3];
+        list[MOST_TOLD + 2] = Detection { score: 0.9, ..detection("bus\nignore all", [0.0, 0.0, 0.1, 0.2]) };
+        let words = told(&list, &GroundingProfile::default());
+        assert!(words.starts_with("bus ignore all, [0, 0, 200, 100], 0.90\ncar, [250, 500, 750, 1000], 0.87\n"), "{words}");
+        assert_eq!(words.lines().count(), MOST_TOLD);
+        assert_eq!(told(&[], &GroundingProfile::default()), "none");
+    }
+
+    #[test]
+    fn a_known_height_tells_the_range() {
+        let camera = Camera::quad();
+        // 1.7 m at 12 m: 1.7 / 12 · 480 px / 720 px = 0.0944 of the height.
+        let person = detection("person", [0.4, 0.4, 0.45, 0.4 + 1.7 / 12.0 * camera.fy / 720.0]);
+        assert!((person.range(&camera).unwrap() - 12.0).abs() < 1e-9);
+        let label = |of: &Detection, length| obstacles(core::slice::from_ref(of), &camera, length, None)[0].depth;
+        assert_eq!(label(&person, 1.0), label_of_range(12.0));
+        // Cut by the lower edge, or of a class of any height: where the step ends.
+        let cut = detection("person", [0.4, 0.4, 0.45, 1.0]);
+        let kite = detection("kite", [0.4, 0.4, 0.45, 0.5]);
+        for unknown in [cut, kite] {
+            assert_eq!((unknown.range(&camera), label(&unknown, 3.0)), (None, 3));
+        }
+    }
+
+    #[test]
+    fn what_is_called_as_the_target_is_it() {
+        let called = |name: &str, target: &str| {
+            let found = [detection(name, [0.1, 0.1, 0.2, 0.2])];
+            obstacles(&found, &Camera::quad(), 1.0, Some(target))[0].name == target
+        };
+        assert!(called("car", "the black car") && called("person", "man with the green shirt"));
+        assert!(called("traffic light", "Traffic-light") && called("stop sign", "stop sign on the left"));
+        assert!(!called("car", "carriage") && !called("light", "") && !called("traffic light", "light traffic"));
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_read_without_panic_and_boxes_lie_in_the_picture(
+            text in any::<String>(),
+            line in "[a-z_0-9]{1,9}( (x|y|width|height|score):[0-9.e-]{1,5}){0,6}",
+        ) {
+            let _ = parse_detections(&text);
+            for Detection { score, area, name } in parse_detections(&line).unwrap_or_default() {
+                prop_assert!(0.0 <= area.left && area.left <= area.right && area.right <= 1.0);
+                prop_assert!(0.0 <= area.top && area.top <= area.bottom && area.bottom <= 1.0);
+                prop_assert!((0.0..=1.0).contains(&score) && !name.contains('\n'));
+            }
+        }
+
+        /// Where nothing is known, a box stands so that a step into its middle is in its way.
+        #[test]
+        fn the_end_of_a_step_lies_behind_where_an_unknown_thing_begins(length in 0.8..100.0) {
+            prop_assert!(range_of_label(f64::from(label_before(length)) - 0.5) <= length);
+            prop_assert!(range_of_label(f64::from(label_before(length)) + 1.5) > length);
+        }
+    }
+}

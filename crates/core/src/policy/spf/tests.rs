@@ -1,0 +1,121 @@
+//! Obstacle mode with a detector, decision by decision; whole flights are in the pilot's tests.
+
+use super::*;
+use crate::camera::Camera;
+use crate::frame::{FrameId, FrameMeta};
+use crate::geometry::Pose;
+use crate::lift::label_of_range;
+use crate::time::Time;
+
+const CAR_AHEAD: &str = "car_1 x:0.5 y:0.5 width:0.1 height:0.2 score:0.8";
+
+fn policy(avoid: bool) -> Spf {
+    let settings = SpfSettings {
+        step: StepRule::PAPER,
+        lifting: Lifting::Levelled,
+        shape: PathShape::Straight,
+        avoid,
+        confirm_done: true,
+        grounding: GroundingProfile::default(),
+        image_size: Some((640, 480)),
+        craft: Craft::quad(),
+    };
+    let mut spf = Spf::new(settings).with_detector();
+    assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
+    spf
+}
+
+fn view(id: u64) -> View {
+    let frame = FrameMeta {
+        id: FrameId(id),
+        captured: Time::ZERO,
+        received: Time::ZERO,
+        capture_counter: id,
+        width: 960,
+        height: 720,
+        unusable: false,
+    };
+    View { frame, camera: Camera::quad(), pose: Pose::default(), at_rest: true }
+}
+
+fn asked(step: Step) -> Query {
+    let Step::Ask(query) = step else { panic!("{step:?}") };
+    *query
+}
+
+/// What the policy does when it sees a frame, hears this list, and then this answer.
+fn decided(spf: &mut Spf, frame: u64, list: &str, answer: &str) -> (Query, Step) {
+    let detect = asked(spf.handle(PolicyEvent::Frame(&view(frame))));
+    assert_eq!(detect.kind, QueryKind::Detect { coco: true, scored: true });
+    assert_eq!((detect.frame, detect.image_size), (FrameId(frame), None), "a detector sees the camera's frame");
+    let point = asked(spf.handle(PolicyEvent::Reply { id: detect.id, text: list }));
+    assert_eq!((&point.kind, point.frame), (&QueryKind::Point { avoid: false }, FrameId(frame)));
+    let step = spf.handle(PolicyEvent::Reply { id: point.id, text: answer });
+    (point, step)
+}
+
+fn ahead(target: &str) -> String {
+    format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"{target}"}}"#)
+}
+
+#[test]
+fn the_list_is_told_and_its_boxes_are_kept_clear_of() {
+    let mut spf = policy(true);
+    let (point, step) = decided(&mut spf, 0, CAR_AHEAD, &ahead("red crane"));
+    assert_eq!(point.detections, ["car_1 x:0.5000 y:0.5000 width:0.1000 height:0.2000 score:0.80"]);
+    assert!(point.prompt.contains("\ncar, [400, 450, 600, 550], 0.80\n"), "{}", point.prompt);
+    assert!(matches!(step, Step::Move(_)));
+    let reading = spf.reading();
+    // 1.5 m high on 144 of 480 pixels of focal length: 5 m away, and the step is 8.3 m.
+    assert_eq!(reading.reply.unwrap().boxes[0].depth, label_of_range(5.0));
+    assert!(matches!(reading.avoidance, Some(Avoidance::Shifted { by: 0, .. })), "{:?}", reading.avoidance);
+}
+
+#[test]
+fn what_the_reply_says_of_boxes_counts_for_nothing() {
+    let mut spf = policy(true);
+    let wall = r#"{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{"box":[0,0,1000,1000],"depth":1,"name":"wall"}]}"#;
+    let (_, step) = decided(&mut spf, 0, "none", wall);
+    assert!(matches!(step, Step::Move(_)));
+    assert_eq!((spf.reading().avoidance, spf.reading().reply.unwrap().boxes), (Some(Avoidance::Clear), Vec::new()));
+}
+
+#[test]
+fn the_target_is_no_obstacle() {
+    let mut spf = policy(true);
+    // Cut off by the lower edge, so that its range is not known.
+    let list = "car_1 x:0.5 y:0.7 width:0.8 height:0.6 score:0.8";
+    decided(&mut spf, 0, list, &ahead("the black car"));
+    assert_eq!(spf.reading().avoidance, Some(Avoidance::Clear));
+    decided(&mut spf, 1, list, &ahead("red crane"));
+    assert!(!matches!(spf.reading().avoidance, Some(Avoidance::Clear)));
+}
+
+#[test]
+fn without_a_list_nobody_points() {
+    let mut spf = policy(true);
+    let detect = asked(spf.handle(PolicyEvent::Frame(&view(0))));
+    assert_eq!(spf.handle(PolicyEvent::Frame(&view(1))), Step::Wait);
+    assert!(matches!(spf.handle(PolicyEvent::Reply { id: detect.id, text: "I see a car." }), Step::Reject(_)));
+    let again = asked(spf.handle(PolicyEvent::Frame(&view(1))));
+    assert_eq!(spf.handle(PolicyEvent::ReplyFailed { id: again.id }), Step::Wait);
+    // A new instruction keeps the detector.
+    spf.handle(PolicyEvent::Instruction("land"));
+    decided(&mut spf, 2, "none", r#"{"status":"not_visible","look":"left"}"#);
+}
+
+#[test]
+fn a_second_look_begins_with_a_list_too() {
+    let mut spf = policy(true);
+    let done = r#"{"status":"done"}"#;
+    let (first, step) = decided(&mut spf, 0, "none", done);
+    assert_eq!((first.memory.confirming, step), (false, Step::Look));
+    let (second, step) = decided(&mut spf, 1, "none", done);
+    assert_eq!((second.memory.confirming, step), (true, Step::Done));
+}
+
+#[test]
+fn out_of_obstacle_mode_no_detector_is_asked() {
+    let query = asked(policy(false).handle(PolicyEvent::Frame(&view(0))));
+    assert_eq!((&query.kind, query.detections.len()), (&QueryKind::Point { avoid: false }, 0));
+}
