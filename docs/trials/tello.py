@@ -133,9 +133,10 @@ def main():
     parser.add_argument("--scene", default="office")
     parser.add_argument("--only", type=lambda text: [int(number) for number in text.split(",")])
     parser.add_argument("--faults", action="store_true")
-    own, _, more = " ".join(sys.argv[1:]).partition(" -- ")
-    given = parser.parse_args(own.split())
-    given.more = more.split()  # further flags of spf fly
+    ours = sys.argv[1:]
+    end = ours.index("--") if "--" in ours else len(ours)
+    given = parser.parse_args(ours[:end])
+    given.more = ours[end + 1 :]  # flags of spf fly
     with open(given.instructions, encoding="utf-8") as file:
         texts = [line.strip() for line in file if line.strip()]
     if given.faults:

@@ -55,6 +55,20 @@ pub enum Manoeuvre {
 }
 
 impl Manoeuvre {
+    /// A way that is shorter than this on every axis cannot be told, metres (Tello SDK 2.0, `go`).
+    pub const LEAST_WAY: f64 = 0.2;
+    /// Nor one that is longer on any.
+    pub const MOST_WAY: f64 = 5.0;
+
+    /// Seconds that it takes at its speed; a turn at the yaw rate `turn_rate`, rad/s.
+    #[must_use]
+    pub fn duration(self, turn_rate: f64) -> f64 {
+        match self {
+            Self::Turn { angle } => angle.abs() / turn_rate,
+            Self::Go { displacement, speed } => displacement.length() / speed,
+        }
+    }
+
     /// True when every component is a finite number.
     #[must_use]
     pub fn is_finite(self) -> bool {
@@ -71,8 +85,8 @@ impl Manoeuvre {
     pub fn velocity(self, turn_rate: f64) -> Setpoint {
         match self {
             Self::Turn { angle } => Setpoint { yaw_rate: turn_rate.copysign(angle), ..Setpoint::HOLD },
-            Self::Go { displacement: BodyDisplacement { right, forward, up }, speed } => {
-                let length = libm::hypot(libm::hypot(right, forward), up);
+            Self::Go { displacement, speed } => {
+                let (BodyDisplacement { right, forward, up }, length) = (displacement, displacement.length());
                 let share = if length > 0.0 { speed / length } else { 0.0 };
                 Setpoint { right: right * share, forward: forward * share, up: up * share, yaw_rate: 0.0 }
             }

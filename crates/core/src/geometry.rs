@@ -121,7 +121,27 @@ impl BodyDisplacement {
     /// Length, metres.
     #[must_use]
     pub fn length(self) -> f64 {
-        libm::hypot(libm::hypot(self.right, self.forward), self.up)
+        libm::hypot(self.level_length(), self.up)
+    }
+
+    /// Length on the map, metres.
+    #[must_use]
+    pub fn level_length(self) -> f64 {
+        libm::hypot(self.right, self.forward)
+    }
+
+    /// The greatest speed along it, m/s, at which neither the speed on the map nor the climb or sink rate exceeds its limit;
+    /// infinite for no displacement.
+    #[must_use]
+    pub fn speed_within(self, level: f64, climb: f64) -> f64 {
+        let within = |limit: f64, part: f64| if part > 0.0 { limit * self.length() / part } else { f64::INFINITY };
+        within(level, self.level_length()).min(within(climb, self.up.abs()))
+    }
+
+    /// The greatest of its parts, whatever its sign, metres.
+    #[must_use]
+    pub fn longest_part(self) -> f64 {
+        self.right.abs().max(self.forward.abs()).max(self.up.abs())
     }
 }
 

@@ -431,6 +431,23 @@ fn by_go_the_end_of_a_reason_is_a_stop_and_the_flight_goes_on() {
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
 }
 
+/// A `stop` that is said after `land` would end the landing.
+#[test]
+fn by_go_a_landing_in_a_step_stops_it_once() {
+    let undisturbed = fly(GOAL, FaultPlan::default(), None, by_go());
+    let land = undisturbed.words("go")[0].0 + Duration::from_millis(900);
+    let events = format!("[[event]]\nat_s = {}\ndo = \"land\"\n", land.as_secs_f64());
+    // Its answer is lost, so that it would be said again.
+    let lost = rule(Stream::Responses, land.as_secs_f64(), Some(land.as_secs_f64() + 1.5), Fault::Drop { p: 1.0 });
+    let flight = fly_in("office", GOAL, lost, None, by_go(), &events);
+    let (stops, lands) = (flight.words("stop"), flight.words("land"));
+    assert!(
+        stops.len() == 1 && stops[0].0.since(land) <= Duration::from_millis(200) && stops[0].0 < lands[0].0,
+        "{stops:?} {lands:?}"
+    );
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+}
+
 #[test]
 fn by_go_moves_that_the_drone_refuses_are_not_flown_otherwise() {
     let flight = fly(GOAL, trouble(Trouble::ImuInvalid, 6.0, None), None, PilotSettings { max_decisions: 6, ..by_go() });

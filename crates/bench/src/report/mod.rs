@@ -5,8 +5,8 @@
 
 mod arm;
 mod chart;
+mod csv_files;
 mod curve;
-mod fields;
 mod ground;
 mod latex;
 mod map;
@@ -77,7 +77,7 @@ pub enum ReportError {
 /// [`ReportError::Write`].
 pub fn write(source: &Source, into: &Path) -> Result<PathBuf, ReportError> {
     let page = into.join("report.html");
-    for (folder, files) in [("csv", fields::files(source)), ("latex", latex::files(source))] {
+    for (folder, files) in [("csv", csv_files::files(source)), ("latex", latex::files(source))] {
         let folder = into.join(folder);
         std::fs::create_dir_all(&folder).map_err(failed(&folder))?;
         for (name, text) in files {

@@ -6,8 +6,6 @@ use super::{Cause, Clearance, Cleared, Envelope, Reaction};
 use crate::command::{Command, Manoeuvre};
 use crate::time::{Time, duration_from_secs};
 
-/// What is left below this on every axis is nothing, metres.
-const LEAST_WAY: f64 = 0.2;
 /// Times what it takes at full speed, and seconds besides, after which a manoeuvre that has not ended is to be ended.
 const PATIENCE: (f64, f64) = (2.0, 8.0);
 
@@ -30,11 +28,7 @@ impl Envelope {
         };
         let Some(manoeuvre) = allowed else { return Clearance { changed, ..self.hold(now) } };
         let turn_rate = self.craft.yaw_rate.max(0.1);
-        let takes = match manoeuvre {
-            Manoeuvre::Turn { angle } => angle.abs() / turn_rate,
-            Manoeuvre::Go { displacement: way, speed } => libm::hypot(libm::hypot(way.right, way.forward), way.up) / speed,
-        };
-        let valid_until = now + duration_from_secs(PATIENCE.0 * takes + PATIENCE.1);
+        let valid_until = now + duration_from_secs(PATIENCE.0 * manoeuvre.duration(turn_rate) + PATIENCE.1);
         let heading = self.estimate.heading.unwrap_or(0.0);
         self.commanded = Some((reach::world_velocity(manoeuvre.velocity(0.0), heading), valid_until));
         Clearance { cleared: Cleared { what: Command::Manoeuvre(manoeuvre), valid_until }, changed }
@@ -49,13 +43,10 @@ impl Envelope {
         };
         let situation = Situation { at: self.ahead(now), home, heading };
         let (allowed, confined) = reach::confine_way(limits, &self.craft, &situation, way);
-        if [allowed.right, allowed.forward, allowed.up].iter().all(|part| part.abs() < LEAST_WAY) {
+        if allowed.longest_part() < Manoeuvre::LEAST_WAY {
             return (None, confined);
         }
-        let level = libm::hypot(allowed.right, allowed.forward);
-        let length = libm::hypot(level, allowed.up);
-        let within = |limit: f64, part: f64| if part > 0.0 { limit * length / part } else { f64::INFINITY };
-        let fastest = within(limits.max_speed, level).min(within(limits.max_climb, allowed.up.abs()));
+        let fastest = allowed.speed_within(limits.max_speed, limits.max_climb);
         if !(speed > 0.0 && fastest > 0.0) {
             return (None, Some(Cause::SpeedLimit));
         }

@@ -171,7 +171,8 @@ impl Envelope {
         watch::next_change(now, conditions).into_iter().chain(validity).min()
     }
 
-    /// Clears a command of the pilot. Setpoints and manoeuvres are limited, to a hold at worst, never refused; landing and emergency stop always pass.
+    /// Clears a command of the pilot. Setpoints and manoeuvres are limited, to a hold at worst, and never refused; landing and
+    /// emergency stop always pass.
     ///
     /// # Errors
     /// A [`Refusal`] of a take-off, with its reason; no other command is ever refused.

@@ -165,7 +165,7 @@ pub(super) fn confine_way(
             (up, cause) = (fenced, cause.or(Some(Cause::GeofenceLimit)));
         }
     }
-    let level = libm::hypot(way.right, way.forward);
+    let level = way.level_length();
     let altitudes = (height.min(height + up) + limits.margin, height.max(height + up));
     let mut plane = Plane::new(limits, craft, is, altitudes, 0.0);
     plane.reach = level * (1.0 + WAY_ERROR) + limits.margin / ALONG;

@@ -11,7 +11,7 @@
 mod axis;
 mod blended;
 mod clock;
-mod course;
+mod manoeuvres;
 pub(crate) mod response;
 mod sequential;
 
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use self::axis::{Axis, Rules};
 use self::blended::Blend;
 use self::clock::TickClock;
-use self::course::Course;
+use self::manoeuvres::Manoeuvres;
 use self::response::{CommandLog, Response, State};
 use self::sequential::Queue;
 use crate::command::{Manoeuvre, Setpoint};
@@ -152,7 +152,7 @@ pub struct Executor {
 enum Plan {
     Queue(Queue),
     Blend(Blend),
-    Course(Course),
+    Manoeuvres(Manoeuvres),
 }
 
 impl Executor {
@@ -195,7 +195,7 @@ impl Executor {
         }
         self.plan = Some(match self.motion {
             Motion::Sequential => Plan::Queue(Queue::new(from, primitives, self.rules())),
-            Motion::Manoeuvres => Plan::Course(Course::new(primitives, self.rules())),
+            Motion::Manoeuvres => Plan::Manoeuvres(Manoeuvres::new(primitives, self.rules())),
             Motion::Blended => {
                 let position = from.position.displaced(primitives.to_displacement(), from.heading);
                 Plan::Blend(Blend::new(from, position, from.heading + primitives.yaw, self.rules()))
@@ -206,8 +206,8 @@ impl Executor {
 
     /// Takes note of what the craft does, from a report that it measured at `time`: whether it flies a manoeuvre by itself.
     pub fn observe(&mut self, time: Time, phase: FlightPhase) {
-        if let Some(Plan::Course(course)) = &mut self.plan {
-            course.observe(time, phase);
+        if let Some(Plan::Manoeuvres(manoeuvres)) = &mut self.plan {
+            manoeuvres.observe(time, phase);
         }
     }
 
@@ -276,7 +276,7 @@ impl Executor {
         let outcome = match plan {
             Plan::Queue(queue) => queue.tick(&view),
             Plan::Blend(blend) => blend.tick(&view),
-            Plan::Course(course) => course.tick(&view),
+            Plan::Manoeuvres(manoeuvres) => manoeuvres.tick(&view),
         };
         self.timed_out = now >= self.deadline;
         let mut manoeuvre = None;
@@ -346,8 +346,8 @@ impl Executor {
     fn limit(&mut self, now: Time, primitives: Primitives) {
         let each = 2.5 * self.rules().settling();
         let mut total = 2.0;
-        if let Some(Plan::Course(course)) = &self.plan {
-            total += course.overhead();
+        if let Some(Plan::Manoeuvres(manoeuvres)) = &self.plan {
+            total += manoeuvres.overhead();
         }
         for kind in PrimitiveKind::QUEUE {
             let magnitude = primitives.magnitude(kind).abs();

@@ -124,10 +124,11 @@ impl Conversation {
         self.flight = Some(InFlight { order, said: now, repeats_left, echoes_until: now + ECHO });
     }
 
-    /// Whether something was not said yet.
-    #[must_use]
-    pub fn is_waiting(&self) -> bool {
-        !self.waiting.is_empty()
+    /// Takes an order back that was not said yet; false when it was.
+    pub fn withdraw(&mut self, text: &str) -> bool {
+        let before = self.waiting.len();
+        self.waiting.retain(|order| order.text != text);
+        self.waiting.len() < before
     }
 
     /// Whether nothing waits and nothing is in flight.

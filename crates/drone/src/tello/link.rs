@@ -187,9 +187,11 @@ impl Link {
             // Said again by the pilot it is the same landing.
             Command::Land if self.land_again.is_some() => {}
             Command::Land => {
-                // Sticks hold until something replaces them, also when `land` gets lost, and a manoeuvre would refuse it.
-                self.end_manoeuvre(now);
-                self.manoeuvre = None;
+                // Under way, a manoeuvre would refuse it. Said once, for a later `stop` would end the landing; `land` is said again.
+                if self.manoeuvre.take().is_some_and(|flown| flown.stage != Stage::Resting) {
+                    self.conversation.interrupt(now, Order { repeats: 0, ..manoeuvre::stop() });
+                }
+                // Sticks hold until something replaces them, also when `land` gets lost.
                 self.sticks.set([0; 4], now);
                 self.conversation.clear();
                 if self.phase != FlightPhase::OnGround {
@@ -252,6 +254,7 @@ impl Link {
         let Some(flown) = &mut self.manoeuvre else { return };
         match flown.stage {
             Stage::Resting => self.hover(now),
+            Stage::Submitted if self.conversation.withdraw(&flown.text) => self.hover(now),
             Stage::Submitted => {
                 flown.stage = Stage::Stopping;
                 self.conversation.interrupt(now, manoeuvre::stop());
@@ -288,11 +291,9 @@ impl Link {
             flown.stage = Stage::Submitted;
             self.conversation.submit(flown.order());
         }
-        let unsaid = self.conversation.is_waiting();
-        if flown.stage == Stage::Submitted && unsaid && flown.is_stale(now) {
-            // Whatever keeps it from being said, it is not to begin at some later time.
+        // Whatever keeps it from being said, it is not to begin at some later time.
+        if flown.is_stale(now) && self.conversation.withdraw(&flown.text) {
             let command = flown.text.clone();
-            self.conversation.clear();
             self.notices.push_back(Notice::Unsaid { command });
             self.hover(now);
         } else if now >= flown.valid_until {

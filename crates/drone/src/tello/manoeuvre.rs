@@ -77,9 +77,11 @@ fn words(manoeuvre: Manoeuvre) -> Option<String> {
             (degrees >= 1).then(|| format!("{verb} {degrees}"))
         }
         Manoeuvre::Go { displacement, speed } => {
-            let cm = |metres: f64| libm::round(100.0 * metres).clamp(-500.0, 500.0) as i32;
+            let most = 100.0 * Manoeuvre::MOST_WAY;
+            let cm = |metres: f64| libm::round(100.0 * metres).clamp(-most, most) as i32;
             let (x, y, z) = (cm(displacement.forward), cm(-displacement.right), cm(displacement.up));
-            let told = [x, y, z].iter().any(|part| part.abs() >= 20);
+            let least = cm(Manoeuvre::LEAST_WAY);
+            let told = [x, y, z].iter().any(|part| part.abs() >= least);
             // Rounded down: no faster than was cleared, where that can be told.
             let speed = libm::floor(100.0 * speed + 1e-6).clamp(10.0, 100.0) as i32;
             told.then(|| format!("go {x} {y} {z} {speed}"))

@@ -191,10 +191,14 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
 fn past(stage: Stage<'_>, thing: Option<&Thing>, view: &View<'_>) -> Vec<Found> {
     let Some(thing) = thing.filter(|_| stage.another) else { return Vec::new() };
     let alike = Phrase { ordinal: None, other: false, ..stage.clause.target.clone() };
-    let whole = |thing: &Thing| thing.tags.opening_of.clone().unwrap_or_else(|| thing.tags.key.clone());
-    let nearer = |other: &&Thing| whole(other) != whole(thing) && other.nearest < thing.nearest;
+    let nearer = |other: &&Thing| whole_key(other) != whole_key(thing) && other.nearest < thing.nearest;
     let found = |other: &Thing| Found { area: other.bounds, range: other.nearest, name: other.tags.words() };
     view.all(&alike).into_iter().filter(nearer).map(found).collect()
+}
+
+/// The key of what an opening is in; of anything else its own.
+fn whole_key(thing: &Thing) -> &str {
+    thing.tags.opening_of.as_deref().unwrap_or(&thing.tags.key)
 }
 
 /// The target's words; in view that of the object, else that of nothing.
@@ -356,10 +360,10 @@ const OPENINGS: [&str; 9] = ["opening", "hollow", "hole", "mouth", "entrance", "
 
 /// The nearest or the farthest opening in view that the phrase names, by itself or by what it belongs to.
 fn opening<'v>(phrase: &Phrase, view: &'v View<'_>, farthest: bool) -> Option<&'v Thing> {
-    let whole = view.find_among(phrase, |thing| thing.tags.opening)?;
-    let key = whole.tags.opening_of.as_ref().unwrap_or(&whole.tags.key);
-    let family =
-        |thing: &&&Thing| thing.tags.opening && (thing.tags.key == whole.tags.key || thing.tags.opening_of.as_ref() == Some(key));
+    let named = view.find_among(phrase, |thing| thing.tags.opening)?;
+    let family = |thing: &&&Thing| {
+        thing.tags.opening && (thing.tags.key == named.tags.key || thing.tags.opening_of.as_deref() == Some(whole_key(named)))
+    };
     let openings = view.seen.iter().filter(family);
     if farthest {
         openings.max_by(|a, b| a.range.total_cmp(&b.range)).copied()

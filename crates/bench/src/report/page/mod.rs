@@ -138,8 +138,7 @@ fn latency(source: &Source) -> Markup {
                     (from(source))
                 }
                 None => (lacking("no method flew with several latencies in these trials",
-                    "spf bench run --suite paper --vlm oracle:./quick.toml,oracle:./slow.toml -o DIR",
-                    "with two error files that differ in latency alone")),
+                    "spf bench run --suite latency-sweep -o DIR", "")),
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Steps that the craft flies, and ends, by itself.
 
 use super::*;
+use crate::command::Manoeuvre;
 
 fn own() -> Setup {
     let mut setup = Setup::preset(Preset::Default);

@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::actions::ActForm;
 use crate::avoid::PathShape;
-use crate::command::{Command, Manoeuvre};
+use crate::command::Command;
 use crate::envelope::Cleared;
 use crate::executor::Motion;
 use crate::executor::craft_model::CraftModel;
@@ -300,12 +300,8 @@ impl Flight {
                 self.valid_until = cleared.valid_until();
             }
             Command::Manoeuvre(manoeuvre) if phase == FlightPhase::Flying && !self.refuses_manoeuvres => {
-                let takes = match manoeuvre {
-                    Manoeuvre::Turn { angle } => angle.abs() / self.model.craft.yaw_rate,
-                    Manoeuvre::Go { displacement: way, speed } => way.right.hypot(way.forward).hypot(way.up) / speed,
-                };
                 self.phase = FlightPhase::Manoeuvring;
-                self.own_until = Some(self.now + secs(takes));
+                self.own_until = Some(self.now + secs(manoeuvre.duration(self.model.craft.yaw_rate)));
                 self.valid_until = Time::MAX;
                 self.model.send(manoeuvre.velocity(self.model.craft.yaw_rate));
             }

@@ -1,22 +1,17 @@
 //! Manoeuvres that the craft flies, and ends, by itself: a turn, then straight to the place. What is shorter than such can be is
-//! flown by setpoints. Lengths are those of a Tello's `go` and `cw` (SDK 2.0).
+//! flown by setpoints.
 
 use std::collections::VecDeque;
 
 use super::axis::Rules;
 use super::sequential::Queue;
 use super::{Outcome, View};
-use crate::command::Manoeuvre;
-use crate::craft::Craft;
+use crate::command::{Manoeuvre, Setpoint};
 use crate::geometry::BodyDisplacement;
 use crate::primitives::Primitives;
 use crate::telemetry::FlightPhase;
 use crate::time::{Duration, Time};
 
-/// A way that is shorter than this on every axis cannot be told, metres.
-const LEAST_WAY: f64 = 0.2;
-/// Nor one that is longer on any.
-const MOST_WAY: f64 = 5.0;
 /// A smaller turn cannot be told, radians.
 const LEAST_TURN: f64 = 1.0 * core::f64::consts::PI / 180.0;
 /// A craft that does not tell within this of its beginning that it flies a manoeuvre flies none: it was refused.
@@ -41,26 +36,27 @@ struct UnderWay {
 
 /// The manoeuvres of one decision, one after the other.
 #[derive(Clone, Debug)]
-pub(super) struct Course {
+pub(super) struct Manoeuvres {
     legs: VecDeque<Leg>,
     under_way: Option<UnderWay>,
     short: Option<Queue>,
     rules: Rules,
 }
 
-impl Course {
+impl Manoeuvres {
     pub(super) fn new(primitives: Primitives, rules: Rules) -> Self {
         let mut legs = VecDeque::new();
         if primitives.yaw.abs() >= LEAST_TURN {
             legs.push_back(Leg::Manoeuvre(Manoeuvre::Turn { angle: primitives.yaw }));
         }
         let Primitives { right, forward, climb: up, .. } = primitives;
-        let longest = right.abs().max(forward.abs()).max(up.abs());
-        if longest >= LEAST_WAY {
+        let longest = BodyDisplacement { right, forward, up }.longest_part();
+        if longest >= Manoeuvre::LEAST_WAY {
             // Parts of one length, so that the last is no shorter than can be told. 20 is beyond all reason.
-            let parts = libm::ceil(longest / MOST_WAY).min(20.0);
+            let parts = libm::ceil(longest / Manoeuvre::MOST_WAY).min(20.0);
             let displacement = BodyDisplacement { right: right / parts, forward: forward / parts, up: up / parts };
-            let go = Manoeuvre::Go { displacement, speed: speed_along(&rules.craft, displacement) };
+            let speed = displacement.speed_within(rules.craft.cruise_speed, rules.craft.climb_speed);
+            let go = Manoeuvre::Go { displacement, speed };
             legs.extend((0..parts as usize).map(|_| Leg::Manoeuvre(go)));
         } else if longest > 0.0 {
             legs.push_back(Leg::Short(Primitives { yaw: 0.0, ..primitives }));
@@ -103,28 +99,20 @@ impl Course {
                 outcome
             }
             None if self.legs.is_empty() => Outcome::Arrived,
-            None => Outcome::Fly(crate::command::Setpoint::HOLD),
+            None => Outcome::Fly(Setpoint::HOLD),
         }
     }
-}
-
-/// The greatest speed along a displacement at which neither the cruise speed nor the climb speed is exceeded.
-fn speed_along(craft: &Craft, displacement: BodyDisplacement) -> f64 {
-    let BodyDisplacement { right, forward, up } = displacement;
-    let level = libm::hypot(right, forward);
-    let length = libm::hypot(level, up);
-    let within = |speed: f64, part: f64| if part > 0.0 { speed * length / part } else { f64::INFINITY };
-    within(craft.cruise_speed, level).min(within(craft.climb_speed, up.abs()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::craft::Craft;
     use crate::executor::Ending;
 
     fn legs(yaw: f64, forward: f64, climb: f64) -> Vec<String> {
         let rules = Rules { craft: Craft::tello(), ending: Ending::Measured };
-        let course = Course::new(Primitives { yaw, forward, right: 0.0, climb }, rules);
+        let manoeuvres = Manoeuvres::new(Primitives { yaw, forward, right: 0.0, climb }, rules);
         let told = |leg: &Leg| match leg {
             Leg::Manoeuvre(Manoeuvre::Turn { angle }) => format!("turn {:.0}", angle.to_degrees()),
             Leg::Manoeuvre(Manoeuvre::Go { displacement, speed }) => {
@@ -132,11 +120,11 @@ mod tests {
             }
             Leg::Short(primitives) => format!("short {:.2} {:.2}", primitives.forward, primitives.climb),
         };
-        course.legs.iter().map(told).collect()
+        manoeuvres.legs.iter().map(told).collect()
     }
 
     #[test]
-    fn hand_worked_courses() {
+    fn hand_worked_manoeuvres() {
         assert_eq!(legs(0.5, 1.5, -0.1), ["turn 29", "go 1.50 -0.10 at 1.00"]);
         // Too long for one: three of one length. At 45° the climb's 0.8 m/s along the way are 1.13.
         assert_eq!(legs(0.0, 11.4, 0.0), ["go 3.80 0.00 at 1.00"; 3]);
