@@ -28,6 +28,12 @@ impl Setpoint {
         self == Self::HOLD
     }
 
+    /// Speed of the translation, m/s.
+    #[must_use]
+    pub fn speed(self) -> f64 {
+        libm::hypot(libm::hypot(self.right, self.forward), self.up)
+    }
+
     /// True when every component is a finite number.
     #[must_use]
     pub fn is_finite(self) -> bool {

@@ -18,6 +18,8 @@ const REST_WAIT: Duration = Duration::from_millis(1500);
 const TURN_ONLY: f64 = 0.05;
 /// A move of which a limit leaves nothing for so long is over.
 const KEPT_STILL: Duration = Duration::from_secs(1);
+/// That is nothing: near a limit what is left dwindles, and comes and goes with the noise of the height.
+const KEPT_SHARE: f64 = 0.3;
 /// Flown back at most, metres: a craft that brakes for its goal stops within centimetres of it.
 const FLY_BACK: f64 = 0.1;
 
@@ -177,7 +179,11 @@ impl Pilot {
     /// Whether a limit has left nothing of what a move asks for, for so long that it will not come to its end: down at the floor, out
     /// at the fence. Without this it would end by its time limit only.
     fn is_kept_still(&mut self, now: Time, clearance: &Clearance) -> bool {
-        let kept = self.executing && !self.wanted.is_hold() && clearance.setpoint().is_some_and(Setpoint::is_hold);
+        let wanted = self.wanted;
+        let nothing_left = |cleared: Setpoint| {
+            cleared.speed() <= KEPT_SHARE * wanted.speed() && cleared.yaw_rate.abs() <= KEPT_SHARE * wanted.yaw_rate.abs()
+        };
+        let kept = self.executing && !wanted.is_hold() && clearance.setpoint().is_some_and(nothing_left);
         if !kept {
             self.kept_since = None;
             return false;

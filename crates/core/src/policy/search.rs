@@ -2,6 +2,7 @@
 
 use core::f64::consts::{PI, TAU};
 
+use crate::geometry::wrap_angle;
 use crate::primitives::Primitives;
 use crate::reply::Look;
 
@@ -9,31 +10,90 @@ use crate::reply::Look;
 const TURN_SHARE: f64 = 0.8;
 /// Looks up or down without seeing the target before turning goes on: ten times a metre is more than any field needs.
 const VERTICAL_LOOKS: u32 = 10;
+/// Of these, looks down for which it goes back without sinking: somebody who comes near stays in the picture.
+const BACK_LOOKS: u32 = 3;
+/// Places gone to from which to look again. A target that is not there costs three turns about oneself.
+const EXCURSIONS: u32 = 2;
+/// Moves of one excursion, each on a picture of its own.
+const EXCURSION_MOVES: u32 = 3;
+/// A way that leads back where the last excursion came from lies within this of that direction, radians.
+const BACK: f64 = 1.0;
+/// Already faced within this, radians.
+const FACED: f64 = 0.1;
 
-/// The search: turn by 0.8 of the horizontal field; after a full turn climb once and turn again; then give up.
+/// An open way that an answer showed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Way {
+    /// Its heading, radians.
+    pub(super) heading: f64,
+    /// Depth label of its end.
+    pub(super) depth: u8,
+}
+
+/// What a search does next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Sought {
+    /// Turn or climb, and look again.
+    Look(Primitives),
+    /// Fly the way that the answer showed, which was asked for in the direction it leads.
+    Fly,
+    /// The target is not there.
+    Exhausted,
+}
+
+/// Where the search is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stage {
+    /// Turns about itself.
+    Sweep,
+    /// Has turned to the most open of the ways seen, to look at it again.
+    Face,
+    /// Flies there; moves that are left.
+    Excursion(u32),
+}
+
+/// The search: turn by 0.8 of the horizontal field; after a full turn climb once and turn again; then twice go along the most open
+/// way that the answers showed, and turn there; then give up. A way is flown only on a picture taken in its direction.
 #[derive(Clone, Debug)]
 pub(super) struct Search {
     /// One turn, radians, positive.
     turn: f64,
     /// Climb between the two full turns, metres.
     climb: f64,
-    /// Turned since the target was last seen, as an amount.
-    swept: f64,
     /// Turned since the target was last seen, signed, clockwise positive.
     turned: f64,
     /// Looks up or down since the target was last seen.
     vertical: u32,
     climbed: bool,
+    stage: Stage,
+    /// Turned in this sweep, as an amount.
+    swept: f64,
+    /// The most open way seen in this sweep.
+    open: Option<Way>,
+    excursions: u32,
+    /// Heading of the last excursion.
+    gone: Option<f64>,
 }
 
 impl Search {
     pub(super) fn new(horizontal_fov: f64, climb: f64) -> Self {
-        Self { turn: TURN_SHARE * horizontal_fov, climb, swept: 0.0, turned: 0.0, vertical: 0, climbed: false }
+        Self {
+            turn: TURN_SHARE * horizontal_fov,
+            climb,
+            turned: 0.0,
+            vertical: 0,
+            climbed: false,
+            stage: Stage::Sweep,
+            swept: 0.0,
+            open: None,
+            excursions: 0,
+            gone: None,
+        }
     }
 
     /// The target was seen: a later search starts anew.
     pub(super) fn reset(&mut self) {
-        (self.swept, self.turned, self.vertical, self.climbed) = (0.0, 0.0, 0, false);
+        *self = Self { turn: self.turn, climb: self.climb, ..Self::new(0.0, 0.0) };
     }
 
     /// Turned since the target was last seen, radians, clockwise positive.
@@ -41,28 +101,37 @@ impl Search {
         self.turned
     }
 
-    /// The next motion of the search, or `None` when it is exhausted.
-    pub(super) fn next(&mut self, look: Look) -> Option<Primitives> {
+    /// What to do after a look at `heading`, radians, that did not show the target but perhaps an open way.
+    pub(super) fn next(&mut self, look: Look, heading: f64, way: Option<Way>) -> Sought {
+        if let (Stage::Face | Stage::Excursion(1..), Some(way)) = (self.stage, way) {
+            let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
+            self.stage = Stage::Excursion(left - 1);
+            self.gone = Some(way.heading);
+            return Sought::Fly;
+        }
+        if self.stage != Stage::Sweep {
+            (self.stage, self.swept, self.open) = (Stage::Sweep, 0.0, None);
+        }
+        let back = |way: &Way| self.gone.is_some_and(|gone| wrap_angle(way.heading - gone - PI).abs() < BACK);
+        if let Some(way) = way.filter(|way| !back(way) && self.open.is_none_or(|open| way.depth > open.depth)) {
+            self.open = Some(way);
+        }
         match look {
             Look::Up if self.vertical < VERTICAL_LOOKS => {
                 self.vertical += 1;
-                return Some(Primitives { climb: 1.0, ..Primitives::default() });
+                return Sought::Look(Primitives { climb: 1.0, ..Primitives::default() });
             }
-            // The camera cannot nod: what is below comes into view from lower down and farther back.
+            // The camera cannot nod: what is below comes into view from farther back, and then from lower down.
             Look::Down if self.vertical < VERTICAL_LOOKS => {
+                let climb = if self.vertical < BACK_LOOKS { 0.0 } else { -1.0 };
                 self.vertical += 1;
-                return Some(Primitives { climb: -1.0, forward: -1.0, ..Primitives::default() });
+                return Sought::Look(Primitives { climb, forward: -1.0, ..Primitives::default() });
             }
             _ => {}
         }
         // The tolerance keeps a full turn of exact fifths from becoming a sixth by rounding.
         if self.swept >= TAU - 1e-6 {
-            if self.climbed {
-                return None;
-            }
-            self.climbed = true;
-            self.swept = 0.0;
-            return Some(Primitives { climb: self.climb, ..Primitives::default() });
+            return self.swept_all(heading, way);
         }
         let yaw = match look {
             Look::Left => -self.turn,
@@ -71,8 +140,28 @@ impl Search {
         };
         // The last turn of a sweep closes the circle and does not look at the first view twice.
         self.swept += yaw.abs();
+        self.turn_by(yaw)
+    }
+
+    /// After a full turn: once higher, then elsewhere.
+    fn swept_all(&mut self, heading: f64, way: Option<Way>) -> Sought {
+        if !self.climbed {
+            (self.climbed, self.swept, self.open) = (true, 0.0, None);
+            return Sought::Look(Primitives { climb: self.climb, ..Primitives::default() });
+        }
+        let Some(open) = self.open.filter(|_| self.excursions < EXCURSIONS) else { return Sought::Exhausted };
+        self.excursions += 1;
+        self.stage = Stage::Face;
+        let yaw = wrap_angle(open.heading - heading);
+        if yaw.abs() < FACED && way.is_some() {
+            return self.next(Look::Right, heading, way);
+        }
+        self.turn_by(yaw)
+    }
+
+    fn turn_by(&mut self, yaw: f64) -> Sought {
         self.turned += yaw;
-        Some(Primitives { yaw, ..Primitives::default() })
+        Sought::Look(Primitives { yaw, ..Primitives::default() })
     }
 }
 
@@ -80,30 +169,88 @@ impl Search {
 mod tests {
     use super::*;
 
+    /// A search that looks where it is told to, and what comes of it: degrees turned, `up`, `back`, `fly`; as long as it lasts.
+    fn flown(search: &mut Search, look: Look, way: impl Fn(f64) -> Option<Way>) -> Vec<String> {
+        let (mut heading, mut out) = (0.0, Vec::new());
+        while out.len() < 200 {
+            match search.next(look, heading, way(heading)) {
+                Sought::Exhausted => break,
+                Sought::Fly => out.push("fly".to_owned()),
+                Sought::Look(step) if step.climb > 0.0 => out.push(format!("up {}", step.climb)),
+                Sought::Look(step) if step.forward < 0.0 => out.push(format!("back and down {}", -step.climb)),
+                Sought::Look(step) => {
+                    heading = wrap_angle(heading + step.yaw);
+                    out.push(format!("{:.0}", step.yaw.to_degrees()));
+                }
+            }
+        }
+        out
+    }
+
     #[test]
     fn turns_once_climbs_turns_again_and_gives_up() {
         // 90° field: turns of 72°, five to a circle.
         let mut search = Search::new(PI / 2.0, 2.0);
-        for round in 0..2 {
-            for _ in 0..5 {
-                let step = search.next(Look::Right).unwrap();
-                assert!((step.yaw - 72.0_f64.to_radians()).abs() < 1e-12, "round {round}");
-            }
-            if round == 0 {
-                assert_eq!(search.next(Look::Right).unwrap(), Primitives { climb: 2.0, ..Primitives::default() });
+        let circle = ["72"; 5];
+        assert_eq!(flown(&mut search, Look::Right, |_| None), [&circle[..], &["up 2"], &circle].concat());
+        search.reset();
+        assert_eq!(search.turned(), 0.0);
+        assert_eq!(flown(&mut search, Look::Left, |_| None)[..6], ["-72", "-72", "-72", "-72", "-72", "up 2"]);
+    }
+
+    #[test]
+    fn goes_along_the_most_open_way_that_it_saw_and_not_back() {
+        let mut search = Search::new(PI / 2.0, 2.0);
+        // Open to the south-east and nearly as open to the north-west; elsewhere there is a wall.
+        let open = |heading: f64| {
+            let off = |to: f64| wrap_angle(heading - to).abs() < 0.5;
+            let depth = if off(2.5) {
+                8
+            } else if off(2.5 - PI) {
+                7
+            } else {
+                2
+            };
+            Some(Way { heading, depth })
+        };
+        let seen = flown(&mut search, Look::Right, open);
+        let circle = ["72"; 5];
+        // 144° is where it looked south-east. The way back lies at -36°, and is left out the second time.
+        let first = [&circle[..], &["up 2"], &circle, &["144", "fly", "fly", "fly"]].concat();
+        assert_eq!(seen[..first.len()], first);
+        let flights: Vec<usize> = seen.iter().enumerate().filter(|(_, step)| *step == "fly").map(|(i, _)| i).collect();
+        assert_eq!(flights.len(), 6);
+        let turned: f64 = seen[first.len()..flights[3]].iter().map(|step| step.parse::<f64>().unwrap()).sum();
+        assert!(wrap_angle((144.0 + turned).to_radians() - 2.5).abs() < 0.5, "{seen:?}");
+        assert_eq!(seen[flights[5] + 1..], circle);
+    }
+
+    #[test]
+    fn what_does_not_look_open_when_faced_is_not_flown_to() {
+        let mut search = Search::new(PI / 2.0, 2.0);
+        let mut looks = 0;
+        let mut flew = false;
+        for _ in 0..100 {
+            looks += 1;
+            // Twelve looks of the two sweeps show a way, and then none does any more.
+            let way = (looks <= 12).then_some(Way { heading: 1.0, depth: 5 });
+            match search.next(Look::Right, 0.0, way) {
+                Sought::Exhausted => break,
+                Sought::Fly => flew = true,
+                Sought::Look(_) => {}
             }
         }
-        assert_eq!(search.next(Look::Right), None);
-        search.reset();
-        assert!(search.next(Look::Left).unwrap().yaw < 0.0);
+        assert!(!flew && looks < 30, "{looks}");
     }
 
     #[test]
     fn ends_whatever_it_is_told() {
         for looks in [[Look::Up, Look::Down], [Look::Left, Look::Right], [Look::Behind, Look::Left]] {
-            let mut search = Search::new(1.0, 2.0);
-            let ended = (0..200).position(|i| search.next(looks[i % 2]).is_none());
-            assert!(ended.is_some_and(|n| n < 60), "{looks:?} {ended:?}");
+            for way in [None, Some(Way { heading: 1.0, depth: 9 })] {
+                let mut search = Search::new(1.0, 2.0);
+                let ended = (0..200).position(|i| search.next(looks[i % 2], 0.3 * i as f64, way) == Sought::Exhausted);
+                assert!(ended.is_some_and(|n| n < 90), "{looks:?} {ended:?}");
+            }
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
 use crate::grounding::GroundingProfile;
 use crate::lift::{self, Lifting};
-use crate::policy::search::Search;
+use crate::policy::search::{Search, Sought, Way};
 use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
@@ -186,7 +186,7 @@ impl Spf {
         }
         match reply.status {
             Status::Done => self.done(confirming),
-            Status::NotVisible => self.not_visible(asked, reply.look),
+            Status::NotVisible => self.not_visible(asked, &reply),
             Status::Navigating => self.navigate(asked, &reply),
         }
     }
@@ -208,18 +208,22 @@ impl Spf {
         Step::Look
     }
 
-    fn not_visible(&mut self, asked: Asked, look: Option<Look>) -> Step {
+    fn not_visible(&mut self, asked: Asked, reply: &Reply) -> Step {
         self.confirming = false;
-        let camera = asked.view.camera;
+        let View { camera, pose, .. } = asked.view;
+        let heading = pose.attitude.heading;
         let craft = self.settings.craft;
         let search = self.search.get_or_insert_with(|| Search::new(2.0 * camera.half_fov().0, craft.take_off_height));
-        let look = look.or(self.memory.last_seen).unwrap_or(Look::Right);
-        match search.next(look) {
-            Some(primitives) => {
+        let look = reply.look.or(self.memory.last_seen).unwrap_or(Look::Right);
+        let shown = reply.point.zip(reply.depth);
+        let way = shown.map(|(point, depth)| Way { heading: heading + libm::atan(camera.ray(point).right), depth });
+        match (search.next(look, heading, way), shown) {
+            (Sought::Look(primitives), _) => {
                 self.reading.primitives = Some(primitives);
-                Step::Move(Move { primitives, anchor: Some(asked.view.pose), then_rest: true })
+                Step::Move(Move { primitives, anchor: Some(pose), then_rest: true })
             }
-            None => Step::Fail(FailReason::NotFound),
+            (Sought::Fly, Some((point, depth))) => self.fly_to(asked, reply, point, depth),
+            (Sought::Fly | Sought::Exhausted, _) => Step::Fail(FailReason::NotFound),
         }
     }
 
@@ -233,6 +237,11 @@ impl Spf {
             search.reset();
         }
         self.remember(reply, point);
+        self.fly_to(asked, reply, point, depth)
+    }
+
+    /// A step towards a point of the picture, clear of the boxes of obstacles where these are asked for.
+    fn fly_to(&mut self, asked: Asked, reply: &Reply, point: ImagePoint, depth: u8) -> Step {
         let view = asked.view;
         let mut step = self.settings.step.length(depth);
         let mut waypoint = point;
@@ -270,7 +279,8 @@ impl Spf {
         let primitives = Primitives::from_displacement(lifted);
         self.reading.displacement = Some(lifted);
         self.reading.primitives = Some(primitives);
-        Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: false })
+        // A way to look from is flown to its end.
+        Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible })
     }
 
     /// No free direction: hold and ask again; a way that stays blocked is looked for from higher up.

@@ -226,7 +226,7 @@ impl PromptText {
         self.kind
     }
 
-    /// Kind and version, for records: `point-1`.
+    /// Kind and version, for records: `point-2`.
     #[must_use]
     pub fn name(&self) -> String {
         format!("{}-{}", self.kind.word(), self.version)

@@ -150,7 +150,7 @@ fn reply(value: &Value, profile: &GroundingProfile) -> Result<Reply, ReplyError>
         let (point, depth) = (point?.ok_or(ReplyError::MissingPoint)?, depth?.ok_or(ReplyError::MissingDepth)?);
         (Some(point), Some(depth), boxes?)
     } else {
-        // Nothing is flown on these, and models that must fill every field fill them with zeros.
+        // Models that must fill every field fill these with zeros: what cannot be read of them is left out.
         (point.unwrap_or(None), depth.unwrap_or(None), boxes.unwrap_or_default())
     };
     let look = match (status, value.field(&["look"])) {

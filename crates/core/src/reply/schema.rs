@@ -21,10 +21,10 @@ struct WireReply<'a> {
     look: Option<Look>,
     /// Number of the stage being worked on, from 1.
     stage: Option<u32>,
-    /// Where to go in the picture; null unless navigating.
+    /// Where to go in the picture; with status not_visible an open way to look from; else null.
     #[schemars(schema_with = "nullable_numbers")]
     point: Option<[Number; 2]>,
-    /// Depth label of what is at the point; null unless navigating.
+    /// Depth label of what is at the point; null without one.
     #[schemars(schema_with = "nullable_label")]
     depth: Option<u8>,
     /// What is pointed at, in a few words.

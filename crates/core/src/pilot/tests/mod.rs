@@ -523,6 +523,12 @@ fn not_visible(look: Look) -> String {
     json(&Reply { status, look: Some(look), stage: None, point: None, depth: None, target: None, boxes: Vec::new() })
 }
 
+/// The same with an open way at the level middle.
+fn open_way(look: Look, u: f64, depth: u8) -> String {
+    let (status, point) = (Status::NotVisible, Some(ImagePoint { u, v: 0.5 }));
+    json(&Reply { status, look: Some(look), stage: None, point, depth: Some(depth), target: None, boxes: Vec::new() })
+}
+
 fn done() -> String {
     let status = Status::Done;
     json(&Reply { status, look: None, stage: None, point: None, depth: None, target: None, boxes: Vec::new() })

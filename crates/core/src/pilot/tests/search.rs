@@ -31,6 +31,25 @@ fn a_target_out_of_view_is_searched_by_turns_a_climb_and_turns_again_until_not_f
     }
 }
 
+/// The last stage of the search: along the most open way that the answers showed, on pictures taken in its direction.
+#[test]
+fn what_is_hidden_is_looked_for_from_elsewhere() {
+    for preset in PRESETS {
+        // Open to the east only; the picture's middle looks there within a turn of 72°.
+        let mut flight = Setup::preset(preset).fly(|_, seen| {
+            let off = wrap_angle(seen.pose.attitude.heading - 90.0_f64.to_radians()).abs();
+            let depth = if off < 0.7 { 7 } else { 1 };
+            Answer::After(secs(0.4), open_way(Look::Right, 0.5, depth))
+        });
+        let start = flight.model.position;
+        assert_eq!(flight.end(), Outcome::NotFound);
+        let flown: Vec<f64> = flight.decisions().filter_map(|decision| decision.reading.step).collect();
+        assert_eq!(flown.len(), 6, "{preset:?}: two excursions of three moves {flown:?}");
+        let moved = flight.model.position.east - start.east;
+        assert!(moved > 4.5 * flown[0], "{preset:?} {moved}");
+    }
+}
+
 #[test]
 fn the_search_looks_where_the_answer_says_and_finds() {
     for preset in PRESETS {

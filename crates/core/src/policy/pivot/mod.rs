@@ -14,7 +14,7 @@ use crate::craft::Craft;
 use crate::geometry::BodyDisplacement;
 use crate::grounding::GroundingProfile;
 use crate::lift::{self, Lifting};
-use crate::policy::search::Search;
+use crate::policy::search::{Search, Sought};
 use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptInput, PromptKind, PromptText};
@@ -306,9 +306,10 @@ impl Pivot {
     fn look_elsewhere(&mut self, view: &View) -> Step {
         let (fov, climb) = (2.0 * view.camera.half_fov().0, self.settings.craft.take_off_height);
         let search = self.search.get_or_insert_with(|| Search::new(fov, climb));
-        match search.next(self.memory.last_seen.unwrap_or(Look::Right)) {
-            Some(primitives) => self.fly(view, primitives),
-            None => Step::Fail(FailReason::NotFound),
+        // A choice among marks shows no way to go and look from.
+        match search.next(self.memory.last_seen.unwrap_or(Look::Right), view.pose.attitude.heading, None) {
+            Sought::Look(primitives) => self.fly(view, primitives),
+            Sought::Fly | Sought::Exhausted => Step::Fail(FailReason::NotFound),
         }
     }
 
