@@ -203,9 +203,9 @@ pub const SUITES: &[Suite] = &[
     },
     Suite {
         name: "latency-sweep",
-        description: "the same tasks, each answer after 0, 1, 2, 3, 4.5 and 6 s",
+        description: "the same tasks, each answer after 0.5, 1, 2, 3, 4.5 and 6 s",
         methods: "spf",
-        vlms: "oracle:default@0s,oracle:default@1s,oracle:default@2s,oracle:default@3s,oracle:default@4.5s,oracle:default@6s",
+        vlms: "oracle:default@0.5s,oracle:default@1s,oracle:default@2s,oracle:default@3s,oracle:default@4.5s,oracle:default@6s",
         tasks: CROSS_SECTION,
     },
     Suite {

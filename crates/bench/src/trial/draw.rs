@@ -137,7 +137,7 @@ fn start(task: &Task, stage: &Arc<Stage>, in_view: Option<bool>, mut draw: Draw)
             start: place.start,
             in_view,
             focus: place.focus,
-            range: nearest(stage, &place.targets, &moment).map(|(_, range)| range),
+            range: nearest(stage, &place.lasting, &moment).map(|(_, range)| range),
         };
         let Some(wanted) = in_view else { return Some(found(None)) };
         looks += 1;
@@ -145,12 +145,12 @@ fn start(task: &Task, stage: &Arc<Stage>, in_view: Option<bool>, mut draw: Draw)
             return None;
         }
         let fits = if wanted {
-            !sight.clearly(stage, &moment, &place.targets).is_empty()
+            !sight.clearly(stage, &moment, &place.lasting).is_empty()
         } else {
             // Not a pixel of it now; and yet it can be found by turning.
             !sight.glimpses(stage, &moment, &place.targets) && {
                 let turned = place.turned_to_focus(task, stage);
-                !sight.clearly(stage, &turned, &place.targets).is_empty()
+                !sight.clearly(stage, &turned, &place.lasting).is_empty()
             }
         };
         if fits {
@@ -164,6 +164,8 @@ fn start(task: &Task, stage: &Arc<Stage>, in_view: Option<bool>, mut draw: Draw)
 struct Place {
     start: Pose,
     targets: Vec<ObjectId>,
+    /// Those of them that stay where they are; all, where none does. A car that drives off is no reason to start here.
+    lasting: Vec<ObjectId>,
     focus: Option<ObjectId>,
     /// How far the heading lies from the bearing of the target, radians.
     off: f64,
@@ -180,7 +182,12 @@ impl Place {
         let up = stage.collider.ground_below(above).map_or(0.0, |ground| ground.up);
         let at = EnuPosition { east, north, up };
         let targets = select_all(task.start_targets(), stage, at);
-        let focus = targets.get(draw.below(targets.len())).copied();
+        let standing = |id: &ObjectId| stage.cast.of_object(*id).is_none();
+        let mut lasting: Vec<ObjectId> = targets.iter().copied().filter(standing).collect();
+        if lasting.is_empty() {
+            lasting.clone_from(&targets);
+        }
+        let focus = lasting.get(draw.below(lasting.len())).copied();
         let bearing = focus.and_then(|id| stage.scene.object(id)).map_or(0.0, |object| {
             let to = centre(&object.bounds);
             libm::atan2(to.east - east, to.north - north)
@@ -192,7 +199,7 @@ impl Place {
             None => turn * core::f64::consts::TAU,
         };
         let attitude = Attitude { heading: wrap_angle(bearing + off), ..Attitude::default() };
-        Self { start: Pose { position: at, attitude }, targets, focus, off }
+        Self { start: Pose { position: at, attitude }, targets, lasting, focus, off }
     }
 
     /// Where the craft is after take-off.
@@ -238,7 +245,7 @@ impl Place {
             return false;
         }
         let [least, most] = task.start.range;
-        if !nearest(stage, &self.targets, &moment).is_some_and(|(_, range)| (least..=most).contains(&range)) {
+        if !nearest(stage, &self.lasting, &moment).is_some_and(|(_, range)| (least..=most).contains(&range)) {
             return false;
         }
         let (from, to) = (self.aloft(task), centre(&focus.bounds));

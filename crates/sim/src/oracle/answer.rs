@@ -53,13 +53,14 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
     match aim.place {
         None => {
             reply.status = if aim.done { Status::Done } else { Status::NotVisible };
-            reply.look = (!aim.done).then(|| aim.look.unwrap_or(Look::Right));
+            if !aim.done {
+                let (way, room) = percept.open;
+                reply.look = Some(aim.look.unwrap_or(Look::Right));
+                (reply.point, reply.depth) = (Some(way), Some(label_slipped(oracle, query, 0.5 * room, 0.0)));
+            }
         }
         Some(place) => {
-            let label = label(&oracle.errors, place.range, place.share);
-            let mut slip = oracle.by_query("label", query);
-            let off = if slip.chance(oracle.errors.label.off_by_two) { if slip.chance(0.5) { 2 } else { -2 } } else { 0 };
-            reply.depth = Some((i32::from(label) + off).clamp(1, i32::from(DEPTH_LABELS)) as u8);
+            reply.depth = Some(label_slipped(oracle, query, place.range, place.share));
             reply.point = Some(place.point);
             if aim.done {
                 reply.status = Status::Done;
@@ -90,7 +91,7 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
                     .into_iter()
                     .map(|b| ObstacleBox {
                         area: b.area,
-                        depth: self::label(&oracle.errors, b.range, b.area.bottom - b.area.top),
+                        depth: label(&oracle.errors, b.range, b.area.bottom - b.area.top),
                         name: b.name,
                     })
                     .collect();
@@ -98,6 +99,17 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
         }
     }
     reply
+}
+
+/// A full turn, but for what rounding takes, radians.
+const ALL_ROUND: f64 = 0.99 * core::f64::consts::TAU;
+
+/// The depth label of something at this range that fills this share of the picture's height, now and then off by two.
+fn label_slipped(oracle: &Oracle, query: &Query, range: f64, share: f64) -> u8 {
+    let label = label(&oracle.errors, range, share);
+    let mut slip = oracle.by_query("label", query);
+    let off = if slip.chance(oracle.errors.label.off_by_two) { if slip.chance(0.5) { 2 } else { -2 } } else { 0 };
+    (i32::from(label) + off).clamp(1, i32::from(DEPTH_LABELS)) as u8
 }
 
 /// The depth label of something at this range that fills this share of the picture's height.
@@ -151,12 +163,15 @@ impl View<'_> {
     pub(super) fn find_among(&self, phrase: &Phrase, fits: impl Fn(&Thing) -> bool) -> Option<&Thing> {
         let items = self.items();
         let mut found = meant(phrase, &items);
-        // A relation to something out of view: what was pointed at before is still known for what it is.
+        // A relation to something out of view: what was pointed at before is still known for what it is, and after a look all
+        // round whatever is called so will do.
         if found.is_empty() && !phrase.relations.is_empty() {
             let loose = Phrase { relations: Vec::new(), ..phrase.clone() };
             let last = self.query.memory.targets.last();
             found = meant(&loose, &items);
-            found.retain(|&i| last == Some(&items[i].tags.words()));
+            if self.query.memory.turned.abs() < ALL_ROUND {
+                found.retain(|&i| last == Some(&items[i].tags.words()));
+            }
         }
         if found.iter().any(|&i| fits(self.seen[i])) {
             found.retain(|&i| fits(self.seen[i]));

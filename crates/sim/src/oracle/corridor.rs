@@ -24,7 +24,7 @@ pub(super) struct Way<'a> {
 pub(super) struct Found {
     /// Its box.
     pub(super) area: ImageBox,
-    /// Its range, metres.
+    /// Range of its nearest surface, metres.
     pub(super) range: f64,
     /// Its name.
     pub(super) name: String,
@@ -32,7 +32,7 @@ pub(super) struct Found {
 
 impl Found {
     fn of(thing: &Thing) -> Self {
-        Self { area: thing.bounds, range: thing.range, name: thing.tags.words() }
+        Self { area: thing.bounds, range: thing.nearest, name: thing.tags.words() }
     }
 }
 
@@ -83,8 +83,8 @@ fn is_in_way(oracle: &Oracle, percept: &Percept, thing: &Thing, way: &Way<'_>) -
         && !tags.is_surface()
         && !own
         && !frames(thing, way)
-        && thing.range < way.range
-        && meets(oracle, percept, way.point, thing.bounds, thing.range)
+        && thing.nearest < way.range
+        && meets(oracle, percept, way.point, thing.bounds, thing.nearest)
 }
 
 /// Whether a thing is what the opening is in: a hill about a tunnel's mouth is not in the way into it.

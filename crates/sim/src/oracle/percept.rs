@@ -81,6 +81,8 @@ pub struct Percept {
     pub level: f64,
     /// Range up to which a craft finds room straight on, metres; infinite where nothing stands there. For flying on straight.
     pub ahead: f64,
+    /// Where the picture shows the most room for a level way, and its range, metres, at most 40.
+    pub open: (ImagePoint, f64),
     pub(super) things: Vec<Thing>,
 }
 
@@ -107,7 +109,8 @@ impl Percept {
             }
         }
         let level = level(sight, tags);
-        Self { frame, camera: *sight.camera, level, ahead: room_ahead(sight, level), things }
+        let walls = Walls::of(sight, level);
+        Self { frame, camera: *sight.camera, level, ahead: walls.room(sight.camera.cx), open: walls.most_open(level), things }
     }
 
     /// The objects noticed when the picture is sent at `size`; [`SIZE_SENT`] when none is named.
@@ -258,27 +261,54 @@ const HORIZON_STEP: usize = 16;
 /// The horizon is not looked for above this share of the picture: a slope may reach higher.
 const HIGHEST_HORIZON: f64 = 0.25;
 
-/// Distance along the optical axis of the nearest surface within [`ROOM_M`] of the level way.
-fn room_ahead(sight: &Sight<'_>, level: f64) -> f64 {
-    let camera = sight.camera;
-    let (middle_u, middle_v) = (camera.cx as usize, (level * f64::from(camera.height)) as usize);
-    let mut least = f64::INFINITY;
-    for row in (0..sight.height).step_by(ROOM_STEP) {
-        for column in (0..sight.width).step_by(ROOM_STEP) {
-            let Some(&depth) = sight.depth.get(row * sight.width + column) else { continue };
-            let depth = f64::from(depth);
-            let within = |away: usize, focal: f64| depth * away as f64 / focal < ROOM_M;
-            if depth > 0.0
-                && depth < least
-                && within(column.abs_diff(middle_u), camera.fx)
-                && within(row.abs_diff(middle_v), camera.fy)
-            {
-                least = depth;
+/// What stands in level ways: for looks across the picture the nearest surface that reaches within [`ROOM_M`] of level.
+struct Walls<'a> {
+    camera: &'a Camera,
+    /// Column and distance along the optical axis.
+    nearest: Vec<(usize, f64)>,
+}
+
+impl<'a> Walls<'a> {
+    fn of(sight: &Sight<'a>, level: f64) -> Self {
+        let camera = sight.camera;
+        let middle = (level * f64::from(camera.height)) as usize;
+        let mut nearest: Vec<(usize, f64)> = (0..sight.width).step_by(ROOM_STEP).map(|column| (column, f64::INFINITY)).collect();
+        for row in (0..sight.height).step_by(ROOM_STEP) {
+            for (column, least) in &mut nearest {
+                let Some(&depth) = sight.depth.get(row * sight.width + *column) else { continue };
+                let depth = f64::from(depth);
+                if depth > 0.0 && depth < *least && depth * row.abs_diff(middle) as f64 / camera.fy < ROOM_M {
+                    *least = depth;
+                }
             }
         }
+        Self { camera, nearest }
     }
-    least
+
+    /// Distance along the optical axis up to which a level way towards a column has room.
+    fn room(&self, column: f64) -> f64 {
+        let beside = |at: usize, depth: f64| depth * at.abs_diff(column as usize) as f64 / self.camera.fx;
+        // In one column what is nearer is also nearer to the way.
+        let near = self.nearest.iter().filter(|(at, depth)| beside(*at, *depth) < ROOM_M);
+        near.fold(f64::INFINITY, |least, (_, depth)| least.min(*depth))
+    }
+
+    /// Of several ways across the picture the one with the most room, the most central of equals, and how much.
+    fn most_open(&self, level: f64) -> (ImagePoint, f64) {
+        let ways = [0.5, 0.35, 0.65, 0.2, 0.8, 0.05, 0.95];
+        let mut best = (ImagePoint { u: 0.5, v: level }, 0.0);
+        for u in ways {
+            let room = self.room(u * f64::from(self.camera.width)).min(OPEN_M);
+            if room > best.1 {
+                best = (ImagePoint { u, v: level }, room);
+            }
+        }
+        best
+    }
 }
+
+/// Ways are told apart by their room up to this, metres.
+const OPEN_M: f64 = 40.0;
 
 /// Straight-line distance per metre of depth along the optical axis, at an image point as the lens shows it.
 pub(super) fn stretch(camera: &Camera, at: ImagePoint) -> f64 {

@@ -280,7 +280,7 @@ pub(super) const GENERAL_USES: &[(&str, &[&str])] = &[
     ("bus", &["drive", "ride", "wheel", "passenger", "engine", "transport", "driver"]),
     ("crane", &["lift", "hoist", "load", "raise", "construct", "construction", "build", "builder", "heavy"]),
     ("tree", &["shade", "leaf", "grow", "bird", "nest", "branch", "climb", "trunk", "plant", "squirrel", "oxygen", "fruit"]),
-    ("bridge", &["cross", "span", "walk"]), ("tunnel", &["underground", "drive"]),
+    ("bridge", &["cross", "span", "walk"]), ("tunnel", &["underground"]),
     ("building", &["live", "work", "office", "apartment", "window", "floor", "storey", "live", "dwell", "resident"]),
     ("house", &["live", "home"]), ("bench", &["sit", "rest", "tired"]), ("chair", &["sit", "rest", "tired"]),
     ("lake", &["swim", "water", "fish", "boat", "drink"]),
