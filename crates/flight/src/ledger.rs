@@ -210,6 +210,10 @@ impl Vlm for Accounted {
         self.vlm.eyesight(camera)
     }
 
+    fn temperature(&self) -> Option<f64> {
+        self.vlm.temperature()
+    }
+
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
         if let Some(error) = self.spent() {
             let (latency, model) = (spf_core::time::Duration::ZERO, self.vlm.name().to_owned());

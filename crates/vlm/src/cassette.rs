@@ -112,6 +112,10 @@ impl Vlm for Recording {
         self.vlm.eyesight(camera)
     }
 
+    fn temperature(&self) -> Option<f64> {
+        self.vlm.temperature()
+    }
+
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
         let answer = self.vlm.answer(asked, picture);
         let told = |error: &VlmError| Told { code: error.code().to_owned(), message: error.to_string() };

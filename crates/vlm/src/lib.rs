@@ -89,6 +89,11 @@ pub trait Vlm: Send {
         Eyesight::default()
     }
 
+    /// The temperature that it is asked to answer at; none where that is left to whoever answers.
+    fn temperature(&self) -> Option<f64> {
+        None
+    }
+
     /// Answers a query; blocks until the whole answer is there, the time is up or the question is cancelled. The latency told
     /// is what the flight waits, in virtual time too.
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer;

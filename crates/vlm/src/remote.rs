@@ -155,6 +155,10 @@ impl Vlm for Remote {
         Eyesight { grounding, image_size: Some(size).filter(|size| *size != camera) }
     }
 
+    fn temperature(&self) -> Option<f64> {
+        self.backends[0].model.temperature()
+    }
+
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
         // The simulator draws its frame here, which takes no time of the flight's; a real camera has it at hand.
         picture.prepare(self.sight(0, picture.size()).1);

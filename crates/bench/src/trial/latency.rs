@@ -39,6 +39,10 @@ impl Vlm for Timed {
         self.vlm.eyesight(camera)
     }
 
+    fn temperature(&self) -> Option<f64> {
+        self.vlm.temperature()
+    }
+
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
         let mut answer = self.vlm.answer(asked, picture);
         if matches!(asked.query.kind, QueryKind::Detect { .. }) {

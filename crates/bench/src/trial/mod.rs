@@ -58,6 +58,17 @@ pub struct Flown {
     pub path: FlownPath,
 }
 
+/// The state of the source that the program was built from.
+const GIT_REV: &str = git_version::git_version!(args = ["--always", "--dirty=+", "--abbrev=12", "--exclude=*"], fallback = "");
+
+/// How it is asked who points.
+#[derive(Clone, Copy)]
+struct HowAsked {
+    /// Width and height of the pictures, pixels.
+    size: (u32, u32),
+    temperature: Option<f64>,
+}
+
 /// One trial of a plan.
 #[derive(Clone)]
 pub struct Trial {
@@ -93,12 +104,15 @@ impl Trial {
             Ok(judge) => judge,
             Err(error) => return self.failed(Some(drawn), &error),
         };
-        let (world, sent) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()));
+        let (world, asked) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()));
         let mut watcher = Watcher::new(world.clone(), judge);
-        match fly(self.plan(drawn, world, sent.clone(), record), &mut [&mut watcher]) {
+        match fly(self.plan(drawn, world, asked.clone(), record), &mut [&mut watcher]) {
             Ok(flown) => {
                 let mut flown = self.scored(drawn, watcher, flown.summary);
-                flown.record.vlm_details.image_px = sent.get().map(|(width, height)| [*width, *height]);
+                if let Some(asked) = asked.get() {
+                    flown.record.vlm_details.image_px = Some([asked.size.0, asked.size.1]);
+                    flown.record.vlm_details.temperature = asked.temperature;
+                }
                 flown
             }
             Err(error) => self.failed(Some(drawn), &error),
@@ -118,12 +132,12 @@ impl Trial {
         Flown { path: FlownPath { run_id: record.run_id.clone(), ..FlownPath::default() }, record }
     }
 
-    /// `world` and `sent`, the size of the pictures that are asked about, are told when it is asked who points.
+    /// `world` and `asked` are told when it is asked who points.
     fn plan(
         &self,
         drawn: &Drawn,
         world: Arc<OnceLock<SimWorld>>,
-        sent: Arc<OnceLock<(u32, u32)>>,
+        asked: Arc<OnceLock<HowAsked>>,
         record: Option<RecordPlan>,
     ) -> FlightPlan {
         let task = &self.task;
@@ -139,7 +153,8 @@ impl Trial {
             if let Some(of) = of {
                 let camera = of.camera();
                 let frame = (camera.width, camera.height);
-                sent.get_or_init(|| vlm.eyesight(frame).image_size.unwrap_or(frame));
+                let size = vlm.eyesight(frame).image_size.unwrap_or(frame);
+                asked.get_or_init(|| HowAsked { size, temperature: vlm.temperature() });
                 drop(world.set(of.clone()));
             }
             Ok(Box::new(Timed { vlm, fixed, delay, seed }))
@@ -212,6 +227,7 @@ impl Trial {
         Record {
             run_id: self.run_id(),
             program: env!("CARGO_PKG_VERSION").to_owned(),
+            git_rev: GIT_REV.to_owned(),
             task: task.id.clone(),
             set: task.set,
             category: task.category,

@@ -40,6 +40,9 @@ pub struct VlmDetails {
     pub models: Vec<String>,
     /// Width and height at which the camera's pictures are looked at.
     pub image_px: Option<[u32; 2]>,
+    /// Temperature that was asked for; none where it is left to whoever answers.
+    #[serde(default)]
+    pub temperature: Option<f64>,
 }
 
 /// Percentiles of some times, milliseconds.
@@ -62,6 +65,9 @@ pub struct Record {
     pub run_id: String,
     /// The program's version.
     pub program: String,
+    /// The state of the source that it was built from; `+` behind it where files had been changed, empty where it is not known.
+    #[serde(default)]
+    pub git_rev: String,
     /// The task.
     pub task: String,
     /// Its set.

@@ -203,6 +203,12 @@ impl Model {
         GroundingProfile { order: self.order, scale }
     }
 
+    /// The temperature that its row or its vendor's asks for; none where that is left to the vendor.
+    #[must_use]
+    pub fn temperature(&self) -> Option<f64> {
+        rows::temperature(&self.request)
+    }
+
     /// The price in force on a day, `YYYY-MM-DD`.
     #[must_use]
     pub fn price_on(&self, day: &str) -> Option<&Price> {

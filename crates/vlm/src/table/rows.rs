@@ -263,6 +263,12 @@ pub(super) fn sampling(request: &Value) -> Option<&'static str> {
     KEYS.into_iter().find(|key| map.contains_key(*key)).or_else(|| map.values().find_map(sampling))
 }
 
+/// The temperature anywhere in a request.
+pub(super) fn temperature(request: &Value) -> Option<f64> {
+    let map = request.as_object()?;
+    map.get("temperature").and_then(Value::as_f64).or_else(|| map.values().find_map(temperature))
+}
+
 fn yes() -> bool {
     true
 }

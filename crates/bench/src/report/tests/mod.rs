@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use folder::{Folder, Row};
 use proptest::prelude::*;
 
-use super::{ReportError, Source, fields, latex, page};
+use super::{ReportError, Source, csv_files, latex, page};
 use crate::stats::wilson;
 
 fn source(folder: &Folder) -> Source {
@@ -19,7 +19,7 @@ fn page_of(folder: &Folder) -> String {
 }
 
 fn csv_of(folder: &Folder, name: &str) -> Vec<csv::StringRecord> {
-    let files = fields::files(&source(folder));
+    let files = csv_files::files(&source(folder));
     let text = &files.iter().find(|(file, _)| *file == name).unwrap().1;
     csv::Reader::from_reader(text.as_bytes()).records().map(Result::unwrap).collect()
 }
@@ -81,7 +81,7 @@ fn csv_reads_back_as_it_was_flown() {
 #[test]
 fn the_same_rows_give_the_same_bytes() {
     let (one, two) = (two_methods(), two_methods());
-    let files = |folder: &Folder| (fields::files(&source(folder)), latex::files(&source(folder)));
+    let files = |folder: &Folder| (csv_files::files(&source(folder)), latex::files(&source(folder)));
     assert_eq!((page_of(&one), files(&one)), (page_of(&two), files(&two)));
 }
 
