@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, project_displacement};
 use spf_core::pilot::{Action, Note, Pilot};
-use spf_core::query::{ImageBox, ImagePoint};
+use spf_core::query::{ImageBox, ImagePoint, Mark};
 use spf_core::time::{Duration, Time};
 use spf_media::frame::Rgb;
 use spf_media::jpeg::Jpeg;
@@ -40,6 +40,7 @@ struct Shot {
     known: Pose,
     waypoint: Option<EnuPosition>,
     boxes: Vec<(ImageBox, String)>,
+    asked: Vec<Mark>,
     title: String,
     status: String,
     decision: String,
@@ -55,7 +56,10 @@ pub(crate) struct Film {
     decision: String,
     waypoint: Option<EnuPosition>,
     boxes: Vec<(ImageBox, String)>,
-    boxes_until: Time,
+    /// The marks of the latest question, such as PIVOT's arrows.
+    asked: Vec<Mark>,
+    /// Until when boxes and marks are shown.
+    drawn_until: Time,
     live: bool,
     shots: SyncSender<Shot>,
     encoder: JoinHandle<Result<(), VideoError>>,
@@ -75,7 +79,8 @@ impl Film {
             decision: String::new(),
             waypoint: None,
             boxes: Vec::new(),
-            boxes_until: Time::ZERO,
+            asked: Vec::new(),
+            drawn_until: Time::ZERO,
             live,
             shots,
             encoder,
@@ -85,18 +90,25 @@ impl Film {
     /// Takes note of what is to be shown.
     pub(crate) fn note(&mut self, now: Time, action: &Action) {
         match action {
+            // Who asks about marks holds until the answer is there, so that they stay where they belong.
+            Action::Ask(query) if !query.marks.is_empty() => {
+                self.boxes.clear();
+                self.asked.clone_from(&query.marks);
+                self.drawn_until = Time::MAX;
+            }
             Action::Note(Note::Decision(decision)) => {
                 self.decision = format!("{}. {}", decision.number, words::decision(decision));
                 self.waypoint = decision.goal.filter(|_| !decision.passed).map(|goal| goal.position);
                 let boxes = decision.reading.reply.iter().flat_map(|reply| &reply.boxes);
                 self.boxes = boxes.map(|b| (b.area, format!("{} {}", b.name, b.depth))).collect();
-                // Boxes belong to the frame that was decided on; soon they would be drawn over something else.
-                self.boxes_until = now + Duration::from_millis(600);
+                // They belong to the frame that was decided on; soon they would be drawn over something else.
+                self.drawn_until = now + Duration::from_millis(600);
             }
             Action::Note(Note::Envelope(cause)) => self.decision = format!("envelope: {cause}"),
             Action::Finished(ending) => {
                 self.decision = format!("{}: {}", words::outcome(ending.outcome), ending.cause);
                 self.waypoint = None;
+                self.asked.clear();
             }
             _ => {}
         }
@@ -135,11 +147,13 @@ impl Film {
         // Of a craft that tells its position this stays what it is, and a person need not know it.
         let error = pilot.position_error();
         let drifted = if pilot.is_dead_reckoned() { format!("  position ±{error:.1} m") } else { String::new() };
+        let shown = at < self.drawn_until;
         Shot {
             light,
             known,
             waypoint: self.waypoint,
-            boxes: if at < self.boxes_until { self.boxes.clone() } else { Vec::new() },
+            boxes: if shown { self.boxes.clone() } else { Vec::new() },
+            asked: if shown { self.asked.clone() } else { Vec::new() },
             title: self.title.clone(),
             status: format!("{:.1} s  {}", at.as_secs_f64(), words::phase(pilot.phase())),
             decision: self.decision.clone(),
@@ -184,6 +198,7 @@ fn waypoint(witness: &Witness, shot: &Shot) -> Option<(ImagePoint, String)> {
 }
 
 fn annotate(picture: &mut Rgb, shot: &Shot, drawn: &Marks) {
+    marks::draw(picture, &shot.asked);
     marks::draw(picture, &drawn.as_marks());
     // What was seen on one line and what was made of it on the next: together they are too long for the picture.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
