@@ -27,6 +27,7 @@ fn reply(boxes: usize) -> Reply {
         stage: Some(1),
         point: Some(ImagePoint { u: 0.55, v: 0.4 }),
         depth: Some(6),
+        open_way: None,
         target: Some("the red tower crane".to_owned()),
         boxes: (0..boxes).map(obstacle).collect(),
     }

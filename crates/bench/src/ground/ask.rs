@@ -156,6 +156,7 @@ fn centre(key: &str) -> AnswerRow {
         stage: None,
         point: Some(ImagePoint { u: 0.5, v: 0.5 }),
         depth: Some(CENTRE_LABEL),
+        open_way: None,
         target: None,
         boxes: Vec::new(),
     };

@@ -70,7 +70,16 @@ mod tests {
 
     fn reply(status: Status, point: Option<(f64, f64)>) -> Said {
         let point = point.map(|(u, v)| ImagePoint { u, v });
-        Said::Reply(Reply { status, look: None, stage: None, point, depth: point.map(|_| 5), target: None, boxes: Vec::new() })
+        Said::Reply(Reply {
+            status,
+            look: None,
+            stage: None,
+            point,
+            depth: point.map(|_| 5),
+            open_way: None,
+            target: None,
+            boxes: Vec::new(),
+        })
     }
 
     fn target() -> Target {

@@ -215,14 +215,13 @@ impl Spf {
         let craft = self.settings.craft;
         let search = self.search.get_or_insert_with(|| Search::new(2.0 * camera.half_fov().0, craft.take_off_height));
         let look = reply.look.or(self.memory.last_seen).unwrap_or(Look::Right);
-        let shown = reply.point.zip(reply.depth);
-        let way = shown.map(|(point, depth)| Way { heading: heading + libm::atan(camera.ray(point).right), depth });
-        match (search.next(look, heading, way), shown) {
+        let way = reply.open_way.map(|way| Way { heading: heading + libm::atan(camera.ray(way.point).right), depth: way.depth });
+        match (search.next(look, heading, way), reply.open_way) {
             (Sought::Look(primitives), _) => {
                 self.reading.primitives = Some(primitives);
                 Step::Move(Move { primitives, anchor: Some(pose), then_rest: true })
             }
-            (Sought::Fly, Some((point, depth))) => self.fly_to(asked, reply, point, depth),
+            (Sought::Fly, Some(way)) => self.fly_to(asked, reply, way.point, way.depth),
             (Sought::Fly | Sought::Exhausted, _) => Step::Fail(FailReason::NotFound),
         }
     }

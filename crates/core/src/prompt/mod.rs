@@ -185,6 +185,7 @@ fn example(input: &PromptInput<'_>) -> String {
         stage: Some(1),
         point: Some(ImagePoint { u: 0.62, v: 0.4 }),
         depth: Some(6),
+        open_way: None,
         target: Some("blue door".to_owned()),
         boxes,
     };

@@ -67,6 +67,15 @@ pub struct ObstacleBox {
     pub name: String,
 }
 
+/// The most open way in a picture that does not show the target: where one could fly to look from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct OpenWay {
+    /// Where it leads in the picture.
+    pub point: ImagePoint,
+    /// Depth label 1..=L of its end.
+    pub depth: u8,
+}
+
 /// One answer to a [`Point`](crate::query::QueryKind::Point) query, in normalised coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reply {
@@ -80,6 +89,9 @@ pub struct Reply {
     pub point: Option<ImagePoint>,
     /// Depth label 1..=L; always present with [`Status::Navigating`].
     pub depth: Option<u8>,
+    /// Only with [`Status::NotVisible`], whose point and depth on the wire it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub open_way: Option<OpenWay>,
     /// What is pointed at, in the model's words.
     pub target: Option<String>,
     /// Obstacles, in obstacle mode.

@@ -2,7 +2,7 @@
 
 use super::json::Value;
 use super::stream::Verdict;
-use super::{DEPTH_LABELS, Look, ObstacleBox, Reply, Status};
+use super::{DEPTH_LABELS, Look, ObstacleBox, OpenWay, Reply, Status};
 use crate::grounding::{GroundingError, GroundingProfile};
 
 /// Most obstacle boxes that one reply may carry.
@@ -153,13 +153,18 @@ fn reply(value: &Value, profile: &GroundingProfile) -> Result<Reply, ReplyError>
         // Models that must fill every field fill these with zeros: what cannot be read of them is left out.
         (point.unwrap_or(None), depth.unwrap_or(None), boxes.unwrap_or_default())
     };
+    let (point, depth, open_way) = match (status, point, depth) {
+        (Status::NotVisible, Some(point), Some(depth)) => (None, None, Some(OpenWay { point, depth })),
+        (Status::NotVisible, ..) => (None, None, None),
+        _ => (point, depth, None),
+    };
     let look = match (status, value.field(&["look"])) {
         (Status::NotVisible, Some(word)) => look(word)?,
         _ => None,
     };
     let stage = value.field(&["stage"]).map(stage).transpose()?.flatten();
     let target = value.field(&TARGET).map(|v| name(v, "target")).transpose()?.flatten();
-    Ok(Reply { status, look, stage, point, depth, target, boxes })
+    Ok(Reply { status, look, stage, point, depth, open_way, target, boxes })
 }
 
 /// The word without case, spaces, hyphens and underscores.

@@ -169,8 +169,8 @@ impl Reply {
             status: self.status,
             look: self.look,
             stage: self.stage,
-            point: self.point.map(|point| numbers(point).map(Number)),
-            depth: self.depth,
+            point: self.point.or(self.open_way.map(|way| way.point)).map(|point| numbers(point).map(Number)),
+            depth: self.depth.or(self.open_way.map(|way| way.depth)),
             target: self.target.as_deref(),
             boxes,
         };

@@ -18,6 +18,7 @@ fn plain() -> Reply {
         stage: Some(2),
         point: Some(ImagePoint { u: 0.75, v: 0.25 }),
         depth: Some(6),
+        open_way: None,
         target: Some("the red crane".to_owned()),
         boxes: vec![ObstacleBox {
             area: ImageBox { left: 0.2, top: 0.1, right: 0.4, bottom: 0.3 },
@@ -264,15 +265,24 @@ fn replies() -> impl Strategy<Value = Reply> {
         proptest::option::of(name),
         boxes,
     )
-        .prop_map(|(status, look, stage, (u, v), depth, target, boxes)| Reply {
-            status,
-            look: look.filter(|_| status == Status::NotVisible),
-            stage,
-            point: Some(ImagePoint { u, v }),
-            depth: Some(depth),
-            target,
-            boxes,
+        .prop_map(|(status, look, stage, (u, v), depth, target, boxes)| {
+            let (point, hidden) = (ImagePoint { u, v }, status == Status::NotVisible);
+            Reply {
+                status,
+                look: look.filter(|_| hidden),
+                stage,
+                point: Some(point).filter(|_| !hidden),
+                depth: Some(depth).filter(|_| !hidden),
+                open_way: Some(OpenWay { point, depth }).filter(|_| hidden),
+                target,
+                boxes,
+            }
         })
+}
+
+/// The point of a reply on the wire.
+fn written_point(reply: &Reply) -> ImagePoint {
+    reply.point.or(reply.open_way.map(|way| way.point)).unwrap()
 }
 
 fn near(a: f64, b: f64, tolerance: f64) -> bool {
@@ -295,9 +305,10 @@ proptest! {
         prop_assert_eq!(&read, &parse_reply(&text, &profile));
         let read = read.map_err(|e| TestCaseError::fail(format!("{e}: {text}")))?;
         // Rounded to a thousandth or a pixel of at least 200.
-        let (point, was) = (read.point.unwrap(), reply.point.unwrap());
+        let (point, was) = (written_point(&read), written_point(&reply));
         prop_assert!(near(point.u, was.u, 0.0026) && near(point.v, was.v, 0.0026), "{}", text);
         prop_assert_eq!((read.status, read.look, read.stage, read.depth, &read.target), (reply.status, reply.look, reply.stage, reply.depth, &reply.target));
+        prop_assert_eq!(read.open_way.map(|way| way.depth), reply.open_way.map(|way| way.depth));
         prop_assert_eq!(read.boxes.len(), reply.boxes.len());
         for (a, b) in read.boxes.iter().zip(&reply.boxes) {
             prop_assert_eq!((a.depth, &a.name), (b.depth, &b.name));
@@ -325,7 +336,8 @@ proptest! {
 fn check_in_range(text: &str, profile: &GroundingProfile) -> Result<(), TestCaseError> {
     let Ok(reply) = parse_reply(text, profile) else { return Ok(()) };
     let share = |x: f64| (0.0..=1.0).contains(&x);
-    prop_assert!(reply.point.is_none_or(|p| share(p.u) && share(p.v)), "{}", text);
+    let points = reply.point.iter().chain(reply.open_way.iter().map(|way| &way.point));
+    prop_assert!(points.into_iter().all(|p| share(p.u) && share(p.v)), "{}", text);
     prop_assert!(reply.depth.is_none_or(|d| (1..=DEPTH_LABELS).contains(&d)), "{}", text);
     prop_assert!(reply.status != Status::Navigating || (reply.point.is_some() && reply.depth.is_some()), "{}", text);
     prop_assert!(reply.look.is_none() || reply.status == Status::NotVisible, "{}", text);

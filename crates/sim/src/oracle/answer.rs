@@ -2,7 +2,7 @@
 
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::{Query, QueryKind};
-use spf_core::reply::{DEPTH_LABELS, Look, ObstacleBox, Reply, Status};
+use spf_core::reply::{DEPTH_LABELS, Look, ObstacleBox, OpenWay, Reply, Status};
 
 use super::act;
 use super::corridor;
@@ -47,6 +47,7 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
         stage: aim.stages.gt(&1).then_some(aim.stage),
         point: None,
         depth: None,
+        open_way: None,
         target: Some(aim.words.clone()).filter(|words| !words.is_empty()),
         boxes: Vec::new(),
     };
@@ -54,9 +55,9 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
         None => {
             reply.status = if aim.done { Status::Done } else { Status::NotVisible };
             if !aim.done {
-                let (way, room) = percept.open;
+                let (point, room) = percept.open;
                 reply.look = Some(aim.look.unwrap_or(Look::Right));
-                (reply.point, reply.depth) = (Some(way), Some(label_slipped(oracle, query, 0.5 * room, 0.0)));
+                reply.open_way = Some(OpenWay { point, depth: label_slipped(oracle, query, 0.5 * room, 0.0) });
             }
         }
         Some(place) => {

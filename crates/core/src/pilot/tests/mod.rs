@@ -33,7 +33,7 @@ use crate::policy::Step;
 use crate::policy::plain::{Plain, PlainSettings};
 use crate::policy::spf::{Spf, SpfSettings};
 use crate::query::{ImagePoint, Query};
-use crate::reply::{Look, Reply, Status};
+use crate::reply::{Look, OpenWay, Reply, Status};
 
 /// Frames and telemetry come every so often.
 const PERIOD: Duration = Duration::from_millis(50);
@@ -513,6 +513,7 @@ fn navigate(u: f64, v: f64, depth: u8) -> String {
         stage: None,
         point: Some(ImagePoint { u, v }),
         depth: Some(depth),
+        open_way: None,
         target: Some("red crane".to_owned()),
         boxes: Vec::new(),
     })
@@ -520,18 +521,27 @@ fn navigate(u: f64, v: f64, depth: u8) -> String {
 
 fn not_visible(look: Look) -> String {
     let status = Status::NotVisible;
-    json(&Reply { status, look: Some(look), stage: None, point: None, depth: None, target: None, boxes: Vec::new() })
+    json(&Reply {
+        status,
+        look: Some(look),
+        stage: None,
+        point: None,
+        depth: None,
+        open_way: None,
+        target: None,
+        boxes: Vec::new(),
+    })
 }
 
 /// The same with an open way at the level middle.
 fn open_way(look: Look, u: f64, depth: u8) -> String {
-    let (status, point) = (Status::NotVisible, Some(ImagePoint { u, v: 0.5 }));
-    json(&Reply { status, look: Some(look), stage: None, point, depth: Some(depth), target: None, boxes: Vec::new() })
+    let (status, open_way) = (Status::NotVisible, Some(OpenWay { point: ImagePoint { u, v: 0.5 }, depth }));
+    json(&Reply { status, look: Some(look), stage: None, point: None, depth: None, open_way, target: None, boxes: Vec::new() })
 }
 
 fn done() -> String {
     let status = Status::Done;
-    json(&Reply { status, look: None, stage: None, point: None, depth: None, target: None, boxes: Vec::new() })
+    json(&Reply { status, look: None, stage: None, point: None, depth: None, open_way: None, target: None, boxes: Vec::new() })
 }
 
 /// Perfect eyes: the true point of `target`, the depth label of its range; done within 3 m.
