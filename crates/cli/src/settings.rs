@@ -44,7 +44,12 @@ pub(crate) const KEYS: &[Key] = &[
     key("fly.think", "SPF_THINK", "", "stop or continuous; empty: the preset's"),
     key("fly.rate_hz", "SPF_RATE_HZ", "10", "setpoints a second, 5 to 100"),
     key("fly.avoid", "SPF_AVOID", "false", "obstacle mode: true or false"),
-    key("fly.detector", "SPF_DETECTOR", "", "detector of obstacle mode: oracle[:NAME]; empty: the VLM gives the boxes"),
+    key(
+        "fly.detector",
+        "SPF_DETECTOR",
+        "",
+        "detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM gives the boxes",
+    ),
     key("fly.vlm", "SPF_VLM", "oracle", "who points: NAME[#MODEL][@URL], auto, replay:FILE, oracle, oracle:NAME or oracle:FILE"),
     key(
         "fly.vlm_check",

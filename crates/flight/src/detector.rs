@@ -2,9 +2,12 @@
 //! from the VLM. So a list is asked for, waited for, recorded and replayed like every other answer.
 
 use std::sync::Arc;
+use std::time::Instant;
 
+use spf_core::detection::write_detections;
 use spf_core::query::QueryKind;
-use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
+use spf_detect::Detector;
+use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
 
 use crate::sim::WhoPoints;
 
@@ -35,4 +38,31 @@ impl Vlm for WithDetector {
 #[must_use]
 pub fn with_detector(who: WhoPoints, detector: WhoPoints) -> WhoPoints {
     Arc::new(move |world, seed| Ok(Box::new(WithDetector { vlm: who(world, seed)?, detector: detector(world, seed)? })))
+}
+
+/// A model, as one who lists what is in a frame. Its latency is what it took on this machine.
+struct Watching(Detector);
+
+impl Vlm for Watching {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+        // A frame that has to be drawn is at hand when a camera's is.
+        let pixels = picture.pixels();
+        let began = Instant::now();
+        let detect = |pixels| self.0.detect(&pixels).map_err(|error| VlmError::Detector(error.to_string()));
+        let text = match asked.query.kind {
+            QueryKind::Detect { .. } => pixels.and_then(detect).map(|found| write_detections(&found)),
+            _ => Err(VlmError::Refused { model: self.0.name().to_owned(), reason: "it lists what is in a picture".to_owned() }),
+        };
+        Answer { text, latency: began.elapsed(), model: self.0.name().to_owned(), account: Account::default() }
+    }
+}
+
+/// A model as a detector for [`with_detector`]; all flights share its network.
+#[must_use]
+pub fn model_detects(detector: Detector) -> WhoPoints {
+    Arc::new(move |_, _| Ok(Box::new(Watching(detector.clone()))))
 }

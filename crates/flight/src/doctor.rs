@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use spf_core::time::Duration as FlightDuration;
+use spf_detect::Detector;
 use spf_drone::Drone;
 use spf_drone::DroneEvent;
 use spf_drone::tello::answer::explain;
@@ -59,6 +60,8 @@ const BATTERY_LONG: u8 = 40;
 const HOT: i32 = 80;
 /// Mean brightness of a picture, of 255, below which a Tello loses its hold on the ground.
 const DARK: f64 = 40.0;
+/// A detector should not take longer for a picture.
+const SLOW_DETECTOR: Duration = Duration::from_millis(700);
 /// Free space that a long flight with video takes, bytes.
 const SPACE: u64 = 1 << 30;
 
@@ -233,6 +236,24 @@ pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration) -> Check {
             Some("is the key set, and is the Internet reached beside the drone's Wi-Fi?"),
         ),
         _ => Check::new("VLM", Finding::Bad, format!("{name} answers, and points astray"), Some("`spf vlm check` tells how")),
+    }
+}
+
+/// Has a detector look at a grey picture of a camera's size.
+#[must_use]
+pub fn detector(model: &Detector) -> Check {
+    let began = Instant::now();
+    let seen = model.detect(&Rgb::filled(960, 720, [128; 3]));
+    let took = began.elapsed();
+    let (width, height) = model.input();
+    let found = format!("{} knows {} classes, {width}×{height} pixels", model.name(), model.classes().len());
+    match seen {
+        Err(error) => Check::new("detector", Finding::Bad, error.to_string(), Some("take another model: docs/detector.md")),
+        Ok(_) => {
+            let finding = if took > SLOW_DETECTOR { Finding::Warning } else { Finding::Good };
+            let advice = "every decision waits so long before the VLM is asked: take a smaller model or input";
+            Check::new("detector", finding, format!("{found}, a picture in {:.2} s", took.as_secs_f64()), Some(advice))
+        }
     }
 }
 

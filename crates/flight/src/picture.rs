@@ -66,6 +66,13 @@ impl<F: FrameSource> Picture for Marked<'_, F> {
         self.drawn = self.draw(size).ok();
     }
 
+    fn pixels(&mut self) -> Result<Rgb, VlmError> {
+        match self.drawn.take().filter(|drawn| (drawn.width(), drawn.height()) == self.size) {
+            Some(drawn) => Ok(drawn),
+            None => self.draw(self.size),
+        }
+    }
+
     fn jpeg(&mut self, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
         if let Some((.., encoded)) = self.encoded.iter().find(|(of, at, _)| (*of, *at) == (size, quality)) {
             return Ok(encoded.clone());

@@ -1,6 +1,9 @@
 //! A flight is the same when its log is replayed, and is not when the method is another.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "../../detect/tests/made/mod.rs"]
+mod made;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -11,7 +14,8 @@ use spf_core::grounding::{AxisOrder, GroundingProfile};
 use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_core::step::StepRule;
 use spf_core::time::{Duration, Time};
-use spf_flight::detector::with_detector;
+use spf_detect::Detector;
+use spf_flight::detector::{model_detects, with_detector};
 use spf_flight::replay::{Changes, Report, head, replay, row};
 use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, RecordPlan, Stage, fly, oracle_points};
 use spf_flight::world::Script;
@@ -129,6 +133,25 @@ fn a_flight_with_a_detector_is_the_same_again() {
     };
     let (listed, told) = (saying("/reply", "car_1 x:0."), saying("/query", r#""detections":["car_1 x:0."#));
     assert!(listed > 3 && told > 3, "{listed} lists, {told} told");
+}
+
+#[test]
+fn a_flight_with_a_model_is_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("squares.onnx");
+    std::fs::write(&file, made::model(&made::Export::default())).unwrap();
+    let detector = Detector::open(&file).unwrap();
+    let log = flown(&folder.path().join("flight"), |plan| {
+        (plan.policy, plan.detector) = (PolicyKind::SpfDetector, Some(detector.name().to_owned()));
+        plan.settings.avoid = true;
+        // The network is quick, but how quick is another matter each time: replay takes what the log has.
+        plan.who = with_detector(plan.who.clone(), model_detects(detector));
+    });
+    assert_eq!(replayed(&log, &Changes::default()).differences, []);
+    let mut entries = LogReader::open(&log).unwrap();
+    assert_eq!(head(&mut entries).unwrap().detector.as_deref(), Some("squares.onnx"));
+    let told = |entry: &Entry| entry.topic == "/query" && row::<Value>(entry).unwrap().to_string().contains(r#""detections":[""#);
+    assert!(entries.map(Result::unwrap).filter(told).count() > 3);
 }
 
 #[test]

@@ -13,6 +13,9 @@ pub enum VlmError {
     /// The picture could not be had.
     #[error("the camera frame could not be prepared: {0}")]
     Picture(String),
+    /// The detector failed on a picture.
+    #[error("the detector failed: {0}")]
+    Detector(String),
     /// The one asked cannot answer this kind of question.
     #[error("`{model}` cannot answer: {reason}")]
     Refused {
@@ -152,6 +155,7 @@ impl VlmError {
     pub fn code(&self) -> &str {
         match self {
             Self::Picture(_) => "picture",
+            Self::Detector(_) => "detector",
             Self::Refused { .. } => "refused",
             Self::Cancelled => "cancelled",
             Self::Deadline { .. } => "deadline",

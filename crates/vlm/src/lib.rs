@@ -28,6 +28,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use spf_core::grounding::GroundingProfile;
 use spf_core::time::Duration;
+use spf_media::Rgb;
 
 pub use account::{Account, Parts, Tokens};
 pub use asked::{Asked, Cancel};
@@ -46,6 +47,15 @@ pub trait Picture {
     /// Has the frame at hand at a size, before the time of the question begins to count.
     fn prepare(&mut self, size: (u32, u32)) {
         let _ = size;
+    }
+
+    /// The frame's pixels at its own size, with the query's marks drawn on it: for who looks at them here and sends nothing.
+    ///
+    /// # Errors
+    /// [`VlmError::Picture`] when the frame cannot be had.
+    fn pixels(&mut self) -> Result<Rgb, VlmError> {
+        let jpeg = self.jpeg(self.size(), 95)?;
+        spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Picture(error.to_string()))
     }
 
     /// The frame as JPEG at a size and quality (1..=100), with the query's marks drawn on it; encoded once, however often it

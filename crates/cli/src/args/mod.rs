@@ -223,8 +223,8 @@ pub(crate) struct MethodArgs {
     /// Obstacle mode: ask for boxes of obstacles and keep clear of them
     #[arg(long)]
     pub(crate) avoid: bool,
-    /// Obstacle mode with boxes from a detector in place of the VLM's: oracle or oracle:NAME, which in the simulator stands in for
-    /// one that knows COCO's classes (see docs/detector.md)
+    /// Obstacle mode with boxes from a detector in place of the VLM's: a YOLO model's FILE.onnx (see docs/detector.md), or in the
+    /// simulator oracle or oracle:NAME, which stands in for one that knows COCO's classes
     #[arg(long, value_name = "WHO")]
     pub(crate) detector: Option<String>,
 }
@@ -280,6 +280,9 @@ pub(crate) struct Doctor {
     /// Scene of the simulated drone [default: city]
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
+    /// A detector's FILE.onnx, as for `spf fly --detector`
+    #[arg(long, value_name = "FILE")]
+    pub(crate) detector: Option<String>,
     /// Print the checks as one JSON array on standard output
     #[arg(long)]
     pub(crate) json: bool,

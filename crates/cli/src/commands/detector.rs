@@ -1,8 +1,11 @@
 //! `--detector`: who lists what is in the picture, in obstacle mode.
 
+use std::path::Path;
+
 use spf_core::pilot::PilotSettings;
-use spf_flight::detector::with_detector;
-use spf_flight::sim::{PolicyKind, oracle_points};
+use spf_detect::{DetectError, Detector};
+use spf_flight::detector::{model_detects, with_detector};
+use spf_flight::sim::{PolicyKind, WhoPoints, oracle_points};
 
 use crate::commands::vlm::{Pointing, oracle_named};
 use crate::error::CliError;
@@ -43,9 +46,50 @@ pub(crate) fn beside(
         None if pointing.name.split(':').next() == Some("oracle") => return Ok((pointing.clone(), Some(pointing.name))),
         None => DEFAULT,
     };
-    let (name, errors) = oracle_named(name, |expected, near| settings.wrong_word("fly.detector", expected, near))?;
-    let sentence =
-        format!("{} {name} detects: it reads the simulator's id pictures and knows COCO's classes.", pointing.sentence);
-    let who = with_detector(pointing.who, oracle_points(name.clone(), errors));
+    let Detecting { name, who, sentence } = detecting(settings, name)?;
+    let (who, sentence) = (with_detector(pointing.who, who), format!("{} {sentence}", pointing.sentence));
     Ok((Pointing { who, sentence, ..pointing }, Some(name)))
+}
+
+/// Who detects.
+struct Detecting {
+    name: String,
+    who: WhoPoints,
+    sentence: String,
+}
+
+/// Whether a name is that of a model's file.
+fn is_file(name: &str) -> bool {
+    name.to_ascii_lowercase().ends_with(".onnx")
+}
+
+fn detecting(settings: &Settings, name: &str) -> Result<Detecting, CliError> {
+    if is_file(name) {
+        let detector = open(name)?;
+        let (width, height) = detector.input();
+        let (name, classes) = (detector.name().to_owned(), detector.classes().len());
+        let sentence = format!("{name} detects {classes} classes in {width}×{height} pixels.");
+        return Ok(Detecting { name, who: model_detects(detector), sentence });
+    }
+    let expected = "FILE.onnx, oracle, oracle:NAME or oracle:FILE";
+    let (name, errors) = oracle_named(name, |_, near| settings.wrong_word("fly.detector", expected, near))?;
+    let sentence = format!("{name} detects: it reads the simulator's id pictures and knows COCO's classes.");
+    Ok(Detecting { who: oracle_points(name.clone(), errors), name, sentence })
+}
+
+/// The model of a file.
+pub(crate) fn open(path: &str) -> Result<Detector, CliError> {
+    Detector::open(Path::new(path)).map_err(|error| {
+        let hint = match error {
+            DetectError::NotBuilt => "cargo install --path crates/cli --features onnx",
+            DetectError::Read(_) => "name an ONNX file that can be read",
+            _ => "docs/detector.md says which models are read, and how they are exported",
+        };
+        CliError::usage(format!("the detector `{path}` cannot be used")).because(&error).hint(hint)
+    })
+}
+
+/// The detector's file that the settings name, if it is one.
+pub(crate) fn file(settings: &Settings) -> Option<&str> {
+    settings.get("fly.detector").filter(|name| is_file(name))
 }

@@ -6,6 +6,7 @@ use spf_core::time::duration_from_secs;
 use spf_flight::doctor::{self, Check, Finding};
 use spf_sim::scene::Conditions;
 
+use super::detector;
 use super::fly::real;
 use super::load_stage;
 use super::vlm::pointing;
@@ -21,6 +22,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     settings.flag("fly.drone", "--drone", args.drone.clone());
     settings.flag("fly.vlm", "--vlm", args.vlm.clone());
     settings.flag("fly.scene", "--scene", args.scene.clone());
+    settings.flag("fly.detector", "--detector", args.detector.clone());
     let mut checks = match real::tello(&settings)? {
         Some(drone) => {
             settings.default("fly.vlm", spf_vlm::setup::AUTO);
@@ -32,6 +34,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
         }
     };
     checks.extend(vlm(&settings)?);
+    checks.extend(detector::file(&settings).map(watch));
     checks.extend(doctor::disk(Path::new(".")));
     if printer.is_json() {
         let text = serde_json::to_string(&checks)
@@ -49,11 +52,7 @@ fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
     if settings.get("fly.vlm").is_none_or(|name| name.starts_with("oracle") || name.starts_with("replay:")) {
         return Ok(None);
     }
-    let bad = |error: &CliError| {
-        let text = error.to_string();
-        let (found, advice) = text.split_once("\nhint: ").map_or((text.as_str(), None), |(found, hint)| (found, Some(hint)));
-        Some(Check { what: "VLM", finding: Finding::Bad, found: found.replace('\n', " "), advice: advice.map(str::to_owned) })
-    };
+    let bad = |error: &CliError| Some(refused("VLM", error));
     let pointing = match pointing(settings, None) {
         Ok(pointing) => pointing,
         Err(error) => return Ok(bad(&error)),
@@ -63,6 +62,21 @@ fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
         Ok(mut vlm) => Ok(Some(doctor::vlm(&pointing.name, vlm.as_mut(), duration_from_secs(time)))),
         Err(error) => Ok(bad(&CliError::usage("the VLM cannot be asked").because(&*error))),
     }
+}
+
+/// A detector that is a file: whether it can be used, and how long it looks at a picture.
+fn watch(path: &str) -> Check {
+    match detector::open(path) {
+        Ok(model) => doctor::detector(&model),
+        Err(error) => refused("detector", &error),
+    }
+}
+
+/// What cannot be used at all.
+fn refused(what: &'static str, error: &CliError) -> Check {
+    let text = error.to_string();
+    let (found, advice) = text.split_once("\nhint: ").map_or((text.as_str(), None), |(found, hint)| (found, Some(hint)));
+    Check { what, finding: Finding::Bad, found: found.replace('\n', " "), advice: advice.map(str::to_owned) }
 }
 
 fn row(check: &Check) -> Vec<String> {

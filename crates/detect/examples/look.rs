@@ -1,0 +1,27 @@
+//! What a model finds in a picture: `cargo run -p spf-detect --features onnx --example look -- yolov8n.onnx picture.jpg`.
+#![allow(clippy::print_stdout, reason = "it says what it found")]
+
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+use spf_core::detection::write_detections;
+use spf_detect::Detector;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [model, picture] = arguments.as_slice() else { return Err("usage: look MODEL.onnx PICTURE.jpg|png".into()) };
+    let detector = Detector::open(Path::new(model))?;
+    let picture = spf_media::jpeg::decode_any(&std::fs::read(picture)?)?;
+    let began = Instant::now();
+    let found = detector.detect(&picture)?;
+    let (width, height) = detector.input();
+    println!(
+        "{}: {} classes, {width}×{height} pixels, {:.3} s",
+        detector.name(),
+        detector.classes().len(),
+        began.elapsed().as_secs_f64()
+    );
+    println!("{}", write_detections(&found).trim_end());
+    Ok(())
+}

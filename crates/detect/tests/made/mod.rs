@@ -1,0 +1,195 @@
+//! Small networks with the inputs and outputs of YOLO exports, written as ONNX by hand: they find red and blue squares.
+//!
+//! Like the exported ones they have three heads, of cells of 8, 16 and 32 pixels; only the first looks at anything.
+
+/// The side of the input, pixels.
+pub(crate) const SIDE: usize = 64;
+/// Rows of a cell: box, two classes.
+const ROWS: usize = 6;
+const MASK_ROWS: usize = 32;
+const FLOAT: u64 = 1;
+const INT64: u64 = 7;
+const FLOAT16: u64 = 10;
+
+/// How a network is exported.
+#[derive(Clone, Debug)]
+pub(crate) struct Export {
+    /// `1 × cells × rows` in place of `1 × rows × cells`.
+    pub(crate) transposed: bool,
+    /// Corners, score and class 0 in place of centre, size and probabilities; transposed.
+    pub(crate) is_final: bool,
+    /// Rows for masks, and a second output.
+    pub(crate) masks: bool,
+    /// Named input dimensions in place of numbers.
+    pub(crate) dynamic: bool,
+    /// Weights of 16 bits.
+    pub(crate) half: bool,
+    /// Channels of the input.
+    pub(crate) channels: usize,
+    /// What the model says of itself.
+    pub(crate) metadata: Vec<(&'static str, &'static str)>,
+}
+
+impl Default for Export {
+    fn default() -> Self {
+        Self {
+            transposed: false,
+            is_final: false,
+            masks: false,
+            dynamic: false,
+            half: false,
+            channels: 3,
+            metadata: vec![("names", "{0: 'red cone', 1: 'blue box'}"), ("task", "detect"), ("imgsz", "[64, 64]")],
+        }
+    }
+}
+
+/// A message of protocol buffers.
+#[derive(Default)]
+struct Message(Vec<u8>);
+
+impl Message {
+    fn varint(&mut self, mut value: u64) {
+        while value >= 0x80 {
+            self.0.push(value as u8 | 0x80);
+            value >>= 7;
+        }
+        self.0.push(value as u8);
+    }
+
+    fn number(mut self, field: u64, value: u64) -> Self {
+        self.varint(field << 3);
+        self.varint(value);
+        self
+    }
+
+    fn bytes(mut self, field: u64, value: &[u8]) -> Self {
+        self.varint(field << 3 | 2);
+        self.varint(value.len() as u64);
+        self.0.extend_from_slice(value);
+        self
+    }
+
+    fn text(self, field: u64, value: &str) -> Self {
+        self.bytes(field, value.as_bytes())
+    }
+
+    fn message(self, field: u64, value: &Self) -> Self {
+        self.bytes(field, &value.0)
+    }
+}
+
+/// `TensorProto`.
+fn tensor(name: &str, dims: &[usize], data_type: u64, raw: &[u8]) -> Message {
+    let sized = dims.iter().fold(Message::default(), |message, dim| message.number(1, *dim as u64));
+    sized.number(2, data_type).text(8, name).bytes(9, raw)
+}
+
+fn floats(name: &str, dims: &[usize], values: &[f32]) -> Message {
+    tensor(name, dims, FLOAT, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
+}
+
+/// `NodeProto` with attributes that are lists of whole numbers, or one.
+fn node(operator: &str, inputs: &[&str], output: &str, lists: &[(&str, &[u64])], numbers: &[(&str, u64)]) -> Message {
+    let mut message = inputs.iter().fold(Message::default(), |message, input| message.text(1, input));
+    message = message.text(2, output).text(3, &format!("{operator} of {output}")).text(4, operator);
+    for (name, values) in lists {
+        let list = values.iter().fold(Message::default().text(1, name), |message, value| message.number(8, *value));
+        message = message.message(5, &list.number(20, 7));
+    }
+    for (name, value) in numbers {
+        message = message.message(5, &Message::default().text(1, name).number(3, *value).number(20, 2));
+    }
+    message
+}
+
+/// `ValueInfoProto` of floats; a dimension is a number or a name.
+fn value(name: &str, dims: &[Result<usize, &str>]) -> Message {
+    let shape = dims.iter().fold(Message::default(), |shape, dim| {
+        let dimension = match dim {
+            Ok(size) => Message::default().number(1, *size as u64),
+            Err(name) => Message::default().text(2, name),
+        };
+        shape.message(1, &dimension)
+    });
+    let tensor = Message::default().number(1, FLOAT).message(2, &shape);
+    Message::default().text(1, name).message(2, &Message::default().message(1, &tensor))
+}
+
+/// The model, as a file.
+pub(crate) fn model(export: &Export) -> Vec<u8> {
+    let rows = ROWS + if export.masks { MASK_ROWS } else { 0 };
+    let mut graph = Message::default().text(2, "squares");
+    let mut parts = Vec::new();
+    for stride in [8, 16, 32] {
+        let (side, names) = (SIDE / stride, ["conv", "weights", "grid", "put", "size", "head"].map(|n| format!("{n}{stride}")));
+        let [conv, weights, grid, put, size, head] = names.each_ref().map(String::as_str);
+        let strides = [stride as u64, stride as u64];
+        graph = graph
+            .message(1, &node("Conv", &["images", weights], conv, &[("strides", &strides), ("kernel_shape", &strides)], &[]))
+            .message(1, &node("Add", &[conv, grid], put, &[], &[]))
+            .message(1, &node("Reshape", &[put, size], head, &[], &[]))
+            .message(5, &looking(weights, rows, export, stride))
+            .message(5, &floats(grid, &[1, rows, side, side], &places(rows, export.is_final, stride)))
+            .message(5, &tensor(size, &[3], INT64, &[1, rows, side * side].map(|n| (n as i64).to_le_bytes()).concat()));
+        parts.push(head.to_owned());
+    }
+    let turned = export.transposed || export.is_final;
+    let heads: Vec<&str> = parts.iter().map(String::as_str).collect();
+    let (joined, cells) = (if turned { "joined" } else { "output0" }, 84);
+    graph = graph.message(1, &node("Concat", &heads, joined, &[], &[("axis", 2)]));
+    if turned {
+        graph = graph.message(1, &node("Transpose", &["joined"], "output0", &[("perm", &[0, 2, 1])], &[]));
+    }
+    let (batch, height, width) =
+        if export.dynamic { (Err("batch"), Err("height"), Err("width")) } else { (Ok(1), Ok(SIDE), Ok(SIDE)) };
+    graph = graph.message(11, &value("images", &[batch, Ok(export.channels), height, width]));
+    let (a, b) = if turned { (cells, rows) } else { (rows, cells) };
+    graph = graph.message(12, &value("output0", &[Ok(1), Ok(a), Ok(b)]));
+    if export.masks {
+        // Any four dimensions are prototypes of masks.
+        graph = graph.message(1, &node("Identity", &["put8"], "output1", &[], &[]));
+        graph = graph.message(12, &value("output1", &[Ok(1), Ok(rows), Ok(8), Ok(8)]));
+    }
+    let mut model = Message::default().number(1, 8).text(2, "test").message(7, &graph);
+    model = model.message(8, &Message::default().text(1, "").number(2, 13));
+    for (key, value) in &export.metadata {
+        model = model.message(14, &Message::default().text(1, key).text(2, value));
+    }
+    model.0
+}
+
+/// Weights of the head of a stride: for red how much redder than green a cell is, for blue how much bluer.
+fn looking(name: &str, rows: usize, export: &Export, stride: usize) -> Message {
+    let area = stride * stride;
+    let mut weights = vec![0.0; rows * export.channels * area];
+    if stride == 8 && export.channels == 3 {
+        let classes = if export.is_final { 1 } else { 2 };
+        for class in 0..classes {
+            let row = (4 + class) * 3 * area;
+            let channel = row + 2 * class * area;
+            weights[channel..channel + area].fill(1.0 / area as f32);
+            weights[row + area..row + 2 * area].fill(-1.0 / area as f32);
+        }
+    }
+    let dims = [rows, export.channels, stride, stride];
+    if export.half { tensor(name, &dims, FLOAT16, &vec![0; 2 * weights.len()]) } else { floats(name, &dims, &weights) }
+}
+
+/// What is added to each cell: where it is, as centre and size or as corners.
+fn places(rows: usize, is_final: bool, stride: usize) -> Vec<f32> {
+    let side = SIDE / stride;
+    let size = stride as f32;
+    let mut values = vec![0.0; rows * side * side];
+    for y in 0..side {
+        for x in 0..side {
+            let (left, top) = (x as f32 * size, y as f32 * size);
+            let place =
+                if is_final { [left, top, left + size, top + size] } else { [left + 0.5 * size, top + 0.5 * size, size, size] };
+            for (row, number) in place.into_iter().enumerate() {
+                values[(row * side + y) * side + x] = number;
+            }
+        }
+    }
+    values
+}

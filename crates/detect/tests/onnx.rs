@@ -1,0 +1,141 @@
+//! Networks run, in each layout in which detectors are exported.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod made;
+
+use std::error::Error;
+use std::path::PathBuf;
+
+use made::{Export, SIDE, model};
+use spf_core::detection::Detection;
+use spf_core::query::ImageBox;
+use spf_detect::{DetectError, Detector};
+use spf_media::Rgb;
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn file(&self, bytes: &[u8]) -> PathBuf {
+        let path = self.0.path().join("squares.onnx");
+        std::fs::write(&path, bytes).unwrap();
+        path
+    }
+
+    fn open(&self, export: &Export) -> Result<Detector, DetectError> {
+        Detector::open(&self.file(&model(export)))
+    }
+
+    /// Why a file is refused, with what lies beneath.
+    fn refused(&self, bytes: &[u8]) -> String {
+        let error = Detector::open(&self.file(bytes)).err().unwrap();
+        format!("{error}{}", error.source().map_or(String::new(), |source| format!(": {source}")))
+    }
+}
+
+/// Twice as wide as high, so that there is grey above and below: a red square in the left half, a blue one in the right.
+fn squares() -> Rgb {
+    let mut picture = Rgb::filled(128, 64, [90, 90, 90]);
+    let mut square = |left: u32, top: u32, colour: [u8; 3]| {
+        for y in top..top + 16 {
+            for x in left..left + 16 {
+                picture.set_pixel(x, y, colour);
+            }
+        }
+    };
+    square(32, 16, [255, 0, 0]);
+    square(96, 48, [0, 0, 200]);
+    picture
+}
+
+const RED: ImageBox = ImageBox { left: 0.25, top: 0.25, right: 0.375, bottom: 0.5 };
+const BLUE: ImageBox = ImageBox { left: 0.75, top: 0.75, right: 0.875, bottom: 1.0 };
+
+fn names(found: &[Detection]) -> Vec<&str> {
+    found.iter().map(|detection| detection.name.as_str()).collect()
+}
+
+#[test]
+fn every_layout_finds_the_same() {
+    let folder = Folder::new();
+    let plain = Export::default();
+    let exports = [
+        plain.clone(),
+        Export { transposed: true, ..plain.clone() },
+        Export { masks: true, ..plain.clone() },
+        Export { masks: true, transposed: true, ..plain.clone() },
+        Export { dynamic: true, ..plain.clone() },
+    ];
+    for export in exports {
+        let detector = folder.open(&export).unwrap_or_else(|error| panic!("{export:?}: {error}"));
+        assert_eq!((detector.input(), detector.name()), ((SIDE, SIDE), "squares.onnx"));
+        let found = detector.detect(&squares()).unwrap();
+        assert_eq!(names(&found), ["red cone", "blue box"], "{export:?}");
+        assert_eq!([found[0].area, found[1].area], [RED, BLUE], "{export:?}");
+        assert!(found[0].score > 0.9 && (0.6..0.8).contains(&found[1].score), "{found:?}");
+    }
+}
+
+#[test]
+fn final_boxes_are_taken_as_they_are() {
+    let folder = Folder::new();
+    // Of two classes a final box has as many numbers as a cell; the model says which it is, and so does one with more classes.
+    let says = Export::default().metadata.into_iter().chain([("args", "{'batch': 1, 'nms': True}")]).collect();
+    for metadata in [says, vec![("names", "{0: 'red cone', 1: 'blue box', 2: 'door'}")]] {
+        let metadata = [metadata, vec![("imgsz", "[64, 64]")]].concat();
+        let detector = folder.open(&Export { is_final: true, metadata, ..Export::default() });
+        let Ok(detector) = detector else {
+            panic!("{}", detector.err().unwrap());
+        };
+        let found = detector.detect(&squares()).unwrap();
+        assert_eq!((names(&found), found[0].area), (vec!["red cone"], RED));
+    }
+}
+
+#[test]
+fn a_picture_without_anything_has_an_empty_list() {
+    let detector = Folder::new().open(&Export::default()).unwrap();
+    for size in [(128, 64), (64, 128), (1, 1), (0, 0), (640, 480)] {
+        assert_eq!(detector.detect(&Rgb::filled(size.0, size.1, [90, 90, 90])).unwrap(), [], "{size:?}");
+    }
+}
+
+#[test]
+fn a_model_without_names_numbers_its_classes() {
+    let detector = Folder::new().open(&Export { metadata: Vec::new(), ..Export::default() }).unwrap();
+    assert_eq!(detector.classes(), ["class 0", "class 1"]);
+}
+
+#[test]
+fn clones_share_a_network() {
+    let detector = Folder::new().open(&Export::default()).unwrap();
+    let threads: Vec<_> =
+        (0..3).map(|_| detector.clone()).map(|own| std::thread::spawn(move || own.detect(&squares()))).collect();
+    let found: Vec<_> = threads.into_iter().map(|thread| thread.join().unwrap().unwrap()).collect();
+    assert!(found[0].len() == 2 && found.iter().all(|list| *list == found[0]));
+}
+
+#[test]
+fn what_does_not_fit_is_refused_in_words() {
+    let folder = Folder::new();
+    let with = |key, value| Export { metadata: vec![(key, value)], ..Export::default() };
+    let plain = model(&Export::default());
+    let cases: [(Vec<u8>, &str); 7] = [
+        (b"no model at all".to_vec(), "cannot be loaded"),
+        (plain[..plain.len() / 2].to_vec(), "cannot be loaded"),
+        (model(&Export { half: true, ..Export::default() }), "export without `half`"),
+        (model(&Export { channels: 1, ..Export::default() }), "its input is 1×1×64×64, where a detector's is 1×3×height×width"),
+        (model(&with("task", "pose")), "for the task `pose`, not `detect`"),
+        (model(&with("names", "{0: 'a'}")), "its output is 1×6×84 and it has 1 class names"),
+        (Vec::new(), "cannot be loaded"),
+    ];
+    for (bytes, words) in cases {
+        let said = folder.refused(&bytes);
+        assert!(said.contains(words), "{said} has not {words}");
+    }
+    let missing = Detector::open(&folder.0.path().join("none.onnx")).err().unwrap();
+    assert!(matches!(missing, DetectError::Read(_)));
+}
