@@ -46,15 +46,41 @@ fn flattest(polygon: &[Vec2], left: &[u32]) -> usize {
     (0..n).min_by(|&i, &j| area(i).total_cmp(&area(j))).unwrap_or(0)
 }
 
+/// Twice the area of a triangle, positive when its corners run counter-clockwise.
+fn cross(o: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
+}
+
+/// Points without those well inside of the octagon between the outermost ones of eight directions, which are on no hull (Akl and
+/// Toussaint 1978): of a mesh that is most of them.
+fn rim(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    const WAYS: [[f64; 2]; 8] =
+        [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [-1.0, -1.0], [0.0, -1.0], [1.0, -1.0]];
+    let Some(&first) = points.first() else { return Vec::new() };
+    let mut far = WAYS.map(|way| (way[0] * first[0] + way[1] * first[1], first));
+    for &p in points {
+        for (way, far) in WAYS.iter().zip(&mut far) {
+            let along = way[0] * p[0] + way[1] * p[1];
+            *far = if along > far.0 { (along, p) } else { *far };
+        }
+    }
+    let mut corners = far.map(|(_, p)| p).to_vec();
+    corners.dedup();
+    let sides: Vec<_> = corners.iter().copied().zip(corners.iter().copied().cycle().skip(1)).filter(|(a, b)| a != b).collect();
+    // Far more than rounding can be wrong by.
+    let well = 1e-6 * (far[0].0 + far[4].0) * (far[2].0 + far[6].0);
+    let is_inside = |p: &[f64; 2]| sides.len() > 2 && sides.iter().all(|(a, b)| cross(*a, *b, *p) > well);
+    points.iter().copied().filter(|p| !is_inside(p)).collect()
+}
+
 /// Convex hull, counter-clockwise (Andrew's monotone chain). Fewer than three distinct points give what there is.
 pub(crate) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let mut sorted = points.to_vec();
-    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let mut sorted = rim(points);
+    sorted.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     sorted.dedup();
     if sorted.len() < 3 {
         return sorted;
     }
-    let cross = |o: [f64; 2], a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
     let chain = |points: &mut dyn Iterator<Item = [f64; 2]>| {
         let mut hull: Vec<[f64; 2]> = Vec::new();
         for p in points {

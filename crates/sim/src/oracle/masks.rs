@@ -78,7 +78,7 @@ pub fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
         let mut first = 0;
         while first < width {
             let id = line[first];
-            let end = line[first..].iter().position(|&other| other != id).map_or(width, |n| first + n);
+            let end = end_of_run(line, first);
             if id != 0 {
                 let largest = squares(id, &line_above[first..end], &above[first..end], &mut side[first..end]);
                 let slot = &mut slots[usize::from(id)];
@@ -110,6 +110,15 @@ pub fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
     place(ids, width, &mut found, &runs);
     found.sort_by_key(|mask| mask.id);
     found
+}
+
+/// The end of the neighbours in a row that have the id of the pixel at `first`.
+pub(super) fn end_of_run(line: &[u16], first: usize) -> usize {
+    let id = line[first];
+    // Whole groups without a branch for each pixel, so that they are compared at once.
+    let same = |group: &&[u16; 16]| group.iter().fold(0, |differ, other| differ | (other ^ id)) == 0;
+    let from = first + 16 * line[first..].as_chunks::<16>().0.iter().take_while(same).count();
+    line[from..].iter().position(|&other| other != id).map_or(line.len(), |n| from + n)
 }
 
 /// Sides of the largest squares that end at each pixel of a stretch; the stretch's pixels left of it are another id.

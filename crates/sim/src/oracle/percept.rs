@@ -10,7 +10,7 @@ use spf_core::reply::Look;
 use spf_core::rng::Draw;
 
 use super::errors::ErrorFile;
-use super::masks::{Mask, masks};
+use super::masks::{Mask, end_of_run, masks};
 use super::tags::Tagged;
 
 /// Size at which the visible pixels of an object are counted unless the query names another (DESIGN.md section 5).
@@ -209,10 +209,11 @@ fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64>
         let level = 1.0 + up * up;
         let mut first = 0;
         // Neighbours of one thing are taken together, and where there is nothing nothing is worked out.
-        for run in ids.chunk_by(|a, b| a == b) {
-            let (from, to) = (first, first + run.len());
+        while first < w {
+            let (from, to) = (first, end_of_run(ids, first));
             first = to;
-            if run[0] == 0 {
+            let id = ids[from];
+            if id == 0 {
                 continue;
             }
             let square = |along: f32, aside: f64| {
@@ -229,7 +230,7 @@ fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64>
                 }
             }
             let rest = depth.iter().zip(aside).map(|(along, aside)| square(*along, *aside));
-            let least = &mut least[usize::from(run[0])];
+            let least = &mut least[usize::from(id)];
             *least = fours.into_iter().chain(rest).fold(*least, lesser);
         }
     }
@@ -247,8 +248,11 @@ fn level(sight: &Sight<'_>, tags: &[Tagged]) -> f64 {
     let camera = sight.camera;
     let rest = (camera.cy - camera.fy * libm::tan(camera.tilt)) / f64::from(camera.height);
     let ground: Vec<u16> = tags.iter().filter(|tags| tags.is_surface() && !tags.opening).map(|tags| tags.id).collect();
+    let mut is_ground = vec![false; ground.iter().max().map_or(0, |most| usize::from(*most) + 1)];
+    ground.iter().for_each(|id| is_ground[usize::from(*id)] = true);
     let ids = |row: usize, column: usize| sight.ids.get(row * sight.width + column);
-    let top = |column: usize| (0..sight.height).find(|&row| ids(row, column).is_some_and(|id| ground.contains(id)));
+    let shows_ground = |id: &u16| is_ground.get(usize::from(*id)).is_some_and(|is| *is);
+    let top = |column: usize| (0..sight.height).find(|&row| ids(row, column).is_some_and(shows_ground));
     let mut tops: Vec<usize> = (0..sight.width).step_by(HORIZON_STEP).filter_map(top).collect();
     tops.sort_unstable();
     let horizon = tops.get(tops.len() / 2).map_or(rest, |row| *row as f64 / sight.height as f64);

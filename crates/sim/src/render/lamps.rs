@@ -11,7 +11,7 @@ use super::lanes::{F, Instructions, LANES, Simd, V3, with_instructions};
 use super::meter::luminance;
 use super::prepare::Soup;
 use super::raster::{NONE, SUB, TILE, TILE_AREA, Tile, place};
-use super::setup::Bins;
+use super::setup::{Bins, Wanted};
 use super::view::View;
 use super::walls::{Lattice, Walls};
 use crate::geometry::Lamp;
@@ -260,12 +260,12 @@ impl Cube {
                 cx: half,
                 cy: half,
             };
-            bins.fill(&[soup], &view, false, true);
+            bins.fill(Instructions::best(), &[soup], &view, Wanted { openings: false, centres: true });
             id.fill(NONE);
             let mut tile = Tile::new(near, &mut id, (0, 0), (SUB / 2, SUB / 2));
-            with_instructions!(Instructions::best(), _simd => {
+            with_instructions!(Instructions::best(), simd => {
                 for t in bins.of(0) {
-                    tile.draw(t);
+                    tile.draw(simd, t);
                 }
             });
         }

@@ -51,7 +51,7 @@ use pattern::Paint;
 pub use picture::{Picture, SaveError};
 use prepare::Soup;
 use raster::{NONE, SUB, TILE, TILE_AREA, Tile};
-use setup::{Bins, tiles};
+use setup::{Bins, Wanted, tiles};
 use shade::Shader;
 use shadow::ShadowMap;
 use sky::Sky;
@@ -194,7 +194,8 @@ impl Renderer {
 
     fn draw(&self, view: &View, channels: Channels, actors: &Soup, scratch: &mut Scratch, picture: &mut Picture) {
         let soups = [&self.soup, actors];
-        scratch.solid.fill(&soups, view, false, !channels.rgb);
+        let centres = !channels.rgb;
+        scratch.solid.fill(self.instructions, &soups, view, Wanted { openings: false, centres });
         let (columns, rows) = tiles(view.width, view.height);
         let area = columns * rows * TILE_AREA;
         scratch.near.resize(area, 0.0);
@@ -206,9 +207,9 @@ impl Renderer {
             near.fill(0.0);
             id.fill(NONE);
             let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2));
-            with_instructions!(self.instructions, _simd => {
+            with_instructions!(self.instructions, simd => {
                 for t in solid.of(index) {
-                    tile.draw(t);
+                    tile.draw(simd, t);
                 }
             });
         });
@@ -218,7 +219,7 @@ impl Renderer {
         };
         picture.take_truth(&scratch.near, &scratch.id, columns, object);
         if channels.openings {
-            scratch.openings.fill(&soups, view, true, true);
+            scratch.openings.fill(self.instructions, &soups, view, Wanted { openings: true, centres: true });
         }
         if channels.openings && scratch.openings.are_empty() {
             picture.take_no_openings();
@@ -235,9 +236,9 @@ impl Renderer {
                 // An opening flush with its wall is seen: it need not be nearer than the wall, only not behind it.
                 near.iter_mut().zip(solid).for_each(|(n, s)| *n = s * 0.999);
                 let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2));
-                with_instructions!(self.instructions, _simd => {
+                with_instructions!(self.instructions, simd => {
                     for t in openings.of(index) {
-                        tile.draw(t);
+                        tile.draw(simd, t);
                     }
                 });
             });

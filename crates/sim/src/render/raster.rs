@@ -3,6 +3,9 @@
 //! Edges are integers (1/16 pixel), so that neighbouring triangles share no sample and leave no gap. Nearness (1/z for a camera, linear
 //! depth for the sun) is an affine function over the picture, clamped to the triangle's own range.
 
+use super::lanes::{F, I, LANES, Simd, U, each};
+use fearless_simd::prelude::*;
+
 /// Tile side, pixels.
 pub(crate) const TILE: i32 = 64;
 /// Samples of a tile.
@@ -150,7 +153,7 @@ impl<'a> Tile<'a> {
 
     /// Draws a triangle: nearer wins, the first of equals stays.
     #[inline(always)]
-    pub(crate) fn draw(&mut self, t: &ScreenTriangle) {
+    pub(crate) fn draw<S: Simd>(&mut self, simd: S, t: &ScreenTriangle) {
         let (sx, sy) = self.sample;
         let (left, top) = (self.x * SUB + sx, self.y * SUB + sy);
         let [x0, x1, x2] = t.x;
@@ -191,59 +194,60 @@ impl<'a> Tile<'a> {
                 }
                 let z = base + t.slope_x * (bx * 8) as f32 + t.slope_y * (by * 8) as f32;
                 let reach = (z + t.slope_x.max(0.0) * 7.0 + t.slope_y.max(0.0) * 7.0).clamp(t.farthest, t.nearest);
-                if reach <= self.far(block) {
+                if reach <= self.far(simd, block) {
                     continue;
                 }
                 self.stale |= 1 << block;
-                self.draw_block(t, block, rows, at, a, b, z);
+                self.draw_block(simd, t, block, rows, (at, a, b), z);
             }
         }
     }
 
+    /// Draws the rows of a block a row at once. The edges have the values `at` its first pixel, and go on by `a` to the right and `b`
+    /// downwards; nearness there is `z`.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "the inner loop's registers")]
-    fn draw_block(
+    fn draw_block<S: Simd>(
         &mut self,
+        simd: S,
         t: &ScreenTriangle,
         block: usize,
         rows: (usize, usize),
-        at: [i32; 3],
-        a: [i32; 3],
-        b: [i32; 3],
+        (at, a, b): ([i32; 3], [i32; 3], [i32; 3]),
         z: f32,
     ) {
-        let near = &mut self.near[block * 64..block * 64 + 64];
-        let id = &mut self.id[block * 64..block * 64 + 64];
-        for row in rows.0..=rows.1 {
+        let near = self.near[block * 64..block * 64 + 64].as_chunks_mut::<LANES>().0;
+        let id = self.id[block * 64..block * 64 + 64].as_chunks_mut::<LANES>().0;
+        let across = I::from_slice(simd, &each(|k| k as i32));
+        let (a0, a1, a2) = (across * a[0], across * a[1], across * a[2]);
+        let along = F::from_slice(simd, &each(|k| k as f32)) * t.slope_x;
+        let (nothing, own) = (U::splat(simd, 0), U::splat(simd, t.id));
+        let both = near.iter_mut().zip(id).enumerate().take(rows.1 + 1).skip(rows.0);
+        for (row, (near, id)) in both {
             let down = row as i32;
-            let [e0, e1, e2] = [0, 1, 2].map(|i| at[i] + b[i] * down);
-            let zr = z + t.slope_y * row as f32;
-            let Some((near, _)) = near[row * 8..].split_first_chunk_mut::<8>() else { return };
-            let Some((id, _)) = id[row * 8..].split_first_chunk_mut::<8>() else { return };
-            for k in 0..8 {
-                let across = k as i32;
-                let inside = (e0 + a[0] * across) | (e1 + a[1] * across) | (e2 + a[2] * across);
-                let value = zr + t.slope_x * k as f32;
-                let value = if value > t.farthest { value } else { t.farthest };
-                let value = if value < t.nearest { value } else { t.nearest };
-                let seen = (inside >= 0) & (value > near[k]);
-                near[k] = if seen { value } else { near[k] };
-                id[k] = if seen { t.id } else { id[k] };
-            }
+            let inside = (a0 + (at[0] + b[0] * down)) | (a1 + (at[1] + b[1] * down)) | (a2 + (at[2] + b[2] * down));
+            let value = (along + (z + t.slope_y * row as f32)).max(t.farthest).min(t.nearest);
+            // Farther than anything where the triangle is not.
+            let value = inside.simd_ge(0).select(value, F::splat(simd, -1.0));
+            let there = F::from_slice(simd, near);
+            let seen = value.simd_gt(there);
+            value.max(there).store_slice(near);
+            // The greater of two numbers, one of them 0, and no choice between what is there and another: a compiler makes a store
+            // under a mask of that, which takes many times as long on some machines.
+            let (old, new) = (seen.select(nothing, U::from_slice(simd, id)), seen.select(own, nothing));
+            old.max(new).store_slice(id);
         }
     }
 
     /// The least nearness in a block.
     #[inline(always)]
-    fn far(&mut self, block: usize) -> f32 {
+    fn far<S: Simd>(&mut self, simd: S, block: usize) -> f32 {
         if self.stale >> block & 1 == 1 {
             self.stale &= !(1 << block);
-            let mut least = [f32::INFINITY; 8];
-            for row in self.near[block * 64..block * 64 + 64].chunks_exact(8) {
-                for (m, &v) in least.iter_mut().zip(row) {
-                    *m = if v < *m { v } else { *m };
-                }
+            let mut least = F::splat(simd, f32::INFINITY);
+            for row in self.near[block * 64..block * 64 + 64].as_chunks::<LANES>().0 {
+                least = F::from_slice(simd, row).min(least);
             }
+            let least: [f32; LANES] = least.into();
             self.block_far[block] = least.into_iter().fold(f32::INFINITY, f32::min);
         }
         self.block_far[block]
@@ -252,8 +256,9 @@ impl<'a> Tile<'a> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::lanes::{Instructions, with_instructions};
     use super::*;
-    use proptest::prelude::*;
+    use proptest::prelude::{prop_assert, proptest};
 
     fn triangle(x: [i32; 3], y: [i32; 3], id: u32) -> Option<ScreenTriangle> {
         ScreenTriangle { x, y, slope_x: 0.0, slope_y: 0.0, base: 1.0, farthest: 1.0, nearest: 1.0, id }.oriented()
@@ -269,7 +274,8 @@ mod tests {
                 let (p, q) = (corners[i], corners[(i + 1) % 4]);
                 let (mut near, mut id) = (vec![0.0; TILE_AREA], vec![NONE; TILE_AREA]);
                 if let Some(t) = triangle([p.0, q.0, px], [p.1, q.1, py], 7) {
-                    Tile::new(&mut near, &mut id, (0, 0), (sx, sy)).draw(&t);
+                    let mut tile = Tile::new(&mut near, &mut id, (0, 0), (sx, sy));
+                    with_instructions!(Instructions::best(), simd => tile.draw(simd, &t));
                 }
                 for (n, &id) in covered.iter_mut().zip(&id) {
                     *n += i32::from(id == 7);
@@ -286,7 +292,11 @@ mod tests {
         for order in [[far, close], [close, far]] {
             let (mut near, mut id) = (vec![0.0; TILE_AREA], vec![NONE; TILE_AREA]);
             let mut tile = Tile::new(&mut near, &mut id, (0, 0), (8, 8));
-            order.iter().for_each(|t| tile.draw(t));
+            with_instructions!(Instructions::plain(), simd => {
+                for t in &order {
+                    tile.draw(simd, t);
+                }
+            });
             assert_eq!(id[place(3, 3)], 2);
             assert_eq!(id[place(63, 63)], NONE);
         }

@@ -1,8 +1,10 @@
 //! From clusters to triangles in the picture: culling, clipping, projecting, and sorting into tiles.
 
+use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::lanes::{F, I, Instructions, LANES, Simd, V3, each, whole, with_instructions};
 use super::prepare::{Cluster, Soup};
 use super::raster::{GUARD, SUB, ScreenTriangle, TILE};
 use super::view::View;
@@ -23,24 +25,52 @@ pub(crate) struct Bins {
     order: Vec<(u32, u32, u32)>,
 }
 
-/// A corner as a view sees it.
-#[derive(Debug)]
-struct Corner {
-    camera: Vec3,
-    /// Whether it is before the near plane and within the guard band.
-    in_guard: bool,
-    /// If so, its place in the picture, 1/16 pixel.
-    x: i32,
-    y: i32,
+/// What is set up of a scene.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wanted {
+    /// The openings, or all but the openings.
+    pub(crate) openings: bool,
+    /// Only what may cover the centre of a pixel.
+    pub(crate) centres: bool,
 }
 
-impl Corner {
-    fn of(position: Vec3, view: &View) -> Self {
-        let p = view.to_camera(position);
-        let band = (GUARD - 8192.0) * p.z;
-        let in_guard = p.z > NEAR && (view.fx * p.x).abs() < band && (view.fy * p.y).abs() < band;
-        let (x, y) = if in_guard { (column(p, view), row(p, view)) } else { (0, 0) };
-        Self { camera: p, in_guard, x, y }
+/// The corners of a cluster as a view sees them, and then some that stand for nothing.
+#[derive(Debug, Default)]
+struct Corners {
+    /// Metres along the optical axis.
+    depth: Vec<f32>,
+    /// Place in the picture, 1/16 pixel; [`OUTSIDE`] for those before the near plane or out of the guard band.
+    x: Vec<i32>,
+    y: Vec<i32>,
+}
+
+/// No place in the picture.
+const OUTSIDE: i32 = i32::MIN;
+
+impl Corners {
+    /// Eight at once.
+    #[inline(always)]
+    fn see<S: Simd>(&mut self, simd: S, positions: &[Vec3], view: &View) {
+        let count = positions.len().next_multiple_of(LANES);
+        self.depth.resize(count, 0.0);
+        self.x.resize(count, 0);
+        self.y.resize(count, 0);
+        for (i, eight) in positions.chunks(LANES).enumerate() {
+            let last = eight.len() - 1;
+            let v = V3 {
+                x: F::from_slice(simd, &each(|lane| eight[lane.min(last)].x)) - view.eye.x,
+                y: F::from_slice(simd, &each(|lane| eight[lane.min(last)].y)) - view.eye.y,
+                z: F::from_slice(simd, &each(|lane| eight[lane.min(last)].z)) - view.eye.z,
+            };
+            let (x, y, z) = (v.dot_same(view.right) * view.fx, v.dot_same(view.down) * view.fy, v.dot_same(view.forward));
+            let band = z * (GUARD - 8192.0);
+            let inside = z.simd_gt(NEAR) & x.abs().simd_lt(band) & y.abs().simd_lt(band);
+            let (column, row) = (snap_all(x / z + view.cx), snap_all(y / z + view.cy));
+            let at = i * LANES..(i + 1) * LANES;
+            z.store_slice(&mut self.depth[at.clone()]);
+            inside.select(column, I::splat(simd, OUTSIDE)).store_slice(&mut self.x[at.clone()]);
+            row.store_slice(&mut self.y[at]);
+        }
     }
 }
 
@@ -72,7 +102,7 @@ struct Group {
     triangles: Vec<ScreenTriangle>,
     /// (tile, place in `triangles`)
     tiles: Vec<(u32, u32)>,
-    corners: Vec<Corner>,
+    corners: Corners,
 }
 
 /// Tiles of a picture of `width` × `height`: columns and rows.
@@ -97,14 +127,13 @@ impl Bins {
         self.starts[tile] == self.starts[tile + 1]
     }
 
-    /// Sets up what `view` sees of the openings, or of all but the openings; with `centres` only what may cover the centre of a
-    /// pixel. Ids count on from one soup to the next.
-    pub(crate) fn fill(&mut self, soups: &[&Soup], view: &View, openings: bool, centres: bool) {
+    /// Sets up what `view` sees. Ids count on from one soup to the next.
+    pub(crate) fn fill(&mut self, instructions: Instructions, soups: &[&Soup], view: &View, wanted: Wanted) {
         self.order.clear();
         let planes = frustum(view);
         for (s, soup) in soups.iter().enumerate() {
             for (c, cluster) in soup.clusters.iter().enumerate() {
-                if cluster.opening == openings && planes.iter().all(|&(n, d)| reaches(cluster, n) >= d) {
+                if cluster.opening == wanted.openings && planes.iter().all(|&(n, d)| reaches(cluster, n) >= d) {
                     let gap = (cluster.low - view.eye).max(view.eye - cluster.high).max(Vec3::ZERO);
                     self.order.push((gap.length_squared().to_bits(), s as u32, c as u32));
                 }
@@ -127,10 +156,12 @@ impl Bins {
         let (columns, _) = tiles(view.width, view.height);
         self.groups[..count].par_iter_mut().zip(self.order.par_chunks(GROUP)).for_each(|(group, order)| {
             group.clear();
-            for &(_, s, c) in order {
-                let soup = soups[s as usize];
-                group.add_cluster(soup, &soup.clusters[c as usize], first_id[s as usize], view, centres);
-            }
+            with_instructions!(instructions, simd => {
+                for &(_, s, c) in order {
+                    let (soup, first_id) = (soups[s as usize], first_id[s as usize]);
+                    group.add_cluster(simd, soup, &soup.clusters[c as usize], first_id, (view, wanted.centres));
+                }
+            });
             group.bin(view.width, view.height, columns);
         });
         self.sort_into_tiles(view.width, view.height);
@@ -200,21 +231,21 @@ impl Group {
         self.tiles.clear();
     }
 
-    fn add_cluster(&mut self, soup: &Soup, cluster: &Cluster, first_id: u32, view: &View, centres: bool) {
+    #[inline(always)]
+    fn add_cluster<S: Simd>(&mut self, simd: S, soup: &Soup, cluster: &Cluster, first_id: u32, (view, centres): (&View, bool)) {
         let positions = &soup.positions[cluster.positions.0 as usize..cluster.positions.1 as usize];
-        self.corners.clear();
-        self.corners.extend(positions.iter().map(|&p| Corner::of(p, view)));
+        self.corners.see(simd, positions, view);
         let (width, height) = (view.width as i32, view.height as i32);
         for t in cluster.triangles.0 as usize..cluster.triangles.1 as usize {
-            let [a, b, c] = soup.corners[t].map(|i| &self.corners[usize::from(i)]);
-            let in_guard = a.in_guard & b.in_guard & c.in_guard;
-            let (x, y) = ([a.x, b.x, c.x], [a.y, b.y, c.y]);
+            let corners = soup.corners[t].map(usize::from);
+            let (x, y) = (corners.map(|i| self.corners.x[i]), corners.map(|i| self.corners.y[i]));
+            let in_guard = x.iter().all(|x| *x != OUTSIDE);
             // Most triangles far away lie between the centres of pixels.
             if in_guard && (!may_be_seen(x, width, centres) || !may_be_seen(y, height, centres)) {
                 continue;
             }
             let normal = soup.triangles[t].normal;
-            let first = positions[usize::from(soup.corners[t][0])];
+            let first = positions[corners[0]];
             let height = normal.dot(first - view.eye);
             // Seen from behind, or exactly on edge.
             if height == 0.0 || (height > 0.0 && !cluster.two_sided) {
@@ -238,9 +269,9 @@ impl Group {
                 self.triangles.extend(triangle.oriented());
             };
             if in_guard {
-                emit([a.camera.z, b.camera.z, c.camera.z], x, y);
+                emit(corners.map(|i| self.corners.depth[i]), x, y);
             } else {
-                clip([a.camera, b.camera, c.camera], view, |corners| {
+                clip(corners.map(|i| view.to_camera(positions[i])), view, |corners| {
                     emit(corners.map(|p| p.z), corners.map(|p| column(p, view)), corners.map(|p| row(p, view)));
                 });
             }
@@ -273,6 +304,12 @@ impl Group {
 fn snap(x: f32) -> i32 {
     // Within GUARD, so the shifted value is positive and truncation rounds to nearest.
     (x * SUB as f32 + (524_288.0 + 0.5)) as i32 - 524_288
+}
+
+/// The same for eight.
+#[inline(always)]
+fn snap_all<S: Simd>(x: F<S>) -> I<S> {
+    whole((x * SUB as f32 + (524_288.0 + 0.5)).floor()) - 524_288
 }
 
 /// Clips to the near plane and the guard band, and hands on the triangles of the rest (Sutherland and Hodgman 1974).

@@ -185,9 +185,9 @@ impl ShadowMap {
                 near.fill(0.0);
                 let corner = (column as i32 * TILE, row as i32 * TILE);
                 let mut tile = Tile::new(&mut near, &mut id, corner, (SUB / 2, SUB / 2));
-                with_instructions!(Instructions::best(), _simd => {
+                with_instructions!(Instructions::best(), simd => {
                     for t in bins.of(index) {
-                        tile.draw(t);
+                        tile.draw(simd, t);
                     }
                 });
                 for y in 0..TILE as usize {

@@ -5,7 +5,7 @@ use core::ops::Range;
 use fearless_simd::prelude::*;
 use glam::Vec3;
 
-use super::lanes::{F, Instructions, LANES, Simd, each, with_instructions};
+use super::lanes::{F, Instructions, LANES, Simd, V3, each, with_instructions};
 use super::prepare::Soup;
 
 /// Nearness to the light of the first surface, on a grid across its rays.
@@ -40,13 +40,13 @@ impl Map {
         let size = (top - map.low) / texel;
         (map.width, map.height) = (size.x as usize + 2, size.y as usize + 2);
         map.near = vec![f32::NEG_INFINITY; map.width * map.height + LANES];
-        let mut corners: Vec<Vec3> = Vec::new();
+        let mut corners = Vec::with_capacity(soup.positions.len() + LANES);
         with_instructions!(Instructions::best(), simd => {
+            for eight in soup.positions.chunks(LANES) {
+                map.place(simd, eight, &mut corners);
+            }
             for cluster in soup.clusters.iter().filter(|c| !c.opening) {
-                corners.clear();
-                for &p in &soup.positions[cluster.positions.0 as usize..cluster.positions.1 as usize] {
-                    corners.push((map.turned(p) - map.low) / Vec3::new(texel, texel, 1.0));
-                }
+                let corners = &corners[cluster.positions.0 as usize..];
                 for i in cluster.triangles.0..cluster.triangles.1 {
                     let [a, b, c] = soup.corners[i as usize];
                     map.draw(simd, [corners[usize::from(a)], corners[usize::from(b)], corners[usize::from(c)]]);
@@ -59,6 +59,23 @@ impl Map {
     #[inline]
     fn turned(&self, p: Vec3) -> Vec3 {
         Vec3::new(p.dot(self.across), p.dot(self.along), p.dot(self.to))
+    }
+
+    /// Where up to eight places lie in the map, texels, texels, and metres towards the light; and then what stands for nothing.
+    #[inline(always)]
+    fn place<S: Simd>(&self, simd: S, eight: &[Vec3], out: &mut Vec<Vec3>) {
+        let last = eight.len() - 1;
+        let p = V3 {
+            x: F::from_slice(simd, &each(|lane| eight[lane.min(last)].x)),
+            y: F::from_slice(simd, &each(|lane| eight[lane.min(last)].y)),
+            z: F::from_slice(simd, &each(|lane| eight[lane.min(last)].z)),
+        };
+        let x: [f32; LANES] = ((p.dot_same(self.across) - self.low.x) / self.texel).into();
+        let y: [f32; LANES] = ((p.dot_same(self.along) - self.low.y) / self.texel).into();
+        let z: [f32; LANES] = (p.dot_same(self.to) - self.low.z).into();
+        for lane in 0..LANES {
+            out.push(Vec3::new(x[lane], y[lane], z[lane]));
+        }
     }
 
     /// Draws a triangle, several cells of a row at once.
@@ -81,7 +98,8 @@ impl Map {
                 let near = &mut self.near[y * self.width + x..][..LANES];
                 let there = F::from_slice(simd, near);
                 let here = F::splat(simd, a.z) - (px - a.x) * slope.0 - slope.1 * (py - a.y);
-                (inside & here.simd_gt(there)).select(here, there).store_slice(near);
+                // The greater one, and no choice between what is there and another: see `Tile::draw_block`.
+                inside.select(here, F::splat(simd, f32::NEG_INFINITY)).max(there).store_slice(near);
             }
         }
     }

@@ -1,0 +1,23 @@
+//! The judge over the way that a task's file says it must accept, on rails: five looks a second of flight.
+//!
+//! `cargo bench -p spf-bench`; loading the scene is apart.
+
+use std::sync::Arc;
+
+use divan::{Bencher, black_box};
+use spf_bench::judge::judge_trajectory;
+use spf_bench::task::shipped;
+use spf_flight::sim::Stage;
+
+/// Comes up to a thing, passes several, and keeps beside one that walks.
+#[divan::bench(args = ["sim-nav-black-car", "real-long-cones", "real-follow-green-shirt"])]
+fn accepted(bencher: Bencher<'_, '_>, task: &str) {
+    let task = shipped(task).expect("it can be read").expect("it is shipped");
+    let stage = Arc::new(Stage::load_with(&task.scene, &task.conditions).expect("it is built in"));
+    let way = task.trajectories.iter().find(|way| way.accepted).expect("every task has one");
+    bencher.bench_local(|| judge_trajectory(black_box(&task), &stage, way));
+}
+
+fn main() {
+    divan::main();
+}
