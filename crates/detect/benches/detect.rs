@@ -19,7 +19,7 @@ fn output() -> Vec<f32> {
         0 => (cell * 37 % 640) as f32,
         1 => (cell * 91 % 640) as f32,
         2 | 3 => 40.0,
-        _ if cell % 20 == 0 && row == 4 + cell / 20 % 80 => 0.3 + (cell % 7) as f32 / 20.0,
+        _ if cell.is_multiple_of(20) && row == 4 + cell / 20 % 80 => 0.3 + (cell % 7) as f32 / 20.0,
         _ => 0.01,
     };
     (0..ROWS).flat_map(|row| (0..CELLS).map(move |cell| value(row, cell))).collect()
