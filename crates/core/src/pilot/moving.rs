@@ -18,7 +18,7 @@ const REST_WAIT: Duration = Duration::from_millis(1500);
 const TURN_ONLY: f64 = 0.05;
 /// A move of which a limit leaves nothing for so long is over.
 const KEPT_STILL: Duration = Duration::from_secs(1);
-/// That is nothing: near a limit what is left dwindles, and comes and goes with the noise of the height.
+/// Up to this share of what is wanted counts as nothing: near a limit what is left comes and goes with the noise of the height.
 const KEPT_SHARE: f64 = 0.3;
 /// Flown back at most, metres: a craft that brakes for its goal stops within centimetres of it.
 const FLY_BACK: f64 = 0.1;

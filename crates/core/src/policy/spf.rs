@@ -191,9 +191,10 @@ impl Spf {
         }
     }
 
-    /// What the detector's list stands for on the way to the reply's point; nothing where it leads nowhere.
+    /// What the detector's list stands for on the way to the reply's point, or along its open way; nothing where it leads nowhere.
     fn obstacles(&self, reply: &Reply, view: &View) -> Vec<ObstacleBox> {
-        let Some((point, depth)) = reply.point.zip(reply.depth) else { return Vec::new() };
+        let leads = reply.point.zip(reply.depth).or(reply.open_way.map(|way| (way.point, way.depth)));
+        let Some((point, depth)) = leads else { return Vec::new() };
         let ray = view.camera.ray(point);
         let length = self.settings.step.length(depth) * libm::sqrt(1.0 + ray.right * ray.right + ray.up * ray.up);
         detection::obstacles(&self.detections, &view.camera, length, reply.target.as_deref())

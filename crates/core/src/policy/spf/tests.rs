@@ -119,3 +119,15 @@ fn out_of_obstacle_mode_no_detector_is_asked() {
     let query = asked(policy(false).handle(PolicyEvent::Frame(&view(0))));
     assert_eq!((&query.kind, query.detections.len()), (&QueryKind::Point { avoid: false }, 0));
 }
+
+#[test]
+fn a_search_keeps_clear_of_the_list_too() {
+    let mut spf = policy(true);
+    let open = r#"{"status":"not_visible","look":"right","point":[500,500],"depth":9}"#;
+    let flown = (0..40).find(|frame| {
+        decided(&mut spf, *frame, CAR_AHEAD, open);
+        spf.reading().step.is_some()
+    });
+    assert!(flown.is_some(), "it goes along the way that the answers show");
+    assert!(matches!(spf.reading().avoidance, Some(Avoidance::Shifted { by: 0, .. })), "{:?}", spf.reading().avoidance);
+}
