@@ -60,8 +60,12 @@ impl OracleVlm {
 
     fn look(&self, frame: FrameId, moment: &Moment) -> Percept {
         let mut eyes = self.world.stage().eyes();
-        self.world.look_into(moment, Channels::TRUTH, &mut eyes.sight);
-        let in_frame = self.world.in_frame(moment, &mut eyes.wide);
+        let Eyes { sight, wide } = &mut eyes;
+        // Two pictures at once: much of drawing one without colours goes on in one thread.
+        let ((), in_frame) =
+            rayon::join(|| self.world.look_into(moment, Channels::TRUTH, sight), || self.world.in_frame(moment, wide));
+        // Not within: whoever first asks for the light waits while it is worked out, and must not take up another flight's looking
+        // meanwhile, which would wait for itself.
         let light = self.world.light_on(moment, &eyes.sight);
         let picture = &eyes.sight;
         let sight = Sight {

@@ -87,29 +87,18 @@ pub struct Percept {
 }
 
 impl Percept {
-    /// Draws the percept of one frame.
+    /// Draws the percept of one frame. What is independent is looked at at once, on as many threads as there are; the percept is the
+    /// same on any number.
     pub(super) fn draw(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, tags: &[Tagged]) -> Self {
-        let (w, h) = (sight.width, sight.height);
-        let mut things = Vec::new();
-        for opening in [false, true] {
-            let (ids, depth) = if opening { (sight.opening_ids, sight.opening_depth) } else { (sight.ids, sight.depth) };
-            if w == 0 || ids.len() < w * h || depth.len() < w * h {
-                continue;
-            }
-            let most = ids.iter().fold(0, |most, id| *id.max(&most));
-            if most == 0 {
-                continue;
-            }
-            let nearest = nearest(sight, most, &ids[..w * h], &depth[..w * h]);
-            for mask in masks(ids, w) {
-                if let Some(tags) = tags.iter().find(|t| t.id == mask.id && t.opening == opening) {
-                    let nearest = nearest[usize::from(mask.id)];
-                    things.push(thing(errors, seed, frame, sight, (depth, nearest), &mask, tags));
-                }
-            }
-        }
-        let level = level(sight, tags);
-        let walls = Walls::of(sight, level);
+        let things = |opening| things((errors, seed, frame), sight, tags, opening);
+        let ((mut things, openings), (level, walls)) = rayon::join(
+            || (things(false), things(true)),
+            || {
+                let level = level(sight, tags);
+                (level, Walls::of(sight, level))
+            },
+        );
+        things.extend(openings);
         Self { frame, camera: *sight.camera, level, ahead: walls.room(sight.camera.cx), open: walls.most_open(level), things }
     }
 
@@ -144,6 +133,25 @@ const NINETEEN_LN: f64 = 2.944_438_979_166_440_3;
 /// `1 / (1 + exp(−x / width))`; a step at 0 (inclusive) when the width is 0.
 pub(super) fn logistic(x: f64, width: f64) -> f64 {
     if width > 0.0 { 1.0 / (1.0 + exp(-x / width)) } else { f64::from(u8::from(x >= 0.0)) }
+}
+
+/// The tagged things of the ordinary picture in ascending order of id, or those of the picture of openings.
+fn things(of: (&ErrorFile, u64, FrameId), sight: &Sight<'_>, tags: &[Tagged], opening: bool) -> Vec<Thing> {
+    let (errors, seed, frame) = of;
+    let (w, h) = (sight.width, sight.height);
+    let (ids, depth) = if opening { (sight.opening_ids, sight.opening_depth) } else { (sight.ids, sight.depth) };
+    let most = ids.iter().fold(0, |most, id| *id.max(&most));
+    if w == 0 || ids.len() < w * h || depth.len() < w * h || most == 0 {
+        return Vec::new();
+    }
+    let (nearest, masks) = rayon::join(|| nearest(sight, most, &ids[..w * h], &depth[..w * h]), || masks(ids, w));
+    let tagged = |mask: &Mask| tags.iter().find(|tags| tags.id == mask.id && tags.opening == opening);
+    let seen = masks.iter().filter_map(|mask| Some((mask, tagged(mask)?)));
+    seen.map(|(mask, tags)| {
+        let nearest = nearest[usize::from(mask.id)];
+        thing(errors, seed, frame, sight, (depth, nearest), mask, tags)
+    })
+    .collect()
 }
 
 /// `depth` is that of the picture which shows the thing, and the distance to its nearest surface there.
