@@ -2,6 +2,7 @@
 //!
 //! The paper leaves it to the model to point clear of the boxes that it reports. Models do not always, so the geometry is
 //! checked: a box and its depth label are taken for a solid that begins at the near edge of the label's interval of range
+//! (what has the least label may begin anywhere before it)
 //! and reaches without end behind it, for nobody has seen its far side. The body sweeps a tube around its path. Where tube
 //! and solid come nearer than the clearance, the point is shifted to the nearest free direction, else the step is shortened,
 //! else the craft is to hold and ask again. An obstacle is never left out of account.
@@ -164,6 +165,8 @@ struct Solid {
     /// Range at which it begins, metres.
     near: f64,
     clearance: f64,
+    /// The least label is said of anything nearer too: no way leads towards such a thing, however short.
+    is_here: bool,
 }
 
 impl Solid {
@@ -183,7 +186,8 @@ impl Solid {
         });
         let near = range_of_label(f64::from(obstacle.depth) - 0.5);
         // A wide craft may already be nearer to a thing than its clearance; it must not come nearer still, but may leave.
-        Self { index, corners, normals, near, clearance: clearance.min(0.95 * near) }
+        let clearance = clearance.min(0.95 * near);
+        Self { index, corners, normals, near, clearance, is_here: obstacle.depth <= 1 }
     }
 
     /// Cosine and sine of the angle between a unit vector and the nearest direction of the box.
@@ -218,6 +222,12 @@ impl Solid {
         if range * cos >= self.near { range * sin } else { to_near_edge(range, self.near, cos) }
     }
 
+    /// Whether a way leads from the lens into the box.
+    fn is_towards(&self, end: DVec3) -> bool {
+        let length = end.length();
+        length > 0.0 && self.angle(end / length).1 == 0.0
+    }
+
     /// How near a straight way from the lens comes to the solid, metres.
     fn distance_of_leg(&self, end: DVec3) -> f64 {
         let length = end.length();
@@ -234,7 +244,7 @@ impl Solid {
     }
 
     fn blocks(&self, path: &Path) -> bool {
-        if self.distance_of_leg(path.corner) < self.clearance {
+        if self.distance_of_leg(path.corner) < self.clearance || (self.is_here && self.is_towards(path.corner)) {
             return true;
         }
         let climb = path.end - path.corner;
