@@ -190,6 +190,6 @@ pub struct Decision {
     /// Where the plan ends, as known, when it moves: from the pose of the frame when the move is anchored there, else from the
     /// pose at the reply.
     pub goal: Option<Pose>,
-    /// True when the plan's end was already passed, so that the craft holds instead.
+    /// True when the plan's end was already passed, so that the craft turns at most, and does not fly there.
     pub passed: bool,
 }

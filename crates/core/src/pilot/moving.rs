@@ -20,6 +20,8 @@ const TURN_ONLY: f64 = 0.05;
 const KEPT_STILL: Duration = Duration::from_secs(1);
 /// Up to this share of what is wanted counts as nothing: near a limit what is left comes and goes with the noise of the height.
 const KEPT_SHARE: f64 = 0.3;
+/// A plan that was passed is not turned by less than this, radians: the next one turns as well.
+const WORTH_TURNING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
 /// Flown back at most, metres: a craft that brakes for its goal stops within centimetres of it.
 const FLY_BACK: f64 = 0.1;
 
@@ -74,7 +76,7 @@ impl Pilot {
                 let goal = Goal::of_primitives(from, motion.primitives);
                 // Flying back to it fails in up to half of the runs (closed-loop study, finding 6).
                 if self.is_passed(now, goal, from.position) {
-                    return self.refuse_move(now);
+                    return self.turn_alone(now, goal.heading);
                 }
                 if self.settings.motion == Motion::Blended {
                     self.executor.start_goal(now, known, goal);
@@ -93,6 +95,26 @@ impl Pilot {
         self.needs_rest = motion.then_rest;
         self.hold_since = None;
         self.settled = None;
+        self.next_tick = now;
+    }
+
+    /// Of a plan that was passed the turn is still flown, where the craft comes to rest: what it points at, somebody who walks by say,
+    /// would leave the picture otherwise.
+    fn turn_alone(&mut self, now: Time, heading: f64) {
+        let known = self.known(now);
+        let yaw = wrap_angle(heading - known.attitude.heading);
+        if yaw.abs() < WORTH_TURNING {
+            return self.refuse_move(now);
+        }
+        if self.settings.motion == Motion::Blended {
+            let position = self.executor.rest_position(now, known);
+            self.executor.start_goal(now, known, Goal { position, heading });
+        } else {
+            self.executor.start(now, known, Primitives { yaw, ..Primitives::default() });
+        }
+        self.executing = true;
+        self.needs_rest = false;
+        (self.hold_since, self.settled) = (None, None);
         self.next_tick = now;
     }
 

@@ -120,6 +120,39 @@ fn an_anchor_already_passed_means_hold_and_never_flying_back() {
     assert!(flight.model.velocity.speed() < 0.05);
 }
 
+/// Somebody who walks past at arm's length leaves the picture at its side, where a plan's step is short and its turn is not.
+#[test]
+fn of_a_plan_already_passed_the_turn_is_flown() {
+    for motion in [Motion::Blended, Motion::Sequential] {
+        let mut setup = Setup::preset(Preset::Default);
+        setup.settings.motion = motion;
+        let mut asked = 0;
+        let mut flight = setup.fly(move |_, _| {
+            asked += 1;
+            match asked {
+                1 => Answer::After(secs(0.5), navigate(0.5, 0.45, 8)),
+                // About a frame of this flight's first second, when the craft has long flown on.
+                2 => Answer::After(secs(6.0), navigate(0.95, 0.45, 1)),
+                _ => Answer::Never,
+            }
+        });
+        flight.until("the second decision", |flight| flight.decisions().count() == 2);
+        let decision = flight.decisions().last().unwrap().clone();
+        assert!(decision.passed, "{motion:?}");
+        let goal = decision.goal.unwrap();
+        let at = flight.model.position;
+        for _ in 0..60 {
+            flight.pass(0.1);
+        }
+        let off = wrap_angle(flight.model.heading - goal.attitude.heading);
+        assert!(off.abs() < 0.05, "{motion:?}: {off} rad off");
+        assert!(flight.model.velocity.speed() < 0.05);
+        // No way back, and on only as far as it takes to stop.
+        let on = flight.model.position.north - at.north;
+        assert!((-0.1..2.5).contains(&on), "{motion:?}: {on} m");
+    }
+}
+
 /// A goal that lies ahead, but nearer than the craft can stop, is one that would be flown back to: by 1.3 m at 3 m/s.
 #[test]
 fn a_goal_too_near_to_stop_before_is_not_flown_back_to() {
