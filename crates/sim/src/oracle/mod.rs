@@ -93,9 +93,9 @@ impl Oracle {
         duration_from_secs(latency.median_s * libm::exp(deviation * normal))
     }
 
-    /// A generator for one answer.
+    /// A generator for one answer. The instruction is part of its name: flights of two tasks with one seed share no luck here.
     fn by_query(&self, purpose: &str, query: &Query) -> Draw {
-        Draw::new(self.seed, &format!("oracle answer {purpose}"), &[query.id.0])
+        Draw::new(self.seed, &format!("oracle answer {purpose}: {}", query.instruction), &[query.id.0])
     }
 }
 

@@ -216,7 +216,7 @@ fn words(stage: Stage<'_>, thing: Option<&Thing>) -> String {
 }
 
 /// Who is followed is not come nearer to than this many times `near`.
-const KEEP: f64 = 2.5;
+const KEEP: f64 = TOO_NEAR;
 /// … and backed off from within this many.
 const TOO_NEAR: f64 = 1.5;
 

@@ -420,6 +420,19 @@ fn a_scan_ends_after_a_full_turn_and_follow_never() {
     assert_eq!((reply.status, reply.look), (Status::NotVisible, Some(Look::Down)));
 }
 
+/// Tasks of a bench share their seeds; what an answer's errors cost is only known from many draws if they do not share these.
+#[test]
+fn the_luck_of_answers_differs_with_seed_question_and_words() {
+    let oracle = oracle("default");
+    let painting = site();
+    let percept = painting.percept(&oracle, 0);
+    let latency = |id, words| oracle.answer(&query(id, POINT, words), &percept).latency;
+    let one = latency(3, "fly to the red crane");
+    assert_eq!(one, latency(3, "fly to the red crane"));
+    assert_ne!(one, latency(4, "fly to the red crane"));
+    assert_ne!(one, latency(3, "fly to the yellow crane"));
+}
+
 #[test]
 fn the_other_kinds_answer_from_the_same_percept() {
     let oracle = oracle("perfect");
