@@ -2,10 +2,11 @@
 //!
 //! The paper leaves it to the model to point clear of the boxes that it reports. Models do not always, so the geometry is
 //! checked: a box and its depth label are taken for a solid that begins at the near edge of the label's interval of range
-//! (what has the least label may begin anywhere before it)
-//! and reaches without end behind it, for nobody has seen its far side. The body sweeps a tube around its path. Where tube
-//! and solid come nearer than the clearance, the point is shifted to the nearest free direction, else the step is shortened,
-//! else the craft is to hold and ask again. An obstacle is never left out of account.
+//! (what has the least label may begin anywhere before that) and reaches without end behind it, for nobody has seen its far
+//! side. The body sweeps a tube around its path. Where tube and solid come nearer than the clearance, the point is shifted to
+//! the nearest free direction, else the step is shortened, else the craft is to hold and ask again. An obstacle is never left
+//! out of account. What lies beside the picture is in no reply: a way along its edge is turned to first
+//! ([`leads_along_edge`]).
 
 use core::f64::consts::PI;
 
@@ -31,6 +32,8 @@ pub const MIN_STEP: f64 = 0.1;
 const EDGE: f64 = 0.02;
 /// A box thinner than this share of the picture is taken to be this thick.
 const MIN_BOX: f64 = 0.002;
+/// Metres aside for each metre ahead from which on a way can be said to lead along an edge: 14°.
+const ASIDE: f64 = 0.25;
 /// Directions tried on each ring around the planned one, half a circle's worth.
 const HALF_RING: u32 = 8;
 /// Parts in which a step is shortened.
@@ -117,6 +120,19 @@ pub fn avoid(plan: &PlannedStep<'_>, clearance: f64, boxes: &[ObstacleBox], targ
         Some(step) => Avoidance::Shortened { step, by },
         None => Avoidance::Hold { by: Some(by) },
     }
+}
+
+/// Whether the way to a point, flown for `step` metres along the optical axis, ends nearer than `clearance` to what lies beside the
+/// picture, though not before it: it leads along the left or the right edge, past what nobody has seen.
+#[must_use]
+pub fn leads_along_edge(plan: &PlannedStep<'_>, point: ImagePoint, step: f64, clearance: f64) -> bool {
+    let (ray, camera) = (plan.camera.ray(point), plan.camera);
+    if ray.right.abs() < ASIDE {
+        return false;
+    }
+    let edge = camera.ray(ImagePoint { u: if ray.right < 0.0 { 0.0 } else { 1.0 }, v: point.v }).right;
+    // The end's distance from the upright plane through the lens and the edge.
+    step * (edge - ray.right).abs() / libm::sqrt(1.0 + edge * edge) < clearance
 }
 
 fn is_target(obstacle: &ObstacleBox, point: ImagePoint, target: Option<&str>) -> bool {

@@ -66,6 +66,17 @@ fn nothing_of_the_least_label_is_flown_towards_however_short_the_step() {
 }
 
 #[test]
+fn a_way_along_the_left_or_right_edge_is_told() {
+    let camera = square();
+    let along = |u: f64, step: f64| leads_along_edge(&plan(&camera, step), ImagePoint { u, v: 0.5 }, step, CLEARANCE);
+    // 45° to the edge: at 4 m along the axis the end is (1 − tan)·4·cos 45° from its plane, 0.55 m at tan = 0.81.
+    assert!(along(0.92, 4.0) && along(0.08, 4.0));
+    assert!(!along(0.89, 4.0) && !along(0.11, 4.0));
+    // A short step stays near the lens, and so near the edge, but not where it leads ahead.
+    assert!(along(0.7, 0.5) && !along(0.6, 0.5) && !along(0.5, 0.1));
+}
+
+#[test]
 fn what_is_far_beside_or_the_target_itself_is_not_in_the_way() {
     let camera = square();
     let clear = |boxes: &[ObstacleBox], target| avoid(&plan(&camera, 4.0), CLEARANCE, boxes, target) == Avoidance::Clear;

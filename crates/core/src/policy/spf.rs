@@ -68,6 +68,8 @@ pub struct Spf {
     asked: Option<Asked>,
     confirming: bool,
     blocked: u32,
+    /// The last step was only the turn to its way.
+    turned_first: bool,
     next_id: u64,
     reading: Reading,
     prompt: Arc<PromptText>,
@@ -102,6 +104,7 @@ impl Spf {
             asked: None,
             confirming: false,
             blocked: 0,
+            turned_first: false,
             next_id: 0,
             reading: Reading::default(),
             prompt: PromptText::shipped(PromptKind::Point),
@@ -269,6 +272,8 @@ impl Spf {
                 }
                 Avoidance::Hold { .. } => return self.blocked(asked),
             }
+            // Once only: what is pointed at beside the picture every time is flown to all the same.
+            self.turned_first = !self.turned_first && avoid::leads_along_edge(&plan, waypoint, step, clearance);
         }
         self.reading.waypoint = Some(waypoint);
         self.reading.step = Some(step);
@@ -276,8 +281,15 @@ impl Spf {
             Ok(camera) => lift::lift(camera, &view.camera, view.pose.attitude, self.settings.lifting),
             Err(error) => return self.refuse(&error),
         };
-        let primitives = Primitives::from_displacement(lifted);
+        let mut primitives = Primitives::from_displacement(lifted);
         self.reading.displacement = Some(lifted);
+        if self.turned_first {
+            primitives = Primitives { yaw: primitives.yaw, ..Primitives::default() };
+            (self.reading.step, self.reading.displacement) = (None, None);
+            self.reading.actions.push("turns first, for nobody has seen what lies beside the picture".to_owned());
+            self.reading.primitives = Some(primitives);
+            return Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true });
+        }
         self.reading.primitives = Some(primitives);
         // A way to look from is flown to its end.
         Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible })

@@ -131,3 +131,26 @@ fn a_search_keeps_clear_of_the_list_too() {
     assert!(flown.is_some(), "it goes along the way that the answers show");
     assert!(matches!(spf.reading().avoidance, Some(Avoidance::Shifted { by: 0, .. })), "{:?}", spf.reading().avoidance);
 }
+
+/// Half of a way along the picture's edge is beside the picture, where no box is reported.
+#[test]
+fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
+    let aside = r#"{"status":"navigating","point":[500,970],"depth":5,"target":"crane"}"#;
+    let mut spf = policy(true);
+    for _ in 0..2 {
+        let (_, step) = decided(&mut spf, 0, "none", aside);
+        let Step::Move(Move { primitives, then_rest: true, .. }) = step else { panic!("{step:?}") };
+        // tan = 0.94 right of the middle: 43.2°.
+        assert!((primitives.yaw.to_degrees() - 43.2).abs() < 0.5 && primitives.forward == 0.0, "{primitives:?}");
+        assert!(spf.reading().actions[0].starts_with("turns first"), "{:?}", spf.reading().actions);
+        // Said again, it is flown to.
+        let (_, step) = decided(&mut spf, 1, "none", aside);
+        let Step::Move(Move { primitives, then_rest: false, .. }) = step else { panic!("{step:?}") };
+        assert!(primitives.forward > 1.0, "{primitives:?}");
+    }
+    // Out of obstacle mode it flies as the paper does.
+    let mut spf = policy(false);
+    let query = asked(spf.handle(PolicyEvent::Frame(&view(0))));
+    let step = spf.handle(PolicyEvent::Reply { id: query.id, text: aside });
+    assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0), "{step:?}");
+}
