@@ -100,7 +100,12 @@ pub(crate) const KEYS: &[Key] = &[
     key("envelope.max_climb_m_s", "SPF_MAX_CLIMB_M_S", "", "climb and sink rate limit, m/s; empty: the craft's"),
     key("envelope.max_yaw_rate_deg_s", "SPF_MAX_YAW_RATE_DEG_S", "", "yaw rate limit, degrees a second; empty: the craft's"),
     key("envelope.min_altitude_m", "SPF_MIN_ALTITUDE_M", "", "lowest height that is sunk to, metres above take-off; empty: 0.3"),
-    key("envelope.max_altitude_m", "SPF_MAX_ALTITUDE_M", "", "greatest height above take-off, metres; empty: 120"),
+    key(
+        "envelope.max_altitude_m",
+        "SPF_MAX_ALTITUDE_M",
+        "",
+        "greatest height above take-off, metres; empty: the scene's, else 120",
+    ),
     key("envelope.max_distance_m", "SPF_MAX_DISTANCE_M", "", "greatest distance from take-off, metres; empty: 300"),
     key("envelope.low_battery", "SPF_LOW_BATTERY", "", "charge, 0 to 1, below which the flight ends; empty: the craft's"),
     key(

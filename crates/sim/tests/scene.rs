@@ -278,6 +278,11 @@ fn errors_name_file_line_and_remedy() {
         (format!("{}{TREE}", HEAD.replace("0,0,0,90", "0,0,north")), "test.toml:4: `0,0,north` is no pose", "east,north,up"),
         (format!("{}{TREE}", HEAD.replace("0,0,0,90", "90,0,0,0")), "outside `bounds`", ""),
         (format!("{}{TREE}", HEAD.replace("near_m = 3.0", "near_m = -1")), "test.toml:6: `near_m`", ""),
+        (
+            format!("{}{TREE}", HEAD.replace("near_m = 3.0", "near_m = 3.0\nmax_altitude_m = 0.5")),
+            "test.toml:7: `max_altitude_m` must be from 1 to 1000 metres",
+            "",
+        ),
         (format!("{HEAD}{}", TREE.replace("kind = \"tree\"\n", "kind = \"Tree\"\n")), "the tag `Tree`", "lower case"),
         (format!("{HEAD}{}", TREE.replace("position = [10.0, 5.0]\n", "")), "no `position`", "places"),
         ("format = 1\n= 3".to_owned(), "test.toml:2:", ""),

@@ -169,7 +169,7 @@ impl Trial {
             policy: self.method.policy(),
             preset: self.method.preset(),
             settings: self.method.settings(task),
-            limits: self.limits(),
+            limits: drawn.stage.limits(task.craft),
             vlm: self.vlm().to_owned(),
             who: seen,
             detector: self.detector(),
@@ -198,15 +198,12 @@ impl Trial {
         }
     }
 
-    fn limits(&self) -> Limits {
-        Limits::for_craft(&Model::of(self.task.craft).craft)
-    }
-
     /// What stands for all that decides how it is flown, besides scene, start and who points: policy, settings, limits, prompt.
     fn params_hash(&self) -> String {
         let policy = self.method.policy();
         let prompt = PromptText::shipped(policy.prompt());
-        let all = format!("{} {:?} {:?} {}", policy.name(), self.method.settings(&self.task), self.limits(), prompt.source());
+        let limits = Limits::for_craft(&Model::of(self.task.craft).craft);
+        let all = format!("{} {:?} {limits:?} {}", policy.name(), self.method.settings(&self.task), prompt.source());
         format!("{:016x}", fnv(all.as_bytes()))
     }
 

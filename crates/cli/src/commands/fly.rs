@@ -227,7 +227,7 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<(FlightPla
         policy,
         preset,
         settings: method,
-        limits: limits(settings, kind)?,
+        limits: limits(settings, stage.limits(kind))?,
         vlm: pointing.name,
         who: pointing.who,
         detector,
@@ -315,8 +315,8 @@ fn method(settings: &Settings, preset: Preset) -> Result<PilotSettings, CliError
     Ok(method)
 }
 
-fn limits(settings: &Settings, kind: CraftKind) -> Result<Limits, CliError> {
-    let mut limits = Limits::for_craft(&Model::of(kind).craft);
+/// Those of the settings, and `limits` where these say nothing.
+fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, CliError> {
     let set = |name, low, high, target: &mut f64| {
         settings.number(name, low, high).map(|value| {
             if let Some(value) = value {

@@ -3,12 +3,14 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use spf_core::camera::Camera;
+use spf_core::envelope::Limits;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::time::Time;
 use spf_sim::actors::{ActorPlace, Cast, Traffic};
 use spf_sim::collide::{Collider, ColliderError};
 use spf_sim::effects::Posed;
 use spf_sim::geometry::ObjectId;
+use spf_sim::model::{CraftKind, Model};
 use spf_sim::oracle::{Place, Placed, Tagged};
 use spf_sim::render::{Channels, Frustum, Picture, Renderer};
 use spf_sim::scene::{Aabb, Conditions, Object, Scene, SceneError};
@@ -85,6 +87,13 @@ impl Stage {
             }
         }
         Ok(Self { scene, renderer, collider, cast, tags, eyes: Mutex::default() })
+    }
+
+    /// The envelope's default figures for a craft that flies here: as everywhere, but no higher than the scene says.
+    #[must_use]
+    pub fn limits(&self, kind: CraftKind) -> Limits {
+        let limits = Limits::for_craft(&Model::of(kind).craft);
+        Limits { max_altitude: self.scene.max_altitude.unwrap_or(limits.max_altitude), ..limits }
     }
 
     /// An object's key in the scene; its number where it has none.
@@ -172,5 +181,20 @@ fn place(bounds: &Aabb) -> Place {
         },
         height: max.up - min.up,
         width: (max.east - min.east).max(max.north - min.north),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn under_a_ceiling_the_envelope_ends_lower() {
+        let (city, office) = (Stage::load("city").unwrap(), Stage::load("office").unwrap());
+        assert_eq!(city.limits(CraftKind::Quad), Limits::for_craft(&Model::of(CraftKind::Quad).craft));
+        let limits = office.limits(CraftKind::Tello);
+        assert_eq!(limits.check(), Ok(()));
+        let ceiling = office.scene.objects.iter().find(|object| object.key == "ceiling").unwrap();
+        assert!((limits.max_altitude - ceiling.bounds.min.up).abs() < 0.05, "{} {:?}", limits.max_altitude, ceiling.bounds);
     }
 }

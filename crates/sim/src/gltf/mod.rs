@@ -204,6 +204,7 @@ fn world(
             wishes.success_radius.or(said.success_radius_m),
             if wide { 5.0 } else { 1.0 },
         )?,
+        max_altitude: None,
         default_craft: craft,
         start,
         bounds,

@@ -129,6 +129,7 @@ pub(super) fn build(
         description: description(raw.description.as_ref(), source)?,
         near: radius(&raw.near_m, "near_m", source)?,
         success_radius: radius(&raw.success_radius_m, "success_radius_m", source)?,
+        max_altitude: raw.max_altitude_m.as_ref().map(|height| altitude(height, source)).transpose()?,
         default_craft: raw.craft,
         preview: preview.unwrap_or_else(|| above(start, raw.craft)),
         start,
@@ -311,6 +312,14 @@ pub(super) fn radius(value: &Spanned<f64>, key: &str, source: &Source<'_>) -> Re
         return Ok(v);
     }
     Err(source.error(&value.span(), format!("`{key}` must be from 0.1 to 50 metres, not `{v}`"), None))
+}
+
+fn altitude(value: &Spanned<f64>, source: &Source<'_>) -> Result<f64, SceneError> {
+    let v = *value.get_ref();
+    if (1.0..=1000.0).contains(&v) {
+        return Ok(v);
+    }
+    Err(source.error(&value.span(), format!("`max_altitude_m` must be from 1 to 1000 metres, not `{v}`"), None))
 }
 
 pub(super) fn bounds(raw: &Spanned<RawBounds>, source: &Source<'_>) -> Result<Aabb, SceneError> {

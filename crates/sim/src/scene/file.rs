@@ -69,6 +69,7 @@ pub(super) struct RawScene {
     pub(super) preview: Option<Spanned<String>>,
     pub(super) success_radius_m: Spanned<f64>,
     pub(super) near_m: Spanned<f64>,
+    pub(super) max_altitude_m: Option<Spanned<f64>>,
     pub(super) bounds: Spanned<RawBounds>,
     #[serde(default)]
     pub(super) light: RawLight,

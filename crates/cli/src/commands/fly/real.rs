@@ -3,6 +3,7 @@
 use std::net::{IpAddr, SocketAddr};
 use std::time::Instant;
 
+use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::executor::Motion;
 use spf_core::pilot::Think;
@@ -15,7 +16,7 @@ use spf_flight::keys::HELP;
 use spf_flight::real::{self, RealPlan};
 use spf_flight::sim::RecordPlan;
 use spf_record::live::Live;
-use spf_sim::model::CraftKind;
+use spf_sim::model::{CraftKind, Model};
 use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 
@@ -76,7 +77,8 @@ pub(super) fn fly(
         // Whatever else is set: what the drone flies by itself has no end that a later answer could move.
         (method.motion, method.think) = (Motion::Manoeuvres, Think::Stop);
     }
-    let (limits, tello) = (limits(&settings, CraftKind::Tello)?, tello_settings(&settings, drone)?);
+    let limits = limits(&settings, Limits::for_craft(&Model::of(CraftKind::Tello).craft))?;
+    let tello = tello_settings(&settings, drone)?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let max_cost_usd = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
     let pointing = pointing(&settings, prompt.clone())?;
