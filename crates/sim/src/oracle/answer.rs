@@ -74,18 +74,17 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
             }
             if avoid || !query.detections.is_empty() {
                 let seen: Vec<&Thing> = percept.seen(&oracle.errors, query.image_size).collect();
-                let way = corridor::Way {
-                    point: place.point,
-                    range: place.range,
-                    target: aim.target.as_deref(),
-                    opening: place.opening,
+                let in_way = |point| {
+                    let Aim { target, .. } = &aim;
+                    let way = corridor::Way { point, range: place.range, target: target.as_deref(), opening: place.opening };
+                    if avoid {
+                        corridor::boxes(oracle, percept, &seen, &way)
+                    } else {
+                        corridor::listed(oracle, percept, &seen, &way, &query.detections)
+                    }
                 };
-                let found = if avoid {
-                    corridor::boxes(oracle, percept, &seen, &way)
-                } else {
-                    corridor::listed(oracle, percept, &seen, &way, &query.detections)
-                };
-                reply.point = Some(corridor::clear(oracle, percept, place.point, &found));
+                let (point, found) = corridor::around(oracle, percept, place.point, in_way);
+                reply.point = Some(point);
                 // Boxes that were told are not told back.
                 let reported = if avoid { found } else { Vec::new() };
                 reply.boxes = reported

@@ -110,6 +110,33 @@ fn meets(oracle: &Oracle, percept: &Percept, point: ImagePoint, area: ImageBox, 
     point.u > area.left - du && point.u < area.right + du && point.v > area.top - dv && point.v < area.bottom + dv
 }
 
+/// The place nearest to `point` to which the way is clear, and what stands in the way to it and to the places passed over on the
+/// looking for it: what is beside the way to one place is in the way to the next.
+pub(super) fn around(
+    oracle: &Oracle,
+    percept: &Percept,
+    point: ImagePoint,
+    in_way: impl Fn(ImagePoint) -> Vec<Found>,
+) -> (ImagePoint, Vec<Found>) {
+    let (mut place, mut found) = (point, Vec::new());
+    for _ in 0..PLACES {
+        let known = found.len();
+        for another in in_way(place) {
+            if !found.contains(&another) {
+                found.push(another);
+            }
+        }
+        if found.len() == known {
+            break;
+        }
+        place = clear(oracle, percept, point, &found);
+    }
+    (place, found)
+}
+
+/// Places tried: each but the last brings in a thing more.
+const PLACES: usize = 16;
+
 /// The place nearest to `point` that is clear of all boxes and their margins; `point` itself when the picture has none.
 pub(super) fn clear(oracle: &Oracle, percept: &Percept, point: ImagePoint, found: &[Found]) -> ImagePoint {
     free(oracle, percept, point, found).unwrap_or(point)

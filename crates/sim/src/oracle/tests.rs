@@ -254,6 +254,26 @@ fn obstacles_are_boxed_and_pointed_clear_of() {
     assert!(ask(&oracle, &painting, &query(0, POINT, "fly to the white building")).boxes.is_empty());
 }
 
+/// A bush left of the tree is not in the way to the building, but in the way past the tree on its left.
+#[test]
+fn what_stands_beside_the_first_way_is_looked_at_when_the_way_leads_there() {
+    let oracle = oracle("perfect");
+    let painting = Painting::new().with(tagged(1, "building", "building", "white"), 400..660, 100..500, 60.0).with(
+        tagged(2, "tree", "tree", "green"),
+        440..620,
+        0..500,
+        12.0,
+    );
+    let asked = query(0, QueryKind::Point { avoid: true }, "fly to the white building");
+    let alone = ask(&oracle, &painting, &asked);
+    let past = alone.point.unwrap().u * W as f64;
+    assert!(alone.boxes.len() == 1 && past < 440.0, "{past} {:?}", alone.boxes);
+    let painting = painting.with(tagged(3, "bush", "bush", "green"), 330..400, 0..500, 12.0);
+    let both = ask(&oracle, &painting, &asked);
+    let past = both.point.unwrap().u * W as f64;
+    assert!(both.boxes.len() == 2 && past > 620.0, "{past} {:?}", both.boxes);
+}
+
 #[test]
 fn what_a_detector_listed_is_pointed_clear_of() {
     let oracle = oracle("perfect");
