@@ -24,7 +24,7 @@ fn by_topic(path: &Path) -> BTreeMap<String, Vec<(u64, Vec<u8>)>> {
 fn the_same_seed_gives_the_same_log() {
     let lab = Lab::new();
     let fly = |folder: &str, seed: &str, threads: &str| {
-        let args = ["fly", "fly to the red crane", "--max-time", "8", "--seed", seed, "--out", folder];
+        let args = ["fly", "fly to the red crane", "--max-time", "12", "--seed", seed, "--out", folder];
         let output = lab.command(&args).env("RAYON_NUM_THREADS", threads).output().unwrap();
         assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stderr));
         by_topic(&lab.path(folder).join("flight.mcap"))
