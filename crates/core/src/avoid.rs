@@ -260,7 +260,9 @@ impl Solid {
     }
 
     fn blocks(&self, path: &Path) -> bool {
-        if self.distance_of_leg(path.corner) < self.clearance || (self.is_here && self.is_towards(path.corner)) {
+        if self.distance_of_leg(path.corner) < self.clearance
+            || (self.is_here && (self.is_towards(path.corner) || self.is_towards(path.end)))
+        {
             return true;
         }
         let climb = path.end - path.corner;

@@ -63,6 +63,10 @@ fn nothing_of_the_least_label_is_flown_towards_however_short_the_step() {
     assert!(point.u > 0.6, "{point:?}");
     // What is pointed at is not in the way.
     assert_eq!(avoid(&plan(&camera, 0.2), CLEARANCE, &all, Some("wall")), Avoidance::Clear);
+    // Level first and then up to a lamp right above: the corner is beside it, the end is not.
+    let lamp = [boxed(0.0, 0.0, 1.0, 0.4, 1, "lamp")];
+    let up = PlannedStep { shape: PathShape::LevelThenClimb, point: ImagePoint { u: 0.5, v: 0.3 }, ..plan(&camera, 0.15) };
+    assert!(!matches!(avoid(&up, 0.3, &lamp, None), Avoidance::Clear | Avoidance::Shortened { .. }));
 }
 
 #[test]

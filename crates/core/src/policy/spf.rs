@@ -17,6 +17,8 @@ use crate::step::StepRule;
 
 /// Earlier targets told to the VLM.
 const REMEMBERED_TARGETS: usize = 8;
+/// Turns in a row to ways along the picture's edges; the second only to the other edge.
+const TURNS_FIRST: u32 = 2;
 /// Times in a row that a blocked way is answered by holding and asking again before the flight turns to look for another way.
 const BLOCKED_LOOKS: u32 = 3;
 
@@ -49,6 +51,15 @@ struct Asked {
     about: About,
 }
 
+/// Turns that were flown in place of the step itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct TurnedFirst {
+    /// To the right, the last one.
+    right: bool,
+    /// One after another.
+    turns: u32,
+}
+
 /// What is asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum About {
@@ -68,8 +79,8 @@ pub struct Spf {
     asked: Option<Asked>,
     confirming: bool,
     blocked: u32,
-    /// The last step was only the turn to its way.
-    turned_first: bool,
+    /// Turns to ways along an edge since anything else was done.
+    turned_first: Option<TurnedFirst>,
     next_id: u64,
     reading: Reading,
     prompt: Arc<PromptText>,
@@ -104,7 +115,7 @@ impl Spf {
             asked: None,
             confirming: false,
             blocked: 0,
-            turned_first: false,
+            turned_first: None,
             next_id: 0,
             reading: Reading::default(),
             prompt: PromptText::shipped(PromptKind::Point),
@@ -170,6 +181,7 @@ impl Spf {
 
     /// What cannot be used; the pilot counts it.
     fn refuse(&mut self, error: &dyn std::error::Error) -> Step {
+        self.turned_first = None;
         self.reading.refused = Some(error.to_string());
         Step::Reject(error.to_string())
     }
@@ -204,6 +216,7 @@ impl Spf {
     }
 
     fn done(&mut self, confirming: bool) -> Step {
+        self.turned_first = None;
         // Believed at once 79–88 % success, with the second look while holding 98–99 % (DESIGN section 4).
         if !self.settings.confirm_done || confirming {
             return Step::Done;
@@ -214,6 +227,8 @@ impl Spf {
 
     fn not_visible(&mut self, asked: Asked, reply: &Reply) -> Step {
         self.confirming = false;
+        // Whatever it does now, it is no step to where it has turned.
+        self.turned_first = None;
         let View { camera, pose, .. } = asked.view;
         let heading = pose.attitude.heading;
         let craft = self.settings.craft;
@@ -248,6 +263,7 @@ impl Spf {
         let view = asked.view;
         let mut step = self.settings.step.length(depth);
         let mut waypoint = point;
+        let (before, mut turn) = (self.turned_first.take(), None);
         if self.settings.avoid {
             let plan = PlannedStep {
                 camera: &view.camera,
@@ -272,8 +288,17 @@ impl Spf {
                 }
                 Avoidance::Hold { .. } => return self.blocked(asked),
             }
-            // Once only: what is pointed at beside the picture every time is flown to all the same.
-            self.turned_first = !self.turned_first && avoid::leads_along_edge(&plan, waypoint, step, clearance);
+            if avoid::leads_along_edge(&plan, waypoint, step, clearance) {
+                // What is pointed at beside the picture every time is flown to all the same.
+                let right = view.camera.ray(waypoint).right > 0.0;
+                turn = match before {
+                    None => Some(TurnedFirst { right, turns: 1 }),
+                    Some(last) if last.right != right && last.turns < TURNS_FIRST => {
+                        Some(TurnedFirst { right, turns: last.turns + 1 })
+                    }
+                    Some(_) => None,
+                };
+            }
         }
         self.reading.waypoint = Some(waypoint);
         self.reading.step = Some(step);
@@ -283,7 +308,8 @@ impl Spf {
         };
         let mut primitives = Primitives::from_displacement(lifted);
         self.reading.displacement = Some(lifted);
-        if self.turned_first {
+        if turn.is_some() {
+            self.turned_first = turn;
             primitives = Primitives { yaw: primitives.yaw, ..Primitives::default() };
             (self.reading.step, self.reading.displacement) = (None, None);
             self.reading.actions.push("turns first, for nobody has seen what lies beside the picture".to_owned());
@@ -340,6 +366,12 @@ impl Policy for Spf {
             },
             PolicyEvent::ReplyFailed { id } => {
                 self.asked.take_if(|asked| asked.id == id);
+                self.turned_first = None;
+                Step::Wait
+            }
+            // A turn that was cut short has not shown what lies there.
+            PolicyEvent::MoveEnded { completed: false } => {
+                self.turned_first = None;
                 Step::Wait
             }
             PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::MoveEnded { .. } | PolicyEvent::Continue => {

@@ -148,6 +148,18 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
         let Step::Move(Move { primitives, then_rest: false, .. }) = step else { panic!("{step:?}") };
         assert!(primitives.forward > 1.0, "{primitives:?}");
     }
+    // The other edge is another matter, once; and whatever is done in between begins anew.
+    let left = aside.replace("970", "30");
+    let forward = |step: Step| matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0);
+    let mut spf = policy(true);
+    for (answer, flies) in [(aside, false), (&left, false), (aside, true)] {
+        assert_eq!(forward(decided(&mut spf, 0, "none", answer).1), flies, "{answer}");
+    }
+    assert!(!forward(decided(&mut spf, 0, "none", aside).1));
+    spf.handle(PolicyEvent::MoveEnded { completed: false });
+    assert!(!forward(decided(&mut spf, 0, "none", aside).1), "the turn was cut short");
+    decided(&mut spf, 0, "none", r#"{"status":"not_visible","look":"left"}"#);
+    assert!(!forward(decided(&mut spf, 0, "none", aside).1), "it has turned elsewhere");
     // Out of obstacle mode it flies as the paper does.
     let mut spf = policy(false);
     let query = asked(spf.handle(PolicyEvent::Frame(&view(0))));
