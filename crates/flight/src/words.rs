@@ -90,8 +90,12 @@ pub fn decision(decision: &Decision) -> String {
         Some(Avoidance::Shortened { .. }) => line.push_str(", shortened before an obstacle"),
         Some(Avoidance::Hold { .. }) => line.push_str(", way blocked"),
     }
+    let held = matches!(reading.avoidance, Some(Avoidance::Hold { .. }));
+    if reading.waypoint.is_some() && reading.step.is_none() && reading.primitives.is_some() && !held {
+        line.push_str(", turns to it before it flies");
+    }
     if decision.passed {
-        line.push_str(" → passed already, holds");
+        line.push_str(" → passed already, turns at most");
     } else if let Some(p) = &reading.primitives {
         let mut parts = Vec::new();
         if p.yaw.abs() > 0.005 {

@@ -111,7 +111,8 @@ fn meets(oracle: &Oracle, percept: &Percept, point: ImagePoint, area: ImageBox, 
 }
 
 /// The place nearest to `point` to which the way is clear, and what stands in the way to it and to the places passed over on the
-/// looking for it: what is beside the way to one place is in the way to the next.
+/// looking for it: what is beside the way to one place is in the way to the next. Where the picture has no clear place it is
+/// `point` itself.
 pub(super) fn around(
     oracle: &Oracle,
     percept: &Percept,

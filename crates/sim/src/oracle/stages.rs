@@ -215,7 +215,7 @@ fn words(stage: Stage<'_>, thing: Option<&Thing>) -> String {
     }
 }
 
-/// Who is followed is not come nearer to than this many times `near`.
+/// Who is followed is come up to as if this many times `near` nearer, at the least with the least step …
 const KEEP: f64 = TOO_NEAR;
 /// … and backed off from within this many.
 const TOO_NEAR: f64 = 1.5;
