@@ -129,7 +129,7 @@ pub(super) fn build(
         description: description(raw.description.as_ref(), source)?,
         near: radius(&raw.near_m, "near_m", source)?,
         success_radius: radius(&raw.success_radius_m, "success_radius_m", source)?,
-        max_altitude: raw.max_altitude_m.as_ref().map(|height| altitude(height, source)).transpose()?,
+        max_altitude: raw.max_altitude_m.as_ref().map(|m| metres(m, "max_altitude_m", (1.0, 1000.0), source)).transpose()?,
         default_craft: raw.craft,
         preview: preview.unwrap_or_else(|| above(start, raw.craft)),
         start,
@@ -307,19 +307,15 @@ pub(super) fn description(written: Option<&Spanned<String>>, source: &Source<'_>
 }
 
 pub(super) fn radius(value: &Spanned<f64>, key: &str, source: &Source<'_>) -> Result<f64, SceneError> {
-    let v = *value.get_ref();
-    if (0.1..=50.0).contains(&v) {
-        return Ok(v);
-    }
-    Err(source.error(&value.span(), format!("`{key}` must be from 0.1 to 50 metres, not `{v}`"), None))
+    metres(value, key, (0.1, 50.0), source)
 }
 
-fn altitude(value: &Spanned<f64>, source: &Source<'_>) -> Result<f64, SceneError> {
+fn metres(value: &Spanned<f64>, key: &str, (least, most): (f64, f64), source: &Source<'_>) -> Result<f64, SceneError> {
     let v = *value.get_ref();
-    if (1.0..=1000.0).contains(&v) {
+    if (least..=most).contains(&v) {
         return Ok(v);
     }
-    Err(source.error(&value.span(), format!("`max_altitude_m` must be from 1 to 1000 metres, not `{v}`"), None))
+    Err(source.error(&value.span(), format!("`{key}` must be from {least} to {most} metres, not `{v}`"), None))
 }
 
 pub(super) fn bounds(raw: &Spanned<RawBounds>, source: &Source<'_>) -> Result<Aabb, SceneError> {

@@ -52,7 +52,8 @@ pub struct Scene {
     pub near: f64,
     /// The judge's radius about the nearest surface of the goal, metres.
     pub success_radius: f64,
-    /// The envelope's greatest height above take-off here, metres: a room's ceiling for whoever starts on its floor. None where the envelope's own will do.
+    /// The envelope's greatest height above take-off here, metres: a room's ceiling for whoever starts on its floor. None where
+    /// the envelope's own will do. Not taken from `bounds`: a model's end at its roof, above which one may well fly.
     pub max_altitude: Option<f64>,
     /// The craft that flies here unless the user names another.
     pub default_craft: CraftKind,
