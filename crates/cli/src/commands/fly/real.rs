@@ -86,7 +86,7 @@ pub(super) fn fly(
     let (pointing, detector) = detector::beside(&settings, policy, pointing)?;
     let interrupts = interrupts()?;
     let start = Instant::now();
-    let Connected { drone: craft, frames, firmware, .. } = connect(&tello, start, &printer)?;
+    let Connected { drone: craft, firmware, .. } = connect(&tello, start, &printer)?;
     if own && firmware.sdk.is_none() {
         return Err(CliError::usage("this Tello cannot be flown with --tello-motion go")
             .hint("its firmware speaks SDK 1.3, in which nothing ends a move; update it in the Tello app, or fly it by rc"));
@@ -110,9 +110,9 @@ pub(super) fn fly(
     if manual.is_on() {
         printer.say(HELP);
     }
+    let frames = craft.frames();
     let plan = RealPlan {
         drone: Box::new(craft),
-        frames: frames.clone(),
         start,
         senses: Senses::tello(),
         instruction: instruction.to_owned(),
