@@ -6,15 +6,16 @@ use std::process::Command;
 /// Crate → the crates of ours that it may use.
 const ALLOWED: &[(&str, &[&str])] = &[
     ("spf-core", &[]),
+    ("spf-baselines", &["spf-core"]),
     ("spf-media", &["spf-core"]),
     ("spf-record", &["spf-media", "spf-core"]),
     ("spf-vlm", &["spf-media", "spf-core"]),
     ("spf-detect", &["spf-media", "spf-core"]),
     ("spf-drone", &["spf-media", "spf-core"]),
     ("spf-sim", &["spf-media", "spf-core"]),
-    ("spf-flight", &["spf-sim", "spf-detect", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
+    ("spf-flight", &["spf-sim", "spf-detect", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-baselines", "spf-core"]),
     ("spf-web", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
-    ("spf-bench", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
+    ("spf-bench", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-baselines", "spf-core"]),
     (
         "spf",
         &[
@@ -27,6 +28,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "spf-vlm",
             "spf-record",
             "spf-media",
+            "spf-baselines",
             "spf-core",
         ],
     ),
