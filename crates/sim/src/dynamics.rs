@@ -291,7 +291,8 @@ impl Dynamics {
     }
 
     /// Whether it flies with motors.
-    pub(crate) fn airborne(&self) -> bool {
+    #[must_use]
+    pub fn airborne(&self) -> bool {
         matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Landing)
     }
 

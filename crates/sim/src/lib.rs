@@ -19,6 +19,5 @@ pub mod render;
 pub mod scene;
 pub mod senses;
 pub mod surroundings;
-pub mod tello;
 pub mod texture;
 pub mod wind;

@@ -14,13 +14,18 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("spf-drone", &["spf-media", "spf-core"]),
     ("spf-sim", &["spf-media", "spf-core"]),
     ("spf-flight", &["spf-sim", "spf-detect", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-baselines", "spf-core"]),
+    ("spf-serve", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-baselines", "spf-core"]),
     ("spf-web", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
-    ("spf-bench", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-baselines", "spf-core"]),
+    (
+        "spf-bench",
+        &["spf-serve", "spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-baselines", "spf-core"],
+    ),
     (
         "spf",
         &[
             "spf-bench",
             "spf-web",
+            "spf-serve",
             "spf-flight",
             "spf-sim",
             "spf-detect",

@@ -34,7 +34,8 @@ pub struct Verdict {
 }
 
 /// Judges the present state of a world by the instruction. `start` is where the person who spoke looked from.
-pub(crate) fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
+#[must_use]
+pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
     let stage = world.stage();
     let truth = world.truth();
     let now = world.now();

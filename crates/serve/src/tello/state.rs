@@ -2,9 +2,9 @@
 
 use spf_core::geometry::wrap_angle;
 use spf_core::telemetry::{FlightPhase, Telemetry};
+use spf_sim::craft::SimCraft;
 
 use super::figures::Firmware;
-use crate::craft::SimCraft;
 
 /// The numbers of a state line, in its units.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,5 +1,4 @@
 //! The camera of a virtual Tello: pictures, taken and encoded when there is time for them.
-#![allow(clippy::disallowed_methods, reason = "a camera that is served waits on the wall clock")]
 
 use std::net::SocketAddr;
 use std::sync::Mutex;
@@ -11,12 +10,12 @@ use spf_core::fault::Stream;
 use spf_core::time::{Duration, Time};
 use spf_media::Rgb;
 use spf_media::h264::{Encoder, EncoderSettings, nal_units};
+use spf_sim::craft::SimCraft;
 
 use super::machine::VideoWish;
 use super::pace::{Fineness, Pace, VideoQuality};
 use super::server::{NAP, Shared, lock};
 use super::video::datagrams;
-use crate::craft::SimCraft;
 
 /// From one picture at which decoding can begin to the next. By time, not by number: however few pictures there are, what a lost
 /// datagram spoils is over after this.

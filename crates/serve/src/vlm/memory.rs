@@ -5,9 +5,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use spf_core::frame::FrameId;
 use spf_core::time::{Duration, Time};
+use spf_flight::sim::Moment;
 use spf_media::Rgb;
-
-use crate::sim::Moment;
 
 /// How long a frame is remembered.
 pub const KEPT: Duration = Duration::from_secs(10);

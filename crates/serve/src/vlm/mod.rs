@@ -6,12 +6,16 @@
 //! that it does not know gets no answer.
 
 mod camera;
+mod lens;
 mod memory;
 mod mind;
+mod onboard;
 mod server;
 mod wire;
 
 pub use camera::Camera;
+pub use lens::Lens;
 pub use memory::{KEPT, Memory, Remembered, Unrecognised};
 pub use mind::{AnswerForm, Instruction, Mind, Thought};
-pub use server::{Endpoint, EndpointError, Lens, Serving};
+pub use onboard::OnboardCamera;
+pub use server::{Endpoint, EndpointError, Serving};

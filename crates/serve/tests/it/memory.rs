@@ -1,15 +1,14 @@
 //! The endpoint's memory: frames of a flight after H.264, another size and JPEG, and frames of other flights.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::sync::Arc;
 
 use spf_core::frame::FrameId;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::time::Time;
-use spf_flight::endpoint::{Memory, Remembered};
 use spf_flight::sim::{Moment, SimWorld, Stage};
 use spf_media::h264::{Decoder, Encoder, EncoderSettings};
 use spf_media::{Jpeg, Rgb, jpeg, resize};
+use spf_serve::vlm::{Memory, Remembered};
 use spf_sim::model::CraftKind;
 
 const SIZE: (u32, u32) = (480, 360);

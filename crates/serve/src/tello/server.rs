@@ -2,7 +2,6 @@
 //!
 //! Three threads: one receives commands and flies, one takes and encodes pictures ([`film`](super::film)), one sends them when they
 //! are due.
-#![allow(clippy::disallowed_methods, reason = "a server waits on the wall clock; what it serves keeps to virtual time")]
 
 use std::net::{SocketAddr, UdpSocket};
 use std::path::PathBuf;
@@ -14,13 +13,13 @@ use std::time::{Instant, SystemTime};
 
 use spf_core::fault::{FaultError, FaultMachine, FaultPlan, Stream};
 use spf_core::time::{Duration, Time};
+use spf_sim::craft::SimCraft;
 
 use super::figures::{Figures, Firmware};
 use super::film::{Due, Photographer, film};
 use super::link::Link;
 use super::machine::{Output, VideoWish, VirtualTello};
 use super::pace::VideoQuality;
-use crate::craft::SimCraft;
 
 /// How long a thread sleeps at most, so that it notices the end.
 pub(super) const NAP: Duration = Duration::from_millis(20);

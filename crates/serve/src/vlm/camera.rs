@@ -7,10 +7,11 @@ use std::time::Instant;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::time::{Duration, Time};
+use spf_flight::sim::SimWorld;
 use spf_media::Rgb;
 
-use super::{Memory, Remembered};
-use crate::sim::SimWorld;
+use super::lens::Lens;
+use super::memory::{Memory, Remembered};
 
 /// The scene's actors walk and drive for so long, then they begin again: to find where they are after hours would take minutes.
 const SCENE_TIME: Duration = Duration::from_secs(600);
@@ -60,5 +61,20 @@ impl Camera {
         let frame = FrameId(self.next.fetch_add(1, Ordering::Relaxed));
         self.memory.push(now, Remembered { frame, moment }, &picture);
         Some((frame, picture))
+    }
+}
+
+impl Lens for Camera {
+    fn newest(&self) -> Option<(FrameId, Rgb)> {
+        self.take()
+    }
+
+    fn put(&self, pose: Pose) -> bool {
+        Self::put(self, pose);
+        true
+    }
+
+    fn now(&self) -> Time {
+        Self::now(self)
     }
 }

@@ -7,11 +7,11 @@ use spf_core::command::{Command, Setpoint};
 use spf_core::fault::Trouble;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_sim::craft::SimCraft;
 
 use super::command::{Direction, Offset, Request};
 use super::machine::VirtualTello;
 use super::manoeuvre::{Manoeuvre, Step, arc, place};
-use crate::craft::SimCraft;
 
 /// A correction of a manoeuvre holds so long unless the next replaces it.
 const HOLDS: Duration = Duration::from_millis(200);

@@ -7,6 +7,7 @@ use spf_core::fault::{FaultMachine, Stream, Trouble};
 use spf_core::rng::Draw;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_sim::craft::SimCraft;
 
 use super::command::{Malformed, Read, Request, parse};
 use super::figures::{Figures, Firmware};
@@ -14,7 +15,6 @@ use super::link::Link;
 use super::manoeuvre::CONTROL;
 use super::state::State;
 use super::tasks::{Running, Task};
-use crate::craft::SimCraft;
 
 /// Where clients expect the state and the video until they say otherwise.
 const STATE_PORT: u16 = 8890;

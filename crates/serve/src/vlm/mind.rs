@@ -8,10 +8,11 @@ use spf_core::prompt::MAX_INSTRUCTION;
 use spf_core::query::{Memory as Told, Query, QueryId, QueryKind};
 use spf_core::reply::parse_reply;
 use spf_core::time::{Duration, Time};
+use spf_flight::sim::OracleVlm;
 use spf_media::Rgb;
 
-use super::{Memory, Remembered, Unrecognised};
-use crate::sim::{Instruction as Heard, OracleVlm};
+use super::memory::{Memory, Remembered, Unrecognised};
+use crate::truth::Heard;
 
 /// Where the instruction comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -8,9 +8,9 @@ use std::collections::VecDeque;
 use spf_core::command::Setpoint;
 use spf_core::geometry::{BodyDisplacement, EnuPosition, EnuVelocity, wrap_angle};
 use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_sim::craft::SimCraft;
 
 use super::command::Offset;
-use crate::craft::SimCraft;
 
 /// Time between corrections.
 pub(super) const CONTROL: Duration = Duration::from_millis(20);

@@ -1,12 +1,10 @@
 //! The Tello's driver against the virtual Tello, joined in virtual time without sockets: whole flights, each fault, the known
 //! failings of such programs.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod wired;
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 
+use crate::wired::Wired;
 use spf_core::camera::Camera;
 use spf_core::craft::Craft;
 use spf_core::envelope::Limits;
@@ -23,12 +21,11 @@ use spf_flight::calibrate::{self, Routine};
 use spf_flight::run::{Observer, World, run};
 use spf_flight::sim::{OracleVlm, SimPictures, SimWorld, Stage};
 use spf_flight::world::{Lockstep, Script};
+use spf_serve::tello::Figures;
 use spf_sim::craft::SimCraft;
 use spf_sim::model::CraftKind;
 use spf_sim::oracle::ErrorFile;
-use spf_sim::tello::Figures;
 use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
-use wired::Wired;
 
 /// An oracle that takes its time.
 struct Slow(OracleVlm, Duration);

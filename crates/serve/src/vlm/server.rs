@@ -13,48 +13,19 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use serde_json::Value;
-use spf_core::frame::FrameId;
-use spf_core::geometry::Pose;
-use spf_core::time::Time;
-use spf_media::{Jpeg, Rgb, jpeg};
+use spf_flight::pose::parse_pose;
+use spf_media::{Jpeg, jpeg};
 use tokio::sync::watch;
 
+use super::lens::Lens;
+use super::memory::Unrecognised;
 use super::mind::{Mind, Thought};
 use super::wire::{Answered, Wire};
-use super::{Camera, Unrecognised};
-use crate::pose::parse_pose;
 
 /// Longest request, bytes.
 const LONGEST: usize = 32 << 20;
 /// Quality of /frame.jpg.
 const QUALITY: u8 = 90;
-
-/// Whose frames the endpoint shows and knows.
-pub trait Lens: Send + Sync {
-    /// Its newest frame; none when there is none yet.
-    fn newest(&self) -> Option<(FrameId, Rgb)>;
-
-    /// Puts the camera somewhere; false where it is not for a person to move.
-    fn put(&self, pose: Pose) -> bool;
-
-    /// The time on the clock of its memory.
-    fn now(&self) -> Time;
-}
-
-impl Lens for Camera {
-    fn newest(&self) -> Option<(FrameId, Rgb)> {
-        self.take()
-    }
-
-    fn put(&self, pose: Pose) -> bool {
-        Self::put(self, pose);
-        true
-    }
-
-    fn now(&self) -> Time {
-        Self::now(self)
-    }
-}
 
 /// Why there is no endpoint.
 #[derive(Debug, thiserror::Error)]

@@ -15,8 +15,8 @@ use spf_drone::tello::link::Link;
 use spf_drone::tello::sticks::Calibration;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 use spf_flight::sim::SimWorld;
+use spf_serve::tello::{Figures, Firmware, Output, VirtualTello};
 use spf_sim::frame_clock::FrameClock;
-use spf_sim::tello::{Figures, Firmware, Output, VirtualTello};
 
 const STEP: Duration = Duration::from_millis(5);
 
