@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use spf_core::craft::CraftKind;
 use spf_core::frame::FrameId;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::time::Time;
@@ -10,7 +11,6 @@ use spf_flight::endpoint::{Memory, Remembered};
 use spf_flight::sim::{Moment, SimWorld, Stage};
 use spf_media::h264::{Decoder, Encoder, EncoderSettings};
 use spf_media::{Jpeg, Rgb, jpeg, resize};
-use spf_sim::model::CraftKind;
 
 const SIZE: (u32, u32) = (480, 360);
 const FRAMES: u64 = 100;

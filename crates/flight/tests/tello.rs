@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, channel};
 
 use spf_core::camera::Camera;
 use spf_core::craft::Craft;
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::executor::Motion;
@@ -23,9 +24,8 @@ use spf_flight::calibrate::{self, Routine};
 use spf_flight::run::{Observer, World, run};
 use spf_flight::sim::{OracleVlm, SimPictures, SimWorld, Stage};
 use spf_flight::world::{Lockstep, Script};
+use spf_oracle::ErrorFile;
 use spf_sim::craft::SimCraft;
-use spf_sim::model::CraftKind;
-use spf_sim::oracle::ErrorFile;
 use spf_sim::tello::Figures;
 use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
 use wired::Wired;

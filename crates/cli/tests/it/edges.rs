@@ -11,25 +11,57 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("spf-vlm", &["spf-media", "spf-core"]),
     ("spf-detect", &["spf-media", "spf-core"]),
     ("spf-drone", &["spf-media", "spf-core"]),
-    ("spf-sim", &["spf-media", "spf-core"]),
-    ("spf-flight", &["spf-sim", "spf-detect", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
-    ("spf-web", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
-    ("spf-bench", &["spf-flight", "spf-sim", "spf-drone", "spf-vlm", "spf-record", "spf-media", "spf-core"]),
-    (
-        "spf",
-        &[
-            "spf-bench",
-            "spf-web",
-            "spf-flight",
-            "spf-sim",
-            "spf-detect",
-            "spf-drone",
-            "spf-vlm",
-            "spf-record",
-            "spf-media",
-            "spf-core",
-        ],
-    ),
+    ("spf-oracle", &["spf-core"]),
+    ("spf-scene", &["spf-media", "spf-core"]),
+    ("spf-render", &["spf-scene", "spf-media", "spf-core"]),
+    ("spf-sim", &["spf-render", "spf-scene", "spf-media", "spf-core"]),
+    ("spf-flight", BELOW_FLIGHT),
+    ("spf-web", FLIGHT_AND_BELOW),
+    ("spf-bench", FLIGHT_AND_BELOW),
+    ("spf", ALL_BELOW),
+];
+
+const BELOW_FLIGHT: &[&str] = &[
+    "spf-sim",
+    "spf-render",
+    "spf-scene",
+    "spf-oracle",
+    "spf-detect",
+    "spf-drone",
+    "spf-vlm",
+    "spf-record",
+    "spf-media",
+    "spf-core",
+];
+
+const FLIGHT_AND_BELOW: &[&str] = &[
+    "spf-flight",
+    "spf-sim",
+    "spf-render",
+    "spf-scene",
+    "spf-oracle",
+    "spf-detect",
+    "spf-drone",
+    "spf-vlm",
+    "spf-record",
+    "spf-media",
+    "spf-core",
+];
+
+const ALL_BELOW: &[&str] = &[
+    "spf-bench",
+    "spf-web",
+    "spf-flight",
+    "spf-sim",
+    "spf-render",
+    "spf-scene",
+    "spf-oracle",
+    "spf-detect",
+    "spf-drone",
+    "spf-vlm",
+    "spf-record",
+    "spf-media",
+    "spf-core",
 ];
 
 #[test]

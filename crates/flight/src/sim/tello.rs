@@ -12,13 +12,13 @@ use std::time::Instant;
 
 use serde::Serialize;
 use spf_core::camera::Camera;
+use spf_core::craft::CraftKind;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_media::{Rgb, resize};
-use spf_sim::model::CraftKind;
-use spf_sim::render::{Channels, Picture, Quality};
+use spf_render::{Channels, Picture, Quality};
 use spf_sim::tello::{FaultSource, Figures, Fineness, Firmware, Server, ServerError, Setup, Tally, VideoQuality, VideoWish};
 
 use super::stage::{Moment, Stage};
