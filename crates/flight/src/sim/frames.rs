@@ -2,7 +2,7 @@
 
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_drone::frames::{Frames, Photo};
-use spf_sim::effects::Shot;
+use spf_render::effects::Shot;
 use spf_sim::frame_clock::FrameClock;
 
 use super::stage::Moment;

@@ -7,7 +7,6 @@ mod frames;
 mod oracle;
 mod policy;
 mod stage;
-mod tello;
 mod truth;
 mod world;
 
@@ -18,6 +17,5 @@ pub(crate) use frames::photo;
 pub use oracle::OracleVlm;
 pub use policy::PolicyKind;
 pub use stage::{Moment, Stage, StageError};
-pub use tello::{Instruction, TelloFilm, TelloPlan, TelloService, truth_file};
-pub use truth::{Verdict, sighted};
+pub use truth::{Verdict, judge, sighted};
 pub use world::{Circumstances, SimWorld};
