@@ -4,9 +4,6 @@
 //! cannot change what is read from it.
 
 use super::json::{Broken, MAX_DEPTH, Value, read};
-use super::parse::interpret;
-use super::{Reply, ReplyError};
-use crate::grounding::GroundingProfile;
 
 /// Longest answer that is read, bytes.
 pub const MAX_TEXT: usize = 64 * 1024;
@@ -84,7 +81,7 @@ pub(crate) fn search<T, E>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T
 
 impl<T, E> Scan<T, E> {
     /// What was found, once the answer has ended.
-    fn outcome(self) -> Result<T, Unfound<E>> {
+    pub(super) fn outcome(self) -> Result<T, Unfound<E>> {
         match (self.accepted, self.refused) {
             (Some(found), _) => Ok(found),
             (None, Some(error)) => Err(Unfound::Refused(error)),
@@ -220,81 +217,4 @@ fn step(byte: u8, open: &mut Vec<u8>, quote: &mut Option<u8>, escaped: &mut bool
     }
     *last = byte;
     Step::Inside
-}
-
-/// Reads the reply in `text`, in the coordinates of `profile`.
-///
-/// `docs/reply.md` lists what is forgiven: fences and prose around the JSON, an array for the object, numbers as text, other
-/// keys and spellings, coordinates up to 1 % outside. Of several objects the first that reads as a reply counts.
-///
-/// # Errors
-/// [`ReplyError`], the first refusal of an object that was meant as a reply. Every number of a reply that is returned is
-/// finite and in its range.
-pub fn parse_reply(text: &str, profile: &GroundingProfile) -> Result<Reply, ReplyError> {
-    let mut stream = ReplyStream::new(*profile);
-    stream.push(text);
-    stream.finish()
-}
-
-/// A reply that is still arriving. However the text is cut into chunks, [`finish`](Self::finish) returns what
-/// [`parse_reply`] returns for the whole of it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ReplyStream {
-    profile: GroundingProfile,
-    text: String,
-    too_long: bool,
-    scan: Scan<Reply, ReplyError>,
-}
-
-impl ReplyStream {
-    /// A reply of which nothing has arrived yet.
-    #[must_use]
-    pub fn new(profile: GroundingProfile) -> Self {
-        Self { profile, text: String::new(), too_long: false, scan: Scan::new() }
-    }
-
-    /// Takes the next chunk of the text. Beyond [`MAX_TEXT`] nothing more is kept.
-    pub fn push(&mut self, chunk: &str) {
-        if self.too_long || self.text.len() + chunk.len() > MAX_TEXT {
-            self.too_long = true;
-            return;
-        }
-        self.text.push_str(chunk);
-        self.scan_to(false);
-    }
-
-    /// The reply, as soon as its JSON is closed: no need to wait for the rest of the answer, which cannot change it.
-    #[must_use]
-    pub fn early(&self) -> Option<&Reply> {
-        self.scan.accepted.as_ref()
-    }
-
-    /// What has arrived so far.
-    #[must_use]
-    pub fn text(&self) -> &str {
-        &self.text
-    }
-
-    /// The reply, now that the answer has ended.
-    ///
-    /// # Errors
-    /// As [`parse_reply`].
-    pub fn finish(mut self) -> Result<Reply, ReplyError> {
-        if self.too_long {
-            return Err(ReplyError::TooLong { limit: MAX_TEXT });
-        }
-        self.scan_to(true);
-        self.scan.outcome().map_err(|unfound| match unfound {
-            Unfound::TooLong => ReplyError::TooLong { limit: MAX_TEXT },
-            Unfound::Refused(error) => error,
-            Unfound::Truncated => ReplyError::Truncated,
-            Unfound::NoReply => ReplyError::NoReply,
-            Unfound::NoJson => ReplyError::NoJson,
-        })
-    }
-
-    fn scan_to(&mut self, ended: bool) {
-        let profile = self.profile;
-        self.scan.advance(&self.text, ended, |value, nested| interpret(value, &profile, nested));
-    }
 }
