@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use image::ImageReader;
 use serde_json::Value;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_flight::dataset::record::{FORMAT, Head, Row};
+use spf_media::file::{self, FileError, Limits};
 use spf_sim::oracle::{Tagged, masks};
 
 use super::{SourceError, form, form_of, read, stays};
@@ -37,10 +37,11 @@ pub(crate) struct Layers {
 
 impl SimExample {
     /// Reads the pictures of truth.
-    pub(crate) fn layers(&self) -> Result<Layers, image::ImageError> {
+    pub(crate) fn layers(&self) -> Result<Layers, FileError> {
         let files = &self.row.files;
         let grey = |name: &str| {
-            Ok::<_, image::ImageError>(ImageReader::open(self.folder.join(name))?.decode()?.into_luma16().into_raw())
+            let bytes = std::fs::read(self.folder.join(name))?;
+            Ok::<_, FileError>(file::decode(&bytes, Limits::default())?.into_grey16())
         };
         let metres = |name: &str| grey(name).map(|cm| cm.into_iter().map(|cm| f32::from(cm) / 100.0).collect::<Vec<f32>>());
         Ok(Layers {
