@@ -5,8 +5,8 @@ use libfuzzer_sys::fuzz_target;
 use spf_drone::tello::answer::Answer;
 use spf_drone::tello::state::State;
 use spf_drone::tello::video::Joiner;
-use spf_sim::tello::Firmware;
-use spf_sim::tello::command::parse;
+use spf_serve::tello::Firmware;
+use spf_serve::tello::command::parse;
 
 fuzz_target!(|bytes: &[u8]| {
     let _ = Answer::read(bytes);

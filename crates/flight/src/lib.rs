@@ -7,7 +7,6 @@ pub mod calibrate;
 pub mod dataset;
 pub mod detector;
 pub mod doctor;
-pub mod endpoint;
 mod film;
 pub mod glass;
 pub mod keys;

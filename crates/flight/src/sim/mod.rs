@@ -6,7 +6,6 @@ mod oracle;
 mod pictures;
 mod policy;
 mod stage;
-mod tello;
 mod truth;
 mod world;
 
@@ -16,6 +15,5 @@ pub use pictures::SimPictures;
 pub(crate) use pictures::sim_picture;
 pub use policy::PolicyKind;
 pub use stage::{Moment, Stage, StageError};
-pub use tello::{Instruction, TelloFilm, TelloPlan, TelloService, truth_file};
-pub use truth::{Verdict, sighted};
+pub use truth::{Verdict, judge, sighted};
 pub use world::{Circumstances, SimDrone, SimWorld};

@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;
-use spf_sim::geometry::ObjectId;
-use spf_sim::oracle::resolve_truth;
-use spf_sim::render::{Channels, Picture};
+use spf_oracle::resolve_truth;
+use spf_render::{Channels, Picture};
+use spf_scene::geometry::ObjectId;
 
 use super::stage::Moment;
 use super::world::SimWorld;
@@ -34,7 +34,8 @@ pub struct Verdict {
 }
 
 /// Judges the present state of a world by the instruction. `start` is where the person who spoke looked from.
-pub(crate) fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
+#[must_use]
+pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
     let stage = world.stage();
     let truth = world.truth();
     let now = world.now();

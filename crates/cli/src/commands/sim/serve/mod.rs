@@ -7,7 +7,8 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use spf_flight::sim::{Instruction, TelloFilm};
+use spf_serve::truth::Heard;
+use spf_serve::vlm::OnboardCamera;
 
 use crate::args::Serve;
 use crate::commands::fly::interrupts;
@@ -24,10 +25,11 @@ pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
         return Err(CliError::usage("nothing is named to be served").hint("spf sim serve --vlm, or --tello, or both"));
     }
     let interrupts = interrupts()?;
-    let heard = Instruction::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
-    let film = args.vlm.as_ref().map(|_| Arc::new(TelloFilm::default()));
-    let service = args.tello.then(|| tello::start(args, film.clone(), heard.clone(), printer)).transpose()?;
-    let flown = service.as_ref().zip(film).map(|(service, film)| vlm::Flown { world: service.world().clone(), film, heard });
+    let heard = Heard::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
+    let onboard = args.vlm.as_ref().map(|_| Arc::new(OnboardCamera::default()));
+    let service = args.tello.then(|| tello::start(args, onboard.clone(), heard.clone(), printer)).transpose()?;
+    let flown =
+        service.as_ref().zip(onboard).map(|(service, onboard)| vlm::Flown { world: service.world().clone(), onboard, heard });
     let _endpoint = args.vlm.as_deref().map(|oracle| vlm::start(args, oracle, flown, printer)).transpose()?;
     while interrupts.load(Ordering::Relaxed) == 0 {
         std::thread::sleep(LOOK);

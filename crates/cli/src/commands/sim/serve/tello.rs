@@ -4,8 +4,10 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 
 use spf_core::fault::FaultPlan;
-use spf_flight::sim::{Circumstances, Instruction, TelloFilm, TelloPlan, TelloService, truth_file};
-use spf_sim::tello::{FaultSource, Firmware, ServerError, VideoQuality};
+use spf_flight::sim::Circumstances;
+use spf_serve::tello::{FaultSource, Firmware, ServerError, TelloPlan, TelloService, VideoQuality};
+use spf_serve::truth::{Heard, truth_file};
+use spf_serve::vlm::OnboardCamera;
 use spf_sim::wind::WindError;
 
 use crate::args::Serve;
@@ -16,15 +18,15 @@ use crate::printer::Printer;
 
 /// A Tello's command port.
 const PORT: u16 = 8889;
-/// Starts it; it flies until what is returned is dropped. `film` gets what its camera sees, and `instruction` is what its flights
+/// Starts it; it flies until what is returned is dropped. `onboard` gets what its camera sees, and `instruction` is what its flights
 /// are judged by.
 pub(super) fn start(
     args: &Serve,
-    film: Option<Arc<TelloFilm>>,
-    instruction: Instruction,
+    onboard: Option<Arc<OnboardCamera>>,
+    instruction: Heard,
     printer: &Printer,
 ) -> Result<TelloService, CliError> {
-    let plan = TelloPlan { film, instruction, ..plan(args)? };
+    let plan = TelloPlan { onboard, instruction, ..plan(args)? };
     let (listen, scene) = (plan.listen, plan.stage.scene.name.clone());
     let service = TelloService::start(plan).map_err(|error| refused(&error, listen))?;
     let address = service.address();
@@ -80,8 +82,8 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
         firmware,
         quality,
         faults: args.fault.clone().map_or_else(|| FaultSource::Plan(FaultPlan::default()), FaultSource::File),
-        instruction: Instruction::default(),
-        film: None,
+        instruction: Heard::default(),
+        onboard: None,
         truth: truth.transpose()?,
         stage: Arc::new(load_stage(args.scene.as_deref().unwrap_or("office"), &conditions(&args.conditions)?)?),
     })

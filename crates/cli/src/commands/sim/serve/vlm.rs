@@ -3,8 +3,9 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use spf_flight::endpoint::{AnswerForm, Camera, Endpoint, Instruction, Lens, Memory, Mind, Serving};
-use spf_flight::sim::{Circumstances, Instruction as Heard, OracleVlm, SimWorld, TelloFilm};
+use spf_flight::sim::{Circumstances, OracleVlm, SimWorld};
+use spf_serve::truth::Heard;
+use spf_serve::vlm::{AnswerForm, Camera, Endpoint, Instruction, Lens, Memory, Mind, OnboardCamera, Serving};
 
 use crate::args::Serve;
 use crate::commands::sim::{above_start, conditions, parse_effects, parse_kind};
@@ -21,7 +22,7 @@ pub(super) struct Flown {
     /// Its world.
     pub(super) world: SimWorld,
     /// What its camera sees.
-    pub(super) film: Arc<TelloFilm>,
+    pub(super) onboard: Arc<OnboardCamera>,
     /// Where the instruction that is heard goes.
     pub(super) heard: Heard,
 }
@@ -62,9 +63,9 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
         Mind::new(OracleVlm::new(name.clone(), world.clone(), errors, args.seed), memory, instruction, form)
     };
     let (scene, lens, mind): (String, Arc<dyn Lens>, Mind) = match flown {
-        Some(Flown { world, film, heard }) => {
-            let mind = mind(&world, film.memory().clone()).telling(heard);
-            (world.stage().scene.name.clone(), film, mind)
+        Some(Flown { world, onboard, heard }) => {
+            let mind = mind(&world, onboard.memory().clone()).telling(heard);
+            (world.stage().scene.name.clone(), onboard, mind)
         }
         None => {
             let stage = Arc::new(load_stage(args.scene.as_deref().unwrap_or("city"), &conditions)?);

@@ -1,0 +1,203 @@
+use super::*;
+use spf_core::camera::Camera;
+use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::geometry::{Attitude, Pose};
+use spf_core::query::Mark;
+use spf_core::time::Time;
+
+const CRAFT_STEP: f64 = 2.0;
+
+fn view(frame: u64) -> View {
+    View {
+        frame: FrameMeta {
+            id: FrameId(frame),
+            captured: Time::ZERO,
+            received: Time::ZERO,
+            capture_counter: frame,
+            width: 960,
+            height: 720,
+            unusable: false,
+        },
+        camera: Camera::quad(),
+        pose: Pose { attitude: Attitude { heading: 1.0, ..Attitude::default() }, ..Pose::default() },
+        at_rest: true,
+    }
+}
+
+fn pivot(change: impl FnOnce(&mut PivotSettings)) -> Pivot {
+    let mut settings = PivotSettings::published(Craft::quad(), CRAFT_STEP);
+    change(&mut settings);
+    let mut pivot = Pivot::new(settings);
+    assert_eq!(pivot.handle(PolicyEvent::Instruction("fly to the crane")), Step::Look);
+    pivot
+}
+
+fn query(step: Step) -> Query {
+    match step {
+        Step::Ask(query) => *query,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn numbers(query: &Query) -> Vec<(u32, ImagePoint)> {
+    let number = |mark: &Mark| if let Mark::Number { at, number } = mark { Some((*number, *at)) } else { None };
+    query.marks.iter().filter_map(number).collect()
+}
+
+/// The candidate nearest to a point of the picture.
+fn nearest(query: &Query, u: f64, v: f64) -> u32 {
+    let away = |at: ImagePoint| libm::hypot((at.u - u) * 960.0, (at.v - v) * 720.0);
+    numbers(query).into_iter().min_by(|a, b| away(a.1).total_cmp(&away(b.1))).unwrap().0
+}
+
+/// The first question about candidates.
+fn begun(pivot: &mut Pivot) -> Query {
+    let asked = query(pivot.handle(PolicyEvent::Frame(&view(1))));
+    assert_eq!(asked.kind, QueryKind::Done);
+    query(pivot.handle(PolicyEvent::Reply { id: asked.id, text: r#"{"done":false,"stage":1}"# }))
+}
+
+fn answer(pivot: &mut Pivot, to: &Query, points: &[u32]) -> Step {
+    pivot.handle(PolicyEvent::Reply { id: to.id, text: &format!("{{\"points\":{points:?}}}") })
+}
+
+#[test]
+fn three_rounds_on_one_frame_close_in_on_the_target() {
+    let mut pivot = pivot(|_| ());
+    let (u, v) = (0.62, 0.41);
+    let mut asked = begun(&mut pivot);
+    let mut counts = Vec::new();
+    for round in 0..3 {
+        counts.push(numbers(&asked).len());
+        assert_eq!((asked.kind.clone(), asked.frame), (QueryKind::Choose, FrameId(1)));
+        let most = if round == 2 { "the numbers of the best 1," } else { "the numbers of the best 3," };
+        assert!(asked.prompt.contains(most) && asked.prompt.contains("fly 2 m that way"), "{}", asked.prompt);
+        let number = nearest(&asked, u, v);
+        match answer(&mut pivot, &asked, &[number]) {
+            Step::Ask(next) => asked = *next,
+            Step::Move(motion) => {
+                assert_eq!(round, 2);
+                let reached = pivot.reading().waypoint.unwrap();
+                let away = libm::hypot((reached.u - u) * 960.0, (reached.v - v) * 720.0);
+                assert!(away < 45.0, "{away} px off");
+                let lifted = lift::unproject(&Camera::quad(), reached, CRAFT_STEP).unwrap();
+                let lifted = lift::lift(lifted, &Camera::quad(), view(1).pose.attitude, Lifting::Levelled);
+                assert_eq!(motion.primitives, Primitives::from_displacement(lifted));
+                assert_eq!((motion.anchor, motion.then_rest), (Some(view(1).pose), true));
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(counts, [25, 10, 10]);
+}
+
+#[test]
+fn arrows_begin_where_straight_on_appears() {
+    let mut pivot = pivot(|_| ());
+    let asked = begun(&mut pivot);
+    // The lens looks 5° down: straight on is tan 5° above the middle, 0.0875 · 480.3 px of 720.
+    let Mark::Arrow { from, .. } = asked.marks[0] else { panic!() };
+    assert!((from.u - 0.5).abs() < 1e-9 && (from.v - (0.5 - 0.0875 * 480.4 / 720.0)).abs() < 1e-3, "{from:?}");
+}
+
+#[test]
+fn candidates_follow_the_seed() {
+    let of = |seed: u64| begun(&mut pivot(|settings| settings.seed = seed)).marks;
+    assert_eq!(of(3), of(3));
+    assert_ne!(of(3), of(4));
+}
+
+#[test]
+fn numbers_that_are_not_on_the_picture_do_not_count() {
+    let mut pivot = pivot(|settings| settings.rounds = 2);
+    let first = begun(&mut pivot);
+    let second = query(answer(&mut pivot, &first, &[0, 26, 4_000_000_000]));
+    // Nothing valid: the second round is around the origin again, and as wide.
+    let mean = numbers(&second).iter().map(|(_, at)| at.u).sum::<f64>() / 10.0;
+    let widest = numbers(&second).iter().map(|(_, at)| (at.u - 0.5).abs()).fold(0.0, f64::max);
+    assert!((mean - 0.5).abs() < 0.12 && widest > 0.08, "{mean} {widest}");
+    assert!(matches!(answer(&mut pivot, &second, &[3]), Step::Move(_)));
+}
+
+#[test]
+fn where_nothing_is_chosen_the_search_turns_until_it_gives_up() {
+    let mut pivot = pivot(|settings| settings.rounds = 1);
+    let mut turns = 0;
+    for _ in 0..40 {
+        let asked = begun(&mut pivot);
+        match answer(&mut pivot, &asked, &[]) {
+            Step::Move(motion) => {
+                assert!(motion.then_rest && motion.primitives.forward == 0.0);
+                turns += 1;
+                assert_eq!(pivot.handle(PolicyEvent::MoveEnded { completed: true }), Step::Wait);
+            }
+            Step::Fail(FailReason::NotFound) => {
+                assert_eq!(turns, 11, "five turns, a climb, five turns");
+                return;
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+    panic!("searches for ever");
+}
+
+#[test]
+fn parallel_runs_agree_on_their_mean() {
+    let mut pivot = pivot(|settings| (settings.runs, settings.rounds) = (3, 1));
+    let first = begun(&mut pivot);
+    let second = query(pivot.handle(PolicyEvent::Continue));
+    let third = query(pivot.handle(PolicyEvent::Continue));
+    assert_eq!(pivot.handle(PolicyEvent::Continue), Step::Wait);
+    assert_ne!(first.marks, second.marks);
+    // In any order; a run without a choice has no say.
+    assert_eq!(answer(&mut pivot, &third, &[1]), Step::Wait);
+    assert_eq!(answer(&mut pivot, &first, &[]), Step::Wait);
+    assert!(matches!(answer(&mut pivot, &second, &[2]), Step::Move(_)));
+    let (a, b) = (numbers(&third)[0].1, numbers(&second)[1].1);
+    let reached = pivot.reading().waypoint.unwrap();
+    assert!((reached.u - 0.5 * (a.u + b.u)).abs() < 1e-9 && (reached.v - 0.5 * (a.v + b.v)).abs() < 1e-9);
+}
+
+#[test]
+fn parallel_runs_vote() {
+    let mut pivot = pivot(|settings| (settings.runs, settings.rounds, settings.consensus) = (2, 1, Consensus::Vote));
+    let first = begun(&mut pivot);
+    let second = query(pivot.handle(PolicyEvent::Continue));
+    assert_eq!(answer(&mut pivot, &first, &[5]), Step::Wait);
+    let vote = query(answer(&mut pivot, &second, &[7]));
+    let (a, b) = (numbers(&first)[4].1, numbers(&second)[6].1);
+    assert_eq!(numbers(&vote), [(1, a), (2, b)]);
+    assert!(matches!(answer(&mut pivot, &vote, &[2]), Step::Move(_)));
+    assert_eq!(pivot.reading().waypoint, Some(b));
+}
+
+#[test]
+fn done_is_believed_at_the_second_look() {
+    let mut pivot = pivot(|_| ());
+    let first = query(pivot.handle(PolicyEvent::Frame(&view(1))));
+    assert_eq!(pivot.handle(PolicyEvent::Reply { id: first.id, text: r#"{"done":true}"# }), Step::Look);
+    assert_eq!(pivot.handle(PolicyEvent::Frame(&View { at_rest: false, ..view(2) })), Step::Wait);
+    let second = query(pivot.handle(PolicyEvent::Frame(&view(3))));
+    assert!(second.memory.confirming && second.prompt.contains("second look"));
+    assert_eq!(pivot.handle(PolicyEvent::Reply { id: second.id, text: r#"{"done":true}"# }), Step::Done);
+}
+
+#[test]
+fn what_cannot_be_read_is_refused_and_asked_anew() {
+    let mut pivot = pivot(|settings| settings.runs = 2);
+    let first = begun(&mut pivot);
+    let second = query(pivot.handle(PolicyEvent::Continue));
+    let refused = pivot.handle(PolicyEvent::Reply { id: first.id, text: "the left one" });
+    assert!(matches!(refused, Step::Reject(_)) && pivot.reading().refused.is_some());
+    assert_eq!(answer(&mut pivot, &second, &[1]), Step::Wait, "the other run's answer is void");
+    assert_eq!(query(pivot.handle(PolicyEvent::Frame(&view(2)))).kind, QueryKind::Done);
+}
+
+#[test]
+fn an_answer_that_never_comes_is_asked_for_again() {
+    let mut pivot = pivot(|_| ());
+    let first = begun(&mut pivot);
+    assert_eq!(pivot.handle(PolicyEvent::ReplyFailed { id: first.id }), Step::Wait);
+    assert_eq!(answer(&mut pivot, &first, &[1]), Step::Wait, "too late");
+    assert_eq!(query(pivot.handle(PolicyEvent::Frame(&view(2)))).kind, QueryKind::Done);
+}

@@ -1,0 +1,174 @@
+//! The plain-text baseline: the VLM answers with actions in words and numbers, without image coordinates
+//! (paper §4.3, "plain VLM"; its format was never released, ours, in three forms, is described in docs/reply.md).
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use spf_core::actions::{ActForm, parse_moves};
+use spf_core::grounding::GroundingProfile;
+use spf_core::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
+use spf_core::primitives::Primitives;
+use spf_core::prompt::{PromptInput, PromptKind, PromptText};
+use spf_core::query::{Memory, Query, QueryId, QueryKind};
+
+/// Actions told back to the VLM.
+const REMEMBERED_ACTIONS: usize = 5;
+
+/// What the plain policy can be set to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlainSettings {
+    /// In which form actions are asked for.
+    pub form: ActForm,
+    /// Whether a `done` needs a second look while holding.
+    pub confirm_done: bool,
+    /// Size at which pictures are sent, if not the camera's.
+    pub image_size: Option<(u32, u32)>,
+}
+
+/// The prompt that asks in a form.
+#[must_use]
+pub fn prompt_kind(form: ActForm) -> PromptKind {
+    match form {
+        ActForm::Commands => PromptKind::Plain,
+        ActForm::Numeric => PromptKind::Numeric,
+        ActForm::Discrete => PromptKind::Discrete,
+    }
+}
+
+/// The plain-text policy.
+#[derive(Clone, Debug)]
+pub struct Plain {
+    settings: PlainSettings,
+    instruction: String,
+    memory: Memory,
+    asked: Option<(QueryId, bool)>,
+    queue: VecDeque<(String, Primitives)>,
+    moving: bool,
+    confirming: bool,
+    next_id: u64,
+    reading: Reading,
+    prompt: Arc<PromptText>,
+}
+
+impl Plain {
+    /// The same with another prompt than the shipped one.
+    #[must_use]
+    pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
+        Self { prompt, ..self }
+    }
+
+    /// A policy without an instruction; it waits until it has one.
+    #[must_use]
+    pub fn new(settings: PlainSettings) -> Self {
+        Self {
+            settings,
+            instruction: String::new(),
+            memory: Memory::default(),
+            asked: None,
+            queue: VecDeque::new(),
+            moving: false,
+            confirming: false,
+            next_id: 0,
+            reading: Reading::default(),
+            prompt: PromptText::shipped(prompt_kind(settings.form)),
+        }
+    }
+
+    fn ask(&mut self, view: &View) -> Step {
+        let id = QueryId(self.next_id);
+        self.next_id += 1;
+        self.memory.confirming = self.confirming;
+        self.asked = Some((id, self.confirming));
+        let prompt = self.prompt.write(&PromptInput {
+            instruction: &self.instruction,
+            memory: &self.memory,
+            profile: &GroundingProfile::default(),
+            avoid: false,
+        });
+        Step::Ask(Box::new(Query {
+            instruction: self.instruction.clone(),
+            memory: self.memory.clone(),
+            prompt,
+            image_size: self.settings.image_size,
+            ..Query::new(id, view.frame.id, QueryKind::Act { form: self.settings.form })
+        }))
+    }
+
+    fn answered(&mut self, text: &str, confirming: bool) -> Step {
+        self.reading = Reading::default();
+        let reply = match parse_moves(self.settings.form, text) {
+            Ok(reply) => reply,
+            Err(error) => {
+                self.reading.refused = Some(error.to_string());
+                return Step::Reject(error.to_string());
+            }
+        };
+        self.reading.actions = reply.moves.iter().map(|(words, _)| words.clone()).collect();
+        if reply.done {
+            if !self.settings.confirm_done || confirming {
+                return Step::Done;
+            }
+            self.confirming = true;
+            return Step::Look;
+        }
+        self.confirming = false;
+        self.queue = reply.moves.into();
+        self.next_action()
+    }
+
+    /// Starts the next action of the last reply; holds and looks again when there is none left.
+    fn next_action(&mut self) -> Step {
+        while let Some((words, primitives)) = self.queue.pop_front() {
+            self.memory.actions.push(words);
+            if self.memory.actions.len() > REMEMBERED_ACTIONS {
+                self.memory.actions.remove(0);
+            }
+            if primitives != Primitives::default() {
+                self.moving = true;
+                self.reading.primitives = Some(primitives);
+                return Step::Move(Move { primitives, anchor: None, then_rest: true });
+            }
+        }
+        self.moving = false;
+        Step::Look
+    }
+}
+
+impl Policy for Plain {
+    fn name(&self) -> &'static str {
+        "plain"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+        match event {
+            PolicyEvent::Instruction(text) => {
+                let (next_id, prompt) = (self.next_id, self.prompt.clone());
+                *self = Self { instruction: text.to_owned(), next_id, prompt, ..Self::new(self.settings) };
+                Step::Look
+            }
+            PolicyEvent::Frame(view) if self.asked.is_none() && !self.moving && (view.at_rest || !self.confirming) => {
+                self.ask(view)
+            }
+            PolicyEvent::Reply { id, text } => match self.asked.take_if(|asked| asked.0 == id) {
+                Some((_, confirming)) => self.answered(text, confirming),
+                None => Step::Wait,
+            },
+            PolicyEvent::ReplyFailed { id } => {
+                self.asked.take_if(|asked| asked.0 == id);
+                Step::Wait
+            }
+            PolicyEvent::MoveEnded { completed: true } if self.moving => self.next_action(),
+            PolicyEvent::MoveEnded { .. } => {
+                // What was cut short is not resumed: the reason to move is gone.
+                self.moving = false;
+                self.queue.clear();
+                Step::Wait
+            }
+            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::Continue => Step::Wait,
+        }
+    }
+
+    fn reading(&self) -> Reading {
+        self.reading.clone()
+    }
+}

@@ -1,0 +1,472 @@
+//! The TypeFly baseline: a planner that reads a list of detections, and never the picture, writes a program in MiniSpec, which runs
+//! while it still arrives; its skills look while flying (Chen et al., arXiv 2312.14950).
+//!
+//! What is TypeFly's own and what deviates stands in docs/baselines.md.
+
+pub mod minispec;
+mod perform;
+mod scene;
+mod skills;
+
+use std::sync::Arc;
+
+use minispec::{Machine, Precedence, ProgramStream, Progress, SkillCall, Value};
+use scene::Scene;
+use skills::Library;
+
+use spf_core::craft::Craft;
+use spf_core::grounding::GroundingProfile;
+use spf_core::policy::{FailReason, Policy, PolicyEvent, Reading, Step, View};
+use spf_core::prompt::{PromptInput, PromptKind, PromptText};
+use spf_core::query::{Memory, Query, QueryId, QueryKind};
+use spf_core::reply::{one_line, one_line_within, parse_completion};
+use spf_core::time::{Duration, Time};
+
+/// Results of calls that are told back to the planner.
+const REMEMBERED_CALLS: usize = 20;
+/// Longest program that is told back, characters.
+const TOLD_PROGRAM: usize = 600;
+
+/// What the TypeFly policy can be set to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TypeFlySettings {
+    /// Whether the planner is asked again when a program asks for it, ends in False or an error, has moved so far that its list is
+    /// outdated, or ends without the picture showing that the instruction is fulfilled; and whether "go to" looks again after each
+    /// hop. Without it the first program is the only one and its end believed, and "go to" one turn and one hop, as in the
+    /// configuration that SPF was compared with.
+    pub replanning: bool,
+    /// Whether only objects of the classes of COCO are detected.
+    pub coco: bool,
+    /// Programs in a row that may end in False or an error, or achieve nothing without moving from the spot.
+    pub failures: u32,
+    /// Which of `&` and `|` binds tighter.
+    pub precedence: Precedence,
+    /// Size at which pictures are sent, if not the camera's.
+    pub image_size: Option<(u32, u32)>,
+    /// The craft: lengths are the Tello's times this one's cruise speed over the Tello's.
+    pub craft: Craft,
+}
+
+impl TypeFlySettings {
+    /// Replanning, every object, five failures.
+    #[must_use]
+    pub fn new(craft: Craft) -> Self {
+        Self { replanning: true, coco: false, failures: 5, precedence: Precedence::Published, image_size: None, craft }
+    }
+
+    /// How many times as fast as a Tello the craft is.
+    fn scale(&self) -> f64 {
+        self.craft.cruise_speed / Craft::tello().cruise_speed
+    }
+}
+
+/// The program that is arriving.
+#[derive(Clone, Debug)]
+struct Planning {
+    id: QueryId,
+    stream: ProgramStream,
+    /// Whether any statement came.
+    begun: bool,
+}
+
+/// What the program waits for.
+#[derive(Clone, Debug, PartialEq)]
+enum Waits {
+    /// Nothing: it can go on.
+    No,
+    /// A fresh list of detections, for this skill.
+    List(SkillCall),
+    /// The end of a move; `outdates` when it is so long that the list it was planned on is worth nothing after it.
+    Move { outdates: bool },
+    /// An answer.
+    Answer(QueryId),
+    /// Some time, from the first frame on that is seen.
+    Time { long: Duration, until: Option<Time> },
+}
+
+/// The TypeFly policy.
+#[derive(Clone, Debug)]
+pub struct TypeFly {
+    settings: TypeFlySettings,
+    instruction: String,
+    memory: Memory,
+    library: Library,
+    scene: Scene,
+    /// The list is of the present view.
+    fresh: bool,
+    view: Option<View>,
+    detecting: Option<QueryId>,
+    planning: Option<Planning>,
+    machine: Option<Machine>,
+    waits: Waits,
+    /// The program has come to its end; the next frame shows whether that is the instruction's.
+    ended: bool,
+    completing: Option<QueryId>,
+    /// The program has moved from the spot.
+    moved: bool,
+    /// The last program.
+    program: String,
+    /// What came of it.
+    previous: String,
+    failures: u32,
+    next_id: u64,
+    reading: Reading,
+    prompt: Arc<PromptText>,
+}
+
+impl TypeFly {
+    /// The same with another prompt for the planner than the shipped one.
+    #[must_use]
+    pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
+        Self { prompt, ..self }
+    }
+
+    /// A policy without an instruction; it waits until it has one.
+    #[must_use]
+    pub fn new(settings: TypeFlySettings) -> Self {
+        Self {
+            settings,
+            instruction: String::new(),
+            memory: Memory::default(),
+            library: Library::new(settings.scale(), settings.replanning),
+            scene: Scene::default(),
+            fresh: false,
+            view: None,
+            detecting: None,
+            planning: None,
+            machine: None,
+            waits: Waits::No,
+            ended: false,
+            completing: None,
+            moved: false,
+            program: String::new(),
+            previous: String::new(),
+            failures: 0,
+            next_id: 0,
+            reading: Reading::default(),
+            prompt: PromptText::shipped(PromptKind::Program),
+        }
+    }
+
+    fn query(&mut self, kind: QueryKind, prompt: String) -> Query {
+        let id = QueryId(self.next_id);
+        self.next_id += 1;
+        let detections = if matches!(kind, QueryKind::Detect { .. }) { Vec::new() } else { self.scene.lines() };
+        Query {
+            instruction: self.instruction.clone(),
+            memory: self.memory.clone(),
+            prompt,
+            detections,
+            image_size: self.settings.image_size,
+            ..Query::new(id, self.view.map(|view| view.frame.id).unwrap_or_default(), kind)
+        }
+    }
+
+    fn write(&self, text: &PromptText, own: impl Fn(&str) -> Option<String>) -> String {
+        let profile = &GroundingProfile::default();
+        let input = PromptInput { instruction: &self.instruction, memory: &self.memory, profile, avoid: false };
+        text.write_with(&input, |place| match place {
+            "scene" => Some(self.scene_words()),
+            other => own(other),
+        })
+    }
+
+    /// The list for a prompt: names in it may come from signs in the picture, and stay on their lines.
+    fn scene_words(&self) -> String {
+        let lines: Vec<String> = self.scene.lines().iter().map(|line| one_line(line)).collect();
+        if lines.is_empty() { "nothing".to_owned() } else { lines.join("\n") }
+    }
+
+    fn frame(&mut self, view: &View) -> Step {
+        if self.detecting.is_some() || self.planning.is_some() || self.completing.is_some() {
+            return Step::Wait;
+        }
+        match &mut self.waits {
+            Waits::Move { .. } | Waits::Answer(_) => return Step::Wait,
+            Waits::Time { long, until } => {
+                let until = *until.get_or_insert(view.frame.captured + *long);
+                if view.frame.captured < until {
+                    return Step::Wait;
+                }
+                self.view = Some(*view);
+                return self.resume(Value::Bool(true));
+            }
+            Waits::No | Waits::List(_) => {}
+        }
+        self.view = Some(*view);
+        if self.ended { self.ask_completion() } else { self.ask_list() }
+    }
+
+    /// Whether a program's end is the instruction's: the question that every method is asked that does not say so itself.
+    fn ask_completion(&mut self) -> Step {
+        self.ended = false;
+        let prompt = self.write(&PromptText::shipped(PromptKind::Done), |_| None);
+        let query = self.query(QueryKind::Done, prompt);
+        self.completing = Some(query.id);
+        Step::Ask(Box::new(query))
+    }
+
+    fn completed(&mut self, text: &str) -> Step {
+        let completion = match parse_completion(text) {
+            Ok(completion) => completion,
+            Err(error) => return self.refuse(error.to_string()),
+        };
+        if completion.done {
+            return Step::Done;
+        }
+        let stage = completion.stage.unwrap_or(self.memory.stage);
+        // A part of the instruction that is behind it is worth as much as a way.
+        self.moved |= stage > self.memory.stage.max(1);
+        self.memory.stage = stage;
+        self.plan_again("the picture does not show that the instruction is fulfilled");
+        // What was looked at is looked at still.
+        if self.is_lost() { Step::Fail(FailReason::NoProgram) } else { self.ask_list() }
+    }
+
+    fn ask_list(&mut self) -> Step {
+        let coco = self.settings.coco;
+        let classes = if coco { spf_core::coco::CLASSES.join(", ") } else { String::new() };
+        let prompt = self.write(&PromptText::shipped(PromptKind::Detect), |place| (place == "classes").then(|| classes.clone()));
+        let query = self.query(QueryKind::Detect { coco, scored: false }, prompt);
+        self.detecting = Some(query.id);
+        Step::Ask(Box::new(query))
+    }
+
+    fn listed(&mut self, text: &str) -> Step {
+        match Scene::parse(text) {
+            Ok(scene) => {
+                self.reading.actions = vec![format!("sees {} objects", scene.sightings.len())];
+                (self.scene, self.fresh) = (scene, true);
+            }
+            Err(error) => return self.refuse(error.to_string()),
+        }
+        if self.machine.is_some() { self.run() } else { self.ask_program() }
+    }
+
+    fn ask_program(&mut self) -> Step {
+        let [low, high] = self.library.described().clone();
+        let prompt = self.write(&self.prompt, |place| match place {
+            "low_skills" => Some(low.clone()),
+            "high_skills" => Some(high.clone()),
+            "replanning" => Some(if self.settings.replanning { "yes".to_owned() } else { String::new() }),
+            "previous" => Some(self.previous.clone()),
+            _ => None,
+        });
+        let query = self.query(QueryKind::Program, prompt);
+        self.planning = Some(Planning { id: query.id, stream: ProgramStream::new(self.settings.precedence), begun: false });
+        self.machine = Some(Machine::default());
+        (self.waits, self.moved) = (Waits::No, false);
+        // Of the program alone: it looks for things by itself.
+        self.memory.turned = 0.0;
+        Step::Ask(Box::new(query))
+    }
+
+    /// A further part of the program: what is complete is run.
+    fn arriving(&mut self, text: &str) -> Step {
+        let (Some(planning), Some(machine)) = (&mut self.planning, &mut self.machine) else { return Step::Wait };
+        let statements = planning.stream.push(text);
+        if statements.is_empty() {
+            return Step::Wait;
+        }
+        planning.begun = true;
+        machine.extend(statements);
+        if self.waits == Waits::No { self.run() } else { Step::Wait }
+    }
+
+    /// The whole program is there.
+    fn arrived(&mut self, text: &str) -> Step {
+        let (Some(mut planning), Some(machine)) = (self.planning.take(), &mut self.machine) else { return Step::Wait };
+        // What came in parts is the beginning of the whole; nothing of it is run twice.
+        let rest = text.strip_prefix(planning.stream.text()).unwrap_or_default();
+        let mut statements = planning.stream.push(rest);
+        let ended = planning.stream.finish();
+        self.program = one_line_within(text, TOLD_PROGRAM);
+        self.reading.actions = vec![self.program.clone()];
+        let refused = match ended {
+            Ok(last) => {
+                statements.extend(last);
+                (statements.is_empty() && !planning.begun).then(|| "there is no program in the answer".to_owned())
+            }
+            Err(error) => Some(error.to_string()),
+        };
+        if let Some(why) = refused {
+            self.remember(&why);
+            return self.refuse(why);
+        }
+        machine.extend(statements);
+        machine.complete();
+        if matches!(self.waits, Waits::No | Waits::List(_)) { self.run() } else { Step::Wait }
+    }
+
+    fn resume(&mut self, value: Value) -> Step {
+        self.waits = Waits::No;
+        if let Some(machine) = &mut self.machine {
+            machine.resume(value);
+        }
+        self.run()
+    }
+
+    /// Runs the program up to where it has to wait.
+    fn run(&mut self) -> Step {
+        loop {
+            let Some(machine) = &mut self.machine else { return Step::Wait };
+            let call = match core::mem::replace(&mut self.waits, Waits::No) {
+                Waits::List(call) => call,
+                _ => match machine.advance(&self.library) {
+                    Progress::Skill(call) => call,
+                    Progress::Starved => return Step::Wait,
+                    Progress::Finished(value) => return self.finished(&value),
+                    Progress::Stopped(error) => return self.failed(&error.to_string(), FailReason::NoProgram),
+                },
+            };
+            match self.perform(call) {
+                perform::Outcome::Value(value) => {
+                    if let Some(machine) = &mut self.machine {
+                        machine.resume(value);
+                    }
+                }
+                perform::Outcome::Step(step) => return step,
+                perform::Outcome::Error(why) => return self.failed(&why, FailReason::NoProgram),
+            }
+        }
+    }
+
+    fn finished(&mut self, value: &Value) -> Step {
+        if *value == Value::Bool(false) {
+            return self.failed("it returned False", FailReason::NotFound);
+        }
+        if !self.settings.replanning {
+            return Step::Done;
+        }
+        self.ended = true;
+        Step::Look
+    }
+
+    /// The program came to no good end: another one, unless there were too many.
+    fn failed(&mut self, why: &str, reason: FailReason) -> Step {
+        self.moved = false;
+        self.plan_again(why);
+        if self.is_lost() { Step::Fail(reason) } else { Step::Look }
+    }
+
+    /// Whether no further program is of use.
+    fn is_lost(&self) -> bool {
+        !self.settings.replanning || self.failures > self.settings.failures
+    }
+
+    /// Ends the program; the next frame's list is planned on. One that has moved from the spot was of use, whatever it came to.
+    fn plan_again(&mut self, why: &str) {
+        self.failures = if self.moved { 0 } else { self.failures + 1 };
+        self.remember(why);
+        self.machine = None;
+        self.planning = None;
+        self.waits = Waits::No;
+        self.fresh = false;
+    }
+
+    /// Keeps what the program came to, for the next prompt and for the queries.
+    fn remember(&mut self, why: &str) {
+        let trace = self.machine.as_ref().map_or(&[][..], Machine::trace);
+        self.memory.actions.extend(trace.iter().map(|call| one_line(call)));
+        let excess = self.memory.actions.len().saturating_sub(REMEMBERED_CALLS);
+        self.memory.actions.drain(..excess);
+        let done = if trace.is_empty() { "nothing".to_owned() } else { trace.join("; ") };
+        self.previous = format!(
+            "{}\nIt did: {}\nIt ended because: {}",
+            self.program,
+            one_line_within(&done, TOLD_PROGRAM),
+            one_line_within(why, TOLD_PROGRAM)
+        );
+    }
+
+    /// An answer that cannot be used: the pilot counts it, and the next frame begins anew.
+    fn refuse(&mut self, why: String) -> Step {
+        self.machine = None;
+        self.waits = Waits::No;
+        self.fresh = false;
+        self.reading.refused = Some(why.clone());
+        Step::Reject(why)
+    }
+
+    fn replied(&mut self, id: QueryId, text: &str) -> Step {
+        let answers = self.waits == Waits::Answer(id);
+        let plans = self.planning.as_ref().is_some_and(|planning| planning.id == id);
+        if self.detecting.take_if(|detecting| *detecting == id).is_some() {
+            self.reading = Reading::default();
+            self.listed(text)
+        } else if self.completing.take_if(|completing| *completing == id).is_some() {
+            self.reading = Reading::default();
+            self.completed(text)
+        } else if plans {
+            self.reading = Reading::default();
+            self.arrived(text)
+        } else if answers {
+            let word = text.trim().trim_end_matches('.').trim_matches(['\'', '"', '`']);
+            self.reading = Reading { actions: vec![format!("answers {}", one_line(word))], ..Reading::default() };
+            self.resume(Value::of_token(&one_line(word)))
+        } else {
+            Step::Wait
+        }
+    }
+
+    fn reply_failed(&mut self, id: QueryId) {
+        if self.planning.as_ref().is_some_and(|planning| planning.id == id) || self.waits == Waits::Answer(id) {
+            self.plan_again("no answer came");
+        }
+        self.detecting.take_if(|detecting| *detecting == id);
+        if self.completing.take_if(|completing| *completing == id).is_some() {
+            self.ended = true;
+        }
+    }
+
+    fn move_ended(&mut self, completed: bool) -> Step {
+        let Waits::Move { outdates } = self.waits else { return Step::Wait };
+        if !completed {
+            // What was cut short is not resumed: the reason to move is gone.
+            self.plan_again("its move was cut short");
+            return Step::Wait;
+        }
+        if outdates {
+            if let Some(machine) = &mut self.machine {
+                machine.resume(Value::Bool(true));
+            }
+            self.plan_again("it moved so far that its list was outdated");
+            return if self.is_lost() { Step::Fail(FailReason::NoProgram) } else { Step::Look };
+        }
+        self.resume(Value::Bool(true))
+    }
+}
+
+impl Policy for TypeFly {
+    fn name(&self) -> &'static str {
+        "typefly"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+        match event {
+            PolicyEvent::Instruction(text) => {
+                let (next_id, prompt) = (self.next_id, self.prompt.clone());
+                *self = Self { instruction: text.to_owned(), next_id, prompt, ..Self::new(self.settings) };
+                Step::Look
+            }
+            PolicyEvent::Frame(view) => self.frame(view),
+            PolicyEvent::Reply { id, text } => self.replied(id, text),
+            PolicyEvent::Chunk { id, text } if self.planning.as_ref().is_some_and(|planning| planning.id == id) => {
+                self.arriving(text)
+            }
+            PolicyEvent::ReplyFailed { id } => {
+                self.reply_failed(id);
+                Step::Wait
+            }
+            PolicyEvent::MoveEnded { completed } => self.move_ended(completed),
+            PolicyEvent::Chunk { .. } | PolicyEvent::Continue => Step::Wait,
+        }
+    }
+
+    fn reading(&self) -> Reading {
+        self.reading.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,382 @@
+//! The protocol: what is answered, and when.
+
+use std::net::{IpAddr, SocketAddr};
+
+use spf_core::command::{Command, Setpoint};
+use spf_core::fault::{FaultMachine, Stream, Trouble};
+use spf_core::rng::Draw;
+use spf_core::telemetry::FlightPhase;
+use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_sim::craft::SimCraft;
+
+use super::command::{Malformed, Read, Request, parse};
+use super::figures::{Figures, Firmware};
+use super::link::Link;
+use super::manoeuvre::CONTROL;
+use super::state::State;
+use super::tasks::{Running, Task};
+
+/// Where clients expect the state and the video until they say otherwise.
+const STATE_PORT: u16 = 8890;
+const VIDEO_PORT: u16 = 11_111;
+/// The speed that is set at power-on, cm/s.
+const DEFAULT_SPEED: i32 = 100;
+/// After `stop` the answer of the stopped manoeuvre comes this much later, s.
+const FORCED_STOP: f64 = 0.5;
+/// Restarting takes this long, s.
+const BOOT: f64 = 8.0;
+/// Temperatures, °C: where it begins, and what it tends to in flight and lying with the motors off; time constants, s.
+const COLD: f64 = 45.0;
+const FLYING_HEAT: (f64, f64) = (65.0, 120.0);
+const LYING_HEAT: (f64, f64) = (78.0, 400.0);
+
+/// Something to send.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// The answer to a command, from the command port.
+    Response {
+        /// To whom.
+        to: SocketAddr,
+        /// What.
+        bytes: Vec<u8>,
+    },
+    /// A line of state, from any port of the drone's address.
+    State {
+        /// To whom.
+        to: SocketAddr,
+        /// What.
+        bytes: Vec<u8>,
+    },
+}
+
+/// Where the video goes and what it is like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VideoWish {
+    /// To whom.
+    pub to: SocketAddr,
+    /// Frames a second.
+    pub fps: u32,
+    /// Half the size.
+    pub low_resolution: bool,
+    /// The camera that looks down.
+    pub downwards: bool,
+    /// How often `streamon` was said: each begins with a key picture.
+    pub asked: u32,
+}
+
+/// The protocol of one virtual Tello. Sans-IO; see the [module](super).
+#[derive(Debug)]
+pub struct VirtualTello {
+    pub(super) figures: Figures,
+    firmware: Firmware,
+    pub(super) draw: Draw,
+    link: Link,
+    /// Whoever last said `command`.
+    client: Option<IpAddr>,
+    ports: (u16, u16),
+    stream: Option<VideoWish>,
+    /// How often `streamon` was said.
+    streams: u32,
+    pads: bool,
+    pub(super) speed: i32,
+    pub(super) running: Option<Running>,
+    /// Nothing else is begun before: the manoeuvre that ended is still settling.
+    pub(super) busy_until: Time,
+    last_command: Time,
+    datum: f64,
+    temperature: f64,
+    motor_time: f64,
+    next_state: Time,
+    next_control: Time,
+    booted: Time,
+}
+
+impl VirtualTello {
+    /// A Tello that is switched on now, at the craft's time. Chance in answers and moves follows from `seed`.
+    #[must_use]
+    pub fn new(craft: &SimCraft, figures: Figures, firmware: Firmware, faults: FaultMachine, seed: u64) -> Self {
+        let now = craft.time();
+        Self {
+            figures,
+            firmware,
+            draw: Draw::new(seed, "virtual tello", &[]),
+            link: Link::new(faults),
+            client: None,
+            ports: (STATE_PORT, VIDEO_PORT),
+            stream: None,
+            streams: 0,
+            pads: false,
+            speed: DEFAULT_SPEED,
+            running: None,
+            busy_until: now,
+            last_command: now,
+            datum: craft.dynamics().pose().attitude.heading,
+            temperature: COLD,
+            motor_time: 0.0,
+            next_state: now,
+            next_control: now,
+            booted: now,
+        }
+    }
+
+    /// Other faults from now on.
+    pub fn set_faults(&mut self, faults: FaultMachine) {
+        self.link.set_faults(faults);
+    }
+
+    /// The faults in force.
+    #[must_use]
+    pub fn faults(&self) -> &FaultMachine {
+        self.link.faults()
+    }
+
+    /// Where the video is to go; none while nobody wants it.
+    #[must_use]
+    pub fn video(&self) -> Option<VideoWish> {
+        self.stream
+    }
+
+    /// When [`advance`](Self::advance) has something to do.
+    #[must_use]
+    pub fn next_deadline(&self) -> Time {
+        self.link.next_at().unwrap_or(Time::MAX).min(self.next_control).min(self.next_state)
+    }
+
+    /// A datagram was sent to the command port.
+    pub fn handle(&mut self, now: Time, from: SocketAddr, datagram: &[u8]) {
+        self.link.send(now, Stream::Commands, from, datagram);
+    }
+
+    /// Goes on to `now`: flies the craft, obeys what has arrived.
+    pub fn advance(&mut self, now: Time, craft: &mut SimCraft) {
+        loop {
+            let due = self.next_control.min(self.next_state);
+            while let Some(packet) = self.link.take(now.min(due), |stream| stream == Stream::Commands) {
+                craft.advance_to(packet.at);
+                self.obey(packet.at, packet.peer, &packet.bytes, craft);
+            }
+            if due > now {
+                craft.advance_to(now);
+                return;
+            }
+            craft.advance_to(due);
+            if self.next_control <= due {
+                self.control(due, craft);
+                self.next_control = due + CONTROL;
+            }
+            if self.next_state <= due {
+                self.tell_state(due, craft);
+                self.next_state = due + duration_from_secs(self.figures.state_period);
+            }
+        }
+    }
+
+    /// The next thing to send at `now`.
+    pub fn poll(&mut self, now: Time) -> Option<Output> {
+        let packet = self.link.take(now, |stream| stream != Stream::Commands)?;
+        let (to, bytes) = (packet.peer, packet.bytes);
+        Some(if packet.stream == Stream::Telemetry { Output::State { to, bytes } } else { Output::Response { to, bytes } })
+    }
+
+    pub(super) fn answer(&mut self, at: Time, to: SocketAddr, text: &str) {
+        self.link.send(at, Stream::Responses, to, text.as_bytes());
+    }
+
+    fn answer_quickly(&mut self, now: Time, to: SocketAddr, text: &str) {
+        let after = self.figures.quick(&mut self.draw);
+        self.answer(now + after, to, text);
+    }
+
+    pub(super) fn refuse(&mut self, now: Time, to: SocketAddr, text: &str) {
+        self.answer(now + duration_from_secs(self.figures.refusal), to, text);
+    }
+
+    fn obey(&mut self, now: Time, from: SocketAddr, datagram: &[u8], craft: &mut SimCraft) {
+        if now < self.booted {
+            return;
+        }
+        let request = parse(datagram, self.firmware);
+        if request == Ok(Request::Sdk) {
+            self.last_command = now;
+            self.client = Some(from.ip());
+            self.next_state = self.next_state.min(now + Duration::from_millis(10));
+            return self.answer_quickly(now, from, "ok");
+        }
+        // Before `command` it speaks another language.
+        if self.client.is_none() {
+            return;
+        }
+        match request {
+            Ok(request) => {
+                self.last_command = now;
+                self.run(now, from, request, craft);
+            }
+            Err(Malformed::Noise) => {}
+            Err(malformed) => {
+                self.last_command = now;
+                if let Some(answer) = malformed.answer() {
+                    self.refuse(now, from, &answer);
+                }
+            }
+        }
+    }
+
+    fn run(&mut self, now: Time, from: SocketAddr, request: Request, craft: &mut SimCraft) {
+        match request {
+            Request::Rc(sticks) => return self.rc(now, sticks, craft),
+            Request::Emergency => {
+                self.running = None;
+                craft.apply(now, Command::EmergencyStop, Time::MAX);
+                return;
+            }
+            Request::Stop => return self.stop(now, from, craft),
+            Request::Read(read) => {
+                let text = format!("{}\r\n", self.reading(read, craft));
+                return self.answer_quickly(now, from, &text);
+            }
+            Request::Stream(on) => {
+                let to = SocketAddr::new(from.ip(), self.ports.1);
+                self.streams += u32::from(on);
+                let wish = VideoWish { to, fps: 30, low_resolution: false, downwards: false, asked: self.streams };
+                self.stream = on.then_some(wish);
+            }
+            Request::Speed(speed) => self.speed = speed,
+            Request::Pads(on) => self.pads = on,
+            Request::PadDirection if !self.pads => return self.refuse(now, from, "error"),
+            Request::Ports(state, video) => {
+                self.ports = (state, video);
+                self.change_video(|wish| wish.to.set_port(video));
+            }
+            Request::Fps(fps) => self.change_video(|wish| wish.fps = fps),
+            Request::LowResolution(low) => self.change_video(|wish| wish.low_resolution = low),
+            Request::DownVision(on) => self.change_video(|wish| wish.downwards = on),
+            Request::Reboot { answers } => {
+                if answers {
+                    self.answer_quickly(now, from, "ok,drone will reboot");
+                }
+                return self.restart(now, craft);
+            }
+            Request::Extension(text) => return self.answer_quickly(now, from, text),
+            // The propellers are not seen; what is thrown is not simulated.
+            Request::Motor(_) if craft.dynamics().phase() != FlightPhase::OnGround => return self.refuse(now, from, "error"),
+            Request::ThrowFly => return self.refuse(now, from, "error"),
+            Request::Sdk | Request::PadDirection | Request::VideoSetting | Request::Acknowledge | Request::Motor(_) => {}
+            Request::TakeOff
+            | Request::Land
+            | Request::Move(..)
+            | Request::Turn(_)
+            | Request::Flip(_)
+            | Request::Go { .. }
+            | Request::Curve { .. }
+            | Request::OverPad => return self.begin(now, from, request, craft),
+        }
+        self.answer_quickly(now, from, "ok");
+    }
+
+    fn change_video(&mut self, change: impl FnOnce(&mut VideoWish)) {
+        if let Some(wish) = &mut self.stream {
+            change(wish);
+        }
+    }
+
+    /// Sticks hold until something replaces them. A position command that is under way is not disturbed.
+    fn rc(&mut self, now: Time, [right, forward, up, clockwise]: [i32; 4], craft: &mut SimCraft) {
+        if self.running.is_some() {
+            return;
+        }
+        let Figures { stick_speed, stick_climb, stick_sink, stick_yaw, .. } = self.figures;
+        let share = |stick: i32| f64::from(stick) * 0.01;
+        let vertical = if up > 0 { stick_climb } else { stick_sink };
+        let setpoint = Setpoint {
+            right: share(right) * stick_speed,
+            forward: share(forward) * stick_speed,
+            up: share(up) * vertical,
+            yaw_rate: share(clockwise) * stick_yaw,
+        };
+        craft.apply(now, Command::Setpoint(setpoint), Time::MAX);
+    }
+
+    fn stop(&mut self, now: Time, from: SocketAddr, craft: &mut SimCraft) {
+        if craft.dynamics().phase() == FlightPhase::Flying {
+            craft.apply(now, Command::Setpoint(Setpoint::HOLD), Time::MAX);
+            if let Some(Running { to, task: Task::Fly(_), .. }) = self.running.take() {
+                self.answer(now + duration_from_secs(FORCED_STOP), to, "forced stop");
+            }
+        }
+        self.answer_quickly(now, from, "ok");
+    }
+
+    pub(super) fn restart(&mut self, now: Time, craft: &mut SimCraft) {
+        craft.apply(now, Command::EmergencyStop, Time::MAX);
+        self.booted = now + duration_from_secs(BOOT);
+        (self.client, self.stream, self.running) = (None, None, None);
+        (self.ports, self.pads, self.speed) = ((STATE_PORT, VIDEO_PORT), false, DEFAULT_SPEED);
+        self.datum = craft.dynamics().pose().attitude.heading;
+    }
+
+    /// Every [`CONTROL`]: the manoeuvre under way, the landing that nobody asked for, the temperature.
+    fn control(&mut self, now: Time, craft: &mut SimCraft) {
+        let seconds = CONTROL.as_secs_f64();
+        let flying = craft.dynamics().airborne();
+        let (towards, time) = if flying { FLYING_HEAT } else { LYING_HEAT };
+        self.temperature += (towards - self.temperature) * seconds / time;
+        if flying {
+            self.motor_time += seconds;
+        }
+        if self.faults().troubled(now, Trouble::Reboot) && now >= self.booted {
+            self.restart(now, craft);
+        }
+        self.go_on(now, craft);
+        if self.running.is_some() {
+            self.last_command = now;
+        }
+        let idle = now.since(self.last_command) >= duration_from_secs(self.figures.idle_landing);
+        let empty = self.faults().troubled(now, Trouble::BatteryEmpty);
+        if craft.dynamics().phase() == FlightPhase::Flying && (empty || (idle && self.running.is_none())) {
+            if let Some(Running { to, .. }) = self.running.take() {
+                self.refuse(now, to, "error Auto land");
+            }
+            craft.apply(now, Command::Land, Time::MAX);
+        }
+    }
+
+    fn state(&self, craft: &SimCraft) -> State {
+        let state = State::of(craft, self.datum, self.pads, self.temperature, self.motor_time);
+        let empty = self.faults().troubled(craft.time(), Trouble::BatteryEmpty);
+        State { battery: if empty { state.battery.min(4) } else { state.battery }, ..state }
+    }
+
+    fn tell_state(&mut self, now: Time, craft: &SimCraft) {
+        let Some(client) = self.client.filter(|_| now >= self.booted) else { return };
+        let line = self.state(craft).line(self.firmware);
+        self.link.send(now, Stream::Telemetry, SocketAddr::new(client, self.ports.0), line.as_bytes());
+    }
+
+    fn reading(&self, read: Read, craft: &SimCraft) -> String {
+        let state = self.state(craft);
+        let temperature = libm::round(state.temperature);
+        match read {
+            Read::Battery => state.battery.to_string(),
+            Read::Speed => format!("{}.0", self.speed),
+            Read::Time => format!("{}s", state.motor_time),
+            Read::Wifi => "90".to_owned(),
+            Read::Sdk => if self.firmware == Firmware::V30 { "30" } else { "20" }.to_owned(),
+            Read::Serial => "0TQSIM00000001".to_owned(),
+            Read::Height => format!("{}dm", state.height / 10),
+            Read::Temperature => format!("{}~{}C", temperature - 1.0, temperature + 1.0),
+            Read::Attitude => format!("pitch:{};roll:{};yaw:{};", state.pitch, state.roll, state.yaw),
+            Read::Barometer => format!("{:.6}", state.barometer),
+            Read::Acceleration => {
+                let [x, y, z] = state.acceleration;
+                format!("agx:{x:.2};agy:{y:.2};agz:{z:.2};")
+            }
+            Read::Tof => format!("{}mm", state.tof * 10),
+            Read::Hardware => "TELLO".to_owned(),
+            Read::WifiVersion => "1.3.0.0".to_owned(),
+            Read::Ap => String::new(),
+            Read::Ssid => "TELLO-SIM001".to_owned(),
+            Read::ExtTof => format!("tof {}", if state.tof > 800 { 8192 } else { state.tof * 10 }),
+            Read::ExtVersion => "esp32v1.0.0.0".to_owned(),
+        }
+    }
+}

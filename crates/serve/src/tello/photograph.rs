@@ -1,0 +1,44 @@
+//! What the cameras of a virtual Tello see of its scene: the one that looks ahead, and the grey one that looks down.
+
+use spf_core::camera::Camera;
+use spf_core::time::Time;
+use spf_flight::sim::SimWorld;
+use spf_media::{Rgb, resize};
+use spf_render::{Channels, Picture, Quality};
+
+use super::machine::VideoWish;
+use super::pace::Fineness;
+
+/// What is drawn for the video.
+pub(super) fn channels(fineness: Fineness) -> Channels {
+    let quality = if fineness == Fineness::Full { Quality::Full } else { Quality::Live };
+    Channels { quality, ..Channels::RGB }
+}
+
+/// What the camera saw at `at`, as the video shows it.
+pub(super) fn photograph(world: &SimWorld, at: Time, wish: &VideoWish, fineness: Fineness) -> Option<Rgb> {
+    let channels = channels(fineness);
+    if wish.downwards {
+        return below(world, at, channels);
+    }
+    let shot = world.shot(at)?;
+    let (width, height) = if wish.low_resolution { (640, 480) } else { (world.camera().width, world.camera().height) };
+    let drawn = if fineness == Fineness::Draft { (width / 2, height / 2) } else { (width, height) };
+    let picture = world.photograph_with(&shot, Some(drawn), channels);
+    Some(if drawn == (width, height) { picture } else { resize(&picture, width, height) })
+}
+
+/// The grey picture of the camera that looks down.
+fn below(world: &SimWorld, at: Time, channels: Channels) -> Option<Rgb> {
+    let moment = world.moment_at(at)?;
+    let camera = Camera::from_fov(320, 240, 1.0, 0.79, core::f64::consts::FRAC_PI_2);
+    let mut picture = Picture::default();
+    world.stage().render_into(&camera, &moment, channels, &mut picture);
+    let mut pixels = picture.rgb?;
+    for pixel in pixels.chunks_exact_mut(3) {
+        // Luma of ITU-R BT.709.
+        let [red, green, blue] = [pixel[0], pixel[1], pixel[2]].map(u32::from);
+        pixel.fill(((213 * red + 715 * green + 72 * blue) / 1000) as u8);
+    }
+    Rgb::from_raw(picture.width, picture.height, pixels).ok()
+}

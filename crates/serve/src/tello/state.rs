@@ -1,0 +1,110 @@
+//! The state line: ten times a second, everything the craft tells of itself.
+
+use spf_core::geometry::wrap_angle;
+use spf_core::telemetry::{FlightPhase, Telemetry};
+use spf_sim::craft::SimCraft;
+
+use super::figures::Firmware;
+
+/// The numbers of a state line, in its units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct State {
+    pub(super) pads: bool,
+    pub(super) pitch: i32,
+    pub(super) roll: i32,
+    pub(super) yaw: i32,
+    /// dm/s in the frame of power-on, forward and left negative, down positive.
+    pub(super) speed: [i32; 3],
+    pub(super) temperature: f64,
+    /// Centimetres.
+    pub(super) tof: i32,
+    pub(super) height: i32,
+    pub(super) battery: i32,
+    pub(super) barometer: f64,
+    pub(super) motor_time: u32,
+    /// 0.001 g.
+    pub(super) acceleration: [f64; 3],
+}
+
+/// What the sensor below tells when nothing is near enough.
+const NO_ECHO: i32 = 6553;
+/// How far it reaches, metres.
+const TOF_REACH: f64 = 10.0;
+/// What it tells on the ground, metres.
+const TOF_GROUND: f64 = 0.1;
+/// Barometric altitude of the place, metres.
+const PLACE_ALTITUDE: f64 = 150.12;
+
+fn rounded(value: f64) -> i32 {
+    libm::round(value) as i32
+}
+
+impl State {
+    /// What `craft` tells at its present tick. `datum` is its heading at power-on.
+    pub(super) fn of(craft: &SimCraft, datum: f64, pads: bool, temperature: f64, motor_time: f64) -> Self {
+        let Telemetry { velocity, attitude, height, battery, phase, .. } = craft.telemetry();
+        let velocity = velocity.unwrap_or_default();
+        let (sin, cos) = (libm::sin(datum), libm::cos(datum));
+        let (forward, right) = (velocity.east * sin + velocity.north * cos, velocity.east * cos - velocity.north * sin);
+        let tenths = |speed: f64| rounded(10.0 * speed);
+        let (pitch, roll) = (attitude.pitch, attitude.roll);
+        // On the ground it counts afresh.
+        let height = height.filter(|_| phase != FlightPhase::OnGround).unwrap_or(0.0);
+        Self {
+            pads,
+            pitch: rounded(pitch.to_degrees()),
+            roll: rounded(roll.to_degrees()),
+            yaw: rounded(wrap_angle(attitude.heading - datum).to_degrees()),
+            speed: [-tenths(forward), -tenths(right), -tenths(velocity.up)],
+            temperature,
+            tof: tof(craft),
+            height: 10 * rounded(10.0 * height),
+            battery: rounded(100.0 * battery.unwrap_or(0.0)),
+            barometer: PLACE_ALTITUDE + height,
+            motor_time: motor_time as u32,
+            acceleration: [
+                -1000.0 * libm::sin(pitch),
+                1000.0 * libm::sin(roll) * libm::cos(pitch),
+                -1000.0 * libm::cos(pitch) * libm::cos(roll),
+            ],
+        }
+    }
+
+    /// The line as the firmware writes it. Plain ASCII; no count is ever negative, which clients rely on.
+    pub(super) fn line(&self, firmware: Firmware) -> String {
+        let pads = match firmware {
+            Firmware::V13 => String::new(),
+            Firmware::V20 => "mid:-1;x:0;y:0;z:0;mpry:0,0,0;".to_owned(),
+            Firmware::V30 if self.pads => "mid:-1;x:-100;y:-100;z:-100;mpry:-1,-1,-1;".to_owned(),
+            Firmware::V30 => "mid:-2;x:-200;y:-200;z:-200;mpry:-2,-2,-2;".to_owned(),
+        };
+        let [vgx, vgy, vgz] = self.speed;
+        let [agx, agy, agz] = self.acceleration;
+        let low = rounded(self.temperature);
+        format!(
+            "{pads}pitch:{};roll:{};yaw:{};vgx:{vgx};vgy:{vgy};vgz:{vgz};templ:{};temph:{};tof:{};h:{};bat:{};baro:{:.2};\
+             time:{};agx:{agx:.2};agy:{agy:.2};agz:{agz:.2};\r\n",
+            self.pitch,
+            self.roll,
+            self.yaw,
+            low - 1,
+            low + 1,
+            self.tof,
+            self.height,
+            self.battery.clamp(0, 100),
+            self.barometer,
+            self.motor_time,
+        )
+    }
+}
+
+/// Centimetres to what is below.
+fn tof(craft: &SimCraft) -> i32 {
+    let position = craft.dynamics().pose().position;
+    let radius = craft.dynamics().model().craft.radius;
+    let Some(ground) = craft.collider().ground_below(position) else {
+        return if craft.dynamics().phase() == FlightPhase::OnGround { rounded(100.0 * TOF_GROUND) } else { NO_ECHO };
+    };
+    let below = (position.up - ground.up - radius).max(0.0) + TOF_GROUND;
+    if below <= TOF_REACH { rounded(100.0 * below) } else { NO_ECHO }
+}

@@ -1,0 +1,220 @@
+//! What a camera saw in the last seconds, and which of it a picture shows.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use spf_core::frame::FrameId;
+use spf_core::time::{Duration, Time};
+use spf_flight::sim::Moment;
+use spf_media::Rgb;
+
+/// How long a frame is remembered.
+pub const KEPT: Duration = Duration::from_secs(10);
+/// Most frames that are remembered: ten seconds of sixty a second.
+const MOST: usize = 600;
+/// Size of a thumbnail: coarse enough that neither a codec nor another size matters much, fine enough that a few centimetres of
+/// flight do.
+const WIDTH: u32 = 64;
+const HEIGHT: u32 = 48;
+const VALUES: usize = (WIDTH * HEIGHT) as usize * 3;
+/// A picture is one of the remembered frames when it differs from it by no more than this, in root mean squares of 0..=255:
+/// docs/grounding.md has how many frames it tells apart after H.264, another size and JPEG at quality 60.
+const MOST_DIFFERENT: f64 = 7.0;
+/// Shapes of pictures may differ by this much: sizes are rounded to a model's multiples.
+const SHAPE: f64 = 0.06;
+
+/// A frame that is remembered.
+#[derive(Clone, Debug)]
+pub struct Remembered {
+    /// Its number.
+    pub frame: FrameId,
+    /// What there was to see.
+    pub moment: Moment,
+}
+
+/// Why a picture was not recognised.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Unrecognised {
+    /// There is nothing to compare it with.
+    #[error("no frame of the last {} s is remembered: get one from /frame.jpg and send that", KEPT.as_secs())]
+    Nothing,
+    /// It looks like none of them.
+    #[error(
+        "the picture is none of the {frames} frames of the last {} s: the nearest differs by {difference:.1} of 255, and {MOST_DIFFERENT} is the most; \
+         send a frame of this camera, whole and unmarked, at any size",
+        KEPT.as_secs()
+    )]
+    Different {
+        /// Frames that were compared.
+        frames: usize,
+        /// Root mean square of the differences to the nearest, of 255.
+        difference: f64,
+    },
+    /// It has other proportions.
+    #[error("the picture is {width}×{height}, which is not the shape of this camera's frames: send them whole, not cut")]
+    Shape {
+        /// Its width, pixels.
+        width: u32,
+        /// Its height, pixels.
+        height: u32,
+    },
+}
+
+struct Seen {
+    at: Time,
+    remembered: Remembered,
+    thumbnail: Vec<u8>,
+}
+
+/// The last ten seconds of a camera; shared between who films and who answers.
+#[derive(Default)]
+pub struct Memory(Mutex<Film>);
+
+#[derive(Default)]
+struct Film {
+    seen: VecDeque<Seen>,
+    /// Width over height of the frames.
+    shape: f64,
+}
+
+impl Memory {
+    fn film(&self) -> MutexGuard<'_, Film> {
+        // What is in it is whole between calls.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Remembers a frame that was captured at `at`, and forgets what is more than [`KEPT`] older.
+    pub fn push(&self, at: Time, remembered: Remembered, picture: &Rgb) {
+        let thumbnail = thumbnail(picture);
+        let mut film = self.film();
+        film.shape = f64::from(picture.width()) / f64::from(picture.height().max(1));
+        film.seen.push_back(Seen { at, remembered, thumbnail });
+        film.forget(at);
+    }
+
+    /// Which frame a picture shows, as of now. Of frames that differ equally the newest.
+    ///
+    /// # Errors
+    /// [`Unrecognised`].
+    pub fn recognise(&self, now: Time, picture: &Rgb) -> Result<Remembered, Unrecognised> {
+        let shape = f64::from(picture.width()) / f64::from(picture.height().max(1));
+        let thumbnail = thumbnail(picture);
+        let mut film = self.film();
+        film.forget(now);
+        if film.seen.is_empty() {
+            return Err(Unrecognised::Nothing);
+        }
+        if (shape / film.shape - 1.0).abs() > SHAPE {
+            return Err(Unrecognised::Shape { width: picture.width(), height: picture.height() });
+        }
+        let mut best: Option<(u64, &Seen)> = None;
+        for seen in film.seen.iter().rev() {
+            let squares = difference(&seen.thumbnail, &thumbnail);
+            if best.is_none_or(|(least, _)| squares < least) {
+                best = Some((squares, seen));
+            }
+        }
+        let (squares, seen) = best.ok_or(Unrecognised::Nothing)?;
+        let difference = (squares as f64 / VALUES as f64).sqrt();
+        if difference > MOST_DIFFERENT {
+            return Err(Unrecognised::Different { frames: film.seen.len(), difference });
+        }
+        Ok(seen.remembered.clone())
+    }
+}
+
+impl Film {
+    fn forget(&mut self, now: Time) {
+        while self.seen.front().is_some_and(|seen| now.since(seen.at) > KEPT) || self.seen.len() > MOST {
+            self.seen.pop_front();
+        }
+    }
+}
+
+/// The picture made small: means over its pixels.
+fn thumbnail(picture: &Rgb) -> Vec<u8> {
+    let (width, height) = (picture.width().max(1) as usize, picture.height().max(1) as usize);
+    let data = picture.data();
+    let mut small = Vec::with_capacity(VALUES);
+    let part = |index: u32, of: u32, side: usize| {
+        let from = index as usize * side / of as usize;
+        (from, ((index as usize + 1) * side / of as usize).clamp(from + 1, side.max(from + 1)))
+    };
+    for y in 0..HEIGHT {
+        let (top, bottom) = part(y, HEIGHT, height);
+        for x in 0..WIDTH {
+            let (left, right) = part(x, WIDTH, width);
+            let mut sums = [0_u64; 3];
+            for row in top..bottom {
+                let line = data.get((row * width + left) * 3..(row * width + right) * 3).unwrap_or_default();
+                for pixel in line.chunks_exact(3) {
+                    sums.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += u64::from(*value));
+                }
+            }
+            let count = ((bottom - top) * (right - left)) as u64;
+            small.extend(sums.map(|sum| (sum / count).min(255) as u8));
+        }
+    }
+    small
+}
+
+/// Sum of the squares of the differences, the mean difference of each colour taken out: a codec may shift all of a picture.
+fn difference(a: &[u8], b: &[u8]) -> u64 {
+    let mut squares = 0_i64;
+    for colour in 0..3 {
+        let differences = || a.iter().zip(b).skip(colour).step_by(3).map(|(a, b)| i64::from(*a) - i64::from(*b));
+        let (sum, count) = differences().fold((0, 0), |(sum, count), difference| (sum + difference, count + 1));
+        squares += differences().map(|difference| difference * difference).sum::<i64>() - sum * sum / count.max(1);
+    }
+    squares.max(0) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use spf_core::geometry::Pose;
+
+    fn remembered(frame: u64) -> Remembered {
+        Remembered { frame: FrameId(frame), moment: Moment { pose: Pose::default(), actors: Vec::new() } }
+    }
+
+    /// A bright square on dark ground, so far from the left.
+    fn square(left: u32) -> Rgb {
+        let mut picture = Rgb::filled(320, 240, [30, 40, 50]);
+        for y in 100..160 {
+            for x in left..left + 80 {
+                picture.set_pixel(x, y, [220, 200, 40]);
+            }
+        }
+        picture
+    }
+
+    #[test]
+    fn frames_are_told_apart_and_forgotten() {
+        let memory = Memory::default();
+        assert_eq!(memory.recognise(Time::ZERO, &square(0)).unwrap_err(), Unrecognised::Nothing);
+        for n in 0..20 {
+            memory.push(Time::from_millis(100 * n), remembered(n), &square(10 * n as u32));
+        }
+        let now = Time::from_millis(2000);
+        assert_eq!(memory.recognise(now, &square(70)).unwrap().frame, FrameId(7));
+        // At another size; brighter all over.
+        let small = spf_media::resize(&square(70), 200, 150);
+        assert_eq!(memory.recognise(now, &small).unwrap().frame, FrameId(7));
+        assert!(matches!(memory.recognise(now, &Rgb::filled(320, 240, [9; 3])), Err(Unrecognised::Different { frames: 20, .. })));
+        assert!(matches!(memory.recognise(now, &Rgb::new(320, 320)), Err(Unrecognised::Shape { width: 320, height: 320 })));
+        // 10.75 s: frames up to the seventh are too old.
+        assert!(matches!(
+            memory.recognise(Time::from_millis(10_750), &square(70)),
+            Err(Unrecognised::Different { frames: 12, .. })
+        ));
+    }
+
+    #[test]
+    fn any_size_has_a_thumbnail() {
+        for (width, height) in [(0, 0), (1, 1), (3, 200), (65, 49)] {
+            assert_eq!(thumbnail(&Rgb::new(width, height)).len(), VALUES, "{width}×{height}");
+        }
+    }
+}

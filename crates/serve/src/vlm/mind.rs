@@ -1,0 +1,161 @@
+//! From a recognised frame and a prompt to what the oracle says about it.
+
+use std::sync::{Arc, PoisonError};
+
+use serde_json::json;
+use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
+use spf_core::prompt::MAX_INSTRUCTION;
+use spf_core::query::{Memory as Told, Query, QueryId, QueryKind};
+use spf_core::reply::parse_reply;
+use spf_core::time::{Duration, Time};
+use spf_flight::sim::OracleVlm;
+use spf_media::Rgb;
+
+use super::memory::{Memory, Remembered, Unrecognised};
+use crate::truth::Heard;
+
+/// Where the instruction comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Instruction {
+    /// Always this one.
+    Text(String),
+    /// What stands between « and » in the prompt, as in our own prompts; the whole prompt, where nothing does.
+    FromPrompt,
+}
+
+/// In which form the endpoint answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AnswerForm {
+    /// Our reply contract (docs/reply.md), in the coordinates that the prompt describes; without such a description
+    /// `[y, x]` in thousandths.
+    Spf,
+    /// A list of points as Gemini's robotics models give them: `[{"point": [y, x], "label": "…"}]` in thousandths.
+    GeminiPoint,
+}
+
+/// What an answer is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Thought {
+    /// The text.
+    pub text: String,
+    /// How long it takes the oracle.
+    pub latency: Duration,
+}
+
+/// The oracle of a world, asked by picture and prompt.
+pub struct Mind {
+    oracle: OracleVlm,
+    memory: Arc<Memory>,
+    instruction: Instruction,
+    form: AnswerForm,
+    heard: Option<Heard>,
+}
+
+impl Mind {
+    /// A mind that recognises the frames of `memory`.
+    #[must_use]
+    pub fn new(oracle: OracleVlm, memory: Arc<Memory>, instruction: Instruction, form: AnswerForm) -> Self {
+        Self { oracle, memory, instruction, form, heard: None }
+    }
+
+    /// Tells `heard` which instruction it answered last.
+    #[must_use]
+    pub fn telling(self, heard: Heard) -> Self {
+        Self { heard: Some(heard), ..self }
+    }
+
+    /// Answers a prompt about a picture; `number` is the question's, by which errors of one answer are drawn.
+    ///
+    /// # Errors
+    /// [`Unrecognised`] when the picture is no frame of the last ten seconds.
+    pub fn answer(&self, now: Time, number: u64, prompt: &str, picture: &Rgb) -> Result<Thought, Unrecognised> {
+        let Remembered { frame, moment } = self.memory.recognise(now, picture)?;
+        let avoid = prompt.contains("\"boxes\"") || prompt.contains("- boxes:");
+        let query = Query {
+            instruction: self.heard(prompt),
+            memory: Told { stage: stage_of(prompt), ..Told::default() },
+            image_size: Some((picture.width(), picture.height())),
+            ..Query::new(QueryId(number), frame, QueryKind::Point { avoid })
+        };
+        let answer = self.oracle.answer_at(&query, &moment);
+        let text = answer.text.unwrap_or_default();
+        Ok(Thought { text: self.written(&text, prompt, picture, avoid), latency: answer.latency })
+    }
+
+    fn heard(&self, prompt: &str) -> String {
+        let instruction = self.instruction_of(prompt);
+        if let Some(heard) = &self.heard {
+            *heard.lock().unwrap_or_else(PoisonError::into_inner) = Some(instruction.clone());
+        }
+        instruction
+    }
+
+    fn instruction_of(&self, prompt: &str) -> String {
+        let said = match &self.instruction {
+            Instruction::Text(text) => text.as_str(),
+            Instruction::FromPrompt => between(prompt).unwrap_or(prompt).trim(),
+        };
+        said.chars().take(MAX_INSTRUCTION).collect()
+    }
+
+    /// The oracle's own text in the form that is wanted.
+    fn written(&self, text: &str, prompt: &str, picture: &Rgb, avoid: bool) -> String {
+        let own = GroundingProfile::default();
+        let Ok(reply) = parse_reply(text, &own) else { return text.to_owned() };
+        match self.form {
+            AnswerForm::Spf => reply.to_json(&profile_of(prompt, (picture.width(), picture.height())), avoid),
+            AnswerForm::GeminiPoint => {
+                let points = reply.point.map(|point| {
+                    let [y, x] = own.point_numbers(point).map(|number| number as i64);
+                    json!({ "point": [y, x], "label": reply.target.clone().unwrap_or_default() })
+                });
+                json!(points.into_iter().collect::<Vec<_>>()).to_string()
+            }
+        }
+    }
+}
+
+/// What stands between the marks of an instruction.
+fn between(prompt: &str) -> Option<&str> {
+    let (_, behind) = prompt.split_once('«')?;
+    behind.split_once('»').map(|(inside, _)| inside)
+}
+
+/// The stage that the prompt says was reached.
+fn stage_of(prompt: &str) -> u32 {
+    let said = prompt.split_once("Stage ").and_then(|(_, behind)| behind.split_once(" was reached"));
+    said.and_then(|(number, _)| number.parse().ok()).unwrap_or(1)
+}
+
+/// The coordinates that the prompt describes in our words.
+fn profile_of(prompt: &str, (width, height): (u32, u32)) -> GroundingProfile {
+    let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
+    let all = [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));
+    all.into_iter().find(|profile| prompt.contains(&profile.describe())).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use spf_core::prompt::{PromptInput, point_prompt};
+
+    #[test]
+    fn our_own_prompts_are_understood() {
+        let memory = Told { stage: 3, ..Told::default() };
+        for order in [AxisOrder::Yx, AxisOrder::Xy] {
+            for scale in [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width: 640, height: 480 }] {
+                let profile = GroundingProfile { order, scale };
+                let prompt =
+                    |avoid| point_prompt(&PromptInput { instruction: "go «there»", memory: &memory, profile: &profile, avoid });
+                assert_eq!(profile_of(&prompt(false), (640, 480)), profile);
+                assert_eq!((between(&prompt(false)), stage_of(&prompt(false))), (Some("go \"there\""), 3));
+                assert!(
+                    prompt(true).contains("- boxes:")
+                        && !prompt(false).contains("boxes\"")
+                        && !prompt(false).contains("- boxes:")
+                );
+            }
+        }
+        assert_eq!((between("fly on"), stage_of("fly on"), profile_of("fly on", (1, 1))), (None, 1, GroundingProfile::default()));
+    }
+}

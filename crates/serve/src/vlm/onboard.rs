@@ -1,0 +1,58 @@
+//! The camera aboard a served drone, whose pictures somebody else takes.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use spf_core::frame::FrameId;
+use spf_core::geometry::Pose;
+use spf_core::time::Time;
+use spf_flight::sim::Moment;
+use spf_media::Rgb;
+
+use super::lens::Lens;
+use super::memory::{Memory, Remembered};
+
+/// What a drone's camera saw in the last seconds, and shows to an endpoint.
+pub struct OnboardCamera {
+    memory: Arc<Memory>,
+    newest: Mutex<Option<(FrameId, Rgb)>>,
+    next: AtomicU64,
+    began: Instant,
+}
+
+impl Default for OnboardCamera {
+    fn default() -> Self {
+        Self { memory: Arc::default(), newest: Mutex::default(), next: AtomicU64::new(0), began: Instant::now() }
+    }
+}
+
+impl OnboardCamera {
+    /// What is remembered.
+    #[must_use]
+    pub fn memory(&self) -> &Arc<Memory> {
+        &self.memory
+    }
+
+    /// Remembers a picture that it took, with what there was to see.
+    pub(crate) fn keep(&self, moment: Moment, picture: &Rgb) {
+        let frame = FrameId(self.next.fetch_add(1, Ordering::Relaxed));
+        self.memory.push(self.now(), Remembered { frame, moment }, picture);
+        *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some((frame, picture.clone()));
+    }
+}
+
+impl Lens for OnboardCamera {
+    fn newest(&self) -> Option<(FrameId, Rgb)> {
+        self.newest.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// The drone flies where it is flown.
+    fn put(&self, _pose: Pose) -> bool {
+        false
+    }
+
+    fn now(&self) -> Time {
+        Time::ZERO + self.began.elapsed()
+    }
+}

@@ -1,0 +1,207 @@
+//! The endpoint's sockets.
+
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, Path, State};
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post, put};
+use serde_json::Value;
+use spf_flight::pose::parse_pose;
+use spf_media::{Jpeg, jpeg};
+use tokio::sync::watch;
+
+use super::lens::Lens;
+use super::memory::Unrecognised;
+use super::mind::{Mind, Thought};
+use super::wire::{Answered, Wire};
+
+/// Longest request, bytes.
+const LONGEST: usize = 32 << 20;
+/// Quality of /frame.jpg.
+const QUALITY: u8 = 90;
+
+/// Why there is no endpoint.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EndpointError {
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}")]
+    Listen {
+        /// What was asked for.
+        address: SocketAddr,
+        /// Why not.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The system gives no thread.
+    #[error("the endpoint's thread cannot be started")]
+    Thread(#[source] std::io::Error),
+}
+
+/// An endpoint that listens and does not answer yet.
+#[derive(Debug)]
+pub struct Endpoint {
+    listener: TcpListener,
+    address: SocketAddr,
+}
+
+/// An endpoint that answers until it is dropped.
+pub struct Serving {
+    stop: watch::Sender<bool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    lens: Arc<dyn Lens>,
+    mind: Mind,
+    questions: AtomicU64,
+}
+
+impl Endpoint {
+    /// Listens; port 0 takes one that is free.
+    ///
+    /// # Errors
+    /// [`EndpointError::Listen`].
+    pub fn bind(address: SocketAddr) -> Result<Self, EndpointError> {
+        let listen = |source| EndpointError::Listen { address, source };
+        let listener = TcpListener::bind(address).map_err(listen)?;
+        listener.set_nonblocking(true).map_err(listen)?;
+        let address = listener.local_addr().map_err(listen)?;
+        Ok(Self { listener, address })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Answers in a thread of its own.
+    ///
+    /// # Errors
+    /// [`EndpointError::Thread`].
+    pub fn serve(self, lens: Arc<dyn Lens>, mind: Mind) -> Result<Serving, EndpointError> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(EndpointError::Thread)?;
+        let shared = Arc::new(Shared { lens, mind, questions: AtomicU64::new(0) });
+        let (stop, mut stopped) = watch::channel(false);
+        let work = move || {
+            runtime.block_on(async {
+                let Ok(listener) = tokio::net::TcpListener::from_std(self.listener) else { return };
+                let serving = axum::serve(listener, router(shared));
+                tokio::select! {
+                    served = serving.into_future() => {
+                        if let Err(error) = served {
+                            tracing::error!(%error, "the endpoint broke off");
+                        }
+                    }
+                    // The sender's end is an end too.
+                    _ = stopped.wait_for(|stop| *stop) => {}
+                }
+            });
+            runtime.shutdown_background();
+        };
+        let thread = std::thread::Builder::new().name("endpoint".to_owned()).spawn(work).map_err(EndpointError::Thread)?;
+        Ok(Serving { stop, thread: Some(thread) })
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        self.stop.send_replace(true);
+        if let Some(thread) = self.thread.take() {
+            drop(thread.join());
+        }
+    }
+}
+
+fn router(shared: Arc<Shared>) -> Router {
+    let mut router =
+        Router::new().route("/frame.jpg", get(frame)).route("/pose", put(pose)).route("/{version}/models/{call}", post(gemini));
+    for (path, wire) in [("chat/completions", Wire::Chat), ("responses", Wire::Responses), ("messages", Wire::Anthropic)] {
+        let ask = move |State(shared): State<Arc<Shared>>, body: Bytes| ask(shared, wire, body, None);
+        router = router.route(&format!("/v1/{path}"), post(ask)).route(&format!("/{path}"), post(ask));
+    }
+    router.layer(DefaultBodyLimit::max(LONGEST)).with_state(shared)
+}
+
+async fn frame(State(shared): State<Arc<Shared>>) -> Response {
+    let taken = tokio::task::spawn_blocking(move || {
+        let (frame, picture) = shared.lens.newest()?;
+        Some((frame, Jpeg::encode(&picture, QUALITY).ok()?))
+    });
+    match taken.await.ok().flatten() {
+        Some((frame, jpeg)) => {
+            let headers = [(header::CONTENT_TYPE, "image/jpeg".to_owned()), (header::CACHE_CONTROL, "no-store".to_owned())];
+            (headers, [("x-frame-id", frame.0.to_string())], jpeg.bytes().to_vec()).into_response()
+        }
+        None => (StatusCode::SERVICE_UNAVAILABLE, "the camera has no frame yet\n").into_response(),
+    }
+}
+
+async fn pose(State(shared): State<Arc<Shared>>, body: String) -> Response {
+    match parse_pose(body.trim()) {
+        Ok(pose) if shared.lens.put(pose) => StatusCode::NO_CONTENT.into_response(),
+        Ok(_) => (StatusCode::CONFLICT, "the camera is on a drone: fly it\n").into_response(),
+        Err(expected) => (StatusCode::UNPROCESSABLE_ENTITY, format!("the body must be {expected}\n")).into_response(),
+    }
+}
+
+/// Gemini names the model and the method in the path.
+async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String, String)>, body: Bytes) -> Response {
+    match call.rsplit_once(':') {
+        Some((model, method @ ("generateContent" | "streamGenerateContent"))) => {
+            let asked = (model.to_owned(), method.starts_with("stream"));
+            ask(shared, Wire::Gemini, body, Some(asked)).await
+        }
+        _ => refused(Wire::Gemini, StatusCode::NOT_FOUND, "only generateContent and streamGenerateContent are answered"),
+    }
+}
+
+/// `named`: model and streaming, where the path tells them.
+async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String, bool)>) -> Response {
+    let began = Instant::now();
+    let Ok(body) = serde_json::from_slice::<Value>(&body) else {
+        return refused(wire, StatusCode::BAD_REQUEST, "the body is no JSON");
+    };
+    let mut question = wire.question(&body);
+    if let Some((model, stream)) = named {
+        (question.model, question.stream) = (model, stream);
+    }
+    let Some(picture) = question.picture.take() else {
+        return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, "there is no picture in the question (base64, JPEG)");
+    };
+    let number = shared.questions.fetch_add(1, Ordering::Relaxed);
+    let prompt = question.prompt.clone();
+    let thought = tokio::task::spawn_blocking(move || think(&shared, number, &prompt, &picture)).await;
+    let Thought { text, latency } = match thought {
+        Ok(Ok(thought)) => thought,
+        Ok(Err(why)) => return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, &why),
+        Err(_) => return refused(wire, StatusCode::INTERNAL_SERVER_ERROR, "the oracle failed"),
+    };
+    let answered = Answered::new(&question, &text, number);
+    let (kind, body) = if question.stream {
+        ("text/event-stream", wire.stream(&answered))
+    } else {
+        ("application/json", wire.whole(&answered).to_string())
+    };
+    tokio::time::sleep(latency.saturating_sub(began.elapsed())).await;
+    ([(header::CONTENT_TYPE, kind)], body).into_response()
+}
+
+fn think(shared: &Shared, number: u64, prompt: &str, picture: &[u8]) -> Result<Thought, String> {
+    let picture = jpeg::decode_any(picture).map_err(|error| error.to_string())?;
+    let answer = shared.mind.answer(shared.lens.now(), number, prompt, &picture);
+    answer.map_err(|why: Unrecognised| why.to_string())
+}
+
+fn refused(wire: Wire, status: StatusCode, message: &str) -> Response {
+    let body = wire.error(status.as_u16(), message).to_string();
+    (status, [(header::CONTENT_TYPE, "application/json")], body).into_response()
+}

@@ -1,0 +1,514 @@
+//! The Tello's driver against the virtual Tello, joined in virtual time without sockets: whole flights, each fault, the known
+//! failings of such programs.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+
+use crate::wired::Wired;
+use spf_core::camera::Camera;
+use spf_core::craft::Craft;
+use spf_core::craft::CraftKind;
+use spf_core::envelope::Limits;
+use spf_core::estimator::Senses;
+use spf_core::executor::Motion;
+use spf_core::fault::{Fault, FaultPlan, Rule, Stream, Trouble, TroubleRule};
+use spf_core::geometry::EnuPosition;
+use spf_core::pilot::{Action, Event, Note, OperatorEvent, Outcome, Phase, Pilot, PilotParts, PilotSettings, Preset, Think};
+use spf_core::policy::spf::{Spf, SpfSettings};
+use spf_core::telemetry::FlightPhase;
+use spf_core::time::{Duration, Time};
+use spf_drone::tello::sticks::Calibration;
+use spf_flight::calibrate::{self, Routine};
+use spf_flight::run::{Observer, World, run};
+use spf_flight::sim::{OracleVlm, SimPictures, SimWorld, Stage};
+use spf_flight::world::{Lockstep, Script};
+use spf_oracle::ErrorFile;
+use spf_serve::tello::Figures;
+use spf_sim::craft::SimCraft;
+use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
+
+/// An oracle that takes its time.
+struct Slow(OracleVlm, Duration);
+
+impl Vlm for Slow {
+    fn name(&self) -> &str {
+        "slow"
+    }
+
+    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
+        self.0.eyesight(camera)
+    }
+
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+        Answer { latency: self.1, ..self.0.answer(asked, picture) }
+    }
+}
+
+/// What was seen of a flight.
+#[derive(Default)]
+struct Seen {
+    outcome: Option<(Time, Outcome, String)>,
+    envelope: Vec<(Time, String)>,
+    phases: Vec<(Time, Phase)>,
+    late_replies: Vec<Time>,
+    /// Where it flies.
+    world: Option<SimWorld>,
+    /// Where it truly was, with the time.
+    path: Vec<(Time, EnuPosition)>,
+    /// Where the pilot believed it to be, and with what standard deviation on the map.
+    believed: Vec<(EnuPosition, f64)>,
+}
+
+impl Observer for Seen {
+    fn action(&mut self, now: Time, action: &Action, _: &Pilot) {
+        match action {
+            Action::Finished(ending) => self.outcome = Some((now, ending.outcome, ending.cause.clone())),
+            Action::Note(Note::Envelope(cause)) => self.envelope.push((now, cause.to_string())),
+            Action::Note(Note::Phase(phase)) => self.phases.push((now, *phase)),
+            Action::Note(Note::LateReply(_)) => self.late_replies.push(now),
+            _ => {}
+        }
+    }
+
+    fn event(&mut self, _: Time, _: &Event) {}
+
+    fn time(&mut self, now: Time, pilot: &Pilot) {
+        self.believed.push((pilot.known_pose(now).position, pilot.position_error()));
+        self.path.extend(self.world.as_ref().map(|world| (now, world.truth().pose.position)));
+    }
+}
+
+struct Flight {
+    seen: Seen,
+    said: Vec<(Time, String)>,
+    world: SimWorld,
+}
+
+impl Flight {
+    fn craft<T>(&self, ask: impl FnOnce(&SimCraft) -> T) -> T {
+        ask(&self.world.shared_craft().lock().unwrap())
+    }
+
+    fn outcome(&self) -> Outcome {
+        self.seen.outcome.as_ref().unwrap().1
+    }
+
+    /// Sticks as they were told, as numbers.
+    fn sticks(&self) -> Vec<(Time, Vec<i32>)> {
+        let numbers = |text: &str| text.strip_prefix("rc ").map(|rest| rest.split(' ').map(|n| n.parse().unwrap()).collect());
+        self.said.iter().filter_map(|(at, text)| Some((*at, numbers(text)?))).collect()
+    }
+}
+
+fn fly(instruction: &str, faults: FaultPlan, latency: Option<Duration>, settings: PilotSettings) -> Flight {
+    fly_in("office", instruction, faults, latency, settings, "")
+}
+
+/// With an operator who does what the `events` say.
+fn fly_in(
+    scene: &str,
+    instruction: &str,
+    faults: FaultPlan,
+    latency: Option<Duration>,
+    settings: PilotSettings,
+    events: &str,
+) -> Flight {
+    let stage = Arc::new(Stage::load(scene).unwrap());
+    let start = stage.scene.start;
+    let world = SimWorld::new(stage, CraftKind::Tello, start, 5);
+    let drone = Wired::new(world.clone(), Figures::default(), faults);
+    let said = drone.said.clone();
+    let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
+    let vlm: Box<dyn Vlm> = match latency {
+        Some(latency) => Box::new(Slow(oracle, latency)),
+        None => Box::new(oracle),
+    };
+    let eyesight = vlm.eyesight((960, 720));
+    let spf = SpfSettings {
+        step: settings.step,
+        lifting: settings.lifting,
+        avoid: settings.avoid,
+        confirm_done: settings.confirm_done,
+        grounding: eyesight.grounding,
+        image_size: eyesight.image_size,
+        craft: Craft::tello(),
+        shape: spf_core::avoid::PathShape::Straight,
+    };
+    let mut pilot = Pilot::new(PilotParts {
+        settings,
+        craft: Craft::tello(),
+        senses: Senses::tello(),
+        camera: *world.camera(),
+        limits: Limits::for_craft(&Craft::tello()),
+        policy: Box::new(Spf::new(spf)),
+        instruction: instruction.to_owned(),
+    });
+    let pictures = Box::new(SimPictures::new(world.clone()));
+    let mut around = Lockstep::new(Box::new(drone), vlm, pictures, Script::from_toml(events).unwrap(), Arc::default());
+    let mut seen = Seen { world: Some(world.clone()), ..Seen::default() };
+    run(&mut pilot, &mut around, &mut [&mut seen]);
+    drop(around);
+    let said = said.lock().unwrap().clone();
+    Flight { seen, said, world }
+}
+
+fn settings() -> PilotSettings {
+    PilotSettings { max_time: Duration::from_secs(90), ..PilotSettings::preset(Preset::Default) }
+}
+
+fn trouble(fault: Trouble, from: f64, until: Option<f64>) -> FaultPlan {
+    FaultPlan { craft: vec![TroubleRule { fault, from, until }], ..FaultPlan::default() }
+}
+
+fn rule(stream: Stream, from: f64, until: Option<f64>, fault: Fault) -> FaultPlan {
+    FaultPlan { rules: vec![Rule { stream, from, until, fault }], ..FaultPlan::default() }
+}
+
+/// Somebody who stands in the office.
+const GOAL: &str = "go to the person in the green shirt";
+
+#[test]
+fn a_whole_flight_over_the_protocol_lands_and_touches_nothing() {
+    let flight = fly(GOAL, FaultPlan::default(), None, settings());
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "{:?}", flight.seen.outcome);
+    assert!(!flight.craft(|craft| craft.dynamics().crashed()));
+    assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    let words = |text: &str| flight.said.iter().filter(|(_, said)| said == text).count();
+    assert_eq!(words("takeoff"), 1);
+    assert!(words("land") >= 1);
+    // From take-off to landing something is said ten times a second or more.
+    let sticks = flight.sticks();
+    assert!(sticks.windows(2).all(|pair| pair[1].0.since(pair[0].0) <= Duration::from_millis(100)));
+    assert!(sticks.len() > 100, "{}", sticks.len());
+}
+
+/// Failing 4: a slow VLM lets the drone's own timer land it.
+#[test]
+fn failing_4_the_drone_s_own_landing_never_comes_while_a_vlm_thinks_for_25_s() {
+    let patient = PilotSettings { reply_timeout: Duration::from_secs(40), max_time: Duration::from_secs(60), ..settings() };
+    let flight = fly(GOAL, FaultPlan::default(), Some(Duration::from_secs(25)), patient);
+    let (ended, ..) = flight.seen.outcome.clone().unwrap();
+    assert!(ended >= Time::from_millis(30_000), "it was still flying after the first answer: {:?}", flight.seen.outcome);
+    let landing = flight.said.iter().find(|(_, text)| text == "land").unwrap().0;
+    assert!(landing >= ended, "nobody landed before the pilot did");
+}
+
+/// Failing 3: what a frozen camera shows moves nothing, and ends in a landing.
+#[test]
+fn failing_3_a_frozen_video_holds_then_lands() {
+    let flight = fly(GOAL, rule(Stream::Frames, 6.0, None, Fault::Freeze), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
+}
+
+/// Failing 14: a Tello's camera sees 55 by 43 degrees.
+#[test]
+fn failing_14_the_field_of_view_is_a_tello_s() {
+    let (horizontal, vertical) = Camera::tello().half_fov();
+    assert!((2.0 * horizontal.to_degrees() - 55.4).abs() < 0.5 && (2.0 * vertical.to_degrees() - 42.9).abs() < 0.5);
+    // A point at the right edge turns by half of that, not by 54 degrees.
+    let ray = Camera::tello().ray(spf_core::query::ImagePoint { u: 1.0, v: 0.5 });
+    assert!((ray.right.atan().to_degrees() - 28.7).abs() < 0.5, "{}", ray.right.atan().to_degrees());
+}
+
+/// From `seconds` on nothing but zero was commanded, until the landing.
+fn assert_stopped(flight: &Flight, seconds: f64) {
+    let moving: Vec<_> =
+        flight.sticks().into_iter().filter(|(at, sticks)| at.as_secs_f64() > seconds && *sticks != [0, 0, 0, 0]).collect();
+    assert!(moving.is_empty(), "{moving:?}\n{:?}", flight.seen.envelope);
+}
+
+/// Between two state lines.
+const STATE: f64 = 0.1;
+/// Frames and state are waited for this long before the envelope holds.
+const PATIENCE: f64 = 1.0;
+/// From the end of the reason to move to the zero.
+const ZERO: f64 = 0.2;
+
+/// Failing 8: an override that cancels neither the answer that is out nor the command in execution, and an emergency that is only
+/// zero sticks.
+#[test]
+fn failing_8_an_override_ends_motion_and_answer_and_an_emergency_cuts_the_motors() {
+    let events = "[[event]]\nat_s = 9.0\ndo = \"hold\"\n[[event]]\nat_s = 16.0\ndo = \"stop\"";
+    let flight = fly_in("office", GOAL, FaultPlan::default(), Some(Duration::from_secs(3)), settings(), events);
+    let (hold, stop) = (Time::from_millis(9000), Time::from_millis(16_000));
+    let moved = |from: Time| flight.sticks().iter().any(|(at, sticks)| (from..hold).contains(at) && *sticks != [0; 4]);
+    assert!(moved(Time::from_millis(8700)), "a command was in execution");
+    assert_stopped(&flight, 9.0 + ZERO);
+    assert!(flight.seen.late_replies.iter().any(|at| *at > hold), "an answer was out, came, and moved nothing");
+    let emergencies: Vec<Time> = flight.said.iter().filter(|(_, text)| text == "emergency").map(|(at, _)| *at).collect();
+    assert_eq!(emergencies.len(), 3);
+    assert!(emergencies.iter().all(|at| at.since(stop) <= Duration::from_millis(100)), "{emergencies:?}");
+    assert!(flight.sticks().iter().all(|(at, _)| *at < emergencies[0]), "nothing is said to motors that are off");
+    assert_eq!((flight.outcome(), flight.craft(|craft| craft.dynamics().phase())), (Outcome::Aborted, FlightPhase::Stopped));
+}
+
+#[test]
+fn a_cut_link_stops_commands_and_the_drone_lands_by_itself() {
+    let flight = fly(GOAL, trouble(Trouble::LinkCut, 6.0, None), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
+    assert!(flight.said.iter().any(|(at, text)| text == "land" && *at > Time::from_millis(6000)), "it is tried all the same");
+}
+
+#[test]
+fn a_link_that_comes_back_within_two_seconds_goes_on() {
+    let flight = fly(GOAL, trouble(Trouble::LinkCut, 6.0, Some(7.5)), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    assert_eq!(flight.said.iter().filter(|(_, text)| text == "takeoff").count(), 1);
+}
+
+#[test]
+fn a_refused_take_off_ends_the_flight_on_the_ground() {
+    let flight = fly(GOAL, trouble(Trouble::TakeOffRefused, 0.0, None), None, settings());
+    let (at, outcome, cause) = flight.seen.outcome.clone().unwrap();
+    assert_eq!((outcome, cause.as_str()), (Outcome::Failed, "the craft refused to take off"));
+    assert!(at < Time::from_millis(6000), "{at}");
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+    assert_stopped(&flight, 0.0);
+    assert_eq!(flight.said.iter().filter(|(_, text)| text == "takeoff").count(), 1, "never said twice");
+}
+
+#[test]
+fn an_empty_battery_is_landed_with() {
+    let flight = fly(GOAL, trouble(Trouble::BatteryEmpty, 7.0, None), None, settings());
+    assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 7.0 + STATE + ZERO);
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+}
+
+#[test]
+fn a_restart_in_flight_ends_it_and_moves_nothing_after() {
+    let flight = fly(GOAL, trouble(Trouble::Reboot, 7.0, Some(7.05)), None, settings());
+    assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 7.0 + PATIENCE + ZERO);
+}
+
+#[test]
+fn video_that_ends_holds_then_lands() {
+    let flight = fly(GOAL, rule(Stream::Frames, 6.0, None, Fault::Drop { p: 1.0 }), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
+}
+
+#[test]
+fn state_that_ends_holds_then_lands() {
+    let flight = fly(GOAL, rule(Stream::Telemetry, 6.0, None, Fault::Drop { p: 1.0 }), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
+    assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+}
+
+/// A drone that does not know its own motion refuses moves, and obeys `rc`.
+#[test]
+fn an_imu_error_does_not_stop_a_flight_by_rc() {
+    let flight = fly(GOAL, trouble(Trouble::ImuInvalid, 6.0, None), None, settings());
+    assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+}
+
+/// Why docs/tello.md warns: sticks hold when the link is cut.
+#[test]
+fn a_cut_link_lets_a_tello_fly_on_for_15_s() {
+    let flight = fly_in("city", "fly to the red crane", trouble(Trouble::LinkCut, 14.0, None), None, settings(), "");
+    let cut = Time::from_millis(14_000);
+    let (_, told) = flight.sticks().into_iter().rfind(|(at, _)| *at < cut).unwrap();
+    let speed = 0.01 * f64::hypot(f64::from(told[0]), f64::from(told[1]));
+    assert!(speed > 0.7, "it flew: {told:?}");
+    let (from, to) = (flight.place(cut), flight.place(Time::MAX));
+    let flown_on = f64::hypot(to.east - from.east, to.north - from.north);
+    println!("by rc: {flown_on:.1} m after the cut, at {speed:.2} m/s");
+    assert!((13.0..17.0).contains(&(flown_on / speed)), "{flown_on} m at {speed} m/s");
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "it landed by itself");
+}
+
+/// The pilot's error, counted in standard deviations as it states them, over whole flights: neither too sure nor too modest.
+#[test]
+fn the_stated_error_of_the_dead_reckoned_position_is_the_true_one() {
+    let mut last = Vec::new();
+    for (scene, goal) in
+        [("office", GOAL), ("yard", "fly to the door"), ("city", "fly to the red crane"), ("city", "fly to the black car")]
+    {
+        let flight = fly_in(scene, goal, FaultPlan::default(), None, settings(), "");
+        let start = flight.seen.path[0].1;
+        let heading = Stage::load(scene).unwrap().scene.start.attitude.heading;
+        let off: Vec<f64> = (flight.seen.path.iter().zip(&flight.seen.believed))
+            .map(|((_, truth), (known, error))| {
+                // The drone's north is where it faced when it was switched on.
+                let so_far = start.displacement_to(*truth, heading);
+                f64::hypot(so_far.right - known.east, so_far.forward - known.north) / error.max(0.05)
+            })
+            .collect();
+        let errors: Vec<f64> = flight.seen.believed.iter().map(|(_, error)| *error).collect();
+        assert!(errors.is_sorted(), "it grows");
+        let worst = off.iter().copied().fold(0.0, f64::max);
+        println!(
+            "{goal}: {:.2} m stated at the end, {:.1} of it true, {worst:.1} at worst",
+            errors.last().unwrap(),
+            off.last().unwrap()
+        );
+        assert!(worst < 3.5, "{goal}: {worst}");
+        last.push(*off.last().unwrap());
+    }
+    let typical = last.iter().sum::<f64>() / last.len() as f64;
+    assert!(typical > 0.15, "stated far too large: {typical}");
+}
+
+fn by_go() -> PilotSettings {
+    PilotSettings { motion: Motion::Manoeuvres, think: Think::Stop, ..settings() }
+}
+
+impl Flight {
+    /// Words that begin so, with their times.
+    fn words(&self, verb: &str) -> Vec<(Time, String)> {
+        self.said.iter().filter(|(_, said)| said.split(' ').next() == Some(verb)).cloned().collect()
+    }
+
+    fn place(&self, at: Time) -> EnuPosition {
+        self.seen.path.iter().rfind(|(t, _)| *t <= at).unwrap().1
+    }
+}
+
+#[test]
+fn a_whole_flight_by_go_arrives_and_moves_by_nothing_else() {
+    let flight = fly(GOAL, FaultPlan::default(), None, by_go());
+    assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    let gone = flight.words("go");
+    assert!(gone.len() >= 3 && flight.words("stop").is_empty(), "{gone:?}");
+    // Sticks that are not zero only for what is too short for `go`, and no stick while a move is under way.
+    assert!(flight.sticks().iter().filter(|(_, sticks)| sticks.iter().any(|s| *s != 0)).count() < 40);
+    for (at, text) in gone.iter().chain(&flight.words("cw")).chain(&flight.words("ccw")) {
+        let close = |other: &Time| *other < *at + Duration::from_millis(400) && at.since(*other) < Duration::from_millis(400);
+        assert!(!flight.sticks().iter().any(|(other, _)| close(other)), "{text} at {at}");
+    }
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+}
+
+/// The other half of `a_cut_link_lets_a_tello_fly_on_for_15_s`: what the drone ends by itself goes no farther than it was to.
+#[test]
+fn by_go_a_cut_link_lets_it_fly_the_rest_of_its_step() {
+    let undisturbed = fly_in("city", "fly to the red crane", FaultPlan::default(), None, by_go(), "");
+    let (began, text) = undisturbed.words("go")[2].clone();
+    let cut = began + Duration::from_millis(1200);
+    let flight = fly_in("city", "fly to the red crane", trouble(Trouble::LinkCut, cut.as_secs_f64(), None), None, by_go(), "");
+    let cm: Vec<f64> = text.split(' ').skip(1).map(|n| n.parse().unwrap()).collect();
+    let length = 0.01 * f64::hypot(cm[0], cm[1]);
+    let (from, at, to) = (flight.place(began), flight.place(cut), flight.place(Time::MAX));
+    let map = |a: EnuPosition, b: EnuPosition| f64::hypot(b.east - a.east, b.north - a.north);
+    assert!(map(from, at) < 0.8 * length, "it was cut in the middle");
+    // 5 % and 5 cm are what the drone misses by, one standard deviation.
+    assert!((map(from, to) - length).abs() < 0.15 * length + 0.15, "{} m of {length} m", map(from, to));
+    println!("by go: {:.1} m after the cut, of a step of {length:.1} m", map(at, to));
+    assert!(map(at, to) < 5.5, "{} m after the cut", map(at, to));
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "it landed by itself");
+}
+
+#[test]
+fn by_go_the_end_of_a_reason_is_a_stop_and_the_flight_goes_on() {
+    let undisturbed = fly(GOAL, FaultPlan::default(), None, by_go());
+    let (began, _) = undisturbed.words("go")[0].clone();
+    let hold = began + Duration::from_millis(900);
+    let events = format!(
+        "[[event]]\nat_s = {}\ndo = \"hold\"\n[[event]]\nat_s = {}\ndo = \"resume\"\n",
+        hold.as_secs_f64(),
+        hold.as_secs_f64() + 3.0
+    );
+    let flight = fly_in("office", GOAL, FaultPlan::default(), None, by_go(), &events);
+    let stops = flight.words("stop");
+    assert!(stops.len() == 1 && stops[0].0.since(hold) <= Duration::from_millis(200), "{stops:?}, hold at {hold}");
+    let (stopped, later) = (flight.place(hold + Duration::from_millis(1600)), flight.place(hold + Duration::from_secs(3)));
+    assert!(stopped.distance(later) < 0.1, "{stopped:?} {later:?}");
+    assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+
+    // The video freezes in a step: it is stopped when the last frame is a second old.
+    let frozen = rule(Stream::Frames, hold.as_secs_f64(), None, Fault::Freeze);
+    let flight = fly(GOAL, frozen, None, by_go());
+    assert_eq!(flight.outcome(), Outcome::Failed);
+    let last = flight.words("go").last().unwrap().0;
+    assert!(last < hold + Duration::from_millis(1200), "nothing begins on old frames: {last}");
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+}
+
+/// A `stop` that is said after `land` would end the landing.
+#[test]
+fn by_go_a_landing_in_a_step_stops_it_once() {
+    let undisturbed = fly(GOAL, FaultPlan::default(), None, by_go());
+    let land = undisturbed.words("go")[0].0 + Duration::from_millis(900);
+    let events = format!("[[event]]\nat_s = {}\ndo = \"land\"\n", land.as_secs_f64());
+    // Its answer is lost, so that it would be said again.
+    let lost = rule(Stream::Responses, land.as_secs_f64(), Some(land.as_secs_f64() + 1.5), Fault::Drop { p: 1.0 });
+    let flight = fly_in("office", GOAL, lost, None, by_go(), &events);
+    let (stops, lands) = (flight.words("stop"), flight.words("land"));
+    assert!(
+        stops.len() == 1 && stops[0].0.since(land) <= Duration::from_millis(200) && stops[0].0 < lands[0].0,
+        "{stops:?} {lands:?}"
+    );
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+}
+
+#[test]
+fn by_go_moves_that_the_drone_refuses_are_not_flown_otherwise() {
+    let flight = fly(GOAL, trouble(Trouble::ImuInvalid, 6.0, None), None, PilotSettings { max_decisions: 6, ..by_go() });
+    assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+    let flown = flight.place(Time::from_millis(6000)).distance(flight.place(Time::MAX));
+    assert!(flown < 1.5, "{flown} m, the landing among them");
+}
+
+#[test]
+fn a_lossy_link_is_flown_over() {
+    let lossy = |stream| Rule { stream, from: 0.0, until: None, fault: Fault::Drop { p: 0.15 } };
+    let twice = |stream| Rule { stream, from: 0.0, until: None, fault: Fault::Duplicate { p: 0.1, after: 0.05 } };
+    let late = |stream| Rule { stream, from: 0.0, until: None, fault: Fault::Delay { mean: 0.02, jitter: 0.02 } };
+    let rules = [Stream::Commands, Stream::Telemetry, Stream::Frames].into_iter();
+    let rules = rules.flat_map(|stream| [lossy(stream), twice(stream), late(stream)]).collect();
+    let flight = fly(GOAL, FaultPlan { rules, ..FaultPlan::default() }, None, settings());
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "{:?}", flight.seen.outcome);
+    assert!(!flight.craft(|craft| craft.dynamics().crashed()));
+}
+
+/// Virtual time with an operator who is a channel away.
+struct Operated(Lockstep, Receiver<OperatorEvent>);
+
+impl World for Operated {
+    fn now(&self) -> Time {
+        self.0.now()
+    }
+
+    fn wait(&mut self, deadline: Time) -> Option<Event> {
+        match self.1.try_recv() {
+            Ok(event) => Some(Event::Operator(event)),
+            Err(_) => self.0.wait(deadline),
+        }
+    }
+
+    fn apply(&mut self, action: &Action) {
+        self.0.apply(action);
+    }
+}
+
+/// Whatever full stick does, `spf tello calibrate` finds it.
+#[test]
+fn what_full_stick_does_is_measured() {
+    let yaw = 78.0_f64.to_radians();
+    let figures = Figures { stick_speed: 0.8, stick_climb: 1.1, stick_sink: 0.7, stick_yaw: yaw, ..Figures::default() };
+    let stage = Arc::new(Stage::load("yard").unwrap());
+    let start = stage.scene.start;
+    let world = SimWorld::new(stage, CraftKind::Tello, start, 5);
+    let drone = Wired::new(world.clone(), figures, FaultPlan::default());
+    let mut pilot = calibrate::pilot(&drone);
+    let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
+    let pictures = Box::new(SimPictures::new(world.clone()));
+    let (sender, operator) = channel();
+    let mut routine = Routine::new(Calibration::default(), sender);
+    let around = Lockstep::new(Box::new(drone), Box::new(oracle), pictures, Script::default(), Arc::default());
+    run(&mut pilot, &mut Operated(around, operator), &mut [&mut routine]);
+    let measured = routine.measured().unwrap();
+    let near = |name: &str, value: f64, truth: f64, share: f64| {
+        assert!((value / truth - 1.0).abs() < share, "{name}: measured {value}, in truth {truth}");
+    };
+    near("yaw", measured.yaw_rate, yaw, 0.05);
+    near("climb", measured.climb, 1.1, 0.15);
+    near("sink", measured.sink, 0.7, 0.15);
+    near("speed", measured.speed, 0.8, 0.15);
+    assert_eq!(pilot.decisions(), 0);
+    assert!(!world.truth().phase.eq(&FlightPhase::Flying));
+}

@@ -1,0 +1,83 @@
+//! The endpoint's memory: frames of a flight after H.264, another size and JPEG, and frames of other flights.
+
+use std::sync::Arc;
+
+use spf_core::craft::CraftKind;
+use spf_core::frame::FrameId;
+use spf_core::geometry::{Attitude, EnuPosition, Pose};
+use spf_core::time::Time;
+use spf_flight::sim::{Moment, SimWorld, Stage};
+use spf_media::h264::{Decoder, Encoder, EncoderSettings};
+use spf_media::{Jpeg, Rgb, jpeg, resize};
+use spf_serve::vlm::{Memory, Remembered};
+
+const SIZE: (u32, u32) = (480, 360);
+const FRAMES: u64 = 100;
+
+/// The camera of a craft that flies at 3 m/s and turns slowly, ten frames a second.
+fn flight(world: &SimWorld, east: f64, heading_deg: f64) -> Vec<(Moment, Rgb)> {
+    let pose = |n: u64| {
+        let t = n as f64 / 10.0;
+        let heading = (heading_deg + 3.0 * t).to_radians();
+        let position = EnuPosition { east: east + 1.5 * t, north: 2.6 * t, up: 6.0 };
+        Pose { position, attitude: Attitude { heading, ..Attitude::default() } }
+    };
+    (0..FRAMES)
+        .map(|n| {
+            let at = Time::from_millis(100 * n);
+            let moment = world.stage().moment(pose(n), 3, at);
+            let shot = world.still(at, &moment).unwrap();
+            let picture = world.photograph(&shot, Some(SIZE));
+            (moment, picture)
+        })
+        .collect()
+}
+
+/// As a picture arrives: through H.264, at another size, as JPEG of quality 60.
+fn arrived(pictures: &[(Moment, Rgb)]) -> Vec<Rgb> {
+    let mut encoder = Encoder::new(EncoderSettings { quantiser: 32, ..EncoderSettings::for_size(SIZE.0, SIZE.1, 10.0) }).unwrap();
+    let mut decoder = Decoder::new().unwrap();
+    let one = |(n, (_, picture)): (usize, &(Moment, Rgb))| {
+        let unit = encoder.encode(Time::from_millis(100 * n as u64), picture).unwrap();
+        let decoded = decoder.decode(&unit.annex_b).unwrap().unwrap();
+        jpeg::decode(Jpeg::encode(&resize(&decoded, 384, 288), 60).unwrap().bytes()).unwrap()
+    };
+    pictures.iter().enumerate().map(one).collect()
+}
+
+#[test]
+fn frames_are_recognised_after_h264_resizing_and_jpeg() {
+    let (mut right, mut wrong, mut strangers, mut asked) = (0, 0, 0, 0);
+    for (scene, kind) in [("city", CraftKind::Quad), ("yard", CraftKind::Tello)] {
+        let stage = Arc::new(Stage::load(scene).unwrap());
+        let world = SimWorld::new(stage.clone(), kind, stage.scene.start, 3);
+        let frames = flight(&world, 0.0, 0.0);
+        let memory = Memory::default();
+        for (n, (moment, picture)) in frames.iter().enumerate() {
+            memory.push(
+                Time::from_millis(100 * n as u64),
+                Remembered { frame: FrameId(n as u64), moment: moment.clone() },
+                picture,
+            );
+        }
+        let now = Time::from_millis(100 * FRAMES);
+        for (n, picture) in arrived(&frames).iter().enumerate() {
+            asked += 1;
+            match memory.recognise(now, picture) {
+                Ok(found) if found.frame == FrameId(n as u64) => right += 1,
+                Ok(_) => wrong += 1,
+                Err(_) => {}
+            }
+        }
+        // Another run: elsewhere in the same scene, looking elsewhere.
+        let others = flight(&world, 4.0, 40.0);
+        strangers += arrived(&others).iter().filter(|picture| memory.recognise(now, picture).is_ok()).count();
+    }
+    let figures =
+        format!("{right} of {asked} right, {wrong} taken for another frame, {strangers} of {asked} of another run recognised");
+    assert!(right * 100 >= asked * 99 && strangers == 0, "{figures}");
+    #[allow(clippy::print_stderr, reason = "the figure stands in docs/grounding.md")]
+    {
+        eprintln!("{figures}");
+    }
+}

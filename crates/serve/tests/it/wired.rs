@@ -1,0 +1,121 @@
+//! The Tello's driver and the virtual Tello, joined in virtual time without sockets.
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex};
+
+use spf_core::command::Command;
+use spf_core::craft::Craft;
+use spf_core::envelope::Cleared;
+use spf_core::fault::{FaultMachine, FaultPlan, Stream, Trouble};
+use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::time::{Duration, Time};
+use spf_drone::tello::conversation::Order;
+use spf_drone::tello::link::Link;
+use spf_drone::tello::sticks::Calibration;
+use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+use spf_flight::sim::SimWorld;
+use spf_serve::tello::{Figures, Firmware, Output, VirtualTello};
+use spf_sim::frame_clock::FrameClock;
+
+const STEP: Duration = Duration::from_millis(5);
+
+/// The driver, the drone, and a cable of virtual time.
+pub(crate) struct Wired {
+    world: SimWorld,
+    tello: VirtualTello,
+    link: Link,
+    now: Time,
+    clock: FrameClock,
+    frame: FrameId,
+    events: VecDeque<(Time, DroneEvent)>,
+    /// Every word to the drone, with its time.
+    pub(crate) said: Arc<Mutex<Vec<(Time, String)>>>,
+}
+
+impl Wired {
+    /// A drone with these figures, on the ground, in SDK mode soon.
+    pub(crate) fn new(world: SimWorld, figures: Figures, faults: FaultPlan) -> Self {
+        let tello = {
+            let craft = world.shared_craft();
+            let craft = craft.lock().unwrap();
+            let faults = FaultMachine::new(faults, 3).unwrap();
+            VirtualTello::new(&craft, figures, Firmware::V20, faults, 3)
+        };
+        let mut link = Link::new(Calibration::default());
+        link.order(Order::quick("command"));
+        link.order(Order::quick("streamon"));
+        let (now, frame, events) = (Time::ZERO, FrameId(0), VecDeque::new());
+        Self { world, tello, link, now, clock: FrameClock::default(), frame, events, said: Arc::default() }
+    }
+
+    fn client() -> SocketAddr {
+        SocketAddr::from(([127, 0, 0, 1], 40_000))
+    }
+
+    fn step(&mut self) {
+        while let Some(text) = self.link.poll(self.now) {
+            self.said.lock().unwrap().push((self.now, text.clone()));
+            self.tello.handle(self.now, Self::client(), text.as_bytes());
+        }
+        self.now += STEP;
+        let craft = self.world.shared_craft();
+        self.tello.advance(self.now, &mut craft.lock().unwrap());
+        while let Some(output) = self.tello.poll(self.now) {
+            match output {
+                Output::Response { bytes, .. } => self.link.handle_answer(self.now, &bytes),
+                Output::State { bytes, .. } => self.link.handle_state(self.now, &bytes),
+            }
+        }
+        while let Some(event) = self.link.take_event() {
+            self.events.push_back(event);
+        }
+        let camera = *self.world.camera();
+        let meta = self.clock.meta(self.frame, camera.width, camera.height);
+        if meta.received <= self.now {
+            self.frame = FrameId(self.frame.0 + 1);
+            let faults = self.tello.faults();
+            let lost = faults.troubled(self.now, Trouble::LinkCut) || faults.pass(self.now, Stream::Frames, meta.id.0).is_empty();
+            let frozen = faults.freezes(self.now, Stream::Frames);
+            let capture_counter = if frozen { 0 } else { meta.capture_counter };
+            if !lost {
+                self.events.push_back((self.now, DroneEvent::Frame(FrameMeta { capture_counter, ..meta })));
+            }
+        }
+    }
+}
+
+impl Drop for Wired {
+    /// As the driver: what is urgent is still said.
+    fn drop(&mut self) {
+        while self.link.is_urgent() {
+            self.step();
+        }
+    }
+}
+
+impl Drone for Wired {
+    fn name(&self) -> &str {
+        "tello"
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { craft: Craft::tello(), camera: *self.world.camera() }
+    }
+
+    fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
+        self.link.apply(now, command);
+        Ok(())
+    }
+
+    fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
+        while self.events.is_empty() && self.now + STEP <= until {
+            self.step();
+        }
+        self.events.pop_front()
+    }
+
+    fn next_event_at(&self) -> Option<Time> {
+        Some(if self.events.is_empty() { self.now + STEP } else { self.now })
+    }
+}
