@@ -19,14 +19,14 @@ use spf_flight::summary::Summary;
 use spf_flight::words;
 use spf_record::live::Live;
 use spf_record::out_dir::OutDir;
-use spf_scene::{Conditions, Lighting, Weather};
+use spf_scene::Conditions;
 use spf_sim::model::Model;
 
 use self::manual::Manual;
-use self::settings::{circumstances, flag, layered, limits, manner, method, prompt, script};
+use self::settings::{circumstances, limits, manner, method, prompt, script};
 use crate::args::Fly;
 use crate::commands::vlm::pointing;
-use crate::commands::{detector, load_stage, parse_pose};
+use crate::commands::{detector, load_stage};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
@@ -38,7 +38,7 @@ const MAX_INSTRUCTION: usize = 2000;
 
 /// Flies an instruction.
 pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
-    let settings = layered(args)?;
+    let settings = Settings::of(args, &printer)?;
     let instruction = args.instruction.trim();
     if instruction.is_empty() || instruction.chars().count() > MAX_INSTRUCTION {
         return Err(CliError::usage(format!("the instruction must have 1 to {MAX_INSTRUCTION} characters"))
@@ -52,14 +52,10 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
             .hint("--drone tello flies one; --motion tells how the simulated craft moves"));
     }
     let (plan, points) = plan(args, &settings, instruction)?;
-    let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
+    let view = settings.fly.live.get()?.map(live_view).transpose()?;
     let out = out_dir(&settings, instruction)?;
     let plan = FlightPlan {
-        record: Some(RecordPlan {
-            out: out.clone(),
-            video: flag(&settings, "fly.video")?,
-            view: view.as_ref().map(Live::sender),
-        }),
+        record: Some(RecordPlan { out: out.clone(), video: settings.fly.video.is_on()?, view: view.as_ref().map(Live::sender) }),
         interrupts: interrupts()?,
         ..plan
     };
@@ -72,7 +68,7 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
         plan.stage.scene.name,
         plan.kind.name(),
         plan.policy.name(),
-        settings.get("fly.preset").unwrap_or_default(),
+        settings.fly.preset.text().unwrap_or_default(),
         plan.seed,
     ));
     printer.say(&format!("{points} Standstill after a stop: {:.2} s at cruise.", standstill(plan.kind)));
@@ -105,7 +101,7 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
 
 /// The folder of the flight's files.
 fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
-    OutDir::create(settings.get("fly.out").map(Path::new), instruction).map_err(|error| {
+    OutDir::create(settings.fly.out.text().map(Path::new), instruction).map_err(|error| {
         CliError::usage("no folder for the flight's files")
             .because(&error)
             .hint("name a new or an empty folder with --out DIR: one flight's files are not mixed with another's")
@@ -113,9 +109,7 @@ fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
 }
 
 /// The live view that was asked for.
-fn live_view(address: &str, settings: &Settings) -> Result<Live, CliError> {
-    let expected = "an address and a port, such as 127.0.0.1:8765";
-    let address: SocketAddr = address.parse().map_err(|_| settings.wrong("fly.live", expected))?;
+fn live_view(address: SocketAddr) -> Result<Live, CliError> {
     Live::bind(address, "spf", spf_flight::log::topics()).map_err(|error| {
         CliError::usage(format!("nobody can look on at {address}"))
             .because(&error)
@@ -149,21 +143,18 @@ fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<(FlightPla
     let (preset, policy) = manner(settings)?;
     let (policy, method) = detector::manner(settings, policy, method(settings, preset)?)?;
     let prompt = prompt(settings, policy)?;
-    let max_cost_usd = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
+    let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let (pointing, detector) = detector::beside(settings, policy, pointing(settings, prompt.clone())?)?;
-    let seed = settings.parse("fly.seed", "a whole number from 0 to 18446744073709551615")?.unwrap_or(0);
-    let start = settings.get("fly.start").map(parse_pose).transpose().map_err(|what| settings.wrong("fly.start", &what))?;
-    let kind = settings.choice("fly.drone_model", &[("quad", CraftKind::Quad), ("tello", CraftKind::Tello)])?;
+    let seed = settings.fly.seed.or_default()?;
+    let start = settings.fly.start.get()?;
+    let kind = settings.fly.drone_model.get()?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     // A flight in virtual time is over before anybody has looked.
-    let realtime = flag(settings, "fly.realtime")? || settings.get("fly.live").is_some();
-    let conditions = Conditions {
-        lighting: settings.choice("fly.light", &Lighting::ALL.map(|light| (light.name(), light)))?,
-        weather: settings.choice("fly.weather", &Weather::ALL.map(|weather| (weather.name(), weather)))?,
-    };
+    let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some();
+    let conditions = Conditions { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
     let circumstances = circumstances(settings)?;
     // Everything that is only read is checked before the scene is loaded: errors come at once.
-    let scene = settings.get("fly.scene").unwrap_or("city");
+    let scene = settings.fly.scene.text_or_default();
     let stage = Arc::new(load_stage(scene, &conditions)?);
     let kind = kind.unwrap_or(stage.scene.default_craft);
     let plan = FlightPlan {

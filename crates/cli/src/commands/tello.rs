@@ -22,8 +22,7 @@ pub(crate) fn tello(command: &Tello, printer: &Printer) -> Result<Exit, CliError
 }
 
 fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::load(args.config.as_deref())?;
-    settings.flag("fly.drone", "--drone", args.drone.clone());
+    let settings = Settings::of(args, printer)?;
     let drone = drone_of(&settings)?.unwrap_or(TelloSettings::default().drone);
     let tello = tello_settings(&settings, drone)?;
     let interrupts = interrupts()?;

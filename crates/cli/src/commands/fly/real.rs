@@ -8,7 +8,6 @@ use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::executor::Motion;
 use spf_core::pilot::Think;
-use spf_core::time::duration_from_secs;
 use spf_drone::Drone;
 use spf_drone::tello::{ConnectError, Connected, Tello, TelloSettings};
 use spf_flight::keys::HELP;
@@ -20,7 +19,7 @@ use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 
 use super::manual::Manual;
-use super::settings::{flag, limits, manner, method, prompt, script, tello_settings};
+use super::settings::{limits, manner, method, prompt, script, tello_settings};
 use super::{give_back, interrupts, live_view, out_dir, report, standstill, tell_view};
 use crate::args::Fly;
 use crate::commands::detector;
@@ -29,7 +28,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
 use crate::progress::Progress;
-use crate::settings::Settings;
+use crate::settings::{Settings, TelloMotion};
 
 /// What the person must know before a Tello takes off.
 pub(crate) const WARNING: &str = "A Tello holds its last velocity: when the link is cut nothing can stop it before it lands by itself, 15 s \
@@ -47,11 +46,11 @@ pub(super) fn fly(
     drone: SocketAddr,
     mut printer: Printer,
 ) -> Result<Exit, CliError> {
-    settings.default("fly.vlm", spf_vlm::setup::AUTO);
+    settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
     let (preset, policy) = manner(&settings)?;
     let (policy, mut method) = detector::manner(&settings, policy, method(&settings, preset)?)?;
     let prompt = prompt(&settings, policy)?;
-    let own = settings.choice("tello.motion", &[("rc", false), ("go", true)])?.unwrap_or(false);
+    let own = settings.tello.motion.or_default()? == TelloMotion::Go;
     if own {
         // Whatever else is set: what the drone flies by itself has no end that a later answer could move.
         (method.motion, method.think) = (Motion::Manoeuvres, Think::Stop);
@@ -59,7 +58,7 @@ pub(super) fn fly(
     let limits = limits(&settings, Limits::for_craft(&Model::of(CraftKind::Tello).craft))?;
     let tello = tello_settings(&settings, drone)?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
-    let max_cost_usd = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
+    let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let pointing = pointing(&settings, prompt.clone())?;
     check_vlm(&settings, &pointing, &printer)?;
     let (pointing, detector) = detector::beside(&settings, policy, pointing)?;
@@ -70,15 +69,15 @@ pub(super) fn fly(
         return Err(CliError::usage("this Tello cannot be flown with --tello-motion go")
             .hint("its firmware speaks SDK 1.3, in which nothing ends a move; update it in the Tello app, or fly it by rc"));
     }
-    let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
+    let view = settings.fly.live.get()?.map(live_view).transpose()?;
     let out = out_dir(&settings, instruction)?;
-    let record = RecordPlan { out: out.clone(), video: flag(&settings, "fly.video")?, view: view.as_ref().map(Live::sender) };
+    let record = RecordPlan { out: out.clone(), video: settings.fly.video.is_on()?, view: view.as_ref().map(Live::sender) };
     printer.start_live();
     printer.say(&format!(
         "Flying \"{}\", policy {}, preset {}.",
         one_line(instruction),
         policy.name(),
-        settings.get("fly.preset").unwrap_or_default(),
+        settings.fly.preset.text().unwrap_or_default(),
     ));
     printer.say(&format!("{} Standstill after a stop: {:.2} s at cruise.", pointing.sentence, standstill(CraftKind::Tello)));
     printer.say(if own { OWN_WARNING } else { WARNING });
@@ -141,15 +140,15 @@ pub(crate) fn connect(tello: &TelloSettings, start: Instant, printer: &Printer) 
 fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Result<(), CliError> {
     // A recording and the oracle have no answer to pictures of a dot.
     let answers =
-        !(pointing.name.starts_with("oracle") || settings.get("fly.vlm").is_some_and(|name| name.starts_with("replay:")));
-    if !answers || !flag(settings, "fly.vlm_check")? {
+        !(pointing.name.starts_with("oracle") || settings.fly.vlm.text().is_some_and(|name| name.starts_with("replay:")));
+    if !answers || !settings.fly.vlm_check.is_on()? {
         return Ok(());
     }
     printer.say("Asking the VLM about three pictures of a dot …");
-    let time = settings.number("fly.reply_timeout_s", 0.1, 600.0)?.unwrap_or(20.0);
+    let time = settings.reply_timeout()?;
     let mut vlm: Box<dyn Vlm> =
         (pointing.who)(None, 0).map_err(|error| CliError::usage("the VLM cannot be asked").because(&*error))?;
-    match check(vlm.as_mut(), duration_from_secs(time)).verdict {
+    match check(vlm.as_mut(), time).verdict {
         Verdict::Good(worst) => {
             printer.say(&format!("{} answers and points within {:.1} % of the picture.", pointing.name, 100.0 * worst));
             Ok(())
