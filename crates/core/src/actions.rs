@@ -9,12 +9,13 @@ mod forms;
 
 use core::f64::consts::PI;
 
-pub use forms::{ActForm, Moves, moves_schema, parse_moves};
+pub use forms::{Moves, moves_schema, parse_moves};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::primitives::Primitives;
+pub use crate::query::ActForm;
 use crate::reply::{MAX_TEXT, Unfound, Value, Verdict, search};
 
 /// Most actions of one reply that are flown.

@@ -3,9 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::actions::ActForm;
 use crate::frame::FrameId;
-use crate::reply::Look;
 use crate::time::Time;
 
 /// Number of a query within a flight, counting up from 0. A reply carries the id of its query.
@@ -47,6 +45,27 @@ pub enum QueryKind {
     },
     /// Is the instruction fulfilled?
     Done,
+}
+
+/// In which form actions are asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ActForm {
+    /// Up to three commands with a value each: [`parse_actions`](crate::actions::parse_actions).
+    #[default]
+    Commands,
+    /// One displacement and turn in numbers: `{"dx":1.5,"dy":0,"dz":0.2,"dyaw":20,"done":false}`.
+    Numeric,
+    /// One of the fixed moves of AerialVLN: `{"action":"forward"}`.
+    Discrete,
+}
+
+impl ActForm {
+    /// Whether it is the form that needs no mention.
+    #[must_use]
+    pub fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// A mark to be drawn on the picture before it is sent. Coordinates are normalised image points (see [`ImagePoint`]).
@@ -120,6 +139,22 @@ impl ImageBox {
         let either = area(self) + area(other) - both;
         if either > 0.0 { both / either } else { 0.0 }
     }
+}
+
+/// Which way to look for something out of view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Look {
+    /// Turn counter-clockwise.
+    Left,
+    /// Turn clockwise.
+    Right,
+    /// Climb, for the camera cannot nod.
+    Up,
+    /// Sink, or back off.
+    Down,
+    /// Turn round.
+    Behind,
 }
 
 /// What the pilot remembers and tells the VLM with each query (DESIGN.md section 4, "Ending and memory").

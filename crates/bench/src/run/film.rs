@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use spf_flight::sim::RecordPlan;
 use spf_record::out_dir::{OutDir, OutDirError};
 
-use super::store::{StoreError, failed};
+use super::files::{StoreError, failed};
 use crate::trial::{Drawn, Flown, Trial};
 
 /// The video of a trial in a folder of results, whether it is there or not.

@@ -8,7 +8,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use spf_vlm::today;
 
-use super::store::{StoreError, failed, replace};
+use super::files::{StoreError, failed, replace};
 
 const NAME: &str = "run.json";
 

@@ -1,5 +1,6 @@
 //! Many trials on several threads, into a folder; resumed where they were cut off.
 
+mod files;
 mod film;
 mod made;
 mod shard;
@@ -13,10 +14,11 @@ use std::sync::mpsc::channel;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+pub use files::StoreError;
 pub use film::video_of;
 pub use made::{Made, shell_word};
 pub use shard::{Shard, ShardError};
-pub use store::{Head, Store, StoreError, merge, read_head, read_paths, read_records};
+pub use store::{Head, Store, merge, read_head, read_paths, read_records};
 
 use crate::fnv;
 use crate::task::Task;

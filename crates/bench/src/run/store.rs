@@ -9,8 +9,8 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
+use super::files::{StoreError, failed, replace};
 use super::made::Made;
 use super::shard::Shard;
 use crate::trial::{Flown, FlownPath, Record};
@@ -45,40 +45,6 @@ impl Head {
     }
 }
 
-/// Why results cannot be kept.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum StoreError {
-    /// Reading or writing.
-    #[error("cannot read or write `{path}`")]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        #[source]
-        source: std::io::Error,
-    },
-    /// The folder holds something else.
-    #[error("`{path}` holds the results of another plan: {what}")]
-    Other {
-        /// The folder.
-        path: PathBuf,
-        /// How they differ.
-        what: &'static str,
-    },
-    /// A row is none.
-    #[error("`{path}`, line {line}: this is no row of results")]
-    Row {
-        /// The file.
-        path: PathBuf,
-        /// The line, from 1.
-        line: usize,
-    },
-    /// Shares that do not make a whole.
-    #[error("the shares are not whole: {0}")]
-    Shares(String),
-}
-
 /// The folder of a run.
 #[derive(Debug)]
 pub struct Store {
@@ -91,11 +57,6 @@ pub struct Store {
 #[derive(Deserialize)]
 struct Id {
     run_id: String,
-}
-
-pub(super) fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> StoreError {
-    let path = path.to_owned();
-    move |source| StoreError::File { path, source }
 }
 
 impl Store {
@@ -197,13 +158,6 @@ fn whole_rows(path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
 /// Lines that end, with their numbers from 1: what a kill tore is none.
 fn whole_lines(text: &str) -> impl Iterator<Item = (&str, usize)> {
     text.split_inclusive('\n').zip(1..).filter(|(row, _)| row.ends_with('\n'))
-}
-
-/// Writes a file whole or not at all.
-pub(super) fn replace(path: &Path, text: &str) -> Result<(), StoreError> {
-    let beside = path.with_extension("new");
-    std::fs::write(&beside, text).map_err(failed(&beside))?;
-    std::fs::rename(&beside, path).map_err(failed(path))
 }
 
 /// The rows of a folder of results, as they stand there; a torn last line is left out.

@@ -11,8 +11,7 @@ use spf_record::log::LogReader;
 use spf_scene::{Conditions, Lighting, Weather};
 
 use super::load_stage;
-use super::log::unreadable;
-use super::replay::unreplayable;
+use super::log::{unreadable, unreplayable};
 use super::vlm::{oracle_named, pointing};
 use crate::args::Replay;
 use crate::error::CliError;

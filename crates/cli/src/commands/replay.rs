@@ -1,12 +1,10 @@
 //! `spf replay`: a recorded flight again, on paper.
 
-use std::path::Path;
-
 use serde_json::Value;
-use spf_flight::replay::{Changes, Difference, ReplayError, Report, replay as fly_again};
+use spf_flight::replay::{Changes, Difference, Report, replay as fly_again};
 use spf_record::log::LogReader;
 
-use super::log::{unreadable, warn_torn};
+use super::log::{unreadable, unreplayable, warn_torn};
 use super::reask::reask;
 use crate::args::Replay;
 use crate::error::CliError;
@@ -30,16 +28,6 @@ pub(crate) fn replay(args: &Replay, printer: &Printer) -> Result<Exit, CliError>
         warn_torn(&args.file, printer);
     }
     Ok(if report.differences.is_empty() { Exit::Success } else { Exit::Internal })
-}
-
-/// The error for a log that cannot be replayed.
-pub(super) fn unreplayable(path: &Path, error: &ReplayError) -> CliError {
-    match error {
-        ReplayError::Read(source) => unreadable(path, source),
-        _ => CliError::usage(format!("`{}` cannot be replayed", path.display()))
-            .because(error)
-            .hint("only a flight log that spf wrote can be replayed: flight.mcap in a flight's folder"),
-    }
 }
 
 fn tell(report: &Report, printer: &Printer) {

@@ -1,32 +1,11 @@
 //! Other forms of the plain-text baseline: four numbers at once, and one of a few fixed moves.
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::{ActionsError, MOVE_METRES, TURN_DEGREES, find, parse_actions, truth, wrong};
 use crate::primitives::Primitives;
+use crate::query::ActForm;
 use crate::reply::{Value, Verdict};
-
-/// In which form actions are asked for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ActForm {
-    /// Up to three commands with a value each: [`parse_actions`].
-    #[default]
-    Commands,
-    /// One displacement and turn in numbers: `{"dx":1.5,"dy":0,"dz":0.2,"dyaw":20,"done":false}`.
-    Numeric,
-    /// One of the fixed moves of AerialVLN: `{"action":"forward"}`.
-    Discrete,
-}
-
-impl ActForm {
-    /// Whether it is the form that needs no mention.
-    #[must_use]
-    pub fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-}
 
 /// What an answer in any form comes to: moves that are flown one after the other.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -16,6 +16,7 @@ mod ending;
 mod event;
 mod moving;
 mod operator;
+mod reactions;
 mod settings;
 
 pub use event::{Action, Decision, Ending, Event, Note, OperatorEvent, Outcome, Phase};

@@ -1,8 +1,8 @@
 //! Plans become setpoints, tick by tick, through the executor and the envelope.
 
-use super::{Action, Note, Outcome, Phase, Pilot, Think};
+use super::{Action, Phase, Pilot, Think};
 use crate::command::{Command, Manoeuvre, Setpoint};
-use crate::envelope::{Cause, Clearance, Reaction};
+use crate::envelope::Clearance;
 use crate::executor::{Goal, Motion, OwnFlight};
 use crate::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use crate::policy::{Move, PolicyEvent, Step};
@@ -250,50 +250,10 @@ impl Pilot {
         self.tell(clearance.changed, told);
         self.outbox.push_back(Action::Command(clearance.cleared));
     }
-
-    /// Tells of a cause once, until another takes its place.
-    fn tell(&mut self, cause: Option<Cause>, told: Option<Cause>) {
-        if let Some(cause) = cause.filter(|cause| told != Some(*cause)) {
-            self.note(Note::Envelope(cause));
-        }
-    }
-
-    /// The envelope's reaction to what it watches.
-    pub(super) fn react(&mut self, now: Time) {
-        if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff) {
-            return;
-        }
-        // A hand on the sticks sees for itself: a frozen picture does not end manual flight.
-        let by_hand = matches!(self.phase, Phase::Manual | Phase::Held);
-        let reaction = if by_hand { self.envelope.manual_reaction(now) } else { self.envelope.reaction(now) };
-        let told = core::mem::replace(&mut self.told_reaction, reaction.cause());
-        self.tell(reaction.cause(), told);
-        match reaction {
-            Reaction::Continue => {}
-            Reaction::Hold(_) => {
-                if self.executing {
-                    self.stop_motion(now);
-                }
-            }
-            Reaction::Land(cause) => {
-                let outcome = outcome_of(cause);
-                self.finish(now, outcome, cause.to_string());
-            }
-        }
-    }
 }
 
 fn pose_of(goal: Goal) -> Pose {
     Pose { position: goal.position, attitude: Attitude { heading: goal.heading, ..Attitude::default() } }
-}
-
-/// What ending by a cause means for the outcome (DESIGN section 7).
-fn outcome_of(cause: Cause) -> Outcome {
-    match cause {
-        Cause::Crashed => Outcome::Collision,
-        Cause::AltitudeBreach | Cause::DistanceBreach | Cause::GeofenceBreach | Cause::LowBattery => Outcome::Aborted,
-        _ => Outcome::Failed,
-    }
 }
 
 /// The primitives from where the craft is to the end of an anchored plan: turn to it, fly to it, climb to it.

@@ -7,24 +7,27 @@
 
 mod json;
 mod parse;
+mod scan;
 mod schema;
 mod short;
 mod stream;
 
 pub(crate) use json::Value;
 pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError, one_line, one_line_within};
+pub use scan::MAX_TEXT;
+pub(crate) use scan::{Unfound, Verdict, search};
 pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
 pub(crate) use short::plain_numbers;
 pub use short::{
     Choice, Completion, MAX_CHOSEN, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
 };
-pub use stream::{MAX_TEXT, ReplyStream, parse_reply};
-pub(crate) use stream::{Unfound, Verdict, search};
+pub use stream::{ReplyStream, parse_reply};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use crate::query::Look;
 use crate::query::{ImageBox, ImagePoint};
 
 /// How far the instruction has come, in the model's judgement.
@@ -37,22 +40,6 @@ pub enum Status {
     NotVisible,
     /// The instruction is fulfilled.
     Done,
-}
-
-/// Which way to look for something out of view.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Look {
-    /// Turn counter-clockwise.
-    Left,
-    /// Turn clockwise.
-    Right,
-    /// Climb, for the camera cannot nod.
-    Up,
-    /// Sink, or back off.
-    Down,
-    /// Turn round.
-    Behind,
 }
 
 /// An obstacle as the model reports it.

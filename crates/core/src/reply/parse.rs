@@ -1,7 +1,7 @@
 //! From a JSON value to a [`Reply`]: what is forgiven and what is refused.
 
 use super::json::Value;
-use super::stream::Verdict;
+use super::scan::Verdict;
 use super::{DEPTH_LABELS, Look, ObstacleBox, OpenWay, Reply, Status};
 use crate::grounding::{GroundingError, GroundingProfile};
 

@@ -6,11 +6,10 @@ mod select;
 use serde_json::Value;
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
 
-pub use rows::{Auth, FamilyRow, ModelRow, Price, ScaleWord, Status, TableError, VendorRow};
+pub use rows::{Auth, FamilyRow, ModelRow, Price, ScaleWord, SchemaDialect, Status, TableError, VendorRow, WireKind};
 pub use select::{Choice, SelectError};
 
 use crate::image::ImageRule;
-use crate::wire::{SchemaDialect, WireKind};
 
 const SHIPPED: &str = include_str!("../../models.toml");
 

@@ -8,7 +8,6 @@ use spf_core::grounding::AxisOrder;
 
 use crate::account::Tokens;
 use crate::image::ImageRule;
-use crate::wire::{SchemaDialect, WireKind};
 
 /// Longest file that is read, bytes.
 const LONGEST: usize = 1 << 20;
@@ -65,6 +64,35 @@ pub struct VendorRow {
     /// Merged into every request's body.
     #[serde(default = "nothing")]
     pub request: Value,
+}
+
+/// The forms of requests there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum WireKind {
+    /// Gemini's `generateContent`.
+    Gemini,
+    /// OpenAI's chat completions, which many servers speak.
+    OpenaiChat,
+    /// OpenAI's responses.
+    OpenaiResponses,
+    /// Anthropic's messages.
+    Anthropic,
+}
+
+/// How a schema is told to a vendor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SchemaDialect {
+    /// As JSON schema.
+    #[default]
+    JsonSchema,
+    /// As OpenAPI has it: types in capitals, `nullable`, enumerations of texts only (Gemini's older `responseSchema`).
+    OpenApi,
+    /// Only that an object is wanted; the prompt tells which.
+    JsonObject,
+    /// Not at all.
+    None,
 }
 
 /// How a key is sent.

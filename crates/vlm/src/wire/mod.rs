@@ -19,21 +19,7 @@ use crate::account::Tokens;
 use crate::error::{VlmError, quote};
 use crate::table::{Model, merge};
 
-pub use schema::SchemaDialect;
-
-/// The forms of requests there are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum WireKind {
-    /// Gemini's `generateContent`.
-    Gemini,
-    /// OpenAI's chat completions, which many servers speak.
-    OpenaiChat,
-    /// OpenAI's responses.
-    OpenaiResponses,
-    /// Anthropic's messages.
-    Anthropic,
-}
+pub use crate::table::{SchemaDialect, WireKind};
 
 /// A question as it is sent.
 #[derive(Clone, Debug, PartialEq)]

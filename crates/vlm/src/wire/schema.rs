@@ -2,26 +2,10 @@
 
 use std::sync::LazyLock;
 
-use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use spf_core::actions::moves_schema;
 use spf_core::query::QueryKind;
 use spf_core::reply::{choice_schema, completion_schema, reply_schema};
-
-/// How a schema is told to a vendor.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SchemaDialect {
-    /// As JSON schema.
-    #[default]
-    JsonSchema,
-    /// As OpenAPI has it: types in capitals, `nullable`, enumerations of texts only (Gemini's older `responseSchema`).
-    OpenApi,
-    /// Only that an object is wanted; the prompt tells which.
-    JsonObject,
-    /// Not at all.
-    None,
-}
 
 // Asked for with every decision.
 static POINT: LazyLock<Value> = LazyLock::new(|| reply_schema(false));

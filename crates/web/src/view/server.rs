@@ -64,9 +64,9 @@ pub struct Viewer {
     stop: Stopper,
 }
 
-pub(super) struct Shared {
-    pub(super) library: Arc<Library>,
-    pub(super) beginning: Beginning,
+struct Shared {
+    library: Arc<Library>,
+    beginning: Beginning,
     loopback: bool,
     pages: AtomicUsize,
     stop: watch::Receiver<bool>,
@@ -176,7 +176,8 @@ async fn socket(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) ->
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
     };
     upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(async move |socket| {
-        session::converse(socket, &seat.0, seat.0.stop.clone()).await;
+        let Shared { library, beginning, stop, .. } = &*seat.0;
+        session::converse(socket, library.clone(), beginning.clone(), stop.clone()).await;
     })
 }
 

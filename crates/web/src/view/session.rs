@@ -1,5 +1,6 @@
 //! One page's connection: messages in, pictures out.
 
+use std::sync::Arc;
 use std::sync::mpsc::{TrySendError, sync_channel};
 use std::time::Duration;
 
@@ -9,7 +10,7 @@ use tokio::time::{Instant, interval_at, timeout};
 
 use super::eye::{Eye, Out};
 use super::message::{FromPage, ToPage};
-use super::server::Shared;
+use super::{Beginning, Library};
 
 /// Messages that may wait for the eye, which reads them all between two pictures.
 const INBOX: usize = 256;
@@ -24,11 +25,15 @@ const SILENCE: Duration = Duration::from_secs(50);
 /// A page that does not close in answer within this is left.
 pub(super) const FAREWELL: Duration = Duration::from_secs(1);
 
-/// Serves a page until it leaves or the server stops.
-pub(super) async fn converse(mut socket: WebSocket, shared: &Shared, mut stop: watch::Receiver<bool>) {
+/// Serves a page, which begins so in a scene of the library, until it leaves or the server stops.
+pub(super) async fn converse(
+    mut socket: WebSocket,
+    library: Arc<Library>,
+    beginning: Beginning,
+    mut stop: watch::Receiver<bool>,
+) {
     let (to_eye, inbox) = sync_channel(INBOX);
     let (out, mut outbox) = mpsc::channel(OUTBOX);
-    let (library, beginning) = (shared.library.clone(), shared.beginning.clone());
     // The scene is loaded, flown in and drawn in a thread of its own; it ends when either channel does.
     let spawned = std::thread::Builder::new().name("view".to_owned()).spawn(move || {
         let refused = |reason| Out::Text(text(&ToPage::Refused { reason }));

@@ -8,6 +8,7 @@ mod video;
 
 use std::path::Path;
 
+use spf_flight::replay::ReplayError;
 use spf_record::log::ReadError;
 
 use crate::args::Log;
@@ -33,6 +34,16 @@ pub(crate) fn unreadable(path: &Path, error: &ReadError) -> CliError {
         ReadError::Format(_) => told.hint("a later version of spf wrote it: read it with that"),
         ReadError::Read(_) => told.hint("name the flight.mcap in a flight's folder"),
         _ => told.hint(format!("`spf log repair {}` keeps what can be read of a flight log", path.display())),
+    }
+}
+
+/// The error for a log that cannot be replayed.
+pub(crate) fn unreplayable(path: &Path, error: &ReplayError) -> CliError {
+    match error {
+        ReplayError::Read(source) => unreadable(path, source),
+        _ => CliError::usage(format!("`{}` cannot be replayed", path.display()))
+            .because(error)
+            .hint("only a flight log that spf wrote can be replayed: flight.mcap in a flight's folder"),
     }
 }
 

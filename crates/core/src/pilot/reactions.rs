@@ -1,0 +1,49 @@
+//! What the pilot does when the envelope demands something: hold, or land with an outcome.
+//!
+//! Which condition demands what, and after how long, is the envelope's (`docs/safety.md`, "Reactions"; `envelope/watch.rs`).
+
+use super::{Note, Outcome, Phase, Pilot};
+use crate::envelope::{Cause, Reaction};
+use crate::time::Time;
+
+impl Pilot {
+    /// The envelope's reaction to what it watches.
+    pub(super) fn react(&mut self, now: Time) {
+        if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff) {
+            return;
+        }
+        // A hand on the sticks sees for itself: a frozen picture does not end manual flight.
+        let by_hand = matches!(self.phase, Phase::Manual | Phase::Held);
+        let reaction = if by_hand { self.envelope.manual_reaction(now) } else { self.envelope.reaction(now) };
+        let told = core::mem::replace(&mut self.told_reaction, reaction.cause());
+        self.tell(reaction.cause(), told);
+        match reaction {
+            Reaction::Continue => {}
+            Reaction::Hold(_) => {
+                if self.executing {
+                    self.stop_motion(now);
+                }
+            }
+            Reaction::Land(cause) => {
+                let outcome = outcome_of(cause);
+                self.finish(now, outcome, cause.to_string());
+            }
+        }
+    }
+
+    /// Tells of a cause once, until another takes its place.
+    pub(super) fn tell(&mut self, cause: Option<Cause>, told: Option<Cause>) {
+        if let Some(cause) = cause.filter(|cause| told != Some(*cause)) {
+            self.note(Note::Envelope(cause));
+        }
+    }
+}
+
+/// What ending by a cause means for the outcome (DESIGN section 7).
+fn outcome_of(cause: Cause) -> Outcome {
+    match cause {
+        Cause::Crashed => Outcome::Collision,
+        Cause::AltitudeBreach | Cause::DistanceBreach | Cause::GeofenceBreach | Cause::LowBattery => Outcome::Aborted,
+        _ => Outcome::Failed,
+    }
+}
