@@ -5,19 +5,17 @@ use std::sync::{Arc, OnceLock};
 
 use spf_core::camera::{Camera, Distortion};
 use spf_core::craft::CraftKind;
-use spf_core::envelope::Limits;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::lift::{Lifting, lift, unproject};
-use spf_core::pilot::{Outcome, PilotSettings, Preset};
+use spf_core::pilot::Outcome;
 use spf_core::query::ImagePoint;
 use spf_core::time::Time;
-use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, SimWorld, Stage, fly, oracle_points};
+use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::sim::{Circumstances, SimWorld, Simulated, Stage, oracle_points};
 use spf_flight::summary::Summary;
-use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
 use spf_render::Channels;
 use spf_render::effects::Effects;
-use spf_sim::model::Model;
 
 /// A strong barrel: 13 % at the corners of the quad's picture.
 const BARREL: &str = "lens=-0.09:0.005:0.001:-0.002";
@@ -77,29 +75,9 @@ fn what_is_pointed_at_is_what_is_lifted_to() {
 }
 
 fn flown(circumstances: Circumstances, kind: CraftKind, seed: u64) -> Summary {
-    let plan = FlightPlan {
-        stage: city(),
-        scene: "city".to_owned(),
-        instruction: "fly to the red crane".to_owned(),
-        start: None,
-        kind,
-        circumstances,
-        policy: PolicyKind::Spf,
-        preset: Preset::Default,
-        settings: PilotSettings::preset(Preset::Default),
-        limits: Limits::for_craft(&Model::of(kind).craft),
-        vlm: "oracle:perfect".to_owned(),
-        who: oracle_points("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap()),
-        detector: None,
-        prompt: None,
-        max_cost_usd: None,
-        seed,
-        script: Script::default(),
-        realtime: false,
-        interrupts: Arc::default(),
-        operator: None,
-        record: None,
-    };
+    let site = Simulated { kind, circumstances, seed, ..Simulated::new(city(), "city") };
+    let who = oracle_points("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
+    let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle:perfect", who);
     fly(plan, &mut []).unwrap().summary
 }
 

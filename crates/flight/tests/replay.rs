@@ -10,20 +10,21 @@ use std::sync::Arc;
 use serde_json::Value;
 use spf_core::command::Setpoint;
 use spf_core::craft::CraftKind;
-use spf_core::envelope::Limits;
 use spf_core::grounding::{AxisOrder, GroundingProfile};
 use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_core::step::StepRule;
 use spf_core::time::{Duration, Time};
 use spf_detect::Detector;
 use spf_flight::detector::{model_detects, with_detector};
+use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::policy::PolicyKind;
+use spf_flight::recorder::RecordPlan;
 use spf_flight::replay::{Changes, Report, head, replay, row};
-use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, RecordPlan, Stage, fly, oracle_points};
+use spf_flight::sim::{Simulated, Stage, oracle_points};
 use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
 use spf_record::log::{Entry, LogReader};
 use spf_record::out_dir::OutDir;
-use spf_sim::model::Model;
 
 /// Thirty seconds, in which some answers come too late.
 fn settings() -> PilotSettings {
@@ -41,28 +42,13 @@ fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
         (at(11_500), OperatorEvent::Resume),
         (at(19_000), OperatorEvent::Instruction("fly to the black car".to_owned())),
     ];
+    let site = Simulated { kind, seed: 3, ..Simulated::new(Arc::new(Stage::load("city").unwrap()), "city") };
+    let who = oracle_points("oracle".to_owned(), ErrorFile::named("default").unwrap());
     let mut plan = FlightPlan {
-        stage: Arc::new(Stage::load("city").unwrap()),
-        scene: "city".to_owned(),
-        instruction: "fly to the red crane".to_owned(),
-        start: None,
-        kind,
-        circumstances: Circumstances::default(),
-        policy: PolicyKind::Spf,
-        preset: Preset::Default,
         settings: settings(),
-        limits: Limits::for_craft(&Model::of(kind).craft),
-        vlm: "oracle".to_owned(),
-        who: oracle_points("oracle".to_owned(), ErrorFile::named("default").unwrap()),
-        detector: None,
-        prompt: None,
-        max_cost_usd: None,
-        seed: 3,
         script: Script::new(events),
-        realtime: false,
-        interrupts: Arc::default(),
-        operator: None,
         record: Some(RecordPlan { out: OutDir::at(folder).unwrap(), video: false, view: None }),
+        ..FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle", who)
     };
     change(&mut plan);
     let flown = fly(plan, &mut []).unwrap();
@@ -104,7 +90,7 @@ fn a_flight_is_the_same_again_and_another_method_is_not() {
 #[test]
 fn other_policies_and_presets_are_the_same_again() {
     let folder = tempfile::tempdir().unwrap();
-    let plain = flown(&folder.path().join("plain"), |plan| plan.policy = PolicyKind::Plain);
+    let plain = flown(&folder.path().join("plain"), |plan| plan.policy = Arc::new(PolicyKind::Plain));
     assert_eq!(replayed(&plain, &Changes::default()).differences, []);
     let paper = flown(&folder.path().join("paper"), |plan| {
         let max_time = plan.settings.max_time;
@@ -118,7 +104,7 @@ fn other_policies_and_presets_are_the_same_again() {
 fn a_flight_with_a_detector_is_the_same_again() {
     let folder = tempfile::tempdir().unwrap();
     let log = flown(&folder.path().join("flight"), |plan| {
-        (plan.policy, plan.detector) = (PolicyKind::SpfDetector, Some("oracle:perfect".to_owned()));
+        (plan.policy, plan.detector) = (Arc::new(PolicyKind::SpfDetector), Some("oracle:perfect".to_owned()));
         plan.settings.avoid = true;
         let detector = oracle_points("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
         plan.who = with_detector(plan.who.clone(), detector);
@@ -143,7 +129,7 @@ fn a_flight_with_a_model_is_the_same_again() {
     std::fs::write(&file, made::model(&made::Export::default())).unwrap();
     let detector = Detector::open(&file).unwrap();
     let log = flown(&folder.path().join("flight"), |plan| {
-        (plan.policy, plan.detector) = (PolicyKind::SpfDetector, Some(detector.name().to_owned()));
+        (plan.policy, plan.detector) = (Arc::new(PolicyKind::SpfDetector), Some(detector.name().to_owned()));
         plan.settings.avoid = true;
         // The network is quick, but how quick is another matter each time: replay takes what the log has.
         plan.who = with_detector(plan.who.clone(), model_detects(detector));

@@ -5,7 +5,8 @@ use std::path::Path;
 use spf_core::pilot::PilotSettings;
 use spf_detect::{DetectError, Detector};
 use spf_flight::detector::{model_detects, with_detector};
-use spf_flight::sim::{PolicyKind, WhoPoints, oracle_points};
+use spf_flight::policy::PolicyKind;
+use spf_flight::sim::{WhoPoints, oracle_points};
 
 use crate::commands::vlm::{Pointing, oracle_named};
 use crate::error::CliError;

@@ -6,24 +6,24 @@ use spf_flight::doctor::{self, Check, Finding};
 use spf_scene::Conditions;
 
 use super::detector;
-use super::fly::settings::{tello, tello_settings};
+use super::fly::settings::options;
 use super::load_stage;
 use super::vlm::pointing;
 use crate::args::Doctor;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, table};
-use crate::settings::Settings;
+use crate::settings::{DroneName, Settings};
 
 /// Checks, tells, and says what to do.
 pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::of(args, printer)?;
-    let mut checks = match tello(&settings)? {
-        Some(drone) => {
+    let mut checks = match settings.fly.drone.or_default()? {
+        DroneName::Real(_, target) => {
             settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
-            doctor::tello(&tello_settings(&settings, drone)?)
+            target.examine(&options(&settings)?)
         }
-        None => {
+        DroneName::Sim => {
             let stage = load_stage(settings.fly.scene.text_or_default(), &Conditions::default())?;
             vec![doctor::simulator(&stage)]
         }

@@ -8,12 +8,13 @@ use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
 use spf_core::pilot::{Preset, Think};
 use spf_core::step::StepRule;
-use spf_flight::sim::PolicyKind;
+use spf_drone::tello::TelloMotion;
+use spf_flight::policy::PolicyKind;
 use spf_render::effects::Effects;
 use spf_scene::{Lighting, Weather};
 use spf_sim::wind::Wind;
 
-use super::reading::{Count, Drone, DroneName, Explained, Number, Parsed, Start, Step, TelloMotion, Text, Word};
+use super::reading::{Count, Drone, DroneName, Explained, Number, Parsed, Start, Step, Text, Word};
 use super::setting::{Flag, Key, Row, Setting};
 use super::structure::settings;
 

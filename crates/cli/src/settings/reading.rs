@@ -2,7 +2,6 @@
 
 use std::error::Error;
 use std::fmt::Display;
-use std::net::{IpAddr, SocketAddr};
 use std::str::FromStr;
 
 use spf_core::craft::CraftKind;
@@ -10,10 +9,11 @@ use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
 use spf_core::pilot::{Preset, Think};
 use spf_core::step::StepRule;
-use spf_drone::tello::TelloSettings;
-use spf_drone::tello::craft::COMMAND_PORT;
+use spf_drone::driver::{Driver, Target};
+use spf_drone::registry::{DRIVERS, UnknownDrone, named};
+use spf_drone::tello::TelloMotion;
+use spf_flight::policy::PolicyKind;
 use spf_flight::pose::parse_pose;
-use spf_flight::sim::PolicyKind;
 use spf_scene::{Lighting, Weather};
 
 use crate::error::nearest;
@@ -178,15 +178,6 @@ impl Words for Think {
     }
 }
 
-/// How a Tello flies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum TelloMotion {
-    /// By velocities, which it holds.
-    Rc,
-    /// In steps that it ends by itself.
-    Go,
-}
-
 impl Words for TelloMotion {
     fn words() -> Vec<(&'static str, Self)> {
         vec![("rc", Self::Rc), ("go", Self::Go)]
@@ -194,29 +185,25 @@ impl Words for TelloMotion {
 }
 
 /// The drone to fly.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DroneName {
     /// The simulator's.
     Sim,
-    /// The Tello at an address.
-    Tello(SocketAddr),
+    /// One of a driver's.
+    Real(&'static Driver, Box<dyn Target>),
 }
 
-/// `sim`, `tello` or `tello@ADDRESS`.
+/// `sim`, or a name that one of the drivers knows.
 pub(super) struct Drone;
 
 impl Reading<DroneName> for Drone {
     fn read(&self, text: &str) -> Result<DroneName, Refusal> {
-        let address =
-            |text: &str| text.parse().ok().or_else(|| text.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, COMMAND_PORT)));
-        match text {
-            "sim" => Ok(DroneName::Sim),
-            "tello" => Ok(DroneName::Tello(TelloSettings::default().drone)),
-            other => other.strip_prefix("tello@").and_then(address).map(DroneName::Tello).ok_or_else(|| Refusal {
-                near: nearest(other, ["sim", "tello"]),
-                ..Refusal::of("sim, tello, or tello@ADDRESS such as tello@192.168.10.1")
-            }),
+        if text == "sim" {
+            return Ok(DroneName::Sim);
         }
+        named(text).map(|(driver, target)| DroneName::Real(driver, target)).map_err(|_| Refusal {
+            near: nearest(text, ["sim"].into_iter().chain(DRIVERS.iter().map(|driver| driver.scheme))),
+            ..Refusal::of(format!("sim, {}", UnknownDrone::forms()))
+        })
     }
 }
 

@@ -11,6 +11,7 @@ use spf_core::camera::Camera;
 use spf_core::command::Command;
 use spf_core::craft::Craft;
 use spf_core::envelope::Cleared;
+use spf_core::estimator::Senses;
 use spf_core::time::{Duration, Time};
 use spf_media::h264::Decoder;
 
@@ -38,11 +39,19 @@ const COMMAND_TRIES: u32 = 5;
 const ANSWER_WAIT: Duration = Duration::from_secs(1);
 const STATE_WAIT: Duration = Duration::from_secs(2);
 
-/// Where a Tello is, and how it is flown.
+/// How a Tello moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TelloMotion {
+    /// By velocities (`rc`), which it holds when the link is cut.
+    #[default]
+    Rc,
+    /// Each step as moves that it ends by itself (`go`).
+    Go,
+}
+
+/// How a Tello is reached and flown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TelloSettings {
-    /// The drone's command port.
-    pub drone: SocketAddr,
     /// Our address; unspecified for any.
     pub local: IpAddr,
     /// Where its state comes to.
@@ -53,18 +62,20 @@ pub struct TelloSettings {
     pub calibration: Calibration,
     /// From the shutter to the last datagram.
     pub video_latency: Duration,
+    /// How it moves.
+    pub motion: TelloMotion,
 }
 
 impl Default for TelloSettings {
-    /// A Tello that is its own access point, as it comes out of the box.
+    /// As it comes out of the box.
     fn default() -> Self {
         Self {
-            drone: SocketAddr::from(([192, 168, 10, 1], COMMAND_PORT)),
             local: IpAddr::V4(Ipv4Addr::UNSPECIFIED),
             state_port: 8890,
             video_port: 11_111,
             calibration: Calibration::default(),
             video_latency: Duration::from_millis(150),
+            motion: TelloMotion::default(),
         }
     }
 }
@@ -203,17 +214,18 @@ impl Shared {
 pub struct Tello {
     shared: Arc<Shared>,
     frames: FrameStore,
+    firmware: Firmware,
     polled: Time,
     threads: Vec<JoinHandle<()>>,
 }
 
 impl Tello {
-    /// Connects: SDK mode, state, video. `start` is when flight time was zero.
+    /// Connects with the one whose command port is at `drone`: SDK mode, state, video. `start` is when flight time was zero.
     ///
     /// # Errors
     /// [`ConnectError`].
-    pub fn connect(settings: &TelloSettings, start: Instant) -> Result<Connected, ConnectError> {
-        let TelloSettings { drone, local, state_port, video_port, calibration, video_latency } = *settings;
+    pub fn connect(drone: SocketAddr, settings: &TelloSettings, start: Instant) -> Result<Connected, ConnectError> {
+        let TelloSettings { local, state_port, video_port, calibration, video_latency, .. } = *settings;
         let command = command_socket(local)?;
         let reach = |source| ConnectError::Unreachable { drone, source };
         command.connect(drone).map_err(reach)?;
@@ -233,7 +245,13 @@ impl Tello {
         link.order(Order::quick("streamon"));
         let shared = Arc::new(Shared { link: Mutex::new(link), command, start, stopped: AtomicBool::new(false) });
         let frames = FrameStore::default();
-        let mut tello = Self { shared: shared.clone(), frames: frames.clone(), polled: Time::ZERO, threads: Vec::new() };
+        let mut tello = Self {
+            shared: shared.clone(),
+            frames: frames.clone(),
+            firmware: firmware.clone(),
+            polled: Time::ZERO,
+            threads: Vec::new(),
+        };
         let eye = Eye::new(Decoder::new()?, video_latency);
         let (one, two, three, four, seen) = (shared.clone(), shared.clone(), shared.clone(), shared, frames);
         let inlet = Arc::<Inlet>::default();
@@ -280,7 +298,9 @@ impl Drone for Tello {
     }
 
     fn capabilities(&self) -> Capabilities {
-        Capabilities { craft: Craft::tello(), camera: Camera::tello() }
+        // Only from the second SDK on there is a word that ends a move.
+        let manoeuvres = self.firmware.sdk.is_some();
+        Capabilities { manoeuvres, ..Capabilities::of(Craft::tello(), Camera::tello(), Senses::tello()) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {

@@ -7,6 +7,8 @@ pub mod answer;
 pub mod camera;
 pub mod conversation;
 pub mod craft;
+mod doctor;
+pub mod driver;
 mod inlet;
 pub mod link;
 mod manoeuvre;
@@ -14,4 +16,4 @@ pub mod state;
 pub mod sticks;
 pub mod video;
 
-pub use craft::{ConnectError, Connected, Firmware, Tello, TelloSettings};
+pub use craft::{ConnectError, Connected, Firmware, Tello, TelloMotion, TelloSettings};

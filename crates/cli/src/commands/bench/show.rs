@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use spf_bench::trial::{Method, Trial, draw, run_id};
-use spf_flight::sim::RecordPlan;
+use spf_flight::recorder::RecordPlan;
 use spf_oracle::ErrorFile;
 use spf_record::out_dir::OutDir;
 

@@ -1,6 +1,5 @@
 //! From settings to what a flight is made of.
 
-use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -10,14 +9,16 @@ use spf_core::geofence::Geofence;
 use spf_core::pilot::{PilotSettings, Preset};
 use spf_core::prompt::PromptText;
 use spf_core::time::duration_from_secs;
+use spf_drone::options::Options;
 use spf_drone::tello::TelloSettings;
 use spf_drone::tello::sticks::Calibration;
-use spf_flight::sim::{Circumstances, PolicyKind};
+use spf_flight::policy::PolicyKind;
+use spf_flight::sim::Circumstances;
 use spf_flight::world::Script;
 
 use crate::commands::read;
 use crate::error::CliError;
-use crate::settings::{DroneName, Setting, Settings};
+use crate::settings::{Setting, Settings};
 
 /// The named preset, and who decides.
 pub(super) fn manner(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
@@ -127,18 +128,10 @@ pub(super) fn script(path: &Path) -> Result<Script, CliError> {
     })
 }
 
-/// The address of the Tello that is to be flown; none when it is another drone.
-pub(crate) fn tello(settings: &Settings) -> Result<Option<SocketAddr>, CliError> {
-    Ok(match settings.fly.drone.or_default()? {
-        DroneName::Sim => None,
-        DroneName::Tello(address) => Some(address),
-    })
-}
-
-/// How the Tello is reached and flown.
-pub(crate) fn tello_settings(settings: &Settings, drone: SocketAddr) -> Result<TelloSettings, CliError> {
+/// What is set about drivers.
+pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
     let said = &settings.tello;
-    let mut tello = TelloSettings { drone, ..TelloSettings::default() };
+    let mut tello = TelloSettings { motion: said.motion.or_default()?, ..TelloSettings::default() };
     if let Some(local) = said.local.get()? {
         tello.local = local;
     }
@@ -158,5 +151,5 @@ pub(crate) fn tello_settings(settings: &Settings, drone: SocketAddr) -> Result<T
         sink: said.sink_m_s.get()?.unwrap_or(sink),
         yaw_rate: said.yaw_deg_s.get()?.unwrap_or(yaw_rate.to_degrees()).to_radians(),
     };
-    Ok(tello)
+    Ok(Options { tello })
 }

@@ -1,20 +1,17 @@
 //! Which policy decides a flight.
 
-use std::sync::Arc;
-
 use spf_baselines::pivot::{Pivot, PivotSettings};
 use spf_baselines::plain::{Plain, PlainSettings, prompt_kind};
 use spf_baselines::typefly::{TypeFly, TypeFlySettings};
 use spf_core::actions::ActForm;
 use spf_core::avoid::PathShape;
-use spf_core::craft::Craft;
 use spf_core::executor::Motion;
-use spf_core::pilot::PilotSettings;
 use spf_core::policy::Policy;
 use spf_core::policy::spf::{Spf, SpfSettings};
-use spf_core::prompt::{PromptKind, PromptText};
+use spf_core::prompt::PromptKind;
 use spf_core::step::StepRule;
-use spf_vlm::Eyesight;
+
+use crate::pilot::{PolicyMaker, PolicyParts};
 
 /// Which policy decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,20 +92,23 @@ impl PolicyKind {
             Self::TypeFly | Self::TypeFlyCoco | Self::TypeFlyOnce => PromptKind::Program,
         }
     }
+}
 
-    /// The policy. `seed` draws what it draws by chance, which only PIVOT does.
-    pub(crate) fn policy(
-        self,
-        settings: &PilotSettings,
-        craft: Craft,
-        eyesight: Eyesight,
-        prompt: Arc<PromptText>,
-        seed: u64,
-    ) -> Box<dyn Policy> {
+impl PolicyMaker for PolicyKind {
+    fn name(&self) -> &str {
+        (*self).name()
+    }
+
+    fn prompt(&self) -> PromptKind {
+        (*self).prompt()
+    }
+
+    fn policy(&self, parts: PolicyParts) -> Box<dyn Policy> {
+        let PolicyParts { settings, craft, eyesight, prompt, seed } = parts;
         let image_size = eyesight.image_size;
-        match self {
+        match *self {
             Self::Plain | Self::PlainNumeric | Self::PlainDiscrete => {
-                let form = match self {
+                let form = match *self {
                     Self::PlainNumeric => ActForm::Numeric,
                     Self::PlainDiscrete => ActForm::Discrete,
                     _ => ActForm::Commands,
@@ -122,7 +122,7 @@ impl PolicyKind {
                     StepRule::Adaptive { .. } => PIVOT_STEP,
                 };
                 let settings = PivotSettings {
-                    runs: if self == Self::Pivot { 1 } else { 3 },
+                    runs: if *self == Self::Pivot { 1 } else { 3 },
                     lifting: settings.lifting,
                     confirm_done: settings.confirm_done,
                     image_size,
@@ -133,8 +133,8 @@ impl PolicyKind {
             }
             Self::TypeFly | Self::TypeFlyCoco | Self::TypeFlyOnce => {
                 let settings = TypeFlySettings {
-                    replanning: self != Self::TypeFlyOnce,
-                    coco: self != Self::TypeFly,
+                    replanning: *self != Self::TypeFlyOnce,
+                    coco: *self != Self::TypeFly,
                     image_size,
                     ..TypeFlySettings::new(craft)
                 };
@@ -155,7 +155,7 @@ impl PolicyKind {
                     },
                 };
                 let spf = Spf::new(settings).with_prompt(prompt);
-                Box::new(if self == Self::SpfDetector { spf.with_detector() } else { spf })
+                Box::new(if *self == Self::SpfDetector { spf.with_detector() } else { spf })
             }
         }
     }

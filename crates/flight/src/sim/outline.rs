@@ -6,13 +6,13 @@ use spf_record::trajectory::Outline;
 use spf_scene::actors::ActorPlace;
 use spf_scene::{Object, Tags};
 
-use crate::sim::Stage;
+use super::stage::Stage;
 
 /// Things flatter than this, metres, are ground: their outlines would only hide what stands on it.
 const FLAT: f64 = 0.2;
 
 /// The scene seen from above with the actors at these places, lowest things first.
-pub(crate) fn outlines(stage: &Stage, actors: &[ActorPlace]) -> Vec<Outline> {
+pub(super) fn outlines(stage: &Stage, actors: &[ActorPlace]) -> Vec<Outline> {
     let outline = |object: &Object| Outline {
         name: object.key.clone(),
         colour: colour(&object.tags),
@@ -22,7 +22,7 @@ pub(crate) fn outlines(stage: &Stage, actors: &[ActorPlace]) -> Vec<Outline> {
 }
 
 /// What stands in the scene, from its foot to its top, when it begins.
-pub(crate) fn prisms(stage: &Stage) -> Vec<Prism> {
+pub(super) fn prisms(stage: &Stage) -> Vec<Prism> {
     let actors = stage.cast.starts();
     let prism = |object: &Object| {
         let bounds = stage.bounds(object, &actors);
@@ -40,7 +40,7 @@ fn lowest_first(stage: &Stage) -> Vec<&Object> {
 }
 
 /// The middle of an object's extent.
-pub(crate) fn centre(stage: &Stage, actors: &[ActorPlace], key: &str) -> Option<EnuPosition> {
+pub(super) fn centre(stage: &Stage, actors: &[ActorPlace], key: &str) -> Option<EnuPosition> {
     let bounds = stage.bounds(stage.scene.by_key(key)?, actors);
     let middle = |low: f64, high: f64| 0.5 * (low + high);
     Some(EnuPosition {
