@@ -1,11 +1,13 @@
 //! Frames from the video: decoded, the newest wins, the age of each known, a frozen picture told apart from a fresh one.
 
 use std::collections::VecDeque;
+use std::hash::Hasher as _;
 use std::net::{IpAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use fnv::FnvHasher;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::time::{Duration, Time};
 use spf_media::Rgb;
@@ -182,7 +184,9 @@ impl Eye {
 fn digest(picture: &Rgb) -> u64 {
     let row = picture.width() as usize * 3;
     let rows = picture.data().chunks_exact(row.max(1)).step_by(DIGEST_ROWS);
-    rows.flatten().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3))
+    let mut hasher = FnvHasher::default();
+    rows.for_each(|row| hasher.write(row));
+    hasher.finish()
 }
 
 /// Receives video from `from` until stopped.
