@@ -15,7 +15,13 @@ pub mod table;
 pub mod task;
 pub mod trial;
 
+use std::hash::Hasher as _;
+
+use fnv::FnvHasher;
+
 /// FNV-1a, 64 bits: for telling texts apart, not for safety.
 pub(crate) fn fnv(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
+    let mut hasher = FnvHasher::default();
+    hasher.write(bytes);
+    hasher.finish()
 }

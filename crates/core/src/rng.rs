@@ -59,9 +59,15 @@ impl Draw {
     }
 }
 
+/// A step of SplitMix64.
+const fn mix(z: u64) -> u64 {
+    finalise(z.wrapping_add(0x9e37_79b9_7f4a_7c15))
+}
+
 /// The finaliser of SplitMix64 (Steele, Lea, Flood 2014): a bijection with full avalanche.
-const fn mix(mut z: u64) -> u64 {
-    z = z.wrapping_add(0x9e37_79b9_7f4a_7c15);
+#[inline]
+#[must_use]
+pub const fn finalise(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)

@@ -5,6 +5,7 @@
 //!
 //! The types to know are [`OutDir`], the folder of one flight, [`Log`] and [`VideoWriter`].
 
+pub mod drawing;
 pub mod jsonl;
 pub mod live;
 pub mod log;

@@ -4,9 +4,11 @@
 
 use std::collections::VecDeque;
 use std::fs::File;
+use std::hash::Hasher as _;
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::Path;
 
+use fnv::FnvHasher;
 use serde::{Deserialize, Serialize};
 use spf_core::query::QueryId;
 use spf_core::time::Duration;
@@ -220,8 +222,9 @@ impl Vlm for Replay {
 
 /// FNV-1a, 64 bits, in hexadecimal.
 fn digest(text: &str) -> String {
-    let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
-    format!("{hash:016x}")
+    let mut hasher = FnvHasher::default();
+    hasher.write(text.as_bytes());
+    format!("{:016x}", hasher.finish())
 }
 
 #[cfg(test)]

@@ -1,11 +1,12 @@
 //! The charts: success by method, over level and latency, and completion times.
 
 use maud::{Markup, html};
+use spf_record::drawing::shortened;
 
 use super::arm::{Arm, Sums};
 use super::curve::{Curve, Levels};
 use super::source::Source;
-use super::svg::{Scale, colour, dashes, line, mark, n, shortened, text, through};
+use super::svg::{Scale, colour, dashes, line, mark, n, text, through};
 use crate::stats::Rate;
 use crate::table::words;
 

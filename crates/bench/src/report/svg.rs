@@ -2,6 +2,7 @@
 //! a light or a dark page.
 
 use maud::{Markup, html};
+use spf_record::drawing::thinned;
 
 /// Marks that are told apart by shape as well as by colour.
 const SHAPES: usize = 6;
@@ -84,19 +85,9 @@ pub(super) fn text(anchor: &str, [x, y]: [f64; 2], words: &str) -> Markup {
     html! { text text-anchor=(anchor) x=(n(x)) y=(n(y)) { (words) } }
 }
 
-/// A path through places; those nearer than half a unit to the one before are left out, but for the last.
+/// A path through places, [thinned].
 pub(super) fn through(places: impl Iterator<Item = [f64; 2]>) -> String {
-    let mut kept: Vec<[f64; 2]> = Vec::new();
-    let mut last = None;
-    for [x, y] in places {
-        let near = kept.last().is_some_and(|[a, b]: &[f64; 2]| (x - a).abs() < 0.5 && (y - b).abs() < 0.5);
-        if !near {
-            kept.push([x, y]);
-        }
-        last = near.then_some([x, y]);
-    }
-    kept.extend(last);
-    let corners: Vec<String> = kept.iter().map(|[x, y]| format!("{} {}", n(*x), n(*y))).collect();
+    let corners: Vec<String> = thinned(places).iter().map(|[x, y]| format!("{} {}", n(*x), n(*y))).collect();
     if corners.is_empty() { String::new() } else { format!("M{}", corners.join("L")) }
 }
 
@@ -127,14 +118,6 @@ fn distance([x, y]: [f64; 2], [ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
     libm::hypot(x - ax - share * dx, y - ay - share * dy)
 }
 
-/// A text that is no longer than so many letters.
-pub(super) fn shortened(text: &str, most: usize) -> String {
-    if text.chars().count() <= most {
-        return text.to_owned();
-    }
-    text.chars().take(most.saturating_sub(1)).chain(['…']).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,6 +139,5 @@ mod tests {
         let bent = [[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [2.1, 1.0], [2.0, 2.0], [2.0, 2.0]];
         assert_eq!(simplified(&bent, 0.3), [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]);
         assert_eq!(simplified(&bent[..1], 0.3).len(), 1);
-        assert_eq!(shortened("oracle", 4), "ora…");
     }
 }

@@ -31,8 +31,8 @@ fn a_whole_flight_and_its_files() {
     for (name, bytes) in names.iter().zip(&first) {
         let text = String::from_utf8_lossy(bytes);
         assert!(!text.contains("folder-one") && !text.contains("out_dir"), "{name} names its folder");
-        let year = format!("{}-", 1970 + std::time::SystemTime::UNIX_EPOCH.elapsed().unwrap().as_secs() / 31_556_952);
-        assert!(!text.contains(&year), "{name} holds a date");
+        let day = spf_vlm::today();
+        assert!(!text.contains(&day[..5]), "{name} holds a date");
     }
 }
 

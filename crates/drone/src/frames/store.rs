@@ -1,8 +1,10 @@
 //! The newest frames of a camera that sends them, for drivers with a real one.
 
 use std::collections::VecDeque;
+use std::hash::Hasher as _;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use fnv::FnvHasher;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::time::Time;
 use spf_media::Rgb;
@@ -106,7 +108,9 @@ impl Frames for FrameStore {
 fn digest(picture: &Rgb) -> u64 {
     let row = picture.width() as usize * 3;
     let rows = picture.data().chunks_exact(row.max(1)).step_by(DIGEST_ROWS);
-    rows.flatten().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3))
+    let mut hasher = FnvHasher::default();
+    rows.for_each(|row| hasher.write(row));
+    hasher.finish()
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ mod svg;
 use spf_core::geometry::EnuPosition;
 use spf_core::time::Time;
 
+use crate::drawing::shortened;
 use svg::Svg;
 
 /// Something of the scene seen from above.
@@ -92,11 +93,6 @@ pub fn trajectory_svg(input: &TrajectoryInput) -> String {
     legend(&mut svg, &input, legend_top);
     height::draw(&mut svg, &input, [MARGIN, height_top, WIDTH - 2.0 * MARGIN, HEIGHT_PLOT]);
     svg.finish()
-}
-
-/// `text`, cut to `limit` characters.
-fn shortened(text: &str, limit: usize) -> String {
-    if text.chars().count() <= limit { text.to_owned() } else { text.chars().take(limit - 1).chain(['…']).collect() }
 }
 
 /// The input without what cannot be placed.

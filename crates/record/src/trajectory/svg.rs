@@ -2,6 +2,8 @@
 
 use core::fmt::Write;
 
+use crate::drawing::thinned;
+
 /// An SVG document in the making.
 #[derive(Debug)]
 pub(super) struct Svg {
@@ -56,14 +58,9 @@ impl Svg {
     /// A line through points; those nearer than half a unit to the one before are left out, but for the last.
     pub(super) fn polyline(&mut self, points: &[[f64; 2]], attributes: &str) {
         let mut drawn = String::new();
-        let mut before: Option<[f64; 2]> = None;
-        for (index, &[x, y]) in points.iter().enumerate() {
-            let near = before.is_some_and(|[bx, by]| (x - bx).abs() < 0.5 && (y - by).abs() < 0.5);
-            if !near || index + 1 == points.len() {
-                // Writing to a `String` cannot fail.
-                write!(drawn, "{x:.1},{y:.1} ").ok();
-                before = Some([x, y]);
-            }
+        for [x, y] in thinned(points.iter().copied()) {
+            // Writing to a `String` cannot fail.
+            write!(drawn, "{x:.1},{y:.1} ").ok();
         }
         self.raw(&format!("<polyline points=\"{}\" fill=\"none\" {attributes}/>\n", drawn.trim_end()));
     }

@@ -4,7 +4,7 @@
 //! stream cipher would take longer than the picture.
 
 use rayon::prelude::*;
-use spf_core::rng::Draw;
+use spf_core::rng::{Draw, finalise};
 
 use super::light::Curve;
 
@@ -36,17 +36,10 @@ pub(super) fn add(light: &mut [f32], gain: f32, grey_levels: f64, seed: u64, pic
 
 /// Nearly standard normal: four uniform numbers of 16 bits added (Irwin and Hall), within ±3.46.
 fn deviate(key: u64, index: u64) -> f32 {
-    let bits = mix(key ^ mix(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+    let bits = finalise(key ^ finalise(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
     let sum: u64 = (0..4).map(|i| bits >> (16 * i) & 0xffff).sum();
     // Mean 2·65535, variance 4·(65536² − 1)/12.
     (sum as f32 - 131_070.0) * (1.0 / 37_837.227)
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014).
-const fn mix(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

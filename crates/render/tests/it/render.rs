@@ -1,7 +1,10 @@
 //! The renderer on a small yard: geometry checked against worked-out numbers, channels against one another, and the same bits
 //! on any number of threads.
 
+use std::hash::Hasher as _;
+
 use crate::yard;
+use fnv::FnvHasher;
 use glam::{Vec2, Vec3};
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
@@ -21,16 +24,15 @@ fn level() -> Camera {
 
 /// FNV-1a over all channels, floats by their bits.
 fn digest(picture: &Picture) -> u64 {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    let mut eat = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-    picture.rgb.iter().flatten().for_each(|&b| eat(b));
+    let mut hasher = FnvHasher::default();
+    picture.rgb.iter().for_each(|bytes| hasher.write(bytes));
     for words in [&picture.ids, &picture.opening_ids] {
-        words.iter().flatten().flat_map(|w| w.to_le_bytes()).for_each(&mut eat);
+        words.iter().flatten().for_each(|w| hasher.write(&w.to_le_bytes()));
     }
     for floats in [&picture.depth, &picture.opening_depth] {
-        floats.iter().flatten().flat_map(|f| f.to_bits().to_le_bytes()).for_each(&mut eat);
+        floats.iter().flatten().for_each(|f| hasher.write(&f.to_le_bytes()));
     }
-    hash
+    hasher.finish()
 }
 
 #[test]
