@@ -1,6 +1,6 @@
 //! What can be set about drivers.
 
-use crate::tello::craft::TelloSettings;
+use crate::tello::settings::TelloSettings;
 
 /// What is set about each driver that has settings.
 #[derive(Clone, Debug, Default, PartialEq)]

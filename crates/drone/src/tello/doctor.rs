@@ -4,7 +4,9 @@ use std::net::SocketAddr;
 use std::time::Instant;
 
 use super::answer::explain;
-use super::craft::{ConnectError, Connected, Tello, TelloSettings};
+use super::craft::{Connected, Tello};
+use super::opening::ConnectError;
+use super::settings::TelloSettings;
 use crate::examine::{Check, FIRST_PICTURE, Finding, Watched, battery, light};
 
 /// It switches itself off somewhat above, °C.

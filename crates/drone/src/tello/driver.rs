@@ -6,8 +6,10 @@ use std::time::Instant;
 use spf_core::craft::Craft;
 use spf_core::executor::Motion;
 
-use super::craft::{COMMAND_PORT, ConnectError, Connected, Tello, TelloMotion};
+use super::craft::{Connected, Tello};
 use super::doctor;
+use super::opening::ConnectError;
+use super::settings::{COMMAND_PORT, TelloMotion};
 use crate::driver::{self, Driver, Target};
 use crate::examine::Check;
 use crate::options::Options;

@@ -12,8 +12,12 @@ pub mod driver;
 mod inlet;
 pub mod link;
 mod manoeuvre;
+mod opening;
+pub mod settings;
 pub mod state;
 pub mod sticks;
 pub mod video;
 
-pub use craft::{ConnectError, Connected, Firmware, Tello, TelloMotion, TelloSettings};
+pub use craft::{Connected, Tello};
+pub use opening::{ConnectError, Firmware};
+pub use settings::{TelloMotion, TelloSettings};

@@ -1,4 +1,5 @@
-//! Tests that join the oracle and scenes: this is the lowest crate that knows both.
+//! Tests that join what only this crate and those above it know: the oracle and scenes, and the examples.
 
+mod examples;
 mod oracle_language;
 mod rooms;
