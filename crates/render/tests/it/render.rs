@@ -1,13 +1,14 @@
 //! The renderer on a small yard: geometry checked against worked-out numbers, channels against one another, and the same bits
 //! on any number of threads.
 
-use crate::yard;
 use glam::{Vec2, Vec3};
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_render::{Channels, Picture, Quality, Renderer};
 use spf_scene::geometry::{Pattern, Role, SceneGeometry};
 use spf_scene::texture::Texture;
+
+use crate::yard;
 
 fn pose(east: f64, north: f64, up: f64, heading_deg: f64) -> Pose {
     let attitude = Attitude { heading: heading_deg.to_radians(), ..Attitude::default() };
