@@ -35,9 +35,13 @@ use self::objects::Assembly;
 use self::problem::Problem;
 use self::spec::SceneSpec;
 use self::walk::{Viewpoint, Walked};
+use crate::bounds::Aabb;
 use crate::collide::Collider;
+use crate::error::SceneError;
 use crate::geometry::SceneGeometry;
-use crate::scene::{Aabb, Scene, SceneError, Shining};
+use crate::light::Shining;
+use crate::pose;
+use crate::world::Scene;
 use spf_core::craft::CraftKind;
 
 /// Which of the file's axes points up.
@@ -71,6 +75,12 @@ const WIDE: f64 = 60.0;
 
 /// Flying room above the highest point, metres.
 const HEADROOM: f64 = 20.0;
+
+/// Whether a path is that of a model.
+pub(crate) fn is_model(path: &str) -> bool {
+    let end = Path::new(path).extension().unwrap_or_default();
+    end.eq_ignore_ascii_case("glb") || end.eq_ignore_ascii_case("gltf")
+}
 
 /// Loads a `.glb` or `.gltf` with the files it names, which must lie in its folder.
 pub(crate) fn load(path: &str, wishes: &Wishes, shining: Shining) -> Result<Scene, SceneError> {
@@ -151,7 +161,7 @@ fn world(
     let wide = span >= WIDE;
     let start = match (wishes.start, &said.start) {
         (Some(pose), _) => Some(pose),
-        (None, Some(text)) => Some(crate::scene::parse_pose(text).ok_or_else(|| {
+        (None, Some(text)) => Some(pose::parse_pose(text).ok_or_else(|| {
             Problem::new(format!("the extras of the scene: `{text}` is no pose")).hint("write `east,north,up,heading_deg`")
         })?),
         (None, None) => None,
@@ -196,7 +206,7 @@ fn world(
     let craft = wishes.craft.or(said.craft).unwrap_or(if wide { CraftKind::Quad } else { CraftKind::Tello });
     Ok(Scene {
         description: wishes.description.clone(),
-        preview: wishes.preview.unwrap_or_else(|| crate::scene::above(start, craft)),
+        preview: wishes.preview.unwrap_or_else(|| pose::above(start, craft)),
         name: wishes.name.clone().or_else(|| said.name.clone()).and_then(|name| shown(&name)).unwrap_or_else(|| stem(file)),
         near: radius("near_m", wishes.near.or(said.near_m), if wide { 3.0 } else { 0.8 })?,
         success_radius: radius(

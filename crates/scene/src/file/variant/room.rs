@@ -4,12 +4,13 @@ use core::cell::Cell;
 
 use glam::DVec2;
 
-use super::super::build::{MAX_TRIANGLES, parse_pose};
 use super::super::expand::Placed;
-use super::super::file::RawScene;
+use super::super::raw::RawScene;
 use super::shape::{Place, Print, Shape, distance};
 use crate::actors::{Actor, Course, Gait};
+use crate::limits::MAX_TRIANGLES;
 use crate::mesh::{Generator, Sketch};
+use crate::pose::parse_pose;
 
 /// What keeps its foot this near to a top stands on it, metres.
 const ON_TOP: f64 = 0.06;

@@ -1,65 +1,23 @@
-//! The scene file as written: its keys, and where in the text each thing stands.
+//! The scene file as written: its keys, none of them looked into yet.
+
+pub(super) mod vary;
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use spf_core::craft::CraftKind;
 use toml::Spanned;
 
-use super::error::{SceneError, hint_from};
-use super::light::{Lighting, Weather};
-use super::motion::RawMotion;
+use self::vary::RawVary;
 use super::surface::{Colour, RawMaterial};
-use super::variant::RawVary;
-use spf_core::craft::CraftKind;
-
-/// Longest scene file that is read, bytes.
-pub(super) const MAX_BYTES: usize = 4 << 20;
-
-/// The version of the format that is read.
-const FORMAT: u32 = 1;
-
-/// The text of a scene file with its name, for errors.
-pub(super) struct Source<'a> {
-    text: &'a str,
-    file: &'a str,
-}
-
-impl<'a> Source<'a> {
-    pub(super) const fn new(text: &'a str, file: &'a str) -> Self {
-        Self { text, file }
-    }
-
-    /// The file's name.
-    pub(super) const fn name(&self) -> &'a str {
-        self.file
-    }
-
-    /// An error at the start of a span.
-    pub(super) fn error(&self, at: &Range<usize>, message: impl Into<String>, hint: Option<String>) -> SceneError {
-        let before = self.text.as_bytes().get(..at.start.min(self.text.len())).unwrap_or_default();
-        let line = 1 + before.iter().filter(|&&b| b == b'\n').count();
-        SceneError::Invalid { file: self.file.to_owned(), line, message: message.into(), hint }
-    }
-
-    /// An error of the TOML reader, whose span is in the text.
-    pub(super) fn toml_error(&self, error: &toml::de::Error) -> SceneError {
-        let message = first_line(error.message());
-        self.error(&error.span().unwrap_or(0..0), message.clone(), hint_from(&message))
-    }
-}
-
-/// The first line of a parser's message, in the house's manner.
-pub(super) fn first_line(message: &str) -> String {
-    message.lines().next().unwrap_or_default().to_owned()
-}
+use crate::actors::Round;
+use crate::light::{Lighting, Weather};
 
 /// The whole file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawScene {
-    /// Looked at before all else, see [`read`].
+    /// Looked at before all else, see [`super::source::Source::read`].
     #[serde(rename = "format")]
     _format: u32,
     pub(super) name: Spanned<String>,
@@ -161,21 +119,16 @@ pub(super) struct RawRepeat {
     pub(super) step: [f64; 2],
 }
 
-/// Reads the text into its keys, those of a scene or of a scene that names a model, and checks the format version first.
-pub(super) fn read<T: DeserializeOwned>(source: &Source<'_>) -> Result<T, SceneError> {
-    if source.text.len() > MAX_BYTES {
-        return Err(SceneError::too_large(source.file));
-    }
-    // The version is looked at before the keys, so that a newer file is not blamed for keys that this program does not know.
-    let format = toml::from_str::<Version>(source.text).map_err(|e| source.toml_error(&e))?.format;
-    if *format.get_ref() != FORMAT {
-        let message = format!("scene format `{}` is not known, this program reads format {FORMAT}", format.get_ref());
-        return Err(source.error(&format.span(), message, Some("update the program, or write `format = 1`".to_owned())));
-    }
-    toml::from_str(source.text).map_err(|e| source.toml_error(&e))
-}
-
-#[derive(Deserialize)]
-struct Version {
-    format: Spanned<u32>,
+/// A `walk` or a `drive` as written.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMotion {
+    pub(super) path: Spanned<Vec<Vec<f64>>>,
+    pub(super) speed_m_s: Spanned<f64>,
+    #[serde(rename = "loop")]
+    pub(super) round: Option<Spanned<Round>>,
+    pub(super) wait_s: Option<Spanned<f64>>,
+    pub(super) start: Option<Spanned<f64>>,
+    pub(super) turn_radius_m: Option<Spanned<f64>>,
+    pub(super) aside_m: Option<Spanned<f64>>,
 }

@@ -5,11 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use spf_core::rng::Draw;
 use toml::Spanned;
 
-use super::super::error::{SceneError, nearest};
-use super::super::expand::{LONGEST, Placed};
-use super::super::file::{RawScene, Source};
+use super::super::expand::Placed;
+use super::super::raw::RawScene;
+use super::super::source::Source;
 use super::super::surface::palette;
 use super::{Span, permutation};
+use crate::error::{SceneError, nearest};
+use crate::limits::LONGEST_TAG;
 
 /// Longest word for a colour, characters.
 const LONGEST_WORD: usize = 40;
@@ -73,7 +75,7 @@ fn replaced(text: &str, old: &str, new: &str, divider: char) -> String {
     let pad = |s: &str| format!("{divider}{s}{divider}");
     let padded = pad(text).replace(&pad(old), &pad(new));
     let new = padded.trim_matches(divider);
-    if new.is_empty() || new.chars().count() > LONGEST { text.to_owned() } else { new.to_owned() }
+    if new.is_empty() || new.chars().count() > LONGEST_TAG { text.to_owned() } else { new.to_owned() }
 }
 
 /// How much text there is to look through when a thing is painted.

@@ -4,22 +4,23 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::{Vec2, Vec3};
-use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
+use spf_core::geometry::{EnuPosition, Pose};
 use toml::Spanned;
 
-use super::error::{SceneError, nearest};
 use super::expand::{Expanded, Placed};
-use super::file::{RawBounds, RawScene, Source};
-use super::light::{Conditions, Shining};
+use super::raw::{RawBounds, RawScene};
+use super::shine;
+use super::source::Source;
 use super::surface::palette;
-use super::{Aabb, Object, Scene};
 use crate::actors::{Actor, Course, Gait, Motion, first_clash};
+use crate::bounds::Aabb;
+use crate::error::{SceneError, nearest};
 use crate::geometry::{Material, ObjectId, Part, Pattern, Role, SceneGeometry, Vertex};
+use crate::light::Conditions;
+use crate::limits::MAX_TRIANGLES;
 use crate::mesh::{Generator, Sketch, Surface, convex_hull};
-use spf_core::craft::CraftKind;
-
-/// Most triangles of a scene: what a laptop still renders at several pictures a second.
-pub(super) const MAX_TRIANGLES: usize = 500_000;
+use crate::pose::{above, parse_pose};
+use crate::world::{Object, Scene};
 
 /// Postures of one double step: about as many a second as a flight's video has pictures.
 const GAIT: u32 = 12;
@@ -72,7 +73,7 @@ pub(super) fn build(
     conditions: &Conditions,
     source: &Source<'_>,
 ) -> Result<Scene, SceneError> {
-    let mut shining = Shining::new(raw, conditions, source)?;
+    let mut shining = shine::shining(raw, conditions, source)?;
     let mut materials = Materials { raw, lit: shining.lit(), wet: shining.wet(), list: Vec::new(), index: BTreeMap::new() };
     // Every material is checked, also those that nothing uses.
     for (name, material) in &raw.materials {
@@ -100,7 +101,7 @@ pub(super) fn build(
         let to_world = Frame::of(placed);
         // A light that moves would need other shadows at every moment.
         for lamp in sketch.lamps.iter().filter(|_| placed.motion.is_none()) {
-            shining.add(lamp, |p| to_world.point(p), to_world.scale, &placed.span, source)?;
+            shine::add(&mut shining, lamp, |p| to_world.point(p), to_world.scale, &placed.span, source)?;
         }
         let own = parts(&sketch, &slots, &to_world, id);
         let mut object = object(placed, id, &ids, &own, &sketch, &to_world, source)?;
@@ -328,24 +329,6 @@ pub(super) fn bounds(raw: &Spanned<RawBounds>, source: &Source<'_>) -> Result<Aa
     }
     let corner = |i: usize| EnuPosition { east: b.east[i], north: b.north[i], up: b.up[i] };
     Ok(Aabb { min: corner(0), max: corner(1) })
-}
-
-/// The craft's view at take-off height; from the ground one sees mostly ground.
-pub(crate) fn above(start: Pose, craft: CraftKind) -> Pose {
-    let up = start.position.up + craft.craft().take_off_height;
-    Pose { position: EnuPosition { up, ..start.position }, ..start }
-}
-
-/// A pose written `east,north,up,heading_deg[,pitch_deg]` (DESIGN.md section 7); none for other texts.
-pub(crate) fn parse_pose(text: &str) -> Option<Pose> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse::<f64>().ok().filter(|v| v.abs() <= 2000.0)).collect();
-    let (position, heading, pitch) = match numbers.as_deref() {
-        Some(&[east, north, up, heading]) => (EnuPosition { east, north, up }, heading, 0.0),
-        Some(&[east, north, up, heading, pitch]) => (EnuPosition { east, north, up }, heading, pitch),
-        _ => return None,
-    };
-    let attitude = Attitude { heading: wrap_angle(heading.to_radians()), pitch: wrap_angle(pitch.to_radians()), roll: 0.0 };
-    Some(Pose { position, attitude })
 }
 
 /// The pose of a key, within `bounds` where there are some.

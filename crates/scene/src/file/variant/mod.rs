@@ -12,123 +12,19 @@ mod shape;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use serde::Deserialize;
 use spf_core::rng::Draw;
 use toml::Spanned;
 
 use self::room::Room;
-use super::error::{SceneError, nearest};
 use super::expand::{Expanded, Placed};
-use super::file::{RawScene, Source};
-use super::light::{Conditions, Lighting, Weather};
+use super::raw::RawScene;
+use super::raw::vary::{RawRepaint, RawVary, RawVaryLight};
+use super::source::Source;
+use crate::error::{SceneError, nearest};
+use crate::light::Conditions;
 
 /// Most tables of a kind.
 const MAX_TABLES: usize = 64;
-
-/// The `vary` tables as written.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawVary {
-    #[serde(default)]
-    shuffle: Vec<RawShuffle>,
-    #[serde(default)]
-    jitter: Vec<RawJitter>,
-    #[serde(default)]
-    repaint: Vec<RawRepaint>,
-    #[serde(default)]
-    depart: Vec<RawDepart>,
-    #[serde(default)]
-    add: Vec<Spanned<RawAdd>>,
-    #[serde(default)]
-    light: RawVaryLight,
-}
-
-impl RawVary {
-    /// Refuses more tables than anyone writes: each costs some work.
-    fn check_number(&self, source: &Source<'_>) -> Result<(), SceneError> {
-        let numbers = [self.shuffle.len(), self.jitter.len(), self.repaint.len(), self.depart.len(), self.add.len()];
-        if numbers.iter().all(|number| *number <= MAX_TABLES) {
-            return Ok(());
-        }
-        Err(source.error(&(0..0), format!("there may be at most {MAX_TABLES} tables of each kind under `vary`"), None))
-    }
-}
-
-/// Objects that change places.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawShuffle {
-    objects: Spanned<Vec<String>>,
-}
-
-/// Objects that stand a little elsewhere.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawJitter {
-    objects: Spanned<Vec<String>>,
-    distance_m: Spanned<f64>,
-    turn_deg: Option<Spanned<f64>>,
-    /// Whether they move as one, turning about the first.
-    #[serde(default)]
-    together: bool,
-}
-
-/// Objects that take other colours: word and material change together.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawRepaint {
-    objects: Spanned<Vec<String>>,
-    slot: String,
-    colours: Spanned<BTreeMap<String, Spanned<String>>>,
-}
-
-/// Actors that begin elsewhere on their paths.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawDepart {
-    objects: Spanned<Vec<String>>,
-}
-
-/// Things that come in addition, at some of the places.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawAdd {
-    id: String,
-    like: Spanned<String>,
-    mesh: Option<Spanned<toml::Table>>,
-    count: Spanned<[u32; 2]>,
-    places: Spanned<Vec<Vec<f64>>>,
-    slot: Option<String>,
-    #[serde(default)]
-    colours: BTreeMap<String, Spanned<String>>,
-}
-
-/// Light and weather to choose from.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawVaryLight {
-    #[serde(default)]
-    times: Vec<Lighting>,
-    #[serde(default)]
-    weathers: Vec<Weather>,
-    sun_azimuth_deg: Option<Spanned<[f64; 2]>>,
-    sun_elevation_deg: Option<Spanned<[f64; 2]>>,
-}
-
-/// Splits the seed of a variant off a scene's name: `city@17` is variant 17 of `city`. What stands before the `@` must be a
-/// scene's name, so that other paths may have an `@`.
-pub(super) fn split(name: &str) -> Result<(&str, Option<u64>), SceneError> {
-    let Some((scene, seed)) = name.rsplit_once('@') else { return Ok((name, None)) };
-    let is_scene = super::BUILT_IN.iter().any(|(known, _)| *known == scene) || super::is_file(scene);
-    if !is_scene {
-        return Ok((name, None));
-    }
-    let digits = !seed.is_empty() && seed.bytes().all(|b| b.is_ascii_digit());
-    match seed.parse() {
-        Ok(number) if digits => Ok((scene, Some(number))),
-        _ => Err(SceneError::bad_seed(scene, seed)),
-    }
-}
 
 /// Turns a scene into its variant of that seed; light and weather that the conditions leave open are drawn too.
 pub(super) fn vary(
@@ -139,7 +35,7 @@ pub(super) fn vary(
     source: &Source<'_>,
 ) -> Result<(), SceneError> {
     let Some(tables) = raw.vary.take() else { return Err(SceneError::no_variants(source.name(), 1)) };
-    tables.check_number(source)?;
+    check_number(&tables, source)?;
     let mut room = Room::new(raw, &expanded.placed, &expanded.meshes);
     if room.is_full() {
         return Ok(());
@@ -173,6 +69,15 @@ pub(super) fn vary(
     }
     paint::rename(&mut expanded.placed);
     relight(&tables.light, raw, conditions, seed, source)
+}
+
+/// Refuses more tables than anyone writes: each costs some work.
+fn check_number(tables: &RawVary, source: &Source<'_>) -> Result<(), SceneError> {
+    let numbers = [tables.shuffle.len(), tables.jitter.len(), tables.repaint.len(), tables.depart.len(), tables.add.len()];
+    if numbers.iter().all(|number| *number <= MAX_TABLES) {
+        return Ok(());
+    }
+    Err(source.error(&(0..0), format!("there may be at most {MAX_TABLES} tables of each kind under `vary`"), None))
 }
 
 /// Other colours for the things of one table: each colour once before one comes again.
@@ -303,20 +208,6 @@ type Span = Range<usize>;
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_seed_is_split_off_a_name() {
-        let parts = |name| split(name).unwrap();
-        assert_eq!(parts("city@17"), ("city", Some(17)));
-        assert_eq!(parts("city"), ("city", None));
-        assert_eq!(parts("a@b/yard.toml"), ("a@b/yard.toml", None));
-        assert_eq!(parts("a@b/yard.toml@3"), ("a@b/yard.toml", Some(3)));
-        assert_eq!(parts("me@home"), ("me@home", None));
-        for bad in ["city@", "city@-1", "city@+1", "city@1.5", "city@x", "city@18446744073709551616", "my.toml@a"] {
-            let error = split(bad).unwrap_err().to_string();
-            assert!(error.contains("whole number") && error.contains(bad), "{error}");
-        }
-    }
 
     #[test]
     fn a_permutation_has_everything_once() {

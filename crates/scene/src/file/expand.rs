@@ -5,21 +5,14 @@ use std::ops::Range;
 
 use toml::Spanned;
 
-use super::Tags;
-use super::error::{SceneError, nearest};
-use super::file::{RawObject, RawScene, Source, first_line};
 use super::motion::motion;
+use super::raw::{RawObject, RawScene};
+use super::source::{Source, first_line};
 use crate::actors::Motion;
+use crate::error::{SceneError, hint_from, nearest};
+use crate::limits::{FARTHEST, LONGEST_TAG, MAX_OBJECTS};
 use crate::mesh::{Generator, KINDS};
-
-/// Most objects in a scene; ids are 16 bits, and a legend beyond this is no use to anyone.
-pub(crate) const MAX_OBJECTS: usize = 4000;
-
-/// Farthest place of an object, metres from the origin in each axis.
-pub(super) const FARTHEST: f64 = 2000.0;
-
-/// Longest word or phrase among the tags, characters.
-pub(crate) const LONGEST: usize = 80;
+use crate::world::Tags;
 
 /// One object of the scene before its mesh is drawn.
 #[derive(Debug)]
@@ -188,9 +181,9 @@ fn tags(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<
     };
     let lists = [&tags.names, &tags.synonyms, &tags.qualities, &tags.uses].into_iter().flatten();
     let mut words = lists.chain(tags.colour.as_ref()).chain(tags.group.as_ref()).chain([&tags.kind]);
-    let unusable = |w: &&String| w.trim().is_empty() || w.chars().count() > LONGEST || w.chars().any(char::is_uppercase);
+    let unusable = |w: &&String| w.trim().is_empty() || w.chars().count() > LONGEST_TAG || w.chars().any(char::is_uppercase);
     if let Some(word) = words.find(unusable) {
-        let hint = format!("tags are 1 to {LONGEST} lower case characters");
+        let hint = format!("tags are 1 to {LONGEST_TAG} lower case characters");
         return Err(source.error(span, format!("the tag `{word}` cannot be used"), Some(hint)));
     }
     drop(words);
@@ -221,7 +214,7 @@ fn generator(
     };
     let generator = read(table).map_err(|e| {
         let message = first_line(e.message());
-        let hint = super::error::hint_from(&message);
+        let hint = hint_from(&message);
         source.error(&at, format!("mesh `{kind}`: {message}"), hint)
     })?;
     Ok((kind, generator))

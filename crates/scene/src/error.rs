@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::file::MAX_BYTES;
+use crate::limits::MAX_BYTES;
 
 /// Why a scene could not be loaded.
 #[derive(Debug, Error)]
@@ -50,7 +50,7 @@ pub enum SceneError {
 }
 
 impl SceneError {
-    pub(super) fn unknown(name: &str, known: &[&str]) -> Self {
+    pub(crate) fn unknown(name: &str, known: &[&str]) -> Self {
         let hint = nearest(name, known.iter().copied()).map_or_else(
             || format!("built-in scenes are `{}`; a scene file's path ends in `.toml`, `.glb` or `.gltf`", known.join("`, `")),
             |near| format!("did you mean `{near}`?"),
@@ -58,17 +58,17 @@ impl SceneError {
         Self::Unknown { name: name.to_owned(), hint }
     }
 
-    pub(super) fn bad_seed(scene: &str, seed: &str) -> Self {
+    pub(crate) fn bad_seed(scene: &str, seed: &str) -> Self {
         let hint = format!("the seed of a variant is a whole number from 0 to {}, as in `{scene}@17`", u64::MAX);
         Self::Unknown { name: format!("{scene}@{seed}"), hint }
     }
 
-    pub(super) fn no_variants(file: &str, line: usize) -> Self {
+    pub(crate) fn no_variants(file: &str, line: usize) -> Self {
         let hint = "leave out `@` and the number, or say under `[vary]` what may change (docs/scene-format.md)".to_owned();
         Self::Invalid { file: file.to_owned(), line, message: "this scene has no variants".to_owned(), hint: Some(hint) }
     }
 
-    pub(super) fn too_large(file: &str) -> Self {
+    pub(crate) fn too_large(file: &str) -> Self {
         Self::Invalid {
             file: file.to_owned(),
             line: 1,
@@ -79,7 +79,7 @@ impl SceneError {
 }
 
 /// The candidate nearest to a word, if it is near enough to be meant (a third of its letters may differ).
-pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let distance = |c: &str| strsim::damerau_levenshtein(word, c);
     let best = candidates.min_by_key(|c| distance(c))?;
     (distance(best) <= 1 + word.chars().count() / 3).then_some(best)

@@ -4,21 +4,22 @@ use std::path::Path;
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
+use spf_core::craft::CraftKind;
 use toml::Spanned;
 
-use super::Scene;
-use super::build;
-use super::error::SceneError;
-use super::file::{RawBounds, RawLight, Source};
-use super::light::{Conditions, Shining};
+use super::raw::{RawBounds, RawLight};
+use super::source::Source;
+use super::{build, shine};
+use crate::error::SceneError;
 use crate::gltf::{self, UpAxis, Wishes};
-use spf_core::craft::CraftKind;
+use crate::light::Conditions;
+use crate::world::Scene;
 
 /// The whole file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawWrapper {
-    /// Looked at before, see [`super::file::read`].
+    /// Looked at before, see [`Source::read`].
     #[serde(rename = "format")]
     _format: u32,
     name: Option<Spanned<String>>,
@@ -55,13 +56,13 @@ pub(super) fn names_a_model(text: &str) -> bool {
 
 /// Loads the model that the text names; `folder` is that of the scene file, none when only its text is known.
 pub(super) fn load(source: &Source<'_>, folder: Option<&Path>, conditions: &Conditions) -> Result<Scene, SceneError> {
-    let raw: RawWrapper = super::file::read(source)?;
+    let raw: RawWrapper = source.read()?;
     let at = raw.gltf.file.span();
     let Some(folder) = folder else {
         return Err(source.error(&at, "a scene with `[gltf]` must be loaded from its path", None));
     };
     let name = raw.gltf.file.get_ref();
-    if !super::is_model(name) {
+    if !gltf::is_model(name) {
         let hint = "write `file = \"harbour.glb\"`, a path from this file's folder".to_owned();
         return Err(source.error(&at, format!("`{name}` does not end in `.glb` or `.gltf`"), Some(hint)));
     }
@@ -85,6 +86,6 @@ pub(super) fn load(source: &Source<'_>, folder: Option<&Path>, conditions: &Cond
         scale,
         up: raw.gltf.up,
     };
-    let shining = Shining::of(&raw.light, conditions, source)?;
+    let shining = shine::light_alone(&raw.light, conditions, source)?;
     gltf::load(&folder.join(name).to_string_lossy(), &wishes, shining)
 }

@@ -5,12 +5,15 @@ use core::f64::consts::TAU;
 use spf_core::rng::Draw;
 use toml::Spanned;
 
-use super::super::error::SceneError;
-use super::super::expand::{self, Expanded, MAX_OBJECTS, Placed};
-use super::super::file::{RawObject, RawScene, Source};
+use super::super::expand::{self, Expanded, Placed};
+use super::super::raw::vary::RawAdd;
+use super::super::raw::{RawObject, RawScene};
+use super::super::source::Source;
 use super::room::{Move, Room};
-use super::{RawAdd, Span, paint, permutation};
+use super::{Span, paint, permutation};
 use crate::actors::begins_on;
+use crate::error::SceneError;
+use crate::limits::MAX_OBJECTS;
 
 /// How often a change that does not fit is drawn again.
 const TRIES: usize = 24;

@@ -1,31 +1,17 @@
 //! `walk` and `drive`: how an object moves by itself, checked.
 
-use serde::Deserialize;
 use toml::Spanned;
 
-use super::error::SceneError;
-use super::expand::FARTHEST;
-use super::file::{RawObject, Source};
+use super::raw::RawObject;
+use super::source::Source;
 use crate::actors::{Gait, Motion, Round};
+use crate::error::SceneError;
+use crate::limits::FARTHEST;
 
 /// Most corners of a path.
 const MAX_CORNERS: usize = 1000;
 /// Longest path, metres: it is measured every half metre.
 const LONGEST: f64 = 20_000.0;
-
-/// A `walk` or a `drive` as written.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawMotion {
-    path: Spanned<Vec<Vec<f64>>>,
-    speed_m_s: Spanned<f64>,
-    #[serde(rename = "loop")]
-    round: Option<Spanned<Round>>,
-    wait_s: Option<Spanned<f64>>,
-    start: Option<Spanned<f64>>,
-    turn_radius_m: Option<Spanned<f64>>,
-    aside_m: Option<Spanned<f64>>,
-}
 
 /// How the object moves; none for one that stands still.
 pub(super) fn motion(object: &RawObject, source: &Source<'_>) -> Result<Option<Motion>, SceneError> {
