@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spf_sim::oracle::ErrorFile;
+use spf_oracle::ErrorFile;
 
 fuzz_target!(|text: &str| {
     let _ = ErrorFile::from_toml(text);

@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spf_sim::collide::Collider;
-use spf_sim::scene::Scene;
+use spf_scene::Scene;
+use spf_scene::collide::Collider;
 
 fuzz_target!(|bytes: &[u8]| {
     match Scene::parse_model(bytes, "fuzz.glb") {

@@ -3,7 +3,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spf_sim::scene::{Scene, SceneError};
+use spf_scene::{Scene, SceneError};
 
 fuzz_target!(|text: &str| {
     look_at(Scene::parse(text, "fuzz.toml"));

@@ -8,8 +8,8 @@ use spf_bench::judge::judge_trajectory;
 use spf_bench::task::{Category, SUITES, Set, Task, View, suite};
 use spf_bench::trial::{Method, draw, split_latency};
 use spf_flight::sim::Stage;
-use spf_sim::oracle::ErrorFile;
-use spf_sim::scene::Lighting;
+use spf_oracle::ErrorFile;
+use spf_scene::Lighting;
 
 /// Every task that ships, once.
 fn shipped() -> Vec<Arc<Task>> {

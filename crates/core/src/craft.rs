@@ -1,7 +1,9 @@
-//! What a craft can do: the figures the executor, the envelope and the simulator share.
+//! Which craft there are and what they can do: the figures the executor, the envelope and the simulator share.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::camera::Camera;
 
 /// Limits and habits of a craft. SI units and radians.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -61,5 +63,51 @@ impl Craft {
             radius: 0.15,
             take_off_height: 0.8,
         }
+    }
+}
+
+/// Which craft a scene is flown with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CraftKind {
+    /// A general quadrotor with GPS-like position (DESIGN.md section 5).
+    #[default]
+    Quad,
+    /// A DJI/Ryze Tello.
+    Tello,
+}
+
+impl CraftKind {
+    /// Its name in scene files and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Quad => "quad",
+            Self::Tello => "tello",
+        }
+    }
+
+    /// Its figures.
+    #[must_use]
+    pub fn craft(self) -> Craft {
+        match self {
+            Self::Quad => Craft::quad(),
+            Self::Tello => Craft::tello(),
+        }
+    }
+
+    /// Its camera.
+    #[must_use]
+    pub fn camera(self) -> Camera {
+        match self {
+            Self::Quad => Camera::quad(),
+            Self::Tello => Camera::tello(),
+        }
+    }
+
+    /// The kind of that name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Quad, Self::Tello].into_iter().find(|kind| kind.name() == name)
     }
 }

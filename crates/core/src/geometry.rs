@@ -82,6 +82,16 @@ impl EnuPosition {
         }
     }
 
+    /// The point `share` of the way to `target`: 0 here, 1 there.
+    #[must_use]
+    pub fn towards(self, target: Self, share: f64) -> Self {
+        Self {
+            east: self.east + (target.east - self.east) * share,
+            north: self.north + (target.north - self.north) * share,
+            up: self.up + (target.up - self.up) * share,
+        }
+    }
+
     /// The displacement from `self` to `target`, for a body whose heading is `heading`.
     #[must_use]
     pub fn displacement_to(self, target: Self, heading: f64) -> BodyDisplacement {

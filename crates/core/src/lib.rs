@@ -29,5 +29,6 @@ pub mod query;
 pub mod reply;
 pub mod rng;
 pub mod step;
+pub mod tags;
 pub mod telemetry;
 pub mod time;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::grounding::GroundingProfile;
@@ -15,8 +16,7 @@ use spf_drone::Drone;
 use spf_flight::run::run;
 use spf_flight::sim::{OracleVlm, SimDrone, SimPictures, SimWorld, Stage};
 use spf_flight::world::{Lockstep, Script};
-use spf_sim::model::CraftKind;
-use spf_sim::oracle::ErrorFile;
+use spf_oracle::ErrorFile;
 use spf_vlm::{Answer, Asked, Picture, Vlm};
 
 /// The oracle, but the picture is drawn and encoded all the same.

@@ -10,6 +10,7 @@ use std::error::Error;
 use std::sync::Arc;
 
 use spf_core::avoid::PathShape;
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::grounding::GroundingProfile;
@@ -20,8 +21,7 @@ use spf_drone::Drone;
 use spf_flight::run::run;
 use spf_flight::sim::{OracleVlm, SimDrone, SimPictures, SimWorld, Stage};
 use spf_flight::world::{Lockstep, Script};
-use spf_sim::model::CraftKind;
-use spf_sim::oracle::ErrorFile;
+use spf_oracle::ErrorFile;
 
 /// Numbers of trials that are reported.
 const COUNTS: [usize; 4] = [1, 2, 10, 100];

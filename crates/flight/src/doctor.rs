@@ -11,7 +11,7 @@ use spf_drone::DroneEvent;
 use spf_drone::tello::answer::explain;
 use spf_drone::tello::{ConnectError, Connected, Tello, TelloSettings};
 use spf_media::Rgb;
-use spf_sim::render::Channels;
+use spf_render::Channels;
 use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 

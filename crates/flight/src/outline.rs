@@ -3,8 +3,8 @@
 use spf_core::geometry::EnuPosition;
 use spf_record::log::foxglove::Prism;
 use spf_record::trajectory::Outline;
-use spf_sim::actors::ActorPlace;
-use spf_sim::scene::{Object, Tags};
+use spf_scene::actors::ActorPlace;
+use spf_scene::{Object, Tags};
 
 use crate::sim::Stage;
 

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde::Serialize;
+use spf_core::craft::CraftKind;
 use spf_core::grounding::GroundingProfile;
 use spf_core::prompt::PromptText;
 use spf_core::query::{ImagePoint, Query, QueryId, QueryKind};
@@ -14,10 +15,9 @@ use spf_core::reply::{Reply, Status, parse_reply};
 use spf_core::time::{Duration, Time};
 use spf_media::frame::Rgb;
 use spf_media::marks::{self, Colour, Hud};
+use spf_oracle::ErrorFile;
 use spf_record::log::{Entry, ReadError};
 use spf_sim::frame_clock::FrameClock;
-use spf_sim::model::CraftKind;
-use spf_sim::oracle::ErrorFile;
 use spf_vlm::{Answer, Asked, Eyesight, Vlm};
 
 use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};

@@ -10,7 +10,7 @@ use spf_drone::tello::camera::Frames;
 use spf_media::{Rgb, resize};
 use spf_record::log::foxglove::Prism;
 use spf_record::trajectory::Outline;
-use spf_sim::effects;
+use spf_render::effects;
 
 use crate::outline;
 use crate::sim::{Moment, SimWorld};

@@ -4,6 +4,7 @@
 use std::sync::{Arc, OnceLock};
 
 use spf_core::camera::{Camera, Distortion};
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::lift::{Lifting, lift, unproject};
@@ -13,10 +14,10 @@ use spf_core::time::Time;
 use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, SimWorld, Stage, fly, oracle_points};
 use spf_flight::summary::Summary;
 use spf_flight::world::Script;
-use spf_sim::effects::Effects;
-use spf_sim::model::{CraftKind, Model};
-use spf_sim::oracle::ErrorFile;
-use spf_sim::render::Channels;
+use spf_oracle::ErrorFile;
+use spf_render::Channels;
+use spf_render::effects::Effects;
+use spf_sim::model::Model;
 
 /// A strong barrel: 13 % at the corners of the quad's picture.
 const BARREL: &str = "lens=-0.09:0.005:0.001:-0.002";

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use serde_json::Value;
 use spf_core::command::Setpoint;
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
 use spf_core::grounding::{AxisOrder, GroundingProfile};
 use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
@@ -19,10 +20,10 @@ use spf_flight::detector::{model_detects, with_detector};
 use spf_flight::replay::{Changes, Report, head, replay, row};
 use spf_flight::sim::{Circumstances, FlightPlan, PolicyKind, RecordPlan, Stage, fly, oracle_points};
 use spf_flight::world::Script;
+use spf_oracle::ErrorFile;
 use spf_record::log::{Entry, LogReader};
 use spf_record::out_dir::OutDir;
-use spf_sim::model::{CraftKind, Model};
-use spf_sim::oracle::ErrorFile;
+use spf_sim::model::Model;
 
 /// Thirty seconds, in which some answers come too late.
 fn settings() -> PilotSettings {

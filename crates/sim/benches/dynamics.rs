@@ -7,10 +7,10 @@ use glam::{Vec2, Vec3};
 use spf_core::command::{Command, Setpoint};
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::time::Time;
-use spf_sim::collide::Collider;
+use spf_scene::collide::Collider;
+use spf_scene::geometry::{Light, ObjectId, Part, Role, SceneGeometry, Vertex};
 use spf_sim::craft::SimCraft;
 use spf_sim::dynamics::Conditions;
-use spf_sim::geometry::{Light, ObjectId, Part, Role, SceneGeometry, Vertex};
 use spf_sim::model::Model;
 
 fn main() {

@@ -8,12 +8,12 @@ use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, wrap_angle};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 
-use crate::actors::{self, ActorPlace, Cast, Traffic};
-use crate::collide::{Collider, between};
 use crate::dynamics::{Conditions, Dynamics, TICK};
-use crate::geometry::ObjectId;
 use crate::model::Model;
 use crate::senses::{Senses, exact};
+use spf_scene::actors::{self, ActorPlace, Cast, Traffic};
+use spf_scene::collide::Collider;
+use spf_scene::geometry::ObjectId;
 
 /// How far back [`SimCraft::true_pose_at`] remembers.
 pub const HISTORY: Duration = Duration::from_secs(10);
@@ -197,7 +197,7 @@ impl SimCraft {
         let share = rest as f64 / step as f64;
         let (a, b) = (earlier.attitude, later.attitude);
         Some(Pose {
-            position: between(earlier.position, later.position, share),
+            position: earlier.position.towards(later.position, share),
             attitude: Attitude {
                 heading: wrap_angle(a.heading + wrap_angle(b.heading - a.heading) * share),
                 pitch: a.pitch + (b.pitch - a.pitch) * share,

@@ -13,11 +13,11 @@ use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
 
 use crate::body::{Body, Response};
-use crate::collide::{Collider, Contact};
-use crate::geometry::ObjectId;
 use crate::model::Model;
 use crate::noise::Wander;
 use crate::wind::{Air, Wind};
+use spf_scene::collide::{Collider, Contact};
+use spf_scene::geometry::ObjectId;
 
 /// Length of a tick.
 pub const TICK: Duration = Duration::from_millis(5);

@@ -1,23 +1,16 @@
-//! The embedded world of SPF: scenes, renderer, dynamics, collisions, honest senses, and the oracle.
+//! The embedded craft of SPF: dynamics, wind, collisions and honest senses in a scene.
 //!
-//! Everything follows from the scene and the seed alone; there is no clock and no hash order in it.
+//! The two types to know are [`craft::SimCraft`], a craft that flies among the scene's solid geometry and actors, and
+//! [`model::Model`], the figures it flies by. Everything follows from the scene and the seed alone; there is no clock and no hash
+//! order in it. A craft refuses nothing that it is told: setpoints are bounded by the envelope before they get here, and limited
+//! to what the model can do.
+#![forbid(unsafe_code)]
 
-pub mod actors;
 mod body;
-pub mod collide;
 pub mod craft;
 pub mod dynamics;
-pub mod effects;
 pub mod frame_clock;
-pub mod geometry;
-mod gltf;
-mod mesh;
 pub mod model;
 pub mod noise;
-pub mod oracle;
-pub mod render;
-pub mod scene;
 pub mod senses;
-pub mod surroundings;
-pub mod texture;
 pub mod wind;

@@ -1,45 +1,6 @@
 //! The two craft models: shared figures from the core, and what only the simulator knows of them.
 
-use serde::{Deserialize, Serialize};
-use spf_core::camera::Camera;
-use spf_core::craft::Craft;
-
-/// Which craft is simulated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CraftKind {
-    /// A general quadrotor with GPS-like position (DESIGN.md section 5).
-    #[default]
-    Quad,
-    /// A DJI/Ryze Tello.
-    Tello,
-}
-
-impl CraftKind {
-    /// Its name in scene files and on the command line.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Quad => "quad",
-            Self::Tello => "tello",
-        }
-    }
-
-    /// Its camera.
-    #[must_use]
-    pub fn camera(self) -> Camera {
-        match self {
-            Self::Quad => Camera::quad(),
-            Self::Tello => Camera::tello(),
-        }
-    }
-
-    /// The kind of that name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        [Self::Quad, Self::Tello].into_iter().find(|kind| kind.name() == name)
-    }
-}
+use spf_core::craft::{Craft, CraftKind};
 
 /// All figures of a simulated craft. SI units and radians.
 #[derive(Clone, Copy, Debug, PartialEq)]

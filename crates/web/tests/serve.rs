@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use spf_flight::sim::Stage;
-use spf_sim::scene::Conditions;
+use spf_scene::Conditions;
 use spf_web::view::{Beginning, Library, Stopper, ViewError, Viewer};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};

@@ -13,7 +13,7 @@ use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status};
 use spf_core::time::Duration;
 use spf_media::Rgb;
-use spf_sim::oracle::ErrorFile;
+use spf_oracle::ErrorFile;
 use spf_vlm::{Account, Answer, Asked, Cancel, Vlm, VlmError};
 
 use super::photo::Photograph;

@@ -1,8 +1,9 @@
 //! What an error file says the hit rate should be, worked out from its figures and the masks alone, without a draw of the oracle.
 
 use spf_core::query::ImagePoint;
+use spf_core::tags::Tagged;
 use spf_flight::dataset::Visible;
-use spf_sim::oracle::{ErrorFile, SIZE_SENT, Tagged};
+use spf_oracle::{ErrorFile, SIZE_SENT};
 
 use super::source::SimExample;
 use super::{Outline, Truth};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use spf_core::frame::FrameId;
 use spf_core::query::Query;
-use spf_sim::oracle::{ErrorFile, Oracle, Sight};
+use spf_oracle::{ErrorFile, Oracle, Sight};
 use spf_vlm::{Account, Answer, VlmError};
 
 use super::source::SimExample;

@@ -127,7 +127,7 @@ impl Mask {
     fn deepest(&self) -> ImagePoint {
         let ids: Vec<u16> = self.inside.iter().map(|inside| u16::from(*inside)).collect();
         let (w, h) = (f64::from(self.width.max(1)), f64::from(self.height.max(1)));
-        spf_sim::oracle::masks(&ids, self.width as usize).first().map_or(ImagePoint { u: 0.5, v: 0.5 }, |mask| ImagePoint {
+        spf_oracle::masks(&ids, self.width as usize).first().map_or(ImagePoint { u: 0.5, v: 0.5 }, |mask| ImagePoint {
             u: (mask.deepest.0 as f64 + 0.5) / w,
             v: (mask.deepest.1 as f64 + 0.5) / h,
         })

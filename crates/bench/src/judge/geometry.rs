@@ -3,7 +3,7 @@
 use glam::DVec3;
 use spf_core::geometry::EnuPosition;
 use spf_flight::sim::Stage;
-use spf_sim::geometry::ObjectId;
+use spf_scene::geometry::ObjectId;
 
 /// A place as a vector, east, north, up.
 pub(super) fn vector(at: EnuPosition) -> DVec3 {

@@ -6,8 +6,8 @@ use glam::DVec2;
 use spf_core::geometry::{EnuPosition, wrap_angle};
 use spf_core::time::Time;
 use spf_flight::sim::Moment;
-use spf_sim::geometry::ObjectId;
-use spf_sim::scene::Aabb;
+use spf_scene::Aabb;
+use spf_scene::geometry::ObjectId;
 
 use super::geometry::{crossing, inside, vector};
 use super::sight::Sight;

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use spf_core::geometry::Pose;
 use spf_core::time::Time;
 use spf_flight::sim::{Moment, Stage};
-use spf_sim::geometry::ObjectId;
+use spf_scene::geometry::ObjectId;
 use thiserror::Error;
 
 use crate::task::{Task, select_all};

@@ -1,11 +1,11 @@
 //! The judge's eye: what the craft's camera shows clearly, from ids alone.
 
 use spf_core::camera::Camera;
+use spf_core::craft::CraftKind;
 use spf_flight::sim::{Moment, Stage, sighted};
-use spf_sim::geometry::ObjectId;
-use spf_sim::model::CraftKind;
-use spf_sim::render::{Channels, Picture};
-use spf_sim::surroundings::Surroundings;
+use spf_render::surroundings::Surroundings;
+use spf_render::{Channels, Picture};
+use spf_scene::geometry::ObjectId;
 
 /// A target is clearly visible when it is at least this share of the frame high and a quarter of it is inside, or when it fills
 /// a tenth of the frame (the paper's appendix).

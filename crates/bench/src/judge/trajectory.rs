@@ -5,7 +5,7 @@ use std::sync::Arc;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_core::time::Time;
 use spf_flight::sim::{Moment, Stage};
-use spf_sim::actors::Traffic;
+use spf_scene::actors::Traffic;
 use spf_sim::model::Model;
 
 use super::{EVERY, Judge, NoTarget};
@@ -106,7 +106,7 @@ fn between(from: &Pose, to: &Pose, turn: f64, share: f64) -> Pose {
 }
 
 /// The pose in the world, where the path is told beside something that moves.
-fn beside(stage: &Stage, trajectory: &Trajectory, mut pose: Pose, actors: &[spf_sim::actors::ActorPlace]) -> Pose {
+fn beside(stage: &Stage, trajectory: &Trajectory, mut pose: Pose, actors: &[spf_scene::actors::ActorPlace]) -> Pose {
     let object = trajectory.beside.as_ref().and_then(|key| stage.scene.by_key(key));
     if let Some(object) = object {
         let bounds = stage.bounds(object, actors);

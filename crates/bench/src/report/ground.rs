@@ -1,6 +1,6 @@
 //! The ground plan of a trial's scene: what stands in it, seen from above, and what the task is about.
 
-use spf_sim::scene::{Object, Scene};
+use spf_scene::{Object, Scene};
 
 /// Kinds of things that are no obstacle to anybody.
 const FLAT: [&str; 4] = ["ground", "floor", "ceiling", "water"];

@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use serde::Deserialize;
+use spf_core::craft::CraftKind;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
-use spf_sim::model::CraftKind;
-use spf_sim::scene::{Conditions, Lighting, Weather, hint_from};
+use spf_scene::{Conditions, Lighting, Weather, hint_from};
 use toml::Spanned;
 
 use super::select::Selector;

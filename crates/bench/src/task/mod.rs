@@ -4,9 +4,9 @@ mod file;
 mod select;
 mod shipped;
 
+use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
-use spf_sim::model::CraftKind;
-use spf_sim::scene::{Conditions, Lighting, Weather};
+use spf_scene::{Conditions, Lighting, Weather};
 use thiserror::Error;
 
 pub use select::{Rank, Selector};

@@ -4,8 +4,8 @@
 use serde::Deserialize;
 use spf_core::geometry::EnuPosition;
 use spf_flight::sim::Stage;
-use spf_sim::geometry::ObjectId;
-use spf_sim::scene::{Aabb, Object};
+use spf_scene::geometry::ObjectId;
+use spf_scene::{Aabb, Object};
 
 /// Objects for which all of what is given holds.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_core::rng::Draw;
 use spf_flight::sim::{Moment, Stage, StageError};
-use spf_sim::geometry::ObjectId;
+use spf_scene::geometry::ObjectId;
 use spf_sim::model::Model;
 use spf_sim::wind::Wind;
 use thiserror::Error;

@@ -19,9 +19,9 @@ use spf_flight::detector::with_detector;
 use spf_flight::sim::{Circumstances, FlightPlan, RecordPlan, SimWorld, WhoPoints, fly, oracle_points};
 use spf_flight::summary::Summary;
 use spf_flight::world::Script;
-use spf_sim::geometry::ObjectId;
+use spf_oracle::ErrorFile;
+use spf_scene::geometry::ObjectId;
 use spf_sim::model::Model;
-use spf_sim::oracle::ErrorFile;
 
 use crate::fnv;
 use crate::judge::Judge;

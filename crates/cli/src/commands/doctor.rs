@@ -4,7 +4,7 @@ use std::path::Path;
 
 use spf_core::time::duration_from_secs;
 use spf_flight::doctor::{self, Check, Finding};
-use spf_sim::scene::Conditions;
+use spf_scene::Conditions;
 
 use super::detector;
 use super::fly::real;

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use serde::Serialize;
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
 use spf_core::executor::{Ending, Motion};
 use spf_core::geofence::Geofence;
@@ -24,9 +25,9 @@ use spf_flight::words;
 use spf_flight::world::Script;
 use spf_record::live::Live;
 use spf_record::out_dir::OutDir;
-use spf_sim::effects::EffectsError;
-use spf_sim::model::{CraftKind, Model};
-use spf_sim::scene::{Conditions, Lighting, Weather};
+use spf_render::effects::EffectsError;
+use spf_scene::{Conditions, Lighting, Weather};
+use spf_sim::model::Model;
 use spf_sim::wind::WindError;
 
 use self::manual::Manual;

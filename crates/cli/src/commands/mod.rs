@@ -20,7 +20,7 @@ use std::path::Path;
 
 pub(crate) use spf_flight::pose::parse_pose;
 use spf_flight::sim::Stage;
-use spf_sim::scene::{Conditions, Scene};
+use spf_scene::{Conditions, Scene};
 
 use crate::error::CliError;
 

@@ -8,7 +8,7 @@ use spf_flight::log::Head;
 use spf_flight::reask::{Asker, Mind, Opinion, Pointed, Question, questions};
 use spf_media::jpeg::Jpeg;
 use spf_record::log::LogReader;
-use spf_sim::scene::{Conditions, Lighting, Weather};
+use spf_scene::{Conditions, Lighting, Weather};
 
 use super::load_stage;
 use super::log::unreadable;

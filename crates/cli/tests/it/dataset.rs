@@ -7,9 +7,10 @@ use serde_json::Value;
 use spf_core::frame::FrameId;
 use spf_core::query::{Query, QueryId, QueryKind};
 use spf_core::reply::parse_reply;
+use spf_core::tags::Tagged;
 use spf_flight::dataset::Kind;
 use spf_flight::dataset::record::{Head, Row};
-use spf_sim::oracle::{ErrorFile, Oracle, Placed, Sight, Tagged, masks, resolve_truth};
+use spf_oracle::{ErrorFile, Oracle, Placed, Sight, masks, resolve_truth};
 
 use crate::harness::{Lab, rows};
 

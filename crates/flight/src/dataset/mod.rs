@@ -20,12 +20,13 @@ use spf_core::rng::Draw;
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
 
-use spf_sim::actors::ActorPlace;
-use spf_sim::effects::{Effects, Eye, Shot};
-use spf_sim::geometry::{ObjectId, Part, SceneGeometry};
-use spf_sim::oracle::{Mask, Placed, SIZE_SENT, Tagged, masks, resolve_truth};
-use spf_sim::render::{Channels, Picture, Renderer};
-use spf_sim::surroundings::Surroundings;
+use spf_core::tags::Tagged;
+use spf_oracle::{Mask, Placed, SIZE_SENT, masks, resolve_truth};
+use spf_render::effects::{Effects, Eye, Shot};
+use spf_render::surroundings::Surroundings;
+use spf_render::{Channels, Picture, Renderer};
+use spf_scene::actors::ActorPlace;
+use spf_scene::geometry::{ObjectId, Part, SceneGeometry};
 
 use crate::sim::{Moment, Stage};
 use place::Plainly;

@@ -1,8 +1,8 @@
 //! Whether words of place are plainly true of a picture.
 
-use spf_sim::geometry::ObjectId;
-use spf_sim::oracle::Mask;
-use spf_sim::render::Picture;
+use spf_oracle::Mask;
+use spf_render::Picture;
+use spf_scene::geometry::ObjectId;
 
 /// By so much of the picture's width the leftmost must lie left of the next.
 const APART: f64 = 0.03;
@@ -50,7 +50,7 @@ impl Plainly<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spf_sim::oracle::masks;
+    use spf_oracle::masks;
 
     #[test]
     fn what_lies_close_beside_or_hardly_nearer_is_not_plain() {

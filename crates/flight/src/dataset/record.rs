@@ -5,7 +5,7 @@ use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 
 use super::{Example, Kind, Target, Visible, Wording};
-use spf_sim::geometry::ObjectId;
+use spf_scene::geometry::ObjectId;
 
 /// Version of the format.
 pub const FORMAT: u32 = 1;

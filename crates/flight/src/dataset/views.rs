@@ -4,8 +4,8 @@ use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_core::rng::Draw;
 
-use spf_sim::actors::ActorPlace;
-use spf_sim::scene::Object;
+use spf_scene::Object;
+use spf_scene::actors::ActorPlace;
 
 use crate::sim::Stage;
 

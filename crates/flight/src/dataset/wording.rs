@@ -2,7 +2,7 @@
 
 use spf_core::rng::Draw;
 
-use spf_sim::oracle::Tagged;
+use spf_core::tags::Tagged;
 
 /// Ways to tell somebody to go somewhere; `{}` is the thing, without an article.
 const ORDERS: [&str; 16] = [
@@ -129,7 +129,7 @@ pub(super) fn shuffle<T>(list: &mut [T], draw: &mut Draw) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spf_sim::oracle::{Placed, resolve_truth};
+    use spf_oracle::{Placed, resolve_truth};
 
     fn tags(id: u16, name: &str, colour: &str, quality: &str) -> Tagged {
         Tagged {

@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicU32;
 use std::sync::mpsc::Receiver;
 use std::time::Instant;
 
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::geometry::{EnuPosition, Pose};
@@ -12,12 +13,11 @@ use spf_core::pilot::{Action, Ending, OperatorEvent, Outcome, Pilot, PilotParts,
 use spf_core::prompt::PromptText;
 use spf_core::time::Time;
 use spf_drone::{Capabilities, Drone};
+use spf_oracle::ErrorFile;
 use spf_record::live::LiveSender;
 use spf_record::out_dir::OutDir;
-use spf_sim::effects::Effects;
-use spf_sim::geometry::ObjectId;
-use spf_sim::model::CraftKind;
-use spf_sim::oracle::ErrorFile;
+use spf_render::effects::Effects;
+use spf_scene::geometry::ObjectId;
 use spf_sim::wind::Wind;
 use spf_vlm::{Eyesight, Vlm};
 

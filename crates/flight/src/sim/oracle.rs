@@ -3,8 +3,8 @@
 use spf_core::frame::FrameId;
 use spf_core::query::Query;
 use spf_core::time::Duration;
-use spf_sim::oracle::{ErrorFile, Oracle, Percept, Sight};
-use spf_sim::render::{Channels, Picture as SimPicture};
+use spf_oracle::{ErrorFile, Oracle, Percept, Sight};
+use spf_render::{Channels, Picture as SimPicture};
 use spf_vlm::{Account, Answer, Asked, Picture, Vlm, VlmError};
 
 use super::stage::Moment;

@@ -1,7 +1,7 @@
 //! The simulated camera's frames for a VLM that wants to see them.
 
 use spf_core::query::Query;
-use spf_sim::effects::Shot;
+use spf_render::effects::Shot;
 use spf_vlm::{Picture, VlmError};
 
 use super::stage::Moment;

@@ -3,17 +3,19 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use spf_core::camera::Camera;
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
 use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::tags::Tagged;
 use spf_core::time::Time;
-use spf_sim::actors::{ActorPlace, Cast, Traffic};
-use spf_sim::collide::{Collider, ColliderError};
-use spf_sim::effects::Posed;
-use spf_sim::geometry::ObjectId;
-use spf_sim::model::{CraftKind, Model};
-use spf_sim::oracle::{Place, Placed, Tagged};
-use spf_sim::render::{Channels, Frustum, Picture, Renderer};
-use spf_sim::scene::{Aabb, Conditions, Object, Scene, SceneError};
+use spf_oracle::{Place, Placed};
+use spf_render::effects::Posed;
+use spf_render::{Channels, Frustum, Picture, Renderer};
+use spf_scene::actors::{ActorPlace, Cast, Traffic};
+use spf_scene::collide::{Collider, ColliderError};
+use spf_scene::geometry::ObjectId;
+use spf_scene::{Aabb, Conditions, Object, Scene, SceneError};
+use spf_sim::model::Model;
 
 use super::oracle::Eyes;
 

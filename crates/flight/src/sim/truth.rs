@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;
-use spf_sim::geometry::ObjectId;
-use spf_sim::oracle::resolve_truth;
-use spf_sim::render::{Channels, Picture};
+use spf_oracle::resolve_truth;
+use spf_render::{Channels, Picture};
+use spf_scene::geometry::ObjectId;
 
 use super::stage::Moment;
 use super::world::SimWorld;

@@ -5,19 +5,20 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use spf_core::camera::Camera;
 use spf_core::command::Command;
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Cleared;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::time::Time;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 use spf_media::frame::Rgb;
+use spf_render::effects::{Effects, Eye, Shot};
+use spf_render::surroundings::Surroundings;
+use spf_render::{Channels, Picture};
 use spf_sim::craft::{SimCraft, Truth};
 use spf_sim::dynamics::Conditions;
-use spf_sim::effects::{Effects, Eye, Shot};
 use spf_sim::frame_clock::FrameClock;
-use spf_sim::model::{CraftKind, Model};
-use spf_sim::render::{Channels, Picture};
-use spf_sim::surroundings::Surroundings;
+use spf_sim::model::Model;
 use spf_sim::wind::Wind;
 
 use super::stage::{Moment, Stage};
@@ -169,7 +170,7 @@ impl SimWorld {
 
     /// Light on each thing of a picture with ids and depth of a moment, as in [`Renderer::light_on`].
     ///
-    /// [`Renderer::light_on`]: spf_sim::render::Renderer::light_on
+    /// [`Renderer::light_on`]: spf_render::Renderer::light_on
     #[must_use]
     pub fn light_on(&self, moment: &Moment, picture: &Picture) -> BTreeMap<u16, f32> {
         self.stage.renderer.light_on(self.camera(), &moment.pose, picture)

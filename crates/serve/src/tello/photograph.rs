@@ -4,7 +4,7 @@ use spf_core::camera::Camera;
 use spf_core::time::Time;
 use spf_flight::sim::SimWorld;
 use spf_media::{Rgb, resize};
-use spf_sim::render::{Channels, Picture, Quality};
+use spf_render::{Channels, Picture, Quality};
 
 use super::machine::VideoWish;
 use super::pace::Fineness;

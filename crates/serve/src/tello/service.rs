@@ -6,10 +6,10 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Instant;
 
+use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
 use spf_core::time::Duration;
 use spf_flight::sim::{Circumstances, SimWorld, Stage};
-use spf_sim::model::CraftKind;
 
 use super::error::ServerError;
 use super::faults::FaultSource;

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, channel};
 
 use crate::wired::Wired;
 use spf_core::camera::Camera;
-use spf_core::craft::Craft;
+use spf_core::craft::{Craft, CraftKind};
 use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::executor::Motion;
@@ -21,10 +21,9 @@ use spf_flight::calibrate::{self, Routine};
 use spf_flight::run::{Observer, World, run};
 use spf_flight::sim::{OracleVlm, SimPictures, SimWorld, Stage};
 use spf_flight::world::{Lockstep, Script};
+use spf_oracle::ErrorFile;
 use spf_serve::tello::Figures;
 use spf_sim::craft::SimCraft;
-use spf_sim::model::CraftKind;
-use spf_sim::oracle::ErrorFile;
 use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
 
 /// An oracle that takes its time.

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use spf_sim::collide::Collider;
-use spf_sim::geometry::{Light, Part, Role, SceneGeometry, Vertex};
+use spf_scene::collide::Collider;
+use spf_scene::geometry::{Light, Part, Role, SceneGeometry, Vertex};
 
 /// 400 m square, its middle and its surface at the origin.
 pub(crate) fn floor() -> Arc<Collider> {

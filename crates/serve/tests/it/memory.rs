@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use spf_core::craft::CraftKind;
 use spf_core::frame::FrameId;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::time::Time;
@@ -9,7 +10,6 @@ use spf_flight::sim::{Moment, SimWorld, Stage};
 use spf_media::h264::{Decoder, Encoder, EncoderSettings};
 use spf_media::{Jpeg, Rgb, jpeg, resize};
 use spf_serve::vlm::{Memory, Remembered};
-use spf_sim::model::CraftKind;
 
 const SIZE: (u32, u32) = (480, 360);
 const FRAMES: u64 = 100;

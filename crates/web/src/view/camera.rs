@@ -1,9 +1,9 @@
 //! The camera that a page flies: moved by held keys, stopped by what is solid.
 
 use spf_core::geometry::{Attitude, BodyDisplacement, EnuPosition, Pose, wrap_angle};
-use spf_sim::collide::Collider;
-use spf_sim::geometry::ObjectId;
-use spf_sim::scene::{Aabb, Scene};
+use spf_scene::collide::Collider;
+use spf_scene::geometry::ObjectId;
+use spf_scene::{Aabb, Scene};
 
 /// What held keys push it by, each −1..=1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -2,7 +2,7 @@
 
 use spf_media::frame::Rgb;
 use spf_media::jpeg::{EncodeError, Jpeg};
-use spf_sim::render::{Channels, Picture};
+use spf_render::{Channels, Picture};
 
 use super::message::Channel;
 

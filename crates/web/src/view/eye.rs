@@ -5,12 +5,13 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use spf_core::camera::Camera;
+use spf_core::craft::CraftKind;
 use spf_core::time::Time;
 use spf_flight::sim::{Moment, Stage};
-use spf_sim::actors::Traffic;
-use spf_sim::model::{CraftKind, Model};
-use spf_sim::render::{Channels, Picture};
-use spf_sim::scene::{Conditions, Lighting, Weather};
+use spf_render::{Channels, Picture};
+use spf_scene::actors::Traffic;
+use spf_scene::{Conditions, Lighting, Weather};
+use spf_sim::model::Model;
 use tokio::sync::mpsc::Sender;
 
 use super::camera::{FreeCamera, Push};

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use spf_flight::sim::Stage;
-use spf_sim::scene::Conditions;
+use spf_scene::Conditions;
 
 /// Most scenes kept that nobody looks at.
 const SPARE: usize = 3;
@@ -80,7 +80,7 @@ impl Library {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spf_sim::scene::{Lighting, Weather};
+    use spf_scene::{Lighting, Weather};
 
     #[test]
     fn pages_get_listed_scenes_alone_and_share_them() {

@@ -2,9 +2,9 @@
 //! endian), the head, and the picture as JPEG.
 
 use serde::{Deserialize, Serialize};
+use spf_core::craft::CraftKind;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
-use spf_sim::model::CraftKind;
-use spf_sim::scene::{Lighting, Weather};
+use spf_scene::{Lighting, Weather};
 
 /// Longest message that a page may send, bytes.
 pub(super) const LONGEST: usize = 4096;

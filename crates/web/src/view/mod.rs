@@ -15,9 +15,9 @@ mod server;
 mod session;
 mod sight;
 
+use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
-use spf_sim::model::CraftKind;
-use spf_sim::scene::Conditions;
+use spf_scene::Conditions;
 
 pub use library::Library;
 pub use server::{Stopper, ViewError, Viewer};

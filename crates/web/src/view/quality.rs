@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use spf_sim::render::Quality;
+use spf_render::Quality;
 
 use super::message::Detail;
 

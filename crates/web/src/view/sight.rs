@@ -3,7 +3,7 @@
 use spf_core::camera::Camera;
 use spf_core::query::ImagePoint;
 use spf_flight::sim::Stage;
-use spf_sim::render::Picture;
+use spf_render::Picture;
 
 use super::message::Under;
 
@@ -41,7 +41,7 @@ pub(super) fn under(stage: &Stage, camera: &Camera, picture: &Picture, [u, v]: [
 mod tests {
     use super::*;
     use spf_core::geometry::{Attitude, EnuPosition, Pose};
-    use spf_sim::render::Channels;
+    use spf_render::Channels;
 
     #[test]
     fn the_red_crane_is_named_where_it_is_seen() {

@@ -7,8 +7,9 @@ use std::sync::Arc;
 use image::ImageReader;
 use serde_json::Value;
 use spf_core::query::{ImageBox, ImagePoint};
+use spf_core::tags::Tagged;
 use spf_flight::dataset::record::{FORMAT, Head, Row};
-use spf_sim::oracle::{Tagged, masks};
+use spf_oracle::masks;
 
 use super::{SourceError, form, form_of, read, stays};
 use crate::ground::{Item, Shape, Target, Truth};
@@ -121,7 +122,7 @@ impl SimExample {
         let (width, height) = (self.head.camera.width as usize, self.head.camera.height as usize);
         let shares = |x: usize, y: usize| (x as f64 / width as f64, y as f64 / height as f64);
         let found = masks(&layers.ids, width).into_iter().chain(masks(&layers.opening_ids, width));
-        let area = |mask: spf_sim::oracle::Mask| {
+        let area = |mask: spf_oracle::Mask| {
             let ((left, top), (right, bottom)) = (shares(mask.left, mask.top), shares(mask.right + 1, mask.bottom + 1));
             ImageBox { left, top, right, bottom }
         };

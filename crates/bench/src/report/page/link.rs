@@ -3,7 +3,7 @@
 use std::path::{Component, Path, PathBuf};
 
 use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
-use spf_sim::oracle::ErrorFile;
+use spf_oracle::ErrorFile;
 
 use super::super::arm::Arm;
 use super::super::source::Run;

@@ -8,8 +8,8 @@ use spf_bench::task::Task;
 use spf_bench::trial::{Drawn, draw};
 use spf_core::geometry::{Pose, wrap_angle};
 use spf_flight::sim::Stage;
+use spf_render::Channels;
 use spf_sim::model::Model;
-use spf_sim::render::Channels;
 use spf_sim::wind::Wind;
 
 use super::task_of;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use spf_bench::trial::{Method, Trial, draw, run_id};
 use spf_flight::sim::RecordPlan;
+use spf_oracle::ErrorFile;
 use spf_record::out_dir::OutDir;
-use spf_sim::oracle::ErrorFile;
 
 use super::{pointer, task_of};
 use crate::args::BenchShow;

@@ -3,6 +3,7 @@
 use std::net::{IpAddr, SocketAddr};
 use std::time::Instant;
 
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::executor::Motion;
@@ -16,7 +17,7 @@ use spf_flight::keys::HELP;
 use spf_flight::real::{self, RealPlan};
 use spf_flight::sim::RecordPlan;
 use spf_record::live::Live;
-use spf_sim::model::{CraftKind, Model};
+use spf_sim::model::Model;
 use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 

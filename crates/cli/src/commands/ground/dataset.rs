@@ -8,7 +8,7 @@ use spf_bench::ground::ask::{Ended, Manner, Mind, Plan};
 use spf_bench::ground::measure::{Report, grades, report};
 use spf_bench::ground::source::{self, Source};
 use spf_bench::ground::{AnswerRow, Answerer, page, table};
-use spf_sim::oracle::ErrorFile;
+use spf_oracle::ErrorFile;
 
 use super::folder::{Folder, Head, is_answered};
 use super::{answerers, is_oracle};

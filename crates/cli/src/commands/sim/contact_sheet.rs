@@ -3,8 +3,8 @@
 use spf_media::frame::Rgb;
 use spf_media::marks::{Canvas, Colour, Point, TextStyle};
 use spf_media::resize::resize;
-use spf_sim::render::Channels;
-use spf_sim::scene::{Conditions, Lighting, Weather};
+use spf_render::Channels;
+use spf_scene::{Conditions, Lighting, Weather};
 
 use crate::commands::load_stage;
 use crate::error::CliError;

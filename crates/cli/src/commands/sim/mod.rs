@@ -10,12 +10,13 @@ mod view;
 use std::io::ErrorKind;
 use std::path::Path;
 
+use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
 use spf_media::{frame::Rgb, png};
-use spf_sim::effects::{Effects, EffectsError};
-use spf_sim::model::{CraftKind, Model};
-use spf_sim::render::Picture;
-use spf_sim::scene::{Conditions, Lighting, Weather};
+use spf_render::Picture;
+use spf_render::effects::{Effects, EffectsError};
+use spf_scene::{Conditions, Lighting, Weather};
+use spf_sim::model::Model;
 
 use crate::args::{ConditionArgs, Sim};
 use crate::error::{CliError, nearest};

@@ -6,8 +6,8 @@ use spf_core::geometry::{Attitude, BodyDisplacement, Pose, wrap_angle};
 use spf_core::time::Time;
 use spf_media::jpeg::EncodeError;
 use spf_media::png;
-use spf_sim::effects::Eye;
-use spf_sim::render::{Channels, Picture};
+use spf_render::effects::Eye;
+use spf_render::{Channels, Picture};
 
 use super::{above_start, centimetres, conditions, parse_effects, parse_kind, parse_size, write};
 use crate::args::Render;

@@ -10,8 +10,8 @@ use spf_flight::sim::Stage;
 use spf_media::frame::Rgb;
 use spf_media::jpeg::{EncodeError, Jpeg};
 use spf_media::png;
-use spf_sim::render::Channels;
-use spf_sim::scene::{Conditions, Object, Scene};
+use spf_render::Channels;
+use spf_scene::{Conditions, Object, Scene};
 
 use super::{colour, contact_sheet, write};
 use crate::args::Scenes;

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use spf_sim::scene::Scene;
+use spf_scene::Scene;
 use spf_web::view::{Beginning, Library, ViewError, Viewer};
 
 use super::{conditions, parse_kind};

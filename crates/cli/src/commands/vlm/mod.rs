@@ -10,7 +10,7 @@ use spf_core::camera::Camera;
 use spf_core::prompt::PromptText;
 use spf_core::time::duration_from_secs;
 use spf_flight::sim::{SimWorld, WhoPoints, oracle_points};
-use spf_sim::oracle::ErrorFile;
+use spf_oracle::ErrorFile;
 use spf_vlm::cassette::{Recording, Replay};
 use spf_vlm::setup::{self, AUTO, SetupError};
 use spf_vlm::table::{SelectError, Table};

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
 use spf_core::grounding::GroundingProfile;
 use spf_core::pilot::{Outcome, PilotSettings, Preset};
@@ -11,8 +12,8 @@ use spf_core::time::Duration;
 use spf_flight::sim::{Circumstances, FlightPlan, OracleVlm, PolicyKind, SimWorld, Stage, WhoPoints, fly, oracle_points};
 use spf_flight::summary::Summary;
 use spf_flight::world::Script;
-use spf_sim::model::{CraftKind, Model};
-use spf_sim::oracle::ErrorFile;
+use spf_oracle::ErrorFile;
+use spf_sim::model::Model;
 use spf_vlm::table::Table;
 use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Remote, Strategy, Vlm, setup};
 

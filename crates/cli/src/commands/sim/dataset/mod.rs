@@ -5,10 +5,10 @@ mod folder;
 
 use std::sync::atomic::Ordering;
 
+use spf_core::craft::CraftKind;
 use spf_flight::dataset::record::{FORMAT, Head, Row, SceneHead};
 use spf_flight::dataset::{Generator, Kind, Recipe};
 use spf_flight::sim::Stage;
-use spf_sim::model::CraftKind;
 
 use super::{conditions, parse_effects, parse_kind, parse_size};
 use crate::args::Dataset;

@@ -1,0 +1,344 @@
+//! One percept a frame: what the oracle noticed in the picture, drawn by frame number (DESIGN.md section 5).
+
+use std::collections::BTreeMap;
+
+use libm::{exp, sqrt};
+use spf_core::camera::Camera;
+use spf_core::frame::FrameId;
+use spf_core::query::{ImageBox, ImagePoint};
+use spf_core::reply::Look;
+use spf_core::rng::Draw;
+
+use super::errors::ErrorFile;
+use super::masks::{Mask, end_of_run, masks};
+use spf_core::tags::Tagged;
+
+/// Size at which the visible pixels of an object are counted unless the query names another (DESIGN.md section 5).
+pub const SIZE_SENT: (u32, u32) = (960, 720);
+
+/// The pictures of one frame, and the two things that pixels alone do not tell.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight<'a> {
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// Object of each pixel, row by row from the upper left; 0 for none.
+    pub ids: &'a [u16],
+    /// Distance along the optical axis, metres; 0 for none.
+    pub depth: &'a [f32],
+    /// Openings (gates, tunnel mouths, hollows), which hide nothing; empty where the scene has none.
+    pub opening_ids: &'a [u16],
+    /// Distance to the opening's surface along the optical axis, metres.
+    pub opening_depth: &'a [f32],
+    /// The camera that took them.
+    pub camera: &'a Camera,
+    /// Share of an object's silhouette that lies inside the frame, 0..=1; an object that is not listed is wholly inside.
+    pub in_frame: &'a BTreeMap<u16, f32>,
+    /// Light on an object, 0 dark ..= 1 daylight; an object that is not listed is in daylight.
+    pub light: &'a BTreeMap<u16, f32>,
+}
+
+/// One visible object as the oracle takes it in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thing {
+    /// What it is.
+    pub tags: Tagged,
+    /// Visible pixels of the frame.
+    pub area: u64,
+    /// Smallest rectangle around the visible pixels.
+    pub bounds: ImageBox,
+    /// The mask pixel deepest inside the mask, without noise.
+    pub deepest: ImagePoint,
+    /// Where it is pointed at: `deepest` with noise.
+    pub point: ImagePoint,
+    /// Straight-line distance to the surface at `deepest`, with noise, metres; infinite where nothing is.
+    pub range: f64,
+    /// Range of its nearest visible surface, with the same noise, metres: what tells whether one has arrived.
+    pub nearest: f64,
+    /// Range of what is seen at `deepest` in the ordinary picture, metres: through an opening, what lies beyond it.
+    pub beyond: f64,
+    /// Whether it counts as in view: high enough and enough of it inside the frame.
+    pub in_view: bool,
+    /// The edge of the picture that cuts it most.
+    pub cut: Option<Look>,
+    /// Square root of its visible pixels at [`SIZE_SENT`], dimmed by the light on it.
+    size: f64,
+    /// Uniform draw that decides whether it is noticed.
+    luck: f64,
+    /// Uniform draw that decides whether its box is reported.
+    pub(super) box_luck: f64,
+}
+
+/// What the oracle noticed in one frame. All queries about that frame share it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Percept {
+    /// The frame.
+    pub frame: FrameId,
+    /// The camera that took it.
+    pub camera: Camera,
+    /// Row of the picture that is level with the craft, as a share from the top: the horizon where ground is seen up to it.
+    pub level: f64,
+    /// Range up to which a craft finds room straight on, metres; infinite where nothing stands there. For flying on straight.
+    pub ahead: f64,
+    /// Where the picture shows the most room for a level way, and its range, metres, at most 40.
+    pub open: (ImagePoint, f64),
+    pub(super) things: Vec<Thing>,
+}
+
+impl Percept {
+    /// Draws the percept of one frame. What is independent is looked at at once, on as many threads as there are; the percept is the
+    /// same on any number.
+    pub(super) fn draw(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, tags: &[Tagged]) -> Self {
+        let things = |opening| things((errors, seed, frame), sight, tags, opening);
+        let ((mut things, openings), (level, walls)) = rayon::join(
+            || (things(false), things(true)),
+            || {
+                let level = level(sight, tags);
+                (level, Walls::of(sight, level))
+            },
+        );
+        things.extend(openings);
+        Self { frame, camera: *sight.camera, level, ahead: walls.room(sight.camera.cx), open: walls.most_open(level), things }
+    }
+
+    /// The objects noticed when the picture is sent at `size`; [`SIZE_SENT`] when none is named.
+    pub fn seen<'a>(&'a self, errors: &'a ErrorFile, size: Option<(u32, u32)>) -> impl Iterator<Item = &'a Thing> {
+        self.seen_with_chance(errors, size).map(|(thing, _)| thing)
+    }
+
+    /// The same, with the chance of noticing each.
+    pub(super) fn seen_with_chance<'a>(
+        &'a self,
+        errors: &'a ErrorFile,
+        size: Option<(u32, u32)>,
+    ) -> impl Iterator<Item = (&'a Thing, f64)> {
+        let pixels = |(w, h): (u32, u32)| f64::from(w) * f64::from(h);
+        let scale = sqrt(pixels(size.unwrap_or(SIZE_SENT)) / pixels(SIZE_SENT));
+        let chances = self.things.iter().map(move |thing| (thing, chance_seen(errors, thing.size * scale)));
+        chances.filter(|(thing, chance)| thing.luck < *chance)
+    }
+}
+
+/// Probability of noticing an object of this square root of pixels.
+pub(super) fn chance_seen(errors: &ErrorFile, size: f64) -> f64 {
+    let seen = &errors.seen;
+    let width = (seen.sure_px - seen.half_px) / NINETEEN_LN;
+    (1.0 - seen.missed) * logistic(size - seen.half_px, width)
+}
+
+/// ln 19: a logistic reaches 95 % this many widths above its middle.
+const NINETEEN_LN: f64 = 2.944_438_979_166_440_3;
+
+/// `1 / (1 + exp(−x / width))`; a step at 0 (inclusive) when the width is 0.
+pub(super) fn logistic(x: f64, width: f64) -> f64 {
+    if width > 0.0 { 1.0 / (1.0 + exp(-x / width)) } else { f64::from(u8::from(x >= 0.0)) }
+}
+
+/// The tagged things of the ordinary picture in ascending order of id, or those of the picture of openings.
+fn things(of: (&ErrorFile, u64, FrameId), sight: &Sight<'_>, tags: &[Tagged], opening: bool) -> Vec<Thing> {
+    let (errors, seed, frame) = of;
+    let (w, h) = (sight.width, sight.height);
+    let (ids, depth) = if opening { (sight.opening_ids, sight.opening_depth) } else { (sight.ids, sight.depth) };
+    let most = ids.iter().fold(0, |most, id| *id.max(&most));
+    if w == 0 || ids.len() < w * h || depth.len() < w * h || most == 0 {
+        return Vec::new();
+    }
+    let (nearest, masks) = rayon::join(|| nearest(sight, most, &ids[..w * h], &depth[..w * h]), || masks(ids, w));
+    let tagged = |mask: &Mask| tags.iter().find(|tags| tags.id == mask.id && tags.opening == opening);
+    let seen = masks.iter().filter_map(|mask| Some((mask, tagged(mask)?)));
+    seen.map(|(mask, tags)| {
+        let nearest = nearest[usize::from(mask.id)];
+        thing(errors, seed, frame, sight, (depth, nearest), mask, tags)
+    })
+    .collect()
+}
+
+/// `depth` is that of the picture which shows the thing, and the distance to its nearest surface there.
+fn thing(
+    errors: &ErrorFile,
+    seed: u64,
+    frame: FrameId,
+    sight: &Sight<'_>,
+    (depth, nearest): (&[f32], f64),
+    mask: &Mask,
+    tags: &Tagged,
+) -> Thing {
+    let (w, h) = (sight.width as f64, sight.height as f64);
+    let key = [frame.0, u64::from(mask.id)];
+    let area = mask.area as f64;
+    let light = f64::from(*sight.light.get(&mask.id).unwrap_or(&1.0)).clamp(0.0, 1.0);
+    let share = f64::from(*sight.in_frame.get(&mask.id).unwrap_or(&1.0));
+    let bounds = ImageBox {
+        left: mask.left as f64 / w,
+        top: mask.top as f64 / h,
+        right: (mask.right + 1) as f64 / w,
+        bottom: (mask.bottom + 1) as f64 / h,
+    };
+    let deepest = ImagePoint { u: (mask.deepest.0 as f64 + 0.5) / w, v: (mask.deepest.1 as f64 + 0.5) / h };
+    let mut noise = Draw::new(seed, "oracle point", &key);
+    let spread = (errors.point.width_share * w).max(errors.point.size_share * sqrt(area));
+    let point = ImagePoint {
+        u: (deepest.u + spread * noise.normal() / w).clamp(0.0, 1.0),
+        v: (deepest.v + spread * noise.normal() / h).clamp(0.0, 1.0),
+    };
+    let along = f64::from(depth[mask.deepest.1 * sight.width + mask.deepest.0]);
+    let slip = exp(errors.range.log_sd * Draw::new(seed, "oracle range", &key).normal());
+    let range = along * stretch(sight.camera, deepest) * slip;
+    let past = f64::from(sight.depth.get(mask.deepest.1 * sight.width + mask.deepest.0).copied().unwrap_or(0.0));
+    let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
+    Thing {
+        tags: tags.clone(),
+        area: mask.area,
+        bounds,
+        deepest,
+        point,
+        range: if range.is_finite() { range } else { f64::INFINITY },
+        nearest: (nearest * slip).min(range),
+        beyond: if past > 0.0 && past.is_finite() { past * stretch(sight.camera, deepest) } else { f64::INFINITY },
+        // DESIGN.md section 5: at least 0.8 % of the frame high and a quarter inside it, or filling a tenth of it.
+        in_view: (bounds.bottom - bounds.top >= 0.008 && share >= 0.25) || area >= 0.1 * w * h,
+        cut: mask.cut(sight.width, sight.height),
+        size: sqrt(area * sent / (w * h)) * light,
+        luck: Draw::new(seed, "oracle seen", &key).uniform(),
+        box_luck: Draw::new(seed, "oracle box", &key).uniform(),
+    }
+}
+
+/// Straight-line distance to the nearest visible surface of each object of an id picture, metres, by id up to `most`.
+fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64> {
+    let (w, h) = (sight.width, sight.height);
+    // Squared, with what only the row and only the column has to say kept apart.
+    let mut least = vec![f64::INFINITY; usize::from(most) + 1];
+    let at = |x: usize, y: usize| ImagePoint { u: (x as f64 + 0.5) / w as f64, v: (y as f64 + 0.5) / h as f64 };
+    let aside: Vec<f64> = (0..w).map(|x| slopes(sight.camera, at(x, 0)).0).map(|right| right * right).collect();
+    for (y, (ids, depth)) in ids.chunks_exact(w).zip(depth.chunks_exact(w)).enumerate() {
+        let up = slopes(sight.camera, at(0, y)).1;
+        let level = 1.0 + up * up;
+        let mut first = 0;
+        // Neighbours of one thing are taken together, and where there is nothing nothing is worked out.
+        while first < w {
+            let (from, to) = (first, end_of_run(ids, first));
+            first = to;
+            let id = ids[from];
+            if id == 0 {
+                continue;
+            }
+            let square = |along: f32, aside: f64| {
+                let along = f64::from(along);
+                if along > 0.0 { along * along * (level + aside) } else { f64::INFINITY }
+            };
+            let lesser = |least: f64, squared: f64| if squared < least { squared } else { least };
+            // Neighbours by fours, each with a least of its own: the least of all is the same.
+            let ((depths, depth), (asides, aside)) = (depth[from..to].as_chunks::<4>(), aside[from..to].as_chunks::<4>());
+            let mut fours = [f64::INFINITY; 4];
+            for (depth, aside) in depths.iter().zip(asides) {
+                for i in 0..4 {
+                    fours[i] = lesser(fours[i], square(depth[i], aside[i]));
+                }
+            }
+            let rest = depth.iter().zip(aside).map(|(along, aside)| square(*along, *aside));
+            let least = &mut least[usize::from(id)];
+            *least = fours.into_iter().chain(rest).fold(*least, lesser);
+        }
+    }
+    least.into_iter().map(sqrt).collect()
+}
+
+/// Half the width that a craft takes up straight on, metres: a craft of 0.3 m radius and as much again.
+const ROOM_M: f64 = 0.6;
+/// Pixels from one look to the next across the picture.
+const ROOM_STEP: usize = 4;
+
+/// Where a level way leads: the row in which the ground ends in half of the columns that show it, for a hill reaches higher in
+/// some; no lower than a camera at rest has the horizon.
+fn level(sight: &Sight<'_>, tags: &[Tagged]) -> f64 {
+    let camera = sight.camera;
+    let rest = (camera.cy - camera.fy * libm::tan(camera.tilt)) / f64::from(camera.height);
+    let ground: Vec<u16> = tags.iter().filter(|tags| tags.is_surface() && !tags.opening).map(|tags| tags.id).collect();
+    let mut is_ground = vec![false; ground.iter().max().map_or(0, |most| usize::from(*most) + 1)];
+    ground.iter().for_each(|id| is_ground[usize::from(*id)] = true);
+    let ids = |row: usize, column: usize| sight.ids.get(row * sight.width + column);
+    let shows_ground = |id: &u16| is_ground.get(usize::from(*id)).is_some_and(|is| *is);
+    let top = |column: usize| (0..sight.height).find(|&row| ids(row, column).is_some_and(shows_ground));
+    let mut tops: Vec<usize> = (0..sight.width).step_by(HORIZON_STEP).filter_map(top).collect();
+    tops.sort_unstable();
+    let horizon = tops.get(tops.len() / 2).map_or(rest, |row| *row as f64 / sight.height as f64);
+    rest.min(horizon).clamp(HIGHEST_HORIZON, 1.0)
+}
+
+/// Columns from one look for the horizon to the next.
+const HORIZON_STEP: usize = 16;
+
+/// The horizon is not looked for above this share of the picture: a slope may reach higher.
+const HIGHEST_HORIZON: f64 = 0.25;
+
+/// What stands in level ways: for looks across the picture the nearest surface that reaches within [`ROOM_M`] of level.
+struct Walls<'a> {
+    camera: &'a Camera,
+    /// Column and distance along the optical axis.
+    nearest: Vec<(usize, f64)>,
+}
+
+impl<'a> Walls<'a> {
+    fn of(sight: &Sight<'a>, level: f64) -> Self {
+        let camera = sight.camera;
+        let middle = (level * f64::from(camera.height)) as usize;
+        let mut nearest: Vec<(usize, f64)> = (0..sight.width).step_by(ROOM_STEP).map(|column| (column, f64::INFINITY)).collect();
+        for row in (0..sight.height).step_by(ROOM_STEP) {
+            for (column, least) in &mut nearest {
+                let Some(&depth) = sight.depth.get(row * sight.width + *column) else { continue };
+                let depth = f64::from(depth);
+                if depth > 0.0 && depth < *least && depth * row.abs_diff(middle) as f64 / camera.fy < ROOM_M {
+                    *least = depth;
+                }
+            }
+        }
+        Self { camera, nearest }
+    }
+
+    /// Distance along the optical axis up to which a level way towards a column has room.
+    fn room(&self, column: f64) -> f64 {
+        let beside = |at: usize, depth: f64| depth * at.abs_diff(column as usize) as f64 / self.camera.fx;
+        // In one column what is nearer is also nearer to the way.
+        let near = self.nearest.iter().filter(|(at, depth)| beside(*at, *depth) < ROOM_M);
+        near.fold(f64::INFINITY, |least, (_, depth)| least.min(*depth))
+    }
+
+    /// Of several ways across the picture the one with the most room, the most central of equals, and how much.
+    fn most_open(&self, level: f64) -> (ImagePoint, f64) {
+        let ways = [0.5, 0.35, 0.65, 0.2, 0.8, 0.05, 0.95];
+        let mut best = (ImagePoint { u: 0.5, v: level }, 0.0);
+        for u in ways {
+            let room = self.room(u * f64::from(self.camera.width)).min(OPEN_M);
+            if room > best.1 {
+                best = (ImagePoint { u, v: level }, room);
+            }
+        }
+        best
+    }
+}
+
+/// Ways are told apart by their room up to this, metres.
+const OPEN_M: f64 = 40.0;
+
+/// Straight-line distance per metre of depth along the optical axis, at an image point as the lens shows it.
+pub(super) fn stretch(camera: &Camera, at: ImagePoint) -> f64 {
+    let ray = camera.ray(at);
+    sqrt(1.0 + ray.right * ray.right + ray.up * ray.up)
+}
+
+/// Metres right and up per metre along the optical axis. Lens distortion is left out: a looker does not undo it.
+pub(super) fn slopes(camera: &Camera, at: ImagePoint) -> (f64, f64) {
+    let right = (at.u * f64::from(camera.width) - camera.cx) / camera.fx;
+    let up = (camera.cy - at.v * f64::from(camera.height)) / camera.fy;
+    (right, up)
+}
+
+#[cfg(test)]
+impl Thing {
+    /// The same thing with another draw of being noticed.
+    pub(super) fn redraw(&mut self, luck: f64) {
+        self.luck = luck;
+    }
+}

@@ -1,0 +1,149 @@
+//! The city for renderers of others, and our own over the same camera path: what `docs/bench/peers.py` runs.
+//!
+//! `peer export FOLDER` writes one OBJ file a material and `scene.json` (colours, sun, camera, path).
+//! `peer time WIDTH FRAMES` draws pictures along the path and prints one line of JSON.
+
+#![allow(clippy::print_stdout, clippy::disallowed_methods, reason = "an example's output, and what it measures is time")]
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Instant;
+
+use serde_json::json;
+use spf_core::camera::Camera;
+use spf_core::geometry::{Attitude, EnuPosition, Pose};
+use spf_render::{Channels, Picture, Renderer};
+use spf_scene::Scene;
+use spf_scene::geometry::{Part, Role};
+
+/// The path of the example `frame_rate`: east, north, up (metres), heading (degrees), flown along straight lines.
+const STREETS: [[f64; 4]; 7] = [
+    [0.0, -6.0, 2.0, 10.0],
+    [0.0, 30.0, 2.5, 40.0],
+    [4.0, 60.0, 2.0, 75.0],
+    [20.0, 62.0, 1.7, 120.0],
+    [30.0, 40.0, 2.5, 190.0],
+    [28.0, 10.0, 2.0, 250.0],
+    [4.0, -2.0, 2.0, 300.0],
+];
+/// Pictures of the path.
+const PICTURES: usize = 240;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["export", folder] => export(Path::new(folder)),
+        ["time", width, frames] => time(width.parse()?, frames.parse()?),
+        _ => Err("peer export FOLDER, or peer time WIDTH FRAMES".into()),
+    }
+}
+
+/// The poses of the path.
+fn path() -> Vec<Pose> {
+    let legs = STREETS.len() - 1;
+    let at = |i: usize| {
+        let along = i as f64 * legs as f64 / PICTURES as f64;
+        let (leg, share) = (along as usize, along.fract());
+        let [east, north, up, heading] =
+            core::array::from_fn(|k| STREETS[leg][k] + (STREETS[leg + 1][k] - STREETS[leg][k]) * share);
+        let attitude = Attitude { heading: heading.to_radians(), ..Attitude::default() };
+        Pose { position: EnuPosition { east, north, up }, attitude }
+    };
+    (0..PICTURES).map(at).collect()
+}
+
+fn camera(width: u32) -> Camera {
+    Camera::quad().resized(width, width * 3 / 4)
+}
+
+fn export(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let scene = Scene::load("city")?;
+    std::fs::create_dir_all(folder)?;
+    let mut parts: BTreeMap<u16, Vec<&Part>> = BTreeMap::new();
+    for part in scene.geometry.parts.iter().filter(|part| part.role != Role::Opening) {
+        parts.entry(part.material).or_default().push(part);
+    }
+    let mut materials = Vec::new();
+    let mut triangles = 0;
+    for (material, parts) in &parts {
+        let file = format!("m{material}.obj");
+        std::fs::write(folder.join(&file), obj(parts)?)?;
+        let count: usize = parts.iter().map(|part| part.triangles.len()).sum();
+        triangles += count;
+        let colour = scene.geometry.materials[usize::from(*material)].colour;
+        // Linear light to the display's curve.
+        let srgb = colour.to_array().map(|c| if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * libm::powf(c, 1.0 / 2.4) - 0.055 });
+        materials.push(json!({"file": file, "colour": srgb, "triangles": count}));
+    }
+    let camera = Camera::quad();
+    let (_, half) = camera.half_fov();
+    let look = |pose: &Pose| {
+        let EnuPosition { east, north, up } = pose.position;
+        // The lens looks down by its tilt.
+        let (heading, down) = (pose.attitude.heading, camera.tilt);
+        let ahead = [libm::sin(heading) * libm::cos(down), libm::cos(heading) * libm::cos(down), -libm::sin(down)];
+        json!({"eye": [east, north, up], "ahead": ahead})
+    };
+    let description = json!({
+        "triangles": triangles,
+        "materials": materials,
+        "to_sun": scene.geometry.light.to_sun.to_array(),
+        "vertical_fov_deg": (2.0 * half).to_degrees(),
+        "path": path().iter().map(look).collect::<Vec<_>>(),
+    });
+    std::fs::write(folder.join("scene.json"), description.to_string())?;
+    println!("{triangles} triangles in {} materials", parts.len());
+    Ok(())
+}
+
+fn obj(parts: &[&Part]) -> Result<String, std::fmt::Error> {
+    let mut text = String::new();
+    let mut base = 1;
+    for part in parts {
+        for vertex in &part.vertices {
+            let (p, n) = (vertex.position, vertex.normal);
+            writeln!(text, "v {} {} {}\nvn {} {} {}", p.x, p.y, p.z, n.x, n.y, n.z)?;
+        }
+        for corners in &part.triangles {
+            let [a, b, c] = corners.map(|corner| corner + base);
+            writeln!(text, "f {a}//{a} {b}//{b} {c}//{c}")?;
+        }
+        base += part.vertices.len() as u32;
+    }
+    Ok(text)
+}
+
+/// Seconds on all cores that this process has used.
+fn on_cores() -> Result<f64, Box<dyn Error>> {
+    let text = std::fs::read_to_string("/proc/self/stat")?;
+    // After the name in brackets come state and numbers; user and system time are the twelfth and thirteenth, in hundredths.
+    let fields: Vec<&str> = text.rsplit_once(") ").ok_or("no name in brackets")?.1.split(' ').collect();
+    let ticks = |index: usize| fields.get(index).ok_or("too few fields")?.parse::<f64>().map_err(|_| "no number");
+    Ok((ticks(11)? + ticks(12)?) / 100.0)
+}
+
+fn time(width: u32, frames: usize) -> Result<(), Box<dyn Error>> {
+    let scene = Scene::load("city")?;
+    let renderer = Renderer::new(&scene.geometry);
+    let (camera, path) = (camera(width), path());
+    let mut picture = Picture::default();
+    let mut covered = 0;
+    for pose in &path {
+        renderer.render_into(&camera, pose, Channels { ids: true, ..Channels::RGB }, &[], &mut picture);
+        covered += picture.ids.iter().flatten().filter(|id| **id != 0).count();
+    }
+    let pixels = path.len() * camera.width as usize * camera.height as usize;
+    let (started, busy) = (Instant::now(), on_cores()?);
+    for pose in path.iter().step_by(PICTURES.div_ceil(frames.max(1)).max(1)).cycle().take(frames) {
+        renderer.render_into(&camera, pose, Channels::RGB, &[], &mut picture);
+    }
+    let (wall, busy) = (started.elapsed().as_secs_f64(), on_cores()? - busy);
+    let covered = covered as f64 / pixels as f64;
+    println!(
+        "{}",
+        json!({"frames": frames, "wall_s": wall, "cpu_s": busy, "triangles": renderer.triangles(), "covered": covered})
+    );
+    Ok(())
+}

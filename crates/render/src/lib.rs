@@ -1,0 +1,286 @@
+//! The renderer: pictures of a scene, on the CPU, the same bits on every machine and number of threads (DESIGN.md section 5).
+//!
+//! Visibility first (which triangle is nearest at each pixel), then colour once for each pixel that is seen, then four more
+//! samples where surfaces meet. Tiles are independent of one another; all arithmetic is single-precision addition,
+//! multiplication, division and square root, without fused operations, and integers for edges; the rest are tables from `libm`.
+//!
+//! The two types to know are [`Renderer`], a scene prepared for drawing, and [`Picture`], its channels. [`effects`] makes of a picture
+//! what a craft's camera would have sent, and [`surroundings`] are the pictures to all sides. It refuses nothing:
+//! a camera of more than [`MAX_SIDE`] pixels a side is drawn up to that, and a texture that is not there is white.
+
+mod ambient;
+mod contact;
+mod develop;
+mod edge;
+pub mod effects;
+mod facet;
+mod joins;
+mod lamps;
+mod lanes;
+mod meter;
+mod noise;
+mod packet;
+mod pattern;
+mod picture;
+mod prepare;
+mod rain;
+mod raster;
+mod setup;
+mod shade;
+mod shadow;
+mod sky;
+pub mod surroundings;
+mod texture;
+mod tile;
+mod view;
+mod visibility;
+mod walls;
+
+use std::collections::BTreeSet;
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use rayon::prelude::*;
+use spf_core::camera::Camera;
+use spf_core::geometry::Pose;
+
+use ambient::Ambient;
+use contact::Contact;
+use develop::{Developed, Srgb};
+use glam::Vec3;
+use lamps::LampLight;
+use lanes::{Instructions, with_instructions};
+use meter::Meter;
+use noise::Noise;
+use pattern::Paint;
+pub use picture::{Picture, SaveError};
+use prepare::Soup;
+use raster::{NONE, SUB, TILE, TILE_AREA, Tile};
+use setup::{Bins, Wanted, tiles};
+use shade::Shader;
+use shadow::ShadowMap;
+use sky::Sky;
+use spf_scene::geometry::{Light, Material, Part, Pattern, SceneGeometry};
+use spf_scene::texture::Texture;
+pub use view::Frustum;
+use view::View;
+
+/// The greatest width and height of a picture, pixels; a larger camera is drawn up to this.
+pub const MAX_SIDE: u32 = 8192;
+
+/// What is drawn: nothing that is not asked for costs anything.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Channels {
+    /// The colour picture.
+    pub rgb: bool,
+    /// Metres along the optical axis.
+    pub depth: bool,
+    /// The object seen at each pixel's centre.
+    pub ids: bool,
+    /// The second pair, ids and depth, of openings (DESIGN.md section 5).
+    pub openings: bool,
+    /// How fine the colour picture is.
+    pub quality: Quality,
+}
+
+/// How fine a colour picture is. Other channels do not depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// With smooth edges: what is recorded and what a VLM is sent.
+    #[default]
+    Full,
+    /// To look on while flying: jagged edges, shadows with hard rims, none where things stand on the ground, and of the noise of
+    /// materials what is broad.
+    Live,
+}
+
+impl Channels {
+    /// Colour alone.
+    pub const RGB: Self = Self { rgb: true, depth: false, ids: false, openings: false, quality: Quality::Full };
+    /// What the oracle reads: ids, depth and openings.
+    pub const TRUTH: Self = Self { rgb: false, depth: true, ids: true, openings: true, quality: Quality::Full };
+    /// Everything.
+    pub const ALL: Self = Self { rgb: true, ..Self::TRUTH };
+}
+
+/// What only colour needs of a scene, made when the first colour picture is asked for.
+#[derive(Debug)]
+struct Palette {
+    sky: Sky,
+    noise: Noise,
+    /// Of each material those for upright and for lying surfaces; then one for surfaces without a material.
+    paints: Vec<Paint>,
+    ambient: Ambient,
+    lamps: LampLight,
+    contact: Contact,
+    /// Things that give off light.
+    glowing: BTreeSet<u16>,
+    shadows: ShadowMap,
+    srgb: Srgb,
+    /// From light on the film to bytes at once.
+    developed: Developed,
+}
+
+/// A scene prepared for drawing. Shared between threads by reference; one picture already uses all threads of the current
+/// rayon pool.
+#[derive(Debug)]
+pub struct Renderer {
+    soup: Soup,
+    materials: Vec<Material>,
+    textures: Vec<Texture>,
+    light: Light,
+    palette: OnceLock<Palette>,
+    meter: OnceLock<Meter>,
+    scratch: Mutex<Vec<Scratch>>,
+    instructions: Instructions,
+}
+
+/// Memory that is used again from picture to picture. Samples are kept tile after tile.
+#[derive(Debug, Default)]
+struct Scratch {
+    solid: Bins,
+    openings: Bins,
+    near: Vec<f32>,
+    id: Vec<u32>,
+    opening_near: Vec<f32>,
+    opening_id: Vec<u32>,
+    rgb: Vec<u8>,
+}
+
+impl Renderer {
+    /// Prepares a scene. Triangles without area, or whose corners do not exist, are left out.
+    #[must_use]
+    pub fn new(scene: &SceneGeometry) -> Self {
+        Self {
+            soup: Soup::new(&scene.parts, &scene.materials),
+            materials: scene.materials.clone(),
+            textures: scene.textures.clone(),
+            light: scene.light.clone(),
+            palette: OnceLock::new(),
+            meter: OnceLock::new(),
+            scratch: Mutex::default(),
+            instructions: Instructions::best(),
+        }
+    }
+
+    /// Draws with the instructions that every machine of this kind has, and not with wider vectors where there are any. The
+    /// pictures are the same, bit for bit, and take longer: this is there to show so.
+    #[must_use]
+    pub fn with_plain_instructions(self) -> Self {
+        Self { instructions: Instructions::plain(), ..self }
+    }
+
+    /// Triangles in the scene.
+    #[must_use]
+    pub fn triangles(&self) -> usize {
+        self.soup.triangles.len()
+    }
+
+    /// A new picture from `pose`. Lens distortion is not drawn: the picture is that of the undistorted camera.
+    #[must_use]
+    pub fn render(&self, camera: &Camera, pose: &Pose, channels: Channels) -> Picture {
+        let mut picture = Picture::default();
+        self.render_into(camera, pose, channels, &[], &mut picture);
+        picture
+    }
+
+    /// Draws into `picture`, whose memory is used again; `actors` are parts that this picture alone has (things that move), in
+    /// world coordinates, with materials of the scene. Actors stand in the scene's shadows but cast none.
+    pub fn render_into(&self, camera: &Camera, pose: &Pose, channels: Channels, actors: &[Part], picture: &mut Picture) {
+        let mut view = View::new(camera, pose);
+        (view.width, view.height) = (view.width.min(MAX_SIDE), view.height.min(MAX_SIDE));
+        picture.shape(view.width, view.height, channels);
+        if view.width == 0 || view.height == 0 || !(channels.rgb || channels.depth || channels.ids || channels.openings) {
+            return;
+        }
+        let actors = if channels.rgb { Soup::new(actors, &self.materials) } else { Soup::unpainted(actors, &self.materials) };
+        let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+        self.draw(&view, channels, &actors, &mut scratch, picture);
+        self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
+    }
+
+    fn draw(&self, view: &View, channels: Channels, actors: &Soup, scratch: &mut Scratch, picture: &mut Picture) {
+        let soups = [&self.soup, actors];
+        let centres = !channels.rgb;
+        scratch.solid.fill(self.instructions, &soups, view, Wanted { openings: false, centres });
+        let (columns, rows) = tiles(view.width, view.height);
+        let area = columns * rows * TILE_AREA;
+        scratch.near.resize(area, 0.0);
+        scratch.id.resize(area, NONE);
+        let corner = |tile: usize| ((tile % columns) as i32 * TILE, (tile / columns) as i32 * TILE);
+        let solid = &scratch.solid;
+        let pairs = scratch.near.par_chunks_mut(TILE_AREA).zip(scratch.id.par_chunks_mut(TILE_AREA));
+        pairs.enumerate().for_each(|(index, (near, id))| {
+            near.fill(0.0);
+            id.fill(NONE);
+            let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2));
+            with_instructions!(self.instructions, simd => {
+                for t in solid.of(index) {
+                    tile.draw(simd, t);
+                }
+            });
+        });
+        let object = |id: u32| match self.soup.objects.get(id as usize) {
+            Some(&object) => object,
+            None => actors.objects.get((id as usize).wrapping_sub(self.soup.objects.len())).copied().unwrap_or(0),
+        };
+        picture.take_truth(&scratch.near, &scratch.id, columns, object);
+        if channels.openings {
+            scratch.openings.fill(self.instructions, &soups, view, Wanted { openings: true, centres: true });
+        }
+        if channels.openings && scratch.openings.are_empty() {
+            picture.take_no_openings();
+        } else if channels.openings {
+            scratch.opening_near.resize(area, 0.0);
+            scratch.opening_id.resize(area, NONE);
+            let openings = &scratch.openings;
+            let pairs = scratch.opening_near.par_chunks_mut(TILE_AREA).zip(scratch.opening_id.par_chunks_mut(TILE_AREA));
+            pairs.zip(scratch.near.par_chunks(TILE_AREA)).enumerate().for_each(|(index, ((near, id), solid))| {
+                id.fill(NONE);
+                if openings.is_empty(index) {
+                    return;
+                }
+                // An opening flush with its wall is seen: it need not be nearer than the wall, only not behind it.
+                near.iter_mut().zip(solid).for_each(|(n, s)| *n = s * 0.999);
+                let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2));
+                with_instructions!(self.instructions, simd => {
+                    for t in openings.of(index) {
+                        tile.draw(simd, t);
+                    }
+                });
+            });
+            picture.take_openings(&scratch.opening_near, &scratch.opening_id, columns, object);
+        }
+        if channels.rgb {
+            let palette = self.palette();
+            let shader =
+                Shader::new(soups, (palette, &self.textures), view, self.instructions, channels.quality == Quality::Full);
+            scratch.rgb.resize(area * 3, 0);
+            let samples = tile::Samples { near: &scratch.near, id: &scratch.id, columns };
+            let bins = &scratch.solid;
+            scratch.rgb.par_chunks_mut(TILE_AREA * 3).enumerate().for_each_init(tile::Work::default, |work, (index, rgb)| {
+                work.shade(&shader, bins, &samples, index, rgb);
+            });
+            picture.take_rgb(&scratch.rgb, columns);
+            if let Some(rgb) = picture.rgb.as_mut().filter(|_| self.light.rain > 0.0) {
+                rain::fall(rgb, view, palette, palette.exposure(view.eye), |x, y| samples.near_at(x, y));
+            }
+        }
+    }
+
+    fn palette(&self) -> &Palette {
+        // Materials are checked when a scene is made; a part without one is black.
+        let black = Paint::new(Vec3::ZERO, Vec3::ZERO, Pattern::Plain, Vec3::ZERO);
+        self.palette.get_or_init(|| Palette {
+            sky: Sky::new(&self.light),
+            noise: Noise::new(),
+            paints: self.materials.iter().flat_map(Paint::both).chain([black]).collect(),
+            ambient: Ambient::new(&self.soup),
+            lamps: LampLight::new(&self.soup, &self.light.lamps),
+            contact: Contact::new(&self.soup),
+            glowing: self.glowing(),
+            shadows: ShadowMap::new(&self.soup, &self.light),
+            srgb: Srgb::new(),
+            developed: Developed::new(),
+        })
+    }
+}

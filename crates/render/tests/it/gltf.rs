@@ -1,0 +1,45 @@
+//! glTF files as they are drawn.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use serde_json::json;
+use spf_core::camera::Camera;
+use spf_core::geometry::{Attitude, EnuPosition, Pose};
+use spf_render::{Channels, Renderer};
+
+use crate::model::{Model, object, png};
+
+#[test]
+fn a_model_without_ground_is_seen_from_its_start() {
+    let mut model = Model::new();
+    let mesh = model.block(2.0, 1.0, 4.0);
+    model.node(json!({"name": "car", "translation": [0.0, 1.0, 0.0], "mesh": mesh}));
+    let scene = model.scene();
+    let picture = Renderer::new(&scene.geometry).render(&Camera::quad(), &scene.preview, Channels::TRUTH);
+    assert!(picture.ids.unwrap().contains(&object(&scene, "car").id));
+}
+
+#[test]
+fn pictures_are_drawn_where_the_coordinates_say() {
+    let mut model = Model::new();
+    let picture = model.picture(&png(2, 2, |x, y| {
+        [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [250, 250, 250, 0]][(y * 2 + x) as usize]
+    }));
+    let floor = model.floor(20.0, 1.0, Some(picture));
+    model.node(json!({"name": "carpet", "mesh": floor}));
+    let scene = model.scene();
+    assert_eq!(scene.geometry.textures.len(), 1);
+    let down = Attitude { pitch: -std::f64::consts::FRAC_PI_2, ..Attitude::default() };
+    let pose = Pose { position: EnuPosition { east: 0.0, north: 0.0, up: 20.0 }, attitude: down };
+    let camera = Camera { tilt: 0.0, ..Camera::quad() };
+    let rgb = Renderer::new(&scene.geometry).render(&camera, &pose, Channels::RGB).rgb.unwrap();
+    // North is up in the picture, and v = 0 is north.
+    let at = |x: usize, y: usize| {
+        let i = (y * 960 + x) * 3;
+        [rgb[i], rgb[i + 1], rgb[i + 2]]
+    };
+    let strongest = |c: [u8; 3]| c.iter().enumerate().max_by_key(|(_, v)| **v).unwrap().0;
+    let [red, green, blue, clear] = [at(360, 240), at(600, 240), at(360, 480), at(600, 480)];
+    assert_eq!([strongest(red), strongest(green), strongest(blue)], [0, 1, 2], "{red:?} {green:?} {blue:?}");
+    // What is clear has the mean of the rest, a third of each: grey.
+    assert!(clear[0].abs_diff(clear[1]) < 40 && clear[1].abs_diff(clear[2]) < 40, "{clear:?}");
+}

@@ -1,0 +1,180 @@
+//! The motion of all actors, tick by tick, and where they were.
+//!
+//! Nobody ever runs into anybody: each actor holds the room that it needs until it stands, braking as hard as it can, and
+//! moves on only where the room that it needs then is free of everybody else's. Where it is not, it brakes, for which it holds
+//! the room already. Persons choose first, and vehicles leave free where a person wants to go next, so that they stop for them.
+//! Nobody walks or drives into a craft either, which holds the room that it takes; it is not held to do the same.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use spf_core::geometry::EnuPosition;
+use spf_core::time::{Duration, Time};
+
+use super::Gait;
+use super::cast::Cast;
+use super::course::{Claim, Course, Seen, State, WISH};
+use super::place::ActorPlace;
+
+/// Length of a tick: the period of the simulated camera.
+pub const TICK: Duration = Duration::from_millis(50);
+const TICK_NANOS: u64 = 50_000_000;
+/// How far back [`Traffic::places_at`] remembers.
+pub const HISTORY: Duration = Duration::from_secs(10);
+const HISTORY_TICKS: usize = 201;
+
+/// The actors of one flight on their ways.
+#[derive(Clone, Debug)]
+pub struct Traffic {
+    cast: Arc<Cast>,
+    states: Vec<State>,
+    rooms: Rooms,
+    seen: Vec<Seen>,
+    /// Who chooses first.
+    order: Vec<usize>,
+    /// Places at the last ticks; the latest last.
+    history: VecDeque<Vec<ActorPlace>>,
+    tick: u64,
+}
+
+/// Free room that everybody keeps to a craft, metres.
+const CRAFT_GAP: f64 = 0.4;
+
+/// What everybody holds, and room to try what else one would need.
+#[derive(Clone, Debug, Default)]
+struct Rooms {
+    claims: Vec<Claim>,
+    craft: Option<Claim>,
+    trial: Claim,
+    wish: Claim,
+}
+
+impl Traffic {
+    /// Everybody at the beginning of flight time.
+    #[must_use]
+    pub fn new(cast: Arc<Cast>, seed: u64) -> Self {
+        let states: Vec<State> = cast.courses().zip(0..).map(|(course, number)| course.begin(seed, number)).collect();
+        let places: Vec<ActorPlace> = cast.courses().zip(&states).map(|(course, state)| course.place(state)).collect();
+        let mut rooms = Rooms { claims: vec![Claim::default(); states.len()], ..Rooms::default() };
+        for (actor, (state, place)) in states.iter().zip(&places).enumerate() {
+            cast.course(actor).claim(state, place, &mut rooms.claims[actor]);
+        }
+        let mut order: Vec<usize> = (0..states.len()).collect();
+        order.sort_by_key(|&actor| cast.course(actor).motion.gait != Gait::Walk);
+        let seen = cast.courses().zip(&places).map(|(course, place)| course.seen(place)).collect();
+        Self { states, rooms, seen, order, history: VecDeque::from([places]), tick: 0, cast }
+    }
+
+    /// Who moves here.
+    #[must_use]
+    pub fn cast(&self) -> &Arc<Cast> {
+        &self.cast
+    }
+
+    /// Tells where there is a craft, of a radius in metres, from now on.
+    pub fn set_craft(&mut self, position: EnuPosition, radius: f64) {
+        self.rooms.craft.get_or_insert_default().take_craft(position, radius);
+    }
+
+    /// Moves on until the places at `now` are known.
+    pub fn advance_to(&mut self, now: Time) {
+        if self.states.is_empty() {
+            return;
+        }
+        while self.tick * TICK_NANOS < now.as_nanos() {
+            self.step();
+        }
+    }
+
+    /// Where everybody was at `at`, in the order of the cast: exact on ticks, interpolated between them. None for times to
+    /// which it has not moved on yet, or more than [`HISTORY`] back.
+    #[must_use]
+    pub fn places_at(&self, at: Time) -> Option<Vec<ActorPlace>> {
+        if self.states.is_empty() {
+            return Some(Vec::new());
+        }
+        let (earlier, later, share) = self.about(at)?;
+        Some(earlier.iter().zip(later).map(|(a, b)| a.towards(b, share)).collect())
+    }
+
+    /// Where one actor was; none for one that is not there, and for times that are no longer or not yet known.
+    #[must_use]
+    pub fn place_at(&self, actor: usize, at: Time) -> Option<ActorPlace> {
+        let (earlier, later, share) = self.about(at)?;
+        Some(earlier.get(actor)?.towards(later.get(actor)?, share))
+    }
+
+    /// Places at the ticks before and after, and where between them.
+    fn about(&self, at: Time) -> Option<(&[ActorPlace], &[ActorPlace], f64)> {
+        let (tick, rest) = (at.as_nanos() / TICK_NANOS, at.as_nanos() % TICK_NANOS);
+        let oldest = self.tick + 1 - self.history.len() as u64;
+        let index = usize::try_from(tick.checked_sub(oldest)?).ok()?;
+        let earlier = self.history.get(index)?;
+        let later = if rest == 0 { earlier } else { self.history.get(index + 1)? };
+        Some((earlier, later, rest as f64 / TICK_NANOS as f64))
+    }
+
+    fn step(&mut self) {
+        let mut places = if self.history.len() > HISTORY_TICKS { self.history.pop_front() } else { None }.unwrap_or_default();
+        places.clear();
+        places.extend(self.history.back().into_iter().flatten());
+        for k in 0..self.order.len() {
+            let actor = self.order[k];
+            let course = self.cast.course(actor);
+            let (states, rooms) = (&self.states, &mut self.rooms);
+            let is_free = |state: &State, place: &ActorPlace| rooms.are_free(&self.cast, states, &places, actor, state, place);
+            let next = course.next(&states[actor], &self.seen, is_free);
+            places[actor] = course.place(&next);
+            course.claim(&next, &places[actor], &mut self.rooms.claims[actor]);
+            self.seen[actor] = course.seen(&places[actor]);
+            self.states[actor] = next;
+        }
+        self.tick += 1;
+        self.history.push_back(places);
+    }
+}
+
+impl Rooms {
+    /// Whether the room that an actor would need in a state is free: of what the others hold, and for a vehicle also of where
+    /// persons want to go next, unless it is in their way already.
+    fn are_free(
+        &mut self,
+        cast: &Cast,
+        states: &[State],
+        places: &[ActorPlace],
+        actor: usize,
+        state: &State,
+        place: &ActorPlace,
+    ) -> bool {
+        let course = cast.course(actor);
+        let gap = course.gap();
+        course.claim(state, place, &mut self.trial);
+        if let Some(craft) = &self.craft
+            && self.trial.near(craft, CRAFT_GAP)
+        {
+            course.fill(state, &mut self.trial);
+            if self.trial.meets(craft, CRAFT_GAP) {
+                return false;
+            }
+        }
+        let yields = course.motion.gait == Gait::Drive && !Course::is_impatient(&states[actor]);
+        for other in (0..states.len()).filter(|other| *other != actor) {
+            let theirs = cast.course(other);
+            if !self.trial.near(&self.claims[other], gap + if yields { WISH } else { 0.0 }) {
+                continue;
+            }
+            course.fill(state, &mut self.trial);
+            theirs.fill(&states[other], &mut self.claims[other]);
+            if self.trial.meets(&self.claims[other], gap) {
+                return false;
+            }
+            if yields && theirs.wish(&states[other], &places[other], &mut self.wish) && self.trial.meets(&self.wish, gap) {
+                course.fill(&states[actor], &mut self.claims[actor]);
+                if !self.claims[actor].meets(&self.wish, gap) {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+}

@@ -1,0 +1,258 @@
+//! glTF 2.0 files as worlds (`docs/gltf.md`): meshes to draw and to touch, tags, and a place to start from.
+//!
+//! A file is somebody else's: every number in it is checked before it is followed, and what reading can allocate is bounded by
+//! the limits of [`container`], [`accessor`], [`mesh`] and [`images`] before it is allocated.
+
+mod accessor;
+mod container;
+mod files;
+mod images;
+mod material;
+mod mesh;
+mod names;
+mod normals;
+mod objects;
+mod problem;
+mod spec;
+mod start;
+mod walk;
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use glam::Vec3;
+use gltf::json::Root;
+use serde::Deserialize;
+use spf_core::geometry::{EnuPosition, Pose};
+
+use self::accessor::Accessors;
+use self::container::Container;
+use self::files::{Buffers, Surroundings};
+use self::images::Images;
+use self::material::Looks;
+use self::mesh::Meshes;
+use self::objects::Assembly;
+use self::problem::Problem;
+use self::spec::SceneSpec;
+use self::walk::{Viewpoint, Walked};
+use crate::collide::Collider;
+use crate::geometry::SceneGeometry;
+use crate::scene::{Aabb, Scene, SceneError, Shining};
+use spf_core::craft::CraftKind;
+
+/// Which of the file's axes points up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum UpAxis {
+    /// As the format has it: x east, −z north.
+    #[default]
+    Y,
+    /// As many scans have it: x east, y north.
+    Z,
+}
+
+/// What a scene file says of the model that it names; it stands over what the model's own extras say.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Wishes {
+    pub(crate) name: Option<String>,
+    pub(crate) craft: Option<CraftKind>,
+    pub(crate) description: String,
+    pub(crate) start: Option<Pose>,
+    pub(crate) preview: Option<Pose>,
+    pub(crate) success_radius: Option<f64>,
+    pub(crate) near: Option<f64>,
+    pub(crate) bounds: Option<Aabb>,
+    pub(crate) scale: Option<f64>,
+    pub(crate) up: Option<UpAxis>,
+}
+
+/// Worlds at least this wide or deep are flown by the quad over distances of a city, smaller ones by the Tello as in a room; metres.
+const WIDE: f64 = 60.0;
+
+/// Flying room above the highest point, metres.
+const HEADROOM: f64 = 20.0;
+
+/// Loads a `.glb` or `.gltf` with the files it names, which must lie in its folder.
+pub(crate) fn load(path: &str, wishes: &Wishes, shining: Shining) -> Result<Scene, SceneError> {
+    let read = |source| SceneError::Read { path: path.to_owned(), source };
+    let length = std::fs::metadata(path).map_err(read)?.len();
+    if length > container::MAX_BYTES {
+        let message = format!("the file has {} MiB, at most {} are read", length >> 20, container::MAX_BYTES >> 20);
+        let problem = Problem::new(message).hint("make the textures smaller and the meshes coarser");
+        return Err(refused(path, problem));
+    }
+    let bytes = std::fs::read(path).map_err(read)?;
+    parse(&bytes, path, Path::new(path).parent(), wishes, shining)
+}
+
+/// Reads a scene from the bytes of a file; `file` names it in errors and gives the scene its name. Other files are looked for in
+/// `folder`, or refused without one.
+pub(crate) fn parse(
+    bytes: &[u8],
+    file: &str,
+    folder: Option<&Path>,
+    wishes: &Wishes,
+    shining: Shining,
+) -> Result<Scene, SceneError> {
+    import(bytes, file, folder, wishes, shining).map_err(|problem| refused(file, problem))
+}
+
+fn refused(file: &str, problem: Problem) -> SceneError {
+    SceneError::Model { file: file.to_owned(), message: problem.message, hint: problem.hint }
+}
+
+fn import(bytes: &[u8], file: &str, folder: Option<&Path>, wishes: &Wishes, shining: Shining) -> Result<Scene, Problem> {
+    let Container { root, blob } = container::read(bytes)?;
+    let mut around = Surroundings::new(folder);
+    let buffers = Buffers::load(&root, blob, &mut around)?;
+    let scene = root.scene.map_or(0, |scene| scene.value());
+    let said = scene_spec(&root, scene)?;
+    let scale = wishes.scale.or(said.scale).unwrap_or(1.0);
+    if !(1e-4..=1e4).contains(&scale) {
+        return Err(Problem::new(format!("`scale` must be from 0.0001 to 10000, not `{scale}`")));
+    }
+    let walked = walk::walk(&root, walk::axes(wishes.up.or(said.up).unwrap_or_default(), scale), scene)?;
+    let images = Images::load(&root, &materials(&root, &walked), &buffers, &mut around)?;
+    let looks = Looks::new(&root, images);
+    let meshes = Meshes::new(Accessors { root: &root, buffers: &buffers });
+    let assembly = Assembly::build(&root, &walked, meshes, looks)?;
+    world(assembly, walked.start, &said, wishes, file, shining)
+}
+
+/// What the scene's extras say.
+fn scene_spec(root: &Root, scene: usize) -> Result<SceneSpec, Problem> {
+    let extras = root.scenes.get(scene).map(|scene| spec::ours(&scene.extras)).transpose()?.flatten();
+    extras.map_or(Ok(SceneSpec::default()), |own| spec::read(own, "the scene"))
+}
+
+/// Materials of what stands in the scene.
+fn materials(root: &Root, walked: &Walked) -> BTreeSet<usize> {
+    let meshes: BTreeSet<usize> = walked.placed.iter().map(|placed| placed.mesh).collect();
+    let primitives = meshes.into_iter().filter_map(|mesh| root.meshes.get(mesh)).flat_map(|mesh| &mesh.primitives);
+    primitives.filter_map(|primitive| primitive.material).map(|material| material.value()).collect()
+}
+
+/// Adds ground where there is none, and finds out what nobody said.
+fn world(
+    assembly: Assembly,
+    view: Option<Viewpoint>,
+    said: &SceneSpec,
+    wishes: &Wishes,
+    file: &str,
+    shining: Shining,
+) -> Result<Scene, Problem> {
+    let Assembly { mut objects, parts, materials, textures, skipped } = assembly;
+    let corners = || parts.iter().flat_map(|part| part.vertices.iter().map(|v| v.position));
+    let Some(mut extent) = Aabb::around(corners()) else {
+        let cloud = if skipped > 0 { "points and lines are not drawn: make a mesh of them" } else { "export its meshes too" };
+        return Err(Problem::new("it has no triangles").hint(cloud));
+    };
+    let span = (extent.max.east - extent.min.east).max(extent.max.north - extent.min.north);
+    let wide = span >= WIDE;
+    let start = match (wishes.start, &said.start) {
+        (Some(pose), _) => Some(pose),
+        (None, Some(text)) => Some(crate::scene::parse_pose(text).ok_or_else(|| {
+            Problem::new(format!("the extras of the scene: `{text}` is no pose")).hint("write `east,north,up,heading_deg`")
+        })?),
+        (None, None) => None,
+    };
+    let mut geometry = SceneGeometry { parts, materials, textures, light: shining.light };
+    let untouchable = |e: crate::collide::ColliderError| Problem::new(e.to_string());
+    let mut collider = Collider::new(&geometry).map_err(untouchable)?;
+    let mut room = [0.5 * (extent.max.east - extent.min.east), 0.5 * (extent.max.north - extent.min.north)];
+    let grounded = start.is_some_and(|pose| start::ground(&collider, pose.position).is_some())
+        || view.is_some_and(|view| start::below(&collider, &view).is_some())
+        || objects.iter().any(|object| spf_core::tags::SURFACES.contains(&object.tags.kind.as_str()))
+        || start::has_ground(&collider, &extent);
+    let mut bounds = extent;
+    if !grounded {
+        let given = start.map(|pose| pose.position).or(view.map(|view| view.position));
+        bounds = widened(&extent, given);
+        // A little below the lowest point, so that no two faces share a plane.
+        let up = extent.min.up.min(given.map_or(f64::MAX, |at| at.up)) - 0.01;
+        objects::lay_ground(&mut geometry, &mut objects, &bounds, up)?;
+        extent.min.up = up;
+        bounds.min.up = up;
+        collider = Collider::new(&geometry).map_err(untouchable)?;
+        let more = (8.0 + 0.25 * room[0].max(room[1])).min(0.6 * start::BEYOND);
+        room = room.map(|half| half + more);
+        let margin = start::BEYOND - 10.0;
+        bounds = grown(&bounds, margin);
+    }
+    // Heights of the ground are rounded.
+    bounds.min.up -= 0.01;
+    bounds.max.up = extent.max.up + HEADROOM;
+    let bounds = wishes.bounds.unwrap_or(bounds);
+    let start = start
+        .or_else(|| view.and_then(|view| start::below(&collider, &view)))
+        .or_else(|| start::find(&collider, &extent, room))
+        .or_else(|| start::below(&collider, &Viewpoint { position: above_middle(&extent), heading: 0.0 }))
+        .ok_or_else(|| Problem::new("there is nowhere to start").hint("add an empty called `spf_start` above the ground"))?;
+    if !bounds.contains(start.position) {
+        let EnuPosition { east, north, up } = start.position;
+        let message = format!("the start {east:.1},{north:.1},{up:.1} lies outside `bounds`");
+        return Err(Problem::new(message));
+    }
+    let craft = wishes.craft.or(said.craft).unwrap_or(if wide { CraftKind::Quad } else { CraftKind::Tello });
+    Ok(Scene {
+        description: wishes.description.clone(),
+        preview: wishes.preview.unwrap_or_else(|| crate::scene::above(start, craft)),
+        name: wishes.name.clone().or_else(|| said.name.clone()).and_then(|name| shown(&name)).unwrap_or_else(|| stem(file)),
+        near: radius("near_m", wishes.near.or(said.near_m), if wide { 3.0 } else { 0.8 })?,
+        success_radius: radius(
+            "success_radius_m",
+            wishes.success_radius.or(said.success_radius_m),
+            if wide { 5.0 } else { 1.0 },
+        )?,
+        max_altitude: None,
+        default_craft: craft,
+        start,
+        bounds,
+        objects,
+        lighting: shining.lighting,
+        weather: shining.weather,
+        geometry,
+        actors: Vec::new(),
+    })
+}
+
+fn radius(key: &str, value: Option<f64>, default: f64) -> Result<f64, Problem> {
+    let value = value.unwrap_or(default);
+    if (0.1..=50.0).contains(&value) {
+        return Ok(value);
+    }
+    Err(Problem::new(format!("`{key}` must be from 0.1 to 50 metres, not `{value}`")))
+}
+
+/// The extent with a point that is to be in it.
+fn widened(extent: &Aabb, point: Option<EnuPosition>) -> Aabb {
+    let corners = [Some(extent.min), Some(extent.max), point].into_iter().flatten();
+    let narrow = corners.map(|p| Vec3::new(p.east as f32, p.north as f32, p.up as f32));
+    Aabb::around(narrow).unwrap_or(*extent)
+}
+
+fn grown(extent: &Aabb, margin: f64) -> Aabb {
+    let (min, max) = (extent.min, extent.max);
+    Aabb {
+        min: EnuPosition { east: min.east - margin, north: min.north - margin, ..min },
+        max: EnuPosition { east: max.east + margin, north: max.north + margin, ..max },
+    }
+}
+
+fn above_middle(extent: &Aabb) -> EnuPosition {
+    EnuPosition {
+        east: 0.5 * (extent.min.east + extent.max.east),
+        north: 0.5 * (extent.min.north + extent.max.north),
+        up: extent.max.up,
+    }
+}
+
+/// A scene's name as others may write it.
+fn shown(name: &str) -> Option<String> {
+    let name: String = name.trim().chars().filter(|c| !c.is_control()).take(60).collect();
+    (!name.is_empty()).then_some(name)
+}
+
+fn stem(file: &str) -> String {
+    Path::new(file).file_stem().and_then(|stem| shown(&stem.to_string_lossy())).unwrap_or_else(|| "model".to_owned())
+}
