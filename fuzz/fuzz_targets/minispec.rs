@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spf_core::policy::typefly::minispec::{
+use spf_baselines::typefly::minispec::{
     Block, Machine, Precedence, ProgramStream, Progress, Skills, Value, parse_body, parse_program,
 };
 

@@ -49,17 +49,23 @@ pub enum DetectionsError {
 
 /// A line of a list, `name_number x:… y:… width:… height:… …`: label, and centre and size as shares of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Line<'a> {
-    pub(crate) label: &'a str,
-    pub(crate) x: f64,
-    pub(crate) y: f64,
-    pub(crate) width: f64,
-    pub(crate) height: f64,
+pub struct Line<'a> {
+    /// `name_number`.
+    pub label: &'a str,
+    /// Centre, from the left edge, 0..=1.
+    pub x: f64,
+    /// Centre, from the upper edge, 0..=1.
+    pub y: f64,
+    /// Width, 0..=1.
+    pub width: f64,
+    /// Height, 0..=1.
+    pub height: f64,
 }
 
 impl<'a> Line<'a> {
     /// Nothing for a line that is none.
-    pub(crate) fn read(line: &'a str) -> Option<Self> {
+    #[must_use]
+    pub fn read(line: &'a str) -> Option<Self> {
         let share = |key: &str| number(line, key).filter(|share| (0.0..=1.0).contains(share));
         let label = line.split_whitespace().next()?;
         Some(Self { label, x: share("x:")?, y: share("y:")?, width: share("width:")?, height: share("height:")? })
@@ -67,7 +73,8 @@ impl<'a> Line<'a> {
 }
 
 /// The word of a line behind a key such as `color:`.
-pub(crate) fn field<'a>(line: &'a str, key: &str) -> Option<&'a str> {
+#[must_use]
+pub fn field<'a>(line: &'a str, key: &str) -> Option<&'a str> {
     line.split_whitespace().find_map(|part| part.strip_prefix(key))
 }
 
@@ -75,11 +82,11 @@ fn number(line: &str, key: &str) -> Option<f64> {
     field(line, key)?.trim_end_matches(',').parse().ok()
 }
 
-/// The lines of a list: those of a text with neither bullets nor more than [`MAX_LINE`] characters.
+/// The lines of a list, at most `most`: those of a text that `read` can read, without bullets and cut to 160 characters.
 ///
 /// # Errors
 /// [`DetectionsError`].
-pub(crate) fn lines_of<T>(text: &str, most: usize, read: impl FnMut(String) -> Option<T>) -> Result<Vec<T>, DetectionsError> {
+pub fn lines_of<T>(text: &str, most: usize, read: impl FnMut(String) -> Option<T>) -> Result<Vec<T>, DetectionsError> {
     if text.len() > MAX_TEXT {
         return Err(DetectionsError::TooLong);
     }
@@ -93,7 +100,8 @@ pub(crate) fn lines_of<T>(text: &str, most: usize, read: impl FnMut(String) -> O
 }
 
 /// The name of `red_chair_3`, and whether a number was at its end.
-pub(crate) fn name_of(label: &str) -> (&str, bool) {
+#[must_use]
+pub fn name_of(label: &str) -> (&str, bool) {
     match label.rsplit_once('_') {
         Some((name, id)) if !id.is_empty() && id.bytes().all(|b| b.is_ascii_digit()) => (name, true),
         _ => (label, false),

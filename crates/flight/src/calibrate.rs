@@ -10,13 +10,13 @@ use std::sync::atomic::AtomicU32;
 use std::sync::mpsc::{Sender, channel};
 use std::time::Instant;
 
+use spf_baselines::plain::{Plain, PlainSettings};
 use spf_core::actions::ActForm;
 use spf_core::command::Setpoint;
 use spf_core::envelope::Limits;
 use spf_core::estimator::Senses;
 use spf_core::geometry::wrap_angle;
 use spf_core::pilot::{Action, Event, OperatorEvent, Pilot, PilotParts, PilotSettings, Preset};
-use spf_core::policy::plain::{Plain, PlainSettings};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 use spf_drone::tello::Connected;

@@ -3,11 +3,8 @@
 //! A policy never moves anything. It answers each event with one [`Step`]; the pilot carries the step out through executor and
 //! envelope, whatever the policy is, so that methods differ only in how they see and decide.
 
-pub mod pivot;
-pub mod plain;
-mod search;
+pub mod search;
 pub mod spf;
-pub mod typefly;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

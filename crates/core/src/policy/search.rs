@@ -23,16 +23,16 @@ const FACED: f64 = 0.1;
 
 /// An open way that an answer showed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Way {
+pub struct Way {
     /// Its heading, radians.
-    pub(super) heading: f64,
+    pub heading: f64,
     /// Depth label of its end.
-    pub(super) depth: u8,
+    pub depth: u8,
 }
 
 /// What a search does next.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Sought {
+pub enum Sought {
     /// Turn or climb, and look again.
     Look(Primitives),
     /// Fly the way that the answer showed, which was asked for in the direction it leads.
@@ -55,7 +55,7 @@ enum Stage {
 /// The search: turn by 0.8 of the horizontal field; after a full turn climb once and turn again; then twice go along the most open
 /// way that the answers showed, and turn there; then give up. A way is flown only on a picture taken in its direction.
 #[derive(Clone, Debug)]
-pub(super) struct Search {
+pub struct Search {
     /// One turn, radians, positive.
     turn: f64,
     /// Climb between the two full turns, metres.
@@ -76,7 +76,9 @@ pub(super) struct Search {
 }
 
 impl Search {
-    pub(super) fn new(horizontal_fov: f64, climb: f64) -> Self {
+    /// A search with a camera of this horizontal field, radians, which climbs so far between its two turns, metres.
+    #[must_use]
+    pub fn new(horizontal_fov: f64, climb: f64) -> Self {
         Self {
             turn: TURN_SHARE * horizontal_fov,
             climb,
@@ -92,17 +94,18 @@ impl Search {
     }
 
     /// The target was seen: a later search starts anew.
-    pub(super) fn reset(&mut self) {
+    pub fn reset(&mut self) {
         *self = Self { turn: self.turn, climb: self.climb, ..Self::new(0.0, 0.0) };
     }
 
     /// Turned since the target was last seen, radians, clockwise positive.
-    pub(super) fn turned(&self) -> f64 {
+    #[must_use]
+    pub fn turned(&self) -> f64 {
         self.turned
     }
 
     /// What to do after a look at `heading`, radians, that did not show the target but perhaps an open way.
-    pub(super) fn next(&mut self, look: Look, heading: f64, way: Option<Way>) -> Sought {
+    pub fn next(&mut self, look: Look, heading: f64, way: Option<Way>) -> Sought {
         if let (Stage::Face | Stage::Excursion(1..), Some(way)) = (self.stage, way) {
             let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
             self.stage = Stage::Excursion(left - 1);

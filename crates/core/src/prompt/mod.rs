@@ -87,7 +87,7 @@ impl PromptText {
 
     /// The prompt for a query, with the places that only its policy can fill.
     #[must_use]
-    pub(crate) fn write_with(&self, input: &PromptInput<'_>, own: impl Fn(&str) -> Option<String>) -> String {
+    pub fn write_with(&self, input: &PromptInput<'_>, own: impl Fn(&str) -> Option<String>) -> String {
         let said = |flag: bool| if flag { "yes".to_owned() } else { String::new() };
         let range = |(least, most): (f64, f64)| format!("{least} to {most}");
         self.fill(|place| {

@@ -12,8 +12,7 @@ mod short;
 mod stream;
 
 pub(crate) use json::Value;
-pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError};
-pub(crate) use parse::{one_line, one_line_within};
+pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError, one_line, one_line_within};
 pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
 pub(crate) use short::plain_numbers;

@@ -227,12 +227,14 @@ fn name(value: &Value, field: &str) -> Result<Option<String>, ReplyError> {
 }
 
 /// `text` with every run of white space and control characters as one space, trimmed, at most [`MAX_NAME`] characters.
-pub(crate) fn one_line(text: &str) -> String {
+#[must_use]
+pub fn one_line(text: &str) -> String {
     one_line_within(text, MAX_NAME)
 }
 
 /// The same with at most so many characters.
-pub(crate) fn one_line_within(text: &str, most: usize) -> String {
+#[must_use]
+pub fn one_line_within(text: &str, most: usize) -> String {
     let mut out = String::new();
     let words = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty());
     for (i, word) in words.enumerate() {

@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
+use spf_baselines::pivot::{Pivot, PivotSettings};
+use spf_baselines::plain::{Plain, PlainSettings, prompt_kind};
+use spf_baselines::typefly::{TypeFly, TypeFlySettings};
 use spf_core::actions::ActForm;
 use spf_core::avoid::PathShape;
 use spf_core::craft::Craft;
 use spf_core::executor::Motion;
 use spf_core::pilot::PilotSettings;
 use spf_core::policy::Policy;
-use spf_core::policy::pivot::{Pivot, PivotSettings};
-use spf_core::policy::plain::{Plain, PlainSettings, prompt_kind};
 use spf_core::policy::spf::{Spf, SpfSettings};
-use spf_core::policy::typefly::{TypeFly, TypeFlySettings};
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::step::StepRule;
 use spf_vlm::Eyesight;

@@ -6,7 +6,11 @@ use std::collections::BTreeSet;
 use proptest::prelude::*;
 
 use super::*;
+use crate::actions::{ActForm, parse_moves};
 use crate::geometry::Attitude;
+use crate::policy::{Move, PolicyEvent, Reading};
+use crate::primitives::Primitives;
+use crate::query::QueryKind;
 
 /// What may happen next.
 #[derive(Clone, Debug)]
@@ -97,6 +101,68 @@ fn happenings() -> impl Strategy<Value = Happens> {
     ]
 }
 
+/// A policy of which one answer is several moves, flown one after the other from wherever the craft is by then.
+#[derive(Default)]
+struct Legs {
+    asked: Option<QueryId>,
+    left: Vec<Primitives>,
+    moving: bool,
+    next_id: u64,
+}
+
+impl Legs {
+    fn next_leg(&mut self) -> Step {
+        let leg = self.left.pop();
+        self.moving = leg.is_some();
+        leg.map_or(Step::Look, |primitives| Step::Move(Move { primitives, anchor: None, then_rest: true }))
+    }
+}
+
+impl Policy for Legs {
+    fn name(&self) -> &'static str {
+        "legs"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+        match event {
+            PolicyEvent::Instruction(_) => {
+                *self = Self { next_id: self.next_id, ..Self::default() };
+                Step::Look
+            }
+            PolicyEvent::Frame(view) if self.asked.is_none() && !self.moving => {
+                let id = QueryId(self.next_id);
+                self.next_id += 1;
+                self.asked = Some(id);
+                Step::Ask(Box::new(Query::new(id, view.frame.id, QueryKind::Act { form: ActForm::Commands })))
+            }
+            PolicyEvent::Reply { id, text } if self.asked.take_if(|asked| *asked == id).is_some() => {
+                match parse_moves(ActForm::Commands, text) {
+                    Ok(reply) if reply.done => Step::Done,
+                    Ok(reply) => {
+                        self.left = reply.moves.into_iter().rev().map(|(_, primitives)| primitives).collect();
+                        self.next_leg()
+                    }
+                    Err(error) => Step::Reject(error.to_string()),
+                }
+            }
+            PolicyEvent::ReplyFailed { id } => {
+                self.asked.take_if(|asked| *asked == id);
+                Step::Wait
+            }
+            PolicyEvent::MoveEnded { completed: true } if self.moving => self.next_leg(),
+            PolicyEvent::MoveEnded { .. } => {
+                (self.left, self.moving) = (Vec::new(), false);
+                Step::Wait
+            }
+            _ => Step::Wait,
+        }
+    }
+
+    fn reading(&self) -> Reading {
+        Reading::default()
+    }
+}
+
 /// A pilot without a world: events come as they are made up. Knows what a reason to move is.
 struct Chaos {
     pilot: Pilot,
@@ -105,7 +171,7 @@ struct Chaos {
     asked: Vec<(Time, QueryId)>,
     /// Queries that are out, as the pilot's own actions say.
     out: BTreeSet<QueryId>,
-    plain: bool,
+    legs: bool,
     /// Telemetry that went well: where the craft would be.
     up: f64,
     phase: FlightPhase,
@@ -122,7 +188,7 @@ struct Chaos {
 }
 
 impl Chaos {
-    fn new(preset: Preset, plain: bool, own: bool, max_time: f64) -> Self {
+    fn new(preset: Preset, legs: bool, own: bool, max_time: f64) -> Self {
         let mut setup = Setup::preset(preset);
         if own {
             (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, Think::Stop);
@@ -130,11 +196,7 @@ impl Chaos {
         setup.settings.max_time = secs(max_time);
         setup.settings.reply_timeout = secs(4.0);
         let limits = setup.limits.clone();
-        let setup = if plain {
-            setup.policy(Plain::new(PlainSettings { confirm_done: true, image_size: None, form: ActForm::Commands }))
-        } else {
-            setup
-        };
+        let setup = if legs { setup.policy(Legs::default()) } else { setup };
         let pilot = setup.fly(|_, _| Answer::Never).pilot;
         Self {
             pilot,
@@ -142,7 +204,7 @@ impl Chaos {
             counter: 0,
             asked: Vec::new(),
             out: BTreeSet::new(),
-            plain,
+            legs,
             up: 0.0,
             phase: FlightPhase::OnGround,
             limits,
@@ -167,7 +229,7 @@ impl Chaos {
             Event::LinkLost => (self.reason, self.link) = (false, false),
             Event::LinkRestored => self.link = true,
             Event::Reply { id, text } if self.out.remove(id) => {
-                let words: &[&str] = if self.plain { &["forward"] } else { &["navigating", "not_visible"] };
+                let words: &[&str] = if self.legs { &["forward"] } else { &["navigating", "not_visible"] };
                 self.reason = words.iter().any(|word| text.contains(word)) && self.link;
             }
             Event::ReplyFailed { id, .. } if self.out.remove(id) => self.reason = false,
@@ -369,13 +431,13 @@ proptest! {
     #[test]
     fn whatever_happens_the_pilot_moves_for_a_reason_and_its_run_ends(
         paper: bool,
-        plain: bool,
+        legs: bool,
         own: bool,
         begin in prop_oneof![3 => Just(6000u64), 1 => 0..6000u64],
         happenings in prop::collection::vec(happenings(), 0..60),
     ) {
         let max_time = 90.0;
-        let mut chaos = Chaos::new(if paper { Preset::Paper } else { Preset::Default }, plain, own, max_time);
+        let mut chaos = Chaos::new(if paper { Preset::Paper } else { Preset::Default }, legs, own, max_time);
         chaos.go_well(begin);
         for happens in happenings {
             chaos.happen(happens);

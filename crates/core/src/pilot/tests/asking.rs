@@ -1,4 +1,4 @@
-//! Policies that ask more than once, and the plain one: all go through the same pilot.
+//! Policies that ask more than once: all go through the same pilot.
 
 use super::*;
 use crate::policy::{Move, PolicyEvent, Reading, View};
@@ -197,64 +197,4 @@ fn a_part_of_an_answer_may_move_and_the_answer_counts_once() {
     flight.tell(Event::Chunk { id, text: "forward".to_owned() });
     flight.pass(1.0);
     assert!(flight.commands[before..].iter().all(|(_, command)| *command == Command::Setpoint(Setpoint::HOLD)));
-}
-
-fn plain(confirm_done: bool, texts: &'static [&'static str]) -> Flight {
-    let mut number = 0;
-    Setup::preset(Preset::Paper)
-        .policy(Plain::new(PlainSettings { confirm_done, image_size: None, form: ActForm::Commands }))
-        .fly(move |query, _| {
-            assert_eq!(query.kind, QueryKind::Act { form: ActForm::Commands });
-            number += 1;
-            Answer::After(secs(0.5), texts[(number - 1).min(texts.len() - 1)].to_owned())
-        })
-}
-
-const SQUARE: &str =
-    r#"{"actions":[{"cmd":"forward","value":3},{"cmd":"yaw_right","value":90},{"cmd":"up","value":1}],"done":false}"#;
-const DONE: &str = r#"{"actions":[],"done":true}"#;
-
-#[test]
-fn plain_flies_its_actions_one_after_the_other_and_then_looks_again() {
-    let mut flight = plain(true, &[SQUARE, DONE]);
-    assert_eq!(flight.end(), Outcome::Reached);
-    let axes: Vec<usize> = flight
-        .setpoints_since(Time::ZERO)
-        .filter_map(|(_, s)| [s.forward, s.yaw_rate, s.up].iter().position(|x| *x != 0.0))
-        .collect();
-    let mut order = axes.clone();
-    order.dedup();
-    assert_eq!(order, [0, 1, 2], "forward, then the turn, then the climb");
-    let last = flight.frames[usize::try_from(flight.asked[1].1.frame.0).unwrap()];
-    assert!(last.speed < 0.1, "asked again only after all of them, at rest");
-    // The paper's timed moves of a craft that accelerates: about what was asked.
-    assert!((last.pose.position.north - 3.0).abs() < 0.7 && (last.pose.position.up - 4.0).abs() < 0.5, "{last:?}");
-    assert!((last.pose.attitude.heading.to_degrees() - 90.0).abs() < 25.0, "{last:?}");
-    let told: Vec<usize> = flight.asked.iter().map(|(_, query)| query.memory.actions.len()).collect();
-    assert_eq!(told, [0, 3, 3], "what was flown is told; a done is looked at twice");
-    assert_eq!(flight.pilot.decisions(), 3);
-    assert_eq!(flight.decisions().next().unwrap().reading.actions.len(), 3);
-}
-
-#[test]
-fn plain_believes_done_at_once_where_it_is_set_to() {
-    let mut flight = plain(false, &[DONE]);
-    assert_eq!(flight.end(), Outcome::Reached);
-    assert_eq!(flight.asked.len(), 1);
-    let mut flight = plain(true, &[DONE]);
-    assert_eq!(flight.end(), Outcome::Reached);
-    let confirming: Vec<bool> = flight.asked.iter().map(|(_, query)| query.memory.confirming).collect();
-    assert_eq!(confirming, [false, true]);
-}
-
-#[test]
-fn plain_does_not_resume_what_was_cut_short() {
-    let mut flight = plain(true, &[SQUARE, DONE]);
-    flight.until_moving();
-    flight.operator(OperatorEvent::Hold);
-    flight.pass(2.0);
-    let resumed = flight.now;
-    flight.operator(OperatorEvent::Resume);
-    assert_eq!(flight.end(), Outcome::Reached);
-    assert!(flight.setpoints_since(resumed).all(|(_, setpoint)| setpoint.is_hold()), "the old turn and climb are gone");
 }

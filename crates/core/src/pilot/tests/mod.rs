@@ -6,7 +6,6 @@
 
 mod arbitrary;
 mod asking;
-mod baselines;
 mod endings;
 mod failings;
 mod manoeuvres;
@@ -18,7 +17,6 @@ mod whole;
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::actions::ActForm;
 use crate::avoid::PathShape;
 use crate::command::Command;
 use crate::envelope::Cleared;
@@ -30,7 +28,6 @@ use crate::geometry::{BodyDisplacement, EnuPosition, EnuVelocity, Pose};
 use crate::grounding::GroundingProfile;
 use crate::lift::{Lifting, project_displacement};
 use crate::policy::Step;
-use crate::policy::plain::{Plain, PlainSettings};
 use crate::policy::spf::{Spf, SpfSettings};
 use crate::query::{ImagePoint, Query};
 use crate::reply::{Look, OpenWay, Reply, Status};

@@ -14,13 +14,13 @@ use minispec::{Machine, Precedence, ProgramStream, Progress, SkillCall, Value};
 use scene::Scene;
 use skills::Library;
 
-use crate::craft::Craft;
-use crate::grounding::GroundingProfile;
-use crate::policy::{FailReason, Policy, PolicyEvent, Reading, Step, View};
-use crate::prompt::{PromptInput, PromptKind, PromptText};
-use crate::query::{Memory, Query, QueryId, QueryKind};
-use crate::reply::{one_line, one_line_within, parse_completion};
-use crate::time::{Duration, Time};
+use spf_core::craft::Craft;
+use spf_core::grounding::GroundingProfile;
+use spf_core::policy::{FailReason, Policy, PolicyEvent, Reading, Step, View};
+use spf_core::prompt::{PromptInput, PromptKind, PromptText};
+use spf_core::query::{Memory, Query, QueryId, QueryKind};
+use spf_core::reply::{one_line, one_line_within, parse_completion};
+use spf_core::time::{Duration, Time};
 
 /// Results of calls that are told back to the planner.
 const REMEMBERED_CALLS: usize = 20;
@@ -225,7 +225,7 @@ impl TypeFly {
 
     fn ask_list(&mut self) -> Step {
         let coco = self.settings.coco;
-        let classes = if coco { crate::coco::CLASSES.join(", ") } else { String::new() };
+        let classes = if coco { spf_core::coco::CLASSES.join(", ") } else { String::new() };
         let prompt = self.write(&PromptText::shipped(PromptKind::Detect), |place| (place == "classes").then(|| classes.clone()));
         let query = self.query(QueryKind::Detect { coco, scored: false }, prompt);
         self.detecting = Some(query.id);

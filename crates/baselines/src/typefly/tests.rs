@@ -1,9 +1,9 @@
 use super::*;
-use crate::camera::Camera;
-use crate::frame::{FrameId, FrameMeta};
-use crate::geometry::Pose;
-use crate::policy::Move;
-use crate::primitives::Primitives;
+use spf_core::camera::Camera;
+use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::geometry::Pose;
+use spf_core::policy::Move;
+use spf_core::primitives::Primitives;
 
 const CAR: &str = "car_3 x:0.50 y:0.60 width:0.20 height:0.10 color:black";
 

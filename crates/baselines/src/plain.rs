@@ -4,12 +4,12 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::actions::{ActForm, parse_moves};
-use crate::grounding::GroundingProfile;
-use crate::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
-use crate::primitives::Primitives;
-use crate::prompt::{PromptInput, PromptKind, PromptText};
-use crate::query::{Memory, Query, QueryId, QueryKind};
+use spf_core::actions::{ActForm, parse_moves};
+use spf_core::grounding::GroundingProfile;
+use spf_core::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
+use spf_core::primitives::Primitives;
+use spf_core::prompt::{PromptInput, PromptKind, PromptText};
+use spf_core::query::{Memory, Query, QueryId, QueryKind};
 
 /// Actions told back to the VLM.
 const REMEMBERED_ACTIONS: usize = 5;

@@ -1,9 +1,9 @@
 use super::*;
-use crate::camera::Camera;
-use crate::frame::{FrameId, FrameMeta};
-use crate::geometry::{Attitude, Pose};
-use crate::query::Mark;
-use crate::time::Time;
+use spf_core::camera::Camera;
+use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::geometry::{Attitude, Pose};
+use spf_core::query::Mark;
+use spf_core::time::Time;
 
 const CRAFT_STEP: f64 = 2.0;
 

@@ -4,8 +4,8 @@
 
 use core::ops::RangeInclusive;
 
-use crate::query::{ImagePoint, Mark};
-use crate::rng::Draw;
+use spf_core::query::{ImagePoint, Mark};
+use spf_core::rng::Draw;
 
 /// Widest picture that the pixels below are meant for; a wider one counts as scaled down to it.
 const MAX_WIDTH: f64 = 1024.0;

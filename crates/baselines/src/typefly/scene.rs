@@ -1,6 +1,6 @@
 //! The list of detections that planner and skills see instead of the picture.
 
-use crate::detection::{DetectionsError, Line, field, lines_of, name_of};
+use spf_core::detection::{DetectionsError, Line, field, lines_of, name_of};
 
 /// Most lines of a list that are read.
 const MAX_LINES: usize = 200;
@@ -77,7 +77,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::reply::MAX_TEXT;
+    use spf_core::reply::MAX_TEXT;
 
     const LIST: &str = "car_3 x:0.50 y:0.60 width:0.20 height:0.10 color:black\n\
         - car_4 x:0.10 y:0.60 width:0.05 height:0.04 color:white\nand:\n\

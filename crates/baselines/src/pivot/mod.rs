@@ -10,17 +10,17 @@ use std::sync::Arc;
 pub use candidates::Sampling;
 use candidates::{Distribution, Offset, Sheet, mean};
 
-use crate::craft::Craft;
-use crate::geometry::BodyDisplacement;
-use crate::grounding::GroundingProfile;
-use crate::lift::{self, Lifting};
-use crate::policy::search::{Search, Sought};
-use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
-use crate::primitives::Primitives;
-use crate::prompt::{PromptInput, PromptKind, PromptText};
-use crate::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
-use crate::reply::{Choice, Completion, Look, parse_choice, parse_completion};
-use crate::rng::Draw;
+use spf_core::craft::Craft;
+use spf_core::geometry::BodyDisplacement;
+use spf_core::grounding::GroundingProfile;
+use spf_core::lift::{self, Lifting};
+use spf_core::policy::search::{Search, Sought};
+use spf_core::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
+use spf_core::primitives::Primitives;
+use spf_core::prompt::{PromptInput, PromptKind, PromptText};
+use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
+use spf_core::reply::{Choice, Completion, Look, parse_choice, parse_completion};
+use spf_core::rng::Draw;
 
 /// How the results of parallel runs become one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
