@@ -1,16 +1,11 @@
 //! JPEG files as other people's programs read them.
 
-// The configuration allows it in test functions; these are helpers of tests.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use std::io::Write;
 use std::process::{Command, Stdio};
 
 use spf_media::{Jpeg, Rgb};
 
-use common::have_ffmpeg;
+use crate::ffmpeg::have_ffmpeg;
 
 /// Bright and dark blocks on a slope of colours.
 fn picture(width: u32, height: u32) -> Rgb {

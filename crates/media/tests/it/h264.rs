@@ -1,16 +1,11 @@
 //! H.264 streams of other people's encoders.
 
-// The configuration allows it in test functions; these are helpers of tests.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use std::process::Command;
 
 use spf_media::Rgb;
 use spf_media::h264::{Decoder, nal_units};
 
-use common::have_ffmpeg;
+use crate::ffmpeg::have_ffmpeg;
 
 fn ffmpeg(arguments: &[&str]) -> Vec<u8> {
     let output = Command::new("ffmpeg").args(["-v", "error"]).args(arguments).arg("-").output().unwrap();

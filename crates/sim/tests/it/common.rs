@@ -1,11 +1,9 @@
 //! A craft in a hand-made scene: a wide floor, and boxes on it.
-#![allow(dead_code, reason = "each test file uses its share")]
 
 #[path = "../../../scene/tests/it/boxes.rs"]
 mod boxes;
 
-#[allow(unused_imports, reason = "each test file uses its share")]
-pub(crate) use boxes::{FLOOR, TABLE, WALL, at, block, facing, geometry, scene};
+pub(crate) use boxes::{FLOOR, TABLE, WALL, at, facing, geometry, scene};
 use spf_core::command::{Command, Setpoint};
 use spf_core::geometry::EnuPosition;
 use spf_core::time::{Duration, Time};

@@ -1,5 +1,4 @@
 //! A log as others meet it: what goes in comes out, in order, also when its writer was slow, stopped or torn away.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::path::Path;
 use std::time::{Duration, Instant};

@@ -1,7 +1,7 @@
 //! The video file: other people's programs read it, its times are flight times, its bytes repeat.
 
-// The configuration allows both in test functions; these are helpers of tests.
-#![allow(clippy::unwrap_used, clippy::print_stderr)]
+// The configuration allows it in test functions; this is a helper of tests.
+#![allow(clippy::print_stderr)]
 
 use std::path::Path;
 use std::process::Command;

@@ -1,7 +1,6 @@
 //! A flight is the same when its log is replayed, and is not when the method is another.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-#[path = "../../detect/tests/made/mod.rs"]
+#[path = "../../../detect/tests/made/mod.rs"]
 mod made;
 
 use std::path::{Path, PathBuf};

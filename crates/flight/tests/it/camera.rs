@@ -1,5 +1,4 @@
 //! Flying by pictures that a lens has bent: what is pointed at is what is flown to. And through wind, and on a weak battery.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::sync::{Arc, OnceLock};
 

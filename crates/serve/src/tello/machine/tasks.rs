@@ -9,9 +9,9 @@ use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_sim::craft::SimCraft;
 
-use super::command::{Direction, Offset, Request};
-use super::machine::VirtualTello;
-use super::manoeuvre::{Manoeuvre, Step, arc, place};
+use super::VirtualTello;
+use crate::tello::command::{Direction, Offset, Request};
+use crate::tello::manoeuvre::{Manoeuvre, Step, arc, place};
 
 /// A correction of a manoeuvre holds so long unless the next replaces it.
 const HOLDS: Duration = Duration::from_millis(200);

@@ -1,5 +1,4 @@
 //! A live view as viewers meet it, quick ones and stuck ones.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
