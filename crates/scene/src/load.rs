@@ -110,7 +110,7 @@ impl Scene {
         BUILT_IN.iter().map(|(name, _)| *name).collect()
     }
 
-    /// Every kind of mesh that a scene file can name, in alphabetical order.
+    /// Every kind of mesh that a scene file can name and the program draws, in alphabetical order.
     #[must_use]
     pub fn mesh_kinds() -> Vec<&'static str> {
         KINDS.iter().map(|(name, _)| *name).collect()

@@ -54,7 +54,8 @@ pub struct Object {
     pub key: String,
     /// What people call it.
     pub tags: Tags,
-    /// Kind of its mesh, one of [`Scene::mesh_kinds`], or `gltf` for one out of a model file.
+    /// Kind of its mesh, one of [`Scene::mesh_kinds`], `model` for a model file placed as an object, or `gltf` for one out of a model that
+    /// is a world.
     pub mesh: &'static str,
     /// Whether it is an opening, a surface that hides and touches nothing.
     pub opening: bool,

@@ -81,6 +81,10 @@ pub(super) fn build(
     }
     let ids: BTreeMap<&str, ObjectId> =
         expanded.placed.iter().enumerate().map(|(i, p)| (p.key.as_str(), i as ObjectId + 1)).collect();
+    let mut textures = Vec::new();
+    let Some(model_materials) = expanded.models.add_looks(&mut materials.list, &mut textures) else {
+        return Err(source.error(&(0..0), "a scene may have at most 65535 materials and as many pictures", None));
+    };
     let (mut all, mut objects, mut actors) = (Vec::new(), Vec::new(), Actors::default());
     let (mut triangles, mut gait_triangles) = (0, 0);
     for (i, placed) in expanded.placed.iter().enumerate() {
@@ -103,7 +107,10 @@ pub(super) fn build(
         for lamp in sketch.lamps.iter().filter(|_| placed.motion.is_none()) {
             shine::add(&mut shining, lamp, |p| to_world.point(p), to_world.scale, &placed.span, source)?;
         }
-        let own = parts(&sketch, &slots, &to_world, id);
+        let own = match placed.model {
+            Some(number) => model_parts(expanded.models.parts(number), model_materials[number], &to_world, id),
+            None => parts(&sketch, &slots, &to_world, id),
+        };
         let mut object = object(placed, id, &ids, &own, &sketch, &to_world, source)?;
         match &placed.motion {
             Some(motion) => {
@@ -138,7 +145,7 @@ pub(super) fn build(
         objects,
         lighting: shining.lighting,
         weather: shining.weather,
-        geometry: SceneGeometry { parts: all, materials: materials.list, textures: Vec::new(), light: shining.light },
+        geometry: SceneGeometry { parts: all, materials: materials.list, textures, light: shining.light },
         actors: actors.list,
     })
 }
@@ -153,6 +160,20 @@ fn parts(sketch: &Sketch, slots: &[(&'static str, u16)], to_world: &Frame, objec
         Part { vertices, triangles: surface.triangles.clone(), material, object, role: surface.role }
     };
     sketch.surfaces.iter().map(part).collect()
+}
+
+/// The meshes of a model, whose materials' numbers grow by `more`. Its texture coordinates count repetitions of a picture, and do
+/// not grow with it.
+fn model_parts(parts: &[Part], more: u16, to_world: &Frame, object: ObjectId) -> Vec<Part> {
+    let vertex = |v: &Vertex| Vertex { uv: v.uv, ..to_world.vertex(v) };
+    let part = |part: &Part| Part {
+        vertices: part.vertices.iter().map(vertex).collect(),
+        triangles: part.triangles.clone(),
+        material: part.material + more,
+        object,
+        role: part.role,
+    };
+    parts.iter().map(part).collect()
 }
 
 /// What a person looks like on its way; nothing for what does not walk.

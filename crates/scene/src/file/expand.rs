@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use toml::Spanned;
 
+use super::model::{self, Models};
 use super::motion::motion;
 use super::raw::{RawObject, RawScene};
 use super::source::{Source, first_line};
@@ -25,6 +26,8 @@ pub(super) struct Placed {
     pub(super) mesh: usize,
     /// Kind of that generator.
     pub(super) mesh_kind: &'static str,
+    /// Number of the model that it is, where it is one.
+    pub(super) model: Option<usize>,
     /// Slot and material, with the place in the text.
     pub(super) materials: Vec<(String, String, Range<usize>)>,
     /// East, north, up, metres.
@@ -44,6 +47,7 @@ pub(super) struct Placed {
 pub(super) struct Expanded {
     pub(super) placed: Vec<Placed>,
     pub(super) meshes: Vec<Box<dyn Generator>>,
+    pub(super) models: Models,
     keys: BTreeSet<String>,
 }
 
@@ -88,7 +92,7 @@ pub(super) fn unroll(
     let tags = tags(&merged, &span, source)?;
     let materials: Vec<_> =
         merged.materials.iter().map(|(slot, name)| (slot.clone(), name.get_ref().clone(), name.span())).collect();
-    let (mesh_kind, mesh) = generator(&merged, &span, source)?;
+    let (mesh_kind, mesh, model) = generator(&merged, &mut out.models, &span, source)?;
     check_opening(&merged, mesh.as_ref(), &span, source)?;
     let motion = motion(&merged, source)?;
     let places = match &motion {
@@ -113,6 +117,7 @@ pub(super) fn unroll(
             opening_of: merged.opening_of.as_ref().map(|o| (o.get_ref().clone(), o.span())),
             mesh: out.meshes.len() - 1,
             mesh_kind,
+            model,
             materials: materials.clone(),
             position,
             heading_deg,
@@ -190,12 +195,13 @@ fn tags(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<
     Ok(tags)
 }
 
-/// The kind of an object's mesh, and what draws it.
+/// The kind of an object's mesh, what draws it, and the model that it is.
 fn generator(
     object: &RawObject,
+    models: &mut Models,
     span: &Range<usize>,
     source: &Source<'_>,
-) -> Result<(&'static str, Box<dyn Generator>), SceneError> {
+) -> Result<(&'static str, Box<dyn Generator>, Option<usize>), SceneError> {
     let Some(mesh) = &object.mesh else {
         let hint = "write `mesh = { kind = \"tree\", style = \"conifer\", height = 9.0 }`".to_owned();
         return Err(source.error(span, "an object has no `mesh`", Some(hint)));
@@ -205,6 +211,10 @@ fn generator(
     let Some(toml::Value::String(kind)) = table.remove("kind") else {
         return Err(source.error(&at, "a mesh has no `kind`", Some("write `mesh = { kind = \"tree\", … }`".to_owned())));
     };
+    if kind == model::KIND {
+        let number = models.get(object, table, &at, source)?;
+        return Ok((model::KIND, models.generator(number), Some(number)));
+    }
     let Some(&(kind, read)) = KINDS.iter().find(|(name, _)| *name == kind) else {
         let hint = match nearest(&kind, KINDS.iter().map(|(name, _)| *name)) {
             Some(near) => format!("did you mean `{near}`?"),
@@ -217,7 +227,7 @@ fn generator(
         let hint = hint_from(&message);
         source.error(&at, format!("mesh `{kind}`: {message}"), hint)
     })?;
-    Ok((kind, generator))
+    Ok((kind, generator, None))
 }
 
 fn check_opening(object: &RawObject, mesh: &dyn Generator, span: &Range<usize>, source: &Source<'_>) -> Result<(), SceneError> {

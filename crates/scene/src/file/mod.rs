@@ -2,6 +2,7 @@
 
 mod build;
 mod expand;
+mod model;
 mod motion;
 mod raw;
 mod shine;
@@ -21,7 +22,7 @@ use self::source::Source;
 
 /// The light of a scene that says nothing of it.
 pub(crate) fn own_light(conditions: &Conditions) -> Result<Shining, SceneError> {
-    shine::light_alone(&RawLight::default(), conditions, &Source::new("", ""))
+    shine::light_alone(&RawLight::default(), conditions, &Source::new("", "", None))
 }
 
 /// Reads a scene from its text; `file` names it in errors, `folder` is where it lies, none when only its text is known. With a seed,
@@ -33,12 +34,12 @@ pub(crate) fn parse(
     conditions: &Conditions,
     seed: Option<u64>,
 ) -> Result<Scene, SceneError> {
-    let source = Source::new(text, file);
+    let source = Source::new(text, file, folder);
     if wrapper::names_a_model(text) {
         if seed.is_some() {
             return Err(SceneError::no_variants(file, 1));
         }
-        return wrapper::load(&source, folder, conditions);
+        return wrapper::load(&source, conditions);
     }
     let mut raw = source.read()?;
     let mut expanded = expand::expand(&raw, &source)?;

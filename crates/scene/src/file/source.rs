@@ -1,6 +1,7 @@
 //! The text of a scene file, and where in it something is wrong.
 
 use std::ops::Range;
+use std::path::Path;
 
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -12,20 +13,27 @@ use crate::limits::MAX_BYTES;
 /// The version of the format that is read.
 const FORMAT: u32 = 1;
 
-/// The text of a scene file with its name, for errors.
+/// The text of a scene file with its name, for errors, and where it lies.
 pub(super) struct Source<'a> {
     text: &'a str,
     file: &'a str,
+    folder: Option<&'a Path>,
 }
 
 impl<'a> Source<'a> {
-    pub(super) const fn new(text: &'a str, file: &'a str) -> Self {
-        Self { text, file }
+    /// `folder` is that of the file; none when only its text is known.
+    pub(super) const fn new(text: &'a str, file: &'a str, folder: Option<&'a Path>) -> Self {
+        Self { text, file, folder }
     }
 
     /// The file's name.
     pub(super) const fn name(&self) -> &'a str {
         self.file
+    }
+
+    /// Where the files lie that it names.
+    pub(super) const fn folder(&self) -> Option<&'a Path> {
+        self.folder
     }
 
     /// An error at the start of a span.

@@ -1,7 +1,5 @@
 //! A scene file that names a model: `[gltf] file = "harbour.glb"`, with the usual keys for what the model does not say.
 
-use std::path::Path;
-
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use spf_core::craft::CraftKind;
@@ -54,11 +52,11 @@ pub(super) fn names_a_model(text: &str) -> bool {
     toml::from_str::<Probe>(text).is_ok_and(|probe| probe.gltf.is_some())
 }
 
-/// Loads the model that the text names; `folder` is that of the scene file, none when only its text is known.
-pub(super) fn load(source: &Source<'_>, folder: Option<&Path>, conditions: &Conditions) -> Result<Scene, SceneError> {
+/// Loads the model that the text names.
+pub(super) fn load(source: &Source<'_>, conditions: &Conditions) -> Result<Scene, SceneError> {
     let raw: RawWrapper = source.read()?;
     let at = raw.gltf.file.span();
-    let Some(folder) = folder else {
+    let Some(folder) = source.folder() else {
         return Err(source.error(&at, "a scene with `[gltf]` must be loaded from its path", None));
     };
     let name = raw.gltf.file.get_ref();

@@ -37,7 +37,10 @@ pub(super) fn check(
 ) -> Result<(), SceneError> {
     if !colours.is_empty() && !slots.iter().any(|(name, _)| *name == slot) {
         let names: Vec<&str> = slots.iter().map(|(name, _)| *name).collect();
-        let hint = format!("this mesh has `{}`", names.join("`, `"));
+        let hint = match names[..] {
+            [] => "a model has its own materials".to_owned(),
+            _ => format!("this mesh has `{}`", names.join("`, `")),
+        };
         return Err(source.error(span, format!("no material slot `{slot}`"), Some(hint)));
     }
     for (word, material) in colours {
