@@ -61,9 +61,9 @@ impl PolicyMaker for Squares {
     }
 }
 
-/// Flies it in the office.
+/// Flies it over the plaza of the city.
 pub(crate) fn fly() -> Result<Flown, Box<dyn Error>> {
-    let site = Site::Simulated(Simulated::new(Arc::new(Stage::load("office")?), "office"));
+    let site = Site::Simulated(Simulated::new(Arc::new(Stage::load("city")?), "city"));
     let who = oracle_points("oracle".to_owned(), ErrorFile::default());
     let plan = FlightPlan { policy: Arc::new(Squares), ..FlightPlan::new(site, "fly a square", "oracle", who) };
     Ok(flight::fly(plan, &mut [])?)

@@ -134,6 +134,17 @@ fn what_is_exported_again_is_where_it_is_defined() {
 }
 
 #[test]
+fn what_a_macro_makes_is_where_it_is_called() {
+    let files = [
+        ("lib.rs", "mod a; mod b; mod keys;"),
+        ("a.rs", "pub fn a() { crate::b::b() }"),
+        ("b.rs", "use crate::keys::Made; pub fn b() {}"),
+        ("keys.rs", "made! { Made: crate::a::a }"),
+    ];
+    assert_eq!(of(&files), ["a.rs b.rs keys.rs"]);
+}
+
+#[test]
 fn files_are_found_where_the_compiler_finds_them() {
     let files = [
         ("lib.rs", "#[cfg(unix)] #[path = \"elsewhere.rs\"] mod a; #[cfg(not(unix))] mod a; mod within { pub mod b; }"),

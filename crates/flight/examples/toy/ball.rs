@@ -3,13 +3,16 @@
 use spf_core::camera::Camera;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, project_displacement};
+use spf_core::time::Time;
 use spf_media::Rgb;
 
 const BALL: EnuPosition = EnuPosition { east: 4.0, north: 14.0, up: 3.5 };
 
-/// Light blue, and the ball where a camera sees it from there.
-pub(super) fn paint(camera: &Camera, from: &Pose) -> Rgb {
+/// Light blue, and the ball where a camera sees it from there. A dark dot in the first row goes on from picture to picture: a
+/// camera never shows the same one twice, and one that does counts as frozen.
+pub(super) fn paint(camera: &Camera, from: &Pose, at: Time) -> Rgb {
     let mut picture = Rgb::filled(camera.width, camera.height, [200, 220, 255]);
+    picture.set_pixel((20.0 * at.as_secs_f64()).round() as u32 % camera.width, 0, [0; 3]);
     let ahead = from.position.displacement_to(BALL, from.attitude.heading);
     if let Some(at) = project_displacement(ahead, camera, from.attitude, Lifting::Levelled) {
         let radius = camera.fx * 0.5 / ahead.length();

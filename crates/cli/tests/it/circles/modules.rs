@@ -11,7 +11,7 @@ use syn::visit::Visit;
 use syn::{Attribute, Item, UseTree, Visibility};
 
 use super::graph::{Edges, circles};
-use super::paths::{InnerUses, Paths, Words, attributes, for_tests, name_of, path_attribute};
+use super::paths::{InnerUses, Paths, Words, attributes, for_tests, is_call, name_of, path_attribute};
 
 /// What a name stands for.
 #[derive(Clone, Debug)]
@@ -166,7 +166,7 @@ impl Crate {
         self.modules[module].imports.push((path, only_listed));
     }
 
-    /// Where a path leads that is written in a module; nowhere if a module has no such name, which a macro may make.
+    /// Where a path leads that is written in a module; nowhere if a module has no such name.
     fn resolve(&self, module: usize, path: &[String], seen: &mut BTreeSet<(usize, String)>) -> BTreeSet<Target> {
         let Some((first, mut rest)) = path.split_first() else { return BTreeSet::new() };
         let mut at: BTreeSet<Target> = match first.as_str() {
@@ -184,7 +184,12 @@ impl Crate {
                 Target::Module(module) if word == "super" => {
                     self.modules[module].parent.map(Target::Module).into_iter().collect()
                 }
-                Target::Module(module) => self.look_up(module, word, seen),
+                Target::Module(module) => {
+                    let found = self.look_up(module, word, seen);
+                    // What a module does not write out a macro that it calls makes.
+                    let made = found.is_empty() && self.modules[module].items.iter().any(is_call);
+                    if made { [Target::Item(module)].into() } else { found }
+                }
             };
             at = at.into_iter().flat_map(step).collect();
             rest = after;

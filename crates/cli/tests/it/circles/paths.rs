@@ -30,6 +30,11 @@ pub(super) fn attributes(item: &Item) -> Option<&[Attribute]> {
     })
 }
 
+/// Whether it calls a macro, which may make items of any name.
+pub(super) fn is_call(item: &Item) -> bool {
+    matches!(item, Item::Macro(call) if call.ident.is_none())
+}
+
 pub(super) fn name_of(item: &Item) -> Option<String> {
     let name = match item {
         Item::Const(item) => &item.ident,
