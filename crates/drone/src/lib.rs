@@ -1,8 +1,11 @@
-//! The `Drone` interface: a craft that takes cleared commands and tells about itself.
+//! The `Drone` interface: a craft that takes cleared commands, tells about itself, and has a camera to look through.
 //!
 //! Only the envelope can make a [`Cleared`] command, so nothing that implements [`Drone`] can be moved past it.
 
+pub mod frames;
 pub mod tello;
+
+use std::sync::Arc;
 
 use spf_core::camera::Camera;
 use spf_core::command::Command;
@@ -11,6 +14,8 @@ use spf_core::envelope::Cleared;
 use spf_core::frame::FrameMeta;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::Time;
+
+use crate::frames::Frames;
 
 /// What a craft is: the figures that executor, envelope and geometry need.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,6 +58,9 @@ pub trait Drone: Send {
 
     /// What it is.
     fn capabilities(&self) -> Capabilities;
+
+    /// What its camera shows.
+    fn frames(&self) -> Arc<dyn Frames>;
 
     /// Passes a command on. A setpoint holds until it is replaced or its validity ends; then the driver commands zero.
     ///

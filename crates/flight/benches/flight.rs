@@ -14,7 +14,7 @@ use spf_core::pilot::{Pilot, PilotParts, PilotSettings, Preset};
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_drone::Drone;
 use spf_flight::run::run;
-use spf_flight::sim::{OracleVlm, SimDrone, SimPictures, SimWorld, Stage};
+use spf_flight::sim::{OracleVlm, SimDrone, SimWorld, Stage};
 use spf_flight::world::{Lockstep, Script};
 use spf_oracle::ErrorFile;
 use spf_vlm::{Answer, Asked, Picture, Vlm};
@@ -60,7 +60,7 @@ fn fly(stage: &Arc<Stage>, pictures: bool) -> u32 {
     let errors = ErrorFile::named("default").expect("it is shipped");
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), errors, 0);
     let vlm: Box<dyn Vlm> = if pictures { Box::new(Looks(oracle)) } else { Box::new(oracle) };
-    let mut around = Lockstep::new(Box::new(drone), vlm, Box::new(SimPictures::new(world)), Script::default(), Arc::default());
+    let mut around = Lockstep::new(Box::new(drone), vlm, Script::default(), Arc::default());
     run(&mut pilot, &mut around, &mut []);
     pilot.decisions()
 }

@@ -19,7 +19,7 @@ use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::time::duration_from_secs;
 use spf_drone::Drone;
 use spf_flight::run::run;
-use spf_flight::sim::{OracleVlm, SimDrone, SimPictures, SimWorld, Stage};
+use spf_flight::sim::{OracleVlm, SimDrone, SimWorld, Stage};
 use spf_flight::world::{Lockstep, Script};
 use spf_oracle::ErrorFile;
 
@@ -51,8 +51,7 @@ fn flown(stage: &Arc<Stage>, seed: u64) -> Result<(Pilot, Lockstep), Box<dyn Err
         instruction: "fly to the red crane".to_owned(),
     });
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("default")?, seed);
-    let pictures = Box::new(SimPictures::new(world));
-    let mut around = Lockstep::new(Box::new(drone), Box::new(oracle), pictures, Script::default(), Arc::default());
+    let mut around = Lockstep::new(Box::new(drone), Box::new(oracle), Script::default(), Arc::default());
     run(&mut pilot, &mut around, &mut []);
     Ok((pilot, around))
 }

@@ -23,7 +23,6 @@ use spf_drone::tello::Connected;
 use spf_drone::tello::sticks::Calibration;
 use spf_vlm::{Account, Answer, Asked, Picture, Vlm, VlmError};
 
-use crate::picture::CameraPictures;
 use crate::run::{Observer, run};
 use crate::world::{Live, Script};
 
@@ -276,12 +275,11 @@ pub fn calibrate(
     start: Instant,
     interrupts: Arc<AtomicU32>,
 ) -> Result<Calibration, CalibrateError> {
-    let Connected { drone, frames, .. } = connected;
+    let drone = connected.drone;
     let (sender, operator) = channel();
     let mut pilot = pilot(&drone);
     let mut routine = Routine::new(full, sender);
-    let pictures = Box::new(CameraPictures::new((0, 0), frames));
-    let around = Live::new(start, Box::new(drone), Box::new(Nobody), pictures, Script::default(), interrupts);
+    let around = Live::new(start, Box::new(drone), Box::new(Nobody), Script::default(), interrupts);
     let mut around = around.map_err(CalibrateError::Start)?.with_operator(Some(operator));
     run(&mut pilot, &mut around, &mut [&mut routine]);
     routine.measured()

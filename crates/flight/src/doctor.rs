@@ -68,11 +68,11 @@ const SPACE: u64 = 1 << 30;
 /// Looks at a Tello: the way to it, its state, its video.
 #[must_use]
 pub fn tello(settings: &TelloSettings) -> Vec<Check> {
-    let Connected { mut drone, frames, state, firmware } = match Tello::connect(settings, Instant::now()) {
+    let Connected { mut drone, state, firmware } = match Tello::connect(settings, Instant::now()) {
         Ok(connected) => connected,
         Err(error) => return vec![unreachable(settings, &error)],
     };
-    let address = settings.drone;
+    let (address, frames) = (settings.drone, drone.frames());
     let mut checks = vec![Check::new("drone", Finding::Good, format!("{address} answers, {firmware}"), None)];
     checks.push(match state.battery {
         None => Check::new("battery", Finding::Warning, "not told", Some("look at it in the app")),
@@ -147,8 +147,8 @@ pub fn tello(settings: &TelloSettings) -> Vec<Check> {
     };
     let said = format!(
         "{}×{}, {shown:.1} frames a second, {gaps} gaps, first after {:.1} s",
-        picture.width(),
-        picture.height(),
+        picture.size().0,
+        picture.size().1,
         first.as_secs_f64()
     );
     checks.push(Check::new(
@@ -157,7 +157,7 @@ pub fn tello(settings: &TelloSettings) -> Vec<Check> {
         said,
         Some("go nearer to the drone; each lost datagram costs the rest of a second"),
     ));
-    let light = brightness(&picture);
+    let light = brightness(&picture.pixels());
     let finding = if light < DARK { Finding::Warning } else { Finding::Good };
     checks.push(Check::new(
         "light",

@@ -12,13 +12,11 @@ use spf_core::pilot::{Action, Ending, Note, OperatorEvent, Outcome, Pilot, Pilot
 use spf_core::prompt::PromptText;
 use spf_core::time::Time;
 use spf_drone::Drone;
-use spf_drone::tello::camera::Frames;
 use spf_vlm::Vlm;
 
 use crate::glass::Glass;
 use crate::ledger::{Accounted, Ledger};
 use crate::log::Head;
-use crate::picture::CameraPictures;
 use crate::recorder::Recorder;
 use crate::run::{Observer, run};
 use crate::sim::{FlightError, Flown, PolicyKind, RecordPlan, WhoPoints};
@@ -30,8 +28,6 @@ use crate::world::{Live, Script};
 pub struct RealPlan {
     /// The craft, connected.
     pub drone: Box<dyn Drone>,
-    /// Its camera.
-    pub frames: Frames,
     /// When its flight time was zero.
     pub start: Instant,
     /// What its telemetry tells.
@@ -106,13 +102,11 @@ pub fn fly(plan: RealPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown,
         policy: plan.policy.policy(&plan.settings, capabilities.craft, eyesight, prompt, 0),
         instruction: plan.instruction.clone(),
     });
-    let witness = Witness::Real { camera, frames: plan.frames.clone() };
+    let witness = Witness::Real { camera, frames: plan.drone.frames() };
     let mut recorder = plan.record.as_ref().map(|record| Recorder::new(record, &head, witness, true));
     let mut belief = Belief { instruction: plan.instruction.clone(), last: None, flown: 0.0, settled: None };
     let mut glass = Glass::default();
-    let pictures = Box::new(CameraPictures::new((camera.width, camera.height), plan.frames.clone()));
-    let mut around =
-        Live::new(plan.start, plan.drone, vlm, pictures, plan.script, plan.interrupts).map_err(FlightError::Thread)?;
+    let mut around = Live::new(plan.start, plan.drone, vlm, plan.script, plan.interrupts).map_err(FlightError::Thread)?;
     around = around.with_operator(plan.operator);
     {
         let mut all: Vec<&mut dyn Observer> = vec![&mut belief, &mut glass];

@@ -13,6 +13,7 @@ use spf_core::prompt::PromptText;
 use spf_core::query::{ImagePoint, Query, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status, parse_reply};
 use spf_core::time::{Duration, Time};
+use spf_media::Scaler;
 use spf_media::frame::Rgb;
 use spf_media::marks::{self, Colour, Hud};
 use spf_oracle::ErrorFile;
@@ -21,8 +22,9 @@ use spf_sim::frame_clock::FrameClock;
 use spf_vlm::{Answer, Asked, Eyesight, Vlm};
 
 use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
+use crate::picture::Marked;
 use crate::replay::{ReplayError, head, prompt_of, row};
-use crate::sim::{Circumstances, Moment, OracleVlm, PolicyKind, SimWorld, Stage, WhoError, WhoPoints, sim_picture};
+use crate::sim::{Circumstances, Moment, OracleVlm, PolicyKind, SimWorld, Stage, WhoError, WhoPoints, photo};
 
 /// One half of a picture.
 const HALF: (u32, u32) = (640, 480);
@@ -226,7 +228,9 @@ impl Asker {
                 let camera = self.world.camera();
                 let eyesight = vlm.eyesight((camera.width, camera.height));
                 let query = rewritten(query, &self.prompt, &eyesight);
-                let mut picture = sim_picture(&self.world, &query, || self.world.still(captured(question), moment));
+                let photo = self.world.still(captured(question), moment).map(|shot| photo(&self.world, shot));
+                let mut scaler = Scaler::default();
+                let mut picture = Marked::new(&query, (camera.width, camera.height), photo, &mut scaler);
                 (vlm.answer(&Asked::new(&query, *patience), &mut picture), eyesight.grounding)
             }
         }

@@ -6,8 +6,8 @@ use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::time::{Duration, Time};
-use spf_drone::tello::camera::Frames;
-use spf_media::{Rgb, resize};
+use spf_drone::frames::{Frames, Photo};
+use spf_media::{Rgb, Scaler};
 use spf_record::log::foxglove::Prism;
 use spf_record::trajectory::Outline;
 use spf_render::effects;
@@ -28,7 +28,7 @@ pub(crate) enum Witness {
         /// What it is.
         camera: Camera,
         /// What it shows.
-        frames: Frames,
+        frames: Arc<dyn Frames>,
     },
 }
 
@@ -37,7 +37,7 @@ pub(crate) enum Seen {
     /// Light that the simulator adds up.
     Sim(effects::Shot<Moment>),
     /// A frame that was received, and the time that it is shown at.
-    Real(Arc<Rgb>, Time),
+    Real(Photo, Time),
 }
 
 impl Seen {
@@ -90,7 +90,7 @@ impl Witness {
     pub(crate) fn photograph(&self, seen: &Seen, size: (u32, u32)) -> Rgb {
         match (self, seen) {
             (Self::Sim(world), Seen::Sim(shot)) => world.photograph(shot, Some(size)),
-            (_, Seen::Real(picture, _)) => resize(picture, size.0, size.1),
+            (_, Seen::Real(picture, _)) => picture.at(size, &mut Scaler::default()),
             // A picture of another world than this one.
             (Self::Real { .. }, Seen::Sim(_)) => Rgb::new(size.0, size.1),
         }

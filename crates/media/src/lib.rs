@@ -16,6 +16,7 @@
 //! # Ok::<(), spf_media::EncodeError>(())
 //! ```
 
+pub mod file;
 pub mod frame;
 pub mod h264;
 pub mod jpeg;

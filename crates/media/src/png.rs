@@ -1,7 +1,6 @@
 //! PNG, for pictures that are kept: 8-bit colour, and 16-bit grey for depth and ids (DESIGN.md section 7).
 
-use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder};
+use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
 
 use crate::frame::Rgb;
 use crate::jpeg::EncodeError;
@@ -11,7 +10,29 @@ use crate::jpeg::EncodeError;
 /// # Errors
 /// [`EncodeError::Picture`] if a side is zero.
 pub fn encode(picture: &Rgb) -> Result<Vec<u8>, EncodeError> {
-    write(picture.data(), picture.width(), picture.height(), ExtendedColorType::Rgb8)
+    encode_rgb8(picture.width(), picture.height(), picture.data())
+}
+
+/// Encodes colours of three bytes a pixel, rows from the top.
+///
+/// # Errors
+/// [`EncodeError::Picture`] if a side is zero.
+///
+/// # Panics
+/// If `pixels` does not hold `width × height × 3` bytes: a programming error of the caller.
+pub fn encode_rgb8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
+    write(pixels, width, height, ColorType::Rgb, BitDepth::Eight)
+}
+
+/// Encodes red, green, blue and alpha of a byte each, rows from the top.
+///
+/// # Errors
+/// [`EncodeError::Picture`] if a side is zero.
+///
+/// # Panics
+/// If `pixels` does not hold `width × height × 4` bytes: a programming error of the caller.
+pub fn encode_rgba8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
+    write(pixels, width, height, ColorType::Rgba, BitDepth::Eight)
 }
 
 /// Encodes a grey picture of 8 bits a pixel, rows from the top.
@@ -22,7 +43,7 @@ pub fn encode(picture: &Rgb) -> Result<Vec<u8>, EncodeError> {
 /// # Panics
 /// If `pixels` does not hold `width × height` values: a programming error of the caller.
 pub fn encode_grey8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
-    write(pixels, width, height, ExtendedColorType::L8)
+    write(pixels, width, height, ColorType::Grayscale, BitDepth::Eight)
 }
 
 /// Encodes a grey picture of 16 bits a pixel, rows from the top.
@@ -33,40 +54,53 @@ pub fn encode_grey8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, E
 /// # Panics
 /// If `pixels` does not hold `width × height` values: a programming error of the caller.
 pub fn encode_grey16(width: u32, height: u32, pixels: &[u16]) -> Result<Vec<u8>, EncodeError> {
-    // The encoder takes samples in the machine's byte order and writes them big-endian.
-    let bytes: Vec<u8> = pixels.iter().flat_map(|value| value.to_ne_bytes()).collect();
-    write(&bytes, width, height, ExtendedColorType::L16)
+    let bytes: Vec<u8> = pixels.iter().flat_map(|value| value.to_be_bytes()).collect();
+    write(&bytes, width, height, ColorType::Grayscale, BitDepth::Sixteen)
 }
 
-fn write(bytes: &[u8], width: u32, height: u32, colour: ExtendedColorType) -> Result<Vec<u8>, EncodeError> {
-    let mut file = Vec::new();
-    PngEncoder::new(&mut file).write_image(bytes, width, height, colour).map_err(|source| EncodeError::Picture {
-        format: "PNG",
-        width,
-        height,
-        source: source.into(),
-    })?;
-    Ok(file)
+fn write(bytes: &[u8], width: u32, height: u32, colour: ColorType, depth: BitDepth) -> Result<Vec<u8>, EncodeError> {
+    let expected = u64::from(width) * u64::from(height) * (colour.samples() * usize::from(depth as u8) / 8) as u64;
+    assert_eq!(bytes.len() as u64, expected, "a picture of {width}×{height} has so many bytes");
+    let encoded = || -> Result<Vec<u8>, EncodingError> {
+        let mut file = Vec::new();
+        let mut encoder = Encoder::new(&mut file, width, height);
+        encoder.set_color(colour);
+        encoder.set_depth(depth);
+        encoder.set_compression(Compression::Fast);
+        encoder.set_filter(Filter::Adaptive);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(bytes)?;
+        writer.finish()?;
+        Ok(file)
+    };
+    encoded().map_err(|source| EncodeError::Picture { format: "PNG", width, height, source: source.into() })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::file::{Limits, decode};
 
     #[test]
     fn colour_and_grey_come_back_unchanged() {
         let mut picture = Rgb::filled(5, 4, [1, 2, 3]);
         picture.set_pixel(4, 3, [255, 0, 128]);
-        let back = image::load_from_memory(&encode(&picture).unwrap()).unwrap().to_rgb8();
-        assert_eq!(back.into_raw(), picture.into_data());
+        let back = |bytes: &[u8]| decode(bytes, Limits::default()).unwrap();
+        assert_eq!(back(&encode(&picture).unwrap()).into_rgb(), picture);
 
         let mask = [0, 255, 255, 0, 7, 0];
-        let back = image::load_from_memory(&encode_grey8(2, 3, &mask).unwrap()).unwrap();
-        assert_eq!(back.color(), image::ColorType::L8);
-        assert_eq!(back.to_luma8().into_raw(), mask);
+        let grey = back(&encode_grey8(2, 3, &mask).unwrap());
+        assert_eq!((grey.channels(), grey.bits()), (1, 8));
+        assert_eq!(grey.into_grey8(), mask);
 
         let depth = [0, 1, 655, 65_535, 256, 40_000];
-        let back = image::load_from_memory(&encode_grey16(3, 2, &depth).unwrap()).unwrap().to_luma16();
-        assert_eq!(back.into_raw(), depth);
+        let grey = back(&encode_grey16(3, 2, &depth).unwrap());
+        assert_eq!((grey.channels(), grey.bits()), (1, 16));
+        assert_eq!(grey.into_grey16(), depth);
+    }
+
+    #[test]
+    fn a_picture_without_pixels_is_refused() {
+        assert!(encode(&Rgb::new(0, 3)).is_err());
     }
 }

@@ -1,9 +1,10 @@
 //! A picture and its channels, and how they are kept in files.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
-use image::{ExtendedColorType, ImageError};
 use rayon::prelude::*;
+use spf_media::{EncodeError, png};
 
 use super::Channels;
 use super::raster::{NONE, TILE, TILE_AREA, place};
@@ -40,7 +41,7 @@ pub enum SaveError {
         /// Where to.
         path: PathBuf,
         /// What went wrong.
-        source: ImageError,
+        source: io::Error,
     },
 }
 
@@ -107,7 +108,7 @@ impl Picture {
     /// [`SaveError::Missing`] without colour, [`SaveError::Write`] when the file cannot be written.
     pub fn save_rgb(&self, path: &Path) -> Result<(), SaveError> {
         let rgb = self.rgb.as_ref().ok_or(SaveError::Missing("rgb"))?;
-        self.write(path, rgb, ExtendedColorType::Rgb8)
+        save(path, png::encode_rgb8(self.width, self.height, rgb))
     }
 
     /// Writes depth as a 16-bit grey PNG in centimetres: 0 where there is nothing, or where it is beyond 655.35 m.
@@ -129,15 +130,14 @@ impl Picture {
     }
 
     fn write_grey(&self, path: &Path, values: impl Iterator<Item = u16>) -> Result<(), SaveError> {
-        // The image crate takes 16-bit samples in the machine's order.
-        let bytes: Vec<u8> = values.flat_map(u16::to_ne_bytes).collect();
-        self.write(path, &bytes, ExtendedColorType::L16)
+        let values: Vec<u16> = values.collect();
+        save(path, png::encode_grey16(self.width, self.height, &values))
     }
+}
 
-    fn write(&self, path: &Path, bytes: &[u8], colour: ExtendedColorType) -> Result<(), SaveError> {
-        image::save_buffer_with_format(path, bytes, self.width, self.height, colour, image::ImageFormat::Png)
-            .map_err(|source| SaveError::Write { path: path.to_owned(), source })
-    }
+fn save(path: &Path, encoded: Result<Vec<u8>, EncodeError>) -> Result<(), SaveError> {
+    let written = encoded.map_err(io::Error::other).and_then(|bytes| std::fs::write(path, bytes));
+    written.map_err(|source| SaveError::Write { path: path.to_owned(), source })
 }
 
 fn centimetres(metres: f32) -> u16 {

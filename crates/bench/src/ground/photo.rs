@@ -4,15 +4,16 @@ use std::io::{Cursor, Seek};
 use std::path::Path;
 use std::sync::Arc;
 
-use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use mp4_atom::{Any, Avcc, Codec, Moov, ReadFrom, StszSamples, Trak};
+use spf_media::file::{FileError, Limits, PictureFile};
 use spf_media::h264::Decoder;
 use spf_media::{Jpeg, Rgb, resize};
 use spf_vlm::{Picture, VlmError};
 
 /// Longest side of a picture that is read, pixels.
 const LONGEST_SIDE: u32 = 16_384;
+/// A side bounds the memory too.
+const LIMITS: Limits = Limits { side: LONGEST_SIDE, memory: u64::MAX };
 /// Longest side of a picture that is kept: no model is sent more, and a phone's fifty megapixels would fill the memory.
 const KEPT_SIDE: u32 = 2_576;
 /// Most samples of a video that are looked through: six hours at sixty a second.
@@ -24,7 +25,7 @@ const MOST_SAMPLES: usize = 1_300_000;
 pub enum PhotoError {
     /// No picture of a known format, damaged, or too large.
     #[error("no PNG or JPEG picture of at most {LONGEST_SIDE} pixels a side")]
-    Picture(#[from] image::ImageError),
+    Picture(#[from] FileError),
     /// No MP4 file.
     #[error("no MP4 file that can be read: {0}")]
     Container(String),
@@ -41,17 +42,10 @@ pub enum PhotoError {
 /// # Errors
 /// [`PhotoError::Picture`].
 pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(image::ImageError::from)?;
-    let mut limits = Limits::default();
-    (limits.max_image_width, limits.max_image_height) = (Some(LONGEST_SIDE), Some(LONGEST_SIDE));
-    reader.limits(limits);
-    let mut decoder = reader.into_decoder()?;
-    let orientation = decoder.orientation()?;
-    let mut picture = DynamicImage::from_decoder(decoder)?;
-    picture.apply_orientation(orientation);
-    let picture = picture.into_rgb8();
-    let (width, height) = picture.dimensions();
-    let rgb = Rgb::from_raw(width, height, picture.into_raw()).unwrap_or_else(|_| Rgb::new(width, height));
+    let file = PictureFile::open(bytes, LIMITS)?;
+    let orientation = file.orientation();
+    let rgb = orientation.turned(file.decode()?.into_rgb());
+    let (width, height) = (rgb.width(), rgb.height());
     let long = width.max(height);
     if long <= KEPT_SIDE {
         return Ok(rgb);
@@ -65,14 +59,9 @@ pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
 /// # Errors
 /// [`PhotoError::Picture`].
 pub fn size(path: &Path) -> Result<(u32, u32), PhotoError> {
-    let reader = ImageReader::open(path).map_err(image::ImageError::from)?;
-    let mut decoder = reader.with_guessed_format().map_err(image::ImageError::from)?.into_decoder()?;
-    let (width, height) = decoder.dimensions();
-    let turned = matches!(
-        decoder.orientation()?,
-        Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH
-    );
-    Ok(if turned { (height, width) } else { (width, height) })
+    let bytes = std::fs::read(path).map_err(FileError::from)?;
+    let file = PictureFile::open(&bytes, LIMITS)?;
+    Ok(file.orientation().turned_size(file.size()))
 }
 
 /// A frame of a video.

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use image::ImageReader;
 use spf_core::query::{ImageBox, ImagePoint};
+use spf_media::file::{self, FileError, Limits};
 
 /// Longest side of a mask, pixels.
 const LONGEST_SIDE: u32 = 8192;
@@ -70,7 +70,7 @@ pub enum TruthError {
         path: PathBuf,
         /// Why.
         #[source]
-        source: image::ImageError,
+        source: FileError,
     },
     /// A mask with nothing in it.
     #[error("the mask `{}` is black", path.display())]
@@ -99,13 +99,10 @@ impl Mask {
     /// [`TruthError`].
     pub fn read(path: &Path) -> Result<Self, TruthError> {
         let wrong = |source| TruthError::Mask { path: path.to_owned(), source };
-        let mut reader = ImageReader::open(path).map_err(|error| wrong(error.into()))?;
-        let mut limits = image::Limits::default();
-        (limits.max_image_width, limits.max_image_height) = (Some(LONGEST_SIDE), Some(LONGEST_SIDE));
-        reader.limits(limits);
-        let grey = reader.with_guessed_format().map_err(|error| wrong(error.into()))?.decode().map_err(wrong)?.into_luma8();
-        let (width, height) = grey.dimensions();
-        let mask = Self { width, height, inside: grey.into_raw().into_iter().map(|value| value > 0).collect() };
+        let bytes = std::fs::read(path).map_err(|error| wrong(error.into()))?;
+        let grey = file::decode(&bytes, Limits { side: LONGEST_SIDE, ..Limits::default() }).map_err(wrong)?;
+        let (width, height) = (grey.width(), grey.height());
+        let mask = Self { width, height, inside: grey.into_grey8().into_iter().map(|value| value > 0).collect() };
         if mask.area() == 0 { Err(TruthError::Empty { path: path.to_owned() }) } else { Ok(mask) }
     }
 

@@ -7,7 +7,7 @@ use spf_flight::doctor::{self, Check, Finding};
 use spf_scene::Conditions;
 
 use super::detector;
-use super::fly::real;
+use super::fly::settings::{tello, tello_settings};
 use super::load_stage;
 use super::vlm::pointing;
 use crate::args::Doctor;
@@ -23,10 +23,10 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     settings.flag("fly.vlm", "--vlm", args.vlm.clone());
     settings.flag("fly.scene", "--scene", args.scene.clone());
     settings.flag("fly.detector", "--detector", args.detector.clone());
-    let mut checks = match real::tello(&settings)? {
+    let mut checks = match tello(&settings)? {
         Some(drone) => {
             settings.default("fly.vlm", spf_vlm::setup::AUTO);
-            doctor::tello(&real::tello_settings(&settings, drone)?)
+            doctor::tello(&tello_settings(&settings, drone)?)
         }
         None => {
             let stage = load_stage(settings.get("fly.scene").unwrap_or("city"), &Conditions::default())?;

@@ -6,6 +6,7 @@ use spf_drone::tello::TelloSettings;
 use spf_drone::tello::sticks::Calibration;
 use spf_flight::calibrate::{CalibrateError, calibrate};
 
+use super::fly::settings::{tello as drone_of, tello_settings};
 use super::fly::{interrupts, real};
 use crate::args::{Calibrate, Tello};
 use crate::error::CliError;
@@ -23,8 +24,8 @@ pub(crate) fn tello(command: &Tello, printer: &Printer) -> Result<Exit, CliError
 fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::load(args.config.as_deref())?;
     settings.flag("fly.drone", "--drone", args.drone.clone());
-    let drone = real::tello(&settings)?.unwrap_or(TelloSettings::default().drone);
-    let tello = real::tello_settings(&settings, drone)?;
+    let drone = drone_of(&settings)?.unwrap_or(TelloSettings::default().drone);
+    let tello = tello_settings(&settings, drone)?;
     let interrupts = interrupts()?;
     let start = Instant::now();
     let connected = real::connect(&tello, start, printer)?;

@@ -1,4 +1,4 @@
-//! `spf sim dataset`: what it writes, read back by others' readers, and the oracle graded on it.
+//! `spf sim dataset`: what it writes, read back, and the oracle graded on it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,6 +10,7 @@ use spf_core::reply::parse_reply;
 use spf_core::tags::Tagged;
 use spf_flight::dataset::Kind;
 use spf_flight::dataset::record::{Head, Row};
+use spf_media::{file, jpeg};
 use spf_oracle::{ErrorFile, Oracle, Placed, Sight, masks, resolve_truth};
 
 use crate::harness::{Lab, rows};
@@ -25,9 +26,10 @@ fn make(lab: &Lab, folder: &str, count: &str, more: &[&str]) -> crate::harness::
 
 /// A 16-bit grey picture.
 fn grey16(path: &Path) -> Vec<u16> {
-    let picture = image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    assert_eq!(picture.color(), image::ColorType::L16, "{}", path.display());
-    picture.into_luma16().into_raw()
+    let picture = file::decode(&std::fs::read(path).unwrap(), file::Limits::default());
+    let picture = picture.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    assert_eq!((picture.channels(), picture.bits()), (1, 16), "{}", path.display());
+    picture.into_grey16()
 }
 
 /// The tags of a legend, as the oracle reads them.
@@ -150,7 +152,7 @@ fn a_dataset_is_what_it_says_and_the_oracle_can_be_graded_on_it() {
 /// What a row says of its pictures, against the pictures.
 fn check(folder: &Path, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]) {
     let (w, number) = (head.camera.width as usize, row.number);
-    let picture = image::open(folder.join(&row.files.picture)).unwrap();
+    let picture = jpeg::decode(&std::fs::read(folder.join(&row.files.picture)).unwrap()).unwrap();
     assert_eq!((picture.width(), picture.height()), (head.camera.width, head.camera.height));
     let visible =
         |opening: bool| row.visible.iter().filter(move |thing| thing.opening == opening).map(|thing| (thing.id, thing.pixels));
@@ -176,9 +178,10 @@ fn check(folder: &Path, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]) {
         assert_eq!(row.files.mask, None);
         return;
     };
-    let mask = image::open(folder.join(row.files.mask.as_ref().unwrap())).unwrap();
-    assert_eq!(mask.color(), image::ColorType::L8);
-    let mask = mask.into_luma8().into_raw();
+    let mask = std::fs::read(folder.join(row.files.mask.as_ref().unwrap())).unwrap();
+    let mask = file::decode(&mask, file::Limits::default()).unwrap();
+    assert_eq!((mask.channels(), mask.bits()), (1, 8));
+    let mask = mask.into_grey8();
     assert!(mask.iter().all(|value| [0, 255].contains(value)));
     let inside: Vec<usize> = (0..mask.len()).filter(|at| mask[*at] == 255).collect();
     let columns = || inside.iter().map(|at| (at % w) as u32);

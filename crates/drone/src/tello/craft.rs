@@ -15,12 +15,13 @@ use spf_core::time::{Duration, Time};
 use spf_media::h264::Decoder;
 
 use super::answer::{Answer, explain};
-use super::camera::{Eye, Frames, gather, watch};
+use super::camera::{Eye, gather, watch};
 use super::conversation::Order;
 use super::inlet::Inlet;
 use super::link::{Link, Notice};
 use super::state::State;
 use super::sticks::Calibration;
+use crate::frames::{FrameStore, Frames};
 use crate::{Capabilities, Drone, DroneError, DroneEvent};
 
 /// The drone's command port, which clients bind too where they can: some firewalls let answers pass only there.
@@ -126,8 +127,6 @@ pub enum ConnectError {
 pub struct Connected {
     /// The drone.
     pub drone: Tello,
-    /// Its camera.
-    pub frames: Frames,
     /// What it told of itself.
     pub state: State,
     /// What it says of its make.
@@ -203,7 +202,7 @@ impl Shared {
 /// A Tello behind the [`Drone`] interface.
 pub struct Tello {
     shared: Arc<Shared>,
-    frames: Frames,
+    frames: FrameStore,
     polled: Time,
     threads: Vec<JoinHandle<()>>,
 }
@@ -233,17 +232,17 @@ impl Tello {
         let mut link = Link::new(calibration);
         link.order(Order::quick("streamon"));
         let shared = Arc::new(Shared { link: Mutex::new(link), command, start, stopped: AtomicBool::new(false) });
-        let frames = Frames::default();
+        let frames = FrameStore::default();
         let mut tello = Self { shared: shared.clone(), frames: frames.clone(), polled: Time::ZERO, threads: Vec::new() };
         let eye = Eye::new(Decoder::new()?, video_latency);
-        let (one, two, three, four, seen) = (shared.clone(), shared.clone(), shared.clone(), shared, frames.clone());
+        let (one, two, three, four, seen) = (shared.clone(), shared.clone(), shared.clone(), shared, frames);
         let inlet = Arc::<Inlet>::default();
         let received = inlet.clone();
         tello.spawn("answers", move || answers(&one))?;
         tello.spawn("state", move || states(&two, &state, drone.ip()))?;
         tello.spawn("video", move || gather(&video, drone.ip(), &received, three.start, &three.stopped))?;
         tello.spawn("pictures", move || watch(&inlet, eye, &seen, &four.stopped, || four.link().ask_for_video()))?;
-        Ok(Connected { drone: tello, frames, state: first, firmware })
+        Ok(Connected { drone: tello, state: first, firmware })
     }
 
     fn spawn(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), ConnectError> {
@@ -282,6 +281,10 @@ impl Drone for Tello {
 
     fn capabilities(&self) -> Capabilities {
         Capabilities { craft: Craft::tello(), camera: Camera::tello() }
+    }
+
+    fn frames(&self) -> Arc<dyn Frames> {
+        Arc::new(self.frames.clone())
     }
 
     fn apply(&mut self, _now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {

@@ -7,7 +7,8 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use spf_core::time::{Duration, Time};
 use spf_media::h264::AccessUnit;
 
-use super::video::{Joiner, VideoTally};
+use super::video::Joiner;
+use crate::frames::VideoTally;
 
 /// Pictures that may wait: two seconds of them. More are thrown away, for a decoder that is so far behind never catches up.
 const WAITING: usize = 60;

@@ -2,24 +2,13 @@
 
 use spf_media::h264::{AccessUnit, NalKind};
 
+use crate::frames::VideoTally;
+
 /// A datagram of this length is followed by more of its NAL unit, unless that one ends with it.
 const FULL: usize = 1460;
 const START: [u8; 4] = [0, 0, 0, 1];
 /// A NAL unit longer than this is damage: real ones have some 35 kB.
 const LONGEST: usize = 1 << 20;
-
-/// What the video lost on its way.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct VideoTally {
-    /// Pictures put together whole.
-    pub units: u64,
-    /// Places where a picture was missing or damaged, by the numbers that pictures carry.
-    pub gaps: u64,
-    /// Pictures thrown away until the next at which decoding can begin.
-    pub skipped: u64,
-    /// NAL units that were too long or of no use.
-    pub damaged: u64,
-}
 
 /// Puts access units together from datagrams.
 #[derive(Clone, Debug, Default)]

@@ -21,12 +21,12 @@ use spf_scene::geometry::ObjectId;
 use spf_sim::wind::Wind;
 use spf_vlm::{Eyesight, Vlm};
 
+use super::drone::SimDrone;
 use super::oracle::OracleVlm;
-use super::pictures::SimPictures;
 use super::policy::PolicyKind;
 use super::stage::Stage;
 use super::truth::{Verdict, judge};
-use super::world::{Circumstances, SimDrone, SimWorld};
+use super::world::{Circumstances, SimWorld};
 use crate::ledger::{Accounted, Ledger};
 use crate::log::{Head, SimHead};
 use crate::recorder::Recorder;
@@ -184,12 +184,12 @@ pub fn fly(mut plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<
         Recorder::new(record, &head, Witness::Sim(world.clone()), plan.realtime)
     });
     let mut judging = Judging { world: world.clone(), instruction: plan.instruction.clone(), start, settled: None };
-    let (drone, pictures, script) = (Box::new(drone), Box::new(SimPictures::new(world.clone())), plan.script.clone());
+    let (drone, script) = (Box::new(drone), plan.script.clone());
     let mut around: Box<dyn World> = if plan.realtime {
-        let live = Live::new(Instant::now(), drone, vlm, pictures, script, plan.interrupts.clone());
+        let live = Live::new(Instant::now(), drone, vlm, script, plan.interrupts.clone());
         Box::new(live.map_err(FlightError::Thread)?.with_operator(plan.operator.take()))
     } else {
-        Box::new(Lockstep::new(drone, vlm, pictures, script, plan.interrupts.clone()))
+        Box::new(Lockstep::new(drone, vlm, script, plan.interrupts.clone()))
     };
     {
         let mut all: Vec<&mut dyn Observer> = vec![&mut judging];

@@ -1,16 +1,13 @@
-//! The simulated craft behind the `Drone` interface, and the camera that the oracle and the recorder look through.
+//! One simulated craft in its scene, and the camera that the oracle and the recorder look through.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use spf_core::camera::Camera;
-use spf_core::command::Command;
 use spf_core::craft::CraftKind;
-use spf_core::envelope::Cleared;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::time::Time;
-use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 use spf_media::frame::Rgb;
 use spf_render::effects::{Effects, Eye, Shot};
 use spf_render::surroundings::Surroundings;
@@ -68,7 +65,8 @@ impl SimWorld {
         Self { stage, eye: Arc::new(eye), surroundings, craft: Arc::new(Mutex::new(craft)) }
     }
 
-    fn craft(&self) -> MutexGuard<'_, SimCraft> {
+    /// The craft, for its driver.
+    pub(super) fn craft(&self) -> MutexGuard<'_, SimCraft> {
         // A panic elsewhere leaves the craft where it was; its state is whole between calls.
         self.craft.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -183,70 +181,5 @@ impl SimWorld {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.stage.render_into(self.surroundings.camera(), moment, channels, picture);
         self.surroundings.shares(picture)
-    }
-}
-
-/// The driver of the simulated craft.
-pub struct SimDrone {
-    world: SimWorld,
-    clock: FrameClock,
-    telemetry_at: Time,
-    frame: FrameId,
-}
-
-impl SimDrone {
-    /// Drives the craft of a world.
-    #[must_use]
-    pub fn new(world: SimWorld) -> Self {
-        Self { world, clock: FrameClock::default(), telemetry_at: Time::ZERO, frame: FrameId(0) }
-    }
-
-    fn frame_at(&self) -> Time {
-        self.clock.meta(self.frame, 0, 0).received
-    }
-}
-
-impl Drone for SimDrone {
-    fn name(&self) -> &str {
-        "sim"
-    }
-
-    fn capabilities(&self) -> Capabilities {
-        Capabilities { craft: self.world.craft().dynamics().model().craft, camera: *self.world.camera() }
-    }
-
-    fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
-        if matches!(command.get(), Command::Manoeuvre(_)) {
-            return Err(DroneError::NoManoeuvres(self.name().to_owned()));
-        }
-        let mut craft = self.world.craft();
-        craft.advance_to(now);
-        craft.apply(now, *command.get(), command.valid_until());
-        Ok(())
-    }
-
-    fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
-        let frame_at = self.frame_at();
-        let at = self.telemetry_at.min(frame_at);
-        if at > until {
-            return None;
-        }
-        let mut craft = self.world.craft();
-        craft.advance_to(at);
-        // At one instant telemetry comes first: the pilot then knows the pose of the frame.
-        if self.telemetry_at <= frame_at {
-            let telemetry = craft.telemetry();
-            self.telemetry_at = craft.next_telemetry(at);
-            return Some((at, DroneEvent::Telemetry(telemetry)));
-        }
-        let camera = self.world.camera();
-        let meta = self.clock.meta(self.frame, camera.width, camera.height);
-        drop(craft);
-        self.frame = FrameId(self.frame.0 + 1);
-        Some((at, DroneEvent::Frame(meta)))
-    }
-
-    fn next_event_at(&self) -> Option<Time> {
-        Some(self.telemetry_at.min(self.frame_at()))
     }
 }

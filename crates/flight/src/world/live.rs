@@ -12,7 +12,7 @@ use spf_drone::Drone;
 use spf_vlm::{Asked, Cancel, Vlm, VlmError};
 
 use super::{Script, answer_event, pilot_event};
-use crate::picture::PictureSource;
+use crate::picture::Pictures;
 use crate::run::World;
 
 /// Ctrl-C is noticed within this time even when nothing else happens.
@@ -44,10 +44,10 @@ impl Live {
         start: Instant,
         drone: Box<dyn Drone>,
         mut vlm: Box<dyn Vlm>,
-        mut pictures: Box<dyn PictureSource>,
         script: Script,
         interrupts: Arc<AtomicU32>,
     ) -> std::io::Result<Self> {
+        let mut pictures = Pictures::of(drone.as_ref());
         let (queries, asked) = channel::<(Query, Cancel)>();
         let (answered, events) = channel();
         std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
@@ -57,7 +57,7 @@ impl Live {
                     (Duration::ZERO, Err(VlmError::Cancelled))
                 } else {
                     let asked = Asked { query: &query, time_left: query.deadline.since(Time::ZERO + begun), cancel };
-                    let answer = vlm.answer(&asked, &mut *pictures.of(&query));
+                    let answer = vlm.answer(&asked, &mut pictures.about(&query));
                     (answer.latency, answer.text)
                 };
                 let event = answer_event(query.id, text);

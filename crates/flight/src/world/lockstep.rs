@@ -10,7 +10,7 @@ use spf_drone::Drone;
 use spf_vlm::{Asked, Vlm};
 
 use super::{Script, answer_event, pilot_event};
-use crate::picture::PictureSource;
+use crate::picture::Pictures;
 use crate::run::World;
 
 /// A world in virtual time: the craft is advanced to whatever comes next, and a VLM's answer arrives its latency after the question.
@@ -20,7 +20,7 @@ pub struct Lockstep {
     now: Time,
     drone: Box<dyn Drone>,
     vlm: Box<dyn Vlm>,
-    pictures: Box<dyn PictureSource>,
+    pictures: Pictures,
     script: Script,
     answers: Vec<(Time, QueryId, Event)>,
     interrupts: Arc<AtomicU32>,
@@ -30,19 +30,14 @@ pub struct Lockstep {
 impl Lockstep {
     /// A world at flight time zero. `interrupts` counts Ctrl-C: the first one lands.
     #[must_use]
-    pub fn new(
-        drone: Box<dyn Drone>,
-        vlm: Box<dyn Vlm>,
-        pictures: Box<dyn PictureSource>,
-        script: Script,
-        interrupts: Arc<AtomicU32>,
-    ) -> Self {
+    pub fn new(drone: Box<dyn Drone>, vlm: Box<dyn Vlm>, script: Script, interrupts: Arc<AtomicU32>) -> Self {
+        let pictures = Pictures::of(drone.as_ref());
         Self { now: Time::ZERO, drone, vlm, pictures, script, answers: Vec::new(), interrupts, interrupted: false }
     }
 
     fn ask(&mut self, query: &Query) {
         let asked = Asked::new(query, query.deadline.since(self.now));
-        let answer = self.vlm.answer(&asked, &mut *self.pictures.of(query));
+        let answer = self.vlm.answer(&asked, &mut self.pictures.about(query));
         self.answers.push((self.now + answer.latency, query.id, answer_event(query.id, answer.text)));
     }
 

@@ -9,12 +9,11 @@ mod entropy;
 mod tables;
 mod transform;
 
-use std::io::Cursor;
 use std::sync::Arc;
 
 use fearless_simd::Level;
-use image::{ImageFormat, ImageReader, Limits};
 
+use crate::file::{FileError, Format, Limits, PictureFile};
 use crate::frame::Rgb;
 use baseline::Sampling;
 
@@ -45,14 +44,14 @@ const LONGEST_SIDE: u32 = 8192;
 /// Why a picture could not be decoded.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot decode the picture: it is no JPEG or PNG, damaged, or a side is longer than {LONGEST_SIDE} pixels")]
-pub struct DecodeError(#[from] image::ImageError);
+pub struct DecodeError(#[from] FileError);
 
 /// Decodes a JPEG file of at most 8192 pixels a side; grey becomes colour.
 ///
 /// # Errors
 /// [`DecodeError`] if it is damaged or too large. Memory is bounded by the largest picture.
 pub fn decode(bytes: &[u8]) -> Result<Rgb, DecodeError> {
-    decode_as(ImageFormat::Jpeg, bytes)
+    decode_as(Format::Jpeg, bytes)
 }
 
 /// Decodes a JPEG or a PNG file in the same manner: what other programs send.
@@ -60,17 +59,12 @@ pub fn decode(bytes: &[u8]) -> Result<Rgb, DecodeError> {
 /// # Errors
 /// [`DecodeError`] if it is neither, damaged or too large.
 pub fn decode_any(bytes: &[u8]) -> Result<Rgb, DecodeError> {
-    decode_as(if bytes.starts_with(b"\x89PNG") { ImageFormat::Png } else { ImageFormat::Jpeg }, bytes)
+    decode_as(if bytes.starts_with(b"\x89PNG") { Format::Png } else { Format::Jpeg }, bytes)
 }
 
-fn decode_as(format: ImageFormat, bytes: &[u8]) -> Result<Rgb, DecodeError> {
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    let mut limits = Limits::default();
-    (limits.max_image_width, limits.max_image_height) = (Some(LONGEST_SIDE), Some(LONGEST_SIDE));
-    reader.limits(limits);
-    let picture = reader.decode()?.into_rgb8();
-    let (width, height) = picture.dimensions();
-    Ok(Rgb::from_raw(width, height, picture.into_raw()).unwrap_or_else(|_| Rgb::new(width, height)))
+fn decode_as(format: Format, bytes: &[u8]) -> Result<Rgb, DecodeError> {
+    let limits = Limits { side: LONGEST_SIDE, ..Limits::default() };
+    Ok(PictureFile::open_as(format, bytes, limits)?.decode()?.into_rgb())
 }
 
 /// A JPEG picture. Cloning shares the bytes.

@@ -8,6 +8,7 @@ use fnv::FnvHasher;
 use glam::{Vec2, Vec3};
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
+use spf_media::file;
 use spf_render::{Channels, Picture, Quality, Renderer};
 use spf_scene::geometry::{Pattern, Role, SceneGeometry};
 use spf_scene::texture::Texture;
@@ -221,9 +222,10 @@ fn files_hold_what_the_picture_holds() {
     picture.save_rgb(&path("rgb.png")).unwrap();
     picture.save_ids(&path("ids.png")).unwrap();
     picture.save_depth(&path("depth.png")).unwrap();
-    assert_eq!(Some(image::open(path("rgb.png")).unwrap().into_rgb8().into_raw()), picture.rgb);
-    assert_eq!(Some(image::open(path("ids.png")).unwrap().into_luma16().into_raw()), picture.ids);
-    let depth = image::open(path("depth.png")).unwrap().into_luma16().into_raw();
+    let read = |name: &str| file::decode(&std::fs::read(path(name)).unwrap(), file::Limits::default()).unwrap();
+    assert_eq!(Some(read("rgb.png").into_rgb().into_data()), picture.rgb);
+    assert_eq!(Some(read("ids.png").into_grey16()), picture.ids);
+    let depth = read("depth.png").into_grey16();
     for (&stored, &metres) in depth.iter().zip(picture.depth.as_ref().unwrap()) {
         assert!(metres > 655.0 || (f32::from(stored) / 100.0 - metres).abs() < 0.006);
     }

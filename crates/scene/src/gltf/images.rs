@@ -2,10 +2,9 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Cursor;
 
 use gltf::json::{Root, texture};
-use image::{DynamicImage, ImageError, ImageFormat, ImageReader, Limits};
+use spf_media::file::{FileError, Format, Limits, PictureFile, Samples};
 
 use super::files::{Buffers, Surroundings};
 use super::problem::{Problem, missing};
@@ -17,8 +16,8 @@ const MAX_MEMORY: u64 = 256 << 20;
 const KEPT_SIDE: u32 = 4096;
 /// Most pixels that are decoded, of all pictures together.
 const MAX_PIXELS: u64 = 1 << 29;
-/// Most memory that decoding one picture may take, bytes.
-const MAX_DECODING: u64 = 256 << 20;
+/// What decoding one picture may take: 256 MiB.
+const LIMITS: Limits = Limits { side: u32::MAX, memory: 256 << 20 };
 
 /// The pictures that are used.
 #[derive(Debug, Default)]
@@ -30,7 +29,6 @@ pub(super) struct Images {
 struct Encoded<'a> {
     image: usize,
     bytes: Cow<'a, [u8]>,
-    format: ImageFormat,
     size: (u32, u32),
 }
 
@@ -101,52 +99,41 @@ fn open<'a>(root: &Root, image: usize, buffers: &'a Buffers<'_>, around: &mut Su
         (None, Some(uri)) => Cow::Owned(around.read(uri)?),
         (None, None) => return Err(Problem::new(format!("image {image} has no data"))),
     };
-    let format = match image::guess_format(&bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-        _ => {
-            let message = format!("image {image} is neither PNG nor JPEG");
-            return Err(Problem::new(message).hint("export the textures as PNG or JPEG"));
-        }
-    };
-    let size = reader(&bytes, format).into_dimensions().map_err(|e| unreadable(image, &e))?;
+    if Format::of(&bytes).is_none() {
+        let message = format!("image {image} is neither PNG nor JPEG");
+        return Err(Problem::new(message).hint("export the textures as PNG or JPEG"));
+    }
+    let size = PictureFile::open(&bytes, LIMITS).map_err(|e| unreadable(image, &e))?.size();
     if size.0.max(size.1) > MAX_SIDE {
         let message = format!("image {image} has {} × {} pixels, at most {MAX_SIDE} a side are read", size.0, size.1);
         return Err(Problem::new(message).hint("make the texture smaller"));
     }
-    Ok(Encoded { image, bytes, format, size })
+    Ok(Encoded { image, bytes, size })
 }
 
-fn reader(bytes: &[u8], format: ImageFormat) -> ImageReader<Cursor<&[u8]>> {
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(MAX_DECODING);
-    reader.limits(limits);
-    reader
-}
-
-fn unreadable(image: usize, error: &ImageError) -> Problem {
+fn unreadable(image: usize, error: &FileError) -> Problem {
     Problem::new(format!("image {image} cannot be read: {error}"))
         .hint("export the texture again as PNG or JPEG, 8 bits a channel")
 }
 
 fn decode(encoded: &Encoded<'_>) -> Result<Texture, Problem> {
-    let picture = reader(&encoded.bytes, encoded.format).decode().map_err(|e| unreadable(encoded.image, &e))?;
+    let file = PictureFile::open(&encoded.bytes, LIMITS);
+    let picture = file.and_then(PictureFile::decode).map_err(|e| unreadable(encoded.image, &e))?;
     let (width, height) = (picture.width(), picture.height());
-    let rgb = if picture.color().has_alpha() { filled(picture) } else { picture.into_rgb8().into_raw() };
+    let rgb = if picture.has_alpha() { filled(picture) } else { picture.into_rgb().into_data() };
     Texture::from_srgb(width, height, &rgb).ok_or_else(|| Problem::new(format!("image {} has no pixels", encoded.image)))
 }
 
 /// Colours without alpha: what is clear takes the mean colour of what is not, for nobody has looked at its own.
-fn filled(picture: DynamicImage) -> Vec<u8> {
-    let rgba = picture.into_rgba8();
+fn filled(picture: Samples) -> Vec<u8> {
+    let rgba = picture.into_rgba();
     let (mut sum, mut count) = ([0_u64; 3], 0_u64);
-    for pixel in rgba.pixels().filter(|p| p.0[3] >= 128) {
-        (0..3).for_each(|k| sum[k] += u64::from(pixel.0[k]));
+    for pixel in rgba.iter().filter(|p| p[3] >= 128) {
+        (0..3).for_each(|k| sum[k] += u64::from(pixel[k]));
         count += 1;
     }
     let mean = sum.map(|s| s.checked_div(count).unwrap_or(128) as u8);
-    let colour = |p: &image::Rgba<u8>| if p.0[3] >= 128 { [p.0[0], p.0[1], p.0[2]] } else { mean };
-    rgba.pixels().flat_map(colour).collect()
+    rgba.iter().flat_map(|&[r, g, b, alpha]| if alpha >= 128 { [r, g, b] } else { mean }).collect()
 }
 
 #[cfg(test)]
@@ -165,8 +152,8 @@ mod tests {
 
     #[test]
     fn clear_pixels_take_the_mean_of_the_others() {
-        let mut rgba = image::RgbaImage::from_pixel(2, 1, image::Rgba([200, 100, 0, 255]));
-        rgba.put_pixel(1, 0, image::Rgba([0, 255, 0, 0]));
-        assert_eq!(filled(DynamicImage::ImageRgba8(rgba)), [200, 100, 0, 200, 100, 0]);
+        let rgba = spf_media::png::encode_rgba8(2, 1, &[200, 100, 0, 255, 0, 255, 0, 0]).unwrap();
+        let picture = spf_media::file::decode(&rgba, LIMITS).unwrap();
+        assert_eq!(filled(picture), [200, 100, 0, 200, 100, 0]);
     }
 }

@@ -20,7 +20,7 @@ use spf_core::time::{Duration, Time};
 use spf_drone::tello::sticks::Calibration;
 use spf_flight::calibrate::{self, Routine};
 use spf_flight::run::{Observer, World, run};
-use spf_flight::sim::{OracleVlm, SimPictures, SimWorld, Stage};
+use spf_flight::sim::{OracleVlm, SimWorld, Stage};
 use spf_flight::world::{Lockstep, Script};
 use spf_oracle::ErrorFile;
 use spf_serve::tello::Figures;
@@ -143,8 +143,7 @@ fn fly_in(
         policy: Box::new(Spf::new(spf)),
         instruction: instruction.to_owned(),
     });
-    let pictures = Box::new(SimPictures::new(world.clone()));
-    let mut around = Lockstep::new(Box::new(drone), vlm, pictures, Script::from_toml(events).unwrap(), Arc::default());
+    let mut around = Lockstep::new(Box::new(drone), vlm, Script::from_toml(events).unwrap(), Arc::default());
     let mut seen = Seen { world: Some(world.clone()), ..Seen::default() };
     run(&mut pilot, &mut around, &mut [&mut seen]);
     drop(around);
@@ -496,10 +495,9 @@ fn what_full_stick_does_is_measured() {
     let drone = Wired::new(world.clone(), figures, FaultPlan::default());
     let mut pilot = calibrate::pilot(&drone);
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
-    let pictures = Box::new(SimPictures::new(world.clone()));
     let (sender, operator) = channel();
     let mut routine = Routine::new(Calibration::default(), sender);
-    let around = Lockstep::new(Box::new(drone), Box::new(oracle), pictures, Script::default(), Arc::default());
+    let around = Lockstep::new(Box::new(drone), Box::new(oracle), Script::default(), Arc::default());
     run(&mut pilot, &mut Operated(around, operator), &mut [&mut routine]);
     let measured = routine.measured().unwrap();
     let near = |name: &str, value: f64, truth: f64, share: f64| {

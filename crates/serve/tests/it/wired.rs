@@ -10,11 +10,12 @@ use spf_core::envelope::Cleared;
 use spf_core::fault::{FaultMachine, FaultPlan, Stream, Trouble};
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::time::{Duration, Time};
+use spf_drone::frames::Frames;
 use spf_drone::tello::conversation::Order;
 use spf_drone::tello::link::Link;
 use spf_drone::tello::sticks::Calibration;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
-use spf_flight::sim::SimWorld;
+use spf_flight::sim::{SimFrames, SimWorld};
 use spf_serve::tello::{Figures, Firmware, Output, VirtualTello};
 use spf_sim::frame_clock::FrameClock;
 
@@ -101,6 +102,10 @@ impl Drone for Wired {
 
     fn capabilities(&self) -> Capabilities {
         Capabilities { craft: Craft::tello(), camera: *self.world.camera() }
+    }
+
+    fn frames(&self) -> Arc<dyn Frames> {
+        Arc::new(SimFrames::new(self.world.clone()))
     }
 
     fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use image::ImageReader;
 use serde_json::Value;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::tags::Tagged;
 use spf_flight::dataset::record::{FORMAT, Head, Row};
+use spf_media::file::{self, FileError, Limits};
 use spf_oracle::masks;
 
 use super::{SourceError, form, form_of, read, stays};
@@ -38,10 +38,11 @@ pub(crate) struct Layers {
 
 impl SimExample {
     /// Reads the pictures of truth.
-    pub(crate) fn layers(&self) -> Result<Layers, image::ImageError> {
+    pub(crate) fn layers(&self) -> Result<Layers, FileError> {
         let files = &self.row.files;
         let grey = |name: &str| {
-            Ok::<_, image::ImageError>(ImageReader::open(self.folder.join(name))?.decode()?.into_luma16().into_raw())
+            let bytes = std::fs::read(self.folder.join(name))?;
+            Ok::<_, FileError>(file::decode(&bytes, Limits::default())?.into_grey16())
         };
         let metres = |name: &str| grey(name).map(|cm| cm.into_iter().map(|cm| f32::from(cm) / 100.0).collect::<Vec<f32>>());
         Ok(Layers {

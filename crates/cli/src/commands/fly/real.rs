@@ -1,6 +1,6 @@
 //! `spf fly --drone tello`: a real craft, or one that nobody can tell from it.
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::time::Instant;
 
 use spf_core::craft::CraftKind;
@@ -10,8 +10,6 @@ use spf_core::executor::Motion;
 use spf_core::pilot::Think;
 use spf_core::time::duration_from_secs;
 use spf_drone::Drone;
-use spf_drone::tello::craft::COMMAND_PORT;
-use spf_drone::tello::sticks::Calibration;
 use spf_drone::tello::{ConnectError, Connected, Tello, TelloSettings};
 use spf_flight::keys::HELP;
 use spf_flight::real::{self, RealPlan};
@@ -22,9 +20,8 @@ use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 
 use super::manual::Manual;
-use super::{
-    flag, give_back, interrupts, limits, live_view, manner, method, out_dir, prompt, report, script, standstill, tell_view,
-};
+use super::settings::{flag, limits, manner, method, prompt, script, tello_settings};
+use super::{give_back, interrupts, live_view, out_dir, report, standstill, tell_view};
 use crate::args::Fly;
 use crate::commands::detector;
 use crate::commands::vlm::{Pointing, pointing};
@@ -41,25 +38,6 @@ pub(crate) const WARNING: &str = "A Tello holds its last velocity: when the link
 /// The same, when it ends each step by itself.
 const OWN_WARNING: &str = "Each step ends by itself: when the link is cut the Tello flies the rest of it, at most 5 m, hovers, and lands 15 s after the \
                            last command. Steps within 20 cm are flown by rc. Ctrl-C lands, a second one ends the program.";
-
-/// The address of the Tello that is to be flown; none when it is another drone.
-pub(crate) fn tello(settings: &Settings) -> Result<Option<SocketAddr>, CliError> {
-    let expected = "sim, tello, or tello@ADDRESS such as tello@192.168.10.1";
-    match settings.get("fly.drone") {
-        None | Some("sim") => Ok(None),
-        Some("tello") => Ok(Some(TelloSettings::default().drone)),
-        Some(other) => {
-            let address = other.strip_prefix("tello@").and_then(address);
-            address
-                .map(Some)
-                .ok_or_else(|| settings.wrong_word("fly.drone", expected, crate::error::nearest(other, ["sim", "tello"])))
-        }
-    }
-}
-
-fn address(text: &str) -> Option<SocketAddr> {
-    text.parse().ok().or_else(|| text.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, COMMAND_PORT)))
-}
 
 /// Flies a Tello.
 pub(super) fn fly(
@@ -87,7 +65,7 @@ pub(super) fn fly(
     let (pointing, detector) = detector::beside(&settings, policy, pointing)?;
     let interrupts = interrupts()?;
     let start = Instant::now();
-    let Connected { drone: craft, frames, firmware, .. } = connect(&tello, start, &printer)?;
+    let Connected { drone: craft, firmware, .. } = connect(&tello, start, &printer)?;
     if own && firmware.sdk.is_none() {
         return Err(CliError::usage("this Tello cannot be flown with --tello-motion go")
             .hint("its firmware speaks SDK 1.3, in which nothing ends a move; update it in the Tello app, or fly it by rc"));
@@ -111,9 +89,9 @@ pub(super) fn fly(
     if manual.is_on() {
         printer.say(HELP);
     }
+    let frames = craft.frames();
     let plan = RealPlan {
         drone: Box::new(craft),
-        frames: frames.clone(),
         start,
         senses: Senses::tello(),
         instruction: instruction.to_owned(),
@@ -157,31 +135,6 @@ pub(crate) fn connect(tello: &TelloSettings, start: Instant, printer: &Printer) 
     let battery = connected.state.battery.map_or("battery unknown".to_owned(), |charge| format!("battery {charge} %"));
     printer.say(&format!("Connected to the Tello at {}: {}, {battery}.", tello.drone.ip(), connected.firmware));
     Ok(connected)
-}
-
-/// How the Tello is reached and flown.
-pub(crate) fn tello_settings(settings: &Settings, drone: SocketAddr) -> Result<TelloSettings, CliError> {
-    let mut tello = TelloSettings { drone, ..TelloSettings::default() };
-    if let Some(local) = settings.parse("tello.local", "an address of this machine, such as 192.168.10.2")? {
-        tello.local = local;
-    }
-    for (name, port) in [("tello.state_port", &mut tello.state_port), ("tello.video_port", &mut tello.video_port)] {
-        if let Some(number) = settings.parse::<u16>(name, "a port, 1 to 65535")? {
-            *port = number;
-        }
-    }
-    if let Some(latency) = settings.number("tello.video_latency_s", 0.0, 2.0)? {
-        tello.video_latency = duration_from_secs(latency);
-    }
-    let Calibration { speed, climb, sink, yaw_rate } = tello.calibration;
-    let number = |name, low, high, default| settings.number(name, low, high).map(|value| value.unwrap_or(default));
-    tello.calibration = Calibration {
-        speed: number("tello.speed_m_s", 0.1, 10.0, speed)?,
-        climb: number("tello.climb_m_s", 0.1, 10.0, climb)?,
-        sink: number("tello.sink_m_s", 0.1, 10.0, sink)?,
-        yaw_rate: number("tello.yaw_deg_s", 10.0, 360.0, yaw_rate.to_degrees())?.to_radians(),
-    };
-    Ok(tello)
 }
 
 /// A VLM that points astray is found out on the ground.

@@ -80,10 +80,10 @@ fn a_flight_over_real_sockets_sees_flies_and_lands() {
     );
     // What the model was shown: the office, not a placeholder.
     for request in server.questions() {
-        let picture = image::load_from_memory(&Vendor::Gemini.picture(&request)).unwrap().to_rgb8();
-        let mean = picture.as_raw().iter().map(|byte| f64::from(*byte)).sum::<f64>() / picture.as_raw().len() as f64;
-        let spread = picture.as_raw().iter().map(|byte| (f64::from(*byte) - mean).powi(2)).sum::<f64>();
-        assert!((spread / picture.as_raw().len() as f64).sqrt() > 20.0, "{}×{}", picture.width(), picture.height());
+        let picture = spf_media::jpeg::decode(&Vendor::Gemini.picture(&request)).unwrap();
+        let mean = picture.data().iter().map(|byte| f64::from(*byte)).sum::<f64>() / picture.data().len() as f64;
+        let spread = picture.data().iter().map(|byte| (f64::from(*byte) - mean).powi(2)).sum::<f64>();
+        assert!((spread / picture.data().len() as f64).sqrt() > 20.0, "{}×{}", picture.width(), picture.height());
     }
     let truth = rows(&lab.path("truth.jsonl"));
     assert_eq!(truth.len(), 1, "{truth:?}");

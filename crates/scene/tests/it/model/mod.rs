@@ -172,10 +172,8 @@ pub(crate) fn yard() -> Model {
 
 /// A PNG of these sides.
 pub(crate) fn png(width: u32, height: u32, colour: impl Fn(u32, u32) -> [u8; 4]) -> Vec<u8> {
-    let picture = image::RgbaImage::from_fn(width, height, |x, y| image::Rgba(colour(x, y)));
-    let mut file = std::io::Cursor::new(Vec::new());
-    picture.write_to(&mut file, image::ImageFormat::Png).unwrap();
-    file.into_inner()
+    let pixels: Vec<u8> = (0..width * height).flat_map(|n| colour(n % width, n / width)).collect();
+    spf_media::png::encode_rgba8(width, height, &pixels).unwrap()
 }
 
 /// The object of a key.

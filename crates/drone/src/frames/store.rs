@@ -1,0 +1,149 @@
+//! The newest frames of a camera that sends them, for drivers with a real one.
+
+use std::collections::VecDeque;
+use std::hash::Hasher as _;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use fnv::FnvHasher;
+use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::time::Time;
+use spf_media::Rgb;
+
+use super::{FrameTally, Frames, Photo};
+
+/// Frames that are kept for whoever asks for their pixels: a second's.
+const KEPT: usize = 24;
+/// Digests of earlier pictures. A camera never shows the same picture twice, bit for bit; a frozen one shows the same few again,
+/// one for each place in the group of pictures.
+const DIGESTS: usize = 128;
+/// Every so many rows go into the digest.
+const DIGEST_ROWS: usize = 8;
+
+#[derive(Default)]
+struct Kept {
+    frames: VecDeque<(FrameMeta, Arc<Rgb>)>,
+    /// Not yet told to the pilot.
+    news: Option<FrameMeta>,
+    next: u64,
+    /// The camera's capture counter, as far as it can be told: it counts pictures that differ.
+    counter: u64,
+    size: Option<(u32, u32)>,
+    digests: VecDeque<u64>,
+    tally: FrameTally,
+}
+
+/// The newest frames of a camera, shared by who receives them and who looks at them. It numbers them, and tells a frozen picture from
+/// a fresh one.
+#[derive(Clone, Default)]
+pub struct FrameStore(Arc<Mutex<Kept>>);
+
+impl FrameStore {
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        // Whole between calls.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes a picture, captured and received at these flight times, for the newest frame.
+    pub fn receive(&self, captured: Time, received: Time, picture: Rgb) {
+        let digest = digest(&picture);
+        let size = (picture.width(), picture.height());
+        let mut guard = self.kept();
+        let kept = &mut *guard;
+        if kept.size.replace(size).is_some_and(|before| before != size) {
+            kept.tally.sizes += 1;
+        }
+        if kept.digests.contains(&digest) {
+            kept.tally.repeated += 1;
+        } else {
+            kept.counter += 1;
+            if kept.digests.len() >= DIGESTS {
+                kept.digests.pop_front();
+            }
+            kept.digests.push_back(digest);
+        }
+        let meta = FrameMeta {
+            id: FrameId(kept.next),
+            captured,
+            received,
+            capture_counter: kept.counter,
+            width: size.0,
+            height: size.1,
+            unusable: false,
+        };
+        kept.next += 1;
+        if kept.frames.len() >= KEPT {
+            kept.frames.pop_front();
+        }
+        kept.frames.push_back((meta, Arc::new(picture)));
+        kept.news = Some(meta);
+    }
+
+    /// The newest frame, if nobody was told of it.
+    #[must_use]
+    pub fn take_news(&self) -> Option<FrameMeta> {
+        self.kept().news.take()
+    }
+
+    /// Counts what became of the pictures before they were frames.
+    pub fn count(&self, count: impl FnOnce(&mut FrameTally)) {
+        count(&mut self.kept().tally);
+    }
+}
+
+impl Frames for FrameStore {
+    fn photo(&self, id: FrameId) -> Option<Photo> {
+        self.kept().frames.iter().find(|(meta, _)| meta.id == id).map(|(_, picture)| Photo::received(picture.clone()))
+    }
+
+    fn newest(&self) -> Option<(FrameMeta, Photo)> {
+        self.kept().frames.back().map(|(meta, picture)| (*meta, Photo::received(picture.clone())))
+    }
+
+    fn tally(&self) -> FrameTally {
+        self.kept().tally
+    }
+}
+
+/// FNV-1a over every eighth row.
+fn digest(picture: &Rgb) -> u64 {
+    let row = picture.width() as usize * 3;
+    let rows = picture.data().chunks_exact(row.max(1)).step_by(DIGEST_ROWS);
+    let mut hasher = FnvHasher::default();
+    rows.for_each(|row| hasher.write(row));
+    hasher.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn receive(frames: &FrameStore, at: u64, picture: Rgb) -> FrameMeta {
+        let received = Time::from_millis(at + 150);
+        frames.receive(Time::from_millis(at), received, picture);
+        frames.take_news().unwrap()
+    }
+
+    #[test]
+    fn frames_are_numbered_and_the_oldest_forgotten_but_not_by_who_holds_them() {
+        let frames = FrameStore::default();
+        let first = receive(&frames, 0, Rgb::filled(8, 8, [1; 3]));
+        let held = frames.photo(first.id).unwrap();
+        for n in 1..=KEPT as u64 {
+            let meta = receive(&frames, 100 * n, Rgb::filled(8, 8, [1 + n as u8; 3]));
+            assert_eq!((meta.id, meta.capture_counter), (FrameId(n), n + 1));
+        }
+        assert!(frames.photo(first.id).is_none() && frames.take_news().is_none());
+        assert_eq!(*held.pixels(), Rgb::filled(8, 8, [1; 3]));
+        assert_eq!(frames.newest().unwrap().0.id, FrameId(KEPT as u64));
+    }
+
+    #[test]
+    fn a_picture_that_was_shown_before_is_no_new_capture() {
+        let frames = FrameStore::default();
+        let grey = |level| Rgb::filled(8, 8, [level; 3]);
+        let counters = [1, 2, 2, 1, 3].map(|level| receive(&frames, 0, grey(level)).capture_counter);
+        assert_eq!((counters, frames.tally().repeated), ([1, 2, 2, 2, 3], 2));
+        receive(&frames, 0, Rgb::filled(4, 8, [9; 3]));
+        assert_eq!(frames.tally().sizes, 1);
+    }
+}
