@@ -4,7 +4,7 @@
     python3 docs/bench/peers.py [--frames 60] [--rounds 3] [--only NAME,NAME]
 
 Makes a Python environment of its own (target/peers-venv: PyBullet, MuJoCo, moderngl), builds the example `peer` of
-spf-sim in the release profile, writes the city as OBJ files (target/peers-scene), and prints a Markdown table. Needs the
+spf-render in the release profile, writes the city as OBJ files (target/peers-scene), and prints a Markdown table. Needs the
 Debian packages libosmesa6, libegl1 and libgl1-mesa-dri. What cannot be run says why under the table. Each figure is the
 median of the rounds; the rounds take turns, so that a busy minute meets all alike. Leave the machine alone meanwhile.
 """
@@ -276,7 +276,7 @@ def prepare():
     # One at a time: a peer that cannot be installed leaves the others.
     for package in PACKAGES:
         subprocess.run([str(VENV / "bin/pip"), "install", "-q", "--disable-pip-version-check", package], check=False)
-    build = ["cargo", "build", "--release", "--quiet", "-p", "spf-sim", "--example", "peer"]
+    build = ["cargo", "build", "--release", "--quiet", "-p", "spf-render", "--example", "peer"]
     subprocess.run(build, check=True, cwd=ROOT)
     subprocess.run([str(ROOT / "target/release/examples/peer"), "export", str(SCENE)], check=True)
 

@@ -11,6 +11,8 @@ mod settings;
 use std::process::ExitCode;
 
 use clap::Parser;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::prelude::*;
 
 use crate::args::{Cli, Command, Config, Vlm};
 use crate::error::CliError;
@@ -56,11 +58,13 @@ fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
 /// Logs go to standard error: standard output is data.
 fn start_log(verbose: u8) {
     let level = match verbose {
-        0 => "warn",
-        1 => "debug",
-        _ => "trace",
+        0 => LevelFilter::WARN,
+        1 => LevelFilter::DEBUG,
+        _ => LevelFilter::TRACE,
     };
-    let filter =
-        tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(level));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+    // Levels and modules, as everybody reads the variable; there are no spans here that a filter could name.
+    let asked = std::env::var("RUST_LOG").ok().and_then(|words| words.trim_matches(',').parse::<Targets>().ok());
+    let filter = asked.unwrap_or_else(|| Targets::new().with_default(level));
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false);
+    tracing_subscriber::registry().with(lines.with_filter(filter)).init();
 }

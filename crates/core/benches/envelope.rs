@@ -44,7 +44,7 @@ fn flying(corners: u32, north: f64) -> (Envelope, Telemetry) {
         capture_counter: 1,
         width: 960,
         height: 720,
-        unusable: false,
+        unusable: None,
     };
     envelope.observe_frame(telemetry.time, &frame);
     (envelope, telemetry)

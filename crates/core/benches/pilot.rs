@@ -46,7 +46,7 @@ fn frame(now: Time) -> Event {
         capture_counter: counter,
         width,
         height,
-        unusable: false,
+        unusable: None,
     })
 }
 

@@ -26,6 +26,63 @@ pub struct FrameMeta {
     pub width: u32,
     /// Height, pixels.
     pub height: u32,
-    /// True when the source knows the picture to be blank, a placeholder or undecodable; such a frame is never shown to a VLM.
-    pub unusable: bool,
+    /// Why the picture is of no use, where its source knows that it is of none; such a frame is never shown to a VLM. Logs tell
+    /// only whether.
+    #[serde(with = "whether")]
+    #[schemars(
+        with = "bool",
+        description = "True when the source knows the picture to be blank, a placeholder or undecodable; such a frame is never shown to a VLM."
+    )]
+    pub unusable: Option<Unusable>,
+}
+
+/// Why a picture is of no use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unusable {
+    /// One colour, or none.
+    Blank,
+    /// Something else shown in place of what the camera sees.
+    Placeholder,
+    /// It could not be decoded.
+    Undecodable,
+    /// Not told: read from a log.
+    Untold,
+}
+
+/// As a truth value, as logs have it.
+mod whether {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    use super::Unusable;
+
+    pub(super) fn serialize<S: Serializer>(unusable: &Option<Unusable>, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bool(unusable.is_some())
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Unusable>, D::Error> {
+        Ok(bool::deserialize(deserializer)?.then_some(Unusable::Untold))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_tells_whether_a_frame_is_of_use() {
+        let frame = FrameMeta {
+            id: FrameId(7),
+            captured: Time::ZERO,
+            received: Time::ZERO,
+            capture_counter: 7,
+            width: 4,
+            height: 3,
+            unusable: Some(Unusable::Blank),
+        };
+        let told = serde_json::to_string(&frame).unwrap();
+        assert!(told.ends_with(r#""unusable":true}"#), "{told}");
+        assert_eq!(serde_json::from_str::<FrameMeta>(&told).unwrap().unusable, Some(Unusable::Untold));
+        let usable = FrameMeta { unusable: None, ..frame };
+        assert_eq!(serde_json::from_str::<FrameMeta>(&serde_json::to_string(&usable).unwrap()).unwrap(), usable);
+    }
 }

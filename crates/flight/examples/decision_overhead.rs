@@ -141,7 +141,7 @@ fn decide(spf: &mut Spf, vlm: &mut dyn Vlm, mut frame: Frame<'_>, camera: &Camer
         capture_counter: number,
         width: frame.0.width(),
         height: frame.0.height(),
-        unusable: false,
+        unusable: None,
     };
     let view = View { frame: meta, camera: *camera, pose: Pose::default(), at_rest: true };
     let Step::Ask(query) = spf.handle(PolicyEvent::Frame(&view)) else { return Err("the policy did not ask".into()) };

@@ -12,7 +12,6 @@ use std::sync::Arc;
 use spf_core::avoid::PathShape;
 use spf_core::craft::CraftKind;
 use spf_core::envelope::Limits;
-use spf_core::estimator::Senses;
 use spf_core::grounding::GroundingProfile;
 use spf_core::pilot::{Pilot, PilotParts, PilotSettings, Preset};
 use spf_core::policy::spf::{Spf, SpfSettings};
@@ -35,7 +34,7 @@ fn flown(stage: &Arc<Stage>, seed: u64) -> Result<(Pilot, Lockstep), Box<dyn Err
     let mut pilot = Pilot::new(PilotParts {
         settings,
         craft: capabilities.craft,
-        senses: Senses::quad(),
+        senses: capabilities.senses,
         camera: capabilities.camera,
         limits: Limits::for_craft(&capabilities.craft),
         policy: Box::new(Spf::new(SpfSettings {

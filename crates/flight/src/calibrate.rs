@@ -7,24 +7,23 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
-use std::sync::mpsc::{Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
 
-use spf_baselines::plain::{Plain, PlainSettings};
-use spf_core::actions::ActForm;
 use spf_core::command::Setpoint;
-use spf_core::envelope::Limits;
-use spf_core::estimator::Senses;
 use spf_core::geometry::wrap_angle;
-use spf_core::pilot::{Action, Event, OperatorEvent, Pilot, PilotParts, PilotSettings, Preset};
+use spf_core::pilot::{Action, Event, OperatorEvent, Pilot};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
-use spf_drone::tello::Connected;
+use spf_drone::Drone;
 use spf_drone::tello::sticks::Calibration;
 use spf_vlm::{Account, Answer, Asked, Picture, Vlm, VlmError};
 
-use crate::run::{Observer, run};
-use crate::world::{Live, Script};
+use crate::flight::{FlightError, FlightPlan, Site, fly};
+use crate::policy::PolicyKind;
+use crate::real::Real;
+use crate::run::Observer;
+use crate::site::Clock;
 
 /// Share of full stick: the drone must not fly far.
 const SHARE: f64 = 0.5;
@@ -69,9 +68,9 @@ pub enum CalibrateError {
     /// The flight ended before.
     #[error("the flight ended before everything was measured: {0}")]
     Ended(String),
-    /// No thread.
+    /// There was none.
     #[error("the flight cannot be started")]
-    Start(#[source] std::io::Error),
+    Start(#[from] FlightError),
 }
 
 /// Where the routine is.
@@ -250,37 +249,27 @@ impl Vlm for Nobody {
     }
 }
 
-/// The pilot of such a flight.
+/// Such a flight: what the `operator` says is flown, and nobody else is asked.
 #[must_use]
-pub fn pilot(drone: &dyn spf_drone::Drone) -> Pilot {
-    let capabilities = drone.capabilities();
-    Pilot::new(PilotParts {
-        settings: PilotSettings::preset(Preset::Default),
-        craft: capabilities.craft,
-        senses: Senses::tello(),
-        camera: capabilities.camera,
-        limits: Limits::for_craft(&capabilities.craft),
-        policy: Box::new(Plain::new(PlainSettings { confirm_done: false, image_size: None, form: ActForm::Commands })),
-        instruction: "measure".to_owned(),
-    })
+pub fn plan(drone: Box<dyn Drone>, clock: Clock, operator: Receiver<OperatorEvent>, interrupts: Arc<AtomicU32>) -> FlightPlan {
+    let (site, nobody) = (Site::Real(Real { drone, clock }), Arc::new(|_: Option<&_>, _| Ok(Box::new(Nobody) as Box<dyn Vlm>)));
+    let plan = FlightPlan::new(site, "measure", "nobody", nobody);
+    FlightPlan { policy: Arc::new(PolicyKind::Plain), operator: Some(operator), interrupts, ..plan }
 }
 
-/// Flies the routine, some 45 s, with 3 m free ahead and 2 m above the take-off point. `full` is what the drone was connected with.
+/// Flies the routine, some 45 s, with 3 m free ahead and 2 m above the take-off point. `full` is what the drone was connected with,
+/// at `start`.
 ///
 /// # Errors
 /// [`CalibrateError`].
 pub fn calibrate(
-    connected: Connected,
+    drone: Box<dyn Drone>,
     full: Calibration,
     start: Instant,
     interrupts: Arc<AtomicU32>,
 ) -> Result<Calibration, CalibrateError> {
-    let drone = connected.drone;
     let (sender, operator) = channel();
-    let mut pilot = pilot(&drone);
     let mut routine = Routine::new(full, sender);
-    let around = Live::new(start, Box::new(drone), Box::new(Nobody), Script::default(), interrupts);
-    let mut around = around.map_err(CalibrateError::Start)?.with_operator(Some(operator));
-    run(&mut pilot, &mut around, &mut [&mut routine]);
+    fly(plan(drone, Clock::WallSince(start), operator, interrupts), &mut [&mut routine])?;
     routine.measured()
 }

@@ -1,14 +1,18 @@
 //! `video.mp4`: what the camera sees, with what was decided drawn on it, in flight time.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 
+use spf_core::camera::Camera;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, project_displacement};
 use spf_core::pilot::{Action, Note, Pilot};
 use spf_core::query::{ImageBox, ImagePoint, Mark};
 use spf_core::time::{Duration, Time};
+use spf_drone::frames::Photo;
+use spf_media::Scaler;
 use spf_media::frame::Rgb;
 use spf_media::jpeg::Jpeg;
 use spf_media::marks::{self, Colour, Hud};
@@ -16,7 +20,7 @@ use spf_record::log::foxglove::Marks;
 use spf_record::video::{VideoError, VideoWriter};
 
 use crate::log::Outlet;
-use crate::witness::{Seen, Witness};
+use crate::witness::Witness;
 use crate::words;
 
 /// Pictures a flight second: the paper's controller acts ten times a second, so nothing is between two pictures.
@@ -34,8 +38,9 @@ const FORGOTTEN: Duration = Duration::from_secs(9);
 
 /// What one picture shows.
 struct Shot {
-    /// What its light comes from.
-    light: Seen,
+    /// The flight time that it is a picture of.
+    at: Time,
+    photo: Photo,
     /// Where the pilot believes to be.
     known: Pose,
     waypoint: Option<EnuPosition>,
@@ -50,7 +55,7 @@ struct Shot {
 /// A video in the making. Pictures are drawn and encoded in a thread of their own, so that no setpoint waits for one; the bytes
 /// do not depend on it. On the wall clock a picture for which there is no time is left out.
 pub(crate) struct Film {
-    witness: Witness,
+    witness: Arc<dyn Witness>,
     title: String,
     next: Time,
     decision: String,
@@ -67,11 +72,17 @@ pub(crate) struct Film {
 
 impl Film {
     /// Opens the file and starts the encoder. The pictures go to the `log` too, as the camera saw them.
-    pub(crate) fn start(path: &Path, witness: Witness, title: &str, log: Option<Outlet>, live: bool) -> Result<Self, VideoError> {
+    pub(crate) fn start(
+        path: &Path,
+        witness: Arc<dyn Witness>,
+        title: &str,
+        log: Option<Outlet>,
+        live: bool,
+    ) -> Result<Self, VideoError> {
         let writer = VideoWriter::create(path, SIZE.0, SIZE.1, FPS as f64)?;
         let (shots, waiting) = sync_channel(WAITING);
-        let seen = witness.clone();
-        let encoder = std::thread::spawn(move || encode(writer, &seen, &waiting, log.as_ref()));
+        let camera = *witness.camera();
+        let encoder = std::thread::spawn(move || encode(writer, &camera, &waiting, log.as_ref()));
         Ok(Self {
             witness,
             title: title.to_owned(),
@@ -117,7 +128,7 @@ impl Film {
     /// Takes every picture that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
     pub(crate) fn advance(&mut self, now: Time, pilot: &Pilot) -> bool {
         while self.next <= now {
-            let Some(light) = self.witness.shot(self.next) else {
+            let Some(photo) = self.witness.shot(self.next) else {
                 // Not flown yet, or the shutter is open; or so long ago that the simulator forgot, after a standstill of the
                 // whole machine: go on from here.
                 if now.since(self.next) > FORGOTTEN {
@@ -125,7 +136,7 @@ impl Film {
                 }
                 return true;
             };
-            let shot = self.shot(light, pilot);
+            let shot = self.shot(self.next, photo, pilot);
             let open = if self.live {
                 !matches!(self.shots.try_send(shot), Err(TrySendError::Disconnected(_)))
             } else {
@@ -139,8 +150,7 @@ impl Film {
         true
     }
 
-    fn shot(&self, light: Seen, pilot: &Pilot) -> Shot {
-        let at = light.at();
+    fn shot(&self, at: Time, photo: Photo, pilot: &Pilot) -> Shot {
         let known = pilot.known_pose(at);
         // Adding zero takes the sign from a negative one, which would read "-00".
         let heading = known.attitude.heading.to_degrees().round().rem_euclid(360.0) + 0.0;
@@ -149,7 +159,8 @@ impl Film {
         let drifted = if pilot.is_dead_reckoned() { format!("  position ±{error:.1} m") } else { String::new() };
         let shown = at < self.drawn_until;
         Shot {
-            light,
+            at,
+            photo,
             known,
             waypoint: self.waypoint,
             boxes: if shown { self.boxes.clone() } else { Vec::new() },
@@ -169,21 +180,22 @@ impl Film {
     }
 }
 
-fn encode(mut writer: VideoWriter, witness: &Witness, shots: &Receiver<Shot>, log: Option<&Outlet>) -> Result<(), VideoError> {
-    let mut trouble = None;
+fn encode(mut writer: VideoWriter, camera: &Camera, shots: &Receiver<Shot>, log: Option<&Outlet>) -> Result<(), VideoError> {
+    let (mut trouble, mut scaler) = (None, Scaler::default());
     for shot in shots {
-        let mut picture = witness.photograph(&shot.light, SIZE);
-        let marks = Marks { waypoint: waypoint(witness, &shot), boxes: shot.boxes.clone() };
+        let mut picture = shot.photo.at(SIZE, &mut scaler);
+        let marks = Marks { waypoint: waypoint(camera, &shot), boxes: shot.boxes.clone() };
         if let Some(log) = log
             && let Ok(jpeg) = Jpeg::encode(&picture, JPEG_QUALITY)
         {
-            log.picture(shot.light.at(), jpeg.bytes().to_vec().into(), SIZE, &marks);
+            log.picture(shot.at, jpeg.bytes().to_vec().into(), SIZE, &marks);
         }
         annotate(&mut picture, &shot, &marks);
-        if let Err(error) = writer.push(shot.light.at(), &picture) {
+        if let Err(error) = writer.push(shot.at, &picture) {
             trouble = Some(error);
             break;
         }
+        scaler.reuse(picture);
     }
     // What was written until the trouble can still be played.
     let ended = writer.finish().map(|_| ());
@@ -191,9 +203,9 @@ fn encode(mut writer: VideoWriter, witness: &Witness, shots: &Receiver<Shot>, lo
 }
 
 /// Where the plan's end is in the picture. The plan lives in the pilot's world: it is drawn as the pilot believes to see it.
-fn waypoint(witness: &Witness, shot: &Shot) -> Option<(ImagePoint, String)> {
+fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
     let ahead = shot.known.position.displacement_to(shot.waypoint?, shot.known.attitude.heading);
-    let point = project_displacement(ahead, witness.camera(), shot.known.attitude, Lifting::Levelled)?;
+    let point = project_displacement(ahead, camera, shot.known.attitude, Lifting::Levelled)?;
     Some((point, format!("{:.1} m", ahead.length())))
 }
 

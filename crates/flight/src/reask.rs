@@ -23,8 +23,9 @@ use spf_vlm::{Answer, Asked, Eyesight, Vlm};
 
 use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
 use crate::picture::Marked;
+use crate::policy::PolicyKind;
 use crate::replay::{ReplayError, head, prompt_of, row};
-use crate::sim::{Circumstances, Moment, OracleVlm, PolicyKind, SimWorld, Stage, WhoError, WhoPoints, photo};
+use crate::sim::{Circumstances, Moment, OracleVlm, SimWorld, Stage, WhoError, WhoPoints, photo};
 
 /// One half of a picture.
 const HALF: (u32, u32) = (640, 480);

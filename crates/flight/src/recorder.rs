@@ -2,21 +2,34 @@
 //!
 //! A flight goes on when recording cannot: the first failure of each file is kept and told at the end.
 
+use std::sync::Arc;
+
 use serde::Serialize;
 use spf_core::geometry::EnuPosition;
 use spf_core::pilot::{Action, Decision, Event, Note, Phase, Pilot};
 use spf_core::time::Time;
 use spf_record::jsonl::JsonLines;
+use spf_record::live::LiveSender;
 use spf_record::out_dir::OutDir;
 use spf_record::trajectory::{DecisionMark, TrajectoryInput, trajectory_svg};
 
 use crate::film::{self, Film};
 use crate::log::{self, FlightLog, Head};
 use crate::run::Observer;
-use crate::sim::RecordPlan;
 use crate::summary::Summary;
 use crate::witness::Witness;
 use crate::words;
+
+/// Where and what to record.
+#[derive(Clone, Debug)]
+pub struct RecordPlan {
+    /// The folder.
+    pub out: OutDir,
+    /// Whether to make a video.
+    pub video: bool,
+    /// Who looks on while it flies.
+    pub view: Option<LiveSender>,
+}
 
 /// A decision as a row of `decisions.jsonl`.
 #[derive(Serialize)]
@@ -30,7 +43,7 @@ struct Row<'a> {
 /// Watches a flight and writes its files.
 pub struct Recorder {
     out: OutDir,
-    witness: Witness,
+    witness: Arc<dyn Witness>,
     log: Option<FlightLog>,
     decisions: Option<JsonLines>,
     film: Option<Film>,
@@ -76,7 +89,7 @@ const PATH_STEP_S: f64 = 0.1;
 impl Recorder {
     /// Opens the files in a folder. `live` tells that the flight is on the wall clock.
     #[must_use]
-    pub(crate) fn new(plan: &RecordPlan, head: &Head, witness: Witness, live: bool) -> Self {
+    pub(crate) fn new(plan: &RecordPlan, head: &Head, witness: Arc<dyn Witness>, live: bool) -> Self {
         let RecordPlan { out, video, view } = plan.clone();
         let mut problems = Problems::default();
         let file = problems.kept(LOG, log::open(&out.file(LOG), live));

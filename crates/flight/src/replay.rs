@@ -11,14 +11,14 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use spf_core::grounding::GroundingProfile;
-use spf_core::pilot::{Event, Pilot, PilotParts, PilotSettings};
+use spf_core::pilot::{Event, Pilot, PilotSettings};
 use spf_core::prompt::{PromptError, PromptText};
 use spf_core::time::Time;
 use spf_record::log::{Entry, ReadError};
-use spf_vlm::Eyesight;
 
 use crate::log::{Channel, Head, LinkRow, OperatorRow, ReplyRow, output};
-use crate::sim::PolicyKind;
+use crate::pilot::pilot;
+use crate::policy::PolicyKind;
 
 /// Why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
@@ -161,19 +161,12 @@ struct Replay {
 impl Replay {
     fn new(head: &Head, changes: &Changes) -> Result<Self, ReplayError> {
         let policy = PolicyKind::of_name(&head.policy).ok_or_else(|| ReplayError::Policy(head.policy.clone()))?;
-        let settings = changes.settings.unwrap_or(head.settings);
-        let grounding = changes.grounding.unwrap_or(head.grounding);
-        let eyesight = Eyesight { grounding, image_size: head.image_size };
-        let prompt = prompt_of(head, policy)?;
-        let pilot = Pilot::new(PilotParts {
-            settings,
-            craft: head.craft,
-            senses: head.senses,
-            camera: head.camera,
-            limits: head.limits.clone(),
-            policy: policy.policy(&settings, head.craft, eyesight, prompt, head.sim.as_ref().map_or(0, |sim| sim.seed)),
-            instruction: head.instruction.clone(),
-        });
+        let changed = Head {
+            settings: changes.settings.unwrap_or(head.settings),
+            grounding: changes.grounding.unwrap_or(head.grounding),
+            ..head.clone()
+        };
+        let pilot = pilot(&changed, &policy, prompt_of(head, policy)?);
         let (replayed, recorded) = (Outputs::new(), Outputs::new());
         let mut replay = Self { pilot, now: Time::ZERO, replayed, recorded, report: Report::default() };
         replay.poll();

@@ -7,12 +7,13 @@ use serde_json::json;
 use spf_core::coco;
 use spf_core::detection::{Detection, MAX_DETECTIONS, write_detections};
 use spf_core::query::{Mark, Query};
+use spf_core::tags::Tagged;
 
+use super::language::lexicon::{NOUNS, PHRASES};
 use super::language::resolve::{Item, meant, vocabulary};
 use super::language::{Phrase, Verb, parse};
 use super::percept::{Percept, Thing};
 use super::stages::{Aim, clause_of};
-use spf_core::tags::Tagged;
 
 /// Farther than this share of the width from the percept's point, no candidate is chosen (DESIGN.md section 5).
 const CHOOSE_WITHIN: f64 = 0.15;
@@ -186,23 +187,7 @@ const ON_THROUGH: &str = "12{mf(300);}";
 
 /// Whether people call something so that is higher than a house.
 fn is_large(label: &str) -> bool {
-    const LARGE: [&str; 14] = [
-        "building",
-        "tower",
-        "skyscraper",
-        "crane",
-        "needle",
-        "spire",
-        "bridge",
-        "hill",
-        "mountain",
-        "tunnel",
-        "gate",
-        "train",
-        "lake",
-        "tree",
-    ];
-    LARGE.iter().any(|word| label.split('_').any(|part| part == *word))
+    label.split('_').any(|part| NOUNS.large.contains(part))
 }
 
 /// What is looked for, in the words of lists.
@@ -234,13 +219,13 @@ pub(super) fn question(text: &str, lines: &[String]) -> String {
 /// The noun phrase of a question.
 fn strip_question(text: &str) -> String {
     let mut rest = text.trim().trim_end_matches('?');
-    for start in ["how many", "is there", "are there", "do you see", "can you see", "which", "what", "where is", "is", "any"] {
-        if let Some(after) = rest.strip_prefix(start) {
+    for start in &PHRASES.question_starts {
+        if let Some(after) = rest.strip_prefix(start.as_str()) {
             rest = after.trim_start();
         }
     }
-    for end in ["are there", "do you see", "can you see", "in view", "in the scene"] {
-        rest = rest.trim_end().strip_suffix(end).unwrap_or(rest);
+    for end in &PHRASES.question_ends {
+        rest = rest.trim_end().strip_suffix(end.as_str()).unwrap_or(rest);
     }
     format!("find {rest}")
 }

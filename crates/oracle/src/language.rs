@@ -2,16 +2,19 @@
 //!
 //! `lex` makes tokens, `grammar` cuts them into clauses and finds each verb, `phrase` reads the noun phrases, and `resolve`
 //! says which objects a phrase means. The first three know no scene: how many stages an instruction has never depends on
-//! what is in view.
+//! what is in view. The words themselves are data, which `lexicon` reads.
 
 mod grammar;
 mod lex;
-pub(super) mod lexicon;
+pub(crate) mod lexicon;
+mod meaning;
 mod phrase;
 mod pieces;
-pub(super) mod resolve;
-pub(super) mod spelling;
-mod vocabulary;
+pub(crate) mod resolve;
+pub(crate) mod spelling;
+mod table;
+mod verbs;
 
-pub use grammar::{Clause, Instruction, Verb, parse};
-pub use phrase::{Ordinal, Phrase, Relation, Side, Size};
+pub use grammar::{Clause, Instruction, parse};
+pub use meaning::{Relation, Side, Size, Verb};
+pub use phrase::{Ordinal, Phrase};

@@ -8,10 +8,10 @@ use spf_core::frame::FrameId;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::reply::Look;
 use spf_core::rng::Draw;
+use spf_core::tags::Tagged;
 
 use super::errors::ErrorFile;
 use super::masks::{Mask, end_of_run, masks};
-use spf_core::tags::Tagged;
 
 /// Size at which the visible pixels of an object are counted unless the query names another (DESIGN.md section 5).
 pub const SIZE_SENT: (u32, u32) = (960, 720);

@@ -5,6 +5,7 @@ use spf_core::reply::Look;
 
 use super::Oracle;
 use super::corridor::Found;
+use super::language::lexicon::NOUNS;
 use super::language::resolve::knows;
 use super::language::{Clause, Instruction, Phrase, Verb};
 use super::percept::{Percept, Thing};
@@ -350,13 +351,10 @@ const ROUND: f64 = 8.0;
 /// and what is left in view of it or of what it belongs to is right here.
 fn is_within(found: Option<&Thing>, view: &View<'_>) -> bool {
     let memory = &view.query.memory;
-    let is_opening = |last: &String| last.split(' ').next_back().is_some_and(|head| OPENINGS.contains(&head));
+    let is_opening = |last: &String| last.split(' ').next_back().is_some_and(|head| NOUNS.openings.contains(head));
     let is_here = found.is_none_or(|thing| thing.nearest < 2.0 * view.near());
     memory.turned == 0.0 && memory.targets.last().is_some_and(is_opening) && is_here
 }
-
-/// What openings are called in the history.
-const OPENINGS: [&str; 9] = ["opening", "hollow", "hole", "mouth", "entrance", "exit", "span", "doorway", "passage"];
 
 /// The nearest or the farthest opening in view that the phrase names, by itself or by what it belongs to.
 fn opening<'v>(phrase: &Phrase, view: &'v View<'_>, farthest: bool) -> Option<&'v Thing> {

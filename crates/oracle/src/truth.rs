@@ -1,11 +1,11 @@
 //! The truth behind `verified` (DESIGN.md section 5, "Truth"): what the last stage may mean, without errors, over all objects.
 
 use spf_core::geometry::wrap_angle;
+use spf_core::tags::Tagged;
 
 use super::language::resolve::{Item, meant, vocabulary};
 use super::language::{Phrase, Verb, parse};
 use super::place::{Placed, Viewpoint};
-use spf_core::tags::Tagged;
 
 /// Every object that the last stage of an instruction may mean.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! What each camera effect costs a picture of 960×720, the drawing of the scene left out.
 //!
-//! `cargo bench -p spf-sim --bench effects`. With `blur` a picture is drawn several times besides.
+//! `cargo bench -p spf-render --bench effects`. With `blur` a picture is drawn several times besides.
 
 use divan::Bencher;
 use spf_core::camera::Camera;

@@ -1,4 +1,4 @@
-//! How long a picture of a town of some 50,000 triangles takes at 960×720 on all cores: `cargo bench -p spf-sim --bench render`.
+//! How long a picture of a town of some 50,000 triangles takes at 960×720 on all cores: `cargo bench -p spf-render --bench render`.
 
 #[path = "../tests/it/yard/mod.rs"]
 mod yard;

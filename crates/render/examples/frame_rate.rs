@@ -1,6 +1,6 @@
 //! Pictures a second on a fixed path through the city at street height, and how the cost grows with triangles and with pixels.
 //!
-//! `cargo run --release -p spf-sim --example frame_rate [path | triangles | pixels …]`; all three without an argument. After `path`
+//! `cargo run --release -p spf-render --example frame_rate [path | triangles | pixels …]`; all three without an argument. After `path`
 //! the names of presets (`full`, `live`, `"ids and depth"`) leave out the others.
 //! Wall time counts, so the machine must be idle; the time that all cores together spend is given beside it (Linux only) and
 //! suffers less from other programs.

@@ -1,4 +1,4 @@
-//! How much of one core a picture of the city takes, over eight poses: `cargo run -p spf-sim --example render_time`.
+//! How much of one core a picture of the city takes, over eight poses: `cargo run -p spf-render --example render_time`.
 //! Linux only: it reads the thread's own time on a core, which other programs disturb less than the time on the wall.
 
 #![allow(clippy::print_stdout, reason = "an example's output")]

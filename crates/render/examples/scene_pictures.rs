@@ -1,6 +1,6 @@
 //! Pictures of a scene from given viewpoints, each with a list of the objects that fill more than 1 % of it.
 //!
-//! `cargo run -p spf-sim --example scene_pictures -- city[:LIGHT[:WEATHER]] OUT_FOLDER [east,north,up,heading_deg[,pitch_deg] …]`
+//! `cargo run -p spf-render --example scene_pictures -- city[:LIGHT[:WEATHER]] OUT_FOLDER [east,north,up,heading_deg[,pitch_deg] …]`
 //! Without poses: five views of the city. The list goes into `N.txt` beside `N.png`.
 
 use std::fmt::Write as _;

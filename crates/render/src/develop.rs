@@ -1,8 +1,14 @@
 //! From light on the film to bytes: the film's curve and the display's.
 
 use fearless_simd::prelude::*;
+use glam::Vec3;
 
 use super::lanes::{F, Instructions, LANES, Simd, U, V3, clamp, each, with_instructions};
+
+/// How bright linear RGB is.
+pub(super) fn luminance(colour: Vec3) -> f32 {
+    colour.dot(Vec3::new(0.21, 0.72, 0.07))
+}
 
 /// Film: a rational fit to the ACES curve (Narkowicz 2015), for each channel; light 0 or more to 0..=1 in linear display light.
 #[inline(always)]

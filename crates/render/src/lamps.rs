@@ -6,15 +6,15 @@
 use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
+use spf_scene::geometry::Lamp;
 
+use super::develop::luminance;
 use super::lanes::{F, Instructions, LANES, Simd, V3, with_instructions};
-use super::meter::luminance;
 use super::prepare::Soup;
 use super::raster::{NONE, SUB, TILE, TILE_AREA, Tile, place};
 use super::setup::{Bins, Wanted};
 use super::view::View;
 use super::walls::{Lattice, Walls};
-use spf_scene::geometry::Lamp;
 
 /// Points of the lattice, at most about; it takes eight bytes for each.
 const POINTS: f32 = 1_000_000.0;

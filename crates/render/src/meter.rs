@@ -8,6 +8,7 @@ use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 
 use super::ambient::Spots;
+use super::develop::luminance;
 use super::lamps::LampLight;
 use super::lanes::{F, Instructions, V3, smooth, with_instructions};
 use super::shadow::ShadowMap;
@@ -161,9 +162,4 @@ impl Lights<'_> {
         let even = luminance(light.sky_ambient + light.ground_ambient) * 0.5 * open;
         even + luminance(light.sun) * sun * 0.25 + luminance(self.lamps.at(p)) * 0.25
     }
-}
-
-/// Of linear RGB.
-pub(super) fn luminance(colour: Vec3) -> f32 {
-    colour.dot(Vec3::new(0.21, 0.72, 0.07))
 }

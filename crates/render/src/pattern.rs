@@ -4,10 +4,10 @@
 
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};
+use spf_scene::geometry::{Material, Pattern};
 
 use super::lanes::{F, Simd, V3, clamp, whole};
 use super::noise::{Noise, cell_hashes};
-use spf_scene::geometry::{Material, Pattern};
 
 /// What a surface is painted with, and what follows from it.
 #[derive(Clone, Copy, Debug)]

@@ -6,8 +6,8 @@ use fearless_simd::prelude::*;
 use glam::Vec3;
 
 use super::Palette;
+use super::develop::luminance;
 use super::lanes::{F, Instructions, V3, with_instructions};
-use super::meter::luminance;
 use super::noise::cell_hash;
 use super::view::View;
 

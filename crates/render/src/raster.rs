@@ -3,8 +3,9 @@
 //! Edges are integers (1/16 pixel), so that neighbouring triangles share no sample and leave no gap. Nearness (1/z for a camera, linear
 //! depth for the sun) is an affine function over the picture, clamped to the triangle's own range.
 
-use super::lanes::{F, I, LANES, Simd, U, each};
 use fearless_simd::prelude::*;
+
+use super::lanes::{F, I, LANES, Simd, U, each};
 
 /// Tile side, pixels.
 pub(crate) const TILE: i32 = 64;

@@ -130,7 +130,7 @@ impl Bins {
     /// Sets up what `view` sees. Ids count on from one soup to the next.
     pub(crate) fn fill(&mut self, instructions: Instructions, soups: &[&Soup], view: &View, wanted: Wanted) {
         self.order.clear();
-        let planes = frustum(view);
+        let planes = view.frustum();
         for (s, soup) in soups.iter().enumerate() {
             for (c, cluster) in soup.clusters.iter().enumerate() {
                 if cluster.opening == wanted.openings && planes.iter().all(|&(n, d)| reaches(cluster, n) >= d) {
@@ -203,20 +203,6 @@ impl Bins {
             }
         }
     }
-}
-
-/// Planes (inward normal, offset) that bound what the view sees.
-pub(super) fn frustum(view: &View) -> [(Vec3, f32); 5] {
-    let (left, right) = (-view.cx / view.fx, (view.width as f32 - view.cx) / view.fx);
-    let (top, bottom) = (-view.cy / view.fy, (view.height as f32 - view.cy) / view.fy);
-    [
-        view.forward,
-        view.right - view.forward * left,
-        view.forward * right - view.right,
-        view.down - view.forward * top,
-        view.forward * bottom - view.down,
-    ]
-    .map(|n| (n, n.dot(view.eye)))
 }
 
 /// How far the cluster's box reaches along `n`.

@@ -2,6 +2,8 @@
 
 use fearless_simd::prelude::*;
 use glam::Vec3;
+use spf_scene::geometry::Pattern;
+use spf_scene::texture::Texture;
 
 use super::Palette;
 use super::contact::Contact;
@@ -11,8 +13,6 @@ use super::pattern::{Paint, Spot, Surface};
 use super::prepare::{Soup, Triangle};
 use super::texture;
 use super::view::View;
-use spf_scene::geometry::Pattern;
-use spf_scene::texture::Texture;
 
 /// Share of a mirror that level ground is in heavy rain.
 const WET: f32 = 0.75;

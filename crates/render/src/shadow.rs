@@ -3,12 +3,12 @@
 use fearless_simd::prelude::*;
 use glam::Vec3;
 use rayon::prelude::*;
+use spf_scene::geometry::Light;
 
 use super::lanes::{F, I, Instructions, LANES, M, Simd, V3, each, whole, with_instructions};
 use super::prepare::Soup;
 use super::raster::{NONE, SUB, ScreenTriangle, TILE, TILE_AREA, Tile, place};
 use super::setup::{Bins, tiles};
-use spf_scene::geometry::Light;
 
 /// Texels along the longer side, at most.
 const SIDE: f32 = 4096.0;

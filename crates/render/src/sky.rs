@@ -2,11 +2,11 @@
 
 use fearless_simd::prelude::*;
 use glam::Vec3;
-
-use super::lanes::{F, Simd, V3, clamp, decay, smooth};
-use super::meter::luminance;
-use super::noise::Noise;
 use spf_scene::geometry::Light;
+
+use super::develop::luminance;
+use super::lanes::{F, Simd, V3, clamp, decay, smooth};
+use super::noise::Noise;
 
 /// The film's greatest exposure by itself: nights stay dark.
 const DARKEST: f32 = 2.0;

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use spf_core::camera::{Camera, Distortion};
+use spf_scene::geometry::ObjectId;
 
 use crate::Picture;
-use spf_scene::geometry::ObjectId;
 
 /// How much wider than the camera's the view is.
 const WIDE: f64 = 2.5;

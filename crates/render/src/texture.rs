@@ -2,11 +2,11 @@
 
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};
+use spf_scene::texture::{Level, Texture, decoded};
 
 use super::lanes::{F, LANES, Simd, V3};
 use super::noise::floor;
 use super::pattern::Spot;
-use spf_scene::texture::{Level, Texture, decoded};
 
 /// Most samples along the longer side of a pixel's footprint.
 const PROBES: f32 = 4.0;

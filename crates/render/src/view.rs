@@ -4,8 +4,6 @@ use glam::Vec3;
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 
-use super::setup::frustum;
-
 /// A camera at a pose, in single precision: what the rasteriser and the shader need of both.
 ///
 /// Lens distortion is not drawn: pictures are those of the perfect pinhole with the same fx, fy, cx, cy.
@@ -58,6 +56,20 @@ impl View {
         }
     }
 
+    /// Planes (inward normal, offset) that bound what the view sees.
+    pub(crate) fn frustum(&self) -> [(Vec3, f32); 5] {
+        let (left, right) = (-self.cx / self.fx, (self.width as f32 - self.cx) / self.fx);
+        let (top, bottom) = (-self.cy / self.fy, (self.height as f32 - self.cy) / self.fy);
+        [
+            self.forward,
+            self.right - self.forward * left,
+            self.forward * right - self.right,
+            self.down - self.forward * top,
+            self.forward * bottom - self.down,
+        ]
+        .map(|n| (n, n.dot(self.eye)))
+    }
+
     /// World position to camera axes: right, down, along the optical axis.
     #[inline]
     pub(crate) fn to_camera(self, position: Vec3) -> Vec3 {
@@ -74,7 +86,7 @@ impl Frustum {
     /// The room before `camera` at `pose`.
     #[must_use]
     pub fn new(camera: &Camera, pose: &Pose) -> Self {
-        Self(frustum(&View::new(camera, pose)))
+        Self(View::new(camera, pose).frustum())
     }
 
     /// Whether any part of the ball about `centre` may be in the picture; never false for one that is.

@@ -9,11 +9,21 @@
 #![forbid(unsafe_code)]
 
 pub mod actors;
+mod bounds;
 pub mod collide;
+mod error;
+mod file;
 pub mod geometry;
 mod gltf;
+mod light;
+mod limits;
+mod load;
 mod mesh;
-mod scene;
+mod pose;
 pub mod texture;
+mod world;
 
-pub use scene::{Aabb, Conditions, Lighting, Object, Scene, SceneError, Tags, Weather, hint_from};
+pub use bounds::Aabb;
+pub use error::{SceneError, hint_from};
+pub use light::{Conditions, Lighting, Weather};
+pub use world::{Object, Scene, Tags};

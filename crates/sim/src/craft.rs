@@ -7,13 +7,13 @@ use spf_core::command::Command;
 use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, wrap_angle};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
+use spf_scene::actors::{self, ActorPlace, Cast, Traffic};
+use spf_scene::collide::Collider;
+use spf_scene::geometry::ObjectId;
 
 use crate::dynamics::{Conditions, Dynamics, TICK};
 use crate::model::Model;
 use crate::senses::{Senses, exact};
-use spf_scene::actors::{self, ActorPlace, Cast, Traffic};
-use spf_scene::collide::Collider;
-use spf_scene::geometry::ObjectId;
 
 /// How far back [`SimCraft::true_pose_at`] remembers.
 pub const HISTORY: Duration = Duration::from_secs(10);

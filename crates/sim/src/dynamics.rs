@@ -11,13 +11,13 @@ use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose};
 use spf_core::rng::Draw;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_scene::collide::{Collider, Contact};
+use spf_scene::geometry::ObjectId;
 
 use crate::body::{Body, Response};
 use crate::model::Model;
 use crate::noise::Wander;
 use crate::wind::{Air, Wind};
-use spf_scene::collide::{Collider, Contact};
-use spf_scene::geometry::ObjectId;
 
 /// Length of a tick.
 pub const TICK: Duration = Duration::from_millis(5);

@@ -55,7 +55,7 @@ impl FrameClock {
     #[must_use]
     pub fn meta(&self, id: FrameId, width: u32, height: u32) -> FrameMeta {
         let captured = self.captured(id);
-        FrameMeta { id, captured, received: captured + self.latency, capture_counter: id.0, width, height, unusable: false }
+        FrameMeta { id, captured, received: captured + self.latency, capture_counter: id.0, width, height, unusable: None }
     }
 }
 

@@ -16,7 +16,7 @@ fn view(frame: u64) -> View {
             capture_counter: frame,
             width: 960,
             height: 720,
-            unusable: false,
+            unusable: None,
         },
         camera: Camera::quad(),
         pose: Pose { attitude: Attitude { heading: 1.0, ..Attitude::default() }, ..Pose::default() },

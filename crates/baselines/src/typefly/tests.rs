@@ -31,7 +31,7 @@ impl Told {
             capture_counter: self.frames,
             width: 960,
             height: 720,
-            unusable: false,
+            unusable: None,
         };
         self.policy.handle(PolicyEvent::Frame(&View { frame, camera: Camera::tello(), pose: Pose::default(), at_rest: true }))
     }

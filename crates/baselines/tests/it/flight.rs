@@ -189,7 +189,7 @@ impl Flight {
             capture_counter: number + 1,
             width: 960,
             height: 720,
-            unusable: false,
+            unusable: None,
         };
         self.coming.push((frame.received, Event::Frame(frame)));
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use spf_flight::sim::RecordPlan;
+use spf_flight::recorder::RecordPlan;
 use spf_record::out_dir::{OutDir, OutDirError};
 
 use super::files::{StoreError, failed};

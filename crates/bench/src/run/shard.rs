@@ -19,6 +19,9 @@ pub struct Shard {
 pub struct ShardError(pub String);
 
 impl Shard {
+    /// The variable that tells on Kubernetes how many shares there are, which its manifest gives.
+    pub const COUNT_VARIABLE: &'static str = "SPF_SHARDS";
+
     /// All of it.
     pub const WHOLE: Self = Self { index: 0, count: 1 };
 
@@ -29,7 +32,7 @@ impl Shard {
     }
 
     /// The share that Slurm (`SLURM_ARRAY_TASK_ID`, `…_MIN`, `…_COUNT`) or Kubernetes (`JOB_COMPLETION_INDEX` of an Indexed Job,
-    /// whose manifest gives `SPF_SHARDS` beside it) tells; none where neither does. Slurm's arrays may begin anywhere but must
+    /// whose manifest gives [`COUNT_VARIABLE`](Self::COUNT_VARIABLE) beside it) tells; none where neither does. Slurm's arrays may begin anywhere but must
     /// step by one.
     ///
     /// # Errors
@@ -42,7 +45,7 @@ impl Shard {
         let share = if let Some(id) = number("SLURM_ARRAY_TASK_ID")? {
             let Some(count) = number("SLURM_ARRAY_TASK_COUNT")? else { return Ok(None) };
             Self { index: id.saturating_sub(number("SLURM_ARRAY_TASK_MIN")?.unwrap_or(0)), count }
-        } else if let (Some(index), Some(count)) = (number("JOB_COMPLETION_INDEX")?, number("SPF_SHARDS")?) {
+        } else if let (Some(index), Some(count)) = (number("JOB_COMPLETION_INDEX")?, number(Self::COUNT_VARIABLE)?) {
             Self { index, count }
         } else {
             return Ok(None);

@@ -6,7 +6,8 @@ use spf_core::executor::{Ending, Motion};
 use spf_core::pilot::{PilotSettings, Preset, Think};
 use spf_core::step::StepRule;
 use spf_core::time::duration_from_secs;
-use spf_flight::sim::{PolicyKind, WhoPoints};
+use spf_flight::policy::PolicyKind;
+use spf_flight::sim::WhoPoints;
 use spf_vlm::{Account, Answer, Asked, Picture, Vlm};
 
 use crate::task::{Set, Task};

@@ -8,7 +8,6 @@ mod path;
 mod record;
 mod watch;
 
-use std::sync::atomic::AtomicU32;
 use std::sync::{Arc, OnceLock};
 
 use spf_core::envelope::Limits;
@@ -16,9 +15,10 @@ use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::pilot::Outcome;
 use spf_core::prompt::PromptText;
 use spf_flight::detector::with_detector;
-use spf_flight::sim::{Circumstances, FlightPlan, RecordPlan, SimWorld, WhoPoints, fly, oracle_points};
+use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::recorder::RecordPlan;
+use spf_flight::sim::{Circumstances, SimWorld, Simulated, WhoPoints, oracle_points};
 use spf_flight::summary::Summary;
-use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
 use spf_scene::geometry::ObjectId;
 use spf_sim::model::Model;
@@ -159,28 +159,21 @@ impl Trial {
             }
             Ok(Box::new(Timed { vlm, fixed, delay, seed }))
         });
-        FlightPlan {
-            stage: drawn.stage.clone(),
-            scene: drawn.scene.clone(),
-            instruction: task.instruction.clone(),
+        let site = Simulated {
             start: Some(drawn.start),
             kind: task.craft,
             circumstances: Circumstances { wind: drawn.wind, ..Circumstances::default() },
-            policy: self.method.policy(),
+            seed: self.seed,
+            ..Simulated::new(drawn.stage.clone(), &drawn.scene)
+        };
+        FlightPlan {
+            policy: Arc::new(self.method.policy()),
             preset: self.method.preset(),
             settings: self.method.settings(task),
-            limits: drawn.stage.limits(task.craft),
-            vlm: self.vlm().to_owned(),
-            who: seen,
             detector: self.detector(),
-            prompt: None,
             max_cost_usd: self.max_cost_usd,
-            seed: self.seed,
-            script: Script::default(),
-            operator: None,
-            realtime: false,
-            interrupts: Arc::new(AtomicU32::new(0)),
             record,
+            ..FlightPlan::new(Site::Simulated(site), &task.instruction, self.vlm(), seen)
         }
     }
 

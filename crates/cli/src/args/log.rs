@@ -99,7 +99,7 @@ pub(crate) struct Replay {
 #[command(after_help = "\
 Examples:
   spf log export flights -o decisions.csv
-  spf log export flights/001-* --topic /command -o commands.parquet
+  spf log export flights/001-* --topic /command -o commands.csv
   spf log export trials --topic /summary -o trials.jsonl
 
 A row is a message, a column one of its values, named by its way through the message (reading.waypoint.u); lists are JSON. Each \
@@ -111,7 +111,7 @@ pub(crate) struct Export {
     /// The topic
     #[arg(long, value_name = "TOPIC", default_value = "/decision")]
     pub(crate) topic: String,
-    /// The table: .csv, .jsonl or .parquet
+    /// The table: .csv, .jsonl or .parquet (built with the feature `parquet`)
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
 }

@@ -9,23 +9,23 @@ use crate::settings::Settings;
 
 /// Prints every key with its value, origin and meaning, as TOML that could be a configuration file.
 pub(crate) fn show(file: Option<&Path>, printer: &Printer) -> Result<Exit, CliError> {
-    let settings = Settings::load(file)?;
+    let settings = Settings::load(file, printer)?;
     let mut section = "";
-    for (key, value, origin) in settings.rows() {
-        let (table, name) = key.name.split_once('.').unwrap_or(("", key.name));
-        if table != section {
+    for row in settings.rows() {
+        let (key, value, origin) = (row.key(), row.shown(), row.origin());
+        if key.table != section {
             if !section.is_empty() {
                 printer.data("");
             }
-            printer.data(&format!("[{table}]"));
-            section = table;
+            printer.data(&format!("[{}]", key.table));
+            section = key.table;
         }
         let written = match value {
             "true" | "false" => value.to_owned(),
             _ if is_toml_number(value) => value.to_owned(),
             _ => quoted(value),
         };
-        printer.data(&format!("{:<34} # {origin}; {}: {}", format!("{name} = {written}"), key.env, key.doc));
+        printer.data(&format!("{:<34} # {origin}; {}: {}", format!("{} = {written}", key.field), key.env, key.doc));
     }
     Ok(Exit::Success)
 }

@@ -5,7 +5,8 @@ use std::path::Path;
 use spf_core::pilot::PilotSettings;
 use spf_detect::{DetectError, Detector};
 use spf_flight::detector::{model_detects, with_detector};
-use spf_flight::sim::{PolicyKind, WhoPoints, oracle_points};
+use spf_flight::policy::PolicyKind;
+use spf_flight::sim::{WhoPoints, oracle_points};
 
 use crate::commands::vlm::{Pointing, oracle_named};
 use crate::error::CliError;
@@ -20,7 +21,7 @@ pub(crate) fn manner(
     policy: PolicyKind,
     method: PilotSettings,
 ) -> Result<(PolicyKind, PilotSettings), CliError> {
-    let named = settings.get("fly.detector").is_some();
+    let named = settings.fly.detector.text().is_some();
     if !named && policy != PolicyKind::SpfDetector {
         return Ok((policy, method));
     }
@@ -40,7 +41,7 @@ pub(crate) fn beside(
     if policy != PolicyKind::SpfDetector {
         return Ok((pointing, None));
     }
-    let name = match settings.get("fly.detector") {
+    let name = match settings.fly.detector.text() {
         Some(name) => name,
         // An oracle that points lists from the same look.
         None if pointing.name.split(':').next() == Some("oracle") => return Ok((pointing.clone(), Some(pointing.name))),
@@ -72,7 +73,7 @@ fn detecting(settings: &Settings, name: &str) -> Result<Detecting, CliError> {
         return Ok(Detecting { name, who: model_detects(detector), sentence });
     }
     let expected = "FILE.onnx, oracle, oracle:NAME or oracle:FILE";
-    let (name, errors) = oracle_named(name, |_, near| settings.wrong_word("fly.detector", expected, near))?;
+    let (name, errors) = oracle_named(name, |_, near| settings.fly.detector.wrong(expected, near))?;
     let sentence = format!("{name} detects: it reads the simulator's id pictures and knows COCO's classes.");
     Ok(Detecting { who: oracle_points(name.clone(), errors), name, sentence })
 }
@@ -91,5 +92,5 @@ pub(crate) fn open(path: &str) -> Result<Detector, CliError> {
 
 /// The detector's file that the settings name, if it is one.
 pub(crate) fn file(settings: &Settings) -> Option<&str> {
-    settings.get("fly.detector").filter(|name| is_file(name))
+    settings.fly.detector.text().filter(|name| is_file(name))
 }

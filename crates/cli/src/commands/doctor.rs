@@ -2,34 +2,29 @@
 
 use std::path::Path;
 
-use spf_core::time::duration_from_secs;
 use spf_flight::doctor::{self, Check, Finding};
 use spf_scene::Conditions;
 
 use super::detector;
-use super::fly::settings::{tello, tello_settings};
+use super::fly::settings::options;
 use super::load_stage;
 use super::vlm::pointing;
 use crate::args::Doctor;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, table};
-use crate::settings::Settings;
+use crate::settings::{DroneName, Settings};
 
 /// Checks, tells, and says what to do.
 pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::load(args.config.as_deref())?;
-    settings.flag("fly.drone", "--drone", args.drone.clone());
-    settings.flag("fly.vlm", "--vlm", args.vlm.clone());
-    settings.flag("fly.scene", "--scene", args.scene.clone());
-    settings.flag("fly.detector", "--detector", args.detector.clone());
-    let mut checks = match tello(&settings)? {
-        Some(drone) => {
-            settings.default("fly.vlm", spf_vlm::setup::AUTO);
-            doctor::tello(&tello_settings(&settings, drone)?)
+    let mut settings = Settings::of(args, printer)?;
+    let mut checks = match settings.fly.drone.or_default()? {
+        DroneName::Real(_, target) => {
+            settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
+            target.examine(&options(&settings)?)
         }
-        None => {
-            let stage = load_stage(settings.get("fly.scene").unwrap_or("city"), &Conditions::default())?;
+        DroneName::Sim => {
+            let stage = load_stage(settings.fly.scene.text_or_default(), &Conditions::default())?;
             vec![doctor::simulator(&stage)]
         }
     };
@@ -49,7 +44,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
 
 /// Who points, where that is somebody who can be asked.
 fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
-    if settings.get("fly.vlm").is_none_or(|name| name.starts_with("oracle") || name.starts_with("replay:")) {
+    if settings.fly.vlm.text().is_none_or(|name| name.starts_with("oracle") || name.starts_with("replay:")) {
         return Ok(None);
     }
     let bad = |error: &CliError| Some(refused("VLM", error));
@@ -57,9 +52,9 @@ fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
         Ok(pointing) => pointing,
         Err(error) => return Ok(bad(&error)),
     };
-    let time = settings.number("fly.reply_timeout_s", 0.1, 600.0)?.unwrap_or(20.0);
+    let time = settings.reply_timeout()?;
     match (pointing.who)(None, 0) {
-        Ok(mut vlm) => Ok(Some(doctor::vlm(&pointing.name, vlm.as_mut(), duration_from_secs(time)))),
+        Ok(mut vlm) => Ok(Some(doctor::vlm(&pointing.name, vlm.as_mut(), time))),
         Err(error) => Ok(bad(&CliError::usage("the VLM cannot be asked").because(&*error))),
     }
 }

@@ -10,72 +10,75 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use serde::Serialize;
-use spf_core::craft::CraftKind;
+use spf_core::craft::Craft;
 use spf_core::pilot::Outcome;
+use spf_drone::frames::Frames;
+use spf_flight::flight::{FlightError, FlightPlan, Site};
 use spf_flight::glass::GlassToDecision;
 use spf_flight::keys::HELP;
-use spf_flight::sim::{FlightError, FlightPlan, RecordPlan};
+use spf_flight::recorder::RecordPlan;
+use spf_flight::sim::Simulated;
 use spf_flight::summary::Summary;
 use spf_flight::words;
 use spf_record::live::Live;
 use spf_record::out_dir::OutDir;
-use spf_scene::{Conditions, Lighting, Weather};
+use spf_scene::Conditions;
 use spf_sim::model::Model;
 
 use self::manual::Manual;
-use self::settings::{circumstances, flag, layered, limits, manner, method, prompt, script};
+use self::settings::{circumstances, limits, manner, method, prompt, script};
 use crate::args::Fly;
 use crate::commands::vlm::pointing;
-use crate::commands::{detector, load_stage, parse_pose};
+use crate::commands::{detector, load_stage};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
 use crate::progress::Progress;
-use crate::settings::Settings;
+use crate::settings::{DroneName, Settings};
 
 /// Longest instruction, characters: what a prompt has room for.
 const MAX_INSTRUCTION: usize = 2000;
 
 /// Flies an instruction.
-pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
-    let settings = layered(args)?;
+pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
+    let mut settings = Settings::of(args, &printer)?;
     let instruction = args.instruction.trim();
     if instruction.is_empty() || instruction.chars().count() > MAX_INSTRUCTION {
         return Err(CliError::usage(format!("the instruction must have 1 to {MAX_INSTRUCTION} characters"))
             .hint("spf fly \"Take off and fly to the red crane\""));
     }
-    if let Some(drone) = settings::tello(&settings)? {
-        return real::fly(args, settings, instruction, drone, printer);
-    }
-    if args.world.tello_motion.is_some() {
-        return Err(CliError::usage("--tello-motion is about a Tello, and this flight has none")
-            .hint("--drone tello flies one; --motion tells how the simulated craft moves"));
-    }
-    let (plan, points) = plan(args, &settings, instruction)?;
-    let view = settings.get("fly.live").map(|address| live_view(address, &settings)).transpose()?;
-    let out = out_dir(&settings, instruction)?;
-    let plan = FlightPlan {
-        record: Some(RecordPlan {
-            out: out.clone(),
-            video: flag(&settings, "fly.video")?,
-            view: view.as_ref().map(Live::sender),
-        }),
-        interrupts: interrupts()?,
-        ..plan
+    let ready = match settings.fly.drone.or_default()? {
+        DroneName::Real(_, target) => {
+            settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
+            real::ready(args, &settings, instruction, target.as_ref(), &printer)?
+        }
+        DroneName::Sim => simulated(args, &settings, instruction)?,
     };
-    let (manual, operator) = if plan.realtime { Manual::start(Model::of(plan.kind).craft) } else { Manual::none() };
-    let plan = FlightPlan { operator, ..plan };
+    take_off(ready, &settings, instruction, printer)
+}
+
+/// A flight that can begin.
+struct Ready {
+    /// But for its record and its operator.
+    plan: FlightPlan,
+    /// What the person is told before.
+    said: Vec<String>,
+    /// What a person would fly by hand; none in virtual time.
+    by_hand: Option<Craft>,
+    /// The camera whose video is told of afterwards.
+    camera: Option<Arc<dyn Frames>>,
+}
+
+/// Flies, tells of it, and leaves its files.
+fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: Printer) -> Result<Exit, CliError> {
+    let Ready { plan, said, by_hand, camera } = ready;
+    let view = settings.fly.live.get()?.map(live_view).transpose()?;
+    let out = out_dir(settings, instruction)?;
+    let (manual, operator) = by_hand.map_or_else(Manual::none, Manual::start);
+    let record = RecordPlan { out: out.clone(), video: settings.fly.video.is_on()?, view: view.as_ref().map(Live::sender) };
+    let plan = FlightPlan { record: Some(record), operator, ..plan };
     printer.start_live();
-    printer.say(&format!(
-        "Flying \"{}\" in {}, craft {}, policy {}, preset {}, seed {}.",
-        one_line(instruction),
-        plan.stage.scene.name,
-        plan.kind.name(),
-        plan.policy.name(),
-        settings.get("fly.preset").unwrap_or_default(),
-        plan.seed,
-    ));
-    printer.say(&format!("{points} Standstill after a stop: {:.2} s at cruise.", standstill(plan.kind)));
+    said.iter().for_each(|line| printer.say(line));
     if let Some(view) = &view {
         tell_view(view, &printer);
     }
@@ -83,13 +86,13 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
         printer.say(HELP);
     }
     let mut progress = Progress::new(&printer);
-    let flown = spf_flight::sim::fly(plan, &mut [&mut progress]);
+    let flown = spf_flight::flight::fly(plan, &mut [&mut progress]);
     drop(manual);
     printer.end_live();
     let flown = flown.map_err(|error| {
         give_back(&out);
         match error {
-            FlightError::StartBlocked { .. } | FlightError::StartOutside { .. } => {
+            FlightError::Start(_) => {
                 CliError::usage("the flight cannot begin").because(&error).hint("choose another start with --start")
             }
             FlightError::Vlm(_) => CliError::usage("the flight cannot begin").because(&error),
@@ -99,13 +102,20 @@ pub(crate) fn fly(args: &Fly, mut printer: Printer) -> Result<Exit, CliError> {
     for problem in &flown.recording_problems {
         printer.say(&format!("warning: not recorded: {problem}"));
     }
+    if let Some(camera) = camera {
+        let tally = camera.tally();
+        printer.say(&format!(
+            "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} refused, {} overtaken by newer ones",
+            tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused, tally.overtaken
+        ));
+    }
     report(&flown.summary, out.path(), &printer)?;
     Ok(Exit::of(flown.summary.outcome, flown.summary.verified))
 }
 
 /// The folder of the flight's files.
 fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
-    OutDir::create(settings.get("fly.out").map(Path::new), instruction).map_err(|error| {
+    OutDir::create(settings.fly.out.text().map(Path::new), instruction).map_err(|error| {
         CliError::usage("no folder for the flight's files")
             .because(&error)
             .hint("name a new or an empty folder with --out DIR: one flight's files are not mixed with another's")
@@ -113,9 +123,7 @@ fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
 }
 
 /// The live view that was asked for.
-fn live_view(address: &str, settings: &Settings) -> Result<Live, CliError> {
-    let expected = "an address and a port, such as 127.0.0.1:8765";
-    let address: SocketAddr = address.parse().map_err(|_| settings.wrong("fly.live", expected))?;
+fn live_view(address: SocketAddr) -> Result<Live, CliError> {
     Live::bind(address, "spf", spf_flight::log::topics()).map_err(|error| {
         CliError::usage(format!("nobody can look on at {address}"))
             .because(&error)
@@ -138,58 +146,59 @@ fn give_back(out: &OutDir) {
     drop(std::fs::remove_dir(out.path()));
 }
 
-/// From the zero setpoint to standstill at cruise, seconds.
-fn standstill(kind: CraftKind) -> f64 {
-    let craft = Model::of(kind).craft;
-    craft.standstill_time(craft.cruise_speed)
+/// Who points, and how long the craft takes from the zero setpoint to standstill at cruise.
+fn sentence(points: &str, craft: &Craft) -> String {
+    format!("{points} Standstill after a stop: {:.2} s at cruise.", craft.standstill_time(craft.cruise_speed))
 }
 
-/// The plan of a flight, and a sentence about who points.
-fn plan(args: &Fly, settings: &Settings, instruction: &str) -> Result<(FlightPlan, String), CliError> {
+/// A flight in the simulator.
+fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready, CliError> {
+    if args.world.tello_motion.is_some() {
+        return Err(CliError::usage("--tello-motion is about a Tello, and this flight has none")
+            .hint("--drone tello flies one; --motion tells how the simulated craft moves"));
+    }
     let (preset, policy) = manner(settings)?;
     let (policy, method) = detector::manner(settings, policy, method(settings, preset)?)?;
     let prompt = prompt(settings, policy)?;
-    let max_cost_usd = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
+    let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let (pointing, detector) = detector::beside(settings, policy, pointing(settings, prompt.clone())?)?;
-    let seed = settings.parse("fly.seed", "a whole number from 0 to 18446744073709551615")?.unwrap_or(0);
-    let start = settings.get("fly.start").map(parse_pose).transpose().map_err(|what| settings.wrong("fly.start", &what))?;
-    let kind = settings.choice("fly.drone_model", &[("quad", CraftKind::Quad), ("tello", CraftKind::Tello)])?;
+    let seed = settings.fly.seed.or_default()?;
+    let start = settings.fly.start.get()?;
+    let kind = settings.fly.drone_model.get()?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     // A flight in virtual time is over before anybody has looked.
-    let realtime = flag(settings, "fly.realtime")? || settings.get("fly.live").is_some();
-    let conditions = Conditions {
-        lighting: settings.choice("fly.light", &Lighting::ALL.map(|light| (light.name(), light)))?,
-        weather: settings.choice("fly.weather", &Weather::ALL.map(|weather| (weather.name(), weather)))?,
-    };
+    let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some();
+    let conditions = Conditions { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
     let circumstances = circumstances(settings)?;
     // Everything that is only read is checked before the scene is loaded: errors come at once.
-    let scene = settings.get("fly.scene").unwrap_or("city");
+    let scene = settings.fly.scene.text_or_default();
     let stage = Arc::new(load_stage(scene, &conditions)?);
     let kind = kind.unwrap_or(stage.scene.default_craft);
+    let craft = Model::of(kind).craft;
+    let flying = format!(
+        "Flying \"{}\" in {}, craft {}, policy {}, preset {}, seed {seed}.",
+        one_line(instruction),
+        stage.scene.name,
+        kind.name(),
+        policy.name(),
+        settings.fly.preset.text().unwrap_or_default(),
+    );
+    let limits = limits(settings, stage.limits(kind))?;
+    let site = Simulated { stage, scene: scene.to_owned(), start, kind, circumstances, seed, realtime };
     let plan = FlightPlan {
-        scene: scene.to_owned(),
-        instruction: instruction.to_owned(),
-        start,
-        kind,
-        circumstances,
-        policy,
+        policy: Arc::new(policy),
         preset,
         settings: method,
-        limits: limits(settings, stage.limits(kind))?,
-        vlm: pointing.name,
-        who: pointing.who,
+        limits,
         detector,
         prompt,
         max_cost_usd,
-        seed,
         script,
-        realtime,
-        interrupts: Arc::default(),
-        operator: None,
-        record: None,
-        stage,
+        interrupts: interrupts()?,
+        ..FlightPlan::new(Site::Simulated(site), instruction, &pointing.name, pointing.who)
     };
-    Ok((plan, pointing.sentence))
+    let said = vec![flying, sentence(&pointing.sentence, &craft)];
+    Ok(Ready { plan, said, by_hand: realtime.then_some(craft), camera: None })
 }
 
 /// Counts Ctrl-C. The first lands, closes everything and ends in exit code 5; the second ends the process at once.

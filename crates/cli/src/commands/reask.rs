@@ -34,9 +34,7 @@ struct Printed<'a> {
 pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit, CliError> {
     let reader = LogReader::open(&args.file).map_err(|error| unreadable(&args.file, &error))?;
     let (head, questions) = questions(reader).map_err(|error| unreplayable(&args.file, &error))?;
-    let mut settings = Settings::load(args.config.as_deref())?;
-    settings.flag("fly.vlm", "--vlm", Some(vlm.to_owned()));
-    settings.flag("vlm.models", "--vlm-models", args.vlm_models.clone());
+    let settings = Settings::of(args, printer)?;
     let (name, mind) = mind(&settings, vlm)?;
     let mut asker = stage_of(&head).and_then(|stage| {
         Asker::new(&head, Arc::new(stage), &name, mind)
@@ -70,7 +68,7 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
 /// Who is asked.
 fn mind(settings: &Settings, vlm: &str) -> Result<(String, Mind), CliError> {
     if vlm == "oracle" || vlm.starts_with("oracle:") {
-        let (name, errors) = oracle_named(vlm, |expected, near| settings.wrong_word("fly.vlm", expected, near))?;
+        let (name, errors) = oracle_named(vlm, |expected, near| settings.fly.vlm.wrong(expected, near))?;
         return Ok((name, Mind::Oracle(Box::new(errors))));
     }
     if vlm.starts_with("replay:") {

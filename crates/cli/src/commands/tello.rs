@@ -2,17 +2,19 @@
 
 use std::time::Instant;
 
-use spf_drone::tello::TelloSettings;
+use spf_drone::driver::Connected;
+use spf_drone::tello::TelloMotion;
+use spf_drone::tello::driver::DRIVER;
 use spf_drone::tello::sticks::Calibration;
 use spf_flight::calibrate::{CalibrateError, calibrate};
 
-use super::fly::settings::{tello as drone_of, tello_settings};
+use super::fly::settings::options;
 use super::fly::{interrupts, real};
 use crate::args::{Calibrate, Tello};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
-use crate::settings::Settings;
+use crate::settings::{DroneName, Settings};
 
 /// Does what is asked for.
 pub(crate) fn tello(command: &Tello, printer: &Printer) -> Result<Exit, CliError> {
@@ -22,16 +24,21 @@ pub(crate) fn tello(command: &Tello, printer: &Printer) -> Result<Exit, CliError
 }
 
 fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::load(args.config.as_deref())?;
-    settings.flag("fly.drone", "--drone", args.drone.clone());
-    let drone = drone_of(&settings)?.unwrap_or(TelloSettings::default().drone);
-    let tello = tello_settings(&settings, drone)?;
+    let settings = Settings::of(args, printer)?;
+    let target = match settings.fly.drone.or_default()? {
+        DroneName::Sim => (DRIVER.target)(""),
+        DroneName::Real(driver, target) => Some(target).filter(|_| driver.scheme == DRIVER.scheme),
+    };
+    let target = target.ok_or_else(|| settings.fly.drone.wrong(DRIVER.form, None))?;
+    let mut options = options(&settings)?;
+    // Full stick is what `rc` says.
+    options.tello.motion = TelloMotion::Rc;
     let interrupts = interrupts()?;
     let start = Instant::now();
-    let connected = real::connect(&tello, start, printer)?;
+    let Connected { drone, warning, .. } = real::connect(target.as_ref(), &options, start, printer)?;
     printer.say("Measuring for some 45 s: keep 3 m ahead and 2 m above free.");
-    printer.say(real::WARNING);
-    match calibrate(connected, tello.calibration, start, interrupts) {
+    printer.say(warning);
+    match calibrate(drone, options.tello.calibration, start, interrupts) {
         Ok(measured) => {
             printer.result(&table(&measured));
             Ok(Exit::Success)

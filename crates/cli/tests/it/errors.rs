@@ -1,6 +1,6 @@
 //! Wrong usage: exit code 2, what is wrong and where, one hint, nothing on standard output and nothing left behind.
 
-use crate::harness::Lab;
+use crate::harness::{Lab, Run};
 
 /// What each command line says, and that it says it as it should.
 fn refusals(lab: &Lab, lines: &[&[&str]]) -> String {
@@ -162,10 +162,7 @@ fn of_variables() {
         assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
         String::from_utf8(output.stderr).unwrap()
     };
-    let mut said = refused(&[("SPF_SEEDS", "1"), ("SPF_SCEEN", "city")]);
-    said.push_str(&refused(&[("SPF_SEED", "many")]));
-    lab.write(".env", "SPF_THNIK=stop\n");
-    said.push_str(&refused(&[]));
+    let mut said = refused(&[("SPF_SEED", "many")]);
     lab.write(".env", "SPF_THINK=never\n");
     said.push_str(&refused(&[]));
     insta::assert_snapshot!(said);
@@ -173,6 +170,20 @@ fn of_variables() {
     lab.write(".env", "API_KEY='secret\n");
     let said = refused(&[]);
     assert!(!said.contains("secret"), "{said}");
+}
+
+#[test]
+fn a_variable_that_nobody_knows_is_warned_about_and_left_alone() {
+    let lab = Lab::new();
+    lab.write(".env", "SPF_THNIK=stop\n");
+    let mut command = lab.command(&["vlm", "list", "--json"]);
+    let run = Run::of(&command.envs([("SPF_SEEDS", "1"), ("SPF_SCEEN", "city"), ("SPF_SHARDS", "4")]).output().unwrap());
+    assert_eq!((run.code, run.stdout.starts_with('[')), (Some(0), true), "{}", run.stderr);
+    insta::assert_snapshot!(run.stderr, @r"
+    warning: unknown variable `SPF_SCEEN` in the environment is left alone: did you mean `SPF_SCENE`? `spf config show` lists every key
+    warning: unknown variable `SPF_SEEDS` in the environment is left alone: did you mean `SPF_SEED`? `spf config show` lists every key
+    warning: unknown variable `SPF_THNIK` in .env is left alone: did you mean `SPF_THINK`? `spf config show` lists every key
+    ");
 }
 
 #[cfg(unix)]

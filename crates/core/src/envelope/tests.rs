@@ -54,7 +54,7 @@ impl Rig {
             capture_counter: self.frames,
             width: 960,
             height: 720,
-            unusable: false,
+            unusable: None,
         }
     }
 

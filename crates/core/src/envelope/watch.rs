@@ -59,7 +59,7 @@ const BATTERY_HYSTERESIS: f64 = 0.02;
 
 impl Watch {
     pub(super) fn frame(&mut self, now: Time, frame: &FrameMeta) {
-        if frame.unusable {
+        if frame.unusable.is_some() {
             self.unusable = self.unusable.saturating_add(1);
             return;
         }

@@ -22,7 +22,7 @@ impl Pilot {
         let newer = self
             .view
             .is_none_or(|view| frame.captured > view.frame.captured && frame.capture_counter != view.frame.capture_counter);
-        if let Some(known) = self.estimator.pose_at(frame.captured).filter(|_| newer && !frame.unusable) {
+        if let Some(known) = self.estimator.pose_at(frame.captured).filter(|_| newer && frame.unusable.is_none()) {
             self.view = Some(View { frame, camera: self.camera, pose: known, at_rest: false });
         }
     }

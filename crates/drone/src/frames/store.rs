@@ -68,7 +68,7 @@ impl FrameStore {
             capture_counter: kept.counter,
             width: size.0,
             height: size.1,
-            unusable: false,
+            unusable: None,
         };
         kept.next += 1;
         if kept.frames.len() >= KEPT {

@@ -7,11 +7,17 @@ pub mod answer;
 pub mod camera;
 pub mod conversation;
 pub mod craft;
+mod doctor;
+pub mod driver;
 mod inlet;
 pub mod link;
 mod manoeuvre;
+mod opening;
+pub mod settings;
 pub mod state;
 pub mod sticks;
 pub mod video;
 
-pub use craft::{ConnectError, Connected, Firmware, Tello, TelloSettings};
+pub use craft::{Connected, Tello};
+pub use opening::{ConnectError, Firmware};
+pub use settings::{TelloMotion, TelloSettings};

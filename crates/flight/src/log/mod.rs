@@ -12,6 +12,7 @@ pub use topics::Channel;
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use bytes::Bytes;
 use serde::Serialize;
@@ -37,7 +38,7 @@ const REMEMBERED: usize = 64;
 pub(crate) struct FlightLog {
     log: Option<Log>,
     out: Outlet,
-    witness: Witness,
+    witness: Arc<dyn Witness>,
     /// The pilot was woken at this time, and nothing has been told of it yet.
     woken: Option<Time>,
     posed: Option<Time>,
@@ -77,7 +78,13 @@ impl Outlet {
 
 impl FlightLog {
     /// Starts with the flight's head and the scene's outline. What is told goes to the log and to live views, where there are any.
-    pub(crate) fn start(log: Option<Log>, live: Option<LiveSender>, head: &Head, scene: &[Prism], witness: Witness) -> Self {
+    pub(crate) fn start(
+        log: Option<Log>,
+        live: Option<LiveSender>,
+        head: &Head,
+        scene: &[Prism],
+        witness: Arc<dyn Witness>,
+    ) -> Self {
         let out = Outlet { log: log.as_ref().map(Log::sender), live };
         out.row(Channel::Flight, Time::ZERO, head);
         out.put(Channel::Scene, Time::ZERO, foxglove::encode(&foxglove::scene(Time::ZERO, scene)));

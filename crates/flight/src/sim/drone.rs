@@ -3,12 +3,15 @@
 use std::sync::Arc;
 
 use spf_core::command::Command;
+use spf_core::craft::CraftKind;
 use spf_core::envelope::Cleared;
+use spf_core::estimator::Senses;
 use spf_core::frame::FrameId;
 use spf_core::time::Time;
 use spf_drone::frames::Frames;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 use spf_sim::frame_clock::FrameClock;
+use spf_sim::model::Model;
 
 use super::frames::SimFrames;
 use super::world::SimWorld;
@@ -39,7 +42,12 @@ impl Drone for SimDrone {
     }
 
     fn capabilities(&self) -> Capabilities {
-        Capabilities { craft: self.world.craft().dynamics().model().craft, camera: *self.world.camera() }
+        let Model { kind, craft, .. } = *self.world.craft().dynamics().model();
+        let senses = match kind {
+            CraftKind::Quad => Senses::quad(),
+            CraftKind::Tello => Senses::tello(),
+        };
+        Capabilities { position: kind == CraftKind::Quad, ..Capabilities::of(craft, *self.world.camera(), senses) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {

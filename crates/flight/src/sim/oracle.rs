@@ -4,10 +4,10 @@ use spf_core::frame::FrameId;
 use spf_core::query::Query;
 use spf_core::time::Duration;
 use spf_oracle::{ErrorFile, Oracle, Percept, Sight};
-use spf_render::{Channels, Picture as SimPicture};
+use spf_render::Channels;
 use spf_vlm::{Account, Answer, Asked, Picture, Vlm, VlmError};
 
-use super::stage::Moment;
+use super::stage::{Eyes, Moment};
 use super::world::SimWorld;
 
 /// The oracle of a world.
@@ -17,13 +17,6 @@ pub struct OracleVlm {
     oracle: Oracle,
     /// All queries on one frame share its percept.
     percept: Option<(FrameId, Percept)>,
-}
-
-/// What the oracle looks at while it forms a percept: eight megabytes, lent by the stage and given back.
-#[derive(Default)]
-pub(super) struct Eyes {
-    sight: SimPicture,
-    wide: SimPicture,
 }
 
 impl OracleVlm {

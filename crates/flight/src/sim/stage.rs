@@ -17,8 +17,6 @@ use spf_scene::geometry::ObjectId;
 use spf_scene::{Aabb, Conditions, Object, Scene, SceneError};
 use spf_sim::model::Model;
 
-use super::oracle::Eyes;
-
 /// Scene, renderer, collider, actors and tags.
 pub struct Stage {
     /// The scene.
@@ -33,6 +31,13 @@ pub struct Stage {
     pub tags: Vec<Tagged>,
     /// Eyes that nobody looks through now. So memory goes by how many look at once, not by how many fly.
     eyes: Mutex<Vec<Eyes>>,
+}
+
+/// What an oracle looks at while it forms a percept: eight megabytes, lent and given back.
+#[derive(Default)]
+pub(super) struct Eyes {
+    pub(super) sight: Picture,
+    pub(super) wide: Picture,
 }
 
 /// What there is to see at an instant: where the camera is, and where the actors are.

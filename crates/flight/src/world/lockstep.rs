@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::Receiver;
 
 use spf_core::pilot::{Action, Event, OperatorEvent};
 use spf_core::query::{Query, QueryId};
@@ -25,6 +26,7 @@ pub struct Lockstep {
     answers: Vec<(Time, QueryId, Event)>,
     interrupts: Arc<AtomicU32>,
     interrupted: bool,
+    operator: Option<Receiver<OperatorEvent>>,
 }
 
 impl Lockstep {
@@ -32,7 +34,24 @@ impl Lockstep {
     #[must_use]
     pub fn new(drone: Box<dyn Drone>, vlm: Box<dyn Vlm>, script: Script, interrupts: Arc<AtomicU32>) -> Self {
         let pictures = Pictures::of(drone.as_ref());
-        Self { now: Time::ZERO, drone, vlm, pictures, script, answers: Vec::new(), interrupts, interrupted: false }
+        Self {
+            now: Time::ZERO,
+            drone,
+            vlm,
+            pictures,
+            script,
+            answers: Vec::new(),
+            interrupts,
+            interrupted: false,
+            operator: None,
+        }
+    }
+
+    /// Lets somebody else say what an operator does; what was said by then comes before anything else.
+    #[must_use]
+    pub fn with_operator(mut self, operator: Option<Receiver<OperatorEvent>>) -> Self {
+        self.operator = operator;
+        self
     }
 
     fn ask(&mut self, query: &Query) {
@@ -59,6 +78,9 @@ impl World for Lockstep {
         if !self.interrupted && self.interrupts.load(Ordering::Relaxed) > 0 {
             self.interrupted = true;
             return Some(Event::Operator(OperatorEvent::Land));
+        }
+        if let Some(event) = self.operator.as_ref().and_then(|operator| operator.try_recv().ok()) {
+            return Some(Event::Operator(event));
         }
         let answer = self.answers.iter().map(|(at, ..)| *at).min();
         let due = [self.drone.next_event_at(), answer, self.script.next_at()].into_iter().flatten().fold(deadline, Time::min);

@@ -48,7 +48,12 @@ fn answer_event(id: QueryId, text: Result<String, VlmError>) -> Event {
 fn pilot_event(event: DroneEvent) -> Event {
     match event {
         DroneEvent::Telemetry(telemetry) => Event::Telemetry(telemetry),
-        DroneEvent::Frame(frame) => Event::Frame(frame),
+        DroneEvent::Frame(frame) => {
+            if let Some(why) = frame.unusable {
+                tracing::debug!(frame = frame.id.0, ?why, "a frame is of no use");
+            }
+            Event::Frame(frame)
+        }
         DroneEvent::LinkLost => Event::LinkLost,
         DroneEvent::LinkRestored => Event::LinkRestored,
     }

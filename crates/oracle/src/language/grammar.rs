@@ -2,31 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use super::lex::{singular, tokens};
-use super::lexicon;
-use super::phrase::{Ordinal, Phrase, longest, starts};
+use super::lex::tokens;
+use super::lexicon::{NOUNS, PHRASES, SPELLING, VERBS};
+use super::meaning::Verb;
+use super::phrase::{Ordinal, Phrase};
 use super::pieces::{filler, in_order, pieces};
-
-/// What is to be done with the target (DESIGN.md section 5: all but [`Verb::GoTo`] have a table of stages).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verb {
-    /// Go there; finding, approaching and reaching are the same.
-    GoTo,
-    /// Through its opening.
-    Through,
-    /// Once around it.
-    Around,
-    /// Over it.
-    Over,
-    /// Up it, to where it is high.
-    Up,
-    /// To its far side.
-    Behind,
-    /// Look all around.
-    Scan,
-    /// Stay near it.
-    Follow,
-}
+use super::verbs::starts_verb;
 
 /// One thing to do.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -135,74 +116,6 @@ enum Read {
     Context(Phrase),
 }
 
-/// Words that forbid, and how many they are.
-pub(super) fn negative(words: &[String]) -> Option<usize> {
-    [
-        "dont",
-        "do not",
-        "never",
-        "avoid",
-        "avoiding",
-        "without",
-        "ignore",
-        "ignoring",
-        "forget about",
-        "forget",
-        "skip",
-        "not",
-        "instead of",
-        "rather than",
-        "while avoiding",
-        "you should not",
-        "you must not",
-        "stay away from",
-        "keep away from",
-        "steer clear of",
-        "leave",
-        "pass by",
-        "bypass",
-        "i dont want",
-        "i dont mean",
-        "i do not mean",
-        "i do not want",
-        "no not",
-    ]
-    .iter()
-    .filter_map(|p| starts(words, p))
-    .max()
-}
-
-/// A verb that starts here: how many words, and which.
-pub(super) fn starts_verb(words: &[String]) -> Option<(usize, Verb)> {
-    let first = words.first()?;
-    let mut base = words.to_vec();
-    base.truncate(6);
-    base[0] = verb_stem(first)?;
-    longest(&base, lexicon::VERBS)
-}
-
-/// The bare form of a known verb.
-fn verb_stem(word: &str) -> Option<String> {
-    let known = |w: &str| lexicon::VERBS.iter().any(|(v, _)| v.split(' ').next() == Some(w));
-    if known(word) {
-        return Some(word.to_owned());
-    }
-    let mut forms = vec![singular(word)];
-    if word == "flies" {
-        forms.push("fly".to_owned());
-    }
-    if let Some(base) = word.strip_suffix("ing") {
-        forms.push(base.to_owned());
-        forms.push(format!("{base}e"));
-        let mut chars: Vec<char> = base.chars().collect();
-        let last = chars.pop();
-        if chars.last() == last.as_ref() {
-            forms.push(chars.into_iter().collect());
-        }
-    }
-    forms.into_iter().find(|form| known(form))
-}
-
 /// Reads one piece.
 fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let words: Vec<String> = {
@@ -212,7 +125,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     if words.is_empty() {
         return None;
     }
-    if let Some(n) = negative(&words) {
+    if let Some(n) = PHRASES.forbidding.length(&words) {
         return Some(forbidden(&words[n..]));
     }
     if take_off(&words) {
@@ -222,28 +135,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
         return Some(Read::Context(phrase));
     }
     let verb = (0..words.len()).find_map(|at| {
-        let subordinate = at > 0
-            && matches!(
-                words[at - 1].as_str(),
-                "people"
-                    | "that"
-                    | "who"
-                    | "which"
-                    | "can"
-                    | "they"
-                    | "humans"
-                    | "the"
-                    | "a"
-                    | "an"
-                    | "for"
-                    | "cars"
-                    | "birds"
-                    | "to"
-                    | "of"
-                    | "your"
-                    | "used"
-            )
-            && !leads_in(&words[..at]);
+        let subordinate = at > 0 && PHRASES.subordinating.contains(&words[at - 1]) && !leads_in(&words[..at]);
         let noun = at > 0 && (words[at - 1] == "the" || words[at - 1] == "a");
         if subordinate || noun { None } else { starts_verb(&words[at..]).map(|(n, verb)| (at, n, verb)) }
     });
@@ -257,26 +149,21 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let (verb, rest) = refine(verb, said);
     let mut target = Phrase::read(rest);
     let mut verb = verb;
-    let reciprocal = starts(rest, "each other").or_else(|| starts(rest, "one another")).is_some();
+    let reciprocal = starts(rest, "each other") || starts(rest, "one another");
     if reciprocal {
         // "Through each other": each of them is meant, and there is nothing to go through.
         verb = Verb::GoTo;
         target.other = true;
     }
-    let toward = said.iter().find(|w| !lexicon::ADVERBS.contains(&w.as_str())).is_some_and(|w| w.starts_with("toward"));
+    let toward = said.iter().find(|w| !VERBS.adverbs.contains(w)).is_some_and(|w| w.starts_with("toward"));
     if verb == Verb::Up && words[at] == "pick" {
         verb = Verb::GoTo;
     }
-    if verb == Verb::GoTo && toward && target.nouns.last().is_some_and(|n| lexicon::PEOPLE.contains(&n.as_str())) {
+    if verb == Verb::GoTo && toward && target.nouns.last().is_some_and(|n| NOUNS.people.contains(n)) {
         verb = Verb::Follow;
     }
-    if target.nouns.iter().all(|n| lexicon::SURROUNDINGS.contains(&n.as_str())) && matches!(verb, Verb::Scan | Verb::GoTo) {
-        let looks = lexicon::VERBS.iter().any(|_| {
-            matches!(
-                words[at].as_str(),
-                "search" | "searching" | "look" | "looking" | "inspect" | "check" | "view" | "observe" | "examine" | "film"
-            )
-        });
+    if target.nouns.iter().all(|n| NOUNS.surroundings.contains(n)) && matches!(verb, Verb::Scan | Verb::GoTo) {
+        let looks = PHRASES.looking.contains(&words[at]);
         if verb == Verb::Scan || (looks && !target.nouns.is_empty()) {
             let near = target.relations.into_iter().next().and_then(|(_, anchors)| anchors.into_iter().next());
             return Some(Read::Clause(Clause { verb: Verb::Scan, target: near.unwrap_or_default() }));
@@ -299,77 +186,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
 
 /// Whether words before a "to" only lead in to the verb: "I want you to fly", "you need to go".
 fn leads_in(words: &[String]) -> bool {
-    words.iter().all(|w| {
-        matches!(
-            w.as_str(),
-            "i" | "want"
-                | "would"
-                | "like"
-                | "you"
-                | "to"
-                | "need"
-                | "your"
-                | "task"
-                | "mission"
-                | "goal"
-                | "is"
-                | "job"
-                | "we"
-                | "have"
-                | "id"
-                | "love"
-                | "us"
-                | "could"
-                | "can"
-                | "please"
-                | "the"
-                | "drone"
-                | "it"
-                | "time"
-                | "are"
-                | "should"
-                | "will"
-                | "may"
-                | "must"
-                | "try"
-                | "its"
-                | "im"
-                | "asking"
-                | "order"
-                | "in"
-                | "how"
-                | "about"
-                | "proceed"
-                | "start"
-                | "begin"
-                | "by"
-                | "for"
-                | "manage"
-                | "now"
-                | "ok"
-                | "hey"
-                | "kindly"
-                | "first"
-                | "that"
-                | "be"
-                | "me"
-                | "so"
-                | "destination"
-                | "instruction"
-                | "let"
-                | "lets"
-                | "craft"
-                | "quadcopter"
-                | "and"
-                | ","
-                | "off"
-                | "take"
-                | "go"
-                | "ahead"
-                | "this"
-                | "said"
-        )
-    })
+    words.iter().all(|w| w == "," || PHRASES.lead_in.contains(w))
 }
 
 /// "Take off", "lift off", and nothing else.
@@ -402,34 +219,9 @@ fn take_off(words: &[String]) -> bool {
 
 /// A statement rather than a command: what it names may be referred to later.
 fn context(words: &[String]) -> Option<Phrase> {
-    let n = [
-        "if",
-        "there is",
-        "there are",
-        "theres",
-        "i see",
-        "you see",
-        "you will see",
-        "you can see",
-        "i am",
-        "im",
-        "its",
-        "it is",
-        "we are",
-        "you are",
-        "i have",
-        "i feel",
-        "i was",
-        "you should see",
-        "this is",
-        "we have",
-        "my",
-    ]
-    .iter()
-    .filter_map(|p| starts(words, p))
-    .max()?;
-    if starts(words, "its the").is_some()
-        || starts(words, "it is the").is_some()
+    let n = PHRASES.statements.length(words)?;
+    if starts(words, "its the")
+        || starts(words, "it is the")
         || (words[0] == "im" && words.iter().any(|w| w == "looking" || w == "searching"))
         || words.iter().any(|w| matches!(w.as_str(), "looking" | "searching"))
     {
@@ -443,7 +235,7 @@ fn context(words: &[String]) -> Option<Phrase> {
         _ => rest,
     };
     let mut phrase = Phrase::read(rest);
-    phrase.uses.extend(rest.iter().filter(|w| w.len() > 2 && !lexicon::EMPTY.contains(&w.as_str())).cloned());
+    phrase.uses.extend(rest.iter().filter(|w| w.len() > 2 && !SPELLING.empty.contains(w)).cloned());
     Some(phrase)
 }
 
@@ -451,35 +243,7 @@ fn context(words: &[String]) -> Option<Phrase> {
 fn forbidden(words: &[String]) -> Read {
     let rest = match starts_verb(words) {
         Some((n, verb)) => refine(verb, &words[n..]).1.to_vec(),
-        None => words
-            .iter()
-            .skip_while(|w| {
-                matches!(
-                    w.as_str(),
-                    "hitting"
-                        | "touching"
-                        | "touch"
-                        | "hit"
-                        | "crashing"
-                        | "crash"
-                        | "colliding"
-                        | "collide"
-                        | "into"
-                        | "with"
-                        | "bumping"
-                        | "bump"
-                        | "bother"
-                        | "about"
-                        | "confuse"
-                        | "mistake"
-                        | "mix"
-                        | "to"
-                        | "the"
-                        | "want"
-                )
-            })
-            .cloned()
-            .collect(),
+        None => words.iter().skip_while(|w| PHRASES.harm.contains(w)).cloned().collect(),
     };
     Read::Excluded(Phrase::read(&rest))
 }
@@ -505,19 +269,19 @@ fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
         // "in front of", "on the left", "next to" belong to the target; "over to" and "up to" are going.
         let leads_to =
             matches!(next, Some("to" | "towards" | "toward" | "at" | "by" | "near" | "beside" | "until" | "there" | "and" | ","));
-        let phrase = longest(rest, lexicon::RELATIONS).is_some_and(|(n, _)| n > 1)
+        let phrase = PHRASES.relations.longest(rest).is_some_and(|(n, _)| n > 1)
             && !matches!(word, "close" | "closest" | "nearest" | "near");
-        if let Some((_, refined)) = lexicon::VERB_PREPOSITIONS.iter().find(|(p, _)| *p == word)
-            && !(leads_to && lexicon::ADVERBS.contains(&word))
+        if let Some(refined) = preposition(word)
+            && !(leads_to && VERBS.adverbs.contains(word))
             && !phrase
         {
             // "Up the hill", and not "up and away".
-            let climbs = *refined != Some(Verb::Up) || matches!(next, Some("the" | "a" | "this" | "that"));
+            let climbs = refined != Some(Verb::Up) || matches!(next, Some("the" | "a" | "this" | "that"));
             if let Some(refined) = refined
                 && climbs
                 && matches!(verb, Verb::GoTo | Verb::Over | Verb::Through | Verb::Up)
             {
-                verb = *refined;
+                verb = refined;
             }
             rest = &rest[1..];
             if !matches!(word, "up" | "down" | "out" | "past" | "along" | "over" | "across")
@@ -525,10 +289,9 @@ fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
             {
                 return (verb, rest);
             }
-        } else if starts(rest, "next to").is_some() || starts(rest, "close to").is_some() || starts(rest, "up close to").is_some()
-        {
+        } else if starts(rest, "next to") || starts(rest, "close to") || starts(rest, "up close to") {
             return (verb, &rest[2..]);
-        } else if (lexicon::ADVERBS.contains(&word) && !phrase && word != "next" && (word, next) != ("close", Some("by")))
+        } else if (VERBS.adverbs.contains(word) && !phrase && word != "next" && (word, next) != ("close", Some("by")))
             || (matches!(word, "yourself" | "me" | "us" | "it" | "drone" | "the" | "your")
                 && next.is_some_and(|next| AFTER_CRAFT.contains(&next)))
         {
@@ -537,6 +300,18 @@ fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
             return (verb, rest);
         }
     }
+}
+
+/// A preposition that may follow a verb: what it makes of the verb, or nothing but itself.
+fn preposition(word: &str) -> Option<Option<Verb>> {
+    let refined = VERBS.prepositions.get(word);
+    (refined.is_some() || VERBS.plain_prepositions.contains(word)).then_some(refined)
+}
+
+/// Whether `words` start with the words of `phrase`.
+fn starts(words: &[String], phrase: &str) -> bool {
+    let mut words = words.iter();
+    phrase.split(' ').all(|part| words.next().is_some_and(|word| word == part))
 }
 
 /// What follows "the drone" or "yourself" after a verb of bringing.

@@ -1,9 +1,11 @@
 //! Tokens: lower-case words, stems, forgiven spelling.
 
 use std::collections::BTreeSet;
-use std::sync::OnceLock;
+use std::sync::LazyLock;
 
-use super::{lexicon, spelling};
+use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING, VERBS};
+use super::spelling;
+use super::table::Words;
 
 /// Longest instruction that is read, bytes; the rest is left unread. A model has a window too, and memory stays bounded.
 const LONGEST: usize = 4096;
@@ -56,16 +58,16 @@ pub(super) fn raw_tokens(text: &str) -> Vec<String> {
 
 /// The stem a word is compared by: singular, without endings.
 pub(super) fn stem(word: &str) -> String {
-    if let Some((_, stem)) = lexicon::IRREGULAR.iter().find(|(form, _)| *form == word) {
-        return (*stem).to_owned();
+    if let Some(stem) = SPELLING.irregular.plain(word) {
+        return stem.to_owned();
     }
     singular(word)
 }
 
 /// Singular of a regular plural.
 pub(super) fn singular(word: &str) -> String {
-    if let Some((_, stem)) = lexicon::IRREGULAR.iter().find(|(form, _)| *form == word) {
-        return (*stem).to_owned();
+    if let Some(stem) = SPELLING.irregular.plain(word) {
+        return stem.to_owned();
     }
     if word.len() > 3 && !word.ends_with("ss") && !word.ends_with("us") && !word.ends_with("is") {
         if let Some(base) = word.strip_suffix("ies") {
@@ -103,60 +105,41 @@ pub(super) fn stems(word: &str) -> Vec<String> {
     out
 }
 
-/// Words of everyday life that are right as they stand, but that no other word is put right to.
-fn everyday() -> &'static BTreeSet<&'static str> {
-    static EVERYDAY: OnceLock<BTreeSet<&'static str>> = OnceLock::new();
-    EVERYDAY.get_or_init(|| lexicon::KNOWN.iter().chain(lexicon::COMMON_VERBS).copied().collect())
-}
+/// Every word the grammar and the tables of synonyms use; words are put right to one of these.
+static KNOWN: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
+    let (verbs, adjectives, phrases) = (&*VERBS, &*ADJECTIVES, &*PHRASES);
+    let grammar = verbs.verbs.words().chain(verbs.prepositions.words()).chain(phrases.relations.words());
+    let places = phrases.sides.words().chain(phrases.dropped.words());
+    let ranks = adjectives.colours.words().chain(adjectives.sizes.words()).chain(adjectives.ordinals.keys().map(String::as_str));
+    let lists = [
+        &verbs.plain_prepositions,
+        &verbs.adverbs,
+        &adjectives.fluff,
+        &adjectives.soft,
+        &NOUNS.vague,
+        &NOUNS.parts,
+        &NOUNS.surroundings,
+        &phrases.determiners,
+        &SPELLING.grammar,
+        &SPELLING.empty,
+    ];
+    let listed = lists.into_iter().flat_map(Words::iter);
+    let words = grammar.chain(places).chain(ranks).chain(listed).chain(GENERAL_NOUNS.iter().copied());
+    words.map(str::to_owned).collect()
+});
 
-/// Every word the grammar and the tables of synonyms use.
-fn known() -> &'static BTreeSet<String> {
-    static KNOWN: OnceLock<BTreeSet<String>> = OnceLock::new();
-    KNOWN.get_or_init(|| {
-        let mut words = BTreeSet::new();
-        let mut add = |phrase: &str| words.extend(phrase.split(' ').map(str::to_owned));
-        lexicon::VERBS.iter().for_each(|(w, _)| add(w));
-        lexicon::VERB_PREPOSITIONS.iter().for_each(|(w, _)| add(w));
-        lexicon::COLOURS.iter().for_each(|(w, _)| add(w));
-        lexicon::SIZES.iter().for_each(|(w, _)| add(w));
-        lexicon::ORDINALS.iter().for_each(|(w, _)| add(w));
-        lexicon::RELATIONS.iter().for_each(|(w, _)| add(w));
-        lexicon::SIDES.iter().for_each(|(w, _)| add(w));
-        lexicon::SYNONYMS.iter().flat_map(|group| group.iter()).for_each(|w| add(w));
-        lexicon::HYPERNYMS.iter().for_each(|(w, below)| {
-            add(w);
-            below.iter().for_each(|w| add(w));
-        });
-        lexicon::GENERAL_USES.iter().for_each(|(w, uses)| {
-            add(w);
-            uses.iter().for_each(|w| add(w));
-        });
-        lexicon::IRREGULAR.iter().for_each(|(w, stem)| {
-            add(w);
-            add(stem);
-        });
-        for list in [
-            lexicon::ADVERBS,
-            lexicon::FLUFF,
-            lexicon::SOFT,
-            lexicon::VAGUE,
-            lexicon::PARTS,
-            lexicon::SURROUNDINGS,
-            lexicon::DETERMINERS,
-            lexicon::DROPPED,
-            lexicon::GRAMMAR,
-            lexicon::EMPTY,
-        ] {
-            list.iter().for_each(|w| add(w));
-        }
-        words
-    })
-}
+/// Nouns of the general tables.
+static GENERAL_NOUNS: LazyLock<BTreeSet<&'static str>> = LazyLock::new(|| {
+    let synonyms = NOUNS.synonyms.iter().flat_map(Words::iter);
+    let below = NOUNS.hypernyms.iter().chain(&NOUNS.uses).flat_map(|(word, below)| below.iter().chain([word.as_str()]));
+    let irregular = SPELLING.irregular.words().chain(SPELLING.irregular.plains());
+    synonyms.chain(below).chain(irregular).flat_map(|phrase| phrase.split(' ')).collect()
+});
 
 /// Whether the parser knows the word or its stem.
 pub(super) fn is_known(word: &str) -> bool {
-    let known = known();
-    let has = |w: &str| known.contains(w) || everyday().contains(w);
+    let everyday = |w: &str| SPELLING.everyday_nouns.contains(w) || SPELLING.everyday_words.contains(w);
+    let has = |w: &str| KNOWN.contains(w) || everyday(w);
     has(word)
         || has(&singular(word))
         || stems(word).iter().any(|stem| has(stem))
@@ -169,33 +152,8 @@ fn corrected(word: &str) -> String {
     if is_known(word) || word.len() < 3 {
         return word.to_owned();
     }
-    // Short words are put right only from this list: there are too many words of three letters.
-    for (wrong, right) in [
-        ("teh", "the"),
-        ("hte", "the"),
-        ("adn", "and"),
-        ("nad", "and"),
-        ("fyl", "fly"),
-        ("flt", "fly"),
-        ("flyy", "fly"),
-        ("og", "go"),
-        ("ot", "to"),
-        ("rde", "red"),
-        ("tto", "to"),
-        ("tree", "tree"),
-        ("tre", "tree"),
-        ("cra", "car"),
-        ("carr", "car"),
-        ("teee", "tree"),
-        ("balck", "black"),
-        ("blak", "black"),
-        ("fnid", "find"),
-        ("thne", "then"),
-        ("hten", "then"),
-    ] {
-        if word == wrong {
-            return right.to_owned();
-        }
+    if let Some(right) = SPELLING.slips.plain(word) {
+        return right.to_owned();
     }
     let limit = spelling::forgiven(word.len());
     if limit == 0 {
@@ -204,7 +162,7 @@ fn corrected(word: &str) -> String {
     let plural = word.len() > 4 && word.ends_with('s');
     match nearest_known(word, limit) {
         // A noun is put right where the tags at hand are known, for they come first.
-        Some(known) if nouns().contains(known.as_str()) => word.to_owned(),
+        Some(known) if GENERAL_NOUNS.contains(known.as_str()) => word.to_owned(),
         Some(known) => known.clone(),
         None if plural => corrected(&word[..word.len() - 1]),
         None => word.to_owned(),
@@ -214,25 +172,13 @@ fn corrected(word: &str) -> String {
 /// The general noun that a misspelt one is nearest to, or the word itself.
 pub(super) fn general_noun(word: &str) -> String {
     match nearest_known(word, spelling::forgiven(word.len())) {
-        Some(known) if nouns().contains(known.as_str()) => known.clone(),
+        Some(known) if GENERAL_NOUNS.contains(known.as_str()) => known.clone(),
         _ => word.to_owned(),
     }
 }
 
-/// Nouns of the general tables.
-fn nouns() -> &'static BTreeSet<&'static str> {
-    static NOUNS: OnceLock<BTreeSet<&'static str>> = OnceLock::new();
-    NOUNS.get_or_init(|| {
-        let synonyms = lexicon::SYNONYMS.iter().flat_map(|group| group.iter().copied());
-        let kinds = lexicon::HYPERNYMS.iter().flat_map(|(w, below)| below.iter().copied().chain([*w]));
-        let used = lexicon::GENERAL_USES.iter().flat_map(|(w, uses)| uses.iter().copied().chain([*w]));
-        let irregular = lexicon::IRREGULAR.iter().flat_map(|(w, stem)| [*w, *stem]);
-        synonyms.chain(kinds).chain(used).chain(irregular).flat_map(|w| w.split(' ')).collect()
-    })
-}
-
 fn nearest_known(word: &str, limit: usize) -> Option<&'static String> {
-    known()
+    KNOWN
         .iter()
         .filter(|known| known.len() >= 3 && known.len().abs_diff(word.len()) <= limit)
         .map(|known| {

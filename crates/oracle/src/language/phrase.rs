@@ -1,68 +1,8 @@
 //! Noun phrases: what kind of thing is meant, and by what it is told from others.
 
 use super::lex::singular;
-use super::lexicon;
-
-/// How an object stands to another, in the picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Relation {
-    /// Close to it.
-    Near,
-    /// As far from it as there is.
-    FarFrom,
-    /// Left of it.
-    LeftOf,
-    /// Right of it.
-    RightOf,
-    /// Farther away, in about the same direction.
-    Behind,
-    /// Nearer, in about the same direction.
-    InFrontOf,
-    /// Between two.
-    Between,
-    /// Lower in the picture and close.
-    Under,
-    /// On, in or above it.
-    On,
-    /// Higher than it.
-    TallerThan,
-    /// Lower than it.
-    ShorterThan,
-}
-
-/// A side of the picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// Left.
-    Left,
-    /// Right.
-    Right,
-    /// Middle.
-    Middle,
-}
-
-/// Words of size and place that rank objects.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Size {
-    /// High.
-    Tall,
-    /// Not high.
-    Short,
-    /// Large.
-    Large,
-    /// Small.
-    Small,
-    /// Near.
-    Nearest,
-    /// Far.
-    Farthest,
-    /// The leftmost.
-    Leftmost,
-    /// The rightmost.
-    Rightmost,
-    /// In the middle of the others.
-    Middle,
-}
+use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING};
+use super::meaning::{Relation, Side, Size};
 
 /// "Second from the left".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -142,18 +82,18 @@ impl Phrase {
         while i < words.len() {
             let rest = &words[i..];
             let word = rest[0].as_str();
-            if let Some(n) = lexicon::DROPPED.iter().filter_map(|p| starts(rest, p)).max() {
+            if let Some(n) = PHRASES.dropped.length(rest) {
                 i += n;
-            } else if let Some((n, from)) = from_side(rest) {
+            } else if let Some((n, from)) = PHRASES.counted_from.longest(rest) {
                 let ordinal = self.ordinal.get_or_insert(Ordinal { number: 1, from: None });
                 ordinal.from = Some(from);
                 i += n;
-            } else if let Some((n, side)) = longest(rest, lexicon::SIDES)
+            } else if let Some((n, side)) = PHRASES.sides.longest(rest)
                 && rest.get(n).is_none_or(|next| next != "of" && next != "side")
             {
                 self.side = Some(side);
                 i += n;
-            } else if let Some((n, superlative)) = negation(rest) {
+            } else if let Some(n) = PHRASES.exceptions.length(rest) {
                 // "anything but the crane", "a tree other than the first", "not the red one": up to the next break.
                 let end = rest.iter().position(|w| w == "," || w == "but").filter(|&e| e > n).unwrap_or(rest.len());
                 let inner = &rest[n.min(end)..end];
@@ -162,16 +102,15 @@ impl Phrase {
                 if !not.is_empty() {
                     self.not.push(not);
                 }
-                self.superlative |= superlative;
                 i += end.max(n);
-            } else if let Some(size) = superlative_apart(rest) {
+            } else if let Some((_, size)) = PHRASES.outermost.longest(rest) {
                 self.sizes.push(size);
                 self.superlative = true;
                 i += 1;
             } else if let Some((n, colour)) = clothes(rest) {
                 self.colours.push(colour.to_owned());
                 i += n;
-            } else if let Some((n, relation)) = longest(rest, lexicon::RELATIONS)
+            } else if let Some((n, relation)) = PHRASES.relations.longest(rest)
                 && (has_noun(&rest[n..]))
                 && !(matches!(word, "in" | "on" | "at" | "by" | "around" | "along" | "inside") && surroundings(&rest[n..]))
                 && !(matches!(word, "near" | "nearest" | "closest" | "far")
@@ -181,44 +120,19 @@ impl Phrase {
             {
                 self.relate(relation, &rest[n..], depth);
                 return;
-            } else if (matches!(
-                word,
-                "that"
-                    | "thats"
-                    | "which"
-                    | "who"
-                    | "whose"
-                    | "where"
-                    | "with"
-                    | "used"
-                    | "for"
-                    | "made"
-                    | "called"
-                    | "named"
-                    | "has"
-                    | "having"
-                    | "when"
-                    | "to"
-                    | "from"
-                    | "full"
-                    | "without"
-                    | "against"
-            ) && (vague || !self.nouns.is_empty()))
+            } else if (PHRASES.relative.contains(word) && (vague || !self.nouns.is_empty()))
                 || (self.nouns.is_empty() && matches!(word, "where" | "what" | "wherever" | "whatever" | "whoever"))
             {
                 self.relative(rest, depth);
                 return;
-            } else if word == "of"
-                && self.nouns.last().is_some_and(|n| !lexicon::PARTS.contains(&n.as_str()))
-                && has_noun(&rest[1..])
-            {
+            } else if word == "of" && self.nouns.last().is_some_and(|n| !NOUNS.parts.contains(n)) && has_noun(&rest[1..]) {
                 self.relate(Relation::Near, &rest[1..], depth);
                 return;
             } else if vague
                 && self.nouns.is_empty()
                 && !is_adjective(word)
                 && !matches!(word, "," | ".")
-                && !lexicon::DETERMINERS.contains(&word)
+                && !PHRASES.determiners.contains(word)
             {
                 self.relative(rest, depth);
                 return;
@@ -245,28 +159,28 @@ impl Phrase {
             self.other = true;
         } else if word == "next" {
             self.ordinal = Some(Ordinal { number: 2, from: None });
-        } else if let Some((_, number)) = lexicon::ORDINALS.iter().find(|(w, _)| *w == word) {
+        } else if let Some(number) = ADJECTIVES.ordinals.get(word) {
             self.ordinal = Some(Ordinal { number: *number, from: self.ordinal.and_then(|o| o.from) });
-        } else if let Some(size) = superlative_apart(rest) {
+        } else if let Some((_, size)) = PHRASES.outermost.longest(rest) {
             self.sizes.push(size);
             self.superlative = true;
-        } else if let Some((_, size)) = lexicon::SIZES.iter().find(|(w, _)| *w == word)
+        } else if let Some(size) = ADJECTIVES.sizes.get(word)
             && !(matches!(word, "middle" | "centre" | "center") && next == Some("of"))
             && !(word == "high" && matches!(next, Some("rise" | "rises")))
             && !(word == "low" && next == Some("rise"))
         {
-            if !self.sizes.contains(size) {
-                self.sizes.push(*size);
+            if !self.sizes.contains(&size) {
+                self.sizes.push(size);
             }
             self.superlative |= word.ends_with("est") || word.ends_with("most");
-        } else if let Some((_, colour)) = lexicon::COLOURS.iter().find(|(w, _)| *w == word)
+        } else if let Some(colour) = ADJECTIVES.colours.plain(word)
             && !(matches!(word, "dark" | "light" | "pale" | "jet" | "deep") && next.is_some_and(is_colour))
         {
             if !self.colours.iter().any(|c| c == colour) {
-                self.colours.push((*colour).to_owned());
+                self.colours.push(colour.to_owned());
             }
             // "Silver" asks for grey, and rather for silver.
-            if word != *colour {
+            if word != colour {
                 self.soft.push(word.to_owned());
             }
         } else if matches!(word, "dark" | "light" | "pale" | "deep") && next.is_some_and(is_colour) {
@@ -275,18 +189,18 @@ impl Phrase {
             // After a part or a collection: "the top of the crane".
             self.nouns.clear();
             self.pronoun = false;
-        } else if lexicon::DETERMINERS.contains(&word)
+        } else if PHRASES.determiners.contains(word)
             // The last word of a compound is its head: "traffic light".
-            || (lexicon::FLUFF.contains(&word) && (self.nouns.is_empty() || !ends_phrase(next)))
+            || (ADJECTIVES.fluff.contains(word) && (self.nouns.is_empty() || !ends_phrase(next)))
             || matches!(word, "most" | "more" | "jet")
             || (matches!(word, "dark" | "light" | "pale" | "deep") && (self.nouns.is_empty() || !ends_phrase(next)))
             || word.chars().all(|c| c.is_ascii_digit())
         {
-        } else if lexicon::SOFT.contains(&word) && next.is_some_and(|n| !matches!(n, "of" | "," | "." | "and")) {
+        } else if ADJECTIVES.soft.contains(word) && next.is_some_and(|n| !matches!(n, "of" | "," | "." | "and")) {
             self.soft.push(word.to_owned());
-        } else if lexicon::VAGUE.contains(&plain.as_str()) && next != Some("of") {
+        } else if NOUNS.vague.contains(&plain) && next != Some("of") {
             return true;
-        } else if lexicon::GRAMMAR.contains(&word)
+        } else if SPELLING.grammar.contains(word)
             && !matches!(word, "people" | "person" | "top" | "park" | "parking" | "cross" | "climbing" | "help" | "sit")
         {
         } else {
@@ -311,36 +225,7 @@ impl Phrase {
     fn relative(&mut self, rest: &[String], depth: usize) {
         let mut words = rest;
         while let Some(first) = words.first()
-            && matches!(
-                first.as_str(),
-                "that"
-                    | "thats"
-                    | "which"
-                    | "who"
-                    | "is"
-                    | "are"
-                    | "where"
-                    | "its"
-                    | "one"
-                    | "stands"
-                    | "standing"
-                    | "stand"
-                    | "was"
-                    | "being"
-                    | "looks"
-                    | "sits"
-                    | "located"
-                    | "parked"
-                    | "you"
-                    | "see"
-                    | "would"
-                    | "can"
-                    | "could"
-                    | "called"
-                    | "be"
-                    | "i"
-                    | "they"
-            )
+            && PHRASES.relative_lead.contains(first)
         {
             words = &words[1..];
         }
@@ -350,11 +235,11 @@ impl Phrase {
         let rest = if negated { &words[1..] } else { words };
         // "which is a car": after the copula an article leads in another noun.
         let copula = stripped && words.first().is_some_and(|w| matches!(w.as_str(), "a" | "an" | "the"));
-        let head = rest.iter().map(String::as_str).find(|w| !lexicon::DETERMINERS.contains(w) && !lexicon::FLUFF.contains(w));
+        let head = rest.iter().map(String::as_str).find(|w| !PHRASES.determiners.contains(w) && !ADJECTIVES.fluff.contains(w));
         let descriptive = head.is_some_and(is_adjective)
-            || longest(rest, lexicon::RELATIONS).is_some()
-            || longest(rest, lexicon::SIDES).is_some()
-            || negation(rest).is_some()
+            || PHRASES.relations.longest(rest).is_some()
+            || PHRASES.sides.longest(rest).is_some()
+            || PHRASES.exceptions.length(rest).is_some()
             || copula;
         if negated {
             let mut not = Self::default();
@@ -365,7 +250,7 @@ impl Phrase {
         } else if descriptive && !matches!(first, "with" | "used" | "for" | "has" | "having" | "made" | "to") {
             self.take(rest, depth + 1);
         } else {
-            let empty = |w: &str| lexicon::EMPTY.contains(&w) || w.strip_suffix('s').is_some_and(|w| lexicon::EMPTY.contains(&w));
+            let empty = |w: &str| SPELLING.empty.contains(w) || w.strip_suffix('s').is_some_and(|w| SPELLING.empty.contains(w));
             let telling = rest.iter().filter(|w| w.len() > 1 && !empty(w));
             let before = self.uses.len();
             self.uses.extend(telling.cloned());
@@ -385,113 +270,30 @@ fn clothes(words: &[String]) -> Option<(usize, &'static str)> {
     }
     let lead =
         words.iter().take_while(|w| matches!(w.as_str(), "in" | "wearing" | "with" | "dressed" | "a" | "the" | "all")).count();
-    let colour = lexicon::COLOURS.iter().find(|(w, _)| words.get(lead).is_some_and(|word| word == w))?.1;
-    let garment = words.get(lead + 1).is_some_and(|w| lexicon::CLOTHES.contains(&w.as_str()));
+    let colour = ADJECTIVES.colours.plain(words.get(lead)?)?;
+    let garment = words.get(lead + 1).is_some_and(|w| NOUNS.clothes.contains(w));
     let ends = words.get(lead + 1).is_none_or(|w| matches!(w.as_str(), "," | "." | "and"));
     (garment || ends).then_some((lead + 1 + usize::from(garment), colour))
-}
-
-/// Length of `pattern` in words when `words` start with it.
-pub(super) fn starts(words: &[String], pattern: &str) -> Option<usize> {
-    let mut n = 0;
-    for part in pattern.split(' ') {
-        if words.get(n).is_none_or(|w| w != part) {
-            return None;
-        }
-        n += 1;
-    }
-    Some(n)
-}
-
-/// The longest pattern of a table that `words` start with.
-pub(super) fn longest<T: Copy>(words: &[String], table: &[(&str, T)]) -> Option<(usize, T)> {
-    table.iter().filter_map(|(pattern, value)| starts(words, pattern).map(|n| (n, *value))).max_by_key(|(n, _)| *n)
-}
-
-fn from_side(words: &[String]) -> Option<(usize, Side)> {
-    longest(
-        words,
-        &[
-            ("from the left", Side::Left),
-            ("from left", Side::Left),
-            ("from left to right", Side::Left),
-            ("counting from the left", Side::Left),
-            ("from the left side", Side::Left),
-            ("from your left", Side::Left),
-            ("from the right", Side::Right),
-            ("from right", Side::Right),
-            ("from right to left", Side::Right),
-            ("counting from the right", Side::Right),
-            ("from the right side", Side::Right),
-            ("from your right", Side::Right),
-        ],
-    )
-}
-
-/// Words of exception: how many they are, and whether they leave one out of all ("anything but").
-fn negation(words: &[String]) -> Option<(usize, bool)> {
-    longest(
-        words,
-        &[
-            ("but not", false),
-            ("and not", false),
-            ("not", false),
-            ("other than", false),
-            ("rather than", false),
-            ("instead of", false),
-            ("except for", false),
-            ("except", false),
-            ("besides", false),
-            ("apart from", false),
-            ("excluding", false),
-            ("anything but", false),
-            ("any but", false),
-            ("but the", false),
-            ("isnt", false),
-            ("arent", false),
-            ("different from", false),
-        ],
-    )
-}
-
-/// "furthest away", "the one farthest to the left".
-fn superlative_apart(words: &[String]) -> Option<Size> {
-    longest(
-        words,
-        &[
-            ("furthest left", Size::Leftmost),
-            ("farthest left", Size::Leftmost),
-            ("far left", Size::Leftmost),
-            ("furthest right", Size::Rightmost),
-            ("farthest right", Size::Rightmost),
-            ("far right", Size::Rightmost),
-            ("furthest to the left", Size::Leftmost),
-            ("furthest to the right", Size::Rightmost),
-            ("farthest to the left", Size::Leftmost),
-            ("farthest to the right", Size::Rightmost),
-        ],
-    )
-    .map(|(_, size)| size)
 }
 
 /// Whether a noun phrase is over before this word.
 fn ends_phrase(next: Option<&str>) -> bool {
     next.is_none_or(|w| {
         matches!(w, "," | "." | "and" | "that" | "which" | "with" | "from" | "for" | "please" | "but" | "there")
-            || lexicon::RELATIONS.iter().any(|(r, _)| r.split(' ').next() == Some(w))
+            || PHRASES.relations.begin_with(w)
     })
 }
 
 fn is_colour(word: &str) -> bool {
-    lexicon::COLOURS.iter().any(|(w, _)| *w == word)
+    ADJECTIVES.colours.plain(word).is_some()
 }
 
 fn is_adjective(word: &str) -> bool {
     is_colour(word)
-        || lexicon::SIZES.iter().any(|(w, _)| *w == word)
-        || lexicon::ORDINALS.iter().any(|(w, _)| *w == word)
-        || lexicon::SOFT.contains(&word)
-        || lexicon::FLUFF.contains(&word)
+        || ADJECTIVES.sizes.contains(word)
+        || ADJECTIVES.ordinals.contains_key(word)
+        || ADJECTIVES.soft.contains(word)
+        || ADJECTIVES.fluff.contains(word)
 }
 
 /// Whether some word may be a noun.
@@ -499,8 +301,8 @@ fn has_noun(words: &[String]) -> bool {
     words.iter().any(|w| {
         let w = w.as_str();
         !matches!(w, "," | "." | "you" | "me" | "us" | "your" | "the" | "a" | "an" | "left" | "right" | "side" | "hand")
-            && (!is_adjective(w) || lexicon::SOFT.contains(&w))
-            && (!lexicon::DETERMINERS.contains(&w) || w == "it" || w == "one")
+            && (!is_adjective(w) || ADJECTIVES.soft.contains(w))
+            && (!PHRASES.determiners.contains(w) || w == "it" || w == "one")
     })
 }
 
@@ -510,5 +312,5 @@ fn surroundings(words: &[String]) -> bool {
         .iter()
         .map(String::as_str)
         .filter(|w| !matches!(*w, "the" | "this" | "," | "." | "a" | "whole" | "entire"))
-        .all(|w| lexicon::SURROUNDINGS.contains(&w) || matches!(w, "picture" | "image" | "frame" | "sight" | "distance" | "sky"))
+        .all(|w| NOUNS.surroundings.contains(w) || matches!(w, "picture" | "image" | "frame" | "sight" | "distance" | "sky"))
 }

@@ -1,8 +1,7 @@
 //! Cutting a text into the pieces that are read one by one, and putting them in order of flight.
 
-use super::grammar::{negative, starts_verb};
-use super::lexicon;
-use super::phrase::starts;
+use super::lexicon::{NOUNS, PHRASES};
+use super::verbs::starts_verb;
 
 /// A stretch of words, and how it was joined.
 #[derive(Clone, Debug, Default)]
@@ -23,35 +22,11 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
         let rest = &words[i..];
         let word = rest[0].as_str();
         let fresh = out.last().is_none_or(|p| p.words.iter().all(|w| filler(w)));
-        if word == "." || matches!(word, "then" | "afterwards" | "subsequently" | "thereafter" | "lastly") {
+        if word == "." || PHRASES.breaks.contains(word) {
             out.push(Piece::default());
             between = false;
             i += 1;
-        } else if let Some(n) = [
-            "after that",
-            "after this",
-            "after which",
-            "and after",
-            "followed by",
-            "and finally",
-            "later on",
-            "once there",
-            "once you are there",
-            "when you are there",
-            "when you get there",
-            "once you get there",
-            "once you arrive",
-            "when you arrive",
-            "once done",
-            "when done",
-            "from there",
-            "on your way",
-            "along the way",
-        ]
-        .iter()
-        .filter_map(|p| starts(rest, p))
-        .max()
-        {
+        } else if let Some(n) = PHRASES.afterwards.length(rest) {
             out.push(Piece::default());
             i += n;
         } else if word == "if" {
@@ -85,31 +60,13 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
                 i += skip;
             }
         } else if matches!(word, "," | "and" | "but") && !between && !fresh {
-            let ahead = rest
-                .iter()
-                .take_while(|w| {
-                    matches!(
-                        w.as_str(),
-                        "," | "and"
-                            | "but"
-                            | "then"
-                            | "also"
-                            | "please"
-                            | "now"
-                            | "next"
-                            | "finally"
-                            | "instead"
-                            | "just"
-                            | "lastly"
-                    )
-                })
-                .count();
+            let ahead = rest.iter().take_while(|w| *w == "," || PHRASES.joining.contains(w)).count();
             let next = &rest[ahead..];
             let afresh =
                 next.first().is_some_and(|w| {
                     starts_verb(next).is_some()
                         && !matches!(out.last().and_then(|p| p.words.last()).map(String::as_str), Some("the" | "a"))
-                        || negative(next).is_some()
+                        || PHRASES.forbidding.length(next).is_some()
                         || ((word == "and" || word == ",") && lists(next, &out))
                         || (word == "and" && w == "next")
                 }) || (word == "and" && rest.get(1).is_some_and(|w| w == "the") && rest.get(2).is_some_and(|w| w == "next"))
@@ -126,7 +83,7 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
         } else {
             between |= word == "between";
             if let Some(piece) = out.last_mut() {
-                if negative(rest).is_some() && !fresh && matches!(word, "without" | "avoiding" | "avoid") {
+                if PHRASES.forbidding.length(rest).is_some() && !fresh && matches!(word, "without" | "avoiding" | "avoid") {
                     out.push(Piece { words: vec![word.to_owned()], ..Piece::default() });
                 } else {
                     piece.words.push(word.to_owned());
@@ -143,7 +100,7 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
 
 /// Whether "after" stands between two vehicles of one train: "the cart after the locomotive".
 fn coupled(before: Option<&Piece>, after: &[String]) -> bool {
-    let rail = |words: &[String]| words.iter().any(|w| lexicon::COUPLED.contains(&w.as_str()));
+    let rail = |words: &[String]| words.iter().any(|w| NOUNS.coupled.contains(w));
     let end = after.iter().position(|w| matches!(w.as_str(), "," | "." | "and" | "then")).unwrap_or(after.len());
     let after = &after[..end];
     before.is_some_and(|piece| rail(&piece.words)) && rail(after) && (0..after.len()).all(|i| starts_verb(&after[i..]).is_none())
@@ -162,39 +119,12 @@ fn lists(next: &[String], out: &[Piece]) -> bool {
     // The article must lead to a noun, and something with a verb or a noun must stand before.
     let spoken = out.last().is_some_and(|p| p.words.iter().any(|w| !filler(w)));
     let apposition = next.get(at + 1..).unwrap_or(&[]).iter().take_while(|w| *w != ",").any(|w| w == "one");
-    let forbidden = out.last().is_some_and(|p| negative(&p.words).is_some());
+    let forbidden = out.last().is_some_and(|p| PHRASES.forbidding.length(&p.words).is_some());
     article && spoken && (!apposition || forbidden)
 }
 
 pub(super) fn filler(word: &str) -> bool {
-    matches!(
-        word,
-        "," | "and"
-            | "but"
-            | "please"
-            | "now"
-            | "first"
-            | "also"
-            | "next"
-            | "so"
-            | "ok"
-            | "okay"
-            | "hey"
-            | "hi"
-            | "hello"
-            | "drone"
-            | "then"
-            | "just"
-            | "finally"
-            | "lastly"
-            | "well"
-            | "thanks"
-            | "instead"
-            | "firstly"
-            | "secondly"
-            | "the"
-            | "a"
-    )
+    word == "," || PHRASES.fillers.contains(word)
 }
 
 /// Puts "A after B" and "before A, B" in the order of doing.

@@ -2,36 +2,40 @@
 
 use std::collections::BTreeSet;
 
-use super::lex::{general_noun, is_known, raw_tokens, singular, stem, stems};
-use super::phrase::{Phrase, Relation, Side, Size};
-use super::{lexicon, spelling};
 use spf_core::tags::Tagged;
+
+use super::lex::{general_noun, is_known, raw_tokens, singular, stem, stems};
+use super::lexicon::{ADJECTIVES, NOUNS, SPELLING};
+use super::meaning::{Relation, Side, Size};
+use super::phrase::Phrase;
+use super::spelling;
+use super::table::Words;
 
 /// An object to choose from, with what is known of where it is. In a percept that is the picture; in the truth the world as
 /// seen from the start.
 #[derive(Clone, Copy, Debug)]
-pub(in super::super) struct Item<'a> {
+pub(crate) struct Item<'a> {
     /// Its tags.
-    pub(in super::super) tags: &'a Tagged,
+    pub(crate) tags: &'a Tagged,
     /// Across the picture, in any unit that grows to the right; none where nothing tells left from right.
-    pub(in super::super) across: Option<f64>,
+    pub(crate) across: Option<f64>,
     /// Half its width in the same unit.
-    pub(in super::super) half: f64,
+    pub(crate) half: f64,
     /// Range, metres.
-    pub(in super::super) range: Option<f64>,
+    pub(crate) range: Option<f64>,
     /// Size: in a picture the mask's area times range², in the world its width.
-    pub(in super::super) size: Option<f64>,
+    pub(crate) size: Option<f64>,
     /// Height, metres.
-    pub(in super::super) height: Option<f64>,
+    pub(crate) height: Option<f64>,
     /// Position in metres: right, forward, up; in a picture from the range.
-    pub(in super::super) position: Option<[f64; 3]>,
+    pub(crate) position: Option<[f64; 3]>,
     /// Ties go to the larger.
-    pub(in super::super) weight: f64,
+    pub(crate) weight: f64,
 }
 
 /// Indices of the items that the phrase may mean, all of the best score, in the order of `items`. With words of order or
 /// superlatives a single one, where the items tell; empty when nothing fits.
-pub(in super::super) fn meant(phrase: &Phrase, items: &[Item<'_>]) -> Vec<usize> {
+pub(crate) fn meant(phrase: &Phrase, items: &[Item<'_>]) -> Vec<usize> {
     meant_within(phrase, items, 0)
 }
 
@@ -74,14 +78,14 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
 }
 
 /// Words of the tags at hand, for [`parse`](super::parse).
-pub(in super::super) fn vocabulary<'a>(tags: impl Iterator<Item = &'a Tagged>) -> BTreeSet<String> {
+pub(crate) fn vocabulary<'a>(tags: impl Iterator<Item = &'a Tagged>) -> BTreeSet<String> {
     tags.flat_map(words_of).collect()
 }
 
 /// Whether the words hold a name of the object that is a whole description: "person in the dark", "engine of the train". Taken
 /// apart, such a name would ask for an object called "dark".
 fn described(said: &[String], tags: &Tagged) -> bool {
-    let place = |w: &String| PLACES.contains(&w.as_str());
+    let place = |w: &String| NOUNS.placing.contains(w);
     tags.names.iter().chain(&tags.synonyms).any(|name| {
         let mut name = split(name);
         name.retain(|w| !matches!(w.as_str(), "the" | "a" | "an"));
@@ -90,9 +94,6 @@ fn described(said: &[String], tags: &Tagged) -> bool {
         whole && said.windows(name.len()).any(|words| words == name)
     })
 }
-
-/// Words in a name after which no head follows: "person holding a cone" is no cone.
-const PLACES: [&str; 8] = ["of", "in", "with", "under", "on", "holding", "carrying", "wearing"];
 
 /// Height from which a building that nobody calls tall passes for tall, metres: four storeys.
 const TALL_M: f64 = 12.0;
@@ -140,7 +141,7 @@ fn terms(tags: &Tagged) -> Vec<Vec<String>> {
 /// A name as singular words, head last: "entrance of the tunnel" is a tunnel entrance.
 fn head_last(text: &str) -> Vec<String> {
     let words = split(text);
-    let Some(at) = words.iter().position(|w| PLACES.contains(&w.as_str())) else { return words };
+    let Some(at) = words.iter().position(|w| NOUNS.placing.contains(w)) else { return words };
     let (head, rest) = words.split_at(at);
     rest[1..].iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an")).chain(head).cloned().collect()
 }
@@ -166,7 +167,7 @@ fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
         // "A vehicle that carries goods": the use chooses among the named, and does not refuse them.
         (false, false) => {
             // "Who needs help": said of nobody in sight, it is nobody in sight.
-            let only = phrase.uses.iter().all(|w| lexicon::EMPTY.contains(&stem(w).as_str()));
+            let only = phrase.uses.iter().all(|w| SPELLING.empty.contains(&stem(w)));
             let has = |word: &String| self::used(core::slice::from_ref(word), tags) > 0;
             let lacks = phrase.having && phrase.uses.last().is_some_and(|word| !has(word));
             if named == 0 || lacks || (only && used == 0) { 0 } else { used * 10 + named }
@@ -179,9 +180,7 @@ fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
 
 /// Plain colours of an object: of its colour, else of its names.
 fn colours_of(tags: &Tagged) -> Vec<&'static str> {
-    let plain = |words: Vec<String>| -> Vec<&'static str> {
-        words.iter().filter_map(|w| lexicon::COLOURS.iter().find(|(c, _)| c == w).map(|(_, plain)| *plain)).collect()
-    };
+    let plain = |words: Vec<String>| -> Vec<&'static str> { words.iter().filter_map(|w| ADJECTIVES.colours.plain(w)).collect() };
     match &tags.colour {
         Some(colour) => {
             let words = split(colour);
@@ -212,9 +211,7 @@ fn named(nouns: &[String], tags: &Tagged) -> u32 {
     let vocabulary = words_of(tags);
     let known = |word: &String| {
         vocabulary.contains(word)
-            || lexicon::SYNONYMS
-                .iter()
-                .any(|group| group.contains(&word.as_str()) && group.iter().any(|g| vocabulary.iter().any(|v| v == g)))
+            || NOUNS.synonyms.iter().any(|group| group.contains(word) && vocabulary.iter().any(|v| group.contains(v)))
     };
     let modifiers = others.iter().all(known);
     let exact = |list: &[Vec<String>]| list.iter().any(|term| term == nouns || joined(term) == joined(nouns));
@@ -229,22 +226,22 @@ fn named(nouns: &[String], tags: &Tagged) -> u32 {
         return 4;
     }
     let whole = nouns.join(" ");
-    for group in lexicon::SYNONYMS {
-        let by_head = modifiers && group.contains(&head.as_str());
-        if !(by_head || group.contains(&whole.as_str())) {
+    for group in &NOUNS.synonyms {
+        let by_head = modifiers && group.contains(head);
+        if !(by_head || group.contains(&whole)) {
             continue;
         }
         let met = terms.iter().any(|term| {
             let term_whole = term.join(" ");
-            group.contains(&term_whole.as_str()) || term.last().is_some_and(|last| group.contains(&last.as_str()))
+            group.contains(&term_whole) || term.last().is_some_and(|last| group.contains(last))
         });
         if met {
             return 3;
         }
     }
     if modifiers
-        && let Some((_, below)) = lexicon::HYPERNYMS.iter().find(|(word, _)| word == head)
-        && terms.iter().any(|term| term.last().is_some_and(|t| below.contains(&t.as_str())))
+        && let Some(below) = NOUNS.hypernyms.get(head)
+        && terms.iter().any(|term| term.last().is_some_and(|t| below.contains(t)))
     {
         return 2;
     }
@@ -267,19 +264,17 @@ fn used(uses: &[String], tags: &Tagged) -> u32 {
         .flat_map(|text| split(text))
         .flat_map(|w| stems(&w))
         .collect();
-    let general: Vec<String> = lexicon::GENERAL_USES
-        .iter()
-        .filter(|(kind, _)| terms(tags).iter().any(|t| t.last().is_some_and(|w| w == kind)))
-        .flat_map(|(_, uses)| uses.iter().map(|u| (*u).to_owned()))
-        .collect();
-    own.retain(|w| !lexicon::EMPTY.contains(&w.as_str()));
+    let heads = terms(tags);
+    let heads: Vec<&String> = heads.iter().filter_map(|term| term.last()).collect();
+    let general: Vec<&Words> = NOUNS.uses.iter().filter(|(kind, _)| heads.contains(kind)).map(|(_, uses)| uses).collect();
+    own.retain(|w| !SPELLING.empty.contains(w));
     // "Sit" serves sitting better than "sit under" does.
     let mut score = u32::from(tags.uses.iter().any(|text| split(text).iter().map(|w| stem(w)).eq(uses.iter().map(|w| stem(w)))));
     for word in uses {
         let forms = stems(word);
         if own.iter().any(|o| forms.contains(o)) {
             score += 3;
-        } else if general.iter().any(|o| forms.contains(o)) {
+        } else if forms.iter().any(|form| general.iter().any(|uses| uses.contains(form))) {
             score += 2;
         }
     }
@@ -318,7 +313,7 @@ fn soft(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
 }
 
 /// Whether an object's tags hold the word.
-pub(in super::super) fn knows(tags: &Tagged, word: &String) -> bool {
+pub(crate) fn knows(tags: &Tagged, word: &String) -> bool {
     words_of(tags).contains(word)
 }
 
@@ -435,24 +430,17 @@ fn ranked(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> 
             let index = usize::try_from(ordinal.number - 1).ok();
             return index.and_then(|n| order.get(n).copied()).into_iter().collect();
         }
-        let words: &[&str] = match size {
-            Size::Tall => &["tall", "high", "towering"],
-            Size::Short => &["low", "short", "flat", "squat"],
-            Size::Large => &["big", "large", "huge", "wide", "great"],
-            Size::Small => &["small", "little", "tiny"],
-            _ => &[],
-        };
-        if phrase.superlative || words.is_empty() {
+        let Some(words) = ADJECTIVES.qualities.get(&size).filter(|_| !phrase.superlative) else {
             if let Some(best) = rank(size, &found, items) {
                 found = vec![best];
             }
-        } else {
-            let said = |i: &usize| items[*i].tags.qualities.iter().any(|q| words.contains(&q.as_str()));
-            if found.iter().any(said) {
-                found.retain(said);
-            } else if size == Size::Tall {
-                found.retain(|&i| items[i].tags.kind != "building" || items[i].height.is_none_or(|height| height >= TALL_M));
-            }
+            continue;
+        };
+        let said = |i: &usize| items[*i].tags.qualities.iter().any(|q| words.contains(q));
+        if found.iter().any(said) {
+            found.retain(said);
+        } else if size == Size::Tall {
+            found.retain(|&i| items[i].tags.kind != "building" || items[i].height.is_none_or(|height| height >= TALL_M));
         }
     }
     found
@@ -489,12 +477,12 @@ fn order(size: Size, found: &[usize], items: &[Item<'_>]) -> Option<Vec<usize>> 
 }
 
 /// Candidates that bear the number in their name ("second gate"); none where no candidate bears any.
-pub(in super::super) fn numbered(number: i32, found: &[usize], items: &[Item<'_>]) -> Option<Vec<usize>> {
+pub(crate) fn numbered(number: i32, found: &[usize], items: &[Item<'_>]) -> Option<Vec<usize>> {
     let borne = |i: usize| -> Option<i32> {
         let tags = items[i].tags;
         tags.names.iter().chain(&tags.synonyms).find_map(|name| {
             let first = name.split(' ').next()?;
-            lexicon::ORDINALS.iter().find(|(word, number)| *word == first && *number > 0).map(|(_, number)| *number)
+            ADJECTIVES.ordinals.get(first).copied().filter(|number| *number > 0)
         })
     };
     let numbers: Vec<(usize, i32)> = found.iter().filter_map(|&i| borne(i).map(|n| (i, n))).collect();

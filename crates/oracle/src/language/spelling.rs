@@ -2,7 +2,7 @@
 
 /// Edits between two words: insertion, deletion, substitution, and swap of neighbours (Damerau 1964, restricted form).
 #[must_use]
-pub(in super::super) fn distance(a: &str, b: &str) -> usize {
+pub(crate) fn distance(a: &str, b: &str) -> usize {
     let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
     let width = b.len() + 1;
     let mut before = vec![0; width];
@@ -22,13 +22,13 @@ pub(in super::super) fn distance(a: &str, b: &str) -> usize {
 }
 
 /// The word of `words` with the fewest edits from `word`; the first of equals.
-pub(in super::super) fn nearest<'a>(word: &str, words: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(word: &str, words: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     words.map(|known| (distance(word, known), known)).min_by_key(|(edits, _)| *edits).map(|(_, known)| known)
 }
 
 /// Edits forgiven in a word of this many letters: none below four, one up to six, two from seven.
 #[must_use]
-pub(in super::super) fn forgiven(letters: usize) -> usize {
+pub(crate) fn forgiven(letters: usize) -> usize {
     match letters {
         0..4 => 0,
         4..7 => 1,

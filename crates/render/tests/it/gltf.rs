@@ -5,6 +5,7 @@ use serde_json::json;
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_render::{Channels, Renderer};
+use spf_scene::Scene;
 
 use crate::model::{Model, object, png};
 
@@ -42,4 +43,42 @@ fn pictures_are_drawn_where_the_coordinates_say() {
     assert_eq!([strongest(red), strongest(green), strongest(blue)], [0, 1, 2], "{red:?} {green:?} {blue:?}");
     // What is clear has the mean of the rest, a third of each: grey.
     assert!(clear[0].abs_diff(clear[1]) < 40 && clear[1].abs_diff(clear[2]) < 40, "{clear:?}");
+}
+
+#[test]
+fn a_model_in_a_scene_file_is_drawn_in_its_own_colours() {
+    let mut model = Model::new();
+    let mesh = model.block(2.0, 2.0, 2.0);
+    let red = model.paint([0.8, 0.0, 0.0, 1.0]);
+    model.json["meshes"][mesh]["primitives"][0]["material"] = json!(red);
+    model.node(json!({"name": "block", "mesh": mesh}));
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("block.glb"), model.glb()).unwrap();
+    let path = folder.path().join("scene.toml");
+    let text = r#"format = 1
+name = "test"
+craft = "tello"
+start = "0,0,0,0"
+success_radius_m = 1.0
+near_m = 0.8
+bounds = { east = [-20, 20], north = [-20, 20], up = [0, 15] }
+
+[[objects]]
+id = "block"
+mesh = { kind = "model", file = "block.glb" }
+position = [0.0, 8.0]
+names = ["block"]
+kind = "thing"
+"#;
+    std::fs::write(&path, text).unwrap();
+    let scene = Scene::load(&path.to_string_lossy()).unwrap();
+    let position = EnuPosition { east: 0.0, north: 0.0, up: 1.0 };
+    let camera = Camera { tilt: 0.0, ..Camera::quad() };
+    let picture = Renderer::new(&scene.geometry).render(&camera, &Pose { position, ..Pose::default() }, Channels::ALL);
+    let middle = (picture.height / 2 * picture.width + picture.width / 2) as usize;
+    assert_eq!(picture.ids.unwrap()[middle], object(&scene, "block").id);
+    assert!((picture.depth.unwrap()[middle] - 7.0).abs() < 1e-3);
+    let rgb = picture.rgb.unwrap();
+    let [r, g, b] = [rgb[3 * middle], rgb[3 * middle + 1], rgb[3 * middle + 2]];
+    assert!(r > 2 * g && r > 2 * b, "{r} {g} {b}");
 }

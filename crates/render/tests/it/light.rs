@@ -1,12 +1,13 @@
 //! Light and weather in pictures: lamps, night, rooms, what stands on the ground, and what the oracle is told of it.
 
-use crate::yard;
 use glam::Vec3;
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_render::{Channels, Renderer};
 use spf_scene::geometry::{Lamp, Light, Role};
 use spf_scene::{Conditions, Lighting, Scene, Weather};
+
+use crate::yard;
 
 const SIDE: u32 = 96;
 

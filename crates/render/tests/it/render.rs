@@ -3,7 +3,6 @@
 
 use std::hash::Hasher as _;
 
-use crate::yard;
 use fnv::FnvHasher;
 use glam::{Vec2, Vec3};
 use spf_core::camera::Camera;
@@ -12,6 +11,8 @@ use spf_media::file;
 use spf_render::{Channels, Picture, Quality, Renderer};
 use spf_scene::geometry::{Pattern, Role, SceneGeometry};
 use spf_scene::texture::Texture;
+
+use crate::yard;
 
 fn pose(east: f64, north: f64, up: f64, heading_deg: f64) -> Pose {
     let attitude = Attitude { heading: heading_deg.to_radians(), ..Attitude::default() };

@@ -6,9 +6,9 @@ use spf_core::geometry::EnuPosition;
 use super::course::Course;
 use super::place::{ActorPlace, Frame};
 use super::{Actor, Gait};
+use crate::bounds::Aabb;
 use crate::collide::{Collider, ColliderError};
 use crate::geometry::{ObjectId, Part};
-use crate::scene::Aabb;
 
 /// Below this speed a person stands, m/s.
 const STANDING: f64 = 0.05;

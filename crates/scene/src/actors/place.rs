@@ -4,8 +4,8 @@ use glam::Vec3;
 use serde::Serialize;
 use spf_core::geometry::{EnuPosition, wrap_angle};
 
+use crate::bounds::Aabb;
 use crate::geometry::{Part, Vertex};
-use crate::scene::Aabb;
 
 /// Where an actor is at an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -22,9 +22,7 @@ pub(super) struct Surroundings {
 impl Surroundings {
     /// `folder` is that of the file; none when a file comes without one and may name no other.
     pub(super) fn new(folder: Option<&Path>) -> Self {
-        // The folder of a bare name is the working directory.
-        let folder = folder.map(|f| if f.as_os_str().is_empty() { PathBuf::from(".") } else { f.to_owned() });
-        Self { folder, left: MAX_BYTES }
+        Self { folder: folder.map(Path::to_owned), left: MAX_BYTES }
     }
 
     /// The bytes behind a URI.
@@ -81,19 +79,24 @@ impl Surroundings {
         };
         let folder = self.folder.as_ref().ok_or_else(outside)?;
         let decoded = percent_decode_str(uri).decode_utf8().map_err(|_| outside())?;
-        let relative = Path::new(decoded.as_ref());
-        let inward = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
-        if decoded.is_empty() || decoded.contains([':', '\\', '\0']) || !relative.components().all(inward) {
-            return Err(outside());
-        }
-        let path = folder.join(relative);
-        // Links may lead out.
-        if let (Ok(folder), Ok(path)) = (folder.canonicalize(), path.canonicalize())
-            && !path.starts_with(folder)
-        {
-            return Err(outside());
-        }
-        Ok(path)
+        inside(folder, Path::new(decoded.as_ref())).ok_or_else(outside)
+    }
+}
+
+/// The path of a file that lies in a folder or below it; none for one that does not.
+pub(super) fn inside(folder: &Path, relative: &Path) -> Option<PathBuf> {
+    let written = relative.to_str()?;
+    let inward = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+    if written.is_empty() || written.contains([':', '\\', '\0']) || !relative.components().all(inward) {
+        return None;
+    }
+    // The folder of a bare name is the working directory.
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let path = folder.join(relative);
+    // Links may lead out.
+    match (folder.canonicalize(), path.canonicalize()) {
+        (Ok(folder), Ok(path)) if !path.starts_with(&folder) => None,
+        _ => Some(path),
     }
 }
 

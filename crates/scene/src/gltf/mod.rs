@@ -9,6 +9,7 @@ mod files;
 mod images;
 mod material;
 mod mesh;
+mod model;
 mod names;
 mod normals;
 mod objects;
@@ -31,13 +32,18 @@ use self::files::{Buffers, Surroundings};
 use self::images::Images;
 use self::material::Looks;
 use self::mesh::Meshes;
+pub(crate) use self::model::Model;
 use self::objects::Assembly;
-use self::problem::Problem;
+pub(crate) use self::problem::Problem;
 use self::spec::SceneSpec;
 use self::walk::{Viewpoint, Walked};
+use crate::bounds::Aabb;
 use crate::collide::Collider;
+use crate::error::SceneError;
 use crate::geometry::SceneGeometry;
-use crate::scene::{Aabb, Scene, SceneError, Shining};
+use crate::light::Shining;
+use crate::pose;
+use crate::world::Scene;
 use spf_core::craft::CraftKind;
 
 /// Which of the file's axes points up.
@@ -72,17 +78,29 @@ const WIDE: f64 = 60.0;
 /// Flying room above the highest point, metres.
 const HEADROOM: f64 = 20.0;
 
+/// Whether a path is that of a model.
+pub(crate) fn is_model(path: &str) -> bool {
+    let end = Path::new(path).extension().unwrap_or_default();
+    end.eq_ignore_ascii_case("glb") || end.eq_ignore_ascii_case("gltf")
+}
+
 /// Loads a `.glb` or `.gltf` with the files it names, which must lie in its folder.
 pub(crate) fn load(path: &str, wishes: &Wishes, shining: Shining) -> Result<Scene, SceneError> {
-    let read = |source| SceneError::Read { path: path.to_owned(), source };
-    let length = std::fs::metadata(path).map_err(read)?.len();
-    if length > container::MAX_BYTES {
-        let message = format!("the file has {} MiB, at most {} are read", length >> 20, container::MAX_BYTES >> 20);
-        let problem = Problem::new(message).hint("make the textures smaller and the meshes coarser");
-        return Err(refused(path, problem));
-    }
-    let bytes = std::fs::read(path).map_err(read)?;
+    let read = open(Path::new(path)).map_err(|problem| refused(path, problem))?;
+    let bytes = read.map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
     parse(&bytes, path, Path::new(path).parent(), wishes, shining)
+}
+
+/// The bytes of a file that is not too large.
+fn open(path: &Path) -> Result<std::io::Result<Vec<u8>>, Problem> {
+    match std::fs::metadata(path) {
+        Ok(about) if about.len() > container::MAX_BYTES => {
+            let message = format!("the file has {} MiB, at most {} are read", about.len() >> 20, container::MAX_BYTES >> 20);
+            Err(Problem::new(message).hint("make the textures smaller and the meshes coarser"))
+        }
+        Ok(_) => Ok(std::fs::read(path)),
+        Err(e) => Ok(Err(e)),
+    }
 }
 
 /// Reads a scene from the bytes of a file; `file` names it in errors and gives the scene its name. Other files are looked for in
@@ -102,21 +120,34 @@ fn refused(file: &str, problem: Problem) -> SceneError {
 }
 
 fn import(bytes: &[u8], file: &str, folder: Option<&Path>, wishes: &Wishes, shining: Shining) -> Result<Scene, Problem> {
+    let Assembled { assembly, start, said } = assemble(bytes, folder, wishes.scale, wishes.up)?;
+    world(assembly, start, &said, wishes, file, shining)
+}
+
+/// Everything that a file holds for us.
+struct Assembled {
+    assembly: Assembly,
+    start: Option<Viewpoint>,
+    said: SceneSpec,
+}
+
+/// Reads a file; scale and the axis that points up stand over what its extras say.
+fn assemble(bytes: &[u8], folder: Option<&Path>, scale: Option<f64>, up: Option<UpAxis>) -> Result<Assembled, Problem> {
     let Container { root, blob } = container::read(bytes)?;
     let mut around = Surroundings::new(folder);
     let buffers = Buffers::load(&root, blob, &mut around)?;
     let scene = root.scene.map_or(0, |scene| scene.value());
     let said = scene_spec(&root, scene)?;
-    let scale = wishes.scale.or(said.scale).unwrap_or(1.0);
+    let scale = scale.or(said.scale).unwrap_or(1.0);
     if !(1e-4..=1e4).contains(&scale) {
         return Err(Problem::new(format!("`scale` must be from 0.0001 to 10000, not `{scale}`")));
     }
-    let walked = walk::walk(&root, walk::axes(wishes.up.or(said.up).unwrap_or_default(), scale), scene)?;
+    let walked = walk::walk(&root, walk::axes(up.or(said.up).unwrap_or_default(), scale), scene)?;
     let images = Images::load(&root, &materials(&root, &walked), &buffers, &mut around)?;
     let looks = Looks::new(&root, images);
     let meshes = Meshes::new(Accessors { root: &root, buffers: &buffers });
     let assembly = Assembly::build(&root, &walked, meshes, looks)?;
-    world(assembly, walked.start, &said, wishes, file, shining)
+    Ok(Assembled { assembly, start: walked.start, said })
 }
 
 /// What the scene's extras say.
@@ -151,7 +182,7 @@ fn world(
     let wide = span >= WIDE;
     let start = match (wishes.start, &said.start) {
         (Some(pose), _) => Some(pose),
-        (None, Some(text)) => Some(crate::scene::parse_pose(text).ok_or_else(|| {
+        (None, Some(text)) => Some(pose::parse_pose(text).ok_or_else(|| {
             Problem::new(format!("the extras of the scene: `{text}` is no pose")).hint("write `east,north,up,heading_deg`")
         })?),
         (None, None) => None,
@@ -196,7 +227,7 @@ fn world(
     let craft = wishes.craft.or(said.craft).unwrap_or(if wide { CraftKind::Quad } else { CraftKind::Tello });
     Ok(Scene {
         description: wishes.description.clone(),
-        preview: wishes.preview.unwrap_or_else(|| crate::scene::above(start, craft)),
+        preview: wishes.preview.unwrap_or_else(|| pose::above(start, craft)),
         name: wishes.name.clone().or_else(|| said.name.clone()).and_then(|name| shown(&name)).unwrap_or_else(|| stem(file)),
         near: radius("near_m", wishes.near.or(said.near_m), if wide { 3.0 } else { 0.8 })?,
         success_radius: radius(

@@ -12,10 +12,12 @@ use super::problem::{Problem, missing, short};
 use super::spec::{Words, tidy};
 use super::start;
 use super::walk::{Owner, Walked};
+use crate::bounds::Aabb;
 use crate::geometry::{Material, ObjectId, Part, Pattern, Role, SceneGeometry};
+use crate::limits::{LONGEST_TAG, MAX_OBJECTS};
 use crate::mesh::convex_hull;
-use crate::scene::{Aabb, LONGEST_TAG, MAX_OBJECTS, Object, Tags};
 use crate::texture::Texture;
+use crate::world::{Object, Tags};
 
 /// What the objects' meshes are called in lists.
 const MESH_KIND: &str = "gltf";

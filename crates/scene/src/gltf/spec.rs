@@ -9,11 +9,11 @@ use gltf::json::Extras;
 use serde::de::{self, DeserializeOwned, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
+use spf_core::craft::CraftKind;
 
 use super::UpAxis;
 use super::problem::Problem;
-use crate::scene::hint_from;
-use spf_core::craft::CraftKind;
+use crate::error::hint_from;
 
 /// What a node says of itself. Every key is optional.
 #[derive(Clone, Debug, Default, Deserialize)]

@@ -4,9 +4,9 @@ use glam::{Vec2, Vec3};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 
 use super::walk::Viewpoint;
+use crate::bounds::Aabb;
 use crate::collide::Collider;
 use crate::geometry::{ObjectId, Part, Role, Vertex};
-use crate::scene::Aabb;
 
 /// Columns and rows of the grid that tells whether there is ground.
 const GRID: usize = 16;

@@ -1,10 +1,11 @@
 //! Distances, sweeps and rays over hand-made geometry.
 
-use crate::boxes::{FLOOR, TABLE, WALL, at, block, geometry, scene};
 use glam::Vec3;
 use proptest::prelude::*;
 use spf_scene::collide::{Collider, ColliderError};
 use spf_scene::geometry::Role;
+
+use crate::boxes::{FLOOR, TABLE, WALL, at, block, geometry, scene};
 
 #[test]
 fn distances_are_those_worked_by_hand() {

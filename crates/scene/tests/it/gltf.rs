@@ -4,7 +4,6 @@
 use std::f32::consts::FRAC_1_SQRT_2;
 use std::fs;
 
-use crate::model::{BYTE, Model, SHORT, object, png, yard};
 use glam::Vec3;
 use serde_json::json;
 use spf_core::craft::CraftKind;
@@ -12,6 +11,8 @@ use spf_core::geometry::EnuPosition;
 use spf_scene::collide::Collider;
 use spf_scene::geometry::{Part, Pattern, Role};
 use spf_scene::{Object, Scene};
+
+use crate::model::{BYTE, Model, SHORT, object, png, yard};
 
 /// West, south, bottom, east, north, top.
 fn extent(object: &Object) -> [f64; 6] {

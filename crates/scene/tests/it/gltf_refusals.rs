@@ -3,10 +3,11 @@
 
 use std::fs;
 
-use crate::model::{FLOAT, Model, SHORT, WORD, png, yard};
 use proptest::prelude::*;
 use serde_json::json;
 use spf_scene::{Scene, SceneError};
+
+use crate::model::{FLOAT, Model, SHORT, WORD, png, yard};
 
 /// A file with one block.
 fn block() -> Model {

@@ -6,6 +6,7 @@ mod collide;
 mod gltf;
 mod gltf_refusals;
 mod model;
+mod models;
 mod park;
 mod rooms;
 mod scene;

@@ -14,7 +14,7 @@ use spf_sim::craft::SimCraft;
 
 use super::machine::VideoWish;
 use super::pace::{Fineness, Pace, VideoQuality};
-use super::server::{NAP, Shared, lock};
+use super::shared::{NAP, Shared, lock};
 use super::video::datagrams;
 
 /// From one picture at which decoding can begin to the next. By time, not by number: however few pictures there are, what a lost

@@ -1,5 +1,7 @@
 //! The protocol: what is answered, and when.
 
+mod tasks;
+
 use std::net::{IpAddr, SocketAddr};
 
 use spf_core::command::{Command, Setpoint};
@@ -14,7 +16,7 @@ use super::figures::{Figures, Firmware};
 use super::link::Link;
 use super::manoeuvre::CONTROL;
 use super::state::State;
-use super::tasks::{Running, Task};
+use tasks::{Running, Task};
 
 /// Where clients expect the state and the video until they say otherwise.
 const STATE_PORT: u16 = 8890;
@@ -67,9 +69,9 @@ pub struct VideoWish {
 /// The protocol of one virtual Tello. Sans-IO; see the [module](super).
 #[derive(Debug)]
 pub struct VirtualTello {
-    pub(super) figures: Figures,
+    figures: Figures,
     firmware: Firmware,
-    pub(super) draw: Draw,
+    draw: Draw,
     link: Link,
     /// Whoever last said `command`.
     client: Option<IpAddr>,
@@ -78,10 +80,10 @@ pub struct VirtualTello {
     /// How often `streamon` was said.
     streams: u32,
     pads: bool,
-    pub(super) speed: i32,
-    pub(super) running: Option<Running>,
+    speed: i32,
+    running: Option<Running>,
     /// Nothing else is begun before: the manoeuvre that ended is still settling.
-    pub(super) busy_until: Time,
+    busy_until: Time,
     last_command: Time,
     datum: f64,
     temperature: f64,
@@ -178,7 +180,7 @@ impl VirtualTello {
         Some(if packet.stream == Stream::Telemetry { Output::State { to, bytes } } else { Output::Response { to, bytes } })
     }
 
-    pub(super) fn answer(&mut self, at: Time, to: SocketAddr, text: &str) {
+    fn answer(&mut self, at: Time, to: SocketAddr, text: &str) {
         self.link.send(at, Stream::Responses, to, text.as_bytes());
     }
 
@@ -187,7 +189,7 @@ impl VirtualTello {
         self.answer(now + after, to, text);
     }
 
-    pub(super) fn refuse(&mut self, now: Time, to: SocketAddr, text: &str) {
+    fn refuse(&mut self, now: Time, to: SocketAddr, text: &str) {
         self.answer(now + duration_from_secs(self.figures.refusal), to, text);
     }
 
@@ -306,7 +308,7 @@ impl VirtualTello {
         self.answer_quickly(now, from, "ok");
     }
 
-    pub(super) fn restart(&mut self, now: Time, craft: &mut SimCraft) {
+    fn restart(&mut self, now: Time, craft: &mut SimCraft) {
         craft.apply(now, Command::EmergencyStop, Time::MAX);
         self.booted = now + duration_from_secs(BOOT);
         (self.client, self.stream, self.running) = (None, None, None);

@@ -5,6 +5,8 @@
 //! and says what to send and when. [`Server`] gives it sockets, a clock and a camera; [`TelloService`] a scene and a judge.
 
 pub mod command;
+mod error;
+mod faults;
 mod figures;
 mod film;
 mod link;
@@ -14,13 +16,16 @@ mod pace;
 mod photograph;
 mod server;
 mod service;
+mod shared;
 mod state;
-mod tasks;
 pub mod video;
 
+pub use error::ServerError;
+pub use faults::FaultSource;
 pub use figures::{Figures, Firmware};
 pub use film::Photographer;
 pub use machine::{Output, VideoWish, VirtualTello};
 pub use pace::{Fineness, VideoQuality};
-pub use server::{FaultSource, Server, ServerError, Setup, Tally};
+pub use server::{Server, Setup};
 pub use service::{TelloPlan, TelloService};
+pub use shared::Tally;

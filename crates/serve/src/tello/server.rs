@@ -4,79 +4,29 @@
 //! are due.
 
 use std::net::{SocketAddr, UdpSocket};
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::{Builder, JoinHandle};
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
-use spf_core::fault::{FaultError, FaultMachine, FaultPlan, Stream};
-use spf_core::time::{Duration, Time};
+use spf_core::fault::{FaultMachine, Stream};
+use spf_core::time::Duration;
 use spf_sim::craft::SimCraft;
 
+use super::error::ServerError;
+use super::faults::{FaultSource, Watch, read};
 use super::figures::{Figures, Firmware};
 use super::film::{Due, Photographer, film};
 use super::link::Link;
-use super::machine::{Output, VideoWish, VirtualTello};
+use super::machine::{Output, VirtualTello};
 use super::pace::VideoQuality;
+use super::shared::{Counters, NAP, Shared, Tally, lock};
 
-/// How long a thread sleeps at most, so that it notices the end.
-pub(super) const NAP: Duration = Duration::from_millis(20);
-/// How often the file of faults is looked at.
-const FAULTS_LOOK: Duration = Duration::from_millis(250);
 /// Pictures that wait for their time of sending.
 const WAITING: usize = 16;
 /// A picture sent later than this after its time is counted as late.
 const LATE: Duration = Duration::from_millis(50);
-
-/// Where faults come from.
-#[derive(Clone, Debug)]
-pub enum FaultSource {
-    /// These, for good.
-    Plan(FaultPlan),
-    /// A TOML file, read again whenever it changes: faults are switched while it flies.
-    File(PathBuf),
-}
-
-/// Why a server does not begin.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ServerError {
-    /// A socket.
-    #[error("UDP {address} cannot be had")]
-    Bind {
-        /// Which.
-        address: SocketAddr,
-        /// Why.
-        #[source]
-        source: std::io::Error,
-    },
-    /// A thread.
-    #[error("no thread can be started")]
-    Thread(#[source] std::io::Error),
-    /// The file of faults cannot be read.
-    #[error("the faults in `{}` cannot be read", path.display())]
-    FaultFile {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        #[source]
-        source: std::io::Error,
-    },
-    /// The file of faults is no TOML, or its keys are wrong.
-    #[error("the faults in `{}` are refused", path.display())]
-    FaultSyntax {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        #[source]
-        source: Box<toml::de::Error>,
-    },
-    /// A rule makes no sense.
-    #[error(transparent)]
-    Fault(#[from] FaultError),
-}
 
 /// What is served.
 pub struct Setup {
@@ -100,63 +50,6 @@ pub struct Setup {
     pub latency: Duration,
     /// When the craft's time was zero.
     pub start: Instant,
-}
-
-/// What was sent so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
-    /// Pictures.
-    pub frames: u64,
-    /// Bytes of video.
-    pub bytes: u64,
-    /// Pictures that went out more than 50 ms after their time.
-    pub late: u64,
-    /// Nanoseconds for which video was wanted.
-    pub wanted_ns: u64,
-}
-
-impl Tally {
-    /// Pictures a second while video was wanted.
-    #[must_use]
-    pub fn rate(&self) -> f64 {
-        if self.wanted_ns == 0 { 0.0 } else { self.frames as f64 / (self.wanted_ns as f64 * 1e-9) }
-    }
-}
-
-#[derive(Default)]
-pub(super) struct Counters {
-    frames: AtomicU64,
-    bytes: AtomicU64,
-    late: AtomicU64,
-    pub(super) wanted_ns: AtomicU64,
-}
-
-/// What the threads share.
-pub(super) struct Shared {
-    start: Instant,
-    stopped: AtomicBool,
-    pub(super) video: Mutex<Option<VideoWish>>,
-    faults: Mutex<FaultMachine>,
-    pub(super) counters: Counters,
-}
-
-impl Shared {
-    pub(super) fn now(&self) -> Time {
-        Time::ZERO + self.start.elapsed()
-    }
-
-    pub(super) fn runs(&self) -> bool {
-        !self.stopped.load(Ordering::Relaxed)
-    }
-
-    pub(super) fn faults(&self) -> FaultMachine {
-        lock(&self.faults).clone()
-    }
-}
-
-/// A panic elsewhere leaves what is locked whole: every change is one assignment or one tick.
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A virtual Tello that answers on its sockets until it is dropped.
@@ -232,55 +125,6 @@ impl Drop for Server {
 
 fn bind(address: SocketAddr) -> Result<UdpSocket, ServerError> {
     UdpSocket::bind(address).map_err(|source| ServerError::Bind { address, source })
-}
-
-fn read(source: &FaultSource) -> Result<FaultPlan, ServerError> {
-    match source {
-        FaultSource::Plan(plan) => Ok(plan.clone()),
-        FaultSource::File(path) => {
-            let failed = |source| ServerError::FaultFile { path: path.clone(), source };
-            let text = std::fs::read_to_string(path).map_err(failed)?;
-            toml::from_str(&text).map_err(|source| ServerError::FaultSyntax { path: path.clone(), source: Box::new(source) })
-        }
-    }
-}
-
-/// Looks whether the file of faults has changed.
-struct Watch {
-    source: FaultSource,
-    seed: u64,
-    seen: Option<SystemTime>,
-    look_at: Time,
-}
-
-impl Watch {
-    fn new(source: FaultSource, seed: u64) -> Self {
-        let mut watch = Self { source, seed, seen: None, look_at: Time::ZERO };
-        watch.seen = watch.changed();
-        watch
-    }
-
-    fn changed(&self) -> Option<SystemTime> {
-        let FaultSource::File(path) = &self.source else { return None };
-        std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok()
-    }
-
-    /// The new faults, when there are any. A file that makes no sense changes nothing.
-    fn look(&mut self, now: Time) -> Option<FaultMachine> {
-        if now < self.look_at {
-            return None;
-        }
-        self.look_at = now + FAULTS_LOOK;
-        let changed = self.changed().filter(|at| self.seen != Some(*at))?;
-        self.seen = Some(changed);
-        match read(&self.source).and_then(|plan| Ok(FaultMachine::new(plan, self.seed)?)) {
-            Ok(machine) => Some(machine),
-            Err(error) => {
-                tracing::warn!(%error, "the changed faults are refused; the old ones stay");
-                None
-            }
-        }
-    }
 }
 
 /// Receives commands, flies, answers.

@@ -11,10 +11,13 @@ use spf_core::geometry::Pose;
 use spf_core::time::Duration;
 use spf_flight::sim::{Circumstances, SimWorld, Stage};
 
+use super::error::ServerError;
+use super::faults::FaultSource;
 use super::figures::{Figures, Firmware};
 use super::pace::{Fineness, VideoQuality};
 use super::photograph::{channels, photograph};
-use super::server::{FaultSource, Server, ServerError, Setup, Tally};
+use super::server::{Server, Setup};
+use super::shared::Tally;
 use crate::truth::{Heard, Judge};
 use crate::vlm::OnboardCamera;
 

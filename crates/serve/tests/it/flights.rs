@@ -1,34 +1,33 @@
 //! The Tello's driver against the virtual Tello, joined in virtual time without sockets: whole flights, each fault, the known
 //! failings of such programs.
 
-use std::sync::Arc;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::channel;
+use std::sync::{Arc, Mutex};
 
 use crate::wired::Wired;
 use spf_core::camera::Camera;
-use spf_core::craft::Craft;
 use spf_core::craft::CraftKind;
-use spf_core::envelope::Limits;
-use spf_core::estimator::Senses;
 use spf_core::executor::Motion;
 use spf_core::fault::{Fault, FaultPlan, Rule, Stream, Trouble, TroubleRule};
 use spf_core::geometry::EnuPosition;
-use spf_core::pilot::{Action, Event, Note, OperatorEvent, Outcome, Phase, Pilot, PilotParts, PilotSettings, Preset, Think};
-use spf_core::policy::spf::{Spf, SpfSettings};
+use spf_core::pilot::{Action, Event, Note, Outcome, Phase, Pilot, PilotSettings, Preset, Think};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_drone::tello::sticks::Calibration;
 use spf_flight::calibrate::{self, Routine};
-use spf_flight::run::{Observer, World, run};
-use spf_flight::sim::{OracleVlm, SimWorld, Stage};
-use spf_flight::world::{Lockstep, Script};
+use spf_flight::flight::{self, FlightPlan, Site};
+use spf_flight::real::Real;
+use spf_flight::run::Observer;
+use spf_flight::sim::{OracleVlm, SimWorld, Stage, WhoPoints};
+use spf_flight::site::Clock;
+use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
 use spf_serve::tello::Figures;
 use spf_sim::craft::SimCraft;
 use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
 
-/// An oracle that takes its time.
-struct Slow(OracleVlm, Duration);
+/// An oracle that takes its time, or another.
+struct Slow(OracleVlm, Option<Duration>);
 
 impl Vlm for Slow {
     fn name(&self) -> &str {
@@ -40,7 +39,8 @@ impl Vlm for Slow {
     }
 
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
-        Answer { latency: self.1, ..self.0.answer(asked, picture) }
+        let answer = self.0.answer(asked, picture);
+        Answer { latency: self.1.unwrap_or(answer.latency), ..answer }
     }
 }
 
@@ -119,34 +119,13 @@ fn fly_in(
     let drone = Wired::new(world.clone(), Figures::default(), faults);
     let said = drone.said.clone();
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
-    let vlm: Box<dyn Vlm> = match latency {
-        Some(latency) => Box::new(Slow(oracle, latency)),
-        None => Box::new(oracle),
-    };
-    let eyesight = vlm.eyesight((960, 720));
-    let spf = SpfSettings {
-        step: settings.step,
-        lifting: settings.lifting,
-        avoid: settings.avoid,
-        confirm_done: settings.confirm_done,
-        grounding: eyesight.grounding,
-        image_size: eyesight.image_size,
-        craft: Craft::tello(),
-        shape: spf_core::avoid::PathShape::Straight,
-    };
-    let mut pilot = Pilot::new(PilotParts {
-        settings,
-        craft: Craft::tello(),
-        senses: Senses::tello(),
-        camera: *world.camera(),
-        limits: Limits::for_craft(&Craft::tello()),
-        policy: Box::new(Spf::new(spf)),
-        instruction: instruction.to_owned(),
-    });
-    let mut around = Lockstep::new(Box::new(drone), vlm, Script::from_toml(events).unwrap(), Arc::default());
+    let oracle = Mutex::new(Some(Slow(oracle, latency)));
+    let who: WhoPoints = Arc::new(move |_, _| Ok(Box::new(oracle.lock().unwrap().take().unwrap())));
+    let site = Site::Real(Real { drone: Box::new(drone), clock: Clock::Virtual });
+    let script = Script::from_toml(events).unwrap();
+    let plan = FlightPlan { settings, script, ..FlightPlan::new(site, instruction, "oracle", who) };
     let mut seen = Seen { world: Some(world.clone()), ..Seen::default() };
-    run(&mut pilot, &mut around, &mut [&mut seen]);
-    drop(around);
+    flight::fly(plan, &mut [&mut seen]).unwrap();
     let said = said.lock().unwrap().clone();
     Flight { seen, said, world }
 }
@@ -464,26 +443,6 @@ fn a_lossy_link_is_flown_over() {
     assert!(!flight.craft(|craft| craft.dynamics().crashed()));
 }
 
-/// Virtual time with an operator who is a channel away.
-struct Operated(Lockstep, Receiver<OperatorEvent>);
-
-impl World for Operated {
-    fn now(&self) -> Time {
-        self.0.now()
-    }
-
-    fn wait(&mut self, deadline: Time) -> Option<Event> {
-        match self.1.try_recv() {
-            Ok(event) => Some(Event::Operator(event)),
-            Err(_) => self.0.wait(deadline),
-        }
-    }
-
-    fn apply(&mut self, action: &Action) {
-        self.0.apply(action);
-    }
-}
-
 /// Whatever full stick does, `spf tello calibrate` finds it.
 #[test]
 fn what_full_stick_does_is_measured() {
@@ -493,12 +452,10 @@ fn what_full_stick_does_is_measured() {
     let start = stage.scene.start;
     let world = SimWorld::new(stage, CraftKind::Tello, start, 5);
     let drone = Wired::new(world.clone(), figures, FaultPlan::default());
-    let mut pilot = calibrate::pilot(&drone);
-    let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
     let (sender, operator) = channel();
     let mut routine = Routine::new(Calibration::default(), sender);
-    let around = Lockstep::new(Box::new(drone), Box::new(oracle), Script::default(), Arc::default());
-    run(&mut pilot, &mut Operated(around, operator), &mut [&mut routine]);
+    let plan = calibrate::plan(Box::new(drone), Clock::Virtual, operator, Arc::default());
+    let flown = flight::fly(plan, &mut [&mut routine]).unwrap();
     let measured = routine.measured().unwrap();
     let near = |name: &str, value: f64, truth: f64, share: f64| {
         assert!((value / truth - 1.0).abs() < share, "{name}: measured {value}, in truth {truth}");
@@ -507,6 +464,6 @@ fn what_full_stick_does_is_measured() {
     near("climb", measured.climb, 1.1, 0.15);
     near("sink", measured.sink, 0.7, 0.15);
     near("speed", measured.speed, 0.8, 0.15);
-    assert_eq!(pilot.decisions(), 0);
+    assert_eq!(flown.summary.decisions, 0);
     assert!(!world.truth().phase.eq(&FlightPhase::Flying));
 }

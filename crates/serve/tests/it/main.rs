@@ -2,8 +2,9 @@
 //! share neither ports nor variables, so they run beside each other.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "../../../scene/tests/it/boxes.rs"]
+mod boxes;
 mod flights;
-mod floor;
 mod memory;
 mod protocol;
 mod wired;

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 
 use proptest::prelude::*;
 use spf_core::fault::{Fault, FaultMachine, FaultPlan, Rule, Stream, Trouble, TroubleRule};
-use spf_core::geometry::{EnuPosition, Pose, wrap_angle};
+use spf_core::geometry::{EnuPosition, wrap_angle};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_serve::tello::command::{Malformed, parse};
@@ -13,7 +13,7 @@ use spf_sim::craft::SimCraft;
 use spf_sim::dynamics::Conditions;
 use spf_sim::model::Model;
 
-use crate::floor::floor;
+use crate::boxes::{at, facing, scene};
 
 const CLIENT: ([u8; 4], u16) = ([192, 168, 10, 2], 40_000);
 
@@ -30,7 +30,7 @@ struct Bench {
 impl Bench {
     fn with(figures: Figures, firmware: Firmware, battery: f64, faults: FaultPlan) -> Self {
         let conditions = Conditions { exact: true, battery, ..Conditions::new(1) };
-        let craft = SimCraft::with_conditions(floor(), Model::tello(), Pose::default(), conditions);
+        let craft = SimCraft::with_conditions(scene(), Model::tello(), facing(at(0.0, 0.0, 0.0), 0.0), conditions);
         let tello = VirtualTello::new(&craft, figures, firmware, FaultMachine::new(faults, 1).unwrap(), 1);
         Self { craft, tello, now: Time::ZERO, answers: Vec::new(), states: Vec::new() }
     }

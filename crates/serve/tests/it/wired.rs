@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex};
 use spf_core::command::Command;
 use spf_core::craft::Craft;
 use spf_core::envelope::Cleared;
+use spf_core::estimator::Senses;
 use spf_core::fault::{FaultMachine, FaultPlan, Stream, Trouble};
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::time::{Duration, Time};
@@ -101,7 +102,7 @@ impl Drone for Wired {
     }
 
     fn capabilities(&self) -> Capabilities {
-        Capabilities { craft: Craft::tello(), camera: *self.world.camera() }
+        Capabilities { manoeuvres: true, ..Capabilities::of(Craft::tello(), *self.world.camera(), Senses::tello()) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {

@@ -1,6 +1,5 @@
 //! How the simulated craft flies: figures worked out from the craft's limits, phases, crashes, repeatability.
 
-use crate::common::{FLOOR, TABLE, WALL, at, command, facing, fly_on, forward, geometry, hovering, scene};
 use proptest::prelude::*;
 use spf_core::command::{Command, Setpoint};
 use spf_core::geometry::EnuPosition;
@@ -11,6 +10,8 @@ use spf_sim::craft::SimCraft;
 use spf_sim::dynamics::Conditions;
 use spf_sim::model::Model;
 use spf_sim::wind::Wind;
+
+use crate::common::{FLOOR, TABLE, WALL, at, command, facing, fly_on, forward, geometry, hovering, scene};
 
 const LONG: Time = Time::from_millis(10_000_000);
 

@@ -1,9 +1,9 @@
 //! Tests of the craft as its users see it, in one binary: each links anew.
 
 mod actors;
-#[path = "../common/mod.rs"]
 mod common;
 mod craft;
 mod senses;
 #[path = "../../../scene/tests/it/stage.rs"]
 mod stage;
+mod tello_figures;

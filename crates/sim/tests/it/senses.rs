@@ -1,6 +1,5 @@
 //! What the craft tells of itself: its rates, steps and errors.
 
-use crate::common::{at, command, facing, forward, scene};
 use spf_core::command::Setpoint;
 use spf_core::geometry::wrap_angle;
 use spf_core::telemetry::Telemetry;
@@ -8,6 +7,8 @@ use spf_core::time::Time;
 use spf_sim::craft::{SimCraft, Truth};
 use spf_sim::dynamics::Conditions;
 use spf_sim::model::Model;
+
+use crate::common::{at, command, facing, forward, scene};
 
 fn craft(model: Model, seed: u64, exact: bool) -> SimCraft {
     let conditions = Conditions { hovering: true, exact, ..Conditions::new(seed) };

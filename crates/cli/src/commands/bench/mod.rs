@@ -49,7 +49,7 @@ fn task_of(name: &str) -> Result<Task, CliError> {
 /// Who points, by a name as for `spf fly --vlm`; an oracle may be told how long it takes.
 fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
     let (who, latency) = split_latency(name);
-    settings.flag("fly.vlm", "--vlm", Some(who.to_owned()));
+    settings.fly.vlm.flag(Some(who));
     let pointing = pointing(settings, None)?;
     Ok(Pointer { name: name.to_owned(), who: pointing.who, latency })
 }

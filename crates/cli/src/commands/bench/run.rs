@@ -22,7 +22,7 @@ use crate::settings::Settings;
 
 /// Flies tasks and prints how often they were done.
 pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::load(args.config.as_deref())?;
+    let mut settings = Settings::load(args.config.as_deref(), printer)?;
     let (tasks, files) = tasks(args)?;
     let own = args.suite.as_deref().and_then(suite).map_or(("spf", "oracle:default"), |suite| (suite.methods, suite.vlms));
     let vlms = args.vlm.as_deref().unwrap_or(own.1);

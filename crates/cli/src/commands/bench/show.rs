@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use spf_bench::trial::{Method, Trial, draw, run_id};
-use spf_flight::sim::RecordPlan;
+use spf_flight::recorder::RecordPlan;
 use spf_oracle::ErrorFile;
 use spf_record::out_dir::OutDir;
 
@@ -17,7 +17,7 @@ use crate::settings::Settings;
 
 /// Flies a trial again.
 pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::load(args.config.as_deref())?;
+    let mut settings = Settings::load(args.config.as_deref(), printer)?;
     let trial = trial(args, &mut settings)?;
     let drawn = draw(&trial.task, trial.seed).map_err(|error| CliError::usage("the trial cannot be drawn").because(&error))?;
     let out = OutDir::create(args.output.as_deref(), &args.run_id).map_err(|error| {

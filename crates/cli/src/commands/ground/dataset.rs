@@ -39,7 +39,7 @@ pub(super) fn grade(
     manner: Manner,
     printer: &mut Printer,
 ) -> Result<Exit, CliError> {
-    let max_cost = settings.number("fly.max_cost_usd", 0.0, 1e6)?;
+    let max_cost = settings.fly.max_cost_usd.get()?;
     let mut source = source::open(path).map_err(|error| {
         CliError::usage(format!("the dataset `{}` cannot be read", path.display()))
             .because(&error)

@@ -10,7 +10,6 @@ use std::sync::Arc;
 use spf_bench::ground::Answerer;
 use spf_bench::ground::ask::{Manner, Mind};
 use spf_core::prompt::{PromptKind, PromptText};
-use spf_core::time::duration_from_secs;
 
 use super::read;
 use super::vlm::{oracle_named, remote};
@@ -22,15 +21,11 @@ use crate::settings::Settings;
 
 /// Asks about photographs, or grades on a dataset.
 pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::load(args.config.as_deref())?;
-    settings.flag("fly.vlm", "--vlm", args.vlm.clone());
-    settings.flag("vlm.models", "--vlm-models", args.vlm_models.clone());
-    settings.flag("fly.max_cost_usd", "--max-cost", args.max_cost.clone());
+    let settings = Settings::of(args, printer)?;
     if args.rate.is_some_and(|rate| !(rate > 0.0 && rate <= 1e6)) {
         return Err(CliError::usage("--rate is a number of questions a minute, more than 0").hint("--rate 60"));
     }
-    let seconds = settings.number("fly.reply_timeout_s", 0.1, 600.0)?.unwrap_or(20.0);
-    let manner = Manner { avoid: args.avoid, time: duration_from_secs(seconds) };
+    let manner = Manner { avoid: args.avoid, time: settings.reply_timeout()? };
     match &args.dataset {
         Some(path) => dataset::grade(args, path, &settings, manner, printer),
         None => photos::ask(args, &settings, manner, printer),
@@ -41,9 +36,9 @@ pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliEr
 fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<String>), CliError> {
     let prompts = prompts(args)?;
     let (mut answerers, mut sentences): (Vec<Answerer>, Vec<String>) = (Vec::new(), Vec::new());
-    for name in settings.get("fly.vlm").unwrap_or("oracle").split(',').map(str::trim).filter(|name| !name.is_empty()) {
+    for name in settings.fly.vlm.text_or_default().split(',').map(str::trim).filter(|name| !name.is_empty()) {
         if name == "oracle" || name.starts_with("oracle:") {
-            let (name, errors) = oracle_named(name, |expected, near| settings.wrong_word("fly.vlm", expected, near))?;
+            let (name, errors) = oracle_named(name, |expected, near| settings.fly.vlm.wrong(expected, near))?;
             sentences.push(format!("{name} reads the simulator's own id and depth pictures, it is no VLM."));
             answerers.push(Answerer { name, mind: Mind::Oracle(Box::new(errors), args.seed) });
             continue;

@@ -40,6 +40,9 @@ pub(super) fn export(args: &Args, printer: &Printer) -> Result<Exit, CliError> {
     let topic = if args.topic.starts_with('/') { args.topic.clone() } else { format!("/{}", args.topic) };
     let export = Export { logs: &logs, topic: &topic, context: &CONTEXT, context_topic: Channel::Flight.name() };
     let table = export.write(format, &args.output).map_err(|error| match &error {
+        ExportError::NotBuilt => CliError::usage(format!("--output: `{}` cannot be written", args.output.display()))
+            .because(&error)
+            .hint("cargo install --path crates/cli --features parquet; or name it .csv or .jsonl"),
         ExportError::Empty(_) => {
             CliError::usage("there is nothing to export").because(&error).hint("`spf log info` lists the topics of a log")
         }

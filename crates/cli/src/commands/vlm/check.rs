@@ -1,7 +1,6 @@
 //! `spf vlm check NAME`: does it answer, does it point where we think, and if not, what is wrong, in a person's words.
 
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
-use spf_core::time::duration_from_secs;
 use spf_vlm::check::{Check, Verdict, check as ask};
 use spf_vlm::setup;
 use spf_vlm::{Strategy, Vlm, VlmError};
@@ -15,15 +14,13 @@ use crate::settings::{Settings, variables};
 
 /// Asks a model about the calibration pictures.
 pub(crate) fn check(args: &VlmCheck, printer: &Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::load(args.config.as_deref())?;
-    settings.flag("vlm.models", "--vlm-models", args.vlm_models.clone());
-    settings.flag("fly.vlm", "NAME", Some(args.name.clone()));
+    let settings = Settings::of(args, printer)?;
     let (table, variables) = (table(&settings)?, variables()?);
     let remote = setup::remote(&table, &[&args.name], &variables, Strategy::default())
         .map_err(|error| refused(&settings, &args.name, &error))?;
-    let time = settings.number("fly.reply_timeout_s", 0.1, 600.0)?.unwrap_or(20.0);
+    let time = settings.reply_timeout()?;
     let mut vlm: Box<dyn Vlm> = Box::new(remote);
-    let check = ask(vlm.as_mut(), duration_from_secs(time));
+    let check = ask(vlm.as_mut(), time);
     report(&check, printer);
     match &check.verdict {
         Verdict::Good(_) => Ok(Exit::Success),

@@ -21,7 +21,7 @@ pub(crate) use list::list;
 
 use crate::commands::read;
 use crate::error::{CliError, nearest};
-use crate::settings::{Settings, variables};
+use crate::settings::{Row, Settings, variables};
 
 /// Who points in a flight.
 #[derive(Clone)]
@@ -36,15 +36,19 @@ pub(crate) struct Pointing {
 
 /// Who points, by the settings.
 pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
-    let name = settings.get("fly.vlm").unwrap_or("oracle");
+    let name = settings.fly.vlm.text_or_default();
     let pointing = match name.split_once(':') {
         None if name == "oracle" => oracle(settings, name),
         Some(("oracle", _)) => oracle(settings, name),
         Some(("replay", file)) => replay(file),
         _ => return Ok(and_recorded(settings, model(settings, name, prompt)?)),
     }?;
-    let idle =
-        ["vlm.fallback", "vlm.hedge_s"].into_iter().filter(|name| settings.get(name).is_some()).collect::<Vec<_>>().join(" and ");
+    let idle = [&settings.vlm.fallback as &dyn Row, &settings.vlm.hedge_s]
+        .into_iter()
+        .filter(|row| !row.shown().is_empty())
+        .map(|row| row.key().name)
+        .collect::<Vec<_>>()
+        .join(" and ");
     let sentence = match idle.as_str() {
         "" => pointing.sentence,
         idle => format!("{} Without use, for no model is asked: {idle}.", pointing.sentence),
@@ -54,7 +58,7 @@ pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> 
 
 /// The same, its answers recorded where the settings want it.
 fn and_recorded(settings: &Settings, pointing: Pointing) -> Pointing {
-    match settings.get("vlm.record") {
+    match settings.vlm.record.text() {
         Some(path) => recorded(pointing, path.to_owned()),
         None => pointing,
     }
@@ -109,7 +113,7 @@ pub(crate) fn oracle_named(
 }
 
 fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
-    let (name, errors) = oracle_named(name, |expected, near| settings.wrong_word("fly.vlm", expected, near))?;
+    let (name, errors) = oracle_named(name, |expected, near| settings.fly.vlm.wrong(expected, near))?;
     Ok(Pointing {
         name: name.clone(),
         sentence: format!("{name} points: it reads the simulator's own id and depth pictures, it is no VLM."),
@@ -120,7 +124,7 @@ fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
 /// The table of models, with the person's own rows.
 pub(crate) fn table(settings: &Settings) -> Result<Table, CliError> {
     let table = Table::shipped();
-    let Some(path) = settings.get("vlm.models") else { return Ok(table) };
+    let Some(path) = settings.vlm.models.text() else { return Ok(table) };
     table.extended(&read(Path::new(path), "models")?).map_err(|error| {
         CliError::usage(format!("the models file `{path}` is refused")).because(&error).hint("its form stands in docs/vlm.md")
     })
@@ -146,14 +150,11 @@ fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Re
 pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Chosen, CliError> {
     let table = table(settings)?;
     let variables = variables()?;
-    let names: Vec<&str> = [Some(name), settings.get("vlm.fallback")].into_iter().flatten().collect();
+    let names: Vec<&str> = [Some(name), settings.vlm.fallback.text()].into_iter().flatten().collect();
     let strategy = Strategy {
-        hedge: settings.number("vlm.hedge_s", 0.0, 600.0)?.map(duration_from_secs),
-        long_side: settings.count("vlm.image_long_side", 64, 8192)?,
-        quality: settings
-            .count("vlm.jpeg_quality", 1, 100)?
-            .and_then(|quality| u8::try_from(quality).ok())
-            .unwrap_or(Strategy::default().quality),
+        hedge: settings.vlm.hedge_s.get()?.map(duration_from_secs),
+        long_side: settings.vlm.image_long_side.get()?,
+        quality: settings.vlm.jpeg_quality.get()?.unwrap_or(Strategy::default().quality),
     };
     let mut chosen = Vec::new();
     let mut auto = String::new();
@@ -165,7 +166,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
         }
         let place = choice.url.as_deref().map_or(String::new(), |url| format!(" at {url}"));
         let assumed = if model.assumed { " (not in the table: its coordinates are assumed; `spf vlm check` tells)" } else { "" };
-        if settings.get("fly.max_cost_usd").is_some() && model.price.is_empty() {
+        if settings.fly.max_cost_usd.text().is_some() && model.price.is_empty() {
             return Err(CliError::usage(format!("what `{name}` costs is not known, and so --max-cost cannot hold"))
                 .hint("give its row a price with --vlm-models (docs/vlm.md); a model of one's own costs 0"));
         }
@@ -218,6 +219,6 @@ pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> Cl
         SetupError::Url(_) | SetupError::Select(SelectError::Url(_)) => {
             said.hint("write NAME[#MODEL]@http://host:port/v1, or http://host:port/v1#MODEL")
         }
-        _ => said.hint(settings.meaning("fly.vlm")),
+        _ => said.hint(settings.fly.vlm.meaning()),
     }
 }

@@ -8,8 +8,9 @@ use serde_json::json;
 use spf_core::command::Command;
 use spf_core::pilot::{Action, Note, Outcome, Pilot};
 use spf_core::time::Time;
+use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::run::Observer;
-use spf_flight::sim::{FlightPlan, WhoPoints, fly};
+use spf_flight::sim::WhoPoints;
 use spf_flight::summary::Summary;
 use spf_vlm::table::Table;
 use spf_vlm::{Strategy, setup};
@@ -205,7 +206,9 @@ fn on_the_wall_clock_a_question_taken_back_holds_nobody_up() {
         &[],
         Strategy::default(),
         |plan| {
-            plan.realtime = true;
+            if let Site::Simulated(site) = &mut plan.site {
+                site.realtime = true;
+            }
             plan.settings.reply_timeout = Duration::from_secs(1);
         },
         |_, _| hanging(vec![Piece::Hang]),

@@ -3,17 +3,15 @@
 use std::sync::{Arc, Mutex};
 
 use spf_core::craft::CraftKind;
-use spf_core::envelope::Limits;
 use spf_core::grounding::GroundingProfile;
-use spf_core::pilot::{Outcome, PilotSettings, Preset};
+use spf_core::pilot::{Outcome, PilotSettings};
 use spf_core::query::QueryKind;
 use spf_core::reply::parse_reply;
 use spf_core::time::Duration;
-use spf_flight::sim::{Circumstances, FlightPlan, OracleVlm, PolicyKind, SimWorld, Stage, WhoPoints, fly, oracle_points};
+use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::sim::{OracleVlm, SimWorld, Simulated, Stage, WhoPoints, oracle_points};
 use spf_flight::summary::Summary;
-use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
-use spf_sim::model::Model;
 use spf_vlm::table::Table;
 use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Remote, Strategy, Vlm, setup};
 
@@ -59,30 +57,9 @@ fn stage() -> Arc<Stage> {
 }
 
 pub(super) fn plan(who: WhoPoints, avoid: bool) -> FlightPlan {
-    let kind = CraftKind::Quad;
-    FlightPlan {
-        stage: stage(),
-        scene: "city".to_owned(),
-        instruction: "fly to the red crane".to_owned(),
-        start: None,
-        kind,
-        circumstances: Circumstances::default(),
-        policy: PolicyKind::Spf,
-        preset: Preset::Default,
-        settings: PilotSettings { avoid, ..PilotSettings::preset(Preset::Default) },
-        limits: Limits::for_craft(&Model::of(kind).craft),
-        vlm: String::new(),
-        who,
-        detector: None,
-        prompt: None,
-        max_cost_usd: None,
-        seed: 2,
-        script: Script::default(),
-        realtime: false,
-        interrupts: Arc::default(),
-        operator: None,
-        record: None,
-    }
+    let site = Simulated { kind: CraftKind::Quad, seed: 2, ..Simulated::new(stage(), "city") };
+    let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "", who);
+    FlightPlan { settings: PilotSettings { avoid, ..plan.settings }, ..plan }
 }
 
 /// A flight over a vendor's wire, and the requests that it took.

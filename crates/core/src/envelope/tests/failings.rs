@@ -11,7 +11,7 @@ fn failing_2_nothing_but_a_good_reply_resets_the_count_of_failures() {
         rig.envelope.observe_reply(now, false);
         // Frames, placeholders, telemetry, holds, manual flight: none of them is a reply.
         rig.fresh(now);
-        let placeholder = FrameMeta { unusable: true, ..rig.frame(now) };
+        let placeholder = FrameMeta { unusable: Some(crate::frame::Unusable::Blank), ..rig.frame(now) };
         rig.envelope.observe_frame(now, &placeholder);
         let _ = rig.envelope.hold(now);
         let _ = rig.envelope.clear_manual(now, forward(0.5));
@@ -30,7 +30,7 @@ fn failing_3_a_frozen_blank_or_placeholder_frame_moves_nothing() {
         captured: now,
         received: now,
         capture_counter: first.capture_counter + now.as_nanos(),
-        unusable: true,
+        unusable: Some(crate::frame::Unusable::Blank),
         ..first
     };
     let sources: [&dyn Fn(Time, FrameMeta) -> FrameMeta; 3] = [&frozen, &restamped, &blank];

@@ -114,7 +114,7 @@ proptest! {
                 }
                 Event::Frame { age, counter, unusable } => {
                     let frame = FrameMeta { id: FrameId(0), captured: ago(now, age), received: now, capture_counter: counter,
-                        width: 960, height: 720, unusable };
+                        width: 960, height: 720, unusable: unusable.then_some(crate::frame::Unusable::Blank) };
                     envelope.observe_frame(now, &frame);
                     if !unusable {
                         fresh = fresh.max(Some(frame.captured.min(latest)));

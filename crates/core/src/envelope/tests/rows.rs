@@ -89,7 +89,7 @@ fn frozen_frames_hold_then_land() {
 fn unusable_frames_hold_then_land() {
     let mut rig = Rig::flying(Limits::default());
     let blank = |rig: &mut Rig, now| {
-        let frame = FrameMeta { unusable: true, ..rig.frame(now) };
+        let frame = FrameMeta { unusable: Some(crate::frame::Unusable::Blank), ..rig.frame(now) };
         rig.envelope.observe_frame(now, &frame);
     };
     fly(&mut rig, ms(1900), blank);

@@ -220,7 +220,9 @@ impl Chaos {
 
     fn tell(&mut self, event: Event) {
         match &event {
-            Event::Frame(frame) if !frame.unusable => self.captured = self.captured.max(Some(frame.captured.min(self.now))),
+            Event::Frame(frame) if frame.unusable.is_none() => {
+                self.captured = self.captured.max(Some(frame.captured.min(self.now)))
+            }
             Event::Operator(OperatorEvent::Setpoint(_)) => (self.reason, self.hand) = (false, Some(self.now)),
             Event::Operator(OperatorEvent::Resume) => self.hand = None,
             // Flown by hand, whatever the next instruction is.
@@ -369,7 +371,7 @@ impl Chaos {
             capture_counter: self.counter,
             width: 960,
             height: 720,
-            unusable,
+            unusable: unusable.then_some(crate::frame::Unusable::Blank),
         }));
     }
 

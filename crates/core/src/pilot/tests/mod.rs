@@ -229,7 +229,7 @@ impl Flight {
             capture_counter: self.frames.len() as u64,
             width: 960,
             height: 720,
-            unusable: false,
+            unusable: None,
         };
         let last_before = move |flight: &Self, since: Time| {
             let index = flight.frames.iter().rposition(|seen| seen.captured < since)?;
@@ -237,7 +237,7 @@ impl Flight {
             // A frozen source counts on and repeats the picture.
             Some(Event::Frame(FrameMeta { captured, capture_counter, ..frame }))
         };
-        let blank = Event::Frame(FrameMeta { unusable: true, ..frame });
+        let blank = Event::Frame(FrameMeta { unusable: Some(crate::frame::Unusable::Blank), ..frame });
         self.send(Stream::Frames, self.now + CAMERA_LATENCY, Event::Frame(frame), last_before, Some(blank));
         self.enqueue(self.now + PERIOD, Happening::Capture);
     }

@@ -33,7 +33,7 @@ fn view(id: u64) -> View {
         capture_counter: id,
         width: 960,
         height: 720,
-        unusable: false,
+        unusable: None,
     };
     View { frame, camera: Camera::quad(), pose: Pose::default(), at_rest: true }
 }

@@ -3,21 +3,13 @@
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use parquet::basic::{LogicalType, Repetition, Type as PhysicalType};
-use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
-use parquet::errors::ParquetError;
-use parquet::file::properties::WriterProperties;
-use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
-use parquet::schema::types::Type;
 use serde_json::{Map, Value};
 
 use super::ExportError;
 use super::cell::{Cell, Kind};
-
-/// Rows held in memory for a Parquet file, whose columns are written one after the other.
-const GROUP: usize = 4096;
+#[cfg(feature = "parquet")]
+use super::parquet::ParquetFile;
 
 /// The form of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +18,7 @@ pub enum Format {
     Csv,
     /// JSON lines: an object a row, without what is empty.
     JsonLines,
-    /// Apache Parquet.
+    /// Apache Parquet, where the feature `parquet` was built.
     Parquet,
 }
 
@@ -53,7 +45,8 @@ pub(super) struct TableFile {
 enum Out {
     Csv(Box<csv::Writer<File>>),
     JsonLines(BufWriter<File>),
-    Parquet(Box<SerializedFileWriter<File>>, Vec<Vec<Option<Cell>>>),
+    #[cfg(feature = "parquet")]
+    Parquet(Box<ParquetFile>),
 }
 
 impl TableFile {
@@ -62,7 +55,12 @@ impl TableFile {
         let out = match format {
             Format::Csv => csv_file(file, columns).map_err(|error| form(path, error)),
             Format::JsonLines => Ok(Out::JsonLines(BufWriter::new(file))),
-            Format::Parquet => parquet_file(file, columns).map_err(|error| form(path, error)),
+            #[cfg(feature = "parquet")]
+            Format::Parquet => {
+                ParquetFile::create(file, columns).map(|file| Out::Parquet(Box::new(file))).map_err(|error| form(path, error))
+            }
+            #[cfg(not(feature = "parquet"))]
+            Format::Parquet => Err(ExportError::NotBuilt),
         };
         Ok(Self { path: path.to_owned(), columns: columns.to_vec(), out: out? })
     }
@@ -79,25 +77,18 @@ impl TableFile {
                 let line = Value::Object(named.collect::<Map<_, _>>());
                 writeln!(writer, "{line}").map_err(|source| ExportError::Write { path: path.clone(), source })
             }
-            Out::Parquet(writer, rows) => {
-                rows.push(cells);
-                if rows.len() < GROUP {
-                    return Ok(());
-                }
-                write_group(writer, columns, &core::mem::take(rows)).map_err(|error| form(path, error))
-            }
+            #[cfg(feature = "parquet")]
+            Out::Parquet(file) => file.row(cells).map_err(|error| form(path, error)),
         }
     }
 
     pub(super) fn finish(self) -> Result<(), ExportError> {
-        let Self { path, columns, out } = self;
+        let Self { path, out, .. } = self;
         match out {
             Out::Csv(mut writer) => writer.flush().map_err(|source| ExportError::Write { path, source }),
             Out::JsonLines(mut writer) => writer.flush().map_err(|source| ExportError::Write { path, source }),
-            Out::Parquet(mut writer, rows) => {
-                let ended = if rows.is_empty() { Ok(()) } else { write_group(&mut writer, &columns, &rows) };
-                ended.and_then(|()| writer.close().map(|_| ())).map_err(|error| form(&path, error))
-            }
+            #[cfg(feature = "parquet")]
+            Out::Parquet(file) => file.finish().map_err(|error| form(&path, error)),
         }
     }
 }
@@ -119,61 +110,4 @@ fn csv_file(file: File, columns: &[(String, Kind)]) -> Result<Out, csv::Error> {
     let mut writer = csv::Writer::from_writer(file);
     writer.write_record(columns.iter().map(|(name, _)| name))?;
     Ok(Out::Csv(Box::new(writer)))
-}
-
-fn parquet_file(file: File, columns: &[(String, Kind)]) -> Result<Out, ParquetError> {
-    let column = |(name, kind): &(String, Kind)| {
-        let (physical, logical) = match kind {
-            Kind::Bool => (PhysicalType::BOOLEAN, None),
-            Kind::Int => (PhysicalType::INT64, None),
-            Kind::Real => (PhysicalType::DOUBLE, None),
-            Kind::Text => (PhysicalType::BYTE_ARRAY, Some(LogicalType::String)),
-        };
-        let builder = Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL);
-        builder.with_logical_type(logical).build().map(Arc::new)
-    };
-    let fields = columns.iter().map(column).collect::<Result<Vec<_>, _>>()?;
-    let schema = Type::group_type_builder("flights").with_fields(fields).build()?;
-    let writer = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(WriterProperties::builder().build()))?;
-    Ok(Out::Parquet(Box::new(writer), Vec::new()))
-}
-
-/// Writes rows column by column.
-fn write_group(
-    writer: &mut SerializedFileWriter<File>,
-    columns: &[(String, Kind)],
-    rows: &[Vec<Option<Cell>>],
-) -> Result<(), ParquetError> {
-    let mut group = writer.next_row_group()?;
-    for (index, (_, kind)) in columns.iter().enumerate() {
-        let Some(mut column) = group.next_column()? else { break };
-        let cells = || rows.iter().map(|row| row.get(index).and_then(Option::as_ref));
-        match kind {
-            Kind::Bool => write_column::<BoolType>(&mut column, cells(), |cell| matches!(cell, Cell::Bool(true)))?,
-            Kind::Int => write_column::<Int64Type>(&mut column, cells(), |cell| match cell {
-                Cell::Int(value) => *value,
-                _ => 0,
-            })?,
-            Kind::Real => write_column::<DoubleType>(&mut column, cells(), |cell| match cell {
-                Cell::Real(value) => *value,
-                _ => f64::NAN,
-            })?,
-            Kind::Text => write_column::<ByteArrayType>(&mut column, cells(), |cell| ByteArray::from(cell.text().into_bytes()))?,
-        }
-        column.close()?;
-    }
-    group.close()?;
-    Ok(())
-}
-
-/// The values that are there, and which are (definition level 1).
-fn write_column<'a, T: DataType>(
-    column: &mut SerializedColumnWriter<'_>,
-    cells: impl Iterator<Item = Option<&'a Cell>> + Clone,
-    value: impl Fn(&Cell) -> T::T,
-) -> Result<(), ParquetError> {
-    let there: Vec<i16> = cells.clone().map(|cell| i16::from(cell.is_some())).collect();
-    let values: Vec<T::T> = cells.flatten().map(value).collect();
-    column.typed::<T>().write_batch(&values, Some(&there), None)?;
-    Ok(())
 }

@@ -1,7 +1,9 @@
-//! Messages of a topic as one table: CSV, JSON lines or Parquet; of one log or of a whole folder of them.
+//! Messages of a topic as one table: CSV, JSON lines or, where it was built, Parquet; of one log or of a whole folder of them.
 
 mod cell;
 mod files;
+#[cfg(feature = "parquet")]
+mod parquet;
 
 use std::collections::BTreeMap;
 use std::io;
@@ -27,6 +29,9 @@ pub enum ExportError {
         #[source]
         source: ReadError,
     },
+    /// The program was built without the feature.
+    #[error("this program was built without Parquet: build it with `--features parquet`")]
+    NotBuilt,
     /// None of the logs has a message on the topic.
     #[error("no message on the topic `{0}`")]
     Empty(String),
@@ -84,6 +89,10 @@ impl Export<'_> {
     /// # Errors
     /// [`ExportError`].
     pub fn write(&self, format: Format, path: &Path) -> Result<Table, ExportError> {
+        // Before many logs are read for nothing, and before there is a file.
+        if format == Format::Parquet && cfg!(not(feature = "parquet")) {
+            return Err(ExportError::NotBuilt);
+        }
         let mut columns = Columns::default();
         let mut table = Table::default();
         self.each_row(&mut table.torn, |row| {

@@ -1,0 +1,93 @@
+//! The environment, and `.env` under it.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::Path;
+
+use spf_bench::run::Shard;
+
+use super::Settings;
+use super::setting::Origin;
+use crate::error::{CliError, nearest};
+use crate::printer::one_line;
+
+/// What our variables begin with. Others' may too.
+const PREFIX: &str = "SPF_";
+
+/// Variables of ours that are no keys.
+const OTHERS: [&str; 1] = [Shard::COUNT_VARIABLE];
+
+impl Settings {
+    /// Takes the values of `.env` and of the environment over what is there; gives warnings about variables that may be slips of the
+    /// finger.
+    pub(super) fn read_environment(&mut self) -> Result<Vec<String>, CliError> {
+        let dotenv = dotenv()?;
+        self.take_variables(&dotenv, |name| std::env::var_os(name))?;
+        let environment = std::env::vars_os().filter_map(|(name, _)| name.into_string().ok());
+        Ok(self.unknown_variables(dotenv.into_keys(), environment))
+    }
+
+    /// Takes the values of `.env` and of the environment over what is there.
+    pub(super) fn take_variables(
+        &mut self,
+        dotenv: &BTreeMap<String, String>,
+        environment: impl Fn(&str) -> Option<OsString>,
+    ) -> Result<(), CliError> {
+        for row in self.rows_mut() {
+            let key = row.key();
+            if let Some(value) = environment(key.env) {
+                let value = value.into_string().map_err(|_| {
+                    CliError::usage(format!("environment {}: the value is not UTF-8", key.env)).hint(key.meaning())
+                })?;
+                row.say(value, Origin::Env(key.env));
+            } else if let Some(value) = dotenv.get(key.env) {
+                row.say(value.clone(), Origin::DotEnv(key.env));
+            }
+        }
+        Ok(())
+    }
+
+    /// A warning about each variable that looks like one of ours and is none, in the order of their names. It may be a slip of the
+    /// finger; or another program's, and then it is nobody's business here.
+    pub(super) fn unknown_variables(
+        &self,
+        dotenv: impl IntoIterator<Item = String>,
+        environment: impl IntoIterator<Item = String>,
+    ) -> Vec<String> {
+        let rows = self.rows();
+        let known = || rows.iter().map(|row| row.key().env);
+        let in_file = dotenv.into_iter().map(|name| (name, ".env"));
+        let named: BTreeMap<String, &str> =
+            in_file.chain(environment.into_iter().map(|name| (name, "the environment"))).collect();
+        let unknown =
+            named.into_iter().filter(|(name, _)| name.starts_with(PREFIX) && !known().chain(OTHERS).any(|key| key == name));
+        let warning = |(name, place): (String, &str)| {
+            let near = nearest(&name, known()).map_or(String::new(), |near| format!("did you mean `{near}`? "));
+            let name = one_line(&name);
+            format!("warning: unknown variable `{name}` in {place} is left alone: {near}`spf config show` lists every key")
+        };
+        unknown.map(warning).collect()
+    }
+}
+
+/// The variables of `.env`, if there is one.
+fn dotenv() -> Result<BTreeMap<String, String>, CliError> {
+    let mut variables = BTreeMap::new();
+    if Path::new(".env").exists() {
+        let lines = dotenvy::from_path_iter(".env").map_err(|error| CliError::usage("cannot read .env").because(&error))?;
+        for line in lines {
+            // The error would quote the line, and with it perhaps a key.
+            let (name, value) = line.map_err(|_| {
+                CliError::usage("a line of .env cannot be read").hint("write NAME=value, one a line; quote values with spaces")
+            })?;
+            variables.insert(name, value);
+        }
+    }
+    Ok(variables)
+}
+
+/// Looks variables of others up, such as vendors' keys: the environment over `.env`.
+pub(crate) fn variables() -> Result<impl Fn(&str) -> Option<String>, CliError> {
+    let dotenv = dotenv()?;
+    Ok(move |name: &str| std::env::var(name).ok().or_else(|| dotenv.get(name).cloned()))
+}

@@ -1,0 +1,186 @@
+//! The topmost layer: which argument of which command says which setting.
+//!
+//! A flag's name stands with its key (`keys`); here the two meet by the names of fields. The arguments of `spf fly` are taken apart in
+//! full, so that the compiler tells of one that is new.
+
+use std::path::Path;
+
+use super::Settings;
+use crate::args::{self, ConditionArgs, LimitArgs, MethodArgs, OutputArgs, WorldArgs};
+
+/// Arguments of a command that reads the configuration.
+pub(crate) trait Flags {
+    /// The configuration file that they name.
+    fn file(&self) -> Option<&Path>;
+
+    /// Puts what they say over what is there.
+    fn say(&self, settings: &mut Settings);
+}
+
+impl Flags for args::Fly {
+    fn file(&self) -> Option<&Path> {
+        self.output.config.as_deref()
+    }
+
+    fn say(&self, settings: &mut Settings) {
+        let Self { instruction: _, world, method, limits, output } = self;
+        world.say(settings);
+        method.say(settings);
+        limits.say(settings);
+        output.say(settings);
+    }
+}
+
+impl WorldArgs {
+    fn say(&self, Settings { fly, camera, tello, .. }: &mut Settings) {
+        let Self {
+            scene,
+            conditions: ConditionArgs { light, weather },
+            start,
+            drone,
+            tello_motion,
+            drone_model,
+            seed,
+            wind,
+            battery,
+            camera_effects,
+            events: _,
+            realtime,
+        } = self;
+        fly.scene.flag(scene.as_deref());
+        fly.light.flag(light.as_deref());
+        fly.weather.flag(weather.as_deref());
+        fly.start.flag(start.as_deref());
+        fly.drone.flag(drone.as_deref());
+        tello.motion.flag(tello_motion.as_deref());
+        fly.drone_model.flag(drone_model.as_deref());
+        fly.seed.flag(seed.as_deref());
+        fly.wind.flag(wind.as_deref());
+        fly.battery.flag(battery.as_deref());
+        camera.effects.flag(camera_effects.as_deref());
+        fly.realtime.switch(*realtime);
+    }
+}
+
+impl MethodArgs {
+    fn say(&self, Settings { fly, vlm: models, .. }: &mut Settings) {
+        let Self {
+            vlm,
+            prompt,
+            vlm_record,
+            vlm_fallback,
+            vlm_hedge,
+            vlm_models,
+            no_vlm_check,
+            policy,
+            preset,
+            step,
+            motion,
+            think,
+            rate,
+            avoid,
+            detector,
+        } = self;
+        fly.vlm.flag(vlm.as_deref());
+        fly.prompt.flag(prompt.as_deref());
+        models.record.flag(vlm_record.as_deref());
+        models.fallback.flag(vlm_fallback.as_deref());
+        models.hedge_s.flag(vlm_hedge.as_deref());
+        models.models.flag(vlm_models.as_deref());
+        fly.vlm_check.switch(*no_vlm_check);
+        fly.policy.flag(policy.as_deref());
+        fly.preset.flag(preset.as_deref());
+        fly.step.flag(step.as_deref());
+        fly.motion.flag(motion.as_deref());
+        fly.think.flag(think.as_deref());
+        fly.rate_hz.flag(rate.as_deref());
+        fly.avoid.switch(*avoid);
+        fly.detector.flag(detector.as_deref());
+    }
+}
+
+impl LimitArgs {
+    fn say(&self, Settings { fly, .. }: &mut Settings) {
+        let Self { max_time, max_decisions, max_cost, geofence } = self;
+        fly.max_time_s.flag(max_time.as_deref());
+        fly.max_decisions.flag(max_decisions.as_deref());
+        fly.max_cost_usd.flag(max_cost.as_deref());
+        fly.geofence.flag(geofence.as_deref());
+    }
+}
+
+impl OutputArgs {
+    fn say(&self, Settings { fly, .. }: &mut Settings) {
+        let Self { out, no_video, live, json: _, config: _ } = self;
+        fly.out.flag(out.as_deref());
+        fly.video.switch(*no_video);
+        fly.live.flag(live.as_deref());
+    }
+}
+
+impl Flags for args::Doctor {
+    fn file(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
+    fn say(&self, Settings { fly, .. }: &mut Settings) {
+        fly.drone.flag(self.drone.as_deref());
+        fly.vlm.flag(self.vlm.as_deref());
+        fly.scene.flag(self.scene.as_deref());
+        fly.detector.flag(self.detector.as_deref());
+    }
+}
+
+impl Flags for args::Calibrate {
+    fn file(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
+    fn say(&self, Settings { fly, .. }: &mut Settings) {
+        fly.drone.flag(self.drone.as_deref());
+    }
+}
+
+impl Flags for args::Ground {
+    fn file(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
+    fn say(&self, Settings { fly, vlm, .. }: &mut Settings) {
+        fly.vlm.flag(self.vlm.as_deref());
+        vlm.models.flag(self.vlm_models.as_deref());
+        fly.max_cost_usd.flag(self.max_cost.as_deref());
+    }
+}
+
+impl Flags for args::Replay {
+    fn file(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
+    fn say(&self, Settings { fly, vlm, .. }: &mut Settings) {
+        fly.vlm.flag(self.vlm.as_deref());
+        vlm.models.flag(self.vlm_models.as_deref());
+    }
+}
+
+impl Flags for args::VlmList {
+    fn file(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
+    fn say(&self, Settings { vlm, .. }: &mut Settings) {
+        vlm.models.flag(self.vlm_models.as_deref());
+    }
+}
+
+impl Flags for args::VlmCheck {
+    fn file(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
+    fn say(&self, Settings { fly, vlm, .. }: &mut Settings) {
+        vlm.models.flag(self.vlm_models.as_deref());
+        fly.vlm.argument("NAME", &self.name);
+    }
+}

@@ -1,0 +1,74 @@
+//! What is in force: one typed structure from defaults, `spf.toml`, `.env`, the environment and flags, in rising order, each value with
+//! where it came from.
+//!
+//! `keys` declares every key once; `setting` holds one value and reads it when a command asks for it; `file`, `environment` and `flags`
+//! are the layers; `docs/reference/configuration.md` is written from the declaration (`reference`).
+//!
+//! Layers are put on each other here and not by a library. `figment` (0.10) was looked at: it remembers of a file's value which file it
+//! came from, but no line; it guesses the type of a variable from its text, so that a folder `007` becomes the number 7; it reads
+//! everything at once, so that a slip in a key that a command has no use for would stop it; and it knows no `.env`.
+
+mod environment;
+mod file;
+mod flags;
+mod keys;
+mod reading;
+#[cfg(test)]
+mod reference;
+mod setting;
+mod structure;
+
+use std::path::Path;
+use std::time::Duration;
+
+use spf_core::time::duration_from_secs;
+
+pub(crate) use environment::variables;
+pub(crate) use keys::Settings;
+pub(crate) use reading::DroneName;
+pub(crate) use setting::{Row, Setting};
+
+use self::flags::Flags;
+use crate::error::CliError;
+use crate::printer::Printer;
+
+impl Settings {
+    /// What is in force for a command with these arguments.
+    ///
+    /// # Errors
+    /// A file, `.env` or variable that cannot be read, and an unknown key in the file. Wrong values are told when they are asked for.
+    pub(crate) fn of(args: &impl Flags, printer: &Printer) -> Result<Self, CliError> {
+        let mut settings = Self::load(args.file(), printer)?;
+        args.say(&mut settings);
+        Ok(settings)
+    }
+
+    /// The layers below flags: defaults, the file (`./spf.toml` when none is named and it exists), `.env`, the environment.
+    ///
+    /// # Errors
+    /// As [`of`](Self::of).
+    pub(crate) fn load(file: Option<&Path>, printer: &Printer) -> Result<Self, CliError> {
+        let mut settings = Self::default();
+        let default = Path::new("spf.toml");
+        match file {
+            Some(path) => settings.read_file(path)?,
+            None if default.exists() => settings.read_file(default)?,
+            None => {}
+        }
+        for warning in settings.read_environment()? {
+            printer.say(&warning);
+        }
+        Ok(settings)
+    }
+
+    /// How long a VLM's answer is waited for.
+    ///
+    /// # Errors
+    /// A value that is none.
+    pub(crate) fn reply_timeout(&self) -> Result<Duration, CliError> {
+        Ok(duration_from_secs(self.fly.reply_timeout_s.or_default()?))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,230 @@
+//! What the text of a setting may be, and what it is read as.
+
+use std::error::Error;
+use std::fmt::Display;
+use std::str::FromStr;
+
+use spf_core::craft::CraftKind;
+use spf_core::executor::Motion;
+use spf_core::geometry::Pose;
+use spf_core::pilot::{Preset, Think};
+use spf_core::step::StepRule;
+use spf_drone::driver::{Driver, Target};
+use spf_drone::registry::{DRIVERS, UnknownDrone, named};
+use spf_drone::tello::TelloMotion;
+use spf_flight::policy::PolicyKind;
+use spf_flight::pose::parse_pose;
+use spf_scene::{Lighting, Weather};
+
+use crate::error::nearest;
+
+/// Reads the text of a setting.
+pub(crate) trait Reading<T>: Sync {
+    /// The value of a text that is not empty.
+    ///
+    /// # Errors
+    /// [`Refusal`] for a text that is none.
+    fn read(&self, text: &str) -> Result<T, Refusal>;
+
+    /// The numbers that are read, in words; `None` for what is no number, or any.
+    #[cfg(test)]
+    fn range(&self) -> Option<String> {
+        None
+    }
+}
+
+/// Why a text is not read.
+#[derive(Debug)]
+pub(crate) struct Refusal {
+    /// What was expected, as in "it is not …".
+    pub(super) expected: String,
+    /// What the text may be a slip of the finger for.
+    pub(super) near: Option<&'static str>,
+    /// What its parser says of it.
+    pub(super) cause: Option<Box<dyn Error>>,
+}
+
+impl Refusal {
+    fn of(expected: impl Into<String>) -> Self {
+        Self { expected: expected.into(), near: None, cause: None }
+    }
+}
+
+/// Any text: a name or a path, of which more is found out where it is used.
+pub(super) struct Text;
+
+impl Reading<String> for Text {
+    fn read(&self, text: &str) -> Result<String, Refusal> {
+        Ok(text.to_owned())
+    }
+}
+
+/// A number from the first to the second, both included.
+pub(super) struct Number(pub(super) f64, pub(super) f64);
+
+impl Reading<f64> for Number {
+    fn read(&self, text: &str) -> Result<f64, Refusal> {
+        // A NaN is in no range.
+        within(text, &self.0, &self.1).ok_or_else(|| Refusal::of(format!("a number from {} to {}", self.0, self.1)))
+    }
+
+    #[cfg(test)]
+    fn range(&self) -> Option<String> {
+        Some(format!("{} to {}", self.0, self.1))
+    }
+}
+
+/// A whole number from the first to the second, both included.
+pub(super) struct Count<T>(pub(super) T, pub(super) T);
+
+impl<T: FromStr + PartialOrd + Display + Sync> Reading<T> for Count<T> {
+    fn read(&self, text: &str) -> Result<T, Refusal> {
+        within(text, &self.0, &self.1).ok_or_else(|| Refusal::of(format!("a whole number from {} to {}", self.0, self.1)))
+    }
+
+    #[cfg(test)]
+    fn range(&self) -> Option<String> {
+        Some(format!("{} to {}", self.0, self.1))
+    }
+}
+
+fn within<T: FromStr + PartialOrd>(text: &str, low: &T, high: &T) -> Option<T> {
+    text.parse().ok().filter(|value| (low..=high).contains(&value))
+}
+
+/// What the type's own parser reads, which has no more to say than that it cannot; in words.
+pub(super) struct Parsed(pub(super) &'static str);
+
+impl<T: FromStr> Reading<T> for Parsed {
+    fn read(&self, text: &str) -> Result<T, Refusal> {
+        text.parse().map_err(|_| Refusal::of(self.0))
+    }
+}
+
+/// What the type's own parser reads, which says why it cannot; in words.
+pub(super) struct Explained(pub(super) &'static str);
+
+impl<T: FromStr<Err: Error + 'static>> Reading<T> for Explained {
+    fn read(&self, text: &str) -> Result<T, Refusal> {
+        text.parse().map_err(|error| Refusal { cause: Some(Box::new(error)), ..Refusal::of(self.0) })
+    }
+}
+
+/// One of the words of a type.
+pub(super) struct Word;
+
+impl<T: Words> Reading<T> for Word {
+    fn read(&self, text: &str) -> Result<T, Refusal> {
+        let words = T::words();
+        words.iter().find(|(word, _)| *word == text).map(|(_, value)| *value).ok_or_else(|| {
+            let known: Vec<&'static str> = words.iter().map(|(word, _)| *word).collect();
+            Refusal { near: nearest(text, known.iter().copied()), ..Refusal::of(known.join(" or ")) }
+        })
+    }
+}
+
+/// A type each value of which has a word.
+pub(crate) trait Words: Copy {
+    /// All of them.
+    fn words() -> Vec<(&'static str, Self)>;
+}
+
+impl Words for bool {
+    fn words() -> Vec<(&'static str, Self)> {
+        vec![("true", true), ("false", false)]
+    }
+}
+
+impl Words for Lighting {
+    fn words() -> Vec<(&'static str, Self)> {
+        Self::ALL.map(|light| (light.name(), light)).to_vec()
+    }
+}
+
+impl Words for Weather {
+    fn words() -> Vec<(&'static str, Self)> {
+        Self::ALL.map(|weather| (weather.name(), weather)).to_vec()
+    }
+}
+
+impl Words for CraftKind {
+    fn words() -> Vec<(&'static str, Self)> {
+        vec![("quad", Self::Quad), ("tello", Self::Tello)]
+    }
+}
+
+impl Words for PolicyKind {
+    fn words() -> Vec<(&'static str, Self)> {
+        Self::ALL.map(|kind| (kind.name(), kind)).to_vec()
+    }
+}
+
+impl Words for Preset {
+    fn words() -> Vec<(&'static str, Self)> {
+        vec![("default", Self::Default), ("paper", Self::Paper)]
+    }
+}
+
+impl Words for Motion {
+    /// Those that can be asked for: manoeuvres are a Tello's own ([`TelloMotion`]).
+    fn words() -> Vec<(&'static str, Self)> {
+        vec![("sequential", Self::Sequential), ("blended", Self::Blended)]
+    }
+}
+
+impl Words for Think {
+    fn words() -> Vec<(&'static str, Self)> {
+        vec![("stop", Self::Stop), ("continuous", Self::Continuous)]
+    }
+}
+
+impl Words for TelloMotion {
+    fn words() -> Vec<(&'static str, Self)> {
+        vec![("rc", Self::Rc), ("go", Self::Go)]
+    }
+}
+
+/// The drone to fly.
+pub(crate) enum DroneName {
+    /// The simulator's.
+    Sim,
+    /// One of a driver's.
+    Real(&'static Driver, Box<dyn Target>),
+}
+
+/// `sim`, or a name that one of the drivers knows.
+pub(super) struct Drone;
+
+impl Reading<DroneName> for Drone {
+    fn read(&self, text: &str) -> Result<DroneName, Refusal> {
+        if text == "sim" {
+            return Ok(DroneName::Sim);
+        }
+        named(text).map(|(driver, target)| DroneName::Real(driver, target)).map_err(|_| Refusal {
+            near: nearest(text, ["sim"].into_iter().chain(DRIVERS.iter().map(|driver| driver.scheme))),
+            ..Refusal::of(format!("sim, {}", UnknownDrone::forms()))
+        })
+    }
+}
+
+/// Where a flight starts.
+pub(super) struct Start;
+
+impl Reading<Pose> for Start {
+    fn read(&self, text: &str) -> Result<Pose, Refusal> {
+        parse_pose(text).map_err(Refusal::of)
+    }
+}
+
+/// How long a step is: the adaptive rule as it ships, or metres.
+pub(super) struct Step;
+
+impl Reading<StepRule> for Step {
+    fn read(&self, text: &str) -> Result<StepRule, Refusal> {
+        match text.strip_prefix("fixed:").map(str::parse::<f64>) {
+            None if text == "adaptive" => Ok(StepRule::default()),
+            Some(Ok(metres)) if (0.05..=50.0).contains(&metres) => Ok(StepRule::Fixed(metres)),
+            _ => Err(Refusal::of("adaptive or fixed:METRES (0.05 to 50)")),
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! `docs/reference/configuration.md`, written from the declaration of the keys.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use super::Settings;
+use super::setting::Row;
+
+/// What stands above the tables.
+const HEAD: &str = "\
+# Configuration
+
+<!-- Written from crates/cli/src/settings/keys.rs by `INSTA_UPDATE=always cargo test -p spf reference`; a test compares. -->
+
+Each key can be said in four places. In rising order, what is said later holding: the default; the configuration file (`./spf.toml`, or the one that
+`--config FILE` names); an environment variable, or the same variable in `./.env`, over which the environment goes; a flag. `spf config show` prints what is in
+force and where each value came from, in a form that is a configuration file again.
+
+The file is TOML: a table below is a `[table]` there, and a value is one text, number, `true` or `false`. A key that it does not know is an error, with its line. A
+variable that begins with `SPF_` and is none of these is a warning, for others use that prefix too; `SPF_SHARDS` is the bench's ([cluster.md](../cluster.md)).
+An empty value (`\"\"`) leaves a key to what its meaning says, else to the default; of `true` and `false` it is `false`. Flags are those of `spf fly`; other commands have some of them.
+";
+
+/// The whole document.
+fn document(settings: &Settings) -> String {
+    let mut text = HEAD.to_owned();
+    let mut table = "";
+    for row in settings.rows() {
+        let key = row.key();
+        if key.table != table {
+            table = key.table;
+            write!(
+                text,
+                "\n## `[{table}]`\n\n| key | default | range | variable | flag | meaning |\n|---|---|---|---|---|---|\n"
+            )
+            .unwrap();
+        }
+        writeln!(text, "{}", line(row)).unwrap();
+    }
+    text
+}
+
+fn line(row: &dyn Row) -> String {
+    let key = row.key();
+    let code = |text: &str| if text.is_empty() { String::new() } else { format!("`{text}`") };
+    let flag = key.flag.as_ref().map_or(String::new(), |flag| match flag.says {
+        Some(says) => format!("`{}`: {says}", flag.name),
+        None => code(flag.name),
+    });
+    let cells = [code(key.field), code(key.default), row.range().unwrap_or_default(), code(key.env), flag, escaped(key.doc)];
+    let cells = cells.map(|cell| if cell.is_empty() { " ".to_owned() } else { format!(" {cell} ") });
+    format!("|{}|", cells.join("|"))
+}
+
+/// Text in a cell of a table: a bar would end it, and an asterisk or a bracket begin something else.
+fn escaped(text: &str) -> String {
+    let mut code = false;
+    let mut out = String::new();
+    for letter in text.chars() {
+        code ^= letter == '`';
+        if letter == '|' || (!code && "[]*_<>".contains(letter)) {
+            out.push('\\');
+        }
+        out.push(letter);
+    }
+    out
+}
+
+#[test]
+fn the_reference_is_written_from_the_keys() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/configuration.md");
+    let written = document(&Settings::default());
+    if std::env::var_os("INSTA_UPDATE").is_some_and(|how| how == "always") {
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, &written).unwrap();
+    }
+    let kept = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(kept == written, "docs/reference/configuration.md is old: INSTA_UPDATE=always cargo test -p spf reference");
+}
+
+#[test]
+fn a_cell_keeps_its_text() {
+    assert_eq!(escaped("spf[-a|-b], `rc 0 [1] x_y` a_b"), "spf\\[-a\\|-b\\], `rc 0 [1] x_y` a\\_b");
+}

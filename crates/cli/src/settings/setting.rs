@@ -1,0 +1,217 @@
+//! One setting: the text in force, where it came from, and what it is read as.
+
+use std::path::PathBuf;
+
+use super::reading::{Reading, Refusal};
+use crate::error::CliError;
+
+/// A key of the configuration, as `keys.rs` declares it.
+pub(crate) struct Key {
+    /// Its table in `spf.toml`.
+    pub(crate) table: &'static str,
+    /// What it is called there.
+    pub(crate) field: &'static str,
+    /// Both: `table.key`.
+    pub(crate) name: &'static str,
+    /// Its environment variable.
+    pub(crate) env: &'static str,
+    /// The flag that says it, if any command has one.
+    pub(crate) flag: Option<Flag>,
+    /// What holds when nobody says anything; empty: decided by something else, see `doc`.
+    pub(crate) default: &'static str,
+    /// Meaning and unit.
+    pub(crate) doc: &'static str,
+}
+
+/// A flag that says what a key holds.
+pub(crate) struct Flag {
+    /// With its dashes.
+    pub(crate) name: &'static str,
+    /// What a flag without a value says.
+    pub(crate) says: Option<&'static str>,
+}
+
+/// Where a value came from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Origin {
+    /// The declaration of the key.
+    Default,
+    /// A configuration file, with its line.
+    File(PathBuf, usize),
+    /// An environment variable.
+    Env(&'static str),
+    /// A variable in `.env`.
+    DotEnv(&'static str),
+    /// A flag, or what a command calls its argument.
+    Flag(&'static str),
+}
+
+impl std::fmt::Display for Origin {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Default => f.write_str("default"),
+            Self::File(path, line) => write!(f, "{}:{line}", path.display()),
+            Self::Env(name) => write!(f, "environment {name}"),
+            Self::DotEnv(name) => write!(f, ".env {name}"),
+            Self::Flag(flag) => f.write_str(flag),
+        }
+    }
+}
+
+/// The value of one key: what was said, by whom, and how it is read.
+///
+/// The text is read when a command asks for the value, and not before: what is wrong with a key stops only the commands that use it.
+pub(crate) struct Setting<T: 'static> {
+    key: &'static Key,
+    reading: &'static dyn Reading<T>,
+    text: String,
+    origin: Origin,
+}
+
+impl<T> Setting<T> {
+    /// The default of a key.
+    pub(super) fn new(key: &'static Key, reading: &'static dyn Reading<T>) -> Self {
+        Self { key, reading, text: key.default.to_owned(), origin: Origin::Default }
+    }
+
+    /// The text in force; `None` when it is empty, that is, decided elsewhere.
+    pub(crate) fn text(&self) -> Option<&str> {
+        Some(self.text.as_str()).filter(|text| !text.is_empty())
+    }
+
+    /// The text in force, and the key's default where that is empty.
+    pub(crate) fn text_or_default(&self) -> &str {
+        self.text().unwrap_or(self.key.default)
+    }
+
+    /// The value; `None` when the text is empty.
+    ///
+    /// # Errors
+    /// A text that is no such value, with where it came from and what was expected.
+    pub(crate) fn get(&self) -> Result<Option<T>, CliError> {
+        self.text().map(|text| self.read(text)).transpose()
+    }
+
+    /// The value, and that of the key's default where the text is empty. For keys with a default.
+    ///
+    /// # Errors
+    /// As [`get`](Self::get).
+    pub(crate) fn or_default(&self) -> Result<T, CliError> {
+        self.read(self.text_or_default())
+    }
+
+    fn read(&self, text: &str) -> Result<T, CliError> {
+        self.reading.read(text).map_err(|Refusal { expected, near, cause }| {
+            let wrong = self.wrong(&expected, near);
+            match cause {
+                Some(cause) => wrong.because(&*cause),
+                None => wrong,
+            }
+        })
+    }
+
+    /// The error for a text that is not what it should be, with where it came from; `near` is what it may be a slip of the finger for.
+    pub(crate) fn wrong(&self, expected: &str, near: Option<&str>) -> CliError {
+        let hint = near.map_or_else(|| self.meaning(), |near| format!("did you mean `{near}`?"));
+        CliError::usage(format!("{}: `{}` is not {expected}", self.origin, self.text)).hint(hint)
+    }
+
+    /// The key and what it means, as a hint.
+    pub(crate) fn meaning(&self) -> String {
+        self.key.meaning()
+    }
+
+    /// Takes what the key's flag says; `None` leaves what is there.
+    pub(crate) fn flag(&mut self, text: Option<&str>) {
+        if let Some(text) = text {
+            self.say(text.to_owned(), Origin::Flag(self.key.flag_name()));
+        }
+    }
+
+    /// Takes what the key's flag without a value says, when it was given.
+    pub(super) fn switch(&mut self, given: bool) {
+        if let (true, Some(Flag { name, says: Some(says) })) = (given, &self.key.flag) {
+            self.say((*says).to_owned(), Origin::Flag(name));
+        }
+    }
+
+    /// Takes an argument of a command that is no flag, called `name` there, over what is there.
+    pub(super) fn argument(&mut self, name: &'static str, text: &str) {
+        self.say(text.to_owned(), Origin::Flag(name));
+    }
+
+    /// Puts another default in place of the key's, where nobody said anything.
+    pub(crate) fn default_to(&mut self, text: &str) {
+        if self.origin == Origin::Default {
+            text.clone_into(&mut self.text);
+        }
+    }
+}
+
+impl Setting<bool> {
+    /// Whether it says `true`; an empty text does not.
+    ///
+    /// # Errors
+    /// As [`get`](Self::get).
+    pub(crate) fn is_on(&self) -> Result<bool, CliError> {
+        Ok(self.get()?.unwrap_or(false))
+    }
+}
+
+impl Key {
+    /// The key and what it means, as a hint.
+    pub(super) fn meaning(&self) -> String {
+        format!("{}: {}", self.name, self.doc)
+    }
+
+    /// What its flag is called.
+    fn flag_name(&self) -> &'static str {
+        self.flag.as_ref().map_or(self.name, |flag| flag.name)
+    }
+}
+
+/// A setting whatever its type: how files and the environment say it, and how it is shown.
+pub(crate) trait Row {
+    /// Its key.
+    fn key(&self) -> &'static Key;
+    /// The text in force, empty when something else decides.
+    fn shown(&self) -> &str;
+    /// Where that came from.
+    fn origin(&self) -> &Origin;
+    /// Takes a text over what is there.
+    fn say(&mut self, text: String, origin: Origin);
+    /// The numbers that it may hold, in words.
+    #[cfg(test)]
+    fn range(&self) -> Option<String>;
+    /// Reads the text.
+    #[cfg(test)]
+    fn check(&self) -> Result<(), CliError>;
+}
+
+impl<T> Row for Setting<T> {
+    fn key(&self) -> &'static Key {
+        self.key
+    }
+
+    fn shown(&self) -> &str {
+        &self.text
+    }
+
+    fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    fn say(&mut self, text: String, origin: Origin) {
+        (self.text, self.origin) = (text, origin);
+    }
+
+    #[cfg(test)]
+    fn range(&self) -> Option<String> {
+        self.reading.range()
+    }
+
+    #[cfg(test)]
+    fn check(&self) -> Result<(), CliError> {
+        self.get().map(drop)
+    }
+}

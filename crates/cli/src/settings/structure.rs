@@ -1,0 +1,80 @@
+//! How the table of keys becomes a structure: a field a key.
+
+/// Declares [`Settings`](super::Settings) and its tables from rows of
+///
+/// ```text
+/// /// meaning and unit
+/// name: Type = "default", Reading, "VARIABLE", "--flag" says "what it says without a value";
+/// ```
+///
+/// The last two may be left out. The doc comment is the key's meaning in hints, `spf config show` and
+/// `docs/reference/configuration.md` too, so it is one line.
+macro_rules! settings {
+    ($(
+        $(#[$about:meta])*
+        $table:ident: $Table:ident {
+            $(
+                #[doc = $doc:literal]
+                $field:ident: $Type:ty = $default:literal, $reading:expr, $env:literal $(, $flag:literal $(says $says:literal)?)?;
+            )*
+        }
+    )*) => {
+        $(
+            $(#[$about])*
+            pub(crate) struct $Table {
+                $(
+                    #[doc = $doc]
+                    pub(crate) $field: Setting<$Type>,
+                )*
+            }
+
+            impl Default for $Table {
+                fn default() -> Self {
+                    Self {
+                        $($field: Setting::new(
+                            const {
+                                &Key {
+                                    table: stringify!($table),
+                                    field: stringify!($field),
+                                    name: concat!(stringify!($table), ".", stringify!($field)),
+                                    env: $env,
+                                    flag: settings!(@flag $($flag $(says $says)?)?),
+                                    default: $default,
+                                    // A doc comment begins with the space after its slashes.
+                                    doc: $doc.trim_ascii_start(),
+                                }
+                            },
+                            const { &$reading },
+                        ),)*
+                    }
+                }
+            }
+        )*
+
+        /// Every setting, in tables as in `spf.toml`.
+        #[derive(Default)]
+        pub(crate) struct Settings {
+            $(
+                $(#[$about])*
+                pub(crate) $table: $Table,
+            )*
+        }
+
+        impl Settings {
+            /// Every setting, in the order of the declaration.
+            pub(crate) fn rows(&self) -> Vec<&dyn Row> {
+                vec![$($(&self.$table.$field,)*)*]
+            }
+
+            /// The same, to be said.
+            pub(super) fn rows_mut(&mut self) -> Vec<&mut dyn Row> {
+                vec![$($(&mut self.$table.$field,)*)*]
+            }
+        }
+    };
+    (@flag) => { None };
+    (@flag $flag:literal) => { Some(Flag { name: $flag, says: None }) };
+    (@flag $flag:literal says $says:literal) => { Some(Flag { name: $flag, says: Some($says) }) };
+}
+
+pub(super) use settings;

@@ -1,0 +1,180 @@
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use clap::{CommandFactory, Parser};
+use proptest::prelude::*;
+
+use super::Settings;
+use super::flags::Flags;
+use super::setting::{Origin, Row};
+use crate::args::{Cli, Command};
+use crate::error::CliError;
+
+/// The settings of a file.
+fn read(text: &str) -> Result<Settings, CliError> {
+    let mut settings = Settings::default();
+    settings.read_text(Path::new("spf.toml"), text)?;
+    Ok(settings)
+}
+
+/// Reads every value.
+fn check_all(settings: &Settings) -> Vec<CliError> {
+    settings.rows().into_iter().filter_map(|row| row.check().err()).collect()
+}
+
+/// Puts the arguments of `spf fly` over settings.
+fn fly(settings: &mut Settings, flags: &[&str]) {
+    let cli = Cli::try_parse_from(["spf", "fly", "x"].iter().chain(flags)).unwrap();
+    let Command::Fly(args) = cli.command else { panic!("{flags:?}") };
+    args.say(settings);
+}
+
+fn row<'a>(settings: &'a Settings, name: &str) -> &'a dyn Row {
+    settings.rows().into_iter().find(|row| row.key().name == name).unwrap()
+}
+
+#[test]
+fn every_key_has_its_own_name_variable_and_flag() {
+    let settings = Settings::default();
+    let rows = settings.rows();
+    let flag = |row: &dyn Row| row.key().flag.as_ref().map(|flag| flag.name);
+    for (index, row) in rows.iter().enumerate() {
+        let key = row.key();
+        assert!(key.env.starts_with("SPF_") && key.name == format!("{}.{}", key.table, key.field), "{}", key.name);
+        for other in &rows[..index] {
+            assert!(other.key().name != key.name && other.key().env != key.env, "{}", key.name);
+            assert!(flag(*row).is_none() || flag(*other) != flag(*row), "{}", key.name);
+        }
+    }
+}
+
+#[test]
+fn every_default_can_be_read() {
+    let said: Vec<String> = check_all(&Settings::default()).iter().map(ToString::to_string).collect();
+    assert_eq!(said, Vec::<String>::new());
+}
+
+#[test]
+fn each_flag_says_its_own_key_and_no_other() {
+    let default = Settings::default();
+    for row in default.rows() {
+        let Some(flag) = &row.key().flag else { continue };
+        let mut settings = Settings::default();
+        let given = match flag.says {
+            Some(_) => flag.name.to_owned(),
+            None => format!("{}=mine", flag.name),
+        };
+        fly(&mut settings, &[&given]);
+        for said in settings.rows() {
+            let expected = if said.key().name == row.key().name {
+                (flag.says.unwrap_or("mine"), Origin::Flag(flag.name))
+            } else {
+                (said.key().default, Origin::Default)
+            };
+            assert_eq!((said.shown(), said.origin().clone()), expected, "{given}: {}", said.key().name);
+        }
+    }
+}
+
+#[test]
+fn every_flag_of_a_flight_but_three_is_a_keys() {
+    let settings = Settings::default();
+    let known: Vec<&str> = settings.rows().iter().filter_map(|row| Some(row.key().flag.as_ref()?.name)).collect();
+    let command = Cli::command();
+    let flags = command.find_subcommand("fly").unwrap().get_arguments().filter_map(|flag| flag.get_long());
+    let others: Vec<&str> = flags.filter(|flag| !known.contains(&format!("--{flag}").as_str())).collect();
+    assert_eq!(others, ["events", "json", "config"]);
+}
+
+#[test]
+fn flags_go_over_the_environment_over_dotenv_over_the_file_over_defaults() {
+    let keys = ["fly.scene", "fly.preset", "fly.think", "fly.seed", "fly.step"];
+    let mut settings = read("[fly]\npreset = \"a\"\nthink = \"a\"\nseed = 1\nstep = \"a\"\n").unwrap();
+    let dotenv: BTreeMap<String, String> =
+        ["SPF_THINK", "SPF_SEED", "SPF_STEP"].map(|name| (name.to_owned(), "b".to_owned())).into();
+    let environment = |name: &str| ["SPF_SEED", "SPF_STEP"].contains(&name).then(|| OsString::from("c"));
+    settings.take_variables(&dotenv, environment).unwrap();
+    fly(&mut settings, &["--step", "d"]);
+    let said: Vec<String> =
+        keys.map(|name| row(&settings, name)).iter().map(|row| format!("{} ({})", row.shown(), row.origin())).collect();
+    assert_eq!(
+        said,
+        ["city (default)", "a (spf.toml:2)", "b (.env SPF_THINK)", "c (environment SPF_SEED)", "d (--step)"],
+        "in rising order"
+    );
+}
+
+#[test]
+fn another_default_holds_only_where_nobody_said_anything() {
+    let mut settings = Settings::default();
+    settings.fly.vlm.default_to("auto");
+    assert_eq!((settings.fly.vlm.text(), settings.fly.vlm.origin()), (Some("auto"), &Origin::Default));
+    fly(&mut settings, &["--vlm", "oracle"]);
+    settings.fly.vlm.default_to("auto");
+    assert_eq!(settings.fly.vlm.text(), Some("oracle"));
+}
+
+#[test]
+fn an_empty_value_leaves_it_to_something_else() {
+    let settings = read("[fly]\nseed = \"\"\nscene = \"\"\nvideo = \"\"\nmax_time_s = \"\"\n").unwrap();
+    let fly = &settings.fly;
+    assert_eq!((fly.seed.get().unwrap(), fly.seed.or_default().unwrap()), (None, 0));
+    assert_eq!((fly.scene.text(), fly.scene.text_or_default()), (None, "city"));
+    assert_eq!((fly.max_time_s.get().unwrap(), fly.video.is_on().unwrap()), (None, false));
+}
+
+#[test]
+fn a_wrong_value_is_told_where_it_is_used_and_nowhere_else() {
+    let settings = read("[fly]\nscene = 3\nseed = -1\n").unwrap();
+    assert_eq!(settings.fly.scene.get().unwrap().as_deref(), Some("3"));
+    let error = settings.fly.seed.get().unwrap_err().to_string();
+    assert!(error.starts_with("error: spf.toml:3: `-1` is not a whole number from 0 to 18446744073709551615"), "{error}");
+}
+
+#[test]
+fn unknown_variables_are_warned_about_once_each() {
+    let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+    let warnings = Settings::default().unknown_variables(
+        names(&["SPF_THNIK", "SPF_SCEEN", "GEMINI_API_KEY", "SPF_SEED"]),
+        names(&["SPF_SCEEN", "SPF_SHARDS", "SPF_ORGANISATION_CHART", "PATH"]),
+    );
+    assert_eq!(
+        warnings,
+        [
+            "warning: unknown variable `SPF_ORGANISATION_CHART` in the environment is left alone: `spf config show` lists every key",
+            "warning: unknown variable `SPF_SCEEN` in the environment is left alone: did you mean `SPF_SCENE`? `spf config show` lists every key",
+            "warning: unknown variable `SPF_THNIK` in .env is left alone: did you mean `SPF_THINK`? `spf config show` lists every key",
+        ]
+    );
+}
+
+proptest! {
+    #[test]
+    fn no_text_panics(text in ".{0,200}", key in "[a-z_.\"\\[\\] ]{0,20}", value in "[-+0-9a-z_.\"'{}\\[\\],]{0,20}") {
+        let lines = [text, format!("[fly]\n{key} = {value}\n"), format!("[fly]\nscene = {value}\nseed = {value}\n")];
+        for settings in lines.iter().flat_map(|text| read(text)) {
+            check_all(&settings);
+        }
+    }
+
+    #[test]
+    fn no_value_panics(value in "(any|\\PC{0,20}|[-+0-9a-z@:,=._]{0,30})") {
+        let mut settings = Settings::default();
+        for row in settings.rows_mut() {
+            row.say(value.clone(), Origin::Default);
+        }
+        for error in check_all(&settings) {
+            prop_assert!(error.to_string().contains("hint: "));
+        }
+    }
+
+    #[test]
+    fn a_value_keeps_its_meaning_and_its_line(text in "[^\\p{Cc}]{0,40}", seed in any::<u64>(), lines in 0usize..5) {
+        let quoted = toml::Value::String(text.clone());
+        let settings = read(&format!("{}[fly]\nscene = {quoted}\nseed = {seed}\n", "\n".repeat(lines))).unwrap();
+        prop_assert_eq!(settings.fly.scene.text().unwrap_or_default(), text);
+        prop_assert_eq!(settings.fly.seed.get().unwrap(), Some(seed));
+        prop_assert_eq!(settings.fly.seed.origin(), &Origin::File(PathBuf::from("spf.toml"), lines + 3));
+    }
+}

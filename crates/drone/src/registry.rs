@@ -1,0 +1,71 @@
+//! Which drones can be flown, and how each is named on a command line: one row a driver.
+
+use std::error::Error;
+use std::time::Instant;
+
+use crate::driver::{Connected, Driver, Target};
+use crate::options::Options;
+use crate::tello;
+
+/// The drivers. A new one is a module of its own and a row here.
+pub static DRIVERS: &[Driver] = &[tello::driver::DRIVER];
+
+/// A name that is no drone's.
+#[derive(Debug, thiserror::Error)]
+#[error("`{word}` is no drone: {}", Self::forms())]
+pub struct UnknownDrone {
+    /// The name.
+    pub word: String,
+}
+
+impl UnknownDrone {
+    /// How drones are named, for people.
+    #[must_use]
+    pub fn forms() -> String {
+        DRIVERS.iter().map(|driver| driver.form).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The craft of a name such as `tello@192.168.10.1`, and its driver.
+///
+/// # Errors
+/// [`UnknownDrone`].
+pub fn named(word: &str) -> Result<(&'static Driver, Box<dyn Target>), UnknownDrone> {
+    let (scheme, rest) = word.split_at(word.find(['@', ':']).unwrap_or(word.len()));
+    let driver = DRIVERS.iter().find(|driver| driver.scheme == scheme);
+    let found = driver.and_then(|driver| Some((driver, (driver.target)(rest)?)));
+    found.ok_or_else(|| UnknownDrone { word: word.to_owned() })
+}
+
+/// Connects with the craft of a name. `start` is when flight time was zero.
+///
+/// # Errors
+/// [`UnknownDrone`] and [`ConnectError`](crate::driver::ConnectError).
+pub fn connect(word: &str, options: &Options, start: Instant) -> Result<Connected, Box<dyn Error + Send + Sync>> {
+    let (_, target) = named(word)?;
+    Ok(target.connect(options, start)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drone_is_found_by_its_scheme_and_an_address_that_is_one() {
+        for word in ["tello", "tello@192.168.10.1", "tello@[::1]:8889", "tello@127.0.0.1:40000"] {
+            assert_eq!(named(word).map(|(driver, _)| driver.scheme).map_err(|error| error.to_string()), Ok("tello"));
+        }
+        for word in ["", "sim", "telo", "tello@", "tello@nowhere", "tello:192.168.10.1", "@192.168.10.1"] {
+            let error = named(word).err().unwrap().to_string();
+            assert_eq!(error, format!("`{word}` is no drone: tello, or tello@ADDRESS such as tello@192.168.10.1"));
+        }
+    }
+
+    #[test]
+    fn no_two_drivers_have_one_scheme() {
+        for (index, driver) in DRIVERS.iter().enumerate() {
+            assert!(DRIVERS[..index].iter().all(|other| other.scheme != driver.scheme), "{}", driver.scheme);
+            assert!(driver.form.starts_with(driver.scheme) && (driver.target)("").is_some(), "{}", driver.scheme);
+        }
+    }
+}

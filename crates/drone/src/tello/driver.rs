@@ -1,0 +1,88 @@
+//! The registry's row of the Tello: how one is named, reached, flown and looked at.
+
+use std::net::{IpAddr, SocketAddr};
+use std::time::Instant;
+
+use spf_core::craft::Craft;
+use spf_core::executor::Motion;
+
+use super::craft::{Connected, Tello};
+use super::doctor;
+use super::opening::ConnectError;
+use super::settings::{COMMAND_PORT, TelloMotion};
+use crate::driver::{self, Driver, Target};
+use crate::examine::Check;
+use crate::options::Options;
+
+/// Where a Tello is that is its own access point, as it comes out of the box.
+const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(std::net::Ipv4Addr::new(192, 168, 10, 1)), COMMAND_PORT);
+
+/// What the person must know before a Tello takes off.
+const WARNING: &str = "A Tello holds its last velocity: when the link is cut nothing can stop it before it lands by itself, 15 s \
+                       after the last command. Ctrl-C lands, a second one ends the program.";
+
+/// The same, when it ends each step by itself.
+const OWN_WARNING: &str = "Each step ends by itself: when the link is cut the Tello flies the rest of it, at most 5 m, hovers, and lands 15 s after the \
+                           last command. Steps within 20 cm are flown by rc. Ctrl-C lands, a second one ends the program.";
+
+/// The row.
+pub const DRIVER: Driver = Driver {
+    scheme: "tello",
+    about: "a DJI Tello",
+    form: "tello, or tello@ADDRESS such as tello@192.168.10.1",
+    target: |rest| {
+        let at = if rest.is_empty() { Some(USUAL) } else { rest.strip_prefix('@').and_then(address) };
+        at.map(|drone| Box::new(NamedTello(drone)) as Box<dyn Target>)
+    },
+};
+
+fn address(text: &str) -> Option<SocketAddr> {
+    text.parse().ok().or_else(|| text.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, COMMAND_PORT)))
+}
+
+/// A Tello at an address.
+struct NamedTello(SocketAddr);
+
+impl Target for NamedTello {
+    fn craft(&self) -> Craft {
+        Craft::tello()
+    }
+
+    fn motion(&self, options: &Options) -> Option<Motion> {
+        (options.tello.motion == TelloMotion::Go).then_some(Motion::Manoeuvres)
+    }
+
+    fn connect(&self, options: &Options, start: Instant) -> Result<driver::Connected, driver::ConnectError> {
+        let connected = Tello::connect(self.0, &options.tello, start);
+        let Connected { drone, state, firmware } = connected.map_err(|error| self.refused(error))?;
+        let battery = state.battery.map_or("battery unknown".to_owned(), |charge| format!("battery {charge} %"));
+        Ok(driver::Connected {
+            drone: Box::new(drone),
+            told: format!("Connected to the Tello at {}: {firmware}, {battery}.", self.0.ip()),
+            warning: if options.tello.motion == TelloMotion::Go { OWN_WARNING } else { WARNING },
+        })
+    }
+
+    fn examine(&self, options: &Options) -> Vec<Check> {
+        doctor::examine(self.0, &options.tello)
+    }
+}
+
+impl NamedTello {
+    fn refused(&self, error: ConnectError) -> driver::ConnectError {
+        let ip = self.0.ip();
+        let hint = match &error {
+            ConnectError::Port { port, .. } => {
+                Some(format!("another program has port {port}: end it (other Tello programs, a second flight)"))
+            }
+            ConnectError::Unreachable { .. } | ConnectError::NoAnswer { .. } => Some(format!(
+                "is it on, and is this machine in its Wi-Fi TELLO-…? `ping {ip}` should answer; a Tello that was flown by the app wants to be switched off and on"
+            )),
+            ConnectError::NoState { port } => {
+                Some(format!("a firewall lets commands out and nothing in: allow UDP {port} and 11111 from {ip}"))
+            }
+            _ => None,
+        };
+        driver::ConnectError { craft: "the Tello", source: error.into(), hint }
+    }
+}

@@ -1,0 +1,76 @@
+//! A policy of one's own, flown in the simulator: a square of three metres. It asks nobody; one that does answers a frame with
+//! `Step::Ask` and a reply with a move.
+//!
+//! `cargo run -p spf-flight --example policy`
+
+#![allow(clippy::print_stdout, reason = "an example's output")]
+
+use std::error::Error;
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+
+use spf_core::policy::{Move, Policy, PolicyEvent, Reading, Step};
+use spf_core::primitives::Primitives;
+use spf_core::prompt::PromptKind;
+use spf_flight::flight::{self, FlightPlan, Flown, Site};
+use spf_flight::pilot::{PolicyMaker, PolicyParts};
+use spf_flight::sim::{Simulated, Stage, oracle_points};
+use spf_oracle::ErrorFile;
+
+/// Flies sides until there are four.
+struct Square {
+    sides: u32,
+}
+
+impl Policy for Square {
+    fn name(&self) -> &'static str {
+        "square"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+        match event {
+            PolicyEvent::Frame(_) if self.sides == 4 => Step::Done,
+            PolicyEvent::Frame(_) => {
+                self.sides += 1;
+                let primitives = Primitives { yaw: FRAC_PI_2, forward: 3.0, ..Primitives::default() };
+                Step::Move(Move { primitives, anchor: None, then_rest: true })
+            }
+            _ => Step::Wait,
+        }
+    }
+
+    fn reading(&self) -> Reading {
+        Reading { actions: vec![format!("side {}", self.sides)], ..Reading::default() }
+    }
+}
+
+/// Makes one for each flight.
+struct Squares;
+
+impl PolicyMaker for Squares {
+    fn name(&self) -> &str {
+        "square"
+    }
+
+    fn prompt(&self) -> PromptKind {
+        PromptKind::Point
+    }
+
+    fn policy(&self, _parts: PolicyParts) -> Box<dyn Policy> {
+        Box::new(Square { sides: 0 })
+    }
+}
+
+/// Flies it in the office.
+pub(crate) fn fly() -> Result<Flown, Box<dyn Error>> {
+    let site = Site::Simulated(Simulated::new(Arc::new(Stage::load("office")?), "office"));
+    let who = oracle_points("oracle".to_owned(), ErrorFile::default());
+    let plan = FlightPlan { policy: Arc::new(Squares), ..FlightPlan::new(site, "fly a square", "oracle", who) };
+    Ok(flight::fly(plan, &mut [])?)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let summary = fly()?.summary;
+    println!("{:?} after {:.1} m", summary.outcome, summary.path_length_m);
+    Ok(())
+}

@@ -1,0 +1,56 @@
+//! What was decided in a flight, from its log: `flight.mcap`, whose topics docs/flight-log.md has.
+//!
+//! `cargo run -p spf-flight --example read_log [flight.mcap]`; without a log a short flight makes one.
+
+#![allow(clippy::print_stdout, reason = "an example's output")]
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use spf_core::pilot::{Decision, PilotSettings};
+use spf_core::time::Duration;
+use spf_flight::flight::{self, FlightPlan, Site};
+use spf_flight::recorder::RecordPlan;
+use spf_flight::replay::row;
+use spf_flight::sim::{Simulated, Stage, oracle_points};
+use spf_flight::words;
+use spf_oracle::ErrorFile;
+use spf_record::log::LogReader;
+use spf_record::out_dir::OutDir;
+
+/// The decisions of a log, each with its time in seconds and in words. A log that was cut off gives those that it has, and why it ends.
+pub(crate) fn decisions(log: &Path) -> Result<Vec<(f64, String)>, Box<dyn Error>> {
+    let mut decisions = Vec::new();
+    for entry in LogReader::open(log)? {
+        let entry = entry?;
+        if entry.topic == "/decision" {
+            let decision: Decision = row(&entry)?;
+            decisions.push((entry.time.as_secs_f64(), words::decision(&decision)));
+        }
+    }
+    Ok(decisions)
+}
+
+/// Flies twenty seconds in the office, and leaves its files in a folder.
+pub(crate) fn flown(folder: &Path) -> Result<PathBuf, Box<dyn Error>> {
+    let site = Site::Simulated(Simulated::new(Arc::new(Stage::load("office")?), "office"));
+    let who = oracle_points("oracle".to_owned(), ErrorFile::default());
+    let plan = FlightPlan::new(site, "go to the person in the green shirt", "oracle", who);
+    let plan = FlightPlan {
+        settings: PilotSettings { max_time: Duration::from_secs(20), ..plan.settings },
+        record: Some(RecordPlan { out: OutDir::at(folder)?, video: false, view: None }),
+        ..plan
+    };
+    flight::fly(plan, &mut [])?;
+    Ok(folder.join("flight.mcap"))
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let folder = tempfile::tempdir()?;
+    let log = std::env::args().nth(1).map_or_else(|| flown(folder.path()), |log| Ok(log.into()))?;
+    for (at, words) in decisions(&log)? {
+        println!("{at:6.2} s  {words}");
+    }
+    Ok(())
+}

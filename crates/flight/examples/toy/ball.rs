@@ -1,0 +1,24 @@
+//! All there is to see: a red ball in the air, a metre across.
+
+use spf_core::camera::Camera;
+use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::lift::{Lifting, project_displacement};
+use spf_media::Rgb;
+
+const BALL: EnuPosition = EnuPosition { east: 4.0, north: 14.0, up: 3.5 };
+
+/// Light blue, and the ball where a camera sees it from there.
+pub(super) fn paint(camera: &Camera, from: &Pose) -> Rgb {
+    let mut picture = Rgb::filled(camera.width, camera.height, [200, 220, 255]);
+    let ahead = from.position.displacement_to(BALL, from.attitude.heading);
+    if let Some(at) = project_displacement(ahead, camera, from.attitude, Lifting::Levelled) {
+        let radius = camera.fx * 0.5 / ahead.length();
+        let (u, v) = (at.u * f64::from(camera.width), at.v * f64::from(camera.height));
+        for (x, y) in (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y))) {
+            if (f64::from(x) - u).hypot(f64::from(y) - v) < radius {
+                picture.set_pixel(x, y, [220, 30, 30]);
+            }
+        }
+    }
+    picture
+}

@@ -1,0 +1,98 @@
+//! A drone of one's own: a point that moves as it is told, and a camera that paints what it sees, a red ball.
+
+mod ball;
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use spf_core::camera::Camera;
+use spf_core::command::{Command, Setpoint};
+use spf_core::craft::Craft;
+use spf_core::envelope::Cleared;
+use spf_core::estimator::Senses;
+use spf_core::geometry::{BodyDisplacement, Pose};
+use spf_core::telemetry::{FlightPhase, Telemetry};
+use spf_core::time::{Duration, Time};
+use spf_drone::frames::{FrameStore, Frames};
+use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+
+/// Telemetry and frames come this often.
+const TICK: Duration = Duration::from_millis(50);
+
+/// The drone.
+#[derive(Default)]
+pub(crate) struct Toy {
+    now: Time,
+    pose: Pose,
+    /// What it holds, and until when.
+    wanted: (Setpoint, Time),
+    phase: FlightPhase,
+    events: VecDeque<(Time, DroneEvent)>,
+    frames: FrameStore,
+}
+
+impl Drone for Toy {
+    fn name(&self) -> &str {
+        "toy"
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        let camera = Camera::tello().resized(320, 240);
+        Capabilities { position: true, ..Capabilities::of(Craft::quad(), camera, Senses::EXACT) }
+    }
+
+    fn frames(&self) -> Arc<dyn Frames> {
+        Arc::new(self.frames.clone())
+    }
+
+    fn apply(&mut self, _: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
+        match *command.get() {
+            Command::TakeOff => self.phase = FlightPhase::TakingOff,
+            Command::Land => self.phase = FlightPhase::Landing,
+            Command::EmergencyStop => self.phase = FlightPhase::Stopped,
+            Command::Setpoint(setpoint) => self.wanted = (setpoint, command.valid_until()),
+            Command::Manoeuvre(_) => return Err(DroneError::NoManoeuvres("toy".to_owned())),
+        }
+        Ok(())
+    }
+
+    fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
+        while self.events.is_empty() && self.now + TICK <= until {
+            self.step();
+        }
+        self.events.pop_front()
+    }
+
+    fn next_event_at(&self) -> Option<Time> {
+        Some(if self.events.is_empty() { self.now + TICK } else { self.now })
+    }
+}
+
+impl Toy {
+    fn step(&mut self) {
+        self.now += TICK;
+        let (up, rest) = (self.pose.position.up, Setpoint::HOLD);
+        let setpoint = match self.phase {
+            FlightPhase::TakingOff if up < Craft::quad().take_off_height => Setpoint { up: 1.0, ..rest },
+            FlightPhase::Landing if up > 0.0 => Setpoint { up: -1.0, ..rest },
+            FlightPhase::Flying if self.now < self.wanted.1 => self.wanted.0,
+            _ => rest,
+        };
+        self.phase = match self.phase {
+            FlightPhase::TakingOff if setpoint == rest => FlightPhase::Flying,
+            FlightPhase::Landing if setpoint == rest => FlightPhase::OnGround,
+            phase => phase,
+        };
+        let Setpoint { right, forward, up, yaw_rate } = setpoint;
+        let seconds = TICK.as_secs_f64();
+        let way = BodyDisplacement { right: right * seconds, forward: forward * seconds, up: up * seconds };
+        self.pose.position = self.pose.position.displaced(way, self.pose.attitude.heading);
+        self.pose.attitude.heading += yaw_rate * seconds;
+        let Pose { position, attitude } = self.pose;
+        let (height, position) = (Some(position.up), Some(position));
+        let telemetry = Telemetry { time: self.now, position, attitude, height, phase: self.phase, ..Telemetry::default() };
+        self.frames.receive(self.now, self.now, ball::paint(&self.capabilities().camera, &self.pose));
+        let frame = self.frames.take_news().map(DroneEvent::Frame);
+        self.events.extend([Some(DroneEvent::Telemetry(telemetry)), frame].into_iter().flatten().map(|event| (self.now, event)));
+    }
+}

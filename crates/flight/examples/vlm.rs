@@ -1,0 +1,64 @@
+//! A vision-language model of one's own: a query and a picture go in, text comes out. This one says where the picture is lightest.
+//!
+//! `cargo run -p spf-flight --example vlm`
+
+#![allow(clippy::print_stdout, reason = "an example's output")]
+
+use std::error::Error;
+use std::sync::Arc;
+
+use spf_core::time::Duration;
+use spf_flight::flight::{self, FlightPlan, Flown, Site};
+use spf_flight::sim::{Simulated, Stage};
+use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
+
+/// Counts what it was asked.
+#[derive(Default)]
+struct Lightest(u32);
+
+impl Lightest {
+    /// Here stands the call of a model: `asked.query.prompt` is what it is told, `picture` what it is shown, `asked.time_left` how long
+    /// it may take. Its words are read by the parser that reads everybody's (docs/reply.md).
+    fn ask(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Result<String, VlmError> {
+        self.0 += 1;
+        if self.0 > 3 || asked.query.memory.confirming {
+            return Ok(r#"{"status":"done","look":null,"stage":null,"point":null,"depth":null,"target":null}"#.to_owned());
+        }
+        let jpeg = picture.jpeg((64, 48), 80)?;
+        let small = spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Picture(error.to_string()))?;
+        let light = |(_, pixel): &(usize, &[u8])| pixel.iter().map(|byte| u32::from(*byte)).sum::<u32>();
+        let at = small.data().chunks_exact(3).enumerate().max_by_key(light).map_or(0, |(at, _)| at);
+        // The profile that `eyesight` tells: [y, x] in thousandths.
+        let (x, y) = (1000 * (at % 64) / 64, 1000 * (at / 64) / 48);
+        Ok(format!(r#"{{"status":"navigating","look":null,"stage":1,"point":[{y},{x}],"depth":3,"target":"light"}}"#))
+    }
+}
+
+impl Vlm for Lightest {
+    fn name(&self) -> &str {
+        "lightest"
+    }
+
+    fn eyesight(&self, _camera: (u32, u32)) -> Eyesight {
+        Eyesight { image_size: Some((64, 48)), ..Eyesight::default() }
+    }
+
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+        // What the flight waits. A fixed time keeps it the same from run to run; a model's own is measured.
+        let (latency, model) = (Duration::from_secs(1), "lightest".to_owned());
+        Answer { text: self.ask(asked, picture), latency, model, account: Account::default() }
+    }
+}
+
+/// Three steps in the office.
+pub(crate) fn fly() -> Result<Flown, Box<dyn Error>> {
+    let site = Site::Simulated(Simulated::new(Arc::new(Stage::load("office")?), "office"));
+    let plan = FlightPlan::new(site, "fly to the light", "lightest", Arc::new(|_, _| Ok(Box::<Lightest>::default())));
+    Ok(flight::fly(plan, &mut [])?)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let summary = fly()?.summary;
+    println!("{:?} ({}) after {} decisions", summary.outcome, summary.cause, summary.decisions);
+    Ok(())
+}

@@ -1,0 +1,286 @@
+//! One whole flight, with whatever craft: from its plan to what became of it.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicU32;
+use std::sync::mpsc::Receiver;
+use std::time::Instant;
+
+use spf_core::envelope::Limits;
+use spf_core::executor::Motion;
+use spf_core::pilot::{Action, Ending, Event, Note, OperatorEvent, Outcome, Pilot, PilotSettings, Preset};
+use spf_core::prompt::PromptText;
+use spf_core::time::Time;
+use spf_vlm::Vlm;
+
+use crate::ledger::{Accounted, Ledger};
+use crate::log::Head;
+use crate::pilot::{PolicyMaker, pilot};
+use crate::policy::PolicyKind;
+use crate::real::Real;
+use crate::recorder::{RecordPlan, Recorder};
+use crate::run::{Observer, World, run};
+use crate::sim::{SimWorld, Simulated, StartError, WhoError, WhoPoints};
+use crate::site::{Clock, Judge, Parts};
+use crate::summary::Summary;
+use crate::world::{Live, Lockstep, Script};
+
+/// All that decides a flight.
+pub struct FlightPlan {
+    /// With what craft, and where.
+    pub site: Site,
+    /// What the person said.
+    pub instruction: String,
+    /// Who decides.
+    pub policy: Arc<dyn PolicyMaker>,
+    /// The named preset that `settings` began as.
+    pub preset: Preset,
+    /// How.
+    pub settings: PilotSettings,
+    /// Within what.
+    pub limits: Limits,
+    /// The name on the command line of who points.
+    pub vlm: String,
+    /// Who points.
+    pub who: WhoPoints,
+    /// The name of who detects; `None` without a detector.
+    pub detector: Option<String>,
+    /// What it is told; `None`: the shipped prompt.
+    pub prompt: Option<Arc<PromptText>>,
+    /// US dollars from which on nothing more is asked, and the flight ends.
+    pub max_cost_usd: Option<f64>,
+    /// Operator events.
+    pub script: Script,
+    /// Counts Ctrl-C; the first one lands.
+    pub interrupts: Arc<AtomicU32>,
+    /// What a person does by hand.
+    pub operator: Option<Receiver<OperatorEvent>>,
+    /// Where to record; `None` records nothing.
+    pub record: Option<RecordPlan>,
+}
+
+/// With what craft, and where.
+pub enum Site {
+    /// Simulated in a scene, judged by its truth.
+    Simulated(Simulated),
+    /// Any other craft.
+    Real(Real),
+}
+
+impl Site {
+    /// The envelope's default figures there.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        match self {
+            Self::Simulated(site) => site.stage.limits(site.kind),
+            Self::Real(site) => Limits::for_craft(&site.drone.capabilities().craft),
+        }
+    }
+
+    /// What it gives to a flight; and its world, where that is simulated.
+    fn open(self) -> Result<(Parts, Option<SimWorld>), StartError> {
+        match self {
+            Self::Simulated(site) => site.open().map(|(parts, world)| (parts, Some(world))),
+            Self::Real(site) => Ok((site.open(), None)),
+        }
+    }
+}
+
+impl FlightPlan {
+    /// SPF with its default preset and nothing else: no operator, no record. `vlm` is the name of who points.
+    #[must_use]
+    pub fn new(site: Site, instruction: &str, vlm: &str, who: WhoPoints) -> Self {
+        Self {
+            limits: site.limits(),
+            site,
+            instruction: instruction.to_owned(),
+            policy: Arc::new(PolicyKind::Spf),
+            preset: Preset::Default,
+            settings: PilotSettings::preset(Preset::Default),
+            vlm: vlm.to_owned(),
+            who,
+            detector: None,
+            prompt: None,
+            max_cost_usd: None,
+            script: Script::default(),
+            interrupts: Arc::default(),
+            operator: None,
+            record: None,
+        }
+    }
+}
+
+/// What became of a flight.
+#[derive(Clone, Debug)]
+pub struct Flown {
+    /// The summary.
+    pub summary: Summary,
+    /// What could not be recorded, and why; the flight went on.
+    pub recording_problems: Vec<String>,
+}
+
+/// Why a flight could not be begun.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FlightError {
+    /// Not from there.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// The plan wants moves that the craft ends by itself.
+    #[error("`{0}` flies no manoeuvres by itself")]
+    Manoeuvres(String),
+    /// Nobody points.
+    #[error("the VLM cannot be asked")]
+    Vlm(#[source] WhoError),
+    /// No thread could be started.
+    #[error("no thread could be started for the VLM")]
+    Thread(#[source] std::io::Error),
+}
+
+/// Flies.
+///
+/// # Errors
+/// [`FlightError`] when the flight cannot begin; once begun it always ends in a [`Flown`].
+pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
+    let FlightPlan { site, policy, prompt, record, script, interrupts, operator, .. } = plan;
+    let (Parts { drone, clock, seed, witness, judge, sim }, world) = site.open()?;
+    let capabilities = drone.capabilities();
+    if plan.settings.motion == Motion::Manoeuvres && !capabilities.manoeuvres {
+        return Err(FlightError::Manoeuvres(drone.name().to_owned()));
+    }
+    let camera = capabilities.camera;
+    let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl")));
+    let vlm = (plan.who)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
+    let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
+    let eyesight = vlm.eyesight((camera.width, camera.height));
+    let head = Head {
+        format: spf_record::log::FORMAT,
+        program: env!("CARGO_PKG_VERSION").to_owned(),
+        instruction: plan.instruction,
+        policy: policy.name().to_owned(),
+        preset: plan.preset,
+        settings: plan.settings,
+        craft: capabilities.craft,
+        senses: capabilities.senses,
+        camera,
+        limits: plan.limits,
+        vlm: plan.vlm,
+        detector: plan.detector,
+        grounding: eyesight.grounding,
+        image_size: eyesight.image_size,
+        prompt: prompt.as_ref().map(|prompt| prompt.source().to_owned()),
+        drone: drone.name().to_owned(),
+        sim,
+    };
+    let told = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
+    let mut pilot = pilot(&head, policy.as_ref(), told);
+    let live = clock != Clock::Virtual;
+    let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, witness, live));
+    let mut course = Course { instruction: head.instruction.clone(), judge, settled: None };
+    let mut around: Box<dyn World> = match clock {
+        Clock::Virtual => Box::new(Lockstep::new(drone, vlm, script, interrupts).with_operator(operator)),
+        Clock::Wall | Clock::WallSince(_) => {
+            let start = if let Clock::WallSince(start) = clock { start } else { Instant::now() };
+            let live = Live::new(start, drone, vlm, script, interrupts).map_err(FlightError::Thread)?;
+            Box::new(live.with_operator(operator))
+        }
+    };
+    {
+        let mut all: Vec<&mut dyn Observer> = vec![&mut course];
+        if let Some(recorder) = &mut recorder {
+            all.push(recorder);
+        }
+        for observer in observers.iter_mut() {
+            all.push(&mut **observer);
+        }
+        run(&mut pilot, around.as_mut(), &mut all);
+    }
+    let mut summary =
+        Summary { prompt: prompt.map(|prompt| prompt.name()), vlm_use: ledger.total(), ..course.summary(&head, seed, &pilot) };
+    let mut recording_problems = recorder.map(|recorder| recorder.finish(&mut summary)).unwrap_or_default();
+    recording_problems.extend(ledger.problem());
+    Ok(Flown { summary, recording_problems })
+}
+
+/// What was said and how it ended, beside who judges that.
+struct Course {
+    /// In force now.
+    instruction: String,
+    judge: Box<dyn Judge>,
+    settled: Option<Settled>,
+}
+
+/// How it ended.
+struct Settled {
+    at: Time,
+    instruction: String,
+    ending: Ending,
+}
+
+impl Observer for Course {
+    fn event(&mut self, now: Time, event: &Event) {
+        self.judge.event(now, event);
+    }
+
+    fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
+        self.judge.action(now, action, pilot);
+        match action {
+            Action::Finished(ending) => {
+                self.judge.settle(now, &self.instruction);
+                self.settled = Some(Settled { at: now, instruction: self.instruction.clone(), ending: ending.clone() });
+            }
+            Action::Note(Note::Operator(OperatorEvent::Instruction(text))) => self.instruction.clone_from(text),
+            _ => {}
+        }
+    }
+
+    fn time(&mut self, now: Time, pilot: &Pilot) {
+        self.judge.time(now, pilot);
+    }
+}
+
+impl Course {
+    fn summary(self, head: &Head, seed: u64, pilot: &Pilot) -> Summary {
+        let Settled { at, instruction, ending } = self.settled.unwrap_or_else(|| Settled {
+            at: Time::ZERO,
+            instruction: self.instruction,
+            ending: Ending { outcome: Outcome::Failed, cause: "the flight ended without an outcome".to_owned() },
+        });
+        let mut summary = Summary {
+            format: 1,
+            instruction,
+            outcome: ending.outcome,
+            cause: ending.cause,
+            verified: None,
+            completion_time_s: pilot.first_motion().map(|first| at.since(first).as_secs_f64()),
+            finished_at_s: at.as_secs_f64(),
+            path_length_m: 0.0,
+            decisions: pilot.decisions(),
+            final_distance_m: None,
+            collisions: 0,
+            touched: Vec::new(),
+            targets: Vec::new(),
+            target_in_view: None,
+            seed,
+            vlm: head.vlm.clone(),
+            detector: head.detector.clone(),
+            preset: head.preset,
+            policy: head.policy.clone(),
+            settings: head.settings,
+            scene: String::new(),
+            light: String::new(),
+            weather: String::new(),
+            drone: head.drone.clone(),
+            drone_model: String::new(),
+            wind: None,
+            battery: None,
+            camera_effects: None,
+            late_replies: pilot.late_replies(),
+            glass_to_decision: None,
+            not_recorded: Vec::new(),
+            prompt: None,
+            vlm_use: None,
+        };
+        self.judge.tell(&mut summary);
+        summary
+    }
+}

@@ -1,0 +1,72 @@
+//! The scene in outline: for the map of a flight and for its log.
+
+use spf_core::geometry::EnuPosition;
+use spf_record::log::foxglove::Prism;
+use spf_record::trajectory::Outline;
+use spf_scene::actors::ActorPlace;
+use spf_scene::{Object, Tags};
+
+use super::stage::Stage;
+
+/// Things flatter than this, metres, are ground: their outlines would only hide what stands on it.
+const FLAT: f64 = 0.2;
+
+/// The scene seen from above with the actors at these places, lowest things first.
+pub(super) fn outlines(stage: &Stage, actors: &[ActorPlace]) -> Vec<Outline> {
+    let outline = |object: &Object| Outline {
+        name: object.key.clone(),
+        colour: colour(&object.tags),
+        polygons: stage.outline(object, actors),
+    };
+    lowest_first(stage).into_iter().map(outline).collect()
+}
+
+/// What stands in the scene, from its foot to its top, when it begins.
+pub(super) fn prisms(stage: &Stage) -> Vec<Prism> {
+    let actors = stage.cast.starts();
+    let prism = |object: &Object| {
+        let bounds = stage.bounds(object, &actors);
+        let (bottom, top) = (bounds.min.up, bounds.max.up);
+        let polygons = stage.outline(object, &actors);
+        (top - bottom > FLAT).then(|| Prism { name: object.key.clone(), polygons, bottom, top, colour: colour(&object.tags) })
+    };
+    lowest_first(stage).into_iter().filter_map(prism).collect()
+}
+
+fn lowest_first(stage: &Stage) -> Vec<&Object> {
+    let mut objects: Vec<_> = stage.scene.objects.iter().filter(|object| !object.opening && !object.outline.is_empty()).collect();
+    objects.sort_by(|a, b| a.bounds.max.up.total_cmp(&b.bounds.max.up).then(a.id.cmp(&b.id)));
+    objects
+}
+
+/// The middle of an object's extent.
+pub(super) fn centre(stage: &Stage, actors: &[ActorPlace], key: &str) -> Option<EnuPosition> {
+    let bounds = stage.bounds(stage.scene.by_key(key)?, actors);
+    let middle = |low: f64, high: f64| 0.5 * (low + high);
+    Some(EnuPosition {
+        east: middle(bounds.min.east, bounds.max.east),
+        north: middle(bounds.min.north, bounds.max.north),
+        up: middle(bounds.min.up, bounds.max.up),
+    })
+}
+
+/// A colour on the map: ground by what it is, everything else by its colour in words.
+fn colour(tags: &Tags) -> [u8; 3] {
+    let named = |words: &[&str]| words.iter().any(|word| tags.names.iter().chain(&tags.synonyms).any(|name| name.contains(word)));
+    match (tags.kind.as_str(), tags.colour.as_deref()) {
+        ("water", _) => [170, 205, 230],
+        ("tree", _) => [130, 180, 110],
+        ("ground", _) if named(&["road", "street", "avenue", "junction", "car park"]) => [204, 204, 208],
+        ("ground", _) if named(&["crossing"]) => [236, 236, 236],
+        ("ground", _) if named(&["grass", "lawn", "park", "meadow", "hill"]) => [216, 230, 202],
+        ("ground", _) => [232, 228, 218],
+        (_, Some(word)) if word.contains("red") => [205, 70, 60],
+        (_, Some(word)) if word.contains("yellow") => [230, 190, 60],
+        (_, Some(word)) if word.contains("green") => [110, 160, 90],
+        (_, Some(word)) if word.contains("blue") => [90, 130, 200],
+        (_, Some(word)) if word.contains("black") => [60, 60, 64],
+        (_, Some(word)) if word.contains("white") => [246, 246, 246],
+        (_, Some(word)) if word.contains("brown") || word.contains("orange") || word.contains("beige") => [190, 150, 110],
+        _ => [190, 186, 180],
+    }
+}

@@ -1,0 +1,204 @@
+//! A craft simulated in a scene, and the truth about its flight.
+
+use std::sync::Arc;
+
+use spf_core::craft::CraftKind;
+use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::time::Time;
+use spf_drone::Drone;
+use spf_render::effects::Effects;
+use spf_scene::geometry::ObjectId;
+use spf_sim::wind::Wind;
+
+use super::drone::SimDrone;
+use super::stage::Stage;
+use super::truth::{Verdict, judge};
+use super::witness::SimWitness;
+use super::world::{Circumstances, SimWorld};
+use crate::log::SimHead;
+use crate::run::Observer;
+use crate::site::{Clock, Judge, Parts};
+use crate::summary::{Summary, Touch};
+
+/// A craft simulated in a scene.
+#[derive(Clone)]
+pub struct Simulated {
+    /// Where.
+    pub stage: Arc<Stage>,
+    /// What the person called the scene: a built-in name or a path.
+    pub scene: String,
+    /// From where; `None`: the scene's start.
+    pub start: Option<Pose>,
+    /// In what.
+    pub kind: CraftKind,
+    /// Under what circumstances.
+    pub circumstances: Circumstances,
+    /// The seed of all chance.
+    pub seed: u64,
+    /// On the wall clock instead of as fast as the machine can.
+    pub realtime: bool,
+}
+
+/// Why a flight cannot begin where it is to.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// The start is inside something.
+    #[error("the start at east {east}, north {north}, up {up} is inside `{object}`")]
+    Blocked {
+        /// Metres east.
+        east: f64,
+        /// Metres north.
+        north: f64,
+        /// Metres up.
+        up: f64,
+        /// Key of the object.
+        object: String,
+    },
+    /// The start is off the scene or below its ground.
+    #[error("the start at east {east}, north {north}, up {up} is not above the ground of the scene `{scene}`")]
+    Outside {
+        /// Metres east.
+        east: f64,
+        /// Metres north.
+        north: f64,
+        /// Metres up.
+        up: f64,
+        /// The scene.
+        scene: String,
+    },
+}
+
+impl Simulated {
+    /// The craft that a scene is made for, at the scene's start, in virtual time and still air, with seed 0. `scene` is what the
+    /// person called it.
+    #[must_use]
+    pub fn new(stage: Arc<Stage>, scene: &str) -> Self {
+        let kind = stage.scene.default_craft;
+        let circumstances = Circumstances::default();
+        Self { stage, scene: scene.to_owned(), start: None, kind, circumstances, seed: 0, realtime: false }
+    }
+
+    /// What it gives to a flight, and the world that it is flown in.
+    ///
+    /// # Errors
+    /// [`StartError`].
+    pub(crate) fn open(self) -> Result<(Parts, SimWorld), StartError> {
+        let start = self.start.unwrap_or(self.stage.scene.start);
+        let world = SimWorld::under(&self.circumstances, self.stage.clone(), self.kind, start, self.seed);
+        let drone = SimDrone::new(world.clone());
+        check_place(&self.stage, start.position)?;
+        check_start(&self.stage, &world, drone.capabilities().craft.radius)?;
+        let parts = Parts {
+            drone: Box::new(drone),
+            clock: if self.realtime { Clock::Wall } else { Clock::Virtual },
+            seed: self.seed,
+            witness: Arc::new(SimWitness(world.clone())),
+            sim: Some(self.head(start)),
+            judge: Box::new(Judging { world: world.clone(), site: self, start, found: Found::default() }),
+        };
+        Ok((parts, world))
+    }
+
+    fn head(&self, start: Pose) -> SimHead {
+        let scene = &self.stage.scene;
+        SimHead {
+            scene: self.scene.clone(),
+            light: scene.lighting.name().to_owned(),
+            weather: scene.weather.name().to_owned(),
+            drone_model: self.kind.name().to_owned(),
+            seed: self.seed,
+            start,
+            wind: self.wind(),
+            battery: self.circumstances.battery,
+            camera_effects: self.effects(),
+        }
+    }
+
+    /// The wind, as `--wind` takes it; `None` in still air.
+    fn wind(&self) -> Option<String> {
+        Some(self.circumstances.wind).filter(|wind| *wind != Wind::default()).map(|wind| wind.to_string())
+    }
+
+    /// What the camera does to its pictures, as `--camera-effects` takes it; `None` when nothing.
+    fn effects(&self) -> Option<String> {
+        Some(&self.circumstances.effects).filter(|effects| !effects.is_none()).map(Effects::to_string)
+    }
+}
+
+/// Within the scene's bounds on the map, and not below its ground.
+fn check_place(stage: &Stage, at: EnuPosition) -> Result<(), StartError> {
+    let bounds = stage.scene.bounds;
+    let inside =
+        (bounds.min.east..=bounds.max.east).contains(&at.east) && (bounds.min.north..=bounds.max.north).contains(&at.north);
+    // Ground exactly at the height asked for is found from a hand above it.
+    let above = stage.collider.ground_below(EnuPosition { up: at.up + 0.1, ..at }).is_some();
+    if inside && above {
+        return Ok(());
+    }
+    let EnuPosition { east, north, up } = at;
+    Err(StartError::Outside { east, north, up, scene: stage.scene.name.clone() })
+}
+
+fn check_start(stage: &Stage, world: &SimWorld, radius: f64) -> Result<(), StartError> {
+    let mut at = world.truth().pose.position;
+    // The craft stands on the ground, which it touches; just above it must be free.
+    at.up += 0.1;
+    match stage.collider.contact(at, 0.9 * radius) {
+        None => Ok(()),
+        Some(id) => Err(StartError::Blocked { east: at.east, north: at.north, up: at.up, object: stage.key(id) }),
+    }
+}
+
+/// Judges by the scene itself.
+struct Judging {
+    world: SimWorld,
+    site: Simulated,
+    start: Pose,
+    found: Found,
+}
+
+/// What was true when the outcome was settled.
+#[derive(Default)]
+struct Found {
+    verdict: Verdict,
+    path_length: f64,
+    touched: Vec<Touch>,
+}
+
+impl Observer for Judging {}
+
+impl Judge for Judging {
+    fn settle(&mut self, now: Time, instruction: &str) {
+        self.world.advance_to(now);
+        let truth = self.world.truth();
+        let touch = |&(at, id): &(Time, ObjectId)| Touch { object: self.world.stage().key(id), at_s: at.as_secs_f64() };
+        self.found = Found {
+            verdict: judge(&self.world, instruction, &self.start),
+            path_length: truth.path_length,
+            touched: truth.collided_with.iter().map(touch).collect(),
+        };
+    }
+
+    fn tell(&self, summary: &mut Summary) {
+        let Found { verdict, path_length, touched } = &self.found;
+        let (site, scene) = (&self.site, &self.site.stage.scene);
+        *summary = Summary {
+            verified: verdict.verified,
+            path_length_m: *path_length,
+            final_distance_m: verdict.final_distance_m,
+            collisions: u32::try_from(touched.len()).unwrap_or(u32::MAX),
+            touched: touched.clone(),
+            targets: verdict.targets.clone(),
+            target_in_view: verdict.in_view,
+            scene: scene.name.clone(),
+            light: scene.lighting.name().to_owned(),
+            weather: scene.weather.name().to_owned(),
+            drone_model: site.kind.name().to_owned(),
+            wind: site.wind(),
+            battery: Some(site.circumstances.battery).filter(|charge| *charge != 1.0),
+            camera_effects: site.effects(),
+            ..summary.clone()
+        };
+    }
+}

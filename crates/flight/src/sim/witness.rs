@@ -1,0 +1,45 @@
+//! Who sees all of a simulated world, truth included.
+
+use spf_core::camera::Camera;
+use spf_core::frame::FrameId;
+use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::time::Time;
+use spf_drone::frames::Photo;
+use spf_record::log::foxglove::Prism;
+use spf_record::trajectory::Outline;
+
+use super::frames::photo;
+use super::outline;
+use super::world::SimWorld;
+use crate::witness::Witness;
+
+/// Sees all of a world.
+pub(super) struct SimWitness(pub(super) SimWorld);
+
+impl Witness for SimWitness {
+    fn camera(&self) -> &Camera {
+        self.0.camera()
+    }
+
+    fn shot(&self, at: Time) -> Option<Photo> {
+        self.0.shot(at).map(|shot| photo(&self.0, shot))
+    }
+
+    fn true_pose(&self) -> Option<Pose> {
+        Some(self.0.truth().pose)
+    }
+
+    fn true_pose_of(&self, frame: FrameId) -> Option<Pose> {
+        self.0.capture(frame).map(|moment| moment.pose)
+    }
+
+    fn prisms(&self) -> Vec<Prism> {
+        outline::prisms(self.0.stage())
+    }
+
+    fn map(&self, target: Option<&str>) -> (Vec<Outline>, Option<EnuPosition>) {
+        let (stage, actors) = (self.0.stage(), self.0.now().actors);
+        let centre = target.and_then(|key| outline::centre(stage, &actors, key));
+        (outline::outlines(stage, &actors), centre)
+    }
+}

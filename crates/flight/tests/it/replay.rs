@@ -1,0 +1,154 @@
+//! A flight is the same when its log is replayed, and is not when the method is another.
+
+#[path = "../../../detect/tests/made/mod.rs"]
+mod made;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde_json::Value;
+use spf_core::command::Setpoint;
+use spf_core::craft::CraftKind;
+use spf_core::grounding::{AxisOrder, GroundingProfile};
+use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
+use spf_core::step::StepRule;
+use spf_core::time::{Duration, Time};
+use spf_detect::Detector;
+use spf_flight::detector::{model_detects, with_detector};
+use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::policy::PolicyKind;
+use spf_flight::recorder::RecordPlan;
+use spf_flight::replay::{Changes, Report, head, replay, row};
+use spf_flight::sim::{Simulated, Stage, oracle_points};
+use spf_flight::world::Script;
+use spf_oracle::ErrorFile;
+use spf_record::log::{Entry, LogReader};
+use spf_record::out_dir::OutDir;
+
+/// Thirty seconds, in which some answers come too late.
+fn settings() -> PilotSettings {
+    let (max_time, reply_timeout) = (Duration::from_secs(30), Duration::from_secs(2));
+    PilotSettings { max_time, reply_timeout, ..PilotSettings::preset(Preset::Default) }
+}
+
+/// A flight with everything that a pilot can be told: frames, telemetry, replies good and bad, an operator.
+fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
+    let kind = CraftKind::Quad;
+    let at = Time::from_millis;
+    let hand = OperatorEvent::Setpoint(Setpoint { right: 9.0, ..Setpoint::HOLD });
+    let events = vec![
+        (at(11_000), hand),
+        (at(11_500), OperatorEvent::Resume),
+        (at(19_000), OperatorEvent::Instruction("fly to the black car".to_owned())),
+    ];
+    let site = Simulated { kind, seed: 3, ..Simulated::new(Arc::new(Stage::load("city").unwrap()), "city") };
+    let who = oracle_points("oracle".to_owned(), ErrorFile::named("default").unwrap());
+    let mut plan = FlightPlan {
+        settings: settings(),
+        script: Script::new(events),
+        record: Some(RecordPlan { out: OutDir::at(folder).unwrap(), video: false, view: None }),
+        ..FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle", who)
+    };
+    change(&mut plan);
+    let flown = fly(plan, &mut []).unwrap();
+    assert!(flown.recording_problems.is_empty(), "{:?}", flown.recording_problems);
+    folder.join("flight.mcap")
+}
+
+fn replayed(log: &Path, changes: &Changes) -> Report {
+    replay(LogReader::open(log).unwrap(), changes).unwrap()
+}
+
+fn differs_at(report: &Report, topic: &str) -> bool {
+    report.differences.iter().any(|difference| difference.topic == topic)
+}
+
+#[test]
+fn a_flight_is_the_same_again_and_another_method_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = flown(&folder.path().join("flight"), |_| {});
+    let same = replayed(&log, &Changes::default());
+    assert_eq!(same.differences, []);
+    assert!(!same.torn && same.inputs > 1000 && same.outputs > 200, "{} {}", same.inputs, same.outputs);
+
+    // A hundredth more in the exponent is another step, and so another way.
+    let with_exponent = |exponent| {
+        let step = StepRule::Adaptive { scale: 10.0, labels: 10, min: 0.1, exponent };
+        Changes { settings: Some(PilotSettings { step, ..settings() }), ..Changes::default() }
+    };
+    let other = replayed(&log, &with_exponent(1.01 * 1.8));
+    assert!(differs_at(&other, "/decision") && differs_at(&other, "/command"), "{} differences", other.differences.len());
+    assert_eq!(replayed(&log, &with_exponent(1.8)).differences, [], "only the exponent made the difference");
+
+    let grounding = GroundingProfile { order: AxisOrder::Xy, ..GroundingProfile::default() };
+    let swapped = replayed(&log, &Changes { grounding: Some(grounding), ..Changes::default() });
+    let waypoint = |at: &str| at.starts_with("/reading") || at.starts_with("/query");
+    assert!(swapped.differences.iter().any(|d| d.topic == "/decision" && waypoint(&d.at)), "{:?}", swapped.differences.first());
+}
+
+#[test]
+fn other_policies_and_presets_are_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = flown(&folder.path().join("plain"), |plan| plan.policy = Arc::new(PolicyKind::Plain));
+    assert_eq!(replayed(&plain, &Changes::default()).differences, []);
+    let paper = flown(&folder.path().join("paper"), |plan| {
+        let max_time = plan.settings.max_time;
+        (plan.preset, plan.settings) = (Preset::Paper, PilotSettings { max_time, ..PilotSettings::preset(Preset::Paper) });
+        plan.settings.avoid = true;
+    });
+    assert_eq!(replayed(&paper, &Changes::default()).differences, []);
+}
+
+#[test]
+fn a_flight_with_a_detector_is_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = flown(&folder.path().join("flight"), |plan| {
+        (plan.policy, plan.detector) = (Arc::new(PolicyKind::SpfDetector), Some("oracle:perfect".to_owned()));
+        plan.settings.avoid = true;
+        let detector = oracle_points("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
+        plan.who = with_detector(plan.who.clone(), detector);
+    });
+    assert_eq!(replayed(&log, &Changes::default()).differences, []);
+    let mut entries = LogReader::open(&log).unwrap();
+    assert_eq!(head(&mut entries).unwrap().detector.as_deref(), Some("oracle:perfect"));
+    // The lists are in the log: as answers, and in the questions about the same frames.
+    let rows: Vec<Entry> = entries.map(Result::unwrap).collect();
+    let saying = |topic: &str, words: &str| {
+        let of = rows.iter().filter(|entry| entry.topic == topic).map(|entry| row::<Value>(entry).unwrap().to_string());
+        of.filter(|text| text.contains(words)).count()
+    };
+    let (listed, told) = (saying("/reply", "car_1 x:0."), saying("/query", r#""detections":["car_1 x:0."#));
+    assert!(listed > 3 && told > 3, "{listed} lists, {told} told");
+}
+
+#[test]
+fn a_flight_with_a_model_is_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("squares.onnx");
+    std::fs::write(&file, made::model(&made::Export::default())).unwrap();
+    let detector = Detector::open(&file).unwrap();
+    let log = flown(&folder.path().join("flight"), |plan| {
+        (plan.policy, plan.detector) = (Arc::new(PolicyKind::SpfDetector), Some(detector.name().to_owned()));
+        plan.settings.avoid = true;
+        // The network is quick, but how quick is another matter each time: replay takes what the log has.
+        plan.who = with_detector(plan.who.clone(), model_detects(detector));
+    });
+    assert_eq!(replayed(&log, &Changes::default()).differences, []);
+    let mut entries = LogReader::open(&log).unwrap();
+    assert_eq!(head(&mut entries).unwrap().detector.as_deref(), Some("squares.onnx"));
+    let told = |entry: &Entry| entry.topic == "/query" && row::<Value>(entry).unwrap().to_string().contains(r#""detections":[""#);
+    assert!(entries.map(Result::unwrap).filter(told).count() > 3);
+}
+
+#[test]
+fn a_torn_log_is_replayed_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = flown(&folder.path().join("flight"), |_| {});
+    let whole = std::fs::read(&log).unwrap();
+    for share in [0.3, 0.6, 0.9] {
+        std::fs::write(&log, &whole[..(share * whole.len() as f64) as usize]).unwrap();
+        let report = replayed(&log, &Changes::default());
+        assert!(report.torn && report.differences.is_empty(), "{share}: {:?}", report.differences.first());
+        assert!(report.inputs > 50, "{share}: {} inputs", report.inputs);
+    }
+}

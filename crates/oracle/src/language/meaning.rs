@@ -1,0 +1,89 @@
+//! What words can mean: what is to be done, how things stand to one another, which of several is meant.
+
+use serde::Deserialize;
+
+/// What is to be done with the target (DESIGN.md section 5: all but [`Verb::GoTo`] have a table of stages).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verb {
+    /// Go there; finding, approaching and reaching are the same.
+    GoTo,
+    /// Through its opening.
+    Through,
+    /// Once around it.
+    Around,
+    /// Over it.
+    Over,
+    /// Up it, to where it is high.
+    Up,
+    /// To its far side.
+    Behind,
+    /// Look all around.
+    Scan,
+    /// Stay near it.
+    Follow,
+}
+
+/// How an object stands to another, in the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Relation {
+    /// Close to it.
+    Near,
+    /// As far from it as there is.
+    FarFrom,
+    /// Left of it.
+    LeftOf,
+    /// Right of it.
+    RightOf,
+    /// Farther away, in about the same direction.
+    Behind,
+    /// Nearer, in about the same direction.
+    InFrontOf,
+    /// Between two.
+    Between,
+    /// Lower in the picture and close.
+    Under,
+    /// On, in or above it.
+    On,
+    /// Higher than it.
+    TallerThan,
+    /// Lower than it.
+    ShorterThan,
+}
+
+/// A side of the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// Left.
+    Left,
+    /// Right.
+    Right,
+    /// Middle.
+    Middle,
+}
+
+/// Words of size and place that rank objects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Size {
+    /// High.
+    Tall,
+    /// Not high.
+    Short,
+    /// Large.
+    Large,
+    /// Small.
+    Small,
+    /// Near.
+    Nearest,
+    /// Far.
+    Farthest,
+    /// The leftmost.
+    Leftmost,
+    /// The rightmost.
+    Rightmost,
+    /// In the middle of the others.
+    Middle,
+}

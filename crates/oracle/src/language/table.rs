@@ -1,0 +1,212 @@
+//! Lists of words as they are looked up: sets of words, and phrases with what they mean.
+//!
+//! They are read from data, and a list that names a word twice, or one that no instruction can hold, is refused.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::de::Error;
+use serde::{Deserialize, Deserializer};
+
+/// A set of words.
+#[derive(Debug)]
+pub(crate) struct Words(BTreeSet<String>);
+
+impl Words {
+    /// Whether the word is one of them.
+    pub(crate) fn contains(&self, word: &str) -> bool {
+        self.0.contains(word)
+    }
+
+    /// All of them, in alphabetical order.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().map(String::as_str)
+    }
+}
+
+impl<'de> Deserialize<'de> for Words {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut words = BTreeSet::new();
+        for word in Vec::<String>::deserialize(deserializer)? {
+            check(&word).map_err(Error::custom)?;
+            if let Some(twice) = words.replace(word) {
+                return Err(Error::custom(format!("`{twice}` stands twice in a list")));
+            }
+        }
+        Ok(Self(words))
+    }
+}
+
+/// Phrases of one or more words, each with what it means.
+#[derive(Debug)]
+pub(crate) struct Phrases<T = ()> {
+    /// By their first word: the others and the meaning, the longest phrase first.
+    by_first: BTreeMap<String, Vec<(Vec<String>, T)>>,
+}
+
+impl<T: Copy> Phrases<T> {
+    /// The longest phrase that `words` start with: how many words it has, and what it means.
+    pub(super) fn longest(&self, words: &[String]) -> Option<(usize, T)> {
+        let (first, rest) = words.split_first()?;
+        let (others, meaning) = self.by_first.get(first)?.iter().find(|(others, _)| rest.starts_with(others))?;
+        Some((1 + others.len(), *meaning))
+    }
+
+    /// How many words of the start of `words` are one of the phrases, the longest that fits.
+    pub(super) fn length(&self, words: &[String]) -> Option<usize> {
+        self.longest(words).map(|(length, _)| length)
+    }
+
+    /// What a single word means by itself.
+    pub(super) fn get(&self, word: &str) -> Option<T> {
+        // Being the shortest it stands last.
+        let (others, meaning) = self.by_first.get(word)?.last()?;
+        others.is_empty().then_some(*meaning)
+    }
+
+    /// Whether the word by itself is one of the phrases.
+    pub(super) fn contains(&self, word: &str) -> bool {
+        self.get(word).is_some()
+    }
+
+    /// Whether some phrase begins with the word.
+    pub(super) fn begin_with(&self, word: &str) -> bool {
+        self.by_first.contains_key(word)
+    }
+
+    /// Every word of every phrase.
+    pub(super) fn words(&self) -> impl Iterator<Item = &str> {
+        let others = self.by_first.values().flatten().flat_map(|(others, _)| others);
+        self.by_first.keys().chain(others).map(String::as_str)
+    }
+
+    fn add(&mut self, phrase: &str, meaning: T) -> Result<(), String> {
+        check(phrase)?;
+        let mut words = phrase.split(' ').map(str::to_owned);
+        let first = words.next().unwrap_or_default();
+        let others: Vec<String> = words.collect();
+        let beginning_alike = self.by_first.entry(first).or_default();
+        if beginning_alike.iter().any(|(known, _)| *known == others) {
+            return Err(format!("`{phrase}` stands twice in a table"));
+        }
+        let at = beginning_alike.partition_point(|(known, _)| known.len() > others.len());
+        beginning_alike.insert(at, (others, meaning));
+        Ok(())
+    }
+}
+
+/// From lists of phrases by what they mean.
+impl<'de, T: Copy + Ord + Deserialize<'de>> Deserialize<'de> for Phrases<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut table = Self { by_first: BTreeMap::new() };
+        for (meaning, phrases) in BTreeMap::<T, Vec<String>>::deserialize(deserializer)? {
+            phrases.iter().try_for_each(|phrase| table.add(phrase, meaning)).map_err(Error::custom)?;
+        }
+        Ok(table)
+    }
+}
+
+/// Reads phrases that mean one and the same from a list.
+pub(super) fn list<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Phrases, D::Error> {
+    let mut table = Phrases { by_first: BTreeMap::new() };
+    let phrases = Vec::<String>::deserialize(deserializer)?;
+    phrases.iter().try_for_each(|phrase| table.add(phrase, ())).map_err(Error::custom)?;
+    Ok(table)
+}
+
+/// Words and the plain word that each counts as.
+#[derive(Debug)]
+pub(super) struct Forms(BTreeMap<String, String>);
+
+impl Forms {
+    /// The plain word that this one counts as.
+    pub(super) fn plain(&self, word: &str) -> Option<&str> {
+        self.0.get(word).map(String::as_str)
+    }
+
+    /// All words that count as another, or as themselves.
+    pub(super) fn words(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
+
+    /// The plain words, one for each that counts as it.
+    pub(super) fn plains(&self) -> impl Iterator<Item = &str> {
+        self.0.values().map(String::as_str)
+    }
+}
+
+/// From lists of words by the plain word.
+impl<'de> Deserialize<'de> for Forms {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut forms = BTreeMap::new();
+        for (plain, words) in BTreeMap::<String, Vec<String>>::deserialize(deserializer)? {
+            check(&plain).map_err(Error::custom)?;
+            for word in words {
+                check(&word).map_err(Error::custom)?;
+                if forms.contains_key(&word) {
+                    return Err(Error::custom(format!("`{word}` stands twice in a table")));
+                }
+                forms.insert(word, plain.clone());
+            }
+        }
+        Ok(Self(forms))
+    }
+}
+
+/// Refuses what no instruction can hold: its words are lower case with one space between.
+fn check(phrase: &str) -> Result<(), String> {
+    let usable = |word: &str| !word.is_empty() && word.chars().all(|c| c.is_alphanumeric() && !c.is_uppercase());
+    if phrase.split(' ').all(usable) {
+        return Ok(());
+    }
+    Err(format!("`{phrase}` is not of lower-case words with one space between them"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(text: &str) -> Vec<String> {
+        text.split(' ').map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn the_longest_phrase_is_taken() {
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Meaning {
+            Go,
+            Scan,
+        }
+        let text = "go = [\"look\", \"look for\"]\nscan = [\"look all around\"]";
+        let phrases: Phrases<Meaning> = toml::from_str(text).unwrap();
+        assert_eq!(phrases.longest(&words("look for the car")), Some((2, Meaning::Go)));
+        assert_eq!(phrases.longest(&words("look all around it")), Some((3, Meaning::Scan)));
+        assert_eq!(phrases.longest(&words("look all")), Some((1, Meaning::Go)));
+        assert_eq!((phrases.longest(&words("for the car")), phrases.longest(&[])), (None, None));
+        assert_eq!((phrases.get("look"), phrases.get("all"), phrases.begin_with("look")), (Some(Meaning::Go), None, true));
+        assert!(toml::from_str::<Phrases<Meaning>>("fly = [\"fly\"]").is_err());
+    }
+
+    #[test]
+    fn what_stands_twice_or_cannot_be_said_is_refused() {
+        #[derive(Debug, Deserialize)]
+        struct File {
+            #[serde(rename = "words")]
+            _words: Option<Words>,
+            #[serde(rename = "forms")]
+            _forms: Option<Forms>,
+            #[serde(default, rename = "list", deserialize_with = "some_list")]
+            _list: Option<Phrases>,
+        }
+        fn some_list<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Phrases>, D::Error> {
+            list(deserializer).map(Some)
+        }
+        let refused = |text: &str| toml::from_str::<File>(text).unwrap_err().to_string();
+        assert!(refused("words = [\"car\", \"bus\", \"car\"]").contains("`car` stands twice"));
+        assert!(refused("list = [\"look for\", \"look for\"]").contains("`look for` stands twice"));
+        assert!(refused("[forms]\nred = [\"crimson\"]\npink = [\"crimson\"]").contains("`crimson` stands twice"));
+        for word in ["Car", "", "two  spaces", "it's"] {
+            assert!(refused(&format!("words = [\"{word}\"]")).contains("lower-case"), "{word}");
+        }
+    }
+}

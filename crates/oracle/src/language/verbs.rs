@@ -1,0 +1,36 @@
+//! Verbs as an instruction has them, in whatever form.
+
+use super::lex::singular;
+use super::lexicon::VERBS;
+use super::meaning::Verb;
+
+/// A verb that starts here: how many words, and which.
+pub(super) fn starts_verb(words: &[String]) -> Option<(usize, Verb)> {
+    let first = words.first()?;
+    let mut base = words.to_vec();
+    base.truncate(6);
+    base[0] = verb_stem(first)?;
+    VERBS.verbs.longest(&base)
+}
+
+/// The bare form of a known verb.
+fn verb_stem(word: &str) -> Option<String> {
+    let known = |w: &str| VERBS.verbs.begin_with(w);
+    if known(word) {
+        return Some(word.to_owned());
+    }
+    let mut forms = vec![singular(word)];
+    if word == "flies" {
+        forms.push("fly".to_owned());
+    }
+    if let Some(base) = word.strip_suffix("ing") {
+        forms.push(base.to_owned());
+        forms.push(format!("{base}e"));
+        let mut chars: Vec<char> = base.chars().collect();
+        let last = chars.pop();
+        if chars.last() == last.as_ref() {
+            forms.push(chars.into_iter().collect());
+        }
+    }
+    forms.into_iter().find(|form| known(form))
+}

@@ -1,0 +1,113 @@
+//! What can be wrong with a scene.
+
+use thiserror::Error;
+
+use crate::limits::MAX_BYTES;
+
+/// Why a scene could not be loaded.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// No built-in scene has this name.
+    #[error("no built-in scene `{name}`\n\nhint: {hint}")]
+    Unknown {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        hint: String,
+    },
+    /// The file could not be read.
+    #[error("cannot read the scene file `{path}`")]
+    Read {
+        /// The path.
+        path: String,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The file is no scene.
+    #[error("{file}:{line}: {message}{}", hint.as_ref().map(|h| format!("\n\nhint: {h}")).unwrap_or_default())]
+    Invalid {
+        /// The file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        message: String,
+        /// What to do.
+        hint: Option<String>,
+    },
+    /// The model file cannot be made a world.
+    #[error("{file}: {message}{}", hint.as_ref().map(|h| format!("\n\nhint: {h}")).unwrap_or_default())]
+    Model {
+        /// The file.
+        file: String,
+        /// What is wrong, and where in it.
+        message: String,
+        /// What to do.
+        hint: Option<String>,
+    },
+}
+
+impl SceneError {
+    pub(crate) fn unknown(name: &str, known: &[&str]) -> Self {
+        let hint = nearest(name, known.iter().copied()).map_or_else(
+            || format!("built-in scenes are `{}`; a scene file's path ends in `.toml`, `.glb` or `.gltf`", known.join("`, `")),
+            |near| format!("did you mean `{near}`?"),
+        );
+        Self::Unknown { name: name.to_owned(), hint }
+    }
+
+    pub(crate) fn bad_seed(scene: &str, seed: &str) -> Self {
+        let hint = format!("the seed of a variant is a whole number from 0 to {}, as in `{scene}@17`", u64::MAX);
+        Self::Unknown { name: format!("{scene}@{seed}"), hint }
+    }
+
+    pub(crate) fn no_variants(file: &str, line: usize) -> Self {
+        let hint = "leave out `@` and the number, or say under `[vary]` what may change (docs/scene-format.md)".to_owned();
+        Self::Invalid { file: file.to_owned(), line, message: "this scene has no variants".to_owned(), hint: Some(hint) }
+    }
+
+    pub(crate) fn too_large(file: &str) -> Self {
+        Self::Invalid {
+            file: file.to_owned(),
+            line: 1,
+            message: format!("the file is longer than {MAX_BYTES} bytes"),
+            hint: Some("use templates, `places` and `repeat` for things that come often".to_owned()),
+        }
+    }
+}
+
+/// The candidate nearest to a word, if it is near enough to be meant (a third of its letters may differ).
+pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let distance = |c: &str| strsim::damerau_levenshtein(word, c);
+    let best = candidates.min_by_key(|c| distance(c))?;
+    (distance(best) <= 1 + word.chars().count() / 3).then_some(best)
+}
+
+/// The hint that a parser's message allows: the nearest of the names it lists between backticks.
+#[must_use]
+pub fn hint_from(message: &str) -> Option<String> {
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let wrong = quoted.next()?;
+    if !message.starts_with("unknown") {
+        return None;
+    }
+    let known: Vec<&str> = quoted.collect();
+    match nearest(wrong, known.iter().copied()) {
+        Some(near) => Some(format!("did you mean `{near}`?")),
+        None => Some(format!("known here: `{}`", known.join("`, `"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slip_of_the_finger_is_recognised() {
+        let message = "unknown field `colur`, expected one of `names`, `colour`, `kind`";
+        assert_eq!(hint_from(message).as_deref(), Some("did you mean `colour`?"));
+        assert_eq!(nearest("zebra", ["tower", "car"].into_iter()), None);
+    }
+}

@@ -1,0 +1,52 @@
+//! Scene files (`docs/scene-format.md`): from their text, by checked entries, to the scene.
+
+mod build;
+mod expand;
+mod model;
+mod motion;
+mod raw;
+mod shine;
+mod source;
+mod surface;
+mod variant;
+mod wrapper;
+
+use std::path::Path;
+
+use crate::error::SceneError;
+use crate::light::{Conditions, Shining};
+use crate::world::Scene;
+
+use self::raw::RawLight;
+use self::source::Source;
+
+/// The light of a scene that says nothing of it.
+pub(crate) fn own_light(conditions: &Conditions) -> Result<Shining, SceneError> {
+    shine::light_alone(&RawLight::default(), conditions, &Source::new("", "", None))
+}
+
+/// Reads a scene from its text; `file` names it in errors, `folder` is where it lies, none when only its text is known. With a seed,
+/// the variant of that seed.
+pub(crate) fn parse(
+    text: &str,
+    file: &str,
+    folder: Option<&Path>,
+    conditions: &Conditions,
+    seed: Option<u64>,
+) -> Result<Scene, SceneError> {
+    let source = Source::new(text, file, folder);
+    if wrapper::names_a_model(text) {
+        if seed.is_some() {
+            return Err(SceneError::no_variants(file, 1));
+        }
+        return wrapper::load(&source, conditions);
+    }
+    let mut raw = source.read()?;
+    let mut expanded = expand::expand(&raw, &source)?;
+    let Some(seed) = seed else { return build::build(&raw, expanded, conditions, &source) };
+    let mut conditions = *conditions;
+    variant::vary(&mut raw, &mut expanded, &mut conditions, seed, &source)?;
+    let mut scene = build::build(&raw, expanded, &conditions, &source)?;
+    scene.name = format!("{}@{seed}", scene.name);
+    Ok(scene)
+}

@@ -1,0 +1,219 @@
+//! Variants of a scene: laid out, coloured, peopled and lit otherwise, from a seed (`docs/scene-format.md`, "Variants").
+//!
+//! What may change stands in the file's `vary` tables. Each table draws from the seed and its own number alone, so a table
+//! more leaves what the others do as it was. A change that would put one thing into another, or something before the start,
+//! is drawn again, and given up after some tries.
+
+mod layout;
+mod paint;
+mod room;
+mod shape;
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use spf_core::rng::Draw;
+use toml::Spanned;
+
+use self::room::Room;
+use super::expand::{Expanded, Placed};
+use super::raw::RawScene;
+use super::raw::vary::{RawRepaint, RawVary, RawVaryLight};
+use super::source::Source;
+use crate::error::{SceneError, nearest};
+use crate::light::Conditions;
+
+/// Most tables of a kind.
+const MAX_TABLES: usize = 64;
+
+/// Turns a scene into its variant of that seed; light and weather that the conditions leave open are drawn too.
+pub(super) fn vary(
+    raw: &mut RawScene,
+    expanded: &mut Expanded,
+    conditions: &mut Conditions,
+    seed: u64,
+    source: &Source<'_>,
+) -> Result<(), SceneError> {
+    let Some(tables) = raw.vary.take() else { return Err(SceneError::no_variants(source.name(), 1)) };
+    check_number(&tables, source)?;
+    let mut room = Room::new(raw, &expanded.placed, &expanded.meshes);
+    if room.is_full() {
+        return Ok(());
+    }
+    for (table, number) in tables.shuffle.iter().zip(0..) {
+        let who = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
+        layout::shuffle(&who, &mut expanded.placed, &mut room, &mut Draw::new(seed, "vary shuffle", &[number]));
+    }
+    for (table, number) in tables.jitter.iter().zip(0..) {
+        let who = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
+        let reach = layout::Reach {
+            distance: within(&table.distance_m, "distance_m", 0.0, 1000.0, source)?,
+            turn_deg: table.turn_deg.as_ref().map_or(Ok(0.0), |v| within(v, "turn_deg", 0.0, 180.0, source))?,
+        };
+        let mut draw = Draw::new(seed, "vary jitter", &[number]);
+        let groups: Vec<&[usize]> = if table.together { vec![&who] } else { who.chunks(1).collect() };
+        for group in groups {
+            layout::jitter(group, reach, &mut expanded.placed, &mut room, &mut draw);
+        }
+    }
+    for (table, number) in tables.depart.iter().zip(0..) {
+        let who = select(&table.objects, &expanded.placed, Wanted::Moving, source)?;
+        layout::depart(&who, &mut expanded.placed, &mut room, &mut Draw::new(seed, "vary depart", &[number]));
+    }
+    for (table, number) in tables.add.iter().zip(0..) {
+        layout::add(table, raw, expanded, &mut room, &mut Draw::new(seed, "vary add", &[number]), source)?;
+    }
+    for (table, number) in tables.repaint.iter().zip(0..) {
+        let mut draw = Draw::new(seed, "vary repaint", &[number]);
+        repaint(table, raw, expanded, &room, &mut draw, source)?;
+    }
+    paint::rename(&mut expanded.placed);
+    relight(&tables.light, raw, conditions, seed, source)
+}
+
+/// Refuses more tables than anyone writes: each costs some work.
+fn check_number(tables: &RawVary, source: &Source<'_>) -> Result<(), SceneError> {
+    let numbers = [tables.shuffle.len(), tables.jitter.len(), tables.repaint.len(), tables.depart.len(), tables.add.len()];
+    if numbers.iter().all(|number| *number <= MAX_TABLES) {
+        return Ok(());
+    }
+    Err(source.error(&(0..0), format!("there may be at most {MAX_TABLES} tables of each kind under `vary`"), None))
+}
+
+/// Other colours for the things of one table: each colour once before one comes again.
+fn repaint(
+    table: &RawRepaint,
+    raw: &RawScene,
+    expanded: &mut Expanded,
+    room: &Room,
+    draw: &mut Draw,
+    source: &Source<'_>,
+) -> Result<(), SceneError> {
+    let who = select(&table.objects, &expanded.placed, Wanted::Any, source)?;
+    let colours = paint::order(table.colours.get_ref(), draw);
+    if colours.is_empty() {
+        let hint = "write `{ red = \"red_paint\" }`".to_owned();
+        return Err(source.error(&table.colours.span(), "`colours` is empty", Some(hint)));
+    }
+    for (&object, (word, material)) in who.iter().zip(colours.iter().cycle()) {
+        let slots = expanded.meshes[expanded.placed[object].mesh].slots();
+        if object == who[0] || slots.iter().all(|(slot, _)| *slot != table.slot) {
+            paint::check(table.colours.get_ref(), &table.slot, slots, raw, &table.objects.span(), source)?;
+        }
+        let thing = &mut expanded.placed[object];
+        if room.spend(paint::text_length(thing)) {
+            paint::paint(thing, &table.slot, word, material);
+        }
+    }
+    Ok(())
+}
+
+/// Light, weather and the sun's place.
+fn relight(
+    table: &RawVaryLight,
+    raw: &mut RawScene,
+    conditions: &mut Conditions,
+    seed: u64,
+    source: &Source<'_>,
+) -> Result<(), SceneError> {
+    let pick = |draw: &mut Draw, n: usize| (n > 0).then(|| draw.below(n));
+    let (mut time, mut weather) = (Draw::new(seed, "vary time", &[]), Draw::new(seed, "vary weather", &[]));
+    let drawn = pick(&mut time, table.times.len()).map(|i| table.times[i]);
+    conditions.lighting = conditions.lighting.or(drawn);
+    conditions.weather = conditions.weather.or(pick(&mut weather, table.weathers.len()).map(|i| table.weathers[i]));
+    let mut sun = Draw::new(seed, "vary sun", &[]);
+    let mut between = |range: &Option<Spanned<[f64; 2]>>, low: f64, high: f64| {
+        let share = sun.uniform();
+        range.as_ref().map(|range| {
+            let [from, to] = *range.get_ref();
+            if !(low <= from && from <= to && to <= high) {
+                let message = format!("a range rises from {low} at least to {high} at most");
+                return Err(source.error(&range.span(), message, Some("write `[20.0, 60.0]`".to_owned())));
+            }
+            Ok(Spanned::new(range.span(), from + (to - from) * share))
+        })
+    };
+    if let Some(azimuth) = between(&table.sun_azimuth_deg, -360.0, 360.0).transpose()? {
+        raw.light.sun_azimuth_deg = Some(azimuth);
+    }
+    if let Some(elevation) = between(&table.sun_elevation_deg, 1.0, 90.0).transpose()? {
+        raw.light.sun_elevation_deg = Some(elevation);
+    }
+    Ok(())
+}
+
+/// Which objects a table may name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wanted {
+    Still,
+    Moving,
+    Any,
+}
+
+/// The objects of some ids; the id of a row means all of it. In the order of the scene, each once.
+fn select(ids: &Spanned<Vec<String>>, placed: &[Placed], wanted: Wanted, source: &Source<'_>) -> Result<Vec<usize>, SceneError> {
+    let error = |message: String, hint: Option<String>| source.error(&ids.span(), message, hint);
+    let mut known: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (at, object) in placed.iter().enumerate() {
+        known.entry(&object.key).or_default().push(at);
+        let row = object.key.rsplit_once('_').filter(|(_, n)| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()));
+        if let Some((row, _)) = row {
+            known.entry(row).or_default().push(at);
+        }
+    }
+    let mut chosen = vec![false; placed.len()];
+    for id in ids.get_ref() {
+        let found = known.get(id.as_str());
+        for &at in found.into_iter().flatten() {
+            let object = &placed[at];
+            if wanted != Wanted::Any && object.motion.is_some() != (wanted == Wanted::Moving) {
+                let message = if wanted == Wanted::Moving { "does not move by itself" } else { "moves by itself" };
+                return Err(error(format!("`{}` {message}", object.key), Some("other tables of `vary` fit it".to_owned())));
+            }
+            if object.opening_of.is_some() {
+                let hint = "an opening goes with its object".to_owned();
+                return Err(error(format!("`{}` is an opening", object.key), Some(hint)));
+            }
+            chosen[at] = true;
+        }
+        if found.is_none() {
+            let near = nearest(id, placed.iter().map(|object| object.key.as_str()));
+            return Err(error(format!("no object `{id}`"), near.map(|near| format!("did you mean `{near}`?"))));
+        }
+    }
+    Ok((0..placed.len()).filter(|&object| chosen[object]).collect())
+}
+
+/// A number within limits.
+fn within(value: &Spanned<f64>, key: &str, low: f64, high: f64, source: &Source<'_>) -> Result<f64, SceneError> {
+    let v = *value.get_ref();
+    if (low..=high).contains(&v) {
+        return Ok(v);
+    }
+    Err(source.error(&value.span(), format!("`{key}` must be from {low} to {high}, not `{v}`"), None))
+}
+
+/// A random order of `0..n` (Fisher and Yates).
+fn permutation(n: usize, draw: &mut Draw) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..n).collect();
+    for i in (1..n).rev() {
+        order.swap(i, draw.below(i + 1));
+    }
+    order
+}
+
+/// Where in the text a table stands.
+type Span = Range<usize>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_permutation_has_everything_once() {
+        let mut order = permutation(20, &mut Draw::new(3, "test", &[]));
+        assert_ne!(order, (0..20).collect::<Vec<_>>());
+        order.sort_unstable();
+        assert_eq!(order, (0..20).collect::<Vec<_>>());
+    }
+}

@@ -1,0 +1,307 @@
+//! What stands where: whether things have room at other places.
+
+use core::cell::Cell;
+
+use glam::DVec2;
+
+use super::super::expand::Placed;
+use super::super::raw::RawScene;
+use super::shape::{Place, Print, Shape, distance};
+use crate::actors::{Actor, Course, Gait};
+use crate::limits::MAX_TRIANGLES;
+use crate::mesh::{Generator, Sketch};
+use crate::pose::parse_pose;
+
+/// What keeps its foot this near to a top stands on it, metres.
+const ON_TOP: f64 = 0.06;
+/// Room above the ways of persons and vehicles, metres: a crown or a jib is walked under.
+const HEAD: f64 = 2.2;
+const ROOF: f64 = 4.0;
+/// Vehicles cut corners by less than this, metres.
+const CUT: f64 = 0.3;
+/// Free of what moves: the start's surroundings, and a way ahead; as multiples of the scene's success radius.
+const START_ROOM: f64 = 0.6;
+const START_VIEW: f64 = 1.6;
+/// Height of the free room over the start, metres.
+const START_HEIGHT: f64 = 8.0;
+/// Work spent on one variant, in units of about ten nanoseconds: whatever a file asks for, there is an end, the same everywhere.
+const EFFORT: u64 = 60_000_000;
+/// Work of one edge against a mesh, with its shifts, and of one triangle drawn and measured.
+const EDGE_EFFORT: u64 = 500;
+const TRIANGLE_EFFORT: u64 = 40;
+/// Work of comparing where one actor begins with where another does.
+const ACTOR_EFFORT: u64 = 100;
+
+/// A thing that shall stand elsewhere.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Move {
+    pub(super) object: usize,
+    pub(super) place: Place,
+    /// Who stands there now, itself when it only moves a little: what that one touches may be touched, a chair its desk. None
+    /// for what is new: it touches nothing.
+    pub(super) tenant: Option<usize>,
+}
+
+/// The way of an actor: points, and how far it needs room about them.
+#[derive(Clone, Debug)]
+struct Way {
+    points: Vec<DVec2>,
+    reach: f64,
+    height: f64,
+}
+
+/// The room of a scene. Things are numbered as in the list of objects.
+#[derive(Debug)]
+pub(super) struct Room {
+    shapes: Vec<Shape>,
+    places: Vec<Place>,
+    prints: Vec<Print>,
+    /// Of an opening: what it leads through.
+    owners: Vec<Option<usize>>,
+    /// Actors with their objects.
+    courses: Vec<(usize, Course)>,
+    ways: Vec<Way>,
+    start: Vec<Print>,
+    /// East and north, from and to.
+    bounds: [[f64; 2]; 2],
+    triangles: usize,
+    effort: Cell<u64>,
+}
+
+impl Room {
+    /// The room of a scene as its file lays it out.
+    pub(super) fn new(raw: &RawScene, placed: &[Placed], meshes: &[Box<dyn Generator>]) -> Self {
+        let bounds = raw.bounds.get_ref();
+        let mut room = Self {
+            shapes: Vec::new(),
+            places: Vec::new(),
+            prints: Vec::new(),
+            owners: Vec::new(),
+            courses: Vec::new(),
+            ways: Vec::new(),
+            start: start_room(raw),
+            bounds: [bounds.east, bounds.north],
+            triangles: 0,
+            effort: Cell::new(EFFORT),
+        };
+        for object in placed {
+            if room.is_full() {
+                break;
+            }
+            let owner = object.opening_of.as_ref().and_then(|(of, _)| placed.iter().position(|other| other.key == *of));
+            room.push(object, owner, meshes[object.mesh].as_ref());
+        }
+        room
+    }
+
+    /// Whether there are more triangles than a scene may have: it will be refused, however it is laid out.
+    pub(super) fn is_full(&self) -> bool {
+        self.triangles > MAX_TRIANGLES
+    }
+
+    /// Takes note of one thing more, at the end of the list.
+    pub(super) fn push(&mut self, object: &Placed, owner: Option<usize>, mesh: &dyn Generator) {
+        let mut sketch = Sketch::default();
+        mesh.draw(&mut sketch, &object.key);
+        self.triangles += sketch.triangle_count();
+        self.spend(TRIANGLE_EFFORT * sketch.triangle_count() as u64);
+        let shape = Shape::of(&sketch, object, mesh.is_opening());
+        let place = Place::of(object);
+        self.prints.push(shape.print(&place));
+        self.places.push(place);
+        self.owners.push(owner);
+        if let Some(motion) = &object.motion {
+            let actor = Actor { object: 0, motion: motion.clone(), postures: vec![shape.parts().to_vec()], outline: Vec::new() };
+            let course = Course::new(&actor, None);
+            let (points, radius) = course.way();
+            let (height, more) = if motion.gait == Gait::Walk { (HEAD, motion.aside) } else { (ROOF, CUT) };
+            self.ways.push(Way { points, reach: radius + more, height });
+            self.courses.push((self.shapes.len(), course));
+        }
+        self.shapes.push(shape);
+    }
+
+    /// Takes the last thing off the list again.
+    pub(super) fn pop(&mut self) {
+        let Some(shape) = self.shapes.pop() else { return };
+        self.triangles -= shape.triangles();
+        self.places.pop();
+        self.prints.pop();
+        self.owners.pop();
+        if self.courses.last().is_some_and(|(object, _)| *object == self.shapes.len()) {
+            self.courses.pop();
+            self.ways.pop();
+        }
+    }
+
+    /// Where something is now.
+    pub(super) fn place(&self, object: usize) -> Place {
+        self.places[object]
+    }
+
+    /// Whether there is work left to compare where actors begin.
+    pub(super) fn may_look_at_actors(&self) -> bool {
+        self.spend(ACTOR_EFFORT * self.courses.len() as u64)
+    }
+
+    /// Actors with their objects.
+    pub(super) fn courses(&mut self) -> &mut [(usize, Course)] {
+        &mut self.courses
+    }
+
+    /// Moves things, if they all have room, and what they open. `rigid`: they move as one, so that nothing changes among them.
+    pub(super) fn try_move(&mut self, moves: &[Move], rigid: bool, placed: &mut [Placed]) -> bool {
+        let moves = self.with_openings(moves);
+        let prints: Vec<Print> = moves.iter().map(|m| self.shapes[m.object].print(&m.place)).collect();
+        if !(0..moves.len()).all(|k| self.has_room(k, &moves, &prints, rigid)) {
+            return false;
+        }
+        for (m, print) in moves.iter().zip(prints) {
+            self.places[m.object] = m.place;
+            self.prints[m.object] = print;
+            placed[m.object].position = m.place.position;
+            placed[m.object].heading_deg = libm::remainder(m.place.heading_deg, 360.0);
+        }
+        true
+    }
+
+    /// Moves, and those of the openings that go with them.
+    fn with_openings(&self, moves: &[Move]) -> Vec<Move> {
+        let mut all = moves.to_vec();
+        for m in moves {
+            let openings =
+                (0..self.owners.len()).filter(|&opening| self.owners[opening] == Some(m.object) && opening != m.object);
+            all.extend(openings.map(|opening| {
+                let place = self.places[opening].carried(&self.places[m.object], &m.place);
+                Move { object: opening, place, tenant: Some(opening) }
+            }));
+        }
+        all
+    }
+
+    /// Whether one of some moves puts something where it has room.
+    fn has_room(&self, k: usize, moves: &[Move], prints: &[Print], rigid: bool) -> bool {
+        let (m, print) = (&moves[k], &prints[k]);
+        let points: usize = self.ways.iter().map(|way| way.points.len()).sum();
+        if !self.spend((self.shapes.len() + points) as u64) {
+            return false;
+        }
+        if self.shapes[m.object].is_passage() {
+            return self.is_free_passage(m.object, print, moves, prints);
+        }
+        let old = m.tenant.map(|tenant| &self.prints[tenant]);
+        let own = &self.prints[m.object];
+        let loads =
+            |other: usize| m.tenant.is_some() && self.shapes[other].is_solid() && own.carries(&self.prints[other], ON_TOP);
+        let clashes = |other: usize| {
+            let there = (other, &self.prints[other], &self.places[other]);
+            self.clash((m.object, print, &m.place), there, old.map(|old| (old, &self.prints[other])))
+        };
+        let clashes_on_the_way = |(n, at): (&Move, &Print)| {
+            let host = n.tenant.map(|tenant| &self.prints[tenant]);
+            self.clash((m.object, print, &m.place), (n.object, at, &n.place), old.zip(host))
+        };
+        let mut others = (0..self.shapes.len()).filter(|other| moves.iter().all(|m| m.object != *other));
+        self.is_within(print)
+            && !self.start.iter().any(|area| area.meets(print))
+            && self.ways.iter().all(|way| way.is_clear_of(print, old))
+            && !others.any(|other| loads(other) || clashes(other))
+            && (rigid || !moves[..k].iter().zip(prints).any(clashes_on_the_way))
+            && (m.tenant.is_none() || !self.has_footing(own) || self.has_footing(print))
+    }
+
+    /// Whether nothing solid but what it leads through stands in an opening or before it.
+    fn is_free_passage(&self, opening: usize, print: &Print, moves: &[Move], prints: &[Print]) -> bool {
+        let mut others = (0..self.shapes.len()).filter(|other| moves.iter().all(|m| m.object != *other));
+        let blocks =
+            |other: usize, at: &Print| self.owners[opening] != Some(other) && self.shapes[other].is_solid() && print.meets(at);
+        !others.any(|other| blocks(other, &self.prints[other])) && !moves.iter().zip(prints).any(|(m, at)| blocks(m.object, at))
+    }
+
+    /// Whether two things would stand in one another, or one of them in an opening. `before`: the prints that stood there, or
+    /// of those two themselves; what touched then may touch again, as long as no edge pierces the other's surface.
+    fn clash(&self, a: (usize, &Print, &Place), b: (usize, &Print, &Place), before: Option<(&Print, &Print)>) -> bool {
+        let (one, other) = (&self.shapes[a.0], &self.shapes[b.0]);
+        if !a.1.meets(b.1) || self.owners[b.0] == Some(a.0) || self.owners[a.0] == Some(b.0) {
+            return false;
+        }
+        if one.is_passage() || other.is_passage() {
+            return one.is_solid() || other.is_solid();
+        }
+        if !one.is_solid() || !other.is_solid() {
+            return false;
+        }
+        let touched = before.is_some_and(|(x, y)| x.meets(y));
+        let edges = 3 * (one.triangles() + other.triangles()) as u64;
+        !touched || !self.spend(EDGE_EFFORT * edges) || one.pierces(a.2, other, b.2)
+    }
+
+    /// Whether a foot keeps within the flying room.
+    fn is_within(&self, print: &Print) -> bool {
+        let (low, high) = print.extent();
+        let within = |from: f64, to: f64, [least, most]: [f64; 2]| from >= least && to <= most;
+        within(low.x, high.x, self.bounds[0]) && within(low.y, high.y, self.bounds[1])
+    }
+
+    /// Whether a foot stands on something, ground too.
+    fn has_footing(&self, print: &Print) -> bool {
+        self.prints.iter().any(|other| other.carries(print, ON_TOP))
+    }
+
+    /// Takes some of the work that is left; false when there is none.
+    pub(super) fn spend(&self, effort: u64) -> bool {
+        let left = self.effort.get().checked_sub(effort);
+        self.effort.set(left.unwrap_or(0));
+        left.is_some()
+    }
+
+    /// Whether no work is left.
+    pub(super) fn is_spent(&self) -> bool {
+        self.effort.get() == 0
+    }
+
+    /// Whether a thing that was just added at the end has room where it is.
+    pub(super) fn has_room_for_last(&self) -> bool {
+        let Some(object) = self.shapes.len().checked_sub(1) else { return false };
+        let new = [Move { object, place: self.places[object], tenant: None }];
+        self.has_room(0, &new, &self.prints[object..], false)
+    }
+}
+
+impl Way {
+    /// Whether what stands there leaves the way free, or at least as free as `old` did.
+    fn is_clear_of(&self, print: &Print, old: Option<&Print>) -> bool {
+        let clearance = self.clearance(print);
+        clearance >= self.reach || old.is_some_and(|old| clearance >= self.clearance(old))
+    }
+
+    /// Metres from the way to a foot; infinite beyond its reach.
+    fn clearance(&self, print: &Print) -> f64 {
+        let (low, high) = print.extent();
+        let near = |p: &DVec2| {
+            p.x + self.reach > low.x && p.x - self.reach < high.x && p.y + self.reach > low.y && p.y - self.reach < high.y
+        };
+        let to_foot = |p: DVec2| {
+            let hulls = print.below(self.height);
+            hulls.map(|hull| distance(p, hull)).fold(f64::INFINITY, f64::min)
+        };
+        self.points.iter().copied().filter(near).map(to_foot).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// About the start and before it.
+fn start_room(raw: &RawScene) -> Vec<Print> {
+    // What is no pose is refused when the scene is built.
+    let Some(pose) = parse_pose(raw.start.get_ref()) else { return Vec::new() };
+    let at = pose.position;
+    let start = Place { position: [at.east, at.north, at.up], heading_deg: pose.attitude.heading.to_degrees() };
+    let (room, view) = (START_ROOM * raw.success_radius_m.get_ref(), START_VIEW * raw.success_radius_m.get_ref());
+    let area = |corners: &[[f64; 2]]| {
+        let hull = corners.iter().map(|&c| start.on_map() + start.turned(DVec2::from_array(c))).collect();
+        Print::of_area(hull, [f64::NEG_INFINITY, at.up + START_HEIGHT])
+    };
+    vec![
+        area(&[[-room, -room], [room, -room], [room, room], [-room, room]]),
+        area(&[[-room, 0.0], [room, 0.0], [0.5 * view, view], [-0.5 * view, view]]),
+    ]
+}

@@ -1,0 +1,137 @@
+//! Where scenes come from (DESIGN.md section 5; `docs/scene-format.md`).
+//!
+//! [`Scene::load`] reads a built-in scene by name or a user's file by path, checks it, and builds its meshes. Object ids count
+//! from 1 in the order of the file, so the same file always gives the same ids.
+
+use std::path::Path;
+
+use crate::error::SceneError;
+use crate::file;
+use crate::gltf::{self, Wishes};
+use crate::light::Conditions;
+use crate::limits::MAX_BYTES;
+use crate::mesh::KINDS;
+use crate::world::Scene;
+
+/// The scenes that come with the program: name and text.
+const BUILT_IN: &[(&str, &str)] = &[
+    ("city", include_str!("../../../scenes/city.toml")),
+    ("park", include_str!("../../../scenes/park.toml")),
+    ("office", include_str!("../../../scenes/office.toml")),
+    ("yard", include_str!("../../../scenes/yard.toml")),
+];
+
+/// Whether a name is the path of a file that a scene can be read from.
+fn is_file(name: &str) -> bool {
+    gltf::is_model(name) || name.ends_with(".toml")
+}
+
+/// Splits the seed of a variant off a scene's name: `city@17` is variant 17 of `city`. What stands before the `@` must be a
+/// scene's name, so that other paths may have an `@`.
+fn split(name: &str) -> Result<(&str, Option<u64>), SceneError> {
+    let Some((scene, seed)) = name.rsplit_once('@') else { return Ok((name, None)) };
+    let is_scene = BUILT_IN.iter().any(|(known, _)| *known == scene) || is_file(scene);
+    if !is_scene {
+        return Ok((name, None));
+    }
+    let digits = !seed.is_empty() && seed.bytes().all(|b| b.is_ascii_digit());
+    match seed.parse() {
+        Ok(number) if digits => Ok((scene, Some(number))),
+        _ => Err(SceneError::bad_seed(scene, seed)),
+    }
+}
+
+impl Scene {
+    /// Loads a built-in scene by name (`city`, `park`), or a file by its path: a scene file, which ends in `.toml`, or a glTF 2.0 model,
+    /// which ends in `.glb` or `.gltf` (`docs/gltf.md`). With `@` and a number behind it (`city@17`), the variant of that seed.
+    ///
+    /// # Errors
+    /// [`SceneError::Unknown`] for a name that no built-in scene has, [`SceneError::Read`] if the file cannot be read,
+    /// [`SceneError::Invalid`] if it is no scene, with the line and a hint where there is one, [`SceneError::Model`] if a model
+    /// cannot be made a world.
+    pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
+        Self::load_with(name_or_path, &Conditions::default())
+    }
+
+    /// The same under other light and weather than the file's own.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn load_with(name_or_path: &str, conditions: &Conditions) -> Result<Self, SceneError> {
+        let (name_or_path, seed) = split(name_or_path)?;
+        if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
+            return file::parse(text, &format!("scenes/{name}.toml"), None, conditions, seed);
+        }
+        if gltf::is_model(name_or_path) {
+            if seed.is_some() {
+                return Err(SceneError::no_variants(name_or_path, 1));
+            }
+            return gltf::load(name_or_path, &Wishes::default(), file::own_light(conditions)?);
+        }
+        if !is_file(name_or_path) {
+            return Err(SceneError::unknown(name_or_path, &Self::built_in()));
+        }
+        let read = |source| SceneError::Read { path: name_or_path.to_owned(), source };
+        let length = std::fs::metadata(name_or_path).map_err(read)?.len();
+        if length > MAX_BYTES as u64 {
+            return Err(SceneError::too_large(name_or_path));
+        }
+        let text = std::fs::read_to_string(name_or_path).map_err(read)?;
+        file::parse(&text, name_or_path, Path::new(name_or_path).parent(), conditions, seed)
+    }
+
+    /// Reads a scene from its text; `file` names it in errors.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`].
+    pub fn parse(text: &str, file: &str) -> Result<Self, SceneError> {
+        file::parse(text, file, None, &Conditions::default(), None)
+    }
+
+    /// The variant of a seed of a scene from its text; `file` names it in errors.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`], also for a scene without `vary` tables.
+    pub fn parse_variant(text: &str, file: &str, seed: u64) -> Result<Self, SceneError> {
+        file::parse(text, file, None, &Conditions::default(), Some(seed))
+    }
+
+    /// Reads a scene from the bytes of a `.glb` or `.gltf` that names no other files; `file` names it in errors.
+    ///
+    /// # Errors
+    /// [`SceneError::Model`].
+    pub fn parse_model(bytes: &[u8], file: &str) -> Result<Self, SceneError> {
+        gltf::parse(bytes, file, None, &Wishes::default(), file::own_light(&Conditions::default())?)
+    }
+
+    /// Names of the built-in scenes.
+    #[must_use]
+    pub fn built_in() -> Vec<&'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name).collect()
+    }
+
+    /// Every kind of mesh that a scene file can name and the program draws, in alphabetical order.
+    #[must_use]
+    pub fn mesh_kinds() -> Vec<&'static str> {
+        KINDS.iter().map(|(name, _)| *name).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_seed_is_split_off_a_name() {
+        let parts = |name| split(name).unwrap();
+        assert_eq!(parts("city@17"), ("city", Some(17)));
+        assert_eq!(parts("city"), ("city", None));
+        assert_eq!(parts("a@b/yard.toml"), ("a@b/yard.toml", None));
+        assert_eq!(parts("a@b/yard.toml@3"), ("a@b/yard.toml", Some(3)));
+        assert_eq!(parts("me@home"), ("me@home", None));
+        for bad in ["city@", "city@-1", "city@+1", "city@1.5", "city@x", "city@18446744073709551616", "my.toml@a"] {
+            let error = split(bad).unwrap_err().to_string();
+            assert!(error.contains("whole number") && error.contains(bad), "{error}");
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! A world as everybody asks it: what stands where, what people call it, how it is lit.
+
+use serde::Serialize;
+use serde_json::json;
+use spf_core::craft::CraftKind;
+use spf_core::geometry::Pose;
+use spf_core::tags::Tagged;
+
+use crate::actors::Actor;
+use crate::bounds::Aabb;
+use crate::geometry::{ObjectId, Part, SceneGeometry};
+use crate::light::{Lighting, Weather};
+
+/// A loaded scene.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Name, as in the file.
+    pub name: String,
+    /// What it shows, in one line for people; empty when the file says nothing.
+    pub description: String,
+    /// Range at which the oracle believes a goal reached, metres: 3.0 in scenes of the simulation set, 0.8 in the real-world set.
+    pub near: f64,
+    /// The judge's radius about the nearest surface of the goal, metres.
+    pub success_radius: f64,
+    /// The envelope's greatest height above take-off here, metres: a room's ceiling for whoever starts on its floor. None where
+    /// the envelope's own will do. Not taken from `bounds`: a model's end at its roof, above which one may well fly.
+    pub max_altitude: Option<f64>,
+    /// The craft that flies here unless the user names another.
+    pub default_craft: CraftKind,
+    /// Where the craft stands before take-off.
+    pub start: Pose,
+    /// From where the scene is best shown in one picture.
+    pub preview: Pose,
+    /// Where flying makes sense; the ground may reach farther.
+    pub bounds: Aabb,
+    /// Everything that is seen, ids counting from 1.
+    pub objects: Vec<Object>,
+    /// The light in force.
+    pub lighting: Lighting,
+    /// The weather in force.
+    pub weather: Weather,
+    /// Meshes of what stands still, materials, light.
+    pub geometry: SceneGeometry,
+    /// What moves by itself, in the order of ids. Bounds and outlines of these objects are those of the beginning.
+    pub actors: Vec<Actor>,
+}
+
+/// One thing of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Object {
+    /// Its number in id pictures.
+    pub id: ObjectId,
+    /// Its name in the file, unique; repeated objects end in `_1`, `_2`, ….
+    pub key: String,
+    /// What people call it.
+    pub tags: Tags,
+    /// Kind of its mesh, one of [`Scene::mesh_kinds`], `model` for a model file placed as an object, or `gltf` for one out of a model that
+    /// is a world.
+    pub mesh: &'static str,
+    /// Whether it is an opening, a surface that hides and touches nothing.
+    pub opening: bool,
+    /// Extent of its meshes.
+    pub bounds: Aabb,
+    /// Footprint polygons for drawings seen from above, metres east and north, counter-clockwise.
+    pub outline: Vec<Vec<[f64; 2]>>,
+}
+
+/// What people call a thing and do with it. Lower case.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Tags {
+    /// What it is, most fitting first; never empty.
+    pub names: Vec<String>,
+    /// Other words for it.
+    pub synonyms: Vec<String>,
+    /// Adjectives besides the colour.
+    pub qualities: Vec<String>,
+    /// Main colour in words.
+    pub colour: Option<String>,
+    /// Category: building, vehicle, tree, tower, ….
+    pub kind: String,
+    /// What people do with it, as verbs or phrases.
+    pub uses: Vec<String>,
+    /// Where it belongs: construction site, car park, ….
+    pub group: Option<String>,
+    /// Number written on it or known by.
+    pub number: Option<u32>,
+    /// For an opening: the object it leads through.
+    pub opening_of: Option<ObjectId>,
+}
+
+impl Scene {
+    /// The object of an id; none for 0 (nothing) and ids beyond the list.
+    #[must_use]
+    pub fn object(&self, id: ObjectId) -> Option<&Object> {
+        self.objects.get(usize::from(id).checked_sub(1)?)
+    }
+
+    /// The meshes of everything: what stands still in the world, what moves in its own frame and first posture.
+    pub fn meshes(&self) -> impl Iterator<Item = &Part> {
+        self.geometry.parts.iter().chain(self.actors.iter().filter_map(|actor| actor.postures.first()).flatten())
+    }
+
+    /// The object of a key.
+    #[must_use]
+    pub fn by_key(&self, key: &str) -> Option<&Object> {
+        self.objects.iter().find(|o| o.key == key)
+    }
+
+    /// The tags of all objects as the oracle and the truth read them, in the order of their ids.
+    #[must_use]
+    pub fn tagged(&self) -> Vec<Tagged> {
+        let tagged = |o: &Object| Tagged {
+            id: o.id,
+            key: o.key.clone(),
+            names: o.tags.names.clone(),
+            synonyms: o.tags.synonyms.clone(),
+            colour: o.tags.colour.clone(),
+            kind: o.tags.kind.clone(),
+            qualities: o.tags.qualities.clone(),
+            uses: o.tags.uses.clone(),
+            opening: o.opening,
+            opening_of: o.tags.opening_of.and_then(|id| self.object(id)).map(|of| of.key.clone()),
+        };
+        self.objects.iter().map(tagged).collect()
+    }
+
+    /// The legend of an id picture: `{"scene": …, "objects": [{"id": 1, "key": …, "opening": …, "tags": {…}, "bounds": {…}}]}`.
+    #[must_use]
+    pub fn legend_json(&self) -> serde_json::Value {
+        let objects: Vec<_> = self
+            .objects
+            .iter()
+            .map(|o| json!({ "id": o.id, "key": o.key, "opening": o.opening, "tags": o.tags, "bounds": o.bounds }))
+            .collect();
+        json!({ "scene": self.name, "objects": objects })
+    }
+}

@@ -1,0 +1,71 @@
+//! Faults from a file that is read again whenever it changes.
+
+use std::path::PathBuf;
+use std::time::SystemTime;
+
+use spf_core::fault::{FaultMachine, FaultPlan};
+use spf_core::time::{Duration, Time};
+
+use super::error::ServerError;
+
+/// How often the file of faults is looked at.
+const FAULTS_LOOK: Duration = Duration::from_millis(250);
+
+/// Where faults come from.
+#[derive(Clone, Debug)]
+pub enum FaultSource {
+    /// These, for good.
+    Plan(FaultPlan),
+    /// A TOML file, read again whenever it changes: faults are switched while it flies.
+    File(PathBuf),
+}
+
+/// The faults that are wanted now.
+pub(super) fn read(source: &FaultSource) -> Result<FaultPlan, ServerError> {
+    match source {
+        FaultSource::Plan(plan) => Ok(plan.clone()),
+        FaultSource::File(path) => {
+            let failed = |source| ServerError::FaultFile { path: path.clone(), source };
+            let text = std::fs::read_to_string(path).map_err(failed)?;
+            toml::from_str(&text).map_err(|source| ServerError::FaultSyntax { path: path.clone(), source: Box::new(source) })
+        }
+    }
+}
+
+/// Looks whether the file of faults has changed.
+pub(super) struct Watch {
+    source: FaultSource,
+    seed: u64,
+    seen: Option<SystemTime>,
+    look_at: Time,
+}
+
+impl Watch {
+    pub(super) fn new(source: FaultSource, seed: u64) -> Self {
+        let mut watch = Self { source, seed, seen: None, look_at: Time::ZERO };
+        watch.seen = watch.changed();
+        watch
+    }
+
+    fn changed(&self) -> Option<SystemTime> {
+        let FaultSource::File(path) = &self.source else { return None };
+        std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok()
+    }
+
+    /// The new faults, when there are any. A file that makes no sense changes nothing.
+    pub(super) fn look(&mut self, now: Time) -> Option<FaultMachine> {
+        if now < self.look_at {
+            return None;
+        }
+        self.look_at = now + FAULTS_LOOK;
+        let changed = self.changed().filter(|at| self.seen != Some(*at))?;
+        self.seen = Some(changed);
+        match read(&self.source).and_then(|plan| Ok(FaultMachine::new(plan, self.seed)?)) {
+            Ok(machine) => Some(machine),
+            Err(error) => {
+                tracing::warn!(%error, "the changed faults are refused; the old ones stay");
+                None
+            }
+        }
+    }
+}
