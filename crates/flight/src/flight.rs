@@ -59,6 +59,7 @@ pub struct FlightPlan {
 }
 
 /// With what craft, and where.
+#[allow(clippy::large_enum_variant, reason = "there is one a flight, and it is moved twice")]
 pub enum Site {
     /// Simulated in a scene, judged by its truth.
     Simulated(Simulated),

@@ -121,13 +121,16 @@ impl Body {
     }
 }
 
+/// Answers a query about what was seen.
+type Answerer = dyn FnMut(&Query, &Seen) -> Answer;
+
 /// The flight and what was seen of it.
 pub(crate) struct Flight {
     pub(crate) pilot: Pilot,
     body: Body,
     pub(crate) now: Time,
     steps: u64,
-    vlm: Box<dyn FnMut(&Query, &Seen) -> Answer>,
+    vlm: Box<Answerer>,
     coming: Vec<(Time, Event)>,
     /// Truth of each capture, by frame number.
     pub(crate) frames: Vec<Seen>,

@@ -196,12 +196,10 @@ fn tags(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<
 }
 
 /// The kind of an object's mesh, what draws it, and the model that it is.
-fn generator(
-    object: &RawObject,
-    models: &mut Models,
-    span: &Range<usize>,
-    source: &Source<'_>,
-) -> Result<(&'static str, Box<dyn Generator>, Option<usize>), SceneError> {
+type Drawing = (&'static str, Box<dyn Generator>, Option<usize>);
+
+/// How an object is drawn.
+fn generator(object: &RawObject, models: &mut Models, span: &Range<usize>, source: &Source<'_>) -> Result<Drawing, SceneError> {
     let Some(mesh) = &object.mesh else {
         let hint = "write `mesh = { kind = \"tree\", style = \"conifer\", height = 9.0 }`".to_owned();
         return Err(source.error(span, "an object has no `mesh`", Some(hint)));
