@@ -254,7 +254,7 @@ impl Vlm for Nobody {
 pub fn plan(drone: Box<dyn Drone>, clock: Clock, operator: Receiver<OperatorEvent>, interrupts: Arc<AtomicU32>) -> FlightPlan {
     let (site, nobody) = (Site::Real(Real { drone, clock }), Arc::new(|_: Option<&_>, _| Ok(Box::new(Nobody) as Box<dyn Vlm>)));
     let plan = FlightPlan::new(site, "measure", "nobody", nobody);
-    FlightPlan { policy: Arc::new(PolicyKind::Plain), operator: Some(operator), interrupts, ..plan }
+    FlightPlan { policy: Arc::new(PolicyKind::plain()), operator: Some(operator), interrupts, ..plan }
 }
 
 /// Flies the routine, some 45 s, with 3 m free ahead and 2 m above the take-off point. `full` is what the drone was connected with,

@@ -94,7 +94,7 @@ impl FlightPlan {
             limits: site.limits(),
             site,
             instruction: instruction.to_owned(),
-            policy: Arc::new(PolicyKind::Spf),
+            policy: Arc::new(PolicyKind::spf()),
             preset: Preset::Default,
             settings: PilotSettings::preset(Preset::Default),
             vlm: vlm.to_owned(),

@@ -13,6 +13,7 @@ pub mod glass;
 pub mod keys;
 pub mod ledger;
 pub mod log;
+pub mod methods;
 pub mod picture;
 pub mod pilot;
 pub mod policy;

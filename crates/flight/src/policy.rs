@@ -1,4 +1,6 @@
-//! Which policy decides a flight.
+//! Which policy decides a flight: a row of the [table of methods](crate::methods), and what it makes.
+
+use core::fmt;
 
 use spf_baselines::pivot::{Pivot, PivotSettings};
 use spf_baselines::plain::{Plain, PlainSettings, prompt_kind};
@@ -11,86 +13,104 @@ use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::prompt::PromptKind;
 use spf_core::step::StepRule;
 
+use crate::methods::{Family, MethodRow, rows};
 use crate::pilot::{PolicyMaker, PolicyParts};
-
-/// Which policy decides.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PolicyKind {
-    /// Points (the method).
-    Spf,
-    /// Points, and in obstacle mode boxes from a detector in place of the reply's.
-    SpfDetector,
-    /// Text actions (the baseline).
-    Plain,
-    /// The same as four numbers.
-    PlainNumeric,
-    /// The same as one of a few fixed moves.
-    PlainDiscrete,
-    /// Choices among numbered arrows (the PIVOT baseline).
-    Pivot,
-    /// The same three times at once, agreeing on the mean.
-    PivotParallel,
-    /// Programs written from a list of detections (the TypeFly baseline), with replanning and every object listed.
-    TypeFly,
-    /// The same with only the classes of COCO listed.
-    TypeFlyCoco,
-    /// The same as SPF was compared with: classes of COCO, one program, "go to" as one turn and one hop.
-    TypeFlyOnce,
-}
 
 /// Metres that PIVOT flies at a time where the settings name no fixed step: the median of SPF's in rooms and yards, for the craft
 /// may be in one (docs/baselines.md).
 const PIVOT_STEP: f64 = 1.9;
 
+/// Which policy decides: a row of the table of methods that `spf fly` may name.
+#[derive(Clone, Copy)]
+pub struct PolicyKind(&'static MethodRow);
+
 impl PolicyKind {
     /// All, in the order of help texts.
-    pub const ALL: [Self; 10] = [
-        Self::Spf,
-        Self::SpfDetector,
-        Self::Plain,
-        Self::PlainNumeric,
-        Self::PlainDiscrete,
-        Self::Pivot,
-        Self::PivotParallel,
-        Self::TypeFly,
-        Self::TypeFlyCoco,
-        Self::TypeFlyOnce,
-    ];
-
-    /// Its name on the command line.
     #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Spf => "spf",
-            Self::SpfDetector => "spf-detector",
-            Self::Plain => "plain",
-            Self::PlainNumeric => "plain-numeric",
-            Self::PlainDiscrete => "plain-discrete",
-            Self::Pivot => "pivot",
-            Self::PivotParallel => "pivot-parallel",
-            Self::TypeFly => "typefly",
-            Self::TypeFlyCoco => "typefly-coco",
-            Self::TypeFlyOnce => "typefly-once",
-        }
+    pub fn all() -> Vec<Self> {
+        let mut all: Vec<Self> = rows().iter().filter(|row| row.fly.is_some()).map(Self).collect();
+        all.sort_by_key(|kind| kind.0.policy.place());
+        all
     }
 
     /// The policy of that name.
     #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
+        rows().iter().find(|row| row.fly.is_some() && row.name == name).map(Self)
+    }
+
+    /// The policy that decides the flights of a row, as their logs name it: itself, or that which it is a variant of.
+    #[must_use]
+    pub fn of_row(row: &MethodRow) -> Self {
+        Self::of(row.policy)
+    }
+
+    /// SPF with boxes from the reply.
+    #[must_use]
+    pub fn spf() -> Self {
+        Self::of(Family::Spf { detector: false })
+    }
+
+    /// Text actions in words.
+    pub(crate) fn plain() -> Self {
+        Self::of(Family::Plain { form: ActForm::Commands })
+    }
+
+    fn of(family: Family) -> Self {
+        let row = rows().iter().find(|row| row.fly.is_some() && row.policy == family);
+        Self(row.expect("what decides a row of the table has a name there, and the table is part of the program"))
+    }
+
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        &self.0.name
+    }
+
+    /// What help texts say of it in brackets.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        self.0.fly.as_deref().unwrap_or_default()
     }
 
     /// Which prompts it takes.
     #[must_use]
     pub fn prompt(self) -> PromptKind {
-        match self {
-            Self::Spf | Self::SpfDetector => PromptKind::Point,
-            Self::Plain => prompt_kind(ActForm::Commands),
-            Self::PlainNumeric => prompt_kind(ActForm::Numeric),
-            Self::PlainDiscrete => prompt_kind(ActForm::Discrete),
-            Self::Pivot | Self::PivotParallel => PromptKind::Choose,
-            Self::TypeFly | Self::TypeFlyCoco | Self::TypeFlyOnce => PromptKind::Program,
+        match self.0.policy {
+            Family::Spf { .. } => PromptKind::Point,
+            Family::Plain { form } => prompt_kind(form),
+            Family::Pivot { .. } => PromptKind::Choose,
+            Family::TypeFly { .. } => PromptKind::Program,
         }
+    }
+
+    /// Whether it takes boxes from a detector in obstacle mode.
+    #[must_use]
+    pub fn has_detector(self) -> bool {
+        self.0.policy == Family::Spf { detector: true }
+    }
+
+    /// The same with boxes from a detector in obstacle mode; `None` where the policy has no use for one.
+    #[must_use]
+    pub fn with_detector(self) -> Option<Self> {
+        match self.0.policy {
+            Family::Spf { .. } => Some(Self::of(Family::Spf { detector: true })),
+            _ => None,
+        }
+    }
+}
+
+impl PartialEq for PolicyKind {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name()
+    }
+}
+
+impl Eq for PolicyKind {}
+
+impl fmt::Debug for PolicyKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("PolicyKind").field(&self.name()).finish()
     }
 }
 
@@ -106,41 +126,8 @@ impl PolicyMaker for PolicyKind {
     fn policy(&self, parts: PolicyParts) -> Box<dyn Policy> {
         let PolicyParts { settings, craft, eyesight, prompt, seed } = parts;
         let image_size = eyesight.image_size;
-        match *self {
-            Self::Plain | Self::PlainNumeric | Self::PlainDiscrete => {
-                let form = match *self {
-                    Self::PlainNumeric => ActForm::Numeric,
-                    Self::PlainDiscrete => ActForm::Discrete,
-                    _ => ActForm::Commands,
-                };
-                let settings = PlainSettings { confirm_done: settings.confirm_done, image_size, form };
-                Box::new(Plain::new(settings).with_prompt(prompt))
-            }
-            Self::Pivot | Self::PivotParallel => {
-                let step = match settings.step {
-                    StepRule::Fixed(metres) => metres,
-                    StepRule::Adaptive { .. } => PIVOT_STEP,
-                };
-                let settings = PivotSettings {
-                    runs: if *self == Self::Pivot { 1 } else { 3 },
-                    lifting: settings.lifting,
-                    confirm_done: settings.confirm_done,
-                    image_size,
-                    seed,
-                    ..PivotSettings::published(craft, step)
-                };
-                Box::new(Pivot::new(settings).with_prompt(prompt))
-            }
-            Self::TypeFly | Self::TypeFlyCoco | Self::TypeFlyOnce => {
-                let settings = TypeFlySettings {
-                    replanning: *self != Self::TypeFlyOnce,
-                    coco: *self != Self::TypeFly,
-                    image_size,
-                    ..TypeFlySettings::new(craft)
-                };
-                Box::new(TypeFly::new(settings).with_prompt(prompt))
-            }
-            Self::Spf | Self::SpfDetector => {
+        match self.0.policy {
+            Family::Spf { detector } => {
                 let settings = SpfSettings {
                     step: settings.step,
                     lifting: settings.lifting,
@@ -155,8 +142,57 @@ impl PolicyMaker for PolicyKind {
                     },
                 };
                 let spf = Spf::new(settings).with_prompt(prompt);
-                Box::new(if *self == Self::SpfDetector { spf.with_detector() } else { spf })
+                Box::new(if detector { spf.with_detector() } else { spf })
             }
+            Family::Plain { form } => {
+                let settings = PlainSettings { confirm_done: settings.confirm_done, image_size, form };
+                Box::new(Plain::new(settings).with_prompt(prompt))
+            }
+            Family::Pivot { runs } => {
+                let step = match settings.step {
+                    StepRule::Fixed(metres) => metres,
+                    StepRule::Adaptive { .. } => PIVOT_STEP,
+                };
+                let settings = PivotSettings {
+                    runs,
+                    lifting: settings.lifting,
+                    confirm_done: settings.confirm_done,
+                    image_size,
+                    seed,
+                    ..PivotSettings::published(craft, step)
+                };
+                Box::new(Pivot::new(settings).with_prompt(prompt))
+            }
+            Family::TypeFly { coco, replanning } => {
+                let settings = TypeFlySettings { replanning, coco, image_size, ..TypeFlySettings::new(craft) };
+                Box::new(TypeFly::new(settings).with_prompt(prompt))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_decides_a_row_has_a_name() {
+        for row in rows() {
+            let kind = PolicyKind::of_row(row);
+            assert_eq!(PolicyKind::of_name(kind.name()), Some(kind), "{}", row.name);
+            assert!(row.fly.is_none() || kind.name() == row.name, "{}", row.name);
+        }
+        assert_eq!((PolicyKind::spf().name(), PolicyKind::plain().name()), ("spf", "plain"));
+        assert_eq!(PolicyKind::of_name("spf-paper"), None, "a method of the bench alone is no policy");
+    }
+
+    #[test]
+    fn only_points_come_with_a_detector() {
+        let detector = PolicyKind::of_name("spf-detector").unwrap();
+        assert!(detector.has_detector() && !PolicyKind::spf().has_detector());
+        for kind in PolicyKind::all() {
+            let wanted = (kind.prompt() == PromptKind::Point).then_some(detector);
+            assert_eq!(kind.with_detector(), wanted, "{kind:?}");
         }
     }
 }

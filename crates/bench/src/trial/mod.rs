@@ -181,7 +181,7 @@ impl Trial {
     /// the default one. Both know COCO's classes only.
     fn detector(&self) -> Option<String> {
         let own = provider(self.vlm()) == "oracle";
-        (self.method == Method::SpfDetector).then(|| if own { self.vlm() } else { DETECTOR }.to_owned())
+        self.method.policy().has_detector().then(|| if own { self.vlm() } else { DETECTOR }.to_owned())
     }
 
     fn with_detector(&self, who: WhoPoints) -> WhoPoints {

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use super::methods;
+
 /// Folder that results go to, and a report is about, unless another is named.
 const RESULTS: &str = "bench-results";
 
@@ -43,10 +45,7 @@ pub(crate) struct BenchRun {
     /// A task by its name or its file; can be given several times
     #[arg(long, value_name = "ID|FILE")]
     pub(crate) task: Vec<String>,
-    /// Methods, joined by commas: spf, spf-paper, spf-detector, spf-step-median, spf-step-1m, spf-sequential, spf-timed, spf-stop,
-    /// spf-stop-sequential, pivot, pivot-1m, pivot-parallel, typefly, typefly-coco, typefly-once, plain, plain-numeric,
-    /// plain-discrete, straight [default: spf, or those of the suite]
-    #[arg(long, value_name = "LIST")]
+    #[arg(long, value_name = "LIST", help = methods::methods())]
     pub(crate) method: Option<String>,
     /// Who points, joined by commas: as for `spf fly --vlm`; `oracle:default@3s` answers after 3 s each time
     /// [default: oracle:default, or those of the suite]

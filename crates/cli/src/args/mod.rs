@@ -6,6 +6,7 @@
 mod bench;
 mod ground;
 mod log;
+mod methods;
 mod serve;
 mod sim;
 mod tello;
@@ -201,9 +202,7 @@ pub(crate) struct MethodArgs {
     /// With a real drone: take off without asking the VLM about pictures of a dot first
     #[arg(long)]
     pub(crate) no_vlm_check: bool,
-    /// How decisions are made: spf (points); spf-detector (see --detector); plain, plain-numeric, plain-discrete (text actions); pivot, pivot-parallel
-    /// (numbered arrows); typefly, typefly-coco, typefly-once (programs) [default: spf]
-    #[arg(long, value_name = "POLICY")]
+    #[arg(long, value_name = "POLICY", help = methods::policies())]
     pub(crate) policy: Option<String>,
     /// Named set of choices: default (the best we know) or paper (the paper's constants and manner) [default: default]
     #[arg(long, value_name = "PRESET")]

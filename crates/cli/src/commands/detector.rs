@@ -22,14 +22,14 @@ pub(crate) fn manner(
     method: PilotSettings,
 ) -> Result<(PolicyKind, PilotSettings), CliError> {
     let named = settings.fly.detector.text().is_some();
-    if !named && policy != PolicyKind::SpfDetector {
+    if !named && !policy.has_detector() {
         return Ok((policy, method));
     }
-    if !matches!(policy, PolicyKind::Spf | PolicyKind::SpfDetector) {
+    let Some(policy) = policy.with_detector() else {
         return Err(CliError::usage(format!("the policy {} has no obstacle mode with a detector", policy.name()))
             .hint("--detector goes with --policy spf; typefly has lists of its own"));
-    }
-    Ok((PolicyKind::SpfDetector, PilotSettings { avoid: true, ..method }))
+    };
+    Ok((policy, PilotSettings { avoid: true, ..method }))
 }
 
 /// Who points, with the detector beside them, and its name; none where the policy has no use for one.
@@ -38,7 +38,7 @@ pub(crate) fn beside(
     policy: PolicyKind,
     pointing: Pointing,
 ) -> Result<(Pointing, Option<String>), CliError> {
-    if policy != PolicyKind::SpfDetector {
+    if !policy.has_detector() {
         return Ok((pointing, None));
     }
     let name = match settings.fly.detector.text() {

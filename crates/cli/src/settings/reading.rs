@@ -155,7 +155,7 @@ impl Words for CraftKind {
 
 impl Words for PolicyKind {
     fn words() -> Vec<(&'static str, Self)> {
-        Self::ALL.map(|kind| (kind.name(), kind)).to_vec()
+        Self::all().into_iter().map(|kind| (kind.name(), kind)).collect()
     }
 }
 

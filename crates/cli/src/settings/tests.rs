@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{CommandFactory, Parser};
 use proptest::prelude::*;
+use spf_flight::policy::PolicyKind;
 
 use super::Settings;
 use super::flags::Flags;
@@ -53,6 +54,20 @@ fn every_key_has_its_own_name_variable_and_flag() {
 fn every_default_can_be_read() {
     let said: Vec<String> = check_all(&Settings::default()).iter().map(ToString::to_string).collect();
     assert_eq!(said, Vec::<String>::new());
+}
+
+/// Names of one beginning are told together, as `pivot[-parallel]`.
+#[test]
+fn the_meaning_of_the_policy_tells_every_name() {
+    let all = PolicyKind::all();
+    let stem = |kind: &PolicyKind| kind.name().split('-').next().unwrap_or_default();
+    let kinds = all.chunk_by(|one, next| stem(one) == stem(next)).map(|kind| {
+        let rest: Vec<&str> =
+            kind.iter().map(|policy| &policy.name()[stem(policy).len()..]).filter(|rest| !rest.is_empty()).collect();
+        if rest.is_empty() { stem(&kind[0]).to_owned() } else { format!("{}[{}]", stem(&kind[0]), rest.join("|")) }
+    });
+    let told = format!("how decisions are made: {}", kinds.collect::<Vec<_>>().join(", "));
+    assert_eq!(row(&Settings::default(), "fly.policy").key().doc, told);
 }
 
 #[test]

@@ -31,6 +31,11 @@ fn settings() -> PilotSettings {
     PilotSettings { max_time, reply_timeout, ..PilotSettings::preset(Preset::Default) }
 }
 
+/// The policy of a name.
+fn policy(name: &str) -> Arc<PolicyKind> {
+    Arc::new(PolicyKind::of_name(name).unwrap())
+}
+
 /// A flight with everything that a pilot can be told: frames, telemetry, replies good and bad, an operator.
 fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
     let kind = CraftKind::Quad;
@@ -89,7 +94,7 @@ fn a_flight_is_the_same_again_and_another_method_is_not() {
 #[test]
 fn other_policies_and_presets_are_the_same_again() {
     let folder = tempfile::tempdir().unwrap();
-    let plain = flown(&folder.path().join("plain"), |plan| plan.policy = Arc::new(PolicyKind::Plain));
+    let plain = flown(&folder.path().join("plain"), |plan| plan.policy = policy("plain"));
     assert_eq!(replayed(&plain, &Changes::default()).differences, []);
     let paper = flown(&folder.path().join("paper"), |plan| {
         let max_time = plan.settings.max_time;
@@ -103,7 +108,7 @@ fn other_policies_and_presets_are_the_same_again() {
 fn a_flight_with_a_detector_is_the_same_again() {
     let folder = tempfile::tempdir().unwrap();
     let log = flown(&folder.path().join("flight"), |plan| {
-        (plan.policy, plan.detector) = (Arc::new(PolicyKind::SpfDetector), Some("oracle:perfect".to_owned()));
+        (plan.policy, plan.detector) = (policy("spf-detector"), Some("oracle:perfect".to_owned()));
         plan.settings.avoid = true;
         let detector = oracle_points("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
         plan.who = with_detector(plan.who.clone(), detector);
@@ -128,7 +133,7 @@ fn a_flight_with_a_model_is_the_same_again() {
     std::fs::write(&file, made::model(&made::Export::default())).unwrap();
     let detector = Detector::open(&file).unwrap();
     let log = flown(&folder.path().join("flight"), |plan| {
-        (plan.policy, plan.detector) = (Arc::new(PolicyKind::SpfDetector), Some(detector.name().to_owned()));
+        (plan.policy, plan.detector) = (policy("spf-detector"), Some(detector.name().to_owned()));
         plan.settings.avoid = true;
         // The network is quick, but how quick is another matter each time: replay takes what the log has.
         plan.who = with_detector(plan.who.clone(), model_detects(detector));

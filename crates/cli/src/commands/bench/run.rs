@@ -136,9 +136,9 @@ fn tasks(args: &BenchRun) -> Result<(Vec<Arc<Task>>, Files), CliError> {
 
 fn method(name: &str) -> Result<Method, CliError> {
     Method::of_name(name).ok_or_else(|| {
-        let known = Method::ALL.map(Method::name);
+        let known: Vec<&str> = Method::all().map(Method::name).collect();
         let error = CliError::usage(format!("--method: there is no method `{name}`"));
-        match nearest(name, known) {
+        match nearest(name, known.iter().copied()) {
             Some(near) => error.hint(format!("did you mean `{near}`?")),
             None => error.hint(format!("methods: {}", known.join(", "))),
         }

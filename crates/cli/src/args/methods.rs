@@ -1,0 +1,20 @@
+//! What help says of the ways of flying that have a name, from their table.
+
+use spf_bench::trial::Method;
+use spf_flight::policy::PolicyKind;
+
+/// Of `--policy`: the names, those of one kind together.
+pub(super) fn policies() -> String {
+    let all = PolicyKind::all();
+    let kinds = all.chunk_by(|one, next| one.words() == next.words()).map(|kind| {
+        let names: Vec<&str> = kind.iter().map(|policy| policy.name()).collect();
+        format!("{} ({})", names.join(", "), kind[0].words())
+    });
+    format!("How decisions are made: {} [default: {}]", kinds.collect::<Vec<_>>().join("; "), PolicyKind::spf().name())
+}
+
+/// Of the bench's `--method`: the names.
+pub(super) fn methods() -> String {
+    let names: Vec<&str> = Method::all().map(Method::name).collect();
+    format!("Methods, joined by commas: {} [default: spf, or those of the suite]", names.join(", "))
+}

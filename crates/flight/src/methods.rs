@@ -1,0 +1,270 @@
+//! The table of methods: data that ships with the program (`data/methods.toml`). A row is a name that `spf fly --policy` takes, or
+//! the bench's `--method`, or both.
+
+use std::sync::LazyLock;
+
+use serde::Deserialize;
+use spf_core::actions::ActForm;
+use spf_core::executor::{Ending, Motion};
+use spf_core::lift::Lifting;
+use spf_core::pilot::{PilotSettings, Preset, Think};
+use spf_core::step::StepRule;
+use thiserror::Error;
+
+const SHIPPED: &str = include_str!("../data/methods.toml");
+
+static ROWS: LazyLock<Vec<MethodRow>> =
+    LazyLock::new(|| read(SHIPPED).unwrap_or_else(|error| panic!("crates/flight/data/methods.toml: {error}")));
+
+/// Runs of PIVOT at the same time, for no more queries are out at a time.
+const RUNS: std::ops::RangeInclusive<usize> = 1..=8;
+/// Lengths of a fixed step, metres: those that `spf fly --step` takes.
+const FIXED_M: std::ops::RangeInclusive<f64> = 0.05..=50.0;
+
+/// The rows of the table, in its order.
+///
+/// # Panics
+/// Never: a test reads the table.
+#[must_use]
+pub fn rows() -> &'static [MethodRow] {
+    &ROWS
+}
+
+/// A way of flying that has a name.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[cfg_attr(test, derive(serde::Serialize))]
+#[serde(deny_unknown_fields)]
+pub struct MethodRow {
+    /// Its name, on the command line, in logs and in results.
+    pub name: String,
+    /// What it is, in a line.
+    pub about: String,
+    /// Who decides.
+    pub policy: Family,
+    /// What the help of `spf fly --policy`, which then takes the name, says in brackets.
+    pub fly: Option<String>,
+    /// How the bench flies it, where it is one of its methods.
+    pub bench: Option<Manner>,
+}
+
+/// A family of policies, with what tells its members apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[cfg_attr(test, derive(serde::Serialize))]
+#[serde(tag = "family", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Family {
+    /// Points (the method).
+    Spf {
+        /// Whether boxes come from a detector in obstacle mode, in place of the reply's.
+        #[serde(default)]
+        detector: bool,
+    },
+    /// Text actions (the baseline).
+    Plain {
+        /// In which form actions are asked for.
+        #[serde(default)]
+        form: ActForm,
+    },
+    /// Choices among numbered arrows (the PIVOT baseline).
+    Pivot {
+        /// Runs at the same time, agreeing on their mean; 1 to 8.
+        #[serde(default = "one")]
+        runs: usize,
+    },
+    /// Programs written from a list of detections (the TypeFly baseline).
+    TypeFly {
+        /// Whether only the classes of COCO are listed.
+        #[serde(default)]
+        coco: bool,
+        /// Whether the planner is asked again; without it the first program is the only one, and "go to" one turn and one hop.
+        #[serde(default = "yes")]
+        replanning: bool,
+    },
+}
+
+impl Family {
+    /// Where its members stand in the help of `spf fly`.
+    pub(crate) fn place(self) -> usize {
+        match self {
+            Self::Spf { .. } => 0,
+            Self::Plain { .. } => 1,
+            Self::Pivot { .. } => 2,
+            Self::TypeFly { .. } => 3,
+        }
+    }
+}
+
+/// How the bench flies a method: what differs from the preset.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[cfg_attr(test, derive(serde::Serialize))]
+#[serde(default, deny_unknown_fields)]
+pub struct Manner {
+    /// The preset, where it is not [`Preset::Default`].
+    pub preset: Option<Preset>,
+    /// Step length.
+    pub step: Option<Step>,
+    /// Whether tilt and attitude take part in lifting.
+    pub lifting: Option<Lifting>,
+    /// One primitive after the other, or all at once.
+    pub motion: Option<Motion>,
+    /// Whether a primitive ends by time or by what was flown.
+    pub ending: Option<Ending>,
+    /// Whether the craft holds while the VLM thinks.
+    pub think: Option<Think>,
+    /// Whether a `done` needs a second look while holding.
+    pub confirm_done: Option<bool>,
+    /// Whether it flies straight on, looks at nothing and asks nobody.
+    pub blind: bool,
+}
+
+/// A step that does not depend on depth.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[cfg_attr(test, derive(serde::Serialize))]
+#[serde(rename_all = "snake_case")]
+pub enum Step {
+    /// The median of the steps that SPF flies in the scenes of the task's set.
+    Median,
+    /// Metres, 0.05 to 50.
+    FixedM(f64),
+}
+
+impl Manner {
+    /// The preset that it begins as.
+    #[must_use]
+    pub fn preset(&self) -> Preset {
+        self.preset.unwrap_or(Preset::Default)
+    }
+
+    /// The pilot's settings on a task where the median of SPF's steps is `median_m` metres.
+    #[must_use]
+    pub fn settings(&self, median_m: f64) -> PilotSettings {
+        let preset = PilotSettings::preset(self.preset());
+        PilotSettings {
+            step: match self.step {
+                None => preset.step,
+                Some(Step::Median) => StepRule::Fixed(median_m),
+                Some(Step::FixedM(metres)) => StepRule::Fixed(metres),
+            },
+            lifting: self.lifting.unwrap_or(preset.lifting),
+            motion: self.motion.unwrap_or(preset.motion),
+            ending: self.ending.unwrap_or(preset.ending),
+            think: self.think.unwrap_or(preset.think),
+            confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
+            ..preset
+        }
+    }
+}
+
+/// Why a table of methods is refused.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub(crate) enum MethodsError {
+    /// No TOML, an unknown key or word, or a value of the wrong type.
+    #[error("{0}")]
+    Format(String),
+    /// A name that cannot be typed in a list, or be a part of a trial's name.
+    #[error("`{0}` is no name: lower-case letters, digits and dashes between them, a letter first")]
+    Name(String),
+    /// A row without words about it.
+    #[error("`{0}` has no words about it")]
+    About(String),
+    /// Two rows with one name.
+    #[error("two rows are called `{0}`")]
+    Twice(String),
+    /// A row that nothing uses.
+    #[error("`{0}` is neither for `spf fly` nor for the bench")]
+    Unused(String),
+    /// A number out of its range.
+    #[error("`{key}` of `{name}` is {value}, but must be {must}")]
+    Value {
+        /// The row.
+        name: String,
+        /// The key.
+        key: &'static str,
+        /// What stood there.
+        value: f64,
+        /// The range in words.
+        must: &'static str,
+    },
+    /// A row of the bench whose flights' logs could name no policy.
+    #[error("no row for `spf fly` decides as `{0}` does, so that the logs of its flights could not name their policy")]
+    Nameless(String),
+    /// Two policies that are one.
+    #[error("`{0}` and `{1}` are both for `spf fly` and decide alike, so that a log could name either")]
+    Alike(String, String),
+    /// A blind control that would have to look.
+    #[error("`{0}` is blind, but of the policies only `plain` with commands can be answered without looking")]
+    Blind(String),
+}
+
+#[derive(Deserialize)]
+#[cfg_attr(test, derive(serde::Serialize))]
+#[serde(deny_unknown_fields)]
+struct File {
+    method: Vec<MethodRow>,
+}
+
+fn one() -> usize {
+    1
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// Reads a table.
+///
+/// # Errors
+/// [`MethodsError`], of the first row that is wrong.
+fn read(text: &str) -> Result<Vec<MethodRow>, MethodsError> {
+    let File { method: rows } =
+        toml::from_str(text).map_err(|error| MethodsError::Format(error.to_string().trim().to_owned()))?;
+    for (index, row) in rows.iter().enumerate() {
+        row.check()?;
+        let name = || row.name.clone();
+        if rows[..index].iter().any(|other| other.name == row.name) {
+            return Err(MethodsError::Twice(name()));
+        }
+        let alike = |other: &&MethodRow| other.fly.is_some() && other.policy == row.policy;
+        if let Some(other) = rows[..index].iter().find(alike).filter(|_| row.fly.is_some()) {
+            return Err(MethodsError::Alike(other.name.clone(), name()));
+        }
+        if !rows.iter().any(|other| alike(&other)) {
+            return Err(MethodsError::Nameless(name()));
+        }
+    }
+    Ok(rows)
+}
+
+impl MethodRow {
+    /// Whether it is one, whatever the others are.
+    fn check(&self) -> Result<(), MethodsError> {
+        let name = || self.name.clone();
+        let word = |part: &str| !part.is_empty() && part.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit());
+        if !self.name.starts_with(|c: char| c.is_ascii_lowercase()) || !self.name.split('-').all(word) {
+            return Err(MethodsError::Name(name()));
+        }
+        if self.about.trim().is_empty() || self.fly.as_deref().is_some_and(|words| words.trim().is_empty()) {
+            return Err(MethodsError::About(name()));
+        }
+        if self.fly.is_none() && self.bench.is_none() {
+            return Err(MethodsError::Unused(name()));
+        }
+        let wrong = |key, value, must| Err(MethodsError::Value { name: name(), key, value, must });
+        match self.policy {
+            Family::Pivot { runs } if !RUNS.contains(&runs) => return wrong("runs", runs as f64, "1 to 8"),
+            _ => {}
+        }
+        match self.bench {
+            // A NaN is in no range.
+            Some(Manner { step: Some(Step::FixedM(metres)), .. }) if !FIXED_M.contains(&metres) => {
+                wrong("fixed_m", metres, "0.05 to 50")
+            }
+            Some(Manner { blind: true, .. }) if self.policy != (Family::Plain { form: ActForm::Commands }) => {
+                Err(MethodsError::Blind(name()))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
