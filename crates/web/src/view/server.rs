@@ -131,10 +131,16 @@ async fn answer(listener: TcpListener, shared: Arc<Shared>) -> std::io::Result<(
         };
         drop(tokio::time::timeout(FAREWELL, all_gone).await);
     };
+    tokio::pin!(end);
     tokio::select! {
-        served = serving.into_future() => served,
-        () = end => Ok(()),
+        // Sockets of pages are none of its connections: it is often through before the pages are told.
+        served = serving.into_future() => {
+            served?;
+            end.await;
+        }
+        () = &mut end => {}
     }
+    Ok(())
 }
 
 fn router(shared: Arc<Shared>) -> Router {
