@@ -187,11 +187,11 @@ mod tests {
     }
 
     #[test]
-    fn only_points_come_with_a_detector() {
+    fn only_spf_comes_with_a_detector() {
         let detector = PolicyKind::of_name("spf-detector").unwrap();
         assert!(detector.has_detector() && !PolicyKind::spf().has_detector());
         for kind in PolicyKind::all() {
-            let wanted = (kind.prompt() == PromptKind::Point).then_some(detector);
+            let wanted = matches!(kind.0.policy, Family::Spf { .. }).then_some(detector);
             assert_eq!(kind.with_detector(), wanted, "{kind:?}");
         }
     }

@@ -354,4 +354,24 @@ mod tests {
         assert!(matches!(ErrorFile::from_toml("seen = ["), Err(ErrorFileError::Format(_))));
         assert!(matches!(ErrorFile::from_toml("[seen]\nhalf_px = 1"), Err(ErrorFileError::Format(_))));
     }
+
+    proptest::proptest! {
+        /// A shipped file with any piece of it replaced by anything is read within its bounds, or refused.
+        #[test]
+        fn a_damaged_file_is_read_or_refused(file in 0..SHIPPED.len(), from in 0.0..1.0_f64, length in 0..12_usize, put in "[ -~\n]{0,6}") {
+            let mut bytes = SHIPPED[file].1.as_bytes().to_vec();
+            let from = (from * bytes.len() as f64) as usize;
+            let to = (from + length).min(bytes.len());
+            bytes.splice(from..to, put.bytes());
+            match ErrorFile::from_toml(&String::from_utf8_lossy(&bytes)) {
+                Ok(read) => {
+                    for rate in [read.which.confused, read.seen.missed, read.boxes.missed, read.label.off_by_two] {
+                        assert!((0.0..=1.0).contains(&rate), "{rate}");
+                    }
+                    assert!(read.latency.median_s > 0.0 && read.latency.p95_s >= read.latency.median_s, "{:?}", read.latency);
+                }
+                Err(error) => assert!(!error.to_string().is_empty()),
+            }
+        }
+    }
 }

@@ -120,11 +120,14 @@ fn a_trial_is_shown_as_it_was_flown() {
 #[test]
 fn trials_are_filmed_and_flown_the_same() {
     let lab = lab();
-    assert_eq!(run(&lab, &["--method", "straight", "-o", "out"]).code, Some(0));
-    let filmed = run(&lab, &["--method", "straight", "--videos", "-o", "filmed"]);
+    let fly = |more: &[&str]| {
+        lab.spf(&[&["bench", "run", "--task", "./drink.toml", "--trials", "1", "--method", "straight", "-o"], more].concat())
+    };
+    assert_eq!(fly(&["out"]).code, Some(0));
+    let filmed = fly(&["filmed", "--videos"]);
     assert_eq!(filmed.code, Some(0), "{}", filmed.stderr);
     assert_eq!(lab.read("filmed/results.jsonl"), lab.read("out/results.jsonl"));
-    assert_eq!(lab.names("filmed/videos/drink/straight/none"), ["0.mp4", "1.mp4", "2.mp4", "3.mp4"]);
+    assert_eq!(lab.names("filmed/videos/drink/straight/none"), ["0.mp4"]);
     assert!(lab.read("filmed/videos/drink/straight/none/0.mp4").len() > 10_000);
 }
 
@@ -159,6 +162,7 @@ fn what_does_not_exist_is_named_with_what_is_near() {
 }
 
 #[test]
+#[ignore = "long: .ci/interop runs it"]
 fn a_browser_shows_the_report() {
     let lab = lab();
     let args = ["--method", "spf,straight", "--vlm", "oracle:perfect,oracle:poor", "--trials", "2", "--videos", "-o", "out"];

@@ -291,6 +291,7 @@ fn frames_of_a_video_of_a_flight() {
 }
 
 #[test]
+#[ignore = "long: .ci/interop runs it"]
 fn a_browser_shows_the_misses() {
     let lab = Lab::new();
     assert_eq!(lab.spf(&["sim", "dataset", "-n", "24", "-o", "data", "--size", "480x360"]).code, Some(0));

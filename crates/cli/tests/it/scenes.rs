@@ -64,6 +64,7 @@ fn a_scene_that_is_not_there_is_named() {
 }
 
 #[test]
+#[ignore = "long: .ci/interop runs it"]
 fn a_contact_sheet_shows_every_light_and_weather() {
     let lab = Lab::new();
     let run = lab.spf(&["sim", "scenes", "city", "--contact-sheet", "sheet.jpg"]);

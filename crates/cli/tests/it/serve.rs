@@ -100,6 +100,7 @@ fn our_own_clients_get_the_same_answer_in_their_own_coordinates() {
 }
 
 #[test]
+#[ignore = "long: .ci/interop runs it"]
 fn the_vendors_own_sdks_ask_it() {
     let lab = Lab::new();
     let Some(python) = python::with(&["google-genai", "openai", "anthropic"]) else { return };

@@ -147,6 +147,7 @@ impl Drop for Browser {
 }
 
 #[test]
+#[ignore = "long: .ci/interop runs it"]
 fn a_browser_shows_the_city_and_flies() {
     let lab = Lab::new();
     let Some(mut browser) = Browser::start(&lab) else { return skip("chromium") };

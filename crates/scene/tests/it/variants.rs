@@ -134,7 +134,7 @@ fn variants_of_the_yard_are_sound() {
 }
 
 #[test]
-#[ignore = "takes a minute or two"]
+#[ignore = "long: .ci/interop runs it"]
 fn many_more_variants_are_sound() {
     for name in VARIED {
         are_sound(name, MORE_SEEDS);

@@ -130,6 +130,7 @@ fn the_oracle_needs_the_simulator() {
 
 /// The drone and its VLM in one process, the flight in another: nobody tells the answer but the oracle, by the pictures it is sent.
 #[test]
+#[ignore = "long: .ci/interop runs it"]
 fn the_oracle_behind_http_points_in_the_drone_s_own_video() {
     let lab = Lab::new();
     let all = ["sim", "serve", "--tello", "--listen", "127.0.0.49", "--vlm=oracle:perfect", "--truth", "truth.jsonl"];

@@ -14,6 +14,7 @@ use crate::python;
 
 /// One test, for the parts share the environment.
 #[test]
+#[ignore = "long: .ci/interop runs it"]
 fn the_vendors_own_sdks_agree() {
     let Some(python) = python::with(&["google-genai", "openai", "anthropic"]) else { return };
     let lab = Lab::new();
