@@ -5,7 +5,7 @@
 //! what is in view. The words themselves are data, which `lexicon` reads.
 
 mod grammar;
-mod lex;
+pub(crate) mod lex;
 pub(crate) mod lexicon;
 mod meaning;
 mod phrase;

@@ -20,6 +20,7 @@ pub mod language;
 mod masks;
 mod percept;
 mod place;
+mod reading;
 mod stages;
 mod truth;
 
@@ -36,6 +37,7 @@ pub use errors::{
 pub use masks::{Mask, masks};
 pub use percept::{Percept, SIZE_SENT, Sight, Thing};
 pub use place::{Place, Placed, Viewpoint};
+pub use reading::{Correction, InstructionReading, ReadStep, UnknownWord, read_instruction};
 pub use truth::{TruthTarget, resolve_truth};
 
 /// What a list of detections takes: no VLM makes it, but a detector, of which a small one on a processor is meant.

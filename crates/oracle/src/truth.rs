@@ -1,9 +1,6 @@
 //! The truth behind `verified` (DESIGN.md section 5, "Truth"): what the last stage may mean, without errors, over all objects.
 
-use spf_core::geometry::wrap_angle;
-use spf_core::tags::Tagged;
-
-use super::language::resolve::{Item, meant, vocabulary};
+use super::language::resolve::{item, meant, vocabulary};
 use super::language::{Phrase, Verb, parse};
 use super::place::{Placed, Viewpoint};
 
@@ -32,28 +29,6 @@ pub fn resolve_truth(instruction: &str, objects: &[Placed<'_>], from: Option<Vie
 
 /// The objects a phrase may mean, by number.
 pub(super) fn resolve_phrase(phrase: &Phrase, objects: &[Placed<'_>], from: Option<Viewpoint>) -> Vec<u16> {
-    let items: Vec<Item<'_>> = objects.iter().map(|object| item(object, from)).collect();
+    let items: Vec<_> = objects.iter().map(|object| item(object, from)).collect();
     meant(phrase, &items).into_iter().map(|i| items[i].tags.id).collect()
-}
-
-/// An object as it stands to the start: right and forward in metres, across as the bearing.
-fn item<'a>(object: &Placed<'a>, from: Option<Viewpoint>) -> Item<'a> {
-    let tags: &Tagged = object.tags;
-    let Some(place) = object.place else {
-        return Item { tags, across: None, half: 0.0, range: None, size: None, height: None, position: None, weight: 0.0 };
-    };
-    let origin = from.unwrap_or_default();
-    let away = origin.position.displacement_to(place.centre, origin.attitude.heading);
-    let range = libm::hypot(away.right, away.forward);
-    let seen = from.is_some();
-    Item {
-        tags,
-        across: seen.then(|| wrap_angle(libm::atan2(away.right, away.forward))),
-        half: libm::atan2(0.5 * place.width, range),
-        range: seen.then_some(range),
-        size: Some(place.width * place.height),
-        height: Some(place.height),
-        position: Some([away.right, away.forward, away.up]),
-        weight: place.width * place.height,
-    }
 }

@@ -1,6 +1,7 @@
 //! `spf fly`: from settings to a flight, and from a flight to words and an exit code.
 
 mod manual;
+mod reading;
 pub(crate) mod real;
 pub(crate) mod settings;
 
@@ -184,6 +185,10 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
         settings.fly.preset.text().unwrap_or_default(),
     );
     let limits = limits(settings, stage.limits(kind))?;
+    let mut said = vec![flying, sentence(&pointing.sentence, &craft)];
+    if pointing.is_oracle() {
+        said.extend(reading::lines(instruction, &stage, start)?);
+    }
     let site = Simulated { stage, scene: scene.to_owned(), start, kind, circumstances, seed, realtime };
     let plan = FlightPlan {
         policy: Arc::new(policy),
@@ -197,7 +202,6 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
         interrupts: interrupts()?,
         ..FlightPlan::new(Site::Simulated(site), instruction, &pointing.name, pointing.who)
     };
-    let said = vec![flying, sentence(&pointing.sentence, &craft)];
     Ok(Ready { plan, said, by_hand: realtime.then_some(craft), camera: None })
 }
 

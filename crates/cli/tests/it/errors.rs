@@ -122,8 +122,8 @@ fn of_files() {
             &["fly", "x", "--detector", "nowhere.onnx"],
             &["fly", "x", "--config", "nowhere.toml"],
             &["fly", "x", "--config", "latin1.toml"],
-            &["fly", "x", "--out", "full"],
-            &["fly", "x", "--out", "scene.toml"],
+            &["fly", "crane", "--out", "full"],
+            &["fly", "crane", "--out", "scene.toml"],
         ],
     );
     insta::assert_snapshot!(said);
@@ -201,7 +201,7 @@ fn a_variable_that_is_no_text_is_refused() {
 fn a_start_inside_something_leaves_no_folder() {
     let lab = Lab::new();
     // Half in the south wall of the tall white building.
-    let run = lab.spf(&["fly", "x", "--start", "-24,92,0.5,0", "--out", "mine"]);
+    let run = lab.spf(&["fly", "crane", "--start", "-24,92,0.5,0", "--out", "mine"]);
     assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""), "{}", run.stderr);
     assert!(run.stderr.contains("is inside `") && run.stderr.contains("hint: choose another start"), "{}", run.stderr);
     assert_eq!(lab.names("."), Vec::<String>::new());

@@ -13,6 +13,38 @@ fn an_absent_target_is_not_found() {
 }
 
 #[test]
+fn how_the_words_are_read_is_said_before_take_off() {
+    let lab = Lab::new();
+    let brief = ["--max-decisions", "1", "--no-video"];
+    let run = lab.spf(&[&["fly", "GO TO TEH RED CRAN, then to the elephant", "--out", "mine"][..], &brief].concat());
+    assert!(run.stderr.contains("\nreads: fly to → red tower crane"), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("; then fly to → elephant (nothing like it in this scene; it will be searched for)\n"),
+        "{}",
+        run.stderr
+    );
+    assert!(run.stderr.contains("\nspelling: \"teh\" as \"the\", \"cran\" as \"crane\"\n"), "{}", run.stderr);
+}
+
+#[test]
+fn words_that_name_nothing_fly_nothing() {
+    let lab = Lab::new();
+    for (words, said) in [
+        (
+            "fly to the qwertzuiop",
+            "error: the oracle does not understand \"fly to the qwertzuiop\": `qwertzuiop` is not a word it knows\n",
+        ),
+        ("hello", "error: the oracle does not understand \"hello\": "),
+        ("!!!", "error: the oracle does not understand \"!!!\": it names nothing to fly to\n"),
+    ] {
+        let run = lab.spf(&["fly", words, "--out", "mine"]);
+        assert!(run.code == Some(2) && run.stderr.starts_with(said), "{}", run.stderr);
+        assert!(run.stderr.contains("city has, among others: "), "{}", run.stderr);
+    }
+    assert!(lab.names(".").is_empty(), "nothing is left behind");
+}
+
+#[test]
 fn spent_decisions_are_a_timeout() {
     let (code, summary) = Lab::new().fly("mine", &["fly to the red crane", "--max-decisions", "1"]);
     assert_eq!((code, summary["outcome"].as_str(), summary["decisions"].as_u64()), (3, Some("timeout"), Some(1)), "{summary}");

@@ -172,7 +172,8 @@ impl Stage {
     }
 
     /// Tags and places of all objects when the actors are at these places, as the truth reads them.
-    pub(crate) fn placed(&self, actors: &[ActorPlace]) -> Vec<Placed<'_>> {
+    #[must_use]
+    pub fn placed(&self, actors: &[ActorPlace]) -> Vec<Placed<'_>> {
         let placed = |(object, tags)| Placed { tags, place: Some(place(&self.bounds(object, actors))) };
         self.scene.objects.iter().zip(&self.tags).map(placed).collect()
     }

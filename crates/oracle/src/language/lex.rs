@@ -14,7 +14,7 @@ const LONGEST: usize = 4096;
 /// clearly nearest.
 ///
 /// Words near to one of `tags` are left as they are: the tags put them right later.
-pub(super) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
+pub(crate) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
     let near = |word: &str| {
         let limit = spelling::forgiven(word.len());
         let rival = nearest_known(word, limit).map_or(limit, |known| spelling::distance(word, known));
@@ -24,14 +24,16 @@ pub(super) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
                 .any(|tag| tag.len() > 3 && tag.len().abs_diff(word.len()) <= rival && spelling::distance(word, tag) <= rival)
     };
     let right = |word: String| {
-        let leave = tags.contains(&word) || tags.contains(&singular(&word)) || (!is_known(&word) && near(&word));
+        // A slip that everybody makes is no word of a scene, however near: "hed" is not "red".
+        let tag = |word: &String| !is_known(word) && SPELLING.slips.plain(word).is_none() && near(word);
+        let leave = tags.contains(&word) || tags.contains(&singular(&word)) || tag(&word);
         if leave { word } else { corrected(&word) }
     };
     raw_tokens(text).into_iter().map(right).collect()
 }
 
 /// Words as written, lower case.
-pub(super) fn raw_tokens(text: &str) -> Vec<String> {
+pub(crate) fn raw_tokens(text: &str) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
     let mut word = String::new();
     for c in text.chars().take(LONGEST).flat_map(char::to_lowercase).chain([' ']) {
@@ -137,7 +139,7 @@ static GENERAL_NOUNS: LazyLock<BTreeSet<&'static str>> = LazyLock::new(|| {
 });
 
 /// Whether the parser knows the word or its stem.
-pub(super) fn is_known(word: &str) -> bool {
+pub(crate) fn is_known(word: &str) -> bool {
     let everyday = |w: &str| SPELLING.everyday_nouns.contains(w) || SPELLING.everyday_words.contains(w);
     let has = |w: &str| KNOWN.contains(w) || everyday(w);
     has(word)

@@ -2,7 +2,10 @@
 
 use std::collections::BTreeSet;
 
+use spf_core::geometry::wrap_angle;
 use spf_core::tags::Tagged;
+
+use crate::place::{Placed, Viewpoint};
 
 use super::lex::{general_noun, is_known, raw_tokens, singular, stem, stems};
 use super::lexicon::{ADJECTIVES, NOUNS, SPELLING};
@@ -31,6 +34,28 @@ pub(crate) struct Item<'a> {
     pub(crate) position: Option<[f64; 3]>,
     /// Ties go to the larger.
     pub(crate) weight: f64,
+}
+
+/// An object as it stands to the start: right and forward in metres, across as the bearing.
+pub(crate) fn item<'a>(object: &Placed<'a>, from: Option<Viewpoint>) -> Item<'a> {
+    let tags = object.tags;
+    let Some(place) = object.place else {
+        return Item { tags, across: None, half: 0.0, range: None, size: None, height: None, position: None, weight: 0.0 };
+    };
+    let origin = from.unwrap_or_default();
+    let away = origin.position.displacement_to(place.centre, origin.attitude.heading);
+    let range = libm::hypot(away.right, away.forward);
+    let seen = from.is_some();
+    Item {
+        tags,
+        across: seen.then(|| wrap_angle(libm::atan2(away.right, away.forward))),
+        half: libm::atan2(0.5 * place.width, range),
+        range: seen.then_some(range),
+        size: Some(place.width * place.height),
+        height: Some(place.height),
+        position: Some([away.right, away.forward, away.up]),
+        weight: place.width * place.height,
+    }
 }
 
 /// Indices of the items that the phrase may mean, all of the best score, in the order of `items`. With words of order or
@@ -99,7 +124,7 @@ fn described(said: &[String], tags: &Tagged) -> bool {
 const TALL_M: f64 = 12.0;
 
 /// Nouns with their spelling put right by the tags at hand.
-fn spelt(nouns: &[String], items: &[Item<'_>]) -> Vec<String> {
+pub(crate) fn spelt(nouns: &[String], items: &[Item<'_>]) -> Vec<String> {
     let mut vocabulary: Vec<String> = items.iter().flat_map(|item| words_of(item.tags)).collect();
     vocabulary.sort();
     vocabulary.dedup();
@@ -138,9 +163,15 @@ fn terms(tags: &Tagged) -> Vec<Vec<String>> {
     tags.names.iter().chain(&tags.synonyms).chain([&tags.kind]).map(|term| head_last(term)).filter(|t| !t.is_empty()).collect()
 }
 
-/// A name as singular words, head last: "entrance of the tunnel" is a tunnel entrance.
+/// A name as singular words, head last: "entrance of the tunnel" is a tunnel entrance, and `bus_green` of a model a green bus.
 fn head_last(text: &str) -> Vec<String> {
-    let words = split(text);
+    let mut words = split(text);
+    while words.len() > 1 && words.last().is_some_and(|word| word.bytes().all(|byte| byte.is_ascii_digit())) {
+        words.pop();
+    }
+    if words.len() > 1 && words.last().is_some_and(|word| ADJECTIVES.colours.plain(word).is_some()) {
+        words.rotate_right(1);
+    }
     let Some(at) = words.iter().position(|w| NOUNS.placing.contains(w)) else { return words };
     let (head, rest) = words.split_at(at);
     rest[1..].iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an")).chain(head).cloned().collect()

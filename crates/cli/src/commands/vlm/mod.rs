@@ -34,6 +34,13 @@ pub(crate) struct Pointing {
     pub(crate) sentence: String,
 }
 
+impl Pointing {
+    /// Whether it is the oracle, whose reading of an instruction can be told beforehand.
+    pub(crate) fn is_oracle(&self) -> bool {
+        self.name == "oracle" || self.name.starts_with("oracle:")
+    }
+}
+
 /// Who points, by the settings.
 pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
     let name = settings.fly.vlm.text_or_default();

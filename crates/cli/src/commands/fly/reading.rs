@@ -1,0 +1,92 @@
+//! What the oracle makes of an instruction, printed before take-off.
+
+use std::collections::BTreeSet;
+
+use spf_core::geometry::Pose;
+use spf_core::tags::Tagged;
+use spf_flight::sim::Stage;
+use spf_oracle::language::Verb;
+use spf_oracle::{InstructionReading, ReadStep, read_instruction};
+
+use crate::error::CliError;
+use crate::printer::one_line;
+
+/// How many of a scene's objects are named to somebody whose words fit none.
+const EXAMPLES: usize = 8;
+
+/// The lines that say how the instruction is read. `start` is the pose the flight starts from, if not the scene's own.
+///
+/// # Errors
+/// Nothing in the instruction is understood, so that the flight could only end in a search for nothing.
+pub(super) fn lines(instruction: &str, stage: &Stage, start: Option<Pose>) -> Result<Vec<String>, CliError> {
+    let objects = stage.placed(&stage.cast.starts());
+    let reading = read_instruction(instruction, &objects, Some(start.unwrap_or(stage.scene.start)));
+    if !reading.is_understood() {
+        return Err(not_understood(instruction, &reading, stage));
+    }
+    let steps: Vec<String> = reading.steps.iter().map(|step| described(step, &stage.tags)).collect();
+    let mut lines = vec![format!("reads: {}", steps.join("; then "))];
+    if !reading.corrections.is_empty() {
+        let read = reading.corrections.iter().map(|word| format!("\"{}\" as \"{}\"", one_line(&word.said), one_line(&word.read)));
+        lines.push(format!("spelling: {}", read.collect::<Vec<_>>().join(", ")));
+    }
+    Ok(lines)
+}
+
+fn not_understood(instruction: &str, reading: &InstructionReading, stage: &Stage) -> CliError {
+    let mut named = BTreeSet::new();
+    let unknown: Vec<String> = reading
+        .steps
+        .iter()
+        .flat_map(|step| &step.unknown)
+        .filter(|unknown| named.insert(&unknown.word))
+        .map(|unknown| match unknown.nearest.split_first() {
+            Some((nearest, _)) => format!("`{}` is not a word it knows (did you mean `{nearest}`?)", one_line(&unknown.word)),
+            None => format!("`{}` is not a word it knows", one_line(&unknown.word)),
+        })
+        .collect();
+    let why = if unknown.is_empty() { "it names nothing to fly to".to_owned() } else { unknown.join("; ") };
+    let mut seen = BTreeSet::new();
+    let things = stage.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
+    let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
+    CliError::usage(format!("the oracle does not understand \"{}\": {why}", one_line(instruction))).hint(format!(
+        "{} has, among others: {}",
+        stage.scene.name,
+        examples.join(", ")
+    ))
+}
+
+/// One step: what is to be done, and with what.
+fn described(step: &ReadStep, tags: &[Tagged]) -> String {
+    let verb = match step.verb {
+        Verb::GoTo => "fly to",
+        Verb::Through => "fly through",
+        Verb::Around => "fly around",
+        Verb::Over => "fly over",
+        Verb::Up => "climb",
+        Verb::Behind => "fly behind",
+        Verb::Scan => "look around",
+        Verb::Follow => "follow",
+    };
+    let target = one_line(&step.target);
+    let names: BTreeSet<String> =
+        step.candidates.iter().filter_map(|id| tags.iter().find(|tags| tags.id == *id)).map(Tagged::words).collect();
+    let several = step.candidates.len();
+    match (names.first(), names.len()) {
+        (Some(name), 1) if several == 1 => format!("{verb} → {name}"),
+        (Some(name), 1) => format!("{verb} → {name} ({several} candidates)"),
+        (Some(_), _) => {
+            let named = names.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
+            let more = if names.len() > 3 { ", …" } else { "" };
+            format!("{verb} → {target} ({several} candidates: {named}{more})")
+        }
+        (None, _) if target.is_empty() => verb.to_owned(),
+        (None, _) => match step.unknown.first() {
+            Some(unknown) => {
+                let near = unknown.nearest.first().map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+                format!("{verb} → {target} (`{}` is not a word it knows{near})", one_line(&unknown.word))
+            }
+            None => format!("{verb} → {target} (nothing like it in this scene; it will be searched for)"),
+        },
+    }
+}

@@ -1,0 +1,201 @@
+//! How the oracle reads an instruction, before anything is flown: so that a person can check it.
+
+use super::language::lex::{is_known, raw_tokens, tokens};
+use super::language::resolve::{item, meant, spelt, vocabulary};
+use super::language::{Phrase, Verb, parse, spelling};
+use super::place::{Placed, Viewpoint};
+
+/// An instruction as the oracle reads it in a scene.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct InstructionReading {
+    /// What is to be done, in order; empty where the words name nothing to do.
+    pub steps: Vec<ReadStep>,
+    /// Words read as others, in order of first appearance.
+    pub corrections: Vec<Correction>,
+}
+
+/// One thing to do, as read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ReadStep {
+    /// What is to be done.
+    pub verb: Verb,
+    /// What with, in the words of the instruction as they were read; empty for a look around.
+    pub target: String,
+    /// The objects that it may mean, by number, as they stand at the start.
+    pub candidates: Vec<u16>,
+    /// Nouns that neither the language nor the scene has.
+    pub unknown: Vec<UnknownWord>,
+}
+
+/// A word that was read as another.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Correction {
+    /// As it was written, in lower case.
+    pub said: String,
+    /// As it was read.
+    pub read: String,
+}
+
+/// A word that was not understood.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownWord {
+    /// As it was written, in lower case.
+    pub word: String,
+    /// Words of the scene that are spelt most like it, nearest first; at most three, often none.
+    pub nearest: Vec<String>,
+}
+
+impl ReadStep {
+    /// Whether it can be flown or at least searched for: something fits, or every word is known.
+    #[must_use]
+    pub fn is_understood(&self) -> bool {
+        !self.candidates.is_empty() || (self.unknown.is_empty() && (!self.target.is_empty() || self.verb == Verb::Scan))
+    }
+}
+
+impl InstructionReading {
+    /// Whether any of it is understood. If not, a flight could only end in a search for nothing.
+    #[must_use]
+    pub fn is_understood(&self) -> bool {
+        self.steps.iter().any(ReadStep::is_understood)
+    }
+}
+
+/// Reads an instruction with the objects of a scene, seen from the start of the flight.
+#[must_use]
+pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint>) -> InstructionReading {
+    let scene = vocabulary(objects.iter().map(|object| object.tags));
+    let items: Vec<_> = objects.iter().map(|object| item(object, from)).collect();
+    let mut corrections: Vec<Correction> = Vec::new();
+    let mut correct = |said: &str, read: &str| {
+        if said != read && !corrections.iter().any(|known| known.said == said) {
+            corrections.push(Correction { said: said.to_owned(), read: read.to_owned() });
+        }
+    };
+    for (said, read) in raw_tokens(instruction).iter().zip(tokens(instruction, &scene)) {
+        correct(said, &read);
+    }
+    let mut steps = Vec::new();
+    for clause in parse(instruction, &scene).clauses {
+        let target = &clause.target;
+        let nouns = spelt(&target.nouns, &items);
+        target.nouns.iter().zip(&nouns).for_each(|(said, read)| correct(said, read));
+        let candidates = meant(target, &items).into_iter().map(|at| items[at].tags.id).collect();
+        let unknown = nouns.iter().filter(|noun| !is_known(noun) && !scene.contains(*noun));
+        let unknown = unknown
+            .map(|word| {
+                let mut near: Vec<(usize, &String)> = scene
+                    .iter()
+                    .filter(|known| known.len() > 2)
+                    .map(|known| (spelling::distance(word, known), known))
+                    .filter(|(edits, _)| *edits <= (word.len() / 3).max(1))
+                    .collect();
+                near.sort();
+                UnknownWord { word: word.clone(), nearest: near.into_iter().take(3).map(|(_, known)| known.clone()).collect() }
+            })
+            .collect();
+        steps.push(ReadStep { verb: clause.verb, target: words(target, &nouns), candidates, unknown });
+    }
+    InstructionReading { steps, corrections }
+}
+
+/// A phrase in a few words: ranks, colours, matter, nouns, and what it stands to.
+fn words(phrase: &Phrase, nouns: &[String]) -> String {
+    let mut said: Vec<String> = Vec::new();
+    if phrase.other {
+        said.push("other".to_owned());
+    }
+    // A word such as "silver" stands among the colours by its plain colour and here as itself.
+    said.extend(phrase.colours.iter().filter(|_| phrase.soft.is_empty()).cloned());
+    said.extend(phrase.soft.iter().cloned());
+    said.extend(nouns.iter().cloned());
+    if said.is_empty() && !phrase.uses.is_empty() {
+        said.push(format!("something for \"{}\"", phrase.uses.join(" ")));
+    } else if said.is_empty() && !phrase.is_empty() {
+        said.push(phrase.said.join(" "));
+    }
+    said.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use spf_core::tags::Tagged;
+
+    use super::*;
+
+    fn tagged(id: u16, names: &[&str], colour: Option<&str>, kind: &str) -> Tagged {
+        Tagged {
+            id,
+            key: format!("object_{id}"),
+            names: names.iter().map(|name| (*name).to_owned()).collect(),
+            colour: colour.map(str::to_owned),
+            kind: kind.to_owned(),
+            ..Tagged::default()
+        }
+    }
+
+    fn read(instruction: &str) -> InstructionReading {
+        let tags = [
+            tagged(1, &["tower crane"], Some("red"), "crane"),
+            tagged(2, &["car"], Some("blue"), "car"),
+            tagged(3, &["church"], None, "building"),
+            tagged(4, &["bus_green"], None, "object"),
+            tagged(5, &["bus_red"], None, "object"),
+        ];
+        let objects: Vec<Placed<'_>> = tags.iter().map(|tags| Placed { tags, place: None }).collect();
+        read_instruction(instruction, &objects, None)
+    }
+
+    fn corrections(reading: &InstructionReading) -> Vec<(&str, &str)> {
+        reading.corrections.iter().map(|c| (c.said.as_str(), c.read.as_str())).collect()
+    }
+
+    #[test]
+    fn slips_of_people_in_a_hurry_are_put_right_and_shown() {
+        for (said, target, object, shown) in [
+            ("GO TO TEH RED CRAN", "red crane", 1, vec![("teh", "the"), ("cran", "crane")]),
+            ("flyy to the bleu car pls", "blue car", 2, vec![("flyy", "fly"), ("bleu", "blue")]),
+            ("hed for the churhc", "church", 3, vec![("hed", "head"), ("churhc", "church")]),
+        ] {
+            let reading = read(said);
+            assert_eq!(reading.steps.len(), 1, "{said}: {reading:?}");
+            assert_eq!((reading.steps[0].target.as_str(), &reading.steps[0].candidates), (target, &vec![object]), "{said}");
+            for pair in shown {
+                assert!(corrections(&reading).contains(&pair), "{said}: {reading:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn names_of_models_are_read_head_first_too() {
+        assert_eq!(read("fly to the green bus").steps[0].candidates, [4]);
+        assert_eq!(read("fly to the bus").steps[0].candidates, [4, 5]);
+    }
+
+    #[test]
+    fn what_is_known_but_absent_is_understood_and_what_is_not_is_named() {
+        let absent = read("fly to the elephant");
+        assert!(absent.is_understood() && absent.steps[0].candidates.is_empty() && absent.corrections.is_empty(), "{absent:?}");
+        let nonsense = read("fly to the qwertzuiop");
+        assert!(!nonsense.is_understood() && nonsense.steps[0].unknown[0].word == "qwertzuiop", "{nonsense:?}");
+        assert!(!read("???").is_understood() && !read("blarg").is_understood());
+        let both = read("fly to the church, then to the zzgrmpf");
+        assert!(both.is_understood() && both.steps[0].is_understood() && !both.steps[1].is_understood(), "{both:?}");
+    }
+
+    #[test]
+    fn a_look_around_needs_no_target() {
+        let reading = read("look around");
+        assert!(reading.is_understood() && reading.steps[0].verb == Verb::Scan && reading.steps[0].target.is_empty());
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_text_is_read(text in "\\PC{0,120}") {
+            let reading = read(&text);
+            for step in &reading.steps {
+                proptest::prop_assert!(step.candidates.iter().all(|id| (1..=5).contains(id)));
+            }
+        }
+    }
+}
