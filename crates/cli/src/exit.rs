@@ -1,4 +1,4 @@
-//! Exit codes, one place (DESIGN section 7).
+//! Exit codes, one place (README.md lists them for users).
 
 use spf_core::pilot::Outcome;
 use std::process::ExitCode;

@@ -63,7 +63,7 @@ impl Camera {
         Self { width, height, fx: self.fx * x, fy: self.fy * y, cx: self.cx * x, cy: self.cy * y, ..*self }
     }
 
-    /// The simulator's `quad` camera: 90° × 73.7° at 960×720, tilt 5° (DESIGN.md section 5).
+    /// The simulator's `quad` camera: 90° × 73.7° at 960×720, tilt 5°.
     #[must_use]
     pub fn quad() -> Self {
         Self::from_fov(960, 720, 90.0_f64.to_radians(), 73.7_f64.to_radians(), 5.0_f64.to_radians())

@@ -1,4 +1,4 @@
-//! Faults on demand: one seeded machine that simulator, virtual drones and tests share (DESIGN.md section 3).
+//! Faults on demand: one seeded machine that simulator, virtual drones and tests share.
 //!
 //! It is sans-IO: told that message number `index` of a stream was sent at `now`, it says when copies of it arrive and in
 //! what state. What happens to a message follows from the seed, the stream and the index alone, so neither the order of calls

@@ -1,7 +1,7 @@
 //! Pixels: resize, JPEG and PNG, marks drawn on a picture, H.264.
 //!
 //! Works on pictures in memory and does no I/O. Everything here gives the same bytes for the same input on every x86-64
-//! machine, whatever its vector units, because recorded frames are compared byte for byte between runs (DESIGN.md section 3).
+//! machine, whatever its vector units, because recorded frames are compared byte for byte between runs.
 //!
 //! The two types to know are [`Rgb`], a picture, and [`marks::Canvas`], which draws on one.
 //!

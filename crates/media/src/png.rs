@@ -1,4 +1,4 @@
-//! PNG, for pictures that are kept: 8-bit colour, and 16-bit grey for depth and ids (DESIGN.md section 7).
+//! PNG, for pictures that are kept: 8-bit colour, and 16-bit grey for depth and ids.
 
 use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
 

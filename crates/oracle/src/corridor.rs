@@ -1,4 +1,4 @@
-//! Obstacle mode: which objects stand in the way, and the nearest point clear of the boxes reported (DESIGN.md section 5).
+//! Obstacle mode: which objects stand in the way, and the nearest point clear of the boxes reported (`docs/oracle.md`).
 
 use spf_core::detection::parse_detections;
 use spf_core::query::{ImageBox, ImagePoint};

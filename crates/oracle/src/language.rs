@@ -4,7 +4,7 @@
 //! says which objects a phrase means. The first three know no scene: how many stages an instruction has never depends on
 //! what is in view. The words themselves are data, which `lexicon` reads.
 
-mod grammar;
+pub(crate) mod grammar;
 pub(crate) mod lex;
 pub(crate) mod lexicon;
 mod meaning;

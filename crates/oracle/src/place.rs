@@ -1,7 +1,9 @@
 //! Where objects stand, as the truth alone knows it.
 
-use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::geometry::{EnuPosition, Pose, wrap_angle};
 use spf_core::tags::Tagged;
+
+use super::language::resolve::Item;
 
 /// Where an object stands, for the truth alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,3 +27,27 @@ pub struct Placed<'a> {
 
 /// Where the person who speaks looks from: the start of the flight.
 pub type Viewpoint = Pose;
+
+impl<'a> Placed<'a> {
+    /// The object as a phrase chooses among such: right and forward of the viewpoint in metres, across as the bearing in radians.
+    pub(crate) fn seen_from(&self, from: Option<Viewpoint>) -> Item<'a> {
+        let tags = self.tags;
+        let Some(place) = self.place else {
+            return Item { tags, across: None, half: 0.0, range: None, size: None, height: None, position: None, weight: 0.0 };
+        };
+        let origin = from.unwrap_or_default();
+        let away = origin.position.displacement_to(place.centre, origin.attitude.heading);
+        let range = libm::hypot(away.right, away.forward);
+        let seen = from.is_some();
+        Item {
+            tags,
+            across: seen.then(|| wrap_angle(libm::atan2(away.right, away.forward))),
+            half: libm::atan2(0.5 * place.width, range),
+            range: seen.then_some(range),
+            size: Some(place.width * place.height),
+            height: Some(place.height),
+            position: Some([away.right, away.forward, away.up]),
+            weight: place.width * place.height,
+        }
+    }
+}

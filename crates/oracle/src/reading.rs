@@ -1,8 +1,11 @@
 //! How the oracle reads an instruction, before anything is flown: so that a person can check it.
 
+use std::collections::BTreeSet;
+
+use super::language::grammar::parse_tokens;
 use super::language::lex::{is_known, raw_tokens, tokens};
-use super::language::resolve::{item, meant, spelt, vocabulary};
-use super::language::{Phrase, Verb, parse, spelling};
+use super::language::resolve::{meant, spelt, vocabulary};
+use super::language::{Clause, Phrase, Verb, spelling};
 use super::place::{Placed, Viewpoint};
 
 /// An instruction as the oracle reads it in a scene.
@@ -39,10 +42,10 @@ pub struct Correction {
 /// A word that was not understood.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownWord {
-    /// As it was written, in lower case.
+    /// The word, in lower case.
     pub word: String,
-    /// Words of the scene that are spelt most like it, nearest first; at most three, often none.
-    pub nearest: Vec<String>,
+    /// The word of the scene that is spelt most like it, where one is near.
+    pub nearest: Option<String>,
 }
 
 impl ReadStep {
@@ -65,56 +68,54 @@ impl InstructionReading {
 #[must_use]
 pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint>) -> InstructionReading {
     let scene = vocabulary(objects.iter().map(|object| object.tags));
-    let items: Vec<_> = objects.iter().map(|object| item(object, from)).collect();
+    let items: Vec<_> = objects.iter().map(|object| object.seen_from(from)).collect();
+    let tokens = tokens(instruction, &scene);
+    let instruction_read = parse_tokens(&tokens);
+    let steps: Vec<(Vec<String>, ReadStep)> = instruction_read
+        .clauses
+        .iter()
+        .map(|Clause { verb, target }| {
+            let nouns = spelt(&target.nouns, &items);
+            let candidates = meant(target, &items).into_iter().map(|at| items[at].tags.id).collect();
+            let unknown = nouns.iter().filter(|noun| !is_known(noun) && !scene.contains(*noun));
+            let unknown = unknown.map(|word| UnknownWord { word: word.clone(), nearest: like(word, &scene) }).collect();
+            let read = ReadStep { verb: *verb, target: in_few_words(target, &nouns), candidates, unknown };
+            (nouns, read)
+        })
+        .collect();
+    // The grammar's words are put right first, and the nouns then, by the scene.
+    let nouns =
+        instruction_read.clauses.iter().zip(&steps).flat_map(|(clause, (nouns, _))| clause.target.nouns.iter().zip(nouns));
     let mut corrections: Vec<Correction> = Vec::new();
-    let mut correct = |said: &str, read: &str| {
-        if said != read && !corrections.iter().any(|known| known.said == said) {
-            corrections.push(Correction { said: said.to_owned(), read: read.to_owned() });
+    for (said, read) in raw_tokens(instruction).iter().zip(&tokens).chain(nouns) {
+        if said != read && !corrections.iter().any(|known| known.said == *said) {
+            corrections.push(Correction { said: said.clone(), read: read.clone() });
         }
-    };
-    for (said, read) in raw_tokens(instruction).iter().zip(tokens(instruction, &scene)) {
-        correct(said, &read);
     }
-    let mut steps = Vec::new();
-    for clause in parse(instruction, &scene).clauses {
-        let target = &clause.target;
-        let nouns = spelt(&target.nouns, &items);
-        target.nouns.iter().zip(&nouns).for_each(|(said, read)| correct(said, read));
-        let candidates = meant(target, &items).into_iter().map(|at| items[at].tags.id).collect();
-        let unknown = nouns.iter().filter(|noun| !is_known(noun) && !scene.contains(*noun));
-        let unknown = unknown
-            .map(|word| {
-                let mut near: Vec<(usize, &String)> = scene
-                    .iter()
-                    .filter(|known| known.len() > 2)
-                    .map(|known| (spelling::distance(word, known), known))
-                    .filter(|(edits, _)| *edits <= (word.len() / 3).max(1))
-                    .collect();
-                near.sort();
-                UnknownWord { word: word.clone(), nearest: near.into_iter().take(3).map(|(_, known)| known.clone()).collect() }
-            })
-            .collect();
-        steps.push(ReadStep { verb: clause.verb, target: words(target, &nouns), candidates, unknown });
-    }
-    InstructionReading { steps, corrections }
+    InstructionReading { steps: steps.into_iter().map(|(_, step)| step).collect(), corrections }
 }
 
-/// A phrase in a few words: ranks, colours, matter, nouns, and what it stands to.
-fn words(phrase: &Phrase, nouns: &[String]) -> String {
-    let mut said: Vec<String> = Vec::new();
+/// The word of the scene that is spelt most like it, when no more than a third of its letters differ.
+fn like(word: &str, scene: &BTreeSet<String>) -> Option<String> {
+    let near = spelling::nearest(word, scene.iter().map(String::as_str).filter(|known| known.len() > 2))?;
+    (spelling::distance(word, near) <= (word.len() / 3).max(1)).then(|| near.to_owned())
+}
+
+/// A phrase by what names a thing: colours or matter, and nouns as they were read; by its use or as it was said where it has none.
+fn in_few_words(phrase: &Phrase, nouns: &[String]) -> String {
+    let mut words: Vec<&str> = Vec::new();
     if phrase.other {
-        said.push("other".to_owned());
+        words.push("other");
     }
-    // A word such as "silver" stands among the colours by its plain colour and here as itself.
-    said.extend(phrase.colours.iter().filter(|_| phrase.soft.is_empty()).cloned());
-    said.extend(phrase.soft.iter().cloned());
-    said.extend(nouns.iter().cloned());
-    if said.is_empty() && !phrase.uses.is_empty() {
-        said.push(format!("something for \"{}\"", phrase.uses.join(" ")));
-    } else if said.is_empty() && !phrase.is_empty() {
-        said.push(phrase.said.join(" "));
+    // "Silver" asks for grey, and rather for silver: it stands among both, and the person said the latter.
+    let looks = if phrase.soft.is_empty() { &phrase.colours } else { &phrase.soft };
+    words.extend(looks.iter().chain(nouns).map(String::as_str));
+    match words.is_empty() {
+        false => words.join(" "),
+        true if !phrase.uses.is_empty() => format!("something for \"{}\"", phrase.uses.join(" ")),
+        true if phrase.is_empty() => String::new(),
+        true => phrase.said.join(" "),
     }
-    said.join(" ")
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
-//! The truth behind `verified` (DESIGN.md section 5, "Truth"): what the last stage may mean, without errors, over all objects.
+//! The truth behind `verified`: what the last stage may mean, without errors, over all objects.
 
-use super::language::resolve::{item, meant, vocabulary};
+use super::language::resolve::{meant, vocabulary};
 use super::language::{Phrase, Verb, parse};
 use super::place::{Placed, Viewpoint};
 
@@ -29,6 +29,6 @@ pub fn resolve_truth(instruction: &str, objects: &[Placed<'_>], from: Option<Vie
 
 /// The objects a phrase may mean, by number.
 pub(super) fn resolve_phrase(phrase: &Phrase, objects: &[Placed<'_>], from: Option<Viewpoint>) -> Vec<u16> {
-    let items: Vec<_> = objects.iter().map(|object| item(object, from)).collect();
+    let items: Vec<_> = objects.iter().map(|object| object.seen_from(from)).collect();
     meant(phrase, &items).into_iter().map(|i| items[i].tags.id).collect()
 }

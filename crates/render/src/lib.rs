@@ -1,4 +1,4 @@
-//! The renderer: pictures of a scene, on the CPU, the same bits on every machine and number of threads (DESIGN.md section 5).
+//! The renderer: pictures of a scene, on the CPU, the same bits on every machine and number of threads.
 //!
 //! Visibility first (which triangle is nearest at each pixel), then colour once for each pixel that is seen, then four more
 //! samples where surfaces meet. Tiles are independent of one another; all arithmetic is single-precision addition,
@@ -76,7 +76,7 @@ pub struct Channels {
     pub depth: bool,
     /// The object seen at each pixel's centre.
     pub ids: bool,
-    /// The second pair, ids and depth, of openings (DESIGN.md section 5).
+    /// The second pair, ids and depth, of openings.
     pub openings: bool,
     /// How fine the colour picture is.
     pub quality: Quality,

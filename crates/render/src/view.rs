@@ -24,7 +24,7 @@ pub(crate) struct View {
 }
 
 impl View {
-    /// The camera vector is turned by tilt, then roll, then pitch, then heading (DESIGN.md section 4).
+    /// The camera vector is turned by tilt, then roll, then pitch, then heading.
     pub(crate) fn new(camera: &Camera, pose: &Pose) -> Self {
         let turn = |v: [f64; 3]| {
             let a = pose.attitude;

@@ -1,4 +1,4 @@
-//! True geometry as it is touched: distances, sweeps and rays over the solid parts of a scene (DESIGN.md section 5).
+//! True geometry as it is touched: distances, sweeps and rays over the solid parts of a scene.
 //!
 //! Only [`Role::Solid`] and [`Role::Glass`] parts take part; what is merely drawn and the openings touch nothing. Two levels: one triangle mesh an
 //! object, and a tree over the objects. Geometry is `f32` inside (parry's precision), which at 200 m from the origin is good

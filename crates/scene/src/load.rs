@@ -1,4 +1,4 @@
-//! Where scenes come from (DESIGN.md section 5; `docs/scene-format.md`).
+//! Where scenes come from (`docs/scene-format.md`).
 //!
 //! [`Scene::load`] reads a built-in scene by name or a user's file by path, checks it, and builds its meshes. Object ids count
 //! from 1 in the order of the file, so the same file always gives the same ids.

@@ -9,7 +9,7 @@ pub(crate) fn above(start: Pose, craft: CraftKind) -> Pose {
     Pose { position: EnuPosition { up, ..start.position }, ..start }
 }
 
-/// A pose written `east,north,up,heading_deg[,pitch_deg]` (DESIGN.md section 7); none for other texts.
+/// A pose written `east,north,up,heading_deg[,pitch_deg]`; none for other texts.
 pub(crate) fn parse_pose(text: &str) -> Option<Pose> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse::<f64>().ok().filter(|v| v.abs() <= 2000.0)).collect();
     let (position, heading, pitch) = match numbers.as_deref() {

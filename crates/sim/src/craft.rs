@@ -22,7 +22,7 @@ const HISTORY_TICKS: usize = 2000;
 /// both reach.
 const WATCH_REACH: f64 = 2.5;
 
-/// Ground truth. It belongs to the judge, the renderer and the recorder; no pilot may see it (DESIGN.md section 5, Truth).
+/// Ground truth. It belongs to the judge, the renderer and the recorder; no pilot may see it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Truth {
     /// As of this flight time.

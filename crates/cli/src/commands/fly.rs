@@ -186,7 +186,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     );
     let limits = limits(settings, stage.limits(kind))?;
     let mut said = vec![flying, sentence(&pointing.sentence, &craft)];
-    if pointing.is_oracle() {
+    if pointing.is_oracle {
         said.extend(reading::lines(instruction, &stage, start)?);
     }
     let site = Simulated { stage, scene: scene.to_owned(), start, kind, circumstances, seed, realtime };

@@ -10,15 +10,20 @@ use super::setting::Row;
 const HEAD: &str = "\
 # Configuration
 
-<!-- Written from crates/cli/src/settings/keys.rs by `INSTA_UPDATE=always cargo test -p spf reference`; a test compares. -->
+<!-- Written from crates/cli/src/settings/keys.rs by
+`INSTA_UPDATE=always cargo test -p spf reference`; a test compares. -->
 
-Each key can be said in four places. In rising order, what is said later holding: the default; the configuration file (`./spf.toml`, or the one that
-`--config FILE` names); an environment variable, or the same variable in `./.env`, over which the environment goes; a flag. `spf config show` prints what is in
-force and where each value came from, in a form that is a configuration file again.
+Each key can be said in four places. In rising order, what is said later holding: the default; the
+configuration file (`./spf.toml`, or the one that `--config FILE` names); an environment variable,
+or the same variable in `./.env`, over which the environment goes; a flag. `spf config show` prints
+what is in force and where each value came from, in a form that is a configuration file again.
 
-The file is TOML: a table below is a `[table]` there, and a value is one text, number, `true` or `false`. A key that it does not know is an error, with its line. A
-variable that begins with `SPF_` and is none of these is a warning, for others use that prefix too; `SPF_SHARDS` is the bench's ([cluster.md](../cluster.md)).
-An empty value (`\"\"`) leaves a key to what its meaning says, else to the default; of `true` and `false` it is `false`. Flags are those of `spf fly`; other commands have some of them.
+The file is TOML: a table below is a `[table]` there, and a value is one text, number, `true` or
+`false`. A key that it does not know is an error, with its line. A variable that begins with `SPF_`
+and is none of these is a warning, for others use that prefix too; `SPF_SHARDS` is the bench's
+([cluster.md](../cluster.md)). An empty value (`\"\"`) leaves a key to what its meaning says, else to
+the default; of `true` and `false` it is `false`. Flags are those of `spf fly`; other commands have
+some of them.
 ";
 
 /// The whole document.

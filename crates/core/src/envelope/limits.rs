@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::craft::Craft;
 use crate::geofence::Geofence;
 
-/// The envelope's figures (DESIGN.md section 4, "Safety"; `docs/safety.md`). Metres, seconds, radians; infinity switches a
+/// The envelope's figures (`docs/safety.md`). Metres, seconds, radians; infinity switches a
 /// limit off. Altitudes are above the take-off point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]

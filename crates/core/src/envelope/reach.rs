@@ -23,8 +23,7 @@ const CREEP: f64 = 1.0e-6;
 
 impl Craft {
     /// From the zero setpoint to standstill (below 0.1 m/s) at `speed` m/s, s: the dead time plus v/a, and where the
-    /// first-order lag takes longer over its last part than the acceleration limit would, that time (DESIGN.md section 4,
-    /// "Safety").
+    /// first-order lag takes longer over its last part than the acceleration limit would, that time.
     #[must_use]
     pub fn standstill_time(&self, speed: f64) -> f64 {
         let (speed, a) = (speed.abs(), self.acceleration.max(0.01));

@@ -68,7 +68,7 @@ impl Axis {
     }
 
     /// The speed of this axis: the preset one, and for measured endings at most `√(a·magnitude)`, which a craft with that
-    /// acceleration just reaches on the way (DESIGN.md section 4).
+    /// acceleration just reaches on the way.
     pub(super) fn speed(&self, error: f64) -> f64 {
         match self.ending {
             Ending::Timed => self.preset,

@@ -39,7 +39,7 @@ impl Pilot {
     }
 }
 
-/// What ending by a cause means for the outcome (DESIGN section 7).
+/// What ending by a cause means for the outcome (`docs/safety.md`).
 fn outcome_of(cause: Cause) -> Outcome {
     match cause {
         Cause::Crashed => Outcome::Collision,

@@ -1,4 +1,4 @@
-//! What the pilot can be set to, and the two named presets (DESIGN section 4).
+//! What the pilot can be set to, and the two named presets (`docs/method.md`).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! Policies: state machines that turn frames and replies into steps (DESIGN: "A policy is a state machine too").
+//! Policies: state machines that turn frames and replies into steps.
 //!
 //! A policy never moves anything. It answers each event with one [`Step`]; the pilot carries the step out through executor and
 //! envelope, whatever the policy is, so that methods differ only in how they see and decide.

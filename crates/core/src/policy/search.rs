@@ -1,4 +1,4 @@
-//! Looking for a target that is out of view (DESIGN section 4, "Ending and memory").
+//! Looking for a target that is out of view (`docs/method.md`).
 
 use core::f64::consts::{PI, TAU};
 

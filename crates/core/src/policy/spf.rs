@@ -217,7 +217,7 @@ impl Spf {
 
     fn done(&mut self, confirming: bool) -> Step {
         self.turned_first = None;
-        // Believed at once 79–88 % success, with the second look while holding 98–99 % (DESIGN section 4).
+        // A belief formed in motion is often early: the craft drifts on, and the second look is from where it has come to rest.
         if !self.settings.confirm_done || confirming {
             return Step::Done;
         }

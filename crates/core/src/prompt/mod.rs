@@ -1,4 +1,4 @@
-//! What a VLM is told, in our own words (paper §3.1; DESIGN.md section 4). The words stand in files, in `prompts/`.
+//! What a VLM is told, in our own words (paper §3.1). The words stand in files, in `prompts/`.
 //!
 //! Two things in a prompt come from outside: the person's instruction, which is an order, and the names that earlier replies
 //! gave to targets, which are not. Both are put on one line, so that neither can pass for a part of the prompt around it.

@@ -1,4 +1,4 @@
-//! The truth about a flight, from the scene itself, taken at `Finished` and before landing. Policies never see it (DESIGN section 5).
+//! The truth about a flight, from the scene itself, taken at `Finished` and before landing. Policies never see it.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -30,11 +30,15 @@ pub struct Instruction {
 /// `tags` are words of the objects at hand; they are not taken for misspelt words of the grammar.
 #[must_use]
 pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
-    let words = tokens(text, tags);
+    parse_tokens(&tokens(text, tags))
+}
+
+/// The same from the text's tokens.
+pub(crate) fn parse_tokens(words: &[String]) -> Instruction {
     let mut clauses: Vec<Clause> = Vec::new();
     let mut excluded: Vec<Phrase> = Vec::new();
     let mut context: Vec<Phrase> = Vec::new();
-    for piece in in_order(&pieces(&words)) {
+    for piece in in_order(&pieces(words)) {
         let Some(read) = clause(&piece, clauses.last().map(|c| c.verb)) else { continue };
         match read {
             Read::Clause(mut clause) => {

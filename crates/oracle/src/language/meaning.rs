@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// What is to be done with the target (DESIGN.md section 5: all but [`Verb::GoTo`] have a table of stages).
+/// What is to be done with the target (`docs/oracle.md` has the stages of each).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verb {

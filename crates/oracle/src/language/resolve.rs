@@ -2,10 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use spf_core::geometry::wrap_angle;
 use spf_core::tags::Tagged;
-
-use crate::place::{Placed, Viewpoint};
 
 use super::lex::{general_noun, is_known, raw_tokens, singular, stem, stems};
 use super::lexicon::{ADJECTIVES, NOUNS, SPELLING};
@@ -34,28 +31,6 @@ pub(crate) struct Item<'a> {
     pub(crate) position: Option<[f64; 3]>,
     /// Ties go to the larger.
     pub(crate) weight: f64,
-}
-
-/// An object as it stands to the start: right and forward in metres, across as the bearing.
-pub(crate) fn item<'a>(object: &Placed<'a>, from: Option<Viewpoint>) -> Item<'a> {
-    let tags = object.tags;
-    let Some(place) = object.place else {
-        return Item { tags, across: None, half: 0.0, range: None, size: None, height: None, position: None, weight: 0.0 };
-    };
-    let origin = from.unwrap_or_default();
-    let away = origin.position.displacement_to(place.centre, origin.attitude.heading);
-    let range = libm::hypot(away.right, away.forward);
-    let seen = from.is_some();
-    Item {
-        tags,
-        across: seen.then(|| wrap_angle(libm::atan2(away.right, away.forward))),
-        half: libm::atan2(0.5 * place.width, range),
-        range: seen.then_some(range),
-        size: Some(place.width * place.height),
-        height: Some(place.height),
-        position: Some([away.right, away.forward, away.up]),
-        weight: place.width * place.height,
-    }
 }
 
 /// Indices of the items that the phrase may mean, all of the best score, in the order of `items`. With words of order or

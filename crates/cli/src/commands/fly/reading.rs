@@ -6,7 +6,7 @@ use spf_core::geometry::Pose;
 use spf_core::tags::Tagged;
 use spf_flight::sim::Stage;
 use spf_oracle::language::Verb;
-use spf_oracle::{InstructionReading, ReadStep, read_instruction};
+use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction};
 
 use crate::error::CliError;
 use crate::printer::one_line;
@@ -40,12 +40,9 @@ fn not_understood(instruction: &str, reading: &InstructionReading, stage: &Stage
         .iter()
         .flat_map(|step| &step.unknown)
         .filter(|unknown| named.insert(&unknown.word))
-        .map(|unknown| match unknown.nearest.split_first() {
-            Some((nearest, _)) => format!("`{}` is not a word it knows (did you mean `{nearest}`?)", one_line(&unknown.word)),
-            None => format!("`{}` is not a word it knows", one_line(&unknown.word)),
-        })
+        .map(unknown_word)
         .collect();
-    let why = if unknown.is_empty() { "it names nothing to fly to".to_owned() } else { unknown.join("; ") };
+    let why = if unknown.is_empty() { "it names nothing to fly to".to_owned() } else { unknown.join(", ") };
     let mut seen = BTreeSet::new();
     let things = stage.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
@@ -54,6 +51,12 @@ fn not_understood(instruction: &str, reading: &InstructionReading, stage: &Stage
         stage.scene.name,
         examples.join(", ")
     ))
+}
+
+/// A word that was not understood, with what may have been meant.
+fn unknown_word(unknown: &UnknownWord) -> String {
+    let near = unknown.nearest.as_ref().map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+    format!("`{}` is not a word it knows{near}", one_line(&unknown.word))
 }
 
 /// One step: what is to be done, and with what.
@@ -82,10 +85,7 @@ fn described(step: &ReadStep, tags: &[Tagged]) -> String {
         }
         (None, _) if target.is_empty() => verb.to_owned(),
         (None, _) => match step.unknown.first() {
-            Some(unknown) => {
-                let near = unknown.nearest.first().map_or(String::new(), |near| format!("; did you mean `{near}`?"));
-                format!("{verb} → {target} (`{}` is not a word it knows{near})", one_line(&unknown.word))
-            }
+            Some(unknown) => format!("{verb} → {target} ({})", unknown_word(unknown)),
             None => format!("{verb} → {target} (nothing like it in this scene; it will be searched for)"),
         },
     }

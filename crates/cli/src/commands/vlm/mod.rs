@@ -30,15 +30,10 @@ pub(crate) struct Pointing {
     pub(crate) name: String,
     /// Makes it.
     pub(crate) who: WhoPoints,
+    /// Whether it is the oracle, whose reading of an instruction is known before the flight.
+    pub(crate) is_oracle: bool,
     /// A sentence about it for the person who flies.
     pub(crate) sentence: String,
-}
-
-impl Pointing {
-    /// Whether it is the oracle, whose reading of an instruction can be told beforehand.
-    pub(crate) fn is_oracle(&self) -> bool {
-        self.name == "oracle" || self.name.starts_with("oracle:")
-    }
 }
 
 /// Who points, by the settings.
@@ -80,7 +75,7 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
     })?;
     let name = replay.name().to_owned();
     let sentence = format!("{file} answers with what {name} answered when it was recorded.");
-    Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), sentence })
+    Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), is_oracle: false, sentence })
 }
 
 /// The same, its answers recorded in a file.
@@ -125,6 +120,7 @@ fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
         name: name.clone(),
         sentence: format!("{name} points: it reads the simulator's own id and depth pictures, it is no VLM."),
         who: oracle_points(name, errors),
+        is_oracle: true,
     })
 }
 
@@ -150,7 +146,7 @@ pub(crate) struct Chosen {
 /// A model of the table, for a flight.
 fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
     let Chosen { name, remote, sentence } = remote(settings, name, prompt)?;
-    Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(remote.clone()))), sentence })
+    Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(remote.clone()))), is_oracle: false, sentence })
 }
 
 /// A model of the table.
