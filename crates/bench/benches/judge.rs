@@ -7,15 +7,15 @@ use std::sync::Arc;
 use divan::{Bencher, black_box};
 use spf_bench::judge::judge_trajectory;
 use spf_bench::task::shipped;
-use spf_flight::sim::Stage;
+use spf_flight::sim::LoadedScene;
 
 /// Comes up to a thing, passes several, and keeps beside one that walks.
 #[divan::bench(args = ["sim-nav-black-car", "real-long-cones", "real-follow-green-shirt"])]
 fn accepted(bencher: Bencher<'_, '_>, task: &str) {
     let task = shipped(task).expect("it can be read").expect("it is shipped");
-    let stage = Arc::new(Stage::load_with(&task.scene, &task.conditions).expect("it is built in"));
+    let loaded = Arc::new(LoadedScene::load_with(&task.scene, &task.conditions).expect("it is built in"));
     let way = task.trajectories.iter().find(|way| way.accepted).expect("every task has one");
-    bencher.bench_local(|| judge_trajectory(black_box(&task), &stage, way));
+    bencher.bench_local(|| judge_trajectory(black_box(&task), &loaded, way));
 }
 
 fn main() {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use spf_bench::judge::judge_trajectory;
 use spf_bench::task::{Category, SUITES, Set, Task, View, suite};
 use spf_bench::trial::{Method, draw, split_latency};
-use spf_flight::sim::Stage;
+use spf_flight::sim::LoadedScene;
 use spf_oracle::ErrorFile;
 use spf_scene::Lighting;
 
@@ -103,14 +103,14 @@ fn targets_are_in_view_as_the_instruction_has_it() {
 
 #[test]
 fn every_task_judges_its_own_trajectories() {
-    let mut stages: BTreeMap<String, Arc<Stage>> = BTreeMap::new();
+    let mut loaded_scenes: BTreeMap<String, Arc<LoadedScene>> = BTreeMap::new();
     let mut wrong = Vec::new();
     for task in shipped() {
-        let stage = stages.entry(task.scene.clone()).or_insert_with(|| Arc::new(Stage::load(&task.scene).unwrap()));
+        let loaded = loaded_scenes.entry(task.scene.clone()).or_insert_with(|| Arc::new(LoadedScene::load(&task.scene).unwrap()));
         let accepted = task.trajectories.iter().filter(|trajectory| trajectory.accepted).count();
         assert_eq!((accepted, task.trajectories.len()), (1, 3), "{}", task.id);
         for trajectory in &task.trajectories {
-            let judgement = judge_trajectory(&task, stage, trajectory).unwrap();
+            let judgement = judge_trajectory(&task, loaded, trajectory).unwrap();
             if judgement.accepted != trajectory.accepted {
                 wrong.push(format!("{}: {}: {judgement:?}", task.id, trajectory.why));
             }

@@ -47,7 +47,7 @@ const WATCHED: Duration = Duration::from_secs(3);
 /// How long the first picture is waited for: a key frame comes every second or two.
 pub const FIRST_PICTURE: Duration = Duration::from_secs(6);
 /// Between two looks.
-const NAP: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Charge to take off with, per cent.
 const BATTERY: u8 = 20;
 /// A charge that lasts for a flight, per cent.
@@ -79,12 +79,12 @@ impl Watched {
             if frames.newest().is_some() || begun.elapsed() > FIRST_PICTURE {
                 break begun.elapsed();
             }
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL_INTERVAL);
         };
         let (before, since) = (frames.tally(), Instant::now());
         while since.elapsed() < WATCHED {
             reports += count_reports(drone, begun);
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL_INTERVAL);
         }
         let telemetry = f64::from(reports) / begun.elapsed().as_secs_f64();
         let tally = frames.tally();

@@ -8,7 +8,7 @@ use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use spf_core::craft::CraftKind;
 use spf_flight::flight::{self, FlightPlan, Site};
-use spf_flight::sim::{OracleVlm, Simulated, Stage, WhoPoints};
+use spf_flight::sim::{LoadedScene, OracleVlm, Simulated, VlmFactory};
 use spf_oracle::ErrorFile;
 use spf_vlm::{Answer, Asked, Picture, Vlm};
 
@@ -27,23 +27,23 @@ impl Vlm for Looks {
 }
 
 /// Flies to the red crane; the number of decisions.
-fn fly(stage: &Arc<Stage>, pictures: bool) -> u32 {
-    let who: WhoPoints = Arc::new(move |world, seed| {
+fn fly(loaded: &Arc<LoadedScene>, pictures: bool) -> u32 {
+    let who: VlmFactory = Arc::new(move |world, seed| {
         let world = world.ok_or("the oracle needs the simulator")?;
         let errors = ErrorFile::named("default")?;
         let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), errors, seed);
         Ok(if pictures { Box::new(Looks(oracle)) as Box<dyn Vlm> } else { Box::new(oracle) })
     });
-    let site = Site::Simulated(Simulated { kind: CraftKind::Quad, ..Simulated::new(stage.clone(), "city") });
+    let site = Site::Simulated(Simulated { kind: CraftKind::Quad, ..Simulated::new(loaded.clone(), "city") });
     let plan = FlightPlan::new(site, "Take off and fly to the red crane", "oracle", who);
     flight::fly(plan, &mut []).expect("its start is free").summary.decisions
 }
 
 #[divan::bench(args = [false, true], sample_count = 5, sample_size = 1)]
 fn decisions(bencher: Bencher<'_, '_>, pictures: bool) {
-    let stage = Arc::new(Stage::load("city").expect("it is built in"));
-    let made = fly(&stage, pictures);
-    bencher.counter(ItemsCount::new(made)).bench(|| fly(&stage, pictures));
+    let loaded = Arc::new(LoadedScene::load("city").expect("it is built in"));
+    let made = fly(&loaded, pictures);
+    bencher.counter(ItemsCount::new(made)).bench(|| fly(&loaded, pictures));
 }
 
 fn main() {

@@ -14,7 +14,7 @@ use spf_core::primitives::Primitives;
 use spf_core::prompt::PromptKind;
 use spf_flight::flight::{self, FlightPlan, Flown, Site};
 use spf_flight::pilot::{PolicyMaker, PolicyParts};
-use spf_flight::sim::{Simulated, Stage, oracle_points};
+use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_oracle::ErrorFile;
 
 /// Flies sides until there are four.
@@ -63,8 +63,8 @@ impl PolicyMaker for Squares {
 
 /// Flies it over the plaza of the city.
 pub(crate) fn fly() -> Result<Flown, Box<dyn Error>> {
-    let site = Site::Simulated(Simulated::new(Arc::new(Stage::load("city")?), "city"));
-    let who = oracle_points("oracle".to_owned(), ErrorFile::default());
+    let site = Site::Simulated(Simulated::new(Arc::new(LoadedScene::load("city")?), "city"));
+    let who = oracle_factory("oracle".to_owned(), ErrorFile::default());
     let plan = FlightPlan { policy: Arc::new(Squares), ..FlightPlan::new(site, "fly a square", "oracle", who) };
     Ok(flight::fly(plan, &mut [])?)
 }

@@ -13,7 +13,7 @@ use spf_core::time::Duration;
 use spf_flight::flight::{self, FlightPlan, Site};
 use spf_flight::recorder::RecordPlan;
 use spf_flight::replay::row;
-use spf_flight::sim::{Simulated, Stage, oracle_points};
+use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_flight::words;
 use spf_oracle::ErrorFile;
 use spf_record::log::LogReader;
@@ -34,8 +34,8 @@ pub(crate) fn decisions(log: &Path) -> Result<Vec<(f64, String)>, Box<dyn Error>
 
 /// Flies twenty seconds in the office, and leaves its files in a folder.
 pub(crate) fn flown(folder: &Path) -> Result<PathBuf, Box<dyn Error>> {
-    let site = Site::Simulated(Simulated::new(Arc::new(Stage::load("office")?), "office"));
-    let who = oracle_points("oracle".to_owned(), ErrorFile::default());
+    let site = Site::Simulated(Simulated::new(Arc::new(LoadedScene::load("office")?), "office"));
+    let who = oracle_factory("oracle".to_owned(), ErrorFile::default());
     let plan = FlightPlan::new(site, "go to the person in the green shirt", "oracle", who);
     let plan = FlightPlan {
         settings: PilotSettings { max_time: Duration::from_secs(20), ..plan.settings },

@@ -18,7 +18,7 @@ use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::time::duration_from_secs;
 use spf_drone::Drone;
 use spf_flight::run::run;
-use spf_flight::sim::{OracleVlm, SimDrone, SimWorld, Stage};
+use spf_flight::sim::{LoadedScene, OracleVlm, SimDrone, SimWorld};
 use spf_flight::world::{Lockstep, Script};
 use spf_oracle::ErrorFile;
 
@@ -26,8 +26,8 @@ use spf_oracle::ErrorFile;
 const COUNTS: [usize; 4] = [1, 2, 10, 100];
 
 /// A trial that has flown, all of it.
-fn flown(stage: &Arc<Stage>, seed: u64) -> Result<(Pilot, Lockstep), Box<dyn Error>> {
-    let world = SimWorld::new(stage.clone(), CraftKind::Quad, stage.scene.start, seed);
+fn flown(scene: &Arc<LoadedScene>, seed: u64) -> Result<(Pilot, Lockstep), Box<dyn Error>> {
+    let world = SimWorld::new(scene.clone(), CraftKind::Quad, scene.scene.start, seed);
     let drone = SimDrone::new(world.clone());
     let capabilities = drone.capabilities();
     let settings = PilotSettings { max_time: duration_from_secs(20.0), ..PilotSettings::preset(Preset::Default) };
@@ -64,7 +64,7 @@ fn resident() -> Result<u64, Box<dyn Error>> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let empty = resident()?;
-    let stage = Arc::new(Stage::load("city")?);
+    let scene = Arc::new(LoadedScene::load("city")?);
     let loaded = resident()?;
     println!("process {empty} KiB, with the scene {loaded} KiB");
     println!("| trials | resident | per further trial |\n|---|---|---|");
@@ -72,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut first = 0;
     for count in COUNTS {
         while trials.len() < count {
-            trials.push(flown(&stage, trials.len() as u64)?);
+            trials.push(flown(&scene, trials.len() as u64)?);
         }
         let now = resident()?;
         if count == 1 {
@@ -83,6 +83,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let decisions: u32 = trials.iter().map(|(pilot, _)| pilot.decisions()).sum();
-    println!("{} handles to one scene, {decisions} decisions in all", Arc::strong_count(&stage));
+    println!("{} handles to one scene, {decisions} decisions in all", Arc::strong_count(&scene));
     Ok(())
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use spf_core::time::Duration;
 use spf_flight::flight::{self, FlightPlan, Flown, Site};
-use spf_flight::sim::{Simulated, Stage};
+use spf_flight::sim::{LoadedScene, Simulated};
 use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
 
 /// Counts what it was asked.
@@ -52,7 +52,7 @@ impl Vlm for Lightest {
 
 /// Three steps in the office.
 pub(crate) fn fly() -> Result<Flown, Box<dyn Error>> {
-    let site = Site::Simulated(Simulated::new(Arc::new(Stage::load("office")?), "office"));
+    let site = Site::Simulated(Simulated::new(Arc::new(LoadedScene::load("office")?), "office"));
     let plan = FlightPlan::new(site, "fly to the light", "lightest", Arc::new(|_, _| Ok(Box::<Lightest>::default())));
     Ok(flight::fly(plan, &mut [])?)
 }

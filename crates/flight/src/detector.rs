@@ -9,7 +9,7 @@ use spf_core::query::QueryKind;
 use spf_detect::Detector;
 use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
 
-use crate::sim::WhoPoints;
+use crate::sim::VlmFactory;
 
 /// Who points, and a detector that lists what is in the picture in their place.
 struct WithDetector {
@@ -36,7 +36,7 @@ impl Vlm for WithDetector {
 
 /// The same, with lists of what is in the picture from `detector`.
 #[must_use]
-pub fn with_detector(who: WhoPoints, detector: WhoPoints) -> WhoPoints {
+pub fn with_detector(who: VlmFactory, detector: VlmFactory) -> VlmFactory {
     Arc::new(move |world, seed| Ok(Box::new(WithDetector { vlm: who(world, seed)?, detector: detector(world, seed)? })))
 }
 
@@ -63,6 +63,6 @@ impl Vlm for Watching {
 
 /// A model as a detector for [`with_detector`]; all flights share its network.
 #[must_use]
-pub fn model_detects(detector: Detector) -> WhoPoints {
+pub fn model_detects(detector: Detector) -> VlmFactory {
     Arc::new(move |_, _| Ok(Box::new(Watching(detector.clone()))))
 }

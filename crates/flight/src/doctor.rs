@@ -11,7 +11,7 @@ use spf_render::Channels;
 use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 
-use crate::sim::Stage;
+use crate::sim::LoadedScene;
 
 /// How long the simulator draws.
 const WATCHED: Duration = Duration::from_secs(3);
@@ -22,18 +22,18 @@ const SPACE: u64 = 1 << 30;
 
 /// Draws some pictures of a scene as a flight on the wall clock does, and counts how many a second there are.
 #[must_use]
-pub fn simulator(stage: &Stage) -> Check {
-    let moment = stage.beginning(stage.scene.start);
-    let camera = stage.scene.default_craft.camera();
+pub fn simulator(loaded: &LoadedScene) -> Check {
+    let moment = loaded.beginning(loaded.scene.start);
+    let camera = loaded.scene.default_craft.camera();
     let (begun, mut drawn) = (Instant::now(), 0_u32);
     while begun.elapsed() < WATCHED {
-        drop(stage.render(&camera, &moment, Channels::RGB));
+        drop(loaded.render(&camera, &moment, Channels::RGB));
         drawn += 1;
     }
     let rate = f64::from(drawn) / begun.elapsed().as_secs_f64();
     // The film of a flight shows ten a second.
     let finding = if rate < 10.0 { Finding::Warning } else { Finding::Good };
-    let said = format!("{} is drawn {rate:.1} times a second", stage.scene.name);
+    let said = format!("{} is drawn {rate:.1} times a second", loaded.scene.name);
     Check::new("simulator", finding, said, Some("end what keeps this machine busy, or fly with --no-video"))
 }
 

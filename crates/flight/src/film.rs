@@ -19,8 +19,8 @@ use spf_media::marks::{self, Colour, Hud};
 use spf_record::log::foxglove::Marks;
 use spf_record::video::{VideoError, VideoWriter};
 
+use crate::frame_source::FrameSource;
 use crate::log::Outlet;
-use crate::witness::Witness;
 use crate::words;
 
 /// Pictures a flight second: the paper's controller acts ten times a second, so nothing is between two pictures.
@@ -55,7 +55,7 @@ struct Shot {
 /// A video in the making. Pictures are drawn and encoded in a thread of their own, so that no setpoint waits for one; the bytes
 /// do not depend on it. On the wall clock a picture for which there is no time is left out.
 pub(crate) struct Film {
-    witness: Arc<dyn Witness>,
+    frame_source: Arc<dyn FrameSource>,
     title: String,
     next: Time,
     decision: String,
@@ -74,17 +74,17 @@ impl Film {
     /// Opens the file and starts the encoder. The pictures go to the `log` too, as the camera saw them.
     pub(crate) fn start(
         path: &Path,
-        witness: Arc<dyn Witness>,
+        frame_source: Arc<dyn FrameSource>,
         title: &str,
         log: Option<Outlet>,
         live: bool,
     ) -> Result<Self, VideoError> {
         let writer = VideoWriter::create(path, SIZE.0, SIZE.1, FPS as f64)?;
         let (shots, waiting) = sync_channel(WAITING);
-        let camera = *witness.camera();
+        let camera = *frame_source.camera();
         let encoder = std::thread::spawn(move || encode(writer, &camera, &waiting, log.as_ref()));
         Ok(Self {
-            witness,
+            frame_source,
             title: title.to_owned(),
             next: Time::ZERO,
             decision: String::new(),
@@ -128,7 +128,7 @@ impl Film {
     /// Takes every picture that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
     pub(crate) fn advance(&mut self, now: Time, pilot: &Pilot) -> bool {
         while self.next <= now {
-            let Some(photo) = self.witness.shot(self.next) else {
+            let Some(photo) = self.frame_source.shot(self.next) else {
                 // Not flown yet, or the shutter is open; or so long ago that the simulator forgot, after a standstill of the
                 // whole machine: go on from here.
                 if now.since(self.next) > FORGOTTEN {

@@ -19,7 +19,7 @@ use crate::policy::PolicyKind;
 use crate::real::Real;
 use crate::recorder::{RecordPlan, Recorder};
 use crate::run::{Observer, World, run};
-use crate::sim::{SimWorld, Simulated, StartError, WhoError, WhoPoints};
+use crate::sim::{SimWorld, Simulated, StartError, VlmFactory, VlmFactoryError};
 use crate::site::{Clock, Judge, Parts};
 use crate::summary::Summary;
 use crate::world::{Live, Lockstep, Script};
@@ -41,7 +41,7 @@ pub struct FlightPlan {
     /// The name on the command line of who points.
     pub vlm: String,
     /// Who points.
-    pub who: WhoPoints,
+    pub who: VlmFactory,
     /// The name of who detects; `None` without a detector.
     pub detector: Option<String>,
     /// What it is told; `None`: the shipped prompt.
@@ -72,7 +72,7 @@ impl Site {
     #[must_use]
     pub fn limits(&self) -> Limits {
         match self {
-            Self::Simulated(site) => site.stage.limits(site.kind),
+            Self::Simulated(site) => site.loaded.limits(site.kind),
             Self::Real(site) => Limits::for_craft(&site.drone.capabilities().craft),
         }
     }
@@ -89,7 +89,7 @@ impl Site {
 impl FlightPlan {
     /// SPF with its default preset and nothing else: no operator, no record. `vlm` is the name of who points.
     #[must_use]
-    pub fn new(site: Site, instruction: &str, vlm: &str, who: WhoPoints) -> Self {
+    pub fn new(site: Site, instruction: &str, vlm: &str, who: VlmFactory) -> Self {
         Self {
             limits: site.limits(),
             site,
@@ -131,7 +131,7 @@ pub enum FlightError {
     Manoeuvres(String),
     /// Nobody points.
     #[error("the VLM cannot be asked")]
-    Vlm(#[source] WhoError),
+    Vlm(#[source] VlmFactoryError),
     /// No thread could be started.
     #[error("no thread could be started for the VLM")]
     Thread(#[source] std::io::Error),
@@ -143,7 +143,7 @@ pub enum FlightError {
 /// [`FlightError`] when the flight cannot begin; once begun it always ends in a [`Flown`].
 pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
     let FlightPlan { site, policy, prompt, record, script, interrupts, operator, .. } = plan;
-    let (Parts { drone, clock, seed, witness, judge, sim }, world) = site.open()?;
+    let (Parts { drone, clock, seed, frame_source, judge, sim }, world) = site.open()?;
     let capabilities = drone.capabilities();
     if plan.settings.motion == Motion::Manoeuvres && !capabilities.manoeuvres {
         return Err(FlightError::Manoeuvres(drone.name().to_owned()));
@@ -175,7 +175,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let told = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
     let mut pilot = pilot(&head, policy.as_ref(), told);
     let live = clock != Clock::Virtual;
-    let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, witness, live));
+    let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
     let mut course = Course { instruction: head.instruction.clone(), judge, settled: None };
     let mut around: Box<dyn World> = match clock {
         Clock::Virtual => Box::new(Lockstep::new(drone, vlm, script, interrupts).with_operator(operator)),

@@ -7,11 +7,11 @@ use spf_core::pilot::{Action, Pilot};
 use spf_core::time::Time;
 use spf_drone::Drone;
 
-use crate::glass::Glass;
+use crate::frame_age::FrameAge;
+use crate::frame_source::CameraFrameSource;
 use crate::run::Observer;
 use crate::site::{Clock, Judge, Parts};
 use crate::summary::Summary;
-use crate::witness::CameraWitness;
 
 /// A craft somewhere outside, as far as this program knows.
 pub struct Real {
@@ -25,9 +25,9 @@ impl Real {
     /// What it gives to a flight.
     pub(crate) fn open(self) -> Parts {
         let Self { drone, clock } = self;
-        let witness = Arc::new(CameraWitness::new(drone.as_ref()));
+        let frame_source = Arc::new(CameraFrameSource::new(drone.as_ref()));
         let judge = Belief { drone: drone.name().to_owned(), ..Belief::default() };
-        Parts { drone, clock, seed: 0, witness, judge: Box::new(judge), sim: None }
+        Parts { drone, clock, seed: 0, frame_source, judge: Box::new(judge), sim: None }
     }
 }
 
@@ -38,7 +38,7 @@ struct Belief {
     last: Option<Pose>,
     flown: f64,
     settled: bool,
-    glass: Glass,
+    frame_age: FrameAge,
 }
 
 impl Observer for Belief {
@@ -52,7 +52,7 @@ impl Observer for Belief {
     }
 
     fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
-        self.glass.action(now, action, pilot);
+        self.frame_age.action(now, action, pilot);
     }
 }
 
@@ -64,6 +64,6 @@ impl Judge for Belief {
     fn tell(&self, summary: &mut Summary) {
         summary.path_length_m = self.flown;
         summary.drone_model.clone_from(&self.drone);
-        summary.glass_to_decision = self.glass.latency();
+        summary.glass_to_decision = self.frame_age.latency();
     }
 }

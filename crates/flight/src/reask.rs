@@ -25,7 +25,7 @@ use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
 use crate::picture::Marked;
 use crate::policy::PolicyKind;
 use crate::replay::{ReplayError, head, prompt_of, row};
-use crate::sim::{Circumstances, Moment, OracleVlm, SimWorld, Stage, WhoError, WhoPoints, photo};
+use crate::sim::{FlightConditions, LoadedScene, OracleVlm, SimWorld, VlmFactory, VlmFactoryError, WorldSnapshot, photo};
 
 /// One half of a picture.
 const HALF: (u32, u32) = (640, 480);
@@ -146,7 +146,7 @@ pub enum Mind {
     /// An oracle with these errors.
     Oracle(Box<ErrorFile>),
     /// Anybody else. An answer is waited for as long as in the flight.
-    Other(WhoPoints),
+    Other(VlmFactory),
 }
 
 /// The same, in the log's world.
@@ -174,7 +174,7 @@ pub enum AskError {
     /// The flight was no simulated one.
     #[error("the flight was not flown in the simulator: what its camera saw cannot be drawn again")]
     NoSimulator,
-    /// The craft or the circumstances are not known here.
+    /// The craft or the conditions are not known here.
     #[error("the log's `{0}` is not known here")]
     Unknown(String),
     /// The head's prompt is none.
@@ -182,7 +182,7 @@ pub enum AskError {
     Head(#[from] ReplayError),
     /// The one to be asked cannot be made.
     #[error("nobody answers")]
-    Who(#[source] WhoError),
+    Who(#[source] VlmFactoryError),
 }
 
 impl Asker {
@@ -191,12 +191,12 @@ impl Asker {
     ///
     /// # Errors
     /// [`AskError`].
-    pub fn new(head: &Head, stage: Arc<Stage>, name: &str, mind: Mind) -> Result<Self, AskError> {
+    pub fn new(head: &Head, loaded: Arc<LoadedScene>, name: &str, mind: Mind) -> Result<Self, AskError> {
         let sim = head.sim.as_ref().ok_or(AskError::NoSimulator)?;
         let kind = CraftKind::from_name(&sim.drone_model).ok_or_else(|| AskError::Unknown(sim.drone_model.clone()))?;
         let policy = PolicyKind::of_name(&head.policy).ok_or_else(|| AskError::Unknown(head.policy.clone()))?;
         let prompt = prompt_of(head, policy)?;
-        let world = SimWorld::under(&circumstances(sim)?, stage, kind, sim.start, sim.seed);
+        let world = SimWorld::under(&flight_conditions(sim)?, loaded, kind, sim.start, sim.seed);
         let mind = match mind {
             Mind::Oracle(errors) => Answerer::Oracle(Box::new(OracleVlm::new(name.to_owned(), world.clone(), *errors, sim.seed))),
             Mind::Other(who) => Answerer::Vlm(who(Some(&world), sim.seed).map_err(AskError::Who)?, head.settings.reply_timeout),
@@ -206,8 +206,8 @@ impl Asker {
 
     /// Asks about one frame.
     pub fn ask(&mut self, question: &Question) -> Opinion {
-        let moment = self.moment(question);
-        let (answer, grounding) = self.answer(question, &moment);
+        let snapshot = self.snapshot(question);
+        let (answer, grounding) = self.answer(question, &snapshot);
         let then = question.answer.as_deref().map(|text| Pointed::of(text, &self.grounding));
         let failed = answer.text.as_ref().err().map(ToString::to_string);
         let now = answer.text.ok().map(|text| Pointed::of(&text, &grounding));
@@ -221,15 +221,15 @@ impl Asker {
     }
 
     /// The answer to a question, and the coordinates it is in.
-    fn answer(&mut self, question: &Question, moment: &Moment) -> (Answer, GroundingProfile) {
+    fn answer(&mut self, question: &Question, snapshot: &WorldSnapshot) -> (Answer, GroundingProfile) {
         let query = &question.query;
         match &mut self.mind {
-            Answerer::Oracle(oracle) => (oracle.answer_at(query, moment), GroundingProfile::default()),
+            Answerer::Oracle(oracle) => (oracle.answer_at(query, snapshot), GroundingProfile::default()),
             Answerer::Vlm(vlm, patience) => {
                 let camera = self.world.camera();
                 let eyesight = vlm.eyesight((camera.width, camera.height));
                 let query = rewritten(query, &self.prompt, &eyesight);
-                let photo = self.world.still(captured(question), moment).map(|shot| photo(&self.world, shot));
+                let photo = self.world.still(captured(question), snapshot).map(|shot| photo(&self.world, shot));
                 let mut scaler = Scaler::default();
                 let mut picture = Marked::new(&query, (camera.width, camera.height), photo, &mut scaler);
                 (vlm.answer(&Asked::new(&query, *patience), &mut picture), eyesight.grounding)
@@ -240,8 +240,8 @@ impl Asker {
     /// Both answers on the frame, side by side: the flight's on the left.
     #[must_use]
     pub fn picture(&self, question: &Question, opinion: &Opinion, vlm_then: &str) -> Rgb {
-        let moment = self.moment(question);
-        let Some(shot) = self.world.still(captured(question), &moment) else { return Rgb::new(2 * HALF.0, HALF.1) };
+        let snapshot = self.snapshot(question);
+        let Some(shot) = self.world.still(captured(question), &snapshot) else { return Rgb::new(2 * HALF.0, HALF.1) };
         let clean = self.world.photograph(&shot, Some(HALF));
         let half = |who: &str, pointed: &Option<Pointed>| {
             let mut half = clean.clone();
@@ -256,8 +256,8 @@ impl Asker {
         beside(&half(&format!("flight: {vlm_then}"), &opinion.then), &half(&format!("now: {}", self.name), &opinion.now))
     }
 
-    fn moment(&self, question: &Question) -> Moment {
-        self.world.stage().moment(question.truth.pose, self.seed, captured(question))
+    fn snapshot(&self, question: &Question) -> WorldSnapshot {
+        self.world.loaded().snapshot(question.truth.pose, self.seed, captured(question))
     }
 }
 
@@ -275,12 +275,12 @@ fn captured(question: &Question) -> Time {
 }
 
 /// What was flown through, as the log's head has it.
-fn circumstances(sim: &SimHead) -> Result<Circumstances, AskError> {
-    let mut circumstances = Circumstances { battery: sim.battery, ..Circumstances::default() };
+fn flight_conditions(sim: &SimHead) -> Result<FlightConditions, AskError> {
+    let mut flight_conditions = FlightConditions { battery: sim.battery, ..FlightConditions::default() };
     if let Some(effects) = &sim.camera_effects {
-        circumstances.effects = effects.parse().map_err(|_| AskError::Unknown(effects.clone()))?;
+        flight_conditions.effects = effects.parse().map_err(|_| AskError::Unknown(effects.clone()))?;
     }
-    Ok(circumstances)
+    Ok(flight_conditions)
 }
 
 /// Two pictures of one size, next to each other.

@@ -14,10 +14,10 @@ use spf_record::out_dir::OutDir;
 use spf_record::trajectory::{DecisionMark, TrajectoryInput, trajectory_svg};
 
 use crate::film::{self, Film};
+use crate::frame_source::FrameSource;
 use crate::log::{self, FlightLog, Head};
 use crate::run::Observer;
 use crate::summary::Summary;
-use crate::witness::Witness;
 use crate::words;
 
 /// Where and what to record.
@@ -43,7 +43,7 @@ struct Row<'a> {
 /// Watches a flight and writes its files.
 pub struct Recorder {
     out: OutDir,
-    witness: Arc<dyn Witness>,
+    frame_source: Arc<dyn FrameSource>,
     log: Option<FlightLog>,
     decisions: Option<JsonLines>,
     film: Option<Film>,
@@ -89,20 +89,20 @@ const PATH_STEP_S: f64 = 0.1;
 impl Recorder {
     /// Opens the files in a folder. `live` tells that the flight is on the wall clock.
     #[must_use]
-    pub(crate) fn new(plan: &RecordPlan, head: &Head, witness: Arc<dyn Witness>, live: bool) -> Self {
+    pub(crate) fn new(plan: &RecordPlan, head: &Head, frame_source: Arc<dyn FrameSource>, live: bool) -> Self {
         let RecordPlan { out, video, view } = plan.clone();
         let mut problems = Problems::default();
         let file = problems.kept(LOG, log::open(&out.file(LOG), live));
         let told = file.is_some() || view.is_some();
-        let log = told.then(|| FlightLog::start(file, view, head, &witness.prisms(), witness.clone()));
+        let log = told.then(|| FlightLog::start(file, view, head, &frame_source.prisms(), frame_source.clone()));
         let decisions = problems.kept(DECISIONS, JsonLines::create(&out.file(DECISIONS)));
         let pictures = log.as_ref().filter(|_| video).map(|log| log.pictures(film::SIZE));
         let film = video
-            .then(|| Film::start(&out.file(VIDEO), witness.clone(), &head.instruction, pictures, live))
+            .then(|| Film::start(&out.file(VIDEO), frame_source.clone(), &head.instruction, pictures, live))
             .and_then(|film| problems.kept(VIDEO, film));
         Self {
             out,
-            witness,
+            frame_source,
             log,
             decisions,
             film,
@@ -136,7 +136,7 @@ impl Recorder {
         if let Some(film) = self.film.take() {
             self.problems.kept(VIDEO, film.finish());
         }
-        let (outlines, target) = self.witness.map(summary.targets.first().map(String::as_str));
+        let (outlines, target) = self.frame_source.map(summary.targets.first().map(String::as_str));
         let picture = trajectory_svg(&TrajectoryInput {
             title: summary.instruction.clone(),
             outcome: headline(summary),
@@ -216,7 +216,7 @@ impl Observer for Recorder {
         let due = self.path.last().is_none_or(|(at, _)| now.since(*at).as_secs_f64() >= PATH_STEP_S);
         if due {
             // Without truth the path is as it was known.
-            let at = self.witness.true_pose().map_or(known.position, |pose| pose.position);
+            let at = self.frame_source.true_pose().map_or(known.position, |pose| pose.position);
             self.path.push((now, at));
             self.known_path.push((now, known.position));
         }

@@ -6,10 +6,10 @@ use std::time::Instant;
 use spf_core::time::Time;
 use spf_drone::Drone;
 
+use crate::frame_source::FrameSource;
 use crate::log::SimHead;
 use crate::run::Observer;
 use crate::summary::Summary;
-use crate::witness::Witness;
 
 /// What a flight's time goes by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +31,7 @@ pub(crate) struct Parts {
     /// Of all chance.
     pub(crate) seed: u64,
     /// What a recorder sees.
-    pub(crate) witness: Arc<dyn Witness>,
+    pub(crate) frame_source: Arc<dyn FrameSource>,
     /// Who says how it went.
     pub(crate) judge: Box<dyn Judge>,
     /// What a simulated flight is drawn again from.

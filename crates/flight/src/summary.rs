@@ -1,6 +1,6 @@
 //! `summary.json`: one flight in one object (docs/flight-files.md).
 
-use crate::glass::GlassToDecision;
+use crate::frame_age::GlassToDecision;
 use crate::ledger::VlmUse;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -9,7 +9,7 @@ use std::path::Path;
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_render::{Channels, Renderer};
-use spf_scene::{Conditions, Lighting, Scene, Weather};
+use spf_scene::{Lighting, Scene, SceneLook, Weather};
 
 const VIEWS: [&str; 5] = ["0,0,3,0", "-6,6,8,300", "12,-14,7,62", "-28,4,9,318,-2", "48,-12,24,338,-10"];
 
@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let name = words.next().ok_or(usage)?;
     let lighting = words.next().map(|light| Lighting::from_name(light).ok_or("no such light")).transpose()?;
     let weather = words.next().map(|weather| Weather::from_name(weather).ok_or("no such weather")).transpose()?;
-    let scene = Scene::load_with(name, &Conditions { lighting, weather })?;
+    let scene = Scene::load_with(name, &SceneLook { lighting, weather })?;
     let folder = arguments.next().ok_or(usage)?;
     std::fs::create_dir_all(&folder)?;
     let given: Vec<String> = arguments.collect();

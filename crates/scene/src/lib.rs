@@ -25,5 +25,5 @@ mod world;
 
 pub use bounds::Aabb;
 pub use error::{SceneError, hint_from};
-pub use light::{Conditions, Lighting, Weather};
+pub use light::{Lighting, SceneLook, Weather};
 pub use world::{Object, Scene, Tags};

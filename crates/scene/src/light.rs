@@ -138,7 +138,7 @@ impl Weather {
 
 /// Light and weather asked for; what is not is the scene's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Conditions {
+pub struct SceneLook {
     /// The light. Another than the file's own puts aside the keys of its `[light]` but for the sun's azimuth and the haze.
     pub lighting: Option<Lighting>,
     /// The weather. Another than the file's own puts aside its haze.

@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::error::SceneError;
 use crate::file;
 use crate::gltf::{self, Wishes};
-use crate::light::Conditions;
+use crate::light::SceneLook;
 use crate::limits::MAX_BYTES;
 use crate::mesh::KINDS;
 use crate::world::Scene;
@@ -50,14 +50,14 @@ impl Scene {
     /// [`SceneError::Invalid`] if it is no scene, with the line and a hint where there is one, [`SceneError::Model`] if a model
     /// cannot be made a world.
     pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
-        Self::load_with(name_or_path, &Conditions::default())
+        Self::load_with(name_or_path, &SceneLook::default())
     }
 
     /// The same under other light and weather than the file's own.
     ///
     /// # Errors
     /// As [`Scene::load`].
-    pub fn load_with(name_or_path: &str, conditions: &Conditions) -> Result<Self, SceneError> {
+    pub fn load_with(name_or_path: &str, conditions: &SceneLook) -> Result<Self, SceneError> {
         let (name_or_path, seed) = split(name_or_path)?;
         if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
             return file::parse(text, &format!("scenes/{name}.toml"), None, conditions, seed);
@@ -85,7 +85,7 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Invalid`].
     pub fn parse(text: &str, file: &str) -> Result<Self, SceneError> {
-        file::parse(text, file, None, &Conditions::default(), None)
+        file::parse(text, file, None, &SceneLook::default(), None)
     }
 
     /// The variant of a seed of a scene from its text; `file` names it in errors.
@@ -93,7 +93,7 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Invalid`], also for a scene without `vary` tables.
     pub fn parse_variant(text: &str, file: &str, seed: u64) -> Result<Self, SceneError> {
-        file::parse(text, file, None, &Conditions::default(), Some(seed))
+        file::parse(text, file, None, &SceneLook::default(), Some(seed))
     }
 
     /// Reads a scene from the bytes of a `.glb` or `.gltf` that names no other files; `file` names it in errors.
@@ -101,7 +101,7 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Model`].
     pub fn parse_model(bytes: &[u8], file: &str) -> Result<Self, SceneError> {
-        gltf::parse(bytes, file, None, &Wishes::default(), file::own_light(&Conditions::default())?)
+        gltf::parse(bytes, file, None, &Wishes::default(), file::own_light(&SceneLook::default())?)
     }
 
     /// Names of the built-in scenes.

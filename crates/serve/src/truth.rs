@@ -113,7 +113,7 @@ impl Judging {
             instruction: instruction.as_deref(),
             verdict,
             collisions: hits.len(),
-            touched: hits.iter().map(|(_, id)| self.world.stage().key(*id)).collect(),
+            touched: hits.iter().map(|(_, id)| self.world.loaded().key(*id)).collect(),
             path_length_m: truth.path_length - flight.path_length,
             took_off_at_s: flight.began.as_secs_f64(),
             ended_at_s: truth.time.as_secs_f64(),

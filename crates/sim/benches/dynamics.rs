@@ -10,7 +10,7 @@ use spf_core::time::Time;
 use spf_scene::collide::Collider;
 use spf_scene::geometry::{Light, ObjectId, Part, Role, SceneGeometry, Vertex};
 use spf_sim::craft::SimCraft;
-use spf_sim::dynamics::Conditions;
+use spf_sim::dynamics::SimConditions;
 use spf_sim::model::Model;
 
 fn main() {
@@ -80,7 +80,7 @@ fn at(east: f64, north: f64, up: f64) -> EnuPosition {
 
 /// A quad under way at 3 m/s, honest senses.
 fn under_way(world: &Arc<Collider>, position: EnuPosition) -> SimCraft {
-    let conditions = Conditions { hovering: true, ..Conditions::new(1) };
+    let conditions = SimConditions { hovering: true, ..SimConditions::new(1) };
     let pose = Pose { position, ..Pose::default() };
     let mut craft = SimCraft::with_conditions(world.clone(), Model::quad(), pose, conditions);
     craft.apply(Time::ZERO, Command::Setpoint(Setpoint { forward: 3.0, ..Setpoint::HOLD }), Time::MAX);

@@ -11,7 +11,7 @@ use spf_scene::actors::{self, ActorPlace, Cast, Traffic};
 use spf_scene::collide::Collider;
 use spf_scene::geometry::ObjectId;
 
-use crate::dynamics::{Conditions, Dynamics, TICK};
+use crate::dynamics::{Dynamics, SimConditions, TICK};
 use crate::model::Model;
 use crate::senses::{Senses, exact};
 
@@ -66,18 +66,18 @@ impl SimCraft {
     /// A craft on the ground below `start`, facing its heading, in still air with honest senses.
     #[must_use]
     pub fn new(collider: Arc<Collider>, model: Model, start: Pose, seed: u64) -> Self {
-        Self::with_conditions(collider, model, start, Conditions::new(seed))
+        Self::with_conditions(collider, model, start, SimConditions::new(seed))
     }
 
     /// A craft under other conditions.
     #[must_use]
-    pub fn with_conditions(collider: Arc<Collider>, model: Model, start: Pose, conditions: Conditions) -> Self {
-        Self::among(Arc::default(), collider, model, start, conditions)
+    pub fn with_conditions(collider: Arc<Collider>, model: Model, start: Pose, conditions: SimConditions) -> Self {
+        Self::with_traffic(Arc::default(), collider, model, start, conditions)
     }
 
     /// A craft among the actors of its scene, who follow the seed of the conditions. They stop for it, but do not flee from it.
     #[must_use]
-    pub fn among(cast: Arc<Cast>, collider: Arc<Collider>, model: Model, start: Pose, conditions: Conditions) -> Self {
+    pub fn with_traffic(cast: Arc<Cast>, collider: Arc<Collider>, model: Model, start: Pose, conditions: SimConditions) -> Self {
         let dynamics = Dynamics::new(&collider, model, start, conditions);
         let mut senses = Senses::new(&dynamics, conditions.seed, conditions.exact);
         let telemetry = senses.report(&dynamics);

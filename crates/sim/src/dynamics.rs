@@ -36,7 +36,7 @@ const QUEUE: usize = 4096;
 
 /// In what a flight takes place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Conditions {
+pub struct SimConditions {
     /// Seed of gusts, creep and sensor noise.
     pub seed: u64,
     /// True: telemetry without error or rounding (also of a Tello, which then has a position), and no creep. For tests of
@@ -50,7 +50,7 @@ pub struct Conditions {
     pub hovering: bool,
 }
 
-impl Conditions {
+impl SimConditions {
     /// Still air, honest senses, a full battery, on the ground.
     #[must_use]
     pub fn new(seed: u64) -> Self {
@@ -109,7 +109,7 @@ impl Dynamics {
     /// A craft at rest. On the ground, `start` is lowered (or lifted) to stand on the surface below its position, level;
     /// where nothing is below, the craft stands at `start` as on invisible ground.
     #[must_use]
-    pub fn new(collider: &Collider, model: Model, start: Pose, conditions: Conditions) -> Self {
+    pub fn new(collider: &Collider, model: Model, start: Pose, conditions: SimConditions) -> Self {
         let radius = model.craft.radius;
         // A start given as a point of the ground lies a rounding error below it as often as not.
         let above = EnuPosition { up: start.position.up + radius, ..start.position };

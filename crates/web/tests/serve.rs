@@ -9,13 +9,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
-use spf_flight::sim::Stage;
-use spf_scene::Conditions;
+use spf_flight::sim::LoadedScene;
+use spf_scene::SceneLook;
 use spf_web::view::{Beginning, Library, Stopper, ViewError, Viewer};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
-static CITY: LazyLock<Arc<Stage>> = LazyLock::new(|| Arc::new(Stage::load("city").unwrap()));
+static CITY: LazyLock<Arc<LoadedScene>> = LazyLock::new(|| Arc::new(LoadedScene::load("city").unwrap()));
 
 /// A server that ends with the test.
 struct Served {
@@ -28,8 +28,8 @@ impl Served {
     fn start() -> Self {
         let viewer = Viewer::bind("127.0.0.1:0".parse().unwrap()).unwrap();
         let (address, stopper) = (viewer.address(), viewer.stopper());
-        let library = Library::new(["city".to_owned()], "city", Conditions::default(), CITY.clone());
-        let beginning = Beginning { scene: "city".to_owned(), conditions: Conditions::default(), craft: None, pose: None };
+        let library = Library::new(["city".to_owned()], "city", SceneLook::default(), CITY.clone());
+        let beginning = Beginning { scene: "city".to_owned(), conditions: SceneLook::default(), craft: None, pose: None };
         let thread = std::thread::spawn(move || viewer.serve(library, beginning));
         Self { address, stopper, thread: Some(thread) }
     }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use spf_core::geometry::EnuPosition;
-use spf_flight::sim::Stage;
+use spf_flight::sim::LoadedScene;
 use spf_scene::geometry::ObjectId;
 
 /// A place as a vector, east, north, up.
@@ -11,9 +11,9 @@ pub(super) fn vector(at: EnuPosition) -> DVec3 {
 }
 
 /// Where the straight way from one place to another first crosses the surface of an object.
-pub(super) fn crossing(stage: &Stage, object: ObjectId, from: EnuPosition, to: EnuPosition) -> Option<DVec3> {
+pub(super) fn crossing(loaded: &LoadedScene, object: ObjectId, from: EnuPosition, to: EnuPosition) -> Option<DVec3> {
     let (from, to) = (vector(from), vector(to));
-    let parts = stage.scene.geometry.parts.iter().filter(|part| part.object == object);
+    let parts = loaded.scene.geometry.parts.iter().filter(|part| part.object == object);
     let corners =
         parts.flat_map(|part| part.triangles.iter().map(move |triangle| triangle.map(|i| part.vertices.get(i as usize))));
     let shares = corners.filter_map(|corners| {

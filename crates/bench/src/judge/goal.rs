@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, VecDeque};
 use glam::DVec2;
 use spf_core::geometry::{EnuPosition, wrap_angle};
 use spf_core::time::Time;
-use spf_flight::sim::Moment;
+use spf_flight::sim::WorldSnapshot;
 use spf_scene::Aabb;
 use spf_scene::geometry::ObjectId;
 
@@ -95,21 +95,21 @@ impl Watch {
         within: f64,
         counts: impl Fn(ObjectId) -> bool,
     ) -> Vec<ObjectId> {
-        let moment = shown.moment;
-        let distance = |id: &ObjectId| shown.stage.distance_to(*id, &moment.actors, moment.pose.position);
+        let snapshot = shown.snapshot;
+        let distance = |id: &ObjectId| shown.loaded.distance_to(*id, &snapshot.actors, snapshot.pose.position);
         let near = |id: &&ObjectId| counts(**id) && distance(id).is_some_and(|distance| distance <= within);
         let near: Vec<ObjectId> = self.targets.iter().filter(near).copied().collect();
         if near.is_empty() {
             return near;
         }
-        let clear = sight.clearly(shown.stage, moment, &near);
+        let clear = sight.clearly(shown.loaded, snapshot, &near);
         near.into_iter().filter(|id| clear.contains(id)).collect()
     }
 
     fn reach(&mut self, shown: &Shown<'_>, sight: &mut Sight, other: bool, up_share: f64) -> bool {
         let is_high = |id| {
             let least = bounds(shown, id).map_or(f64::MIN, |b| b.min.up + up_share * (b.max.up - b.min.up));
-            up_share == 0.0 || shown.moment.pose.position.up >= least
+            up_share == 0.0 || shown.snapshot.pose.position.up >= least
         };
         let counts = |id| !(other && self.spent.contains(&id)) && is_high(id);
         let here = self.clear_within(shown, sight, shown.radius, counts);
@@ -118,10 +118,10 @@ impl Watch {
     }
 
     fn through(&mut self, shown: &Shown<'_>, count: Option<usize>, beyond: f64) -> bool {
-        let to = shown.moment.pose.position;
+        let to = shown.snapshot.pose.position;
         if let Some(from) = shown.before.map(|before| before.pose.position) {
             for &opening in &self.targets {
-                if let Some(at) = crossing(shown.stage, opening, from, to) {
+                if let Some(at) = crossing(shown.loaded, opening, from, to) {
                     self.passed.insert(opening);
                     self.crossed = Some((at, (vector(to) - vector(from)).normalize_or_zero()));
                 }
@@ -133,7 +133,7 @@ impl Watch {
     }
 
     fn around(&mut self, shown: &Shown<'_>, angle: f64, within: f64) -> bool {
-        let Some((id, distance)) = nearest(shown.stage, &self.targets, shown.moment) else { return false };
+        let Some((id, distance)) = nearest(shown.loaded, &self.targets, shown.snapshot) else { return false };
         if let Some((bounds, before)) = bounds(shown, id).zip(shown.before)
             && distance <= within
         {
@@ -141,17 +141,17 @@ impl Watch {
                 let away = on_map(at) - on_map(centre(&bounds));
                 libm::atan2(away.x, away.y)
             };
-            self.turned[0] += wrap_angle(bearing(shown.moment.pose.position) - bearing(before.pose.position));
+            self.turned[0] += wrap_angle(bearing(shown.snapshot.pose.position) - bearing(before.pose.position));
         }
         self.turned[0].abs() >= angle
     }
 
     fn over(&mut self, shown: &Shown<'_>) -> bool {
-        let at = shown.moment.pose.position;
-        let objects = || self.targets.iter().filter_map(|id| shown.stage.scene.object(*id));
+        let at = shown.snapshot.pose.position;
+        let objects = || self.targets.iter().filter_map(|id| shown.loaded.scene.object(*id));
         let above = objects().any(|object| {
-            let top = shown.stage.bounds(object, &shown.moment.actors).max.up;
-            at.up >= top && inside(&shown.stage.outline(object, &shown.moment.actors), at)
+            let top = shown.loaded.bounds(object, &shown.snapshot.actors).max.up;
+            at.up >= top && inside(&shown.loaded.outline(object, &shown.snapshot.actors), at)
         });
         if above {
             self.entered.get_or_insert(at);
@@ -160,18 +160,18 @@ impl Watch {
         let Some(entered) = self.entered.take() else { return false };
         // Across, not in and out over a corner: at least half of its lesser side.
         let lesser = objects().map(|object| {
-            let Aabb { min, max } = shown.stage.bounds(object, &shown.moment.actors);
+            let Aabb { min, max } = shown.loaded.bounds(object, &shown.snapshot.actors);
             (max.east - min.east).min(max.north - min.north)
         });
         entered.horizontal_distance(at) >= 0.5 * lesser.fold(f64::MAX, f64::min)
     }
 
     fn behind(&self, shown: &Shown<'_>, within: f64) -> bool {
-        let Some((id, distance)) = nearest(shown.stage, &self.targets, shown.moment) else { return false };
+        let Some((id, distance)) = nearest(shown.loaded, &self.targets, shown.snapshot) else { return false };
         let Some(bounds) = bounds(shown, id) else { return false };
         let middle = on_map(centre(&bounds));
         let away = (middle - on_map(shown.start.position)).normalize_or_zero();
-        let beyond = on_map(shown.moment.pose.position) - middle;
+        let beyond = on_map(shown.snapshot.pose.position) - middle;
         let half = DVec2::new(bounds.max.east - bounds.min.east, bounds.max.north - bounds.min.north) * 0.5;
         // How far the box reaches from its middle, along a direction.
         let reach = |way: DVec2| half.dot(way.abs());
@@ -181,7 +181,7 @@ impl Watch {
     fn scan(&mut self, shown: &Shown<'_>, angle: f64) -> bool {
         if let Some(before) = shown.before {
             let [now, least, most] = &mut self.turned;
-            *now += wrap_angle(shown.moment.pose.attitude.heading - before.pose.attitude.heading);
+            *now += wrap_angle(shown.snapshot.pose.attitude.heading - before.pose.attitude.heading);
             *least = least.min(*now);
             *most = most.max(*now);
         }
@@ -207,6 +207,6 @@ fn on_map(at: EnuPosition) -> DVec2 {
 }
 
 fn bounds(shown: &Shown<'_>, id: ObjectId) -> Option<Aabb> {
-    let moment: &Moment = shown.moment;
-    shown.stage.scene.object(id).map(|object| shown.stage.bounds(object, &moment.actors))
+    let snapshot: &WorldSnapshot = shown.snapshot;
+    shown.loaded.scene.object(id).map(|object| shown.loaded.bounds(object, &snapshot.actors))
 }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use spf_core::geometry::Pose;
 use spf_core::time::Time;
-use spf_flight::sim::{Moment, Stage};
+use spf_flight::sim::{LoadedScene, WorldSnapshot};
 use spf_scene::geometry::ObjectId;
 use thiserror::Error;
 
@@ -38,9 +38,9 @@ pub struct NoTarget {
 /// What the judge is shown.
 pub(crate) struct Shown<'a> {
     pub(crate) at: Time,
-    pub(crate) moment: &'a Moment,
-    pub(crate) before: Option<&'a Moment>,
-    pub(crate) stage: &'a Stage,
+    pub(crate) snapshot: &'a WorldSnapshot,
+    pub(crate) before: Option<&'a WorldSnapshot>,
+    pub(crate) loaded: &'a LoadedScene,
     pub(crate) start: &'a Pose,
     pub(crate) radius: f64,
     pub(crate) field: f64,
@@ -48,14 +48,14 @@ pub(crate) struct Shown<'a> {
 
 /// Judges one flight.
 pub struct Judge {
-    stage: Arc<Stage>,
+    loaded: Arc<LoadedScene>,
     start: Pose,
     radius: f64,
     sight: Sight,
     goals: Vec<Watch>,
     /// The goal that is worked on; all of them are met when there is none.
     current: usize,
-    last: Option<Moment>,
+    last: Option<WorldSnapshot>,
     holds: bool,
 }
 
@@ -64,26 +64,26 @@ impl Judge {
     ///
     /// # Errors
     /// [`NoTarget`] when the scene lacks what a goal is about.
-    pub fn new(task: &Task, stage: Arc<Stage>, start: Pose) -> Result<Self, NoTarget> {
+    pub fn new(task: &Task, loaded: Arc<LoadedScene>, start: Pose) -> Result<Self, NoTarget> {
         let mut goals = Vec::new();
         for (goal, number) in task.goals.iter().zip(1..) {
-            let targets = select_all(&goal.targets, &stage, start.position);
+            let targets = select_all(&goal.targets, &loaded, start.position);
             if targets.is_empty() && !goal.targets.is_empty() {
-                return Err(NoTarget { scene: stage.scene.name.clone(), task: task.id.clone(), goal: number });
+                return Err(NoTarget { scene: loaded.scene.name.clone(), task: task.id.clone(), goal: number });
             }
             goals.push(Watch::new(goal.kind, targets));
         }
         let sight = Sight::of(task.craft);
-        Ok(Self { stage, start, radius: task.set.radius(), sight, goals, current: 0, last: None, holds: false })
+        Ok(Self { loaded, start, radius: task.set.radius(), sight, goals, current: 0, last: None, holds: false })
     }
 
     /// Looks.
-    pub fn look(&mut self, at: Time, moment: &Moment) {
+    pub fn look(&mut self, at: Time, snapshot: &WorldSnapshot) {
         let shown = Shown {
             at,
-            moment,
+            snapshot,
             before: self.last.as_ref(),
-            stage: &self.stage,
+            loaded: &self.loaded,
             start: &self.start,
             radius: self.radius,
             field: 2.0 * self.sight.camera().half_fov().0,
@@ -103,7 +103,7 @@ impl Judge {
             self.holds = met && is_last;
         }
         self.holds |= self.current == self.goals.len();
-        self.last = Some(moment.clone());
+        self.last = Some(snapshot.clone());
     }
 
     /// Whether looks matter only at the end from now on, because the last goal is met or not at each moment, whatever was before: a
@@ -114,8 +114,8 @@ impl Judge {
     }
 
     /// Remembers a moment without looking.
-    pub fn pass(&mut self, moment: &Moment) {
-        self.last = Some(moment.clone());
+    pub fn pass(&mut self, snapshot: &WorldSnapshot) {
+        self.last = Some(snapshot.clone());
     }
 
     /// Whether the judge would say success, as of the last look and collisions aside.
@@ -143,19 +143,19 @@ impl Judge {
 
     /// Metres to the nearest surface of the last goal's targets; none for a scan.
     #[must_use]
-    pub fn distance(&self, moment: &Moment) -> Option<f64> {
-        nearest(&self.stage, self.last_targets(), moment).map(|(_, distance)| distance)
+    pub fn distance(&self, snapshot: &WorldSnapshot) -> Option<f64> {
+        nearest(&self.loaded, self.last_targets(), snapshot).map(|(_, distance)| distance)
     }
 
     /// Whether one of the last goal's targets is clearly visible; none for a scan.
-    pub fn sees(&mut self, moment: &Moment) -> Option<bool> {
+    pub fn sees(&mut self, snapshot: &WorldSnapshot) -> Option<bool> {
         let targets = self.last_targets().to_vec();
-        (!targets.is_empty()).then(|| !self.sight.clearly(&self.stage, moment, &targets).is_empty())
+        (!targets.is_empty()).then(|| !self.sight.clearly(&self.loaded, snapshot, &targets).is_empty())
     }
 }
 
 /// The object whose surface is nearest to the camera, and how near.
-pub(crate) fn nearest(stage: &Stage, objects: &[ObjectId], moment: &Moment) -> Option<(ObjectId, f64)> {
-    let distance = |id: &ObjectId| Some((*id, stage.distance_to(*id, &moment.actors, moment.pose.position)?));
+pub(crate) fn nearest(loaded: &LoadedScene, objects: &[ObjectId], snapshot: &WorldSnapshot) -> Option<(ObjectId, f64)> {
+    let distance = |id: &ObjectId| Some((*id, loaded.distance_to(*id, &snapshot.actors, snapshot.pose.position)?));
     objects.iter().filter_map(distance).min_by(|a, b| a.1.total_cmp(&b.1))
 }

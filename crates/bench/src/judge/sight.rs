@@ -2,7 +2,7 @@
 
 use spf_core::camera::Camera;
 use spf_core::craft::CraftKind;
-use spf_flight::sim::{Moment, Stage, sighted};
+use spf_flight::sim::{LoadedScene, WorldSnapshot, sighted};
 use spf_render::surroundings::Surroundings;
 use spf_render::{Channels, Picture};
 use spf_scene::geometry::ObjectId;
@@ -34,20 +34,20 @@ impl Sight {
     }
 
     /// Which of these are clearly visible at a moment.
-    pub fn clearly(&mut self, stage: &Stage, moment: &Moment, objects: &[ObjectId]) -> Vec<ObjectId> {
+    pub fn clearly(&mut self, loaded: &LoadedScene, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> Vec<ObjectId> {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        stage.render_into(&self.camera, moment, channels, &mut self.picture);
+        loaded.render_into(&self.camera, snapshot, channels, &mut self.picture);
         let (around, surroundings) = (&mut self.around, &self.surroundings);
         sighted(&self.picture, objects, CLEAR_HEIGHT, || {
-            stage.render_into(surroundings.camera(), moment, channels, around);
+            loaded.render_into(surroundings.camera(), snapshot, channels, around);
             surroundings.shares(around)
         })
     }
 
     /// Whether one of these has a pixel at a moment.
-    pub fn glimpses(&mut self, stage: &Stage, moment: &Moment, objects: &[ObjectId]) -> bool {
+    pub fn glimpses(&mut self, loaded: &LoadedScene, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> bool {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        stage.render_into(&self.camera, moment, channels, &mut self.picture);
+        loaded.render_into(&self.camera, snapshot, channels, &mut self.picture);
         let pictures = [&self.picture.ids, &self.picture.opening_ids];
         pictures.into_iter().flatten().flatten().any(|id| *id != 0 && objects.contains(id))
     }

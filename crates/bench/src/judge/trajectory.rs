@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_core::time::Time;
-use spf_flight::sim::{Moment, Stage};
+use spf_flight::sim::{LoadedScene, WorldSnapshot};
 use spf_scene::actors::Traffic;
 use spf_sim::model::Model;
 
@@ -30,39 +30,38 @@ pub struct Judgement {
 ///
 /// # Errors
 /// [`NoTarget`] when the scene lacks what a goal is about.
-pub fn judge_trajectory(task: &Task, stage: &Arc<Stage>, trajectory: &Trajectory) -> Result<Judgement, NoTarget> {
-    let mut traffic = Traffic::new(stage.cast.clone(), 0);
+pub fn judge_trajectory(task: &Task, loaded: &Arc<LoadedScene>, trajectory: &Trajectory) -> Result<Judgement, NoTarget> {
+    let mut traffic = Traffic::new(loaded.cast.clone(), 0);
     let craft = Model::of(task.craft).craft;
     let mut judge: Option<Judge> = None;
     let mut touched = None;
-    let mut last: Option<Moment> = None;
+    let mut last: Option<WorldSnapshot> = None;
     for (at, on_rails) in samples(trajectory) {
         traffic.advance_to(at);
         let actors = traffic.places_at(at).unwrap_or_default();
-        let pose = beside(stage, trajectory, on_rails, &actors);
-        let moment = Moment { pose, actors };
+        let pose = beside(loaded, trajectory, on_rails, &actors);
+        let snapshot = WorldSnapshot { pose, actors };
         if let Some(before) = &last {
-            let contact = stage.collider.sweep(before.pose.position, pose.position, craft.radius).map(|contact| contact.object);
-            let walked_into = stage
-                .cast
-                .objects()
-                .find(|id| stage.distance_to(*id, &moment.actors, pose.position).is_some_and(|distance| distance < craft.radius));
-            touched = touched.or_else(|| contact.or(walked_into).map(|id| stage.key(id)));
+            let contact = loaded.collider.sweep(before.pose.position, pose.position, craft.radius).map(|contact| contact.object);
+            let walked_into = loaded.cast.objects().find(|id| {
+                loaded.distance_to(*id, &snapshot.actors, pose.position).is_some_and(|distance| distance < craft.radius)
+            });
+            touched = touched.or_else(|| contact.or(walked_into).map(|id| loaded.key(id)));
         }
         let judge = match &mut judge {
             Some(judge) => judge,
-            None => judge.insert(Judge::new(task, stage.clone(), pose)?),
+            None => judge.insert(Judge::new(task, loaded.clone(), pose)?),
         };
-        judge.look(at, &moment);
-        last = Some(moment);
+        judge.look(at, &snapshot);
+        last = Some(snapshot);
     }
     let end = last.zip(judge);
-    Ok(end.map_or(Judgement { accepted: false, touched: None, met: 0, distance: None, sees: None }, |(moment, mut judge)| {
+    Ok(end.map_or(Judgement { accepted: false, touched: None, met: 0, distance: None, sees: None }, |(snapshot, mut judge)| {
         Judgement {
             accepted: judge.holds() && touched.is_none(),
             met: judge.met(),
-            distance: judge.distance(&moment),
-            sees: judge.sees(&moment),
+            distance: judge.distance(&snapshot),
+            sees: judge.sees(&snapshot),
             touched,
         }
     }))
@@ -106,10 +105,10 @@ fn between(from: &Pose, to: &Pose, turn: f64, share: f64) -> Pose {
 }
 
 /// The pose in the world, where the path is told beside something that moves.
-fn beside(stage: &Stage, trajectory: &Trajectory, mut pose: Pose, actors: &[spf_scene::actors::ActorPlace]) -> Pose {
-    let object = trajectory.beside.as_ref().and_then(|key| stage.scene.by_key(key));
+fn beside(loaded: &LoadedScene, trajectory: &Trajectory, mut pose: Pose, actors: &[spf_scene::actors::ActorPlace]) -> Pose {
+    let object = trajectory.beside.as_ref().and_then(|key| loaded.scene.by_key(key));
     if let Some(object) = object {
-        let bounds = stage.bounds(object, actors);
+        let bounds = loaded.bounds(object, actors);
         pose.position.east += 0.5 * (bounds.min.east + bounds.max.east);
         pose.position.north += 0.5 * (bounds.min.north + bounds.max.north);
     }

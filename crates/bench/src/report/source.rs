@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::ReportError;
 use super::arm::Arm;
-use crate::run::{Head, Made, Shard, read_head, read_paths, read_records};
+use crate::run::{Head, RunManifest, Shard, read_head, read_paths, read_records};
 use crate::table::vlm_of;
 use crate::trial::{FlownPath, Record, run_id};
 
@@ -17,7 +17,7 @@ pub struct Run {
     /// Its plan.
     pub head: Head,
     /// How it was made; none of a version that did not keep it.
-    pub made: Option<Made>,
+    pub made: Option<RunManifest>,
     records: usize,
 }
 
@@ -70,7 +70,7 @@ impl Source {
             }
             source.paths.extend(read_paths(folder)?);
             source.of.extend(records.iter().map(|_| number));
-            let made = Made::read(folder)?;
+            let made = RunManifest::read(folder)?;
             source.runs.push(Run { folder: folder.clone(), head, made, records: records.len() });
             source.records.extend(records);
         }
@@ -155,9 +155,9 @@ impl Run {
     pub(super) fn days(&self) -> String {
         match &self.made {
             None => "on a day that was not kept".to_owned(),
-            Some(Made { began, ended: Some(ended), .. }) if began == ended => format!("on {began}"),
-            Some(Made { began, ended: Some(ended), .. }) => format!("from {began} to {ended}"),
-            Some(Made { began, .. }) => format!("begun on {began}, not finished"),
+            Some(RunManifest { began, ended: Some(ended), .. }) if began == ended => format!("on {began}"),
+            Some(RunManifest { began, ended: Some(ended), .. }) => format!("from {began} to {ended}"),
+            Some(RunManifest { began, .. }) => format!("begun on {began}, not finished"),
         }
     }
 

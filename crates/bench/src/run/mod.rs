@@ -2,7 +2,7 @@
 
 mod files;
 mod film;
-mod made;
+mod manifest;
 mod shard;
 mod store;
 
@@ -16,7 +16,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 pub use files::StoreError;
 pub use film::video_of;
-pub use made::{Made, shell_word};
+pub use manifest::{RunManifest, shell_word};
 pub use shard::{Shard, ShardError};
 pub use store::{Head, Store, merge, read_head, read_paths, read_records};
 
@@ -112,7 +112,7 @@ pub fn run(
     told: &mut dyn FnMut(Progress, Option<&Record>),
 ) -> Result<Progress, StoreError> {
     let (mut store, there) = Store::open(folder, head)?;
-    let made = Made::begin(folder, &manner.command, &manner.files)?;
+    let made = RunManifest::begin(folder, &manner.command, &manner.files)?;
     let is_there = |trial: &Trial| there.binary_search(&trial.run_id()).is_ok();
     let own = plan.draws().into_iter().enumerate().filter(|(number, _)| head.shard.has(*number)).map(|(_, trials)| trials);
     let own: Vec<Vec<Trial>> = own.collect();

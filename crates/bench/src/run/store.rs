@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::files::{StoreError, failed, replace};
-use super::made::Made;
+use super::manifest::RunManifest;
 use super::shard::Shard;
 use crate::trial::{Flown, FlownPath, Record};
 
@@ -216,7 +216,7 @@ pub fn merge(shares: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
         }
         rows.extend(whole_rows(&folder.join(RESULTS))?);
         ways.extend(whole_rows(&folder.join(PATHS))?);
-        made.extend(Made::read(folder)?);
+        made.extend(RunManifest::read(folder)?);
     }
     let head = whole.ok_or_else(|| StoreError::Shares("none is given".to_owned()))?;
     let missing: Vec<&String> = head.trials.iter().filter(|id| !rows.contains_key(*id)).collect();
@@ -226,7 +226,7 @@ pub fn merge(shares: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
     let (store, _) = Store::open(into, &head)?;
     replace(&store.folder.join(RESULTS), &in_order(&head, rows))?;
     replace(&store.folder.join(PATHS), &in_order(&head, ways))?;
-    if let Some(made) = Made::joined(made.into_iter()) {
+    if let Some(made) = RunManifest::joined(made.into_iter()) {
         made.write(into)?;
     }
     Ok(head.trials.len())

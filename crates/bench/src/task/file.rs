@@ -5,7 +5,7 @@ use std::ops::Range;
 use serde::Deserialize;
 use spf_core::craft::CraftKind;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
-use spf_scene::{Conditions, Lighting, Weather, hint_from};
+use spf_scene::{Lighting, SceneLook, Weather, hint_from};
 use toml::Spanned;
 
 use super::select::Selector;
@@ -229,7 +229,7 @@ fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
         category: raw.category,
         scene: source.word("scene", &raw.scene)?,
         variants: raw.variants,
-        conditions: Conditions { lighting: raw.light, weather: raw.weather },
+        conditions: SceneLook { lighting: raw.light, weather: raw.weather },
         wind: raw.wind.as_ref().map(|raw| wind(raw, source)).transpose()?,
         vlm_delay: raw.vlm_delay_s.map(|delay| source.range("vlm_delay_s", &delay, 0.0, MOST_DELAY_S)).transpose()?,
         craft: raw.craft,

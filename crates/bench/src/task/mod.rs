@@ -6,7 +6,7 @@ mod shipped;
 
 use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
-use spf_scene::{Conditions, Lighting, Weather};
+use spf_scene::{Lighting, SceneLook, Weather};
 use thiserror::Error;
 
 pub use select::{Rank, Selector};
@@ -253,7 +253,7 @@ pub struct Task {
     /// Whether each trial flies in a variant of it.
     pub variants: bool,
     /// Light and weather that are not left to the variant.
-    pub conditions: Conditions,
+    pub conditions: SceneLook,
     /// Wind; none: still air.
     pub wind: Option<Winds>,
     /// Least and most seconds by which every answer of the VLM comes later, drawn by question; none: it comes when it comes.

@@ -3,7 +3,7 @@
 
 use serde::Deserialize;
 use spf_core::geometry::EnuPosition;
-use spf_flight::sim::Stage;
+use spf_flight::sim::LoadedScene;
 use spf_scene::geometry::ObjectId;
 use spf_scene::{Aabb, Object};
 
@@ -68,10 +68,10 @@ impl Selector {
 
     /// The objects, ascending by id. `from` is the start.
     #[must_use]
-    pub fn select(&self, stage: &Stage, from: EnuPosition) -> Vec<ObjectId> {
-        let mut found: Vec<&Object> = stage.scene.objects.iter().filter(|object| self.fits(object)).collect();
+    pub fn select(&self, loaded: &LoadedScene, from: EnuPosition) -> Vec<ObjectId> {
+        let mut found: Vec<&Object> = loaded.scene.objects.iter().filter(|object| self.fits(object)).collect();
         if let Some(key) = &self.nearest_to {
-            let to = stage.scene.by_key(key).map(|object| centre(&object.bounds));
+            let to = loaded.scene.by_key(key).map(|object| centre(&object.bounds));
             found.sort_by(|a, b| to.map_or(core::cmp::Ordering::Equal, |to| by_distance(a, b, to)));
             found.truncate(usize::from(to.is_some()));
         }
@@ -84,8 +84,8 @@ impl Selector {
 }
 
 /// The objects of several selectors, each once, ascending by id.
-pub(crate) fn select_all(selectors: &[Selector], stage: &Stage, from: EnuPosition) -> Vec<ObjectId> {
-    let mut all: Vec<ObjectId> = selectors.iter().flat_map(|selector| selector.select(stage, from)).collect();
+pub(crate) fn select_all(selectors: &[Selector], loaded: &LoadedScene, from: EnuPosition) -> Vec<ObjectId> {
+    let mut all: Vec<ObjectId> = selectors.iter().flat_map(|selector| selector.select(loaded, from)).collect();
     all.sort_unstable();
     all.dedup();
     all

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_core::rng::Draw;
-use spf_flight::sim::{Moment, Stage, StageError};
+use spf_flight::sim::{LoadedScene, SceneLoadError, WorldSnapshot};
 use spf_scene::geometry::ObjectId;
 use spf_sim::model::Model;
 use spf_sim::wind::Wind;
@@ -37,14 +37,14 @@ const BEHIND: f64 = 1.6;
 pub enum DrawError {
     /// The scene cannot be flown in.
     #[error("the scene `{scene}` of the task `{task}` cannot be flown in")]
-    Stage {
+    Scene {
         /// The scene.
         scene: String,
         /// The task.
         task: String,
         /// Why.
         #[source]
-        source: Box<StageError>,
+        source: Box<SceneLoadError>,
     },
     /// No place fits.
     #[error("no start was found for the task `{task}` with seed {seed}: ask for less under `start`")]
@@ -60,7 +60,7 @@ pub enum DrawError {
 #[derive(Clone)]
 pub struct Drawn {
     /// The scene, laid out and lit.
-    pub stage: Arc<Stage>,
+    pub loaded: Arc<LoadedScene>,
     /// Its name, with the variant's number.
     pub scene: String,
     /// The wind that blows there.
@@ -92,14 +92,14 @@ pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
     for attempt in 0..if task.variants { VARIANTS } else { 1 } {
         let number = (Draw::new(seed, "bench variant", &[word, attempt]).uniform() * 1e9) as u64;
         let scene = if task.variants { format!("{}@{number}", task.scene) } else { task.scene.clone() };
-        let stage = Stage::load_with(&scene, &task.conditions);
-        let stage = Arc::new(stage.map_err(|source| DrawError::Stage {
+        let loaded = LoadedScene::load_with(&scene, &task.conditions);
+        let loaded = Arc::new(loaded.map_err(|source| DrawError::Scene {
             scene: scene.clone(),
             task: task.id.clone(),
             source: Box::new(source),
         })?);
         let draw = Draw::new(seed, "bench start", &[word, attempt]);
-        if let Some(drawn) = start(task, &stage, in_view, draw) {
+        if let Some(drawn) = start(task, &loaded, in_view, draw) {
             return Ok(Drawn { scene, wind: wind(task, seed, word), ..drawn });
         }
     }
@@ -117,27 +117,27 @@ fn wind(task: &Task, seed: u64, word: u64) -> Wind {
 }
 
 /// A start in a scene; none when none is found.
-fn start(task: &Task, stage: &Arc<Stage>, in_view: Option<bool>, mut draw: Draw) -> Option<Drawn> {
+fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw: Draw) -> Option<Drawn> {
     let mut sight = Sight::of(task.craft);
     let mut looks = 0;
-    let has = |selectors: &[Selector]| selectors.is_empty() || !select_all(selectors, stage, EnuPosition::default()).is_empty();
+    let has = |selectors: &[Selector]| selectors.is_empty() || !select_all(selectors, loaded, EnuPosition::default()).is_empty();
     if !(task.goals.iter().all(|goal| has(&goal.targets)) && has(&task.start.of)) {
         return None;
     }
     for _ in 0..PLACES {
-        let place = Place::draw(task, stage, in_view, &mut draw);
-        if !place.is_free(task, stage) || !place.is_right(task, stage) {
+        let place = Place::draw(task, loaded, in_view, &mut draw);
+        if !place.is_free(task, loaded) || !place.is_right(task, loaded) {
             continue;
         }
-        let moment = place.moment(task, stage);
+        let snapshot = place.snapshot(task, loaded);
         let found = |in_view| Drawn {
-            stage: stage.clone(),
+            loaded: loaded.clone(),
             scene: String::new(),
             wind: Wind::default(),
             start: place.start,
             in_view,
             focus: place.focus,
-            range: nearest(stage, &place.lasting, &moment).map(|(_, range)| range),
+            range: nearest(loaded, &place.lasting, &snapshot).map(|(_, range)| range),
         };
         let Some(wanted) = in_view else { return Some(found(None)) };
         looks += 1;
@@ -145,12 +145,12 @@ fn start(task: &Task, stage: &Arc<Stage>, in_view: Option<bool>, mut draw: Draw)
             return None;
         }
         let fits = if wanted {
-            !sight.clearly(stage, &moment, &place.lasting).is_empty()
+            !sight.clearly(loaded, &snapshot, &place.lasting).is_empty()
         } else {
             // Not a pixel of it now; and yet it can be found by turning.
-            !sight.glimpses(stage, &moment, &place.targets) && {
-                let turned = place.turned_to_focus(task, stage);
-                !sight.clearly(stage, &turned, &place.lasting).is_empty()
+            !sight.glimpses(loaded, &snapshot, &place.targets) && {
+                let turned = place.turned_to_focus(task, loaded);
+                !sight.clearly(loaded, &turned, &place.lasting).is_empty()
             }
         };
         if fits {
@@ -172,23 +172,23 @@ struct Place {
 }
 
 impl Place {
-    fn draw(task: &Task, stage: &Stage, in_view: Option<bool>, draw: &mut Draw) -> Self {
-        let bounds = stage.scene.bounds;
+    fn draw(task: &Task, loaded: &LoadedScene, in_view: Option<bool>, draw: &mut Draw) -> Self {
+        let bounds = loaded.scene.bounds;
         let mut within = |[from, to]: [f64; 2]| from + (to - from) * draw.uniform();
         let east = within(task.start.east.unwrap_or([bounds.min.east, bounds.max.east]));
         let north = within(task.start.north.unwrap_or([bounds.min.north, bounds.max.north]));
         let above = EnuPosition { east, north, up: bounds.max.up - CEILING_M };
         let (aside, turn) = (draw.uniform() * 2.0 - 1.0, draw.uniform());
-        let up = stage.collider.ground_below(above).map_or(0.0, |ground| ground.up);
+        let up = loaded.collider.ground_below(above).map_or(0.0, |ground| ground.up);
         let at = EnuPosition { east, north, up };
-        let targets = select_all(task.start_targets(), stage, at);
-        let standing = |id: &ObjectId| stage.cast.of_object(*id).is_none();
+        let targets = select_all(task.start_targets(), loaded, at);
+        let standing = |id: &ObjectId| loaded.cast.of_object(*id).is_none();
         let mut lasting: Vec<ObjectId> = targets.iter().copied().filter(standing).collect();
         if lasting.is_empty() {
             lasting.clone_from(&targets);
         }
         let focus = lasting.get(draw.below(lasting.len())).copied();
-        let bearing = focus.and_then(|id| stage.scene.object(id)).map_or(0.0, |object| {
+        let bearing = focus.and_then(|id| loaded.scene.object(id)).map_or(0.0, |object| {
             let to = centre(&object.bounds);
             libm::atan2(to.east - east, to.north - north)
         });
@@ -209,80 +209,81 @@ impl Place {
     }
 
     /// What it sees there.
-    fn moment(&self, task: &Task, stage: &Stage) -> Moment {
-        stage.beginning(Pose { position: self.aloft(task), ..self.start })
+    fn snapshot(&self, task: &Task, loaded: &LoadedScene) -> WorldSnapshot {
+        loaded.beginning(Pose { position: self.aloft(task), ..self.start })
     }
 
     /// What it sees there with the target in the middle of the picture.
-    fn turned_to_focus(&self, task: &Task, stage: &Stage) -> Moment {
+    fn turned_to_focus(&self, task: &Task, loaded: &LoadedScene) -> WorldSnapshot {
         let heading = self.start.attitude.heading - self.off;
         let turned =
             Pose { position: self.aloft(task), attitude: Attitude { heading: wrap_angle(heading), ..self.start.attitude } };
-        stage.beginning(turned)
+        loaded.beginning(turned)
     }
 
     /// Open ground that nothing covers, and room to take off and to stay.
-    fn is_free(&self, task: &Task, stage: &Stage) -> bool {
+    fn is_free(&self, task: &Task, loaded: &LoadedScene) -> bool {
         let ground = self.start.position;
-        let Some(below) = stage.collider.ground_below(EnuPosition { up: ground.up + 0.1, ..ground }) else { return false };
-        let object = stage.scene.object(below.object);
+        let Some(below) = loaded.collider.ground_below(EnuPosition { up: ground.up + 0.1, ..ground }) else { return false };
+        let object = loaded.scene.object(below.object);
         let is_ground = object.is_some_and(|object| matches!(object.tags.kind.as_str(), "ground" | "floor"));
         // A craft that takes off wanders by what its senses err.
         let radius = Model::of(task.craft).craft.radius;
         let room = radius + ROOM_M;
         let (low, aloft) = (EnuPosition { up: ground.up + room + 0.05, ..ground }, self.aloft(task));
-        let moment = self.moment(task, stage);
-        let clear = |id| stage.distance_to(id, &moment.actors, aloft).is_none_or(|away| away > 8.0 * radius);
-        is_ground && stage.collider.sweep(low, aloft, room).is_none() && stage.cast.objects().all(clear)
+        let snapshot = self.snapshot(task, loaded);
+        let clear = |id| loaded.distance_to(id, &snapshot.actors, aloft).is_none_or(|away| away > 8.0 * radius);
+        is_ground && loaded.collider.sweep(low, aloft, room).is_none() && loaded.cast.objects().all(clear)
     }
 
     /// Range, and what is to stand on the way.
-    fn is_right(&self, task: &Task, stage: &Stage) -> bool {
-        let Some(focus) = self.focus.and_then(|id| stage.scene.object(id)) else { return task.start_targets().is_empty() };
-        let moment = self.moment(task, stage);
+    fn is_right(&self, task: &Task, loaded: &LoadedScene) -> bool {
+        let Some(focus) = self.focus.and_then(|id| loaded.scene.object(id)) else { return task.start_targets().is_empty() };
+        let snapshot = self.snapshot(task, loaded);
         // A craft does not sink below where it took off: not from a hill to what lies at its foot.
         if focus.bounds.min.up < self.start.position.up - FOOT_M {
             return false;
         }
         let [least, most] = task.start.range;
-        if !nearest(stage, &self.lasting, &moment).is_some_and(|(_, range)| (least..=most).contains(&range)) {
+        if !nearest(loaded, &self.lasting, &snapshot).is_some_and(|(_, range)| (least..=most).contains(&range)) {
             return false;
         }
         let (from, to) = (self.aloft(task), centre(&focus.bounds));
         let past = task.start.past.as_ref().is_none_or(|(selectors, near)| {
-            let things = select_all(selectors, stage, from);
-            things.iter().filter_map(|id| stage.scene.object(*id)).any(|thing| off_way(from, to, centre(&thing.bounds)) <= *near)
+            let things = select_all(selectors, loaded, from);
+            things.iter().filter_map(|id| loaded.scene.object(*id)).any(|thing| off_way(from, to, centre(&thing.bounds)) <= *near)
         });
         let radius = Model::of(task.craft).craft.radius;
-        let is_met = |radius| stage.collider.sweep(from, to, radius).is_some_and(|met| !self.is_target(stage, met.object));
+        let is_met = |radius| loaded.collider.sweep(from, to, radius).is_some_and(|met| !self.is_target(loaded, met.object));
         past && match task.start.blocked {
             None => true,
             Some(true) => is_met(radius),
-            Some(false) => self.targets.iter().all(|target| self.is_open(task, stage, *target)),
+            Some(false) => self.targets.iter().all(|target| self.is_open(task, loaded, *target)),
         }
     }
 
     /// Whether the craft finds room on the straight way to a target, unless that is farther than any start may be. What
     /// walks is not looked at.
-    fn is_open(&self, task: &Task, stage: &Stage, target: ObjectId) -> bool {
-        let (moment, from) = (self.moment(task, stage), self.aloft(task));
-        let away = stage.distance_to(target, &moment.actors, from).unwrap_or(f64::INFINITY);
-        let Some(object) = stage.scene.object(target) else { return true };
+    fn is_open(&self, task: &Task, loaded: &LoadedScene, target: ObjectId) -> bool {
+        let (snapshot, from) = (self.snapshot(task, loaded), self.aloft(task));
+        let away = loaded.distance_to(target, &snapshot.actors, from).unwrap_or(f64::INFINITY);
+        let Some(object) = loaded.scene.object(target) else { return true };
         if away > task.start.range[1] {
             return true;
         }
-        let bounds = stage.bounds(object, &moment.actors);
+        let bounds = loaded.bounds(object, &snapshot.actors);
         let to = centre(&bounds);
         let room = Model::of(task.craft).craft.radius + ROOM_M;
         // The way ends where the judge would say that it is near enough.
-        let end = |at: EnuPosition| stage.distance_to(target, &moment.actors, at).is_some_and(|left| left <= task.set.radius());
-        let met = stage.collider.sweep(from, to, room);
-        met.is_none_or(|met| self.is_target(stage, met.object) || end(met.centre))
+        let end =
+            |at: EnuPosition| loaded.distance_to(target, &snapshot.actors, at).is_some_and(|left| left <= task.set.radius());
+        let met = loaded.collider.sweep(from, to, room);
+        met.is_none_or(|met| self.is_target(loaded, met.object) || end(met.centre))
     }
 
     /// Whether an object is a target or what one of them leads through.
-    fn is_target(&self, stage: &Stage, id: ObjectId) -> bool {
-        let of = |target: &ObjectId| stage.scene.object(*target).and_then(|object| object.tags.opening_of);
+    fn is_target(&self, loaded: &LoadedScene, id: ObjectId) -> bool {
+        let of = |target: &ObjectId| loaded.scene.object(*target).and_then(|object| object.tags.opening_of);
         self.targets.iter().any(|target| *target == id || of(target) == Some(id))
     }
 }

@@ -6,7 +6,7 @@ use spf_core::pilot::{PilotSettings, Preset};
 use spf_core::time::duration_from_secs;
 use spf_flight::methods::{Manner, MethodRow, rows};
 use spf_flight::policy::PolicyKind;
-use spf_flight::sim::WhoPoints;
+use spf_flight::sim::VlmFactory;
 use spf_vlm::{Account, Answer, Asked, Picture, Vlm};
 
 use crate::task::{Set, Task};
@@ -118,7 +118,7 @@ impl Blind {
 pub const NOBODY: &str = "none";
 
 /// Who answers the blind control.
-pub(super) fn blind(metres: f64) -> WhoPoints {
+pub(super) fn blind(metres: f64) -> VlmFactory {
     Arc::new(move |_, _| Ok(Box::new(Blind { metres })))
 }
 

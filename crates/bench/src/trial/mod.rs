@@ -17,7 +17,7 @@ use spf_core::prompt::PromptText;
 use spf_flight::detector::with_detector;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::recorder::RecordPlan;
-use spf_flight::sim::{Circumstances, SimWorld, Simulated, WhoPoints, oracle_points};
+use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, oracle_factory};
 use spf_flight::summary::Summary;
 use spf_oracle::ErrorFile;
 use spf_scene::geometry::ObjectId;
@@ -44,7 +44,7 @@ pub struct Pointer {
     /// The name as it was given on the command line.
     pub name: String,
     /// Makes it.
-    pub who: WhoPoints,
+    pub who: VlmFactory,
     /// Seconds that each of its answers takes; none: as it comes.
     pub latency: Option<f64>,
 }
@@ -100,7 +100,7 @@ impl Trial {
     /// Flies it where it was drawn. It never fails: what cannot be flown is a row with its `error`.
     #[must_use]
     pub fn fly(&self, drawn: &Drawn, record: Option<RecordPlan>) -> Flown {
-        let judge = match Judge::new(&self.task, drawn.stage.clone(), drawn.start) {
+        let judge = match Judge::new(&self.task, drawn.loaded.clone(), drawn.start) {
             Ok(judge) => judge,
             Err(error) => return self.failed(Some(drawn), &error),
         };
@@ -147,7 +147,7 @@ impl Trial {
         };
         let (fixed, delay) = (self.pointer.as_ref().and_then(|pointer| pointer.latency), task.vlm_delay);
         let who = self.with_detector(who);
-        let seen: WhoPoints = Arc::new(move |of, seed| {
+        let seen: VlmFactory = Arc::new(move |of, seed| {
             let vlm = who(of, seed)?;
             // A flight has one world; it is asked for once.
             if let Some(of) = of {
@@ -162,9 +162,9 @@ impl Trial {
         let site = Simulated {
             start: Some(drawn.start),
             kind: task.craft,
-            circumstances: Circumstances { wind: drawn.wind, ..Circumstances::default() },
+            flight_conditions: FlightConditions { wind: drawn.wind, ..FlightConditions::default() },
             seed: self.seed,
-            ..Simulated::new(drawn.stage.clone(), &drawn.scene)
+            ..Simulated::new(drawn.loaded.clone(), &drawn.scene)
         };
         FlightPlan {
             policy: Arc::new(self.method.policy()),
@@ -184,9 +184,9 @@ impl Trial {
         self.method.policy().has_detector().then(|| if own { self.vlm() } else { DETECTOR }.to_owned())
     }
 
-    fn with_detector(&self, who: WhoPoints) -> WhoPoints {
+    fn with_detector(&self, who: VlmFactory) -> VlmFactory {
         match self.detector() {
-            Some(name) if name != self.vlm() => with_detector(who, oracle_points(name, ErrorFile::default())),
+            Some(name) if name != self.vlm() => with_detector(who, oracle_factory(name, ErrorFile::default())),
             _ => who,
         }
     }
@@ -256,7 +256,7 @@ impl Trial {
 
     fn scored(&self, drawn: &Drawn, watcher: Watcher, summary: Summary) -> Flown {
         let (mut found, judge) = watcher.into_findings();
-        let stage = &drawn.stage;
+        let stage = &drawn.loaded;
         let scores = self.scores(&found);
         let reference = self.reference(drawn, &judge);
         let radius = self.task.set.radius();
@@ -328,7 +328,7 @@ impl Trial {
 
     /// Straight from above the start past each goal's nearest object.
     fn reference(&self, drawn: &Drawn, judge: &Judge) -> Vec<EnuPosition> {
-        let stage = &drawn.stage;
+        let stage = &drawn.loaded;
         let up = drawn.start.position.up + Model::of(self.task.craft).craft.take_off_height;
         let mut way = vec![EnuPosition { up, ..drawn.start.position }];
         for targets in judge.targets() {

@@ -79,10 +79,10 @@ impl Watcher {
         found.distance = self.judge.distance(&moment);
         found.least_distance = least(found.least_distance, found.distance);
         if matches!(pilot.phase(), Phase::Flying | Phase::Held | Phase::Manual) {
-            let stage = world.stage();
+            let loaded = world.loaded();
             let at = moment.pose.position;
-            let moving = stage.cast.objects().filter_map(|id| stage.distance_to(id, &moment.actors, at));
-            let near = moving.chain(stage.collider.nearest(at).map(|near| near.distance)).reduce(f64::min);
+            let moving = loaded.cast.objects().filter_map(|id| loaded.distance_to(id, &moment.actors, at));
+            let near = moving.chain(loaded.collider.nearest(at).map(|near| near.distance)).reduce(f64::min);
             found.clearance = least(found.clearance, near);
             found.path.push(at);
             found.trace.push(now, at);

@@ -6,7 +6,7 @@ use spf_core::pilot::PilotSettings;
 use spf_detect::{DetectError, Detector};
 use spf_flight::detector::{model_detects, with_detector};
 use spf_flight::policy::PolicyKind;
-use spf_flight::sim::{WhoPoints, oracle_points};
+use spf_flight::sim::{VlmFactory, oracle_factory};
 
 use crate::commands::vlm::{Pointing, oracle_named};
 use crate::error::CliError;
@@ -55,7 +55,7 @@ pub(crate) fn beside(
 /// Who detects.
 struct Detecting {
     name: String,
-    who: WhoPoints,
+    who: VlmFactory,
     sentence: String,
 }
 
@@ -75,7 +75,7 @@ fn detecting(settings: &Settings, name: &str) -> Result<Detecting, CliError> {
     let expected = "FILE.onnx, oracle, oracle:NAME or oracle:FILE";
     let (name, errors) = oracle_named(name, |_, near| settings.fly.detector.wrong(expected, near))?;
     let sentence = format!("{name} detects: it reads the simulator's id pictures and knows COCO's classes.");
-    Ok(Detecting { who: oracle_points(name.clone(), errors), name, sentence })
+    Ok(Detecting { who: oracle_factory(name.clone(), errors), name, sentence })
 }
 
 /// The model of a file.

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use spf_flight::doctor::{self, Check, Finding};
-use spf_scene::Conditions;
+use spf_scene::SceneLook;
 
 use super::detector;
 use super::fly::settings::options;
-use super::load_stage;
+use super::load_scene;
 use super::vlm::pointing;
 use crate::args::Doctor;
 use crate::error::CliError;
@@ -24,8 +24,8 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
             target.examine(&options(&settings)?)
         }
         DroneName::Sim => {
-            let stage = load_stage(settings.fly.scene.text_or_default(), &Conditions::default())?;
-            vec![doctor::simulator(&stage)]
+            let loaded = load_scene(settings.fly.scene.text_or_default(), &SceneLook::default())?;
+            vec![doctor::simulator(&loaded)]
         }
     };
     checks.extend(vlm(&settings)?);

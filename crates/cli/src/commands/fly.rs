@@ -15,7 +15,7 @@ use spf_core::craft::Craft;
 use spf_core::pilot::Outcome;
 use spf_drone::frames::Frames;
 use spf_flight::flight::{FlightError, FlightPlan, Site};
-use spf_flight::glass::GlassToDecision;
+use spf_flight::frame_age::GlassToDecision;
 use spf_flight::keys::HELP;
 use spf_flight::recorder::RecordPlan;
 use spf_flight::sim::Simulated;
@@ -23,14 +23,14 @@ use spf_flight::summary::Summary;
 use spf_flight::words;
 use spf_record::live::Live;
 use spf_record::out_dir::OutDir;
-use spf_scene::Conditions;
+use spf_scene::SceneLook;
 use spf_sim::model::Model;
 
 use self::manual::Manual;
-use self::settings::{circumstances, limits, manner, method, prompt, script};
+use self::settings::{flight_conditions, limits, manner, method, prompt, script};
 use crate::args::Fly;
 use crate::commands::vlm::pointing;
-use crate::commands::{detector, load_stage};
+use crate::commands::{detector, load_scene};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
@@ -169,27 +169,27 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     // A flight in virtual time is over before anybody has looked.
     let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some();
-    let conditions = Conditions { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
-    let circumstances = circumstances(settings)?;
+    let conditions = SceneLook { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
+    let flight_conditions = flight_conditions(settings)?;
     // Everything that is only read is checked before the scene is loaded: errors come at once.
     let scene = settings.fly.scene.text_or_default();
-    let stage = Arc::new(load_stage(scene, &conditions)?);
-    let kind = kind.unwrap_or(stage.scene.default_craft);
+    let loaded = Arc::new(load_scene(scene, &conditions)?);
+    let kind = kind.unwrap_or(loaded.scene.default_craft);
     let craft = Model::of(kind).craft;
     let flying = format!(
         "Flying \"{}\" in {}, craft {}, policy {}, preset {}, seed {seed}.",
         one_line(instruction),
-        stage.scene.name,
+        loaded.scene.name,
         kind.name(),
         policy.name(),
         settings.fly.preset.text().unwrap_or_default(),
     );
-    let limits = limits(settings, stage.limits(kind))?;
+    let limits = limits(settings, loaded.limits(kind))?;
     let mut said = vec![flying, sentence(&pointing.sentence, &craft)];
     if pointing.is_oracle {
-        said.extend(reading::lines(instruction, &stage, start)?);
+        said.extend(reading::lines(instruction, &loaded, start)?);
     }
-    let site = Simulated { stage, scene: scene.to_owned(), start, kind, circumstances, seed, realtime };
+    let site = Simulated { loaded, scene: scene.to_owned(), start, kind, flight_conditions, seed, realtime };
     let plan = FlightPlan {
         policy: Arc::new(policy),
         preset,

@@ -19,14 +19,14 @@ pub(crate) use tello::tello;
 use std::path::Path;
 
 pub(crate) use spf_flight::pose::parse_pose;
-use spf_flight::sim::Stage;
-use spf_scene::{Conditions, Scene};
+use spf_flight::sim::LoadedScene;
+use spf_scene::{Scene, SceneLook};
 
 use crate::error::CliError;
 
 /// Loads a built-in scene or a scene file; its errors say what may have been meant.
-pub(crate) fn load_stage(name: &str, conditions: &Conditions) -> Result<Stage, CliError> {
-    Stage::load_with(name, conditions).map_err(|error| {
+pub(crate) fn load_scene(name: &str, conditions: &SceneLook) -> Result<LoadedScene, CliError> {
+    LoadedScene::load_with(name, conditions).map_err(|error| {
         let built_in = Scene::built_in().join(", ");
         CliError::usage(format!("the scene `{name}` cannot be flown in"))
             .because(&error)

@@ -8,9 +8,9 @@ use spf_flight::log::Head;
 use spf_flight::reask::{Asker, Mind, Opinion, Pointed, Question, questions};
 use spf_media::jpeg::Jpeg;
 use spf_record::log::LogReader;
-use spf_scene::{Conditions, Lighting, Weather};
+use spf_scene::{Lighting, SceneLook, Weather};
 
-use super::load_stage;
+use super::load_scene;
 use super::log::{unreadable, unreplayable};
 use super::vlm::{oracle_named, pointing};
 use crate::args::Replay;
@@ -36,8 +36,8 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
     let (head, questions) = questions(reader).map_err(|error| unreplayable(&args.file, &error))?;
     let settings = Settings::of(args, printer)?;
     let (name, mind) = mind(&settings, vlm)?;
-    let mut asker = stage_of(&head).and_then(|stage| {
-        Asker::new(&head, Arc::new(stage), &name, mind)
+    let mut asker = stage_of(&head).and_then(|loaded| {
+        Asker::new(&head, Arc::new(loaded), &name, mind)
             .map_err(|error| CliError::usage("nobody can be asked about this flight").because(&error))
     })?;
     if let Some(out) = &args.out {
@@ -79,14 +79,14 @@ fn mind(settings: &Settings, vlm: &str) -> Result<(String, Mind), CliError> {
     Ok((pointing.name, Mind::Other(pointing.who)))
 }
 
-fn stage_of(head: &Head) -> Result<spf_flight::sim::Stage, CliError> {
+fn stage_of(head: &Head) -> Result<spf_flight::sim::LoadedScene, CliError> {
     let Some(sim) = &head.sim else {
         return Err(CliError::usage("the flight was not flown in the simulator")
             .hint("what its camera saw cannot be drawn again, so that nobody can be asked about it"));
     };
     let lighting = Lighting::ALL.into_iter().find(|light| light.name() == sim.light);
     let weather = Weather::ALL.into_iter().find(|weather| weather.name() == sim.weather);
-    load_stage(&sim.scene, &Conditions { lighting, weather })
+    load_scene(&sim.scene, &SceneLook { lighting, weather })
 }
 
 fn write_picture(out: &Path, asker: &Asker, question: &Question, opinion: &Opinion, then: &str) -> Result<(), CliError> {

@@ -11,7 +11,7 @@ use super::inlet::{Inlet, Unit};
 use crate::frames::FrameStore;
 
 /// How long is waited for pictures at most before it is looked whether the end has come.
-const NAP: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Without a picture for so long the video is asked for again. A Tello sends a key picture every one or two seconds.
 const MISSING: Duration = Duration::from_secs(3);
 
@@ -72,7 +72,7 @@ pub(super) fn gather(socket: &UdpSocket, from: IpAddr, inlet: &Inlet, start: Ins
 pub(super) fn watch(inlet: &Inlet, mut eye: Eye, frames: &FrameStore, stopped: &AtomicBool, mut missing: impl FnMut()) {
     let mut last = Instant::now();
     while !stopped.load(Ordering::Relaxed) {
-        let units = inlet.take(NAP);
+        let units = inlet.take(POLL_INTERVAL);
         frames.count(|tally| (tally.video, tally.overtaken) = inlet.tally());
         if !units.is_empty() {
             last = Instant::now();

@@ -25,7 +25,7 @@ use crate::frames::{FrameStore, Frames};
 use crate::{Capabilities, Drone, DroneError, DroneEvent};
 
 /// Sockets are looked at this often even when nothing comes.
-const NAP: Duration = Duration::from_millis(5);
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// The video socket's.
 const VIDEO_NAP: Duration = Duration::from_millis(50);
 /// Room for the video of half a second and more, bytes.
@@ -110,7 +110,7 @@ impl Tello {
         if let Err(error) = socket2::SockRef::from(&video).set_recv_buffer_size(VIDEO_BUFFER) {
             tracing::debug!(%error, "the video's buffer stays small");
         }
-        let timeouts = [(&command, NAP), (&state, NAP), (&video, VIDEO_NAP)];
+        let timeouts = [(&command, POLL_INTERVAL), (&state, POLL_INTERVAL), (&video, VIDEO_NAP)];
         for (socket, nap) in timeouts {
             socket.set_read_timeout(Some(nap)).map_err(ConnectError::Start)?;
         }
@@ -156,7 +156,7 @@ impl Drop for Tello {
         let begun = Instant::now();
         while self.shared.link().is_urgent() && begun.elapsed() < LAST_WORDS {
             self.shared.flush();
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL_INTERVAL);
         }
         self.shared.stopped.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
@@ -200,7 +200,7 @@ impl Drone for Tello {
 
     /// What it tells comes when it comes; it is looked at this often.
     fn next_event_at(&self) -> Option<Time> {
-        Some(self.polled + NAP)
+        Some(self.polled + POLL_INTERVAL)
     }
 }
 

@@ -28,7 +28,7 @@ use spf_render::{Channels, Picture, Renderer};
 use spf_scene::actors::ActorPlace;
 use spf_scene::geometry::{ObjectId, Part, SceneGeometry};
 
-use crate::sim::{Moment, Stage};
+use crate::sim::{LoadedScene, WorldSnapshot};
 use place::Plainly;
 use views::Views;
 pub use wording::Wording;
@@ -180,7 +180,7 @@ impl Example {
 
 /// Makes examples in one scene.
 pub struct Generator<'a> {
-    stage: &'a Stage,
+    loaded: &'a LoadedScene,
     recipe: Recipe,
     eye: Eye,
     around: Surroundings,
@@ -197,8 +197,8 @@ pub struct Generator<'a> {
 impl<'a> Generator<'a> {
     /// A generator of examples in a scene.
     #[must_use]
-    pub fn new(stage: &'a Stage, recipe: Recipe) -> Self {
-        let tags = &stage.tags;
+    pub fn new(loaded: &'a LoadedScene, recipe: Recipe) -> Self {
+        let tags = &loaded.tags;
         let eye = Eye::new(recipe.camera, recipe.effects.clone(), recipe.seed);
         let around = Surroundings::of(eye.camera());
         let groups = groups(tags.iter().filter(|tags| !tags.is_surface() && !BACKDROPS.contains(&tags.kind.as_str())));
@@ -208,7 +208,7 @@ impl<'a> Generator<'a> {
             .filter(|group: &Vec<ObjectId>| !group.is_empty())
             .collect();
         Self {
-            stage,
+            loaded,
             recipe,
             eye,
             around,
@@ -236,7 +236,7 @@ impl<'a> Generator<'a> {
     pub fn example(&mut self, number: u64) -> Option<Example> {
         let kind = self.recipe.kind(number);
         let at = Time::from_secs_f64(TRAFFIC * Draw::new(self.recipe.seed, "dataset traffic", &[number]).uniform());
-        let actors = self.stage.moment(Pose::default(), self.recipe.seed, at).actors;
+        let actors = self.loaded.snapshot(Pose::default(), self.recipe.seed, at).actors;
         (0..ATTEMPTS).find_map(|attempt| self.attempt(kind, number, attempt, &actors))
     }
 
@@ -245,54 +245,54 @@ impl<'a> Generator<'a> {
         let groups = if kind == Kind::LookAlike { &self.alike } else { &self.groups };
         let group = groups.get(draw.below(groups.len()))?;
         let focus = *group.get(draw.below(group.len()))?;
-        let object = self.stage.scene.object(focus)?;
-        let pose = Views { stage: self.stage, actors, camera: self.eye.camera() }.of(object, &mut draw)?;
-        let moment = Moment { pose, actors: actors.to_vec() };
-        if !self.glance_shows(&moment, kind, focus) {
+        let object = self.loaded.scene.object(focus)?;
+        let pose = Views { loaded: self.loaded, actors, camera: self.eye.camera() }.of(object, &mut draw)?;
+        let snapshot = WorldSnapshot { pose, actors: actors.to_vec() };
+        if !self.glance_shows(&snapshot, kind, focus) {
             return None;
         }
         let mut truth = Picture::default();
         self.eye.look(self.eye.camera(), &mut truth, |camera, picture| {
-            self.stage.render_into(camera, &moment, Channels::TRUTH, picture);
+            self.loaded.render_into(camera, &snapshot, Channels::TRUTH, picture);
         });
         let seen = seen(&truth);
         let mask = seen.iter().find(|mask| mask.id == focus)?;
         if !self.is_large(mask.area, f64::from(self.recipe.min_pixels), &truth) || self.is_blocked(&truth, focus) {
             return None;
         }
-        let visible = self.visible(&moment, &truth, &seen);
+        let visible = self.visible(&snapshot, &truth, &seen);
         let share = mask.area as f64 / (f64::from(truth.width) * f64::from(truth.height));
         let in_frame = visible.iter().find(|thing| thing.id == focus)?.in_frame;
         if share > FILLS || (share < 0.1 && in_frame < IN_FRAME) {
             return None;
         }
         let (wording, instruction, meant) = match kind {
-            Kind::Absent => self.absent(&visible, &moment, &mut draw)?,
-            _ => self.present(kind, focus, &visible, (&moment, &Plainly { masks: &seen, truth: &truth }), &mut draw)?,
+            Kind::Absent => self.absent(&visible, &snapshot, &mut draw)?,
+            _ => self.present(kind, focus, &visible, (&snapshot, &Plainly { masks: &seen, truth: &truth }), &mut draw)?,
         };
         let look_alikes = self.look_alikes(meant, &visible);
         let target = match kind {
             Kind::Absent => None,
-            _ => Some(self.target(mask, &moment, &truth).filter(|target| target.occlusion <= HIDDEN_SHARE)?),
+            _ => Some(self.target(mask, &snapshot, &truth).filter(|target| target.occlusion <= HIDDEN_SHARE)?),
         };
-        let shot = Shot::still(Time::from_nanos(number), moment);
-        let photograph = self.eye.photograph(&shot, None, |camera, moment, picture| {
-            self.stage.render_into(camera, moment, Channels::RGB, picture);
+        let shot = Shot::still(Time::from_nanos(number), snapshot);
+        let photograph = self.eye.photograph(&shot, None, |camera, snapshot, picture| {
+            self.loaded.render_into(camera, snapshot, Channels::RGB, picture);
         });
         Some(Example { kind, instruction, wording, target, look_alikes, pose, photograph, truth, visible })
     }
 
     /// Whether a coarse look finds what the example is about.
-    fn glance_shows(&mut self, moment: &Moment, kind: Kind, focus: ObjectId) -> bool {
+    fn glance_shows(&mut self, snapshot: &WorldSnapshot, kind: Kind, focus: ObjectId) -> bool {
         let camera = self.eye.camera();
         let camera = camera.resized((camera.width / GLANCE).max(1), (camera.height / GLANCE).max(1));
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        self.stage.render_into(&camera, moment, channels, &mut self.glance);
+        self.loaded.render_into(&camera, snapshot, channels, &mut self.glance);
         let picture = &self.glance;
         let counts = counts(picture);
         let shows = |id: ObjectId, least: f64| counts.get(&id).is_some_and(|pixels| self.is_large(*pixels, least, picture));
         let alike = || {
-            let mut others = self.stage.tags.iter().filter(|other| is_look_alike(&self.stage.tags, focus, other));
+            let mut others = self.loaded.tags.iter().filter(|other| is_look_alike(&self.loaded.tags, focus, other));
             others.any(|other| shows(other.id, LOOK_ALIKE_PIXELS))
         };
         // Somewhat less will do: the picture itself decides.
@@ -308,15 +308,15 @@ impl<'a> Generator<'a> {
     /// Whether something else right before the lens hides the view.
     fn is_blocked(&self, truth: &Picture, focus: ObjectId) -> bool {
         let (Some(ids), Some(depth)) = (&truth.ids, &truth.depth) else { return true };
-        let close = (0.5 * self.stage.scene.near) as f32;
+        let close = (0.5 * self.loaded.scene.near) as f32;
         let blocked = ids.iter().zip(depth).filter(|(id, depth)| **id != focus && (0.01..close).contains(*depth)).count();
         blocked as f64 > BLOCKED * ids.len() as f64
     }
 
-    fn visible(&mut self, moment: &Moment, truth: &Picture, seen: &[Mask]) -> Vec<Visible> {
-        let light = self.stage.renderer.light_on(self.eye.camera(), &moment.pose, truth);
+    fn visible(&mut self, snapshot: &WorldSnapshot, truth: &Picture, seen: &[Mask]) -> Vec<Visible> {
+        let light = self.loaded.renderer.light_on(self.eye.camera(), &snapshot.pose, truth);
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        self.stage.render_into(self.around.camera(), moment, channels, &mut self.scratch);
+        self.loaded.render_into(self.around.camera(), snapshot, channels, &mut self.scratch);
         let shares = self.around.shares(&self.scratch);
         let visible = |mask: &Mask| {
             let tags = self.tags_of(mask.id)?;
@@ -339,7 +339,7 @@ impl<'a> Generator<'a> {
         kind: Kind,
         focus: ObjectId,
         visible: &[Visible],
-        (moment, plainly): (&Moment, &Plainly<'_>),
+        (snapshot, plainly): (&WorldSnapshot, &Plainly<'_>),
         draw: &mut Draw,
     ) -> Option<(Wording, String, ObjectId)> {
         let tags = self.tags_of(focus)?;
@@ -347,9 +347,9 @@ impl<'a> Generator<'a> {
         if kind == Kind::LookAlike && alike.is_empty() {
             return None;
         }
-        let shown = self.placed(moment, |id| visible.iter().any(|thing| thing.id == id));
+        let shown = self.placed(snapshot, |id| visible.iter().any(|thing| thing.id == id));
         let clear = |(wording, instruction): &(Wording, String)| {
-            let meant = resolve_truth(instruction, &shown, Some(moment.pose));
+            let meant = resolve_truth(instruction, &shown, Some(snapshot.pose));
             // "The leftmost chair" is the leftmost of what "the chair" may mean.
             let plain = PLACES.iter().filter(|_| *wording == Wording::Place).all(|place| {
                 let without = instruction.replacen(&format!("{place} "), "", 1);
@@ -362,9 +362,9 @@ impl<'a> Generator<'a> {
     }
 
     /// Words for something in the scene that mean nothing of what is visible; half of the time something whose like is visible.
-    fn absent(&self, visible: &[Visible], moment: &Moment, draw: &mut Draw) -> Option<(Wording, String, ObjectId)> {
+    fn absent(&self, visible: &[Visible], snapshot: &WorldSnapshot, draw: &mut Draw) -> Option<(Wording, String, ObjectId)> {
         let is_shown = |id: ObjectId| visible.iter().any(|thing| thing.id == id);
-        let (shown, all) = (self.placed(moment, is_shown), self.placed(moment, |_| true));
+        let (shown, all) = (self.placed(snapshot, is_shown), self.placed(snapshot, |_| true));
         let mut hidden: Vec<ObjectId> = Vec::new();
         for group in &self.groups {
             let unseen: Vec<ObjectId> = group.iter().copied().filter(|id| !is_shown(*id)).collect();
@@ -379,8 +379,8 @@ impl<'a> Generator<'a> {
             // What is leftmost, or of use, in a picture is so whatever stands elsewhere.
             let plain = |(wording, _): &(Wording, String)| !matches!(wording, Wording::Place | Wording::Use);
             let means_nothing = |(_, instruction): &(Wording, String)| {
-                let here = resolve_truth(instruction, &shown, Some(moment.pose));
-                here.checkable && !here.fits && resolve_truth(instruction, &all, Some(moment.pose)).objects.contains(&id)
+                let here = resolve_truth(instruction, &shown, Some(snapshot.pose));
+                here.checkable && !here.fits && resolve_truth(instruction, &all, Some(snapshot.pose)).objects.contains(&id)
             };
             if let Some((wording, instruction)) = instructions(tags, draw).into_iter().filter(plain).find(means_nothing) {
                 return Some((wording, instruction, id));
@@ -391,21 +391,21 @@ impl<'a> Generator<'a> {
 
     /// What is visible and of the same name as an object, but of another colour or quality.
     fn look_alikes(&self, of: ObjectId, visible: &[Visible]) -> Vec<ObjectId> {
-        let alike = |thing: &&Visible| self.tags_of(thing.id).is_some_and(|other| is_look_alike(&self.stage.tags, of, other));
+        let alike = |thing: &&Visible| self.tags_of(thing.id).is_some_and(|other| is_look_alike(&self.loaded.tags, of, other));
         visible.iter().filter(alike).map(|thing| thing.id).collect()
     }
 
     fn tags_of(&self, id: ObjectId) -> Option<&Tagged> {
-        self.stage.tags.iter().find(|tags| tags.id == id)
+        self.loaded.tags.iter().find(|tags| tags.id == id)
     }
 
-    fn placed(&self, moment: &Moment, which: impl Fn(ObjectId) -> bool) -> Vec<Placed<'_>> {
-        let mut placed = self.stage.placed(&moment.actors);
+    fn placed(&self, snapshot: &WorldSnapshot, which: impl Fn(ObjectId) -> bool) -> Vec<Placed<'_>> {
+        let mut placed = self.loaded.placed(&snapshot.actors);
         placed.retain(|placed| which(placed.tags.id));
         placed
     }
 
-    fn target(&mut self, mask: &Mask, moment: &Moment, truth: &Picture) -> Option<Target> {
+    fn target(&mut self, mask: &Mask, snapshot: &WorldSnapshot, truth: &Picture) -> Option<Target> {
         let tags = self.tags_of(mask.id)?;
         let (key, opening) = (tags.key.clone(), tags.opening);
         let (w, h) = (truth.width as usize, truth.height as usize);
@@ -414,8 +414,8 @@ impl<'a> Generator<'a> {
         let along = f64::from(*depth.as_ref()?.get(y * w + x)?);
         let point = ImagePoint { u: (x as f64 + 0.5) / w as f64, v: (y as f64 + 0.5) / h as f64 };
         let ray = self.eye.camera().ray(point);
-        let nearest_m = self.stage.distance_to(mask.id, &moment.actors, moment.pose.position)?;
-        let whole = self.silhouette(mask.id, opening, moment)?;
+        let nearest_m = self.loaded.distance_to(mask.id, &snapshot.actors, snapshot.pose.position)?;
+        let whole = self.silhouette(mask.id, opening, snapshot)?;
         let pixel = |at: usize| at as u32;
         Some(Target {
             id: mask.id,
@@ -431,16 +431,16 @@ impl<'a> Generator<'a> {
     }
 
     /// Pixels of an object inside the frame if nothing stood before it.
-    fn silhouette(&mut self, id: ObjectId, opening: bool, moment: &Moment) -> Option<u64> {
-        let Stage { scene, cast, .. } = self.stage;
-        let moving: Vec<Part> = cast.parts(&moment.actors, |_, _| true).into_iter().filter(|part| part.object == id).collect();
+    fn silhouette(&mut self, id: ObjectId, opening: bool, snapshot: &WorldSnapshot) -> Option<u64> {
+        let LoadedScene { scene, cast, .. } = self.loaded;
+        let moving: Vec<Part> = cast.parts(&snapshot.actors, |_, _| true).into_iter().filter(|part| part.object == id).collect();
         let alone = self.alone.entry(id).or_insert_with(|| {
             let parts: Vec<Part> = scene.geometry.parts.iter().filter(|part| part.object == id).cloned().collect();
             Renderer::new(&SceneGeometry { parts, ..scene.geometry.clone() })
         });
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.eye.look(self.eye.camera(), &mut self.scratch, |camera, picture| {
-            alone.render_into(camera, &moment.pose, channels, &moving, picture);
+            alone.render_into(camera, &snapshot.pose, channels, &moving, picture);
         });
         let ids = if opening { &self.scratch.opening_ids } else { &self.scratch.ids };
         Some(ids.as_ref()?.iter().filter(|seen| **seen == id).count() as u64)

@@ -7,7 +7,7 @@ use spf_core::rng::Draw;
 use spf_scene::Object;
 use spf_scene::actors::ActorPlace;
 
-use crate::sim::Stage;
+use crate::sim::LoadedScene;
 
 /// Farthest that a thing is looked at from, metres.
 const FARTHEST: f64 = 120.0;
@@ -22,7 +22,7 @@ const ASIDE: f64 = 0.8;
 
 /// Poses in one scene, with its actors at these places.
 pub(super) struct Views<'a> {
-    pub(super) stage: &'a Stage,
+    pub(super) loaded: &'a LoadedScene,
     pub(super) actors: &'a [ActorPlace],
     pub(super) camera: &'a Camera,
 }
@@ -31,8 +31,8 @@ impl Views<'_> {
     /// A pose that looks towards an object from a distance drawn log-uniformly, and from any side; none where that place is not
     /// free.
     pub(super) fn of(&self, object: &Object, draw: &mut Draw) -> Option<Pose> {
-        let scene = &self.stage.scene;
-        let bounds = self.stage.bounds(object, self.actors);
+        let scene = &self.loaded.scene;
+        let bounds = self.loaded.bounds(object, self.actors);
         let (min, max) = (bounds.min, bounds.max);
         // Towards any part of it: from the middle of something large one is always far away.
         let mut part = |low: f64, high: f64| low + draw.uniform() * (high - low);
@@ -56,7 +56,7 @@ impl Views<'_> {
 
     /// Whether a craft can hover there: within the scene's bounds, above ground, clear of everything and inside of nothing.
     fn is_free(&self, position: EnuPosition) -> bool {
-        let Stage { scene, collider, cast, .. } = self.stage;
+        let LoadedScene { scene, collider, cast, .. } = self.loaded;
         let touched = |(actor, place)| cast.distance(actor, place, position).is_some_and(|distance| distance < ROOM);
         scene.bounds.contains(position)
             && collider.ground_below(position).is_some()
@@ -69,12 +69,12 @@ impl Views<'_> {
     /// no obstacle.
     fn is_inside(&self, object: &Object, position: EnuPosition) -> bool {
         let inside = |p: EnuPosition| {
-            let outline = || self.stage.outline(object, self.actors);
+            let outline = || self.loaded.outline(object, self.actors);
             !object.opening
-                && self.stage.bounds(object, self.actors).contains(p)
+                && self.loaded.bounds(object, self.actors).contains(p)
                 && outline().iter().any(|polygon| surrounds(polygon, p))
         };
-        let start = self.stage.scene.start.position;
+        let start = self.loaded.scene.start.position;
         inside(position) && !inside(EnuPosition { up: start.up + HEIGHTS.0, ..start })
     }
 }
@@ -112,10 +112,10 @@ mod tests {
 
     #[test]
     fn poses_in_the_city_are_free_and_near_and_far() {
-        let stage = Stage::load("city").unwrap();
-        let (camera, actors) = (Camera::quad(), stage.cast.starts());
-        let views = Views { stage: &stage, actors: &actors, camera: &camera };
-        let Stage { scene, collider, .. } = &stage;
+        let loaded = LoadedScene::load("city").unwrap();
+        let (camera, actors) = (Camera::quad(), loaded.cast.starts());
+        let views = Views { loaded: &loaded, actors: &actors, camera: &camera };
+        let LoadedScene { scene, collider, .. } = &loaded;
         let crane = scene.objects.iter().find(|object| object.tags.names.iter().any(|name| name.contains("crane"))).unwrap();
         let mut draw = Draw::new(1, "test", &[]);
         let poses: Vec<Pose> = (0..400).filter_map(|_| views.of(crane, &mut draw)).collect();

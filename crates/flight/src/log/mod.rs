@@ -25,8 +25,8 @@ use spf_record::live::LiveSender;
 use spf_record::log::foxglove::{self, Level, Marks, Prism};
 use spf_record::log::{Log, LogError, LogSender, Message, Topic};
 
+use crate::frame_source::FrameSource;
 use crate::summary::Summary;
-use crate::witness::Witness;
 use crate::words;
 
 /// Poses are told this often, flight time.
@@ -38,7 +38,7 @@ const REMEMBERED: usize = 64;
 pub(crate) struct FlightLog {
     log: Option<Log>,
     out: Outlet,
-    witness: Arc<dyn Witness>,
+    frame_source: Arc<dyn FrameSource>,
     /// The pilot was woken at this time, and nothing has been told of it yet.
     woken: Option<Time>,
     posed: Option<Time>,
@@ -83,17 +83,17 @@ impl FlightLog {
         live: Option<LiveSender>,
         head: &Head,
         scene: &[Prism],
-        witness: Arc<dyn Witness>,
+        frame_source: Arc<dyn FrameSource>,
     ) -> Self {
         let out = Outlet { log: log.as_ref().map(Log::sender), live };
         out.row(Channel::Flight, Time::ZERO, head);
         out.put(Channel::Scene, Time::ZERO, foxglove::encode(&foxglove::scene(Time::ZERO, scene)));
-        Self { log, out, witness, woken: None, posed: None, asked: BTreeMap::new(), missing: 0 }
+        Self { log, out, frame_source, woken: None, posed: None, asked: BTreeMap::new(), missing: 0 }
     }
 
     /// For pictures, which come from another thread; and the camera that they are taken by, at their size.
     pub(crate) fn pictures(&self, size: (u32, u32)) -> Outlet {
-        let camera = self.witness.camera().resized(size.0, size.1);
+        let camera = self.frame_source.camera().resized(size.0, size.1);
         self.out.put(Channel::Calibration, Time::ZERO, foxglove::encode(&foxglove::calibration(Time::ZERO, &camera)));
         self.out.clone()
     }
@@ -129,10 +129,10 @@ impl FlightLog {
     }
 
     fn poses(&mut self, now: Time, known: &Pose) {
-        let tilt = self.witness.camera().tilt;
+        let tilt = self.frame_source.camera().tilt;
         self.put(Channel::Transforms, now, &foxglove::transforms(now, known, tilt));
         self.put(Channel::PoseKnown, now, &foxglove::pose(now, known));
-        if let Some(truth) = self.witness.true_pose() {
+        if let Some(truth) = self.frame_source.true_pose() {
             self.put(Channel::PoseTrue, now, &foxglove::pose(now, &truth));
         }
     }
@@ -199,7 +199,7 @@ impl FlightLog {
         }
         self.asked.insert(query.id, now);
         // The truth about the frame, from which its ids and depth can be drawn again.
-        if let Some(pose) = self.witness.true_pose_of(query.frame) {
+        if let Some(pose) = self.frame_source.true_pose_of(query.frame) {
             self.row(Channel::Truth, now, &TruthRow { frame: query.frame, pose });
         }
     }

@@ -5,7 +5,7 @@ use spf_drone::frames::{Frames, Photo};
 use spf_render::effects::Shot;
 use spf_sim::frame_clock::FrameClock;
 
-use super::stage::Moment;
+use super::loaded_scene::WorldSnapshot;
 use super::world::SimWorld;
 
 /// The frames of a world's camera.
@@ -32,7 +32,7 @@ impl Frames for SimFrames {
 }
 
 /// What a world's camera makes of the light that fell into it, at the size that is asked for.
-pub(crate) fn photo(world: &SimWorld, shot: Shot<Moment>) -> Photo {
+pub(crate) fn photo(world: &SimWorld, shot: Shot<WorldSnapshot>) -> Photo {
     let (world, size) = (world.clone(), (world.camera().width, world.camera().height));
     Photo::drawn(size, move |wanted| world.photograph(&shot, Some(wanted).filter(|wanted| *wanted != size)))
 }

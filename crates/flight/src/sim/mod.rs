@@ -2,22 +2,22 @@
 //! a flight, and what they give to one as its site.
 
 mod drone;
+mod frame_source;
 mod frames;
+mod loaded_scene;
 mod oracle;
 mod outline;
 mod site;
-mod stage;
 mod truth;
-mod who;
-mod witness;
+mod vlm_factory;
 mod world;
 
 pub use drone::SimDrone;
 pub use frames::SimFrames;
 pub(crate) use frames::photo;
+pub use loaded_scene::{LoadedScene, SceneLoadError, WorldSnapshot};
 pub use oracle::OracleVlm;
 pub use site::{Simulated, StartError};
-pub use stage::{Moment, Stage, StageError};
 pub use truth::{Verdict, judge, sighted};
-pub use who::{WhoError, WhoPoints, oracle_points};
-pub use world::{Circumstances, SimWorld};
+pub use vlm_factory::{VlmFactory, VlmFactoryError, oracle_factory};
+pub use world::{FlightConditions, SimWorld};

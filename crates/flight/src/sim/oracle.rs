@@ -7,7 +7,7 @@ use spf_oracle::{ErrorFile, Oracle, Percept, Sight};
 use spf_render::Channels;
 use spf_vlm::{Account, Answer, Asked, Picture, Vlm, VlmError};
 
-use super::stage::{Eyes, Moment};
+use super::loaded_scene::{Eyes, WorldSnapshot};
 use super::world::SimWorld;
 
 /// The oracle of a world.
@@ -23,13 +23,13 @@ impl OracleVlm {
     /// An oracle called `name` with these errors.
     #[must_use]
     pub fn new(name: String, world: SimWorld, errors: ErrorFile, seed: u64) -> Self {
-        let near = world.stage().scene.near;
+        let near = world.loaded().scene.near;
         Self { name, oracle: Oracle::new(errors, near, seed), world, percept: None }
     }
 
     /// Answers a query about what there was to see at a moment, whatever the world is at now.
-    pub fn answer_at(&self, query: &Query, moment: &Moment) -> Answer {
-        let percept = self.look(query.frame, moment);
+    pub fn answer_at(&self, query: &Query, snapshot: &WorldSnapshot) -> Answer {
+        let percept = self.look(query.frame, snapshot);
         self.answer_from(query, &percept)
     }
 
@@ -44,22 +44,22 @@ impl OracleVlm {
         if let Some((_, percept)) = self.percept.as_ref().filter(|(of, _)| *of == frame) {
             return Ok(percept.clone());
         }
-        let moment =
+        let snapshot =
             self.world.capture(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
-        let percept = self.look(frame, &moment);
+        let percept = self.look(frame, &snapshot);
         self.percept = Some((frame, percept.clone()));
         Ok(percept)
     }
 
-    fn look(&self, frame: FrameId, moment: &Moment) -> Percept {
-        let mut eyes = self.world.stage().eyes();
+    fn look(&self, frame: FrameId, snapshot: &WorldSnapshot) -> Percept {
+        let mut eyes = self.world.loaded().eyes();
         let Eyes { sight, wide } = &mut eyes;
         // Two pictures at once: much of drawing one without colours goes on in one thread.
         let ((), in_frame) =
-            rayon::join(|| self.world.look_into(moment, Channels::TRUTH, sight), || self.world.in_frame(moment, wide));
+            rayon::join(|| self.world.look_into(snapshot, Channels::TRUTH, sight), || self.world.in_frame(snapshot, wide));
         // Not within: whoever first asks for the light waits while it is worked out, and must not take up another flight's looking
         // meanwhile, which would wait for itself.
-        let light = self.world.light_on(moment, &eyes.sight);
+        let light = self.world.light_on(snapshot, &eyes.sight);
         let picture = &eyes.sight;
         let sight = Sight {
             width: picture.width as usize,
@@ -72,8 +72,8 @@ impl OracleVlm {
             in_frame: &in_frame,
             light: &light,
         };
-        let percept = self.oracle.percept(frame, &sight, &self.world.stage().tags);
-        self.world.stage().give_back(eyes);
+        let percept = self.oracle.percept(frame, &sight, &self.world.loaded().tags);
+        self.world.loaded().give_back(eyes);
         percept
     }
 }

@@ -6,42 +6,43 @@ use spf_record::trajectory::Outline;
 use spf_scene::actors::ActorPlace;
 use spf_scene::{Object, Tags};
 
-use super::stage::Stage;
+use super::loaded_scene::LoadedScene;
 
 /// Things flatter than this, metres, are ground: their outlines would only hide what stands on it.
 const FLAT: f64 = 0.2;
 
 /// The scene seen from above with the actors at these places, lowest things first.
-pub(super) fn outlines(stage: &Stage, actors: &[ActorPlace]) -> Vec<Outline> {
+pub(super) fn outlines(loaded: &LoadedScene, actors: &[ActorPlace]) -> Vec<Outline> {
     let outline = |object: &Object| Outline {
         name: object.key.clone(),
         colour: colour(&object.tags),
-        polygons: stage.outline(object, actors),
+        polygons: loaded.outline(object, actors),
     };
-    lowest_first(stage).into_iter().map(outline).collect()
+    lowest_first(loaded).into_iter().map(outline).collect()
 }
 
 /// What stands in the scene, from its foot to its top, when it begins.
-pub(super) fn prisms(stage: &Stage) -> Vec<Prism> {
-    let actors = stage.cast.starts();
+pub(super) fn prisms(loaded: &LoadedScene) -> Vec<Prism> {
+    let actors = loaded.cast.starts();
     let prism = |object: &Object| {
-        let bounds = stage.bounds(object, &actors);
+        let bounds = loaded.bounds(object, &actors);
         let (bottom, top) = (bounds.min.up, bounds.max.up);
-        let polygons = stage.outline(object, &actors);
+        let polygons = loaded.outline(object, &actors);
         (top - bottom > FLAT).then(|| Prism { name: object.key.clone(), polygons, bottom, top, colour: colour(&object.tags) })
     };
-    lowest_first(stage).into_iter().filter_map(prism).collect()
+    lowest_first(loaded).into_iter().filter_map(prism).collect()
 }
 
-fn lowest_first(stage: &Stage) -> Vec<&Object> {
-    let mut objects: Vec<_> = stage.scene.objects.iter().filter(|object| !object.opening && !object.outline.is_empty()).collect();
+fn lowest_first(loaded: &LoadedScene) -> Vec<&Object> {
+    let mut objects: Vec<_> =
+        loaded.scene.objects.iter().filter(|object| !object.opening && !object.outline.is_empty()).collect();
     objects.sort_by(|a, b| a.bounds.max.up.total_cmp(&b.bounds.max.up).then(a.id.cmp(&b.id)));
     objects
 }
 
 /// The middle of an object's extent.
-pub(super) fn centre(stage: &Stage, actors: &[ActorPlace], key: &str) -> Option<EnuPosition> {
-    let bounds = stage.bounds(stage.scene.by_key(key)?, actors);
+pub(super) fn centre(loaded: &LoadedScene, actors: &[ActorPlace], key: &str) -> Option<EnuPosition> {
+    let bounds = loaded.bounds(loaded.scene.by_key(key)?, actors);
     let middle = |low: f64, high: f64| 0.5 * (low + high);
     Some(EnuPosition {
         east: middle(bounds.min.east, bounds.max.east),

@@ -11,10 +11,10 @@ use spf_scene::geometry::ObjectId;
 use spf_sim::wind::Wind;
 
 use super::drone::SimDrone;
-use super::stage::Stage;
+use super::frame_source::SimFrameSource;
+use super::loaded_scene::LoadedScene;
 use super::truth::{Verdict, judge};
-use super::witness::SimWitness;
-use super::world::{Circumstances, SimWorld};
+use super::world::{FlightConditions, SimWorld};
 use crate::log::SimHead;
 use crate::run::Observer;
 use crate::site::{Clock, Judge, Parts};
@@ -24,15 +24,15 @@ use crate::summary::{Summary, Touch};
 #[derive(Clone)]
 pub struct Simulated {
     /// Where.
-    pub stage: Arc<Stage>,
+    pub loaded: Arc<LoadedScene>,
     /// What the person called the scene: a built-in name or a path.
     pub scene: String,
     /// From where; `None`: the scene's start.
     pub start: Option<Pose>,
     /// In what.
     pub kind: CraftKind,
-    /// Under what circumstances.
-    pub circumstances: Circumstances,
+    /// Under what conditions.
+    pub flight_conditions: FlightConditions,
     /// The seed of all chance.
     pub seed: u64,
     /// On the wall clock instead of as fast as the machine can.
@@ -73,10 +73,10 @@ impl Simulated {
     /// The craft that a scene is made for, at the scene's start, in virtual time and still air, with seed 0. `scene` is what the
     /// person called it.
     #[must_use]
-    pub fn new(stage: Arc<Stage>, scene: &str) -> Self {
-        let kind = stage.scene.default_craft;
-        let circumstances = Circumstances::default();
-        Self { stage, scene: scene.to_owned(), start: None, kind, circumstances, seed: 0, realtime: false }
+    pub fn new(loaded: Arc<LoadedScene>, scene: &str) -> Self {
+        let kind = loaded.scene.default_craft;
+        let flight_conditions = FlightConditions::default();
+        Self { loaded, scene: scene.to_owned(), start: None, kind, flight_conditions, seed: 0, realtime: false }
     }
 
     /// What it gives to a flight, and the world that it is flown in.
@@ -84,16 +84,16 @@ impl Simulated {
     /// # Errors
     /// [`StartError`].
     pub(crate) fn open(self) -> Result<(Parts, SimWorld), StartError> {
-        let start = self.start.unwrap_or(self.stage.scene.start);
-        let world = SimWorld::under(&self.circumstances, self.stage.clone(), self.kind, start, self.seed);
+        let start = self.start.unwrap_or(self.loaded.scene.start);
+        let world = SimWorld::under(&self.flight_conditions, self.loaded.clone(), self.kind, start, self.seed);
         let drone = SimDrone::new(world.clone());
-        check_place(&self.stage, start.position)?;
-        check_start(&self.stage, &world, drone.capabilities().craft.radius)?;
+        check_place(&self.loaded, start.position)?;
+        check_start(&self.loaded, &world, drone.capabilities().craft.radius)?;
         let parts = Parts {
             drone: Box::new(drone),
             clock: if self.realtime { Clock::Wall } else { Clock::Virtual },
             seed: self.seed,
-            witness: Arc::new(SimWitness(world.clone())),
+            frame_source: Arc::new(SimFrameSource(world.clone())),
             sim: Some(self.head(start)),
             judge: Box::new(Judging { world: world.clone(), site: self, start, found: Found::default() }),
         };
@@ -101,7 +101,7 @@ impl Simulated {
     }
 
     fn head(&self, start: Pose) -> SimHead {
-        let scene = &self.stage.scene;
+        let scene = &self.loaded.scene;
         SimHead {
             scene: self.scene.clone(),
             light: scene.lighting.name().to_owned(),
@@ -110,43 +110,43 @@ impl Simulated {
             seed: self.seed,
             start,
             wind: self.wind(),
-            battery: self.circumstances.battery,
+            battery: self.flight_conditions.battery,
             camera_effects: self.effects(),
         }
     }
 
     /// The wind, as `--wind` takes it; `None` in still air.
     fn wind(&self) -> Option<String> {
-        Some(self.circumstances.wind).filter(|wind| *wind != Wind::default()).map(|wind| wind.to_string())
+        Some(self.flight_conditions.wind).filter(|wind| *wind != Wind::default()).map(|wind| wind.to_string())
     }
 
     /// What the camera does to its pictures, as `--camera-effects` takes it; `None` when nothing.
     fn effects(&self) -> Option<String> {
-        Some(&self.circumstances.effects).filter(|effects| !effects.is_none()).map(Effects::to_string)
+        Some(&self.flight_conditions.effects).filter(|effects| !effects.is_none()).map(Effects::to_string)
     }
 }
 
 /// Within the scene's bounds on the map, and not below its ground.
-fn check_place(stage: &Stage, at: EnuPosition) -> Result<(), StartError> {
-    let bounds = stage.scene.bounds;
+fn check_place(loaded: &LoadedScene, at: EnuPosition) -> Result<(), StartError> {
+    let bounds = loaded.scene.bounds;
     let inside =
         (bounds.min.east..=bounds.max.east).contains(&at.east) && (bounds.min.north..=bounds.max.north).contains(&at.north);
     // Ground exactly at the height asked for is found from a hand above it.
-    let above = stage.collider.ground_below(EnuPosition { up: at.up + 0.1, ..at }).is_some();
+    let above = loaded.collider.ground_below(EnuPosition { up: at.up + 0.1, ..at }).is_some();
     if inside && above {
         return Ok(());
     }
     let EnuPosition { east, north, up } = at;
-    Err(StartError::Outside { east, north, up, scene: stage.scene.name.clone() })
+    Err(StartError::Outside { east, north, up, scene: loaded.scene.name.clone() })
 }
 
-fn check_start(stage: &Stage, world: &SimWorld, radius: f64) -> Result<(), StartError> {
+fn check_start(loaded: &LoadedScene, world: &SimWorld, radius: f64) -> Result<(), StartError> {
     let mut at = world.truth().pose.position;
     // The craft stands on the ground, which it touches; just above it must be free.
     at.up += 0.1;
-    match stage.collider.contact(at, 0.9 * radius) {
+    match loaded.collider.contact(at, 0.9 * radius) {
         None => Ok(()),
-        Some(id) => Err(StartError::Blocked { east: at.east, north: at.north, up: at.up, object: stage.key(id) }),
+        Some(id) => Err(StartError::Blocked { east: at.east, north: at.north, up: at.up, object: loaded.key(id) }),
     }
 }
 
@@ -172,7 +172,7 @@ impl Judge for Judging {
     fn settle(&mut self, now: Time, instruction: &str) {
         self.world.advance_to(now);
         let truth = self.world.truth();
-        let touch = |&(at, id): &(Time, ObjectId)| Touch { object: self.world.stage().key(id), at_s: at.as_secs_f64() };
+        let touch = |&(at, id): &(Time, ObjectId)| Touch { object: self.world.loaded().key(id), at_s: at.as_secs_f64() };
         self.found = Found {
             verdict: judge(&self.world, instruction, &self.start),
             path_length: truth.path_length,
@@ -182,7 +182,7 @@ impl Judge for Judging {
 
     fn tell(&self, summary: &mut Summary) {
         let Found { verdict, path_length, touched } = &self.found;
-        let (site, scene) = (&self.site, &self.site.stage.scene);
+        let (site, scene) = (&self.site, &self.site.loaded.scene);
         *summary = Summary {
             verified: verdict.verified,
             path_length_m: *path_length,
@@ -196,7 +196,7 @@ impl Judge for Judging {
             weather: scene.weather.name().to_owned(),
             drone_model: site.kind.name().to_owned(),
             wind: site.wind(),
-            battery: Some(site.circumstances.battery).filter(|charge| *charge != 1.0),
+            battery: Some(site.flight_conditions.battery).filter(|charge| *charge != 1.0),
             camera_effects: site.effects(),
             ..summary.clone()
         };

@@ -9,7 +9,7 @@ use spf_oracle::resolve_truth;
 use spf_render::{Channels, Picture};
 use spf_scene::geometry::ObjectId;
 
-use super::stage::Moment;
+use super::loaded_scene::WorldSnapshot;
 use super::world::SimWorld;
 
 /// An object fills at least this share of the frame's height to be in view …
@@ -36,18 +36,18 @@ pub struct Verdict {
 /// Judges the present state of a world by the instruction. `start` is where the person who spoke looked from.
 #[must_use]
 pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
-    let stage = world.stage();
+    let loaded = world.loaded();
     let truth = world.truth();
     let now = world.now();
-    let meant = resolve_truth(instruction, &stage.placed(&now.actors), Some(*start));
-    let key = |id: &ObjectId| stage.tags.iter().find(|tags| tags.id == *id).map(|tags| tags.key.clone());
+    let meant = resolve_truth(instruction, &loaded.placed(&now.actors), Some(*start));
+    let key = |id: &ObjectId| loaded.tags.iter().find(|tags| tags.id == *id).map(|tags| tags.key.clone());
     let targets: Vec<String> = meant.objects.iter().filter_map(key).collect();
-    let distance = |id: ObjectId| stage.distance_to(id, &now.actors, now.pose.position);
+    let distance = |id: ObjectId| loaded.distance_to(id, &now.actors, now.pose.position);
     let near: Vec<(ObjectId, f64)> =
         meant.objects.iter().filter_map(|id| distance(*id).map(|distance| (*id, distance))).collect();
     let nearest = near.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
     let seen = in_view(world, &now, &meant.objects);
-    let within = |(id, distance): &(ObjectId, f64)| *distance <= stage.scene.success_radius && seen.contains(id);
+    let within = |(id, distance): &(ObjectId, f64)| *distance <= loaded.scene.success_radius && seen.contains(id);
     let verified = meant.checkable.then(|| truth.collided_with.is_empty() && near.iter().any(within));
     Verdict {
         verified,
@@ -58,9 +58,9 @@ pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
 }
 
 /// Those of `objects` that count as in view.
-fn in_view(world: &SimWorld, moment: &Moment, objects: &[ObjectId]) -> Vec<ObjectId> {
-    let picture = world.look(moment, Channels { ids: true, openings: true, ..Channels::default() });
-    sighted(&picture, objects, VIEW_HEIGHT, || world.in_frame(moment, &mut Picture::default()))
+fn in_view(world: &SimWorld, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> Vec<ObjectId> {
+    let picture = world.look(snapshot, Channels { ids: true, openings: true, ..Channels::default() });
+    sighted(&picture, objects, VIEW_HEIGHT, || world.in_frame(snapshot, &mut Picture::default()))
 }
 
 /// Those of `objects`, openings among them, that a picture with ids and openings shows well: at least `height` of the frame

@@ -13,16 +13,16 @@ use spf_render::effects::{Effects, Eye, Shot};
 use spf_render::surroundings::Surroundings;
 use spf_render::{Channels, Picture};
 use spf_sim::craft::{SimCraft, Truth};
-use spf_sim::dynamics::Conditions;
+use spf_sim::dynamics::SimConditions;
 use spf_sim::frame_clock::FrameClock;
 use spf_sim::model::Model;
 use spf_sim::wind::Wind;
 
-use super::stage::{Moment, Stage};
+use super::loaded_scene::{LoadedScene, WorldSnapshot};
 
 /// What a flight meets besides its scene.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Circumstances {
+pub struct FlightConditions {
     /// The wind.
     pub wind: Wind,
     /// Battery charge at the start, 0..=1.
@@ -31,7 +31,7 @@ pub struct Circumstances {
     pub effects: Effects,
 }
 
-impl Default for Circumstances {
+impl Default for FlightConditions {
     /// Still air, a full battery, a perfect camera.
     fn default() -> Self {
         Self { wind: Wind::default(), battery: 1.0, effects: Effects::default() }
@@ -41,7 +41,7 @@ impl Default for Circumstances {
 /// One simulated craft in its scene, shared by the driver, the oracle's eye, the recorder and the judge.
 #[derive(Clone)]
 pub struct SimWorld {
-    stage: Arc<Stage>,
+    loaded: Arc<LoadedScene>,
     eye: Arc<Eye>,
     surroundings: Arc<Surroundings>,
     craft: Arc<Mutex<SimCraft>>,
@@ -50,19 +50,25 @@ pub struct SimWorld {
 impl SimWorld {
     /// A craft on the ground below `start`, in still air, with a full battery and a perfect camera.
     #[must_use]
-    pub fn new(stage: Arc<Stage>, kind: CraftKind, start: Pose, seed: u64) -> Self {
-        Self::under(&Circumstances::default(), stage, kind, start, seed)
+    pub fn new(loaded: Arc<LoadedScene>, kind: CraftKind, start: Pose, seed: u64) -> Self {
+        Self::under(&FlightConditions::default(), loaded, kind, start, seed)
     }
 
-    /// A craft on the ground below `start`, under other circumstances.
+    /// A craft on the ground below `start`, under other conditions.
     #[must_use]
-    pub fn under(circumstances: &Circumstances, stage: Arc<Stage>, kind: CraftKind, start: Pose, seed: u64) -> Self {
-        let Circumstances { wind, battery, effects } = circumstances;
-        let conditions = Conditions { wind: *wind, battery: *battery, ..Conditions::new(seed) };
-        let craft = SimCraft::among(stage.cast.clone(), stage.collider.clone(), Model::of(kind), start, conditions);
+    pub fn under(
+        flight_conditions: &FlightConditions,
+        loaded: Arc<LoadedScene>,
+        kind: CraftKind,
+        start: Pose,
+        seed: u64,
+    ) -> Self {
+        let FlightConditions { wind, battery, effects } = flight_conditions;
+        let conditions = SimConditions { wind: *wind, battery: *battery, ..SimConditions::new(seed) };
+        let craft = SimCraft::with_traffic(loaded.cast.clone(), loaded.collider.clone(), Model::of(kind), start, conditions);
         let eye = Eye::new(kind.camera(), effects.clone(), seed);
         let surroundings = Arc::new(Surroundings::of(eye.camera()));
-        Self { stage, eye: Arc::new(eye), surroundings, craft: Arc::new(Mutex::new(craft)) }
+        Self { loaded, eye: Arc::new(eye), surroundings, craft: Arc::new(Mutex::new(craft)) }
     }
 
     /// The craft, for its driver.
@@ -79,8 +85,8 @@ impl SimWorld {
 
     /// The scene it is in.
     #[must_use]
-    pub fn stage(&self) -> &Arc<Stage> {
-        &self.stage
+    pub fn loaded(&self) -> &Arc<LoadedScene> {
+        &self.loaded
     }
 
     /// Its camera, with its lens.
@@ -103,66 +109,66 @@ impl SimWorld {
     /// What there was to see at a time not longer ago than the simulator remembers. For the camera, the judge and the recorder
     /// alone.
     #[must_use]
-    pub fn moment_at(&self, at: Time) -> Option<Moment> {
+    pub fn snapshot_at(&self, at: Time) -> Option<WorldSnapshot> {
         let craft = self.craft();
-        craft.true_pose_at(at).zip(craft.actors_at(at)).map(|(pose, actors)| Moment { pose, actors })
+        craft.true_pose_at(at).zip(craft.actors_at(at)).map(|(pose, actors)| WorldSnapshot { pose, actors })
     }
 
     /// What there is to see now.
     #[must_use]
-    pub fn now(&self) -> Moment {
+    pub fn now(&self) -> WorldSnapshot {
         let craft = self.craft();
-        Moment { pose: craft.dynamics().pose(), actors: craft.actors_at(craft.time()).unwrap_or_default() }
+        WorldSnapshot { pose: craft.dynamics().pose(), actors: craft.actors_at(craft.time()).unwrap_or_default() }
     }
 
     /// What there was to see when a frame was captured.
     #[must_use]
-    pub fn capture(&self, frame: FrameId) -> Option<Moment> {
-        self.moment_at(FrameClock::default().captured(frame))
+    pub fn capture(&self, frame: FrameId) -> Option<WorldSnapshot> {
+        self.snapshot_at(FrameClock::default().captured(frame))
     }
 
     /// What a photograph captured at `at` takes its light from; none while its shutter is open, and when it is too long ago.
     #[must_use]
-    pub fn shot(&self, at: Time) -> Option<Shot<Moment>> {
-        self.eye.shot(at, |at| self.moment_at(at))
+    pub fn shot(&self, at: Time) -> Option<Shot<WorldSnapshot>> {
+        self.eye.shot(at, |at| self.snapshot_at(at))
     }
 
     /// The same for a frame.
     #[must_use]
-    pub fn capture_shot(&self, frame: FrameId) -> Option<Shot<Moment>> {
+    pub fn capture_shot(&self, frame: FrameId) -> Option<Shot<WorldSnapshot>> {
         self.shot(FrameClock::default().captured(frame))
     }
 
     /// The same of a world in which nothing moves.
     #[must_use]
-    pub fn still(&self, at: Time, moment: &Moment) -> Option<Shot<Moment>> {
-        self.eye.shot(at, |_| Some(moment.clone()))
+    pub fn still(&self, at: Time, snapshot: &WorldSnapshot) -> Option<Shot<WorldSnapshot>> {
+        self.eye.shot(at, |_| Some(snapshot.clone()))
     }
 
     /// What the camera sees at a moment.
     #[must_use]
-    pub fn look(&self, moment: &Moment, channels: Channels) -> Picture {
+    pub fn look(&self, snapshot: &WorldSnapshot, channels: Channels) -> Picture {
         let mut picture = Picture::default();
-        self.look_into(moment, channels, &mut picture);
+        self.look_into(snapshot, channels, &mut picture);
         picture
     }
 
     /// A photograph, at the camera's size or another.
     #[must_use]
-    pub fn photograph(&self, shot: &Shot<Moment>, size: Option<(u32, u32)>) -> Rgb {
+    pub fn photograph(&self, shot: &Shot<WorldSnapshot>, size: Option<(u32, u32)>) -> Rgb {
         self.photograph_with(shot, size, Channels::RGB)
     }
 
     /// A photograph as fine as `channels` says.
     #[must_use]
-    pub fn photograph_with(&self, shot: &Shot<Moment>, size: Option<(u32, u32)>, channels: Channels) -> Rgb {
-        self.eye.photograph(shot, size, |camera, moment, picture| self.stage.render_into(camera, moment, channels, picture))
+    pub fn photograph_with(&self, shot: &Shot<WorldSnapshot>, size: Option<(u32, u32)>, channels: Channels) -> Rgb {
+        self.eye.photograph(shot, size, |camera, snapshot, picture| self.loaded.render_into(camera, snapshot, channels, picture))
     }
 
     /// What the camera sees at a moment, into the buffers of an earlier picture: fresh pages cost a fifth of a decision.
-    pub fn look_into(&self, moment: &Moment, channels: Channels, picture: &mut Picture) {
+    pub fn look_into(&self, snapshot: &WorldSnapshot, channels: Channels, picture: &mut Picture) {
         self.eye.look(self.camera(), picture, |camera, picture| {
-            self.stage.render_into(camera, moment, channels, picture);
+            self.loaded.render_into(camera, snapshot, channels, picture);
         });
     }
 
@@ -170,16 +176,16 @@ impl SimWorld {
     ///
     /// [`Renderer::light_on`]: spf_render::Renderer::light_on
     #[must_use]
-    pub fn light_on(&self, moment: &Moment, picture: &Picture) -> BTreeMap<u16, f32> {
-        self.stage.renderer.light_on(self.camera(), &moment.pose, picture)
+    pub fn light_on(&self, snapshot: &WorldSnapshot, picture: &Picture) -> BTreeMap<u16, f32> {
+        self.loaded.renderer.light_on(self.camera(), &snapshot.pose, picture)
     }
 
     /// Share of each object's silhouette that lies inside the frame; openings by their own. The view in which they are counted is
     /// drawn into `picture`.
     #[must_use]
-    pub fn in_frame(&self, moment: &Moment, picture: &mut Picture) -> BTreeMap<u16, f32> {
+    pub fn in_frame(&self, snapshot: &WorldSnapshot, picture: &mut Picture) -> BTreeMap<u16, f32> {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        self.stage.render_into(self.surroundings.camera(), moment, channels, picture);
+        self.loaded.render_into(self.surroundings.camera(), snapshot, channels, picture);
         self.surroundings.shares(picture)
     }
 }

@@ -10,7 +10,7 @@ use spf_core::pilot::Outcome;
 use spf_core::query::ImagePoint;
 use spf_core::time::Time;
 use spf_flight::flight::{FlightPlan, Site, fly};
-use spf_flight::sim::{Circumstances, SimWorld, Simulated, Stage, oracle_points};
+use spf_flight::sim::{FlightConditions, LoadedScene, SimWorld, Simulated, oracle_factory};
 use spf_flight::summary::Summary;
 use spf_oracle::ErrorFile;
 use spf_render::Channels;
@@ -19,15 +19,15 @@ use spf_render::effects::Effects;
 /// A strong barrel: 13 % at the corners of the quad's picture.
 const BARREL: &str = "lens=-0.09:0.005:0.001:-0.002";
 
-fn city() -> Arc<Stage> {
-    static CITY: OnceLock<Arc<Stage>> = OnceLock::new();
-    CITY.get_or_init(|| Arc::new(Stage::load("city").unwrap())).clone()
+fn city() -> Arc<LoadedScene> {
+    static CITY: OnceLock<Arc<LoadedScene>> = OnceLock::new();
+    CITY.get_or_init(|| Arc::new(LoadedScene::load("city").unwrap())).clone()
 }
 
 fn world(effects: &str, kind: CraftKind) -> SimWorld {
-    let circumstances = Circumstances { effects: effects.parse().unwrap(), ..Circumstances::default() };
-    let stage = city();
-    SimWorld::under(&circumstances, stage.clone(), kind, stage.scene.start, 1)
+    let flight_conditions = FlightConditions { effects: effects.parse().unwrap(), ..FlightConditions::default() };
+    let loaded = city();
+    SimWorld::under(&flight_conditions, loaded.clone(), kind, loaded.scene.start, 1)
 }
 
 /// How far the places that pixels of a picture are lifted to lie from the surface of the object that they show, in pixels at
@@ -35,7 +35,7 @@ fn world(effects: &str, kind: CraftKind) -> SimWorld {
 fn misses(world: &SimWorld, by: &Camera) -> (f64, f64) {
     let position = EnuPosition { east: 2.0, north: -4.0, up: 6.0 };
     let pose = Pose { position, attitude: Attitude { heading: 0.4, pitch: -0.05, roll: 0.03 } };
-    let moment = world.stage().beginning(pose);
+    let moment = world.loaded().beginning(pose);
     let picture = world.look(&moment, Channels { ids: true, depth: true, ..Channels::default() });
     let (ids, depth) = (picture.ids.unwrap(), picture.depth.unwrap());
     let (w, h) = (picture.width as usize, picture.height as usize);
@@ -51,7 +51,7 @@ fn misses(world: &SimWorld, by: &Camera) -> (f64, f64) {
         let seen = unproject(by, point, f64::from(depth[at])).unwrap();
         let place = position.displaced(lift(seen, by, pose.attitude, Lifting::Levelled), pose.attitude.heading);
         // What moves by itself is no part of the collider.
-        let Some(miss) = world.stage().collider.distance_to(ids[at], place) else { continue };
+        let Some(miss) = world.loaded().collider.distance_to(ids[at], place) else { continue };
         misses.push(miss * by.fx / f64::from(depth[at]));
     }
     assert!(misses.len() > 300, "{}", misses.len());
@@ -73,9 +73,9 @@ fn what_is_pointed_at_is_what_is_lifted_to() {
     assert!(worst > 20.0 && mean > 1.5, "{worst} {mean}");
 }
 
-fn flown(circumstances: Circumstances, kind: CraftKind, seed: u64) -> Summary {
-    let site = Simulated { kind, circumstances, seed, ..Simulated::new(city(), "city") };
-    let who = oracle_points("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
+fn flown(flight_conditions: FlightConditions, kind: CraftKind, seed: u64) -> Summary {
+    let site = Simulated { kind, flight_conditions, seed, ..Simulated::new(city(), "city") };
+    let who = oracle_factory("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
     let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle:perfect", who);
     fly(plan, &mut []).unwrap().summary
 }
@@ -83,16 +83,16 @@ fn flown(circumstances: Circumstances, kind: CraftKind, seed: u64) -> Summary {
 #[test]
 fn a_flight_through_a_lens_arrives() {
     let effects: Effects = format!("{BARREL},blur,noise").parse().unwrap();
-    let summary = flown(Circumstances { effects, ..Circumstances::default() }, CraftKind::Quad, 2);
+    let summary = flown(FlightConditions { effects, ..FlightConditions::default() }, CraftKind::Quad, 2);
     assert_eq!((summary.outcome, summary.verified), (Outcome::Reached, Some(true)), "{summary:?}");
     assert_eq!(summary.camera_effects.as_deref(), Some("lens=-0.09:0.005:0.001:-0.002,blur=10,noise=3"));
 }
 
 #[test]
 fn a_flight_in_gusts_arrives_on_another_way() {
-    let still = flown(Circumstances::default(), CraftKind::Quad, 2);
+    let still = flown(FlightConditions::default(), CraftKind::Quad, 2);
     let wind = "4,from=300,gust=1.5".parse().unwrap();
-    let gusty = flown(Circumstances { wind, ..Circumstances::default() }, CraftKind::Quad, 2);
+    let gusty = flown(FlightConditions { wind, ..FlightConditions::default() }, CraftKind::Quad, 2);
     assert_eq!((gusty.outcome, gusty.verified), (Outcome::Reached, Some(true)), "{gusty:?}");
     assert_eq!((still.wind, gusty.wind.as_deref()), (None, Some("4,from=300,gust=1.5")));
     assert!((gusty.path_length_m - still.path_length_m).abs() > 0.01);
@@ -101,7 +101,7 @@ fn a_flight_in_gusts_arrives_on_another_way() {
 #[test]
 fn a_tello_whose_battery_runs_low_ends_by_it() {
     // 0.13 % a second: from 0.21 to the envelope's 0.15 in 46 s.
-    let summary = flown(Circumstances { battery: 0.21, ..Circumstances::default() }, CraftKind::Tello, 1);
+    let summary = flown(FlightConditions { battery: 0.21, ..FlightConditions::default() }, CraftKind::Tello, 1);
     assert_eq!(summary.outcome, Outcome::Aborted, "{summary:?}");
     assert!(summary.cause.contains("battery"), "{}", summary.cause);
     assert!((40.0..70.0).contains(&summary.finished_at_s), "{}", summary.finished_at_s);
@@ -111,8 +111,8 @@ fn a_tello_whose_battery_runs_low_ends_by_it() {
 fn pictures_without_effects_are_those_of_the_renderer() {
     let world = world("none", CraftKind::Quad);
     let shot = world.shot(Time::ZERO).unwrap();
-    let moment = world.moment_at(Time::ZERO).unwrap();
-    let drawn = world.stage().render(world.camera(), &moment, Channels::ALL);
+    let moment = world.snapshot_at(Time::ZERO).unwrap();
+    let drawn = world.loaded().render(world.camera(), &moment, Channels::ALL);
     assert_eq!(Some(world.photograph(&shot, None).data()), drawn.rgb.as_deref());
     assert_eq!(world.look(&moment, Channels::ALL), drawn);
 }

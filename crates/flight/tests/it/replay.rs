@@ -19,7 +19,7 @@ use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::policy::PolicyKind;
 use spf_flight::recorder::RecordPlan;
 use spf_flight::replay::{Changes, Report, head, replay, row};
-use spf_flight::sim::{Simulated, Stage, oracle_points};
+use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
 use spf_record::log::{Entry, LogReader};
@@ -46,8 +46,8 @@ fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
         (at(11_500), OperatorEvent::Resume),
         (at(19_000), OperatorEvent::Instruction("fly to the black car".to_owned())),
     ];
-    let site = Simulated { kind, seed: 3, ..Simulated::new(Arc::new(Stage::load("city").unwrap()), "city") };
-    let who = oracle_points("oracle".to_owned(), ErrorFile::named("default").unwrap());
+    let site = Simulated { kind, seed: 3, ..Simulated::new(Arc::new(LoadedScene::load("city").unwrap()), "city") };
+    let who = oracle_factory("oracle".to_owned(), ErrorFile::named("default").unwrap());
     let mut plan = FlightPlan {
         settings: settings(),
         script: Script::new(events),
@@ -110,7 +110,7 @@ fn a_flight_with_a_detector_is_the_same_again() {
     let log = flown(&folder.path().join("flight"), |plan| {
         (plan.policy, plan.detector) = (policy("spf-detector"), Some("oracle:perfect".to_owned()));
         plan.settings.avoid = true;
-        let detector = oracle_points("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
+        let detector = oracle_factory("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
         plan.who = with_detector(plan.who.clone(), detector);
     });
     assert_eq!(replayed(&log, &Changes::default()).differences, []);

@@ -51,21 +51,21 @@ struct Shared {
 #[derive(Debug, Default)]
 struct State {
     next: u64,
-    viewers: BTreeMap<u64, Seat>,
+    viewers: BTreeMap<u64, Subscriber>,
     /// The latest message of each topic, with which a viewer begins.
     latest: BTreeMap<usize, Message>,
 }
 
 /// What the flight knows of a viewer.
 #[derive(Debug)]
-struct Seat {
+struct Subscriber {
     queue: SyncSender<Message>,
     topics: BTreeSet<usize>,
     left_out: Arc<AtomicU64>,
 }
 
-/// What a viewer's thread has of its seat; the seat is given up when it is dropped.
-struct Ticket<'a> {
+/// What a viewer's thread has of its subscriber; the subscriber is given up when it is dropped.
+struct Subscription<'a> {
     shared: &'a Shared,
     id: u64,
     queue: Receiver<Message>,
@@ -128,9 +128,9 @@ impl LiveSender {
     /// Shows a message to whoever wants its topic.
     pub fn send(&self, message: &Message) {
         let mut state = self.0.state();
-        for seat in state.viewers.values().filter(|seat| seat.topics.contains(&message.topic)) {
-            if let Err(TrySendError::Full(_)) = seat.queue.try_send(message.clone()) {
-                seat.left_out.fetch_add(1, Ordering::Relaxed);
+        for subscriber in state.viewers.values().filter(|subscriber| subscriber.topics.contains(&message.topic)) {
+            if let Err(TrySendError::Full(_)) = subscriber.queue.try_send(message.clone()) {
+                subscriber.left_out.fetch_add(1, Ordering::Relaxed);
             }
         }
         state.latest.insert(message.topic, message.clone());
@@ -143,8 +143,8 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A seat for one more viewer; none when all are taken.
-    fn seat(&self) -> Option<Ticket<'_>> {
+    /// A subscriber for one more viewer; none when all are taken.
+    fn subscriber(&self) -> Option<Subscription<'_>> {
         let (queue, messages) = sync_channel(WAITING);
         let left_out = Arc::new(AtomicU64::new(0));
         let mut state = self.state();
@@ -154,33 +154,33 @@ impl Shared {
         let id = state.next;
         state.next += 1;
         self.serving.fetch_add(1, Ordering::Relaxed);
-        state.viewers.insert(id, Seat { queue, topics: BTreeSet::new(), left_out: left_out.clone() });
-        Some(Ticket { shared: self, id, queue: messages, left_out })
+        state.viewers.insert(id, Subscriber { queue, topics: BTreeSet::new(), left_out: left_out.clone() });
+        Some(Subscription { shared: self, id, queue: messages, left_out })
     }
 }
 
-impl Ticket<'_> {
+impl Subscription<'_> {
     /// The viewer wants a topic, of which it is shown the latest message at once.
     fn subscribe(&self, topic: usize) {
         let mut state = self.shared.state();
         let latest = state.latest.get(&topic).cloned();
-        if let Some(seat) = state.viewers.get_mut(&self.id)
-            && seat.topics.insert(topic)
+        if let Some(subscriber) = state.viewers.get_mut(&self.id)
+            && subscriber.topics.insert(topic)
             && let Some(latest) = latest
         {
-            seat.queue.try_send(latest).ok();
+            subscriber.queue.try_send(latest).ok();
         }
     }
 
     /// The viewer wants a topic no longer.
     fn unsubscribe(&self, topic: usize) {
-        if let Some(seat) = self.shared.state().viewers.get_mut(&self.id) {
-            seat.topics.remove(&topic);
+        if let Some(subscriber) = self.shared.state().viewers.get_mut(&self.id) {
+            subscriber.topics.remove(&topic);
         }
     }
 }
 
-impl Drop for Ticket<'_> {
+impl Drop for Subscription<'_> {
     fn drop(&mut self) {
         self.shared.state().viewers.remove(&self.id);
         self.shared.serving.fetch_sub(1, Ordering::Relaxed);

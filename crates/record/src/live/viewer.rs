@@ -13,7 +13,7 @@ use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message as Frame, WebSocket, accept_hdr_with_config};
 
 use super::protocol::{self, Request, SUBPROTOCOLS};
-use super::{GLANCE, Shared, Ticket};
+use super::{GLANCE, Shared, Subscription};
 
 /// How long a viewer may take over its first words, or take nothing: then it is let go.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -24,8 +24,8 @@ const SUBSCRIPTIONS: usize = 256;
 
 /// Serves a viewer until it goes, is too slow, or the flight is over.
 pub(super) fn serve(stream: TcpStream, shared: &Shared) {
-    let Some(ticket) = shared.seat() else { return };
-    match greet(stream, shared).and_then(|socket| show(socket, &ticket)) {
+    let Some(subscription) = shared.subscriber() else { return };
+    match greet(stream, shared).and_then(|socket| show(socket, &subscription)) {
         Ok(()) | Err(Error::ConnectionClosed | Error::AlreadyClosed) => {}
         Err(error) => tracing::debug!(%error, "a viewer is gone"),
     }
@@ -69,27 +69,27 @@ fn choose(hello: &Hello, mut response: Response) -> Result<Response, ErrorRespon
 }
 
 /// Hears the viewer and shows it messages, in turns.
-fn show(mut socket: WebSocket<TcpStream>, ticket: &Ticket<'_>) -> Result<(), Error> {
+fn show(mut socket: WebSocket<TcpStream>, subscription: &Subscription<'_>) -> Result<(), Error> {
     // The viewer's own numbers for topics.
     let mut subscriptions: BTreeMap<u32, usize> = BTreeMap::new();
     loop {
         match socket.read() {
             Ok(Frame::Text(text)) => {
                 if let Ok(request) = serde_json::from_str(&text) {
-                    take(request, &mut subscriptions, ticket);
+                    take(request, &mut subscriptions, subscription);
                 }
             }
             Ok(_) => {}
             Err(Error::Io(error)) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
             Err(error) => return Err(error),
         }
-        let left_out = ticket.left_out.swap(0, Ordering::Relaxed);
+        let left_out = subscription.left_out.swap(0, Ordering::Relaxed);
         if left_out > 0 {
             socket.send(Frame::text(protocol::left_out(left_out)))?;
         }
         // No more than what waits now: a flight that tells more than can be sent must not keep the viewer from being heard.
         for _ in 0..super::WAITING {
-            match ticket.queue.try_recv() {
+            match subscription.queue.try_recv() {
                 Ok(message) => {
                     let wanted = subscriptions.iter().filter(|(_, topic)| **topic == message.topic);
                     for (&id, _) in wanted {
@@ -108,16 +108,16 @@ fn show(mut socket: WebSocket<TcpStream>, ticket: &Ticket<'_>) -> Result<(), Err
     }
 }
 
-fn take(request: Request, subscriptions: &mut BTreeMap<u32, usize>, ticket: &Ticket<'_>) {
+fn take(request: Request, subscriptions: &mut BTreeMap<u32, usize>, subscription: &Subscription<'_>) {
     match request {
         Request::Subscribe { subscriptions: wanted } => {
             for wish in wanted {
-                let topic = usize::try_from(wish.channel_id).ok().filter(|topic| *topic < ticket.shared.topics.len());
+                let topic = usize::try_from(wish.channel_id).ok().filter(|topic| *topic < subscription.shared.topics.len());
                 if let Some(topic) = topic
                     && subscriptions.len() < SUBSCRIPTIONS
                 {
                     subscriptions.insert(wish.id, topic);
-                    ticket.subscribe(topic);
+                    subscription.subscribe(topic);
                 }
             }
         }
@@ -126,7 +126,7 @@ fn take(request: Request, subscriptions: &mut BTreeMap<u32, usize>, ticket: &Tic
                 if let Some(topic) = subscriptions.remove(&id)
                     && !subscriptions.values().any(|other| *other == topic)
                 {
-                    ticket.unsubscribe(topic);
+                    subscription.unsubscribe(topic);
                 }
             }
         }

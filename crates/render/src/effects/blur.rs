@@ -62,19 +62,19 @@ pub(super) fn shot<M: Posed>(
     camera: &Camera,
     shutter: Option<Duration>,
     at: Time,
-    moment_at: impl Fn(Time) -> Option<M>,
+    snapshot_at: impl Fn(Time) -> Option<M>,
 ) -> Option<Shot<M>> {
-    let capture = moment_at(at)?;
+    let capture = snapshot_at(at)?;
     let Some(shutter) = shutter else { return Some(Shot::still(at, capture)) };
     // Before the flight began there was nothing to see: a shutter that opens then opens at its beginning.
     let opens = Time::from_nanos(at.as_nanos().saturating_sub(shutter.as_nanos() as u64 / 2));
     let closes = at + shutter / 2;
     let open = closes.since(opens).as_nanos() as u64;
-    let count = moments(camera, moment_at(opens)?.pose(), moment_at(closes)?.pose());
+    let count = moments(camera, snapshot_at(opens)?.pose(), snapshot_at(closes)?.pose());
     if count == 1 {
         return Some(Shot::still(at, capture));
     }
-    let moment = |i: usize| moment_at(opens + Duration::from_nanos(open * (2 * i as u64 + 1) / (2 * count as u64)));
+    let moment = |i: usize| snapshot_at(opens + Duration::from_nanos(open * (2 * i as u64 + 1) / (2 * count as u64)));
     Some(Shot { at, moments: (0..count).map(moment).collect::<Option<_>>()? })
 }
 

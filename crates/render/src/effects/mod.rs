@@ -76,9 +76,9 @@ impl Eye {
     }
 
     /// What a picture captured at `at` takes its light from: the moments around it while the shutter is open, as many as the
-    /// motion needs. `moment_at` tells what there is to see at a time; none when it does not know one of them (yet, or any more).
-    pub fn shot<M: Posed>(&self, at: Time, moment_at: impl Fn(Time) -> Option<M>) -> Option<Shot<M>> {
-        blur::shot(&self.camera, self.effects.shutter, at, moment_at)
+    /// motion needs. `snapshot_at` tells what there is to see at a time; none when it does not know one of them (yet, or any more).
+    pub fn shot<M: Posed>(&self, at: Time, snapshot_at: impl Fn(Time) -> Option<M>) -> Option<Shot<M>> {
+        blur::shot(&self.camera, self.effects.shutter, at, snapshot_at)
     }
 
     /// A photograph at another size than the camera's or at its own. `draw` draws the colour picture of a pinhole at one moment.
@@ -135,7 +135,7 @@ impl Eye {
         if let Some(remap) = known(&self.remaps.lock().unwrap_or_else(PoisonError::into_inner)) {
             return remap;
         }
-        // Made outside of the lock: two threads may both make it, and both get the same.
+        // RunManifest outside of the lock: two threads may both make it, and both get the same.
         let made = Arc::new(Remap::new(camera));
         let mut remaps = self.remaps.lock().unwrap_or_else(PoisonError::into_inner);
         if remaps.len() >= SIZES {

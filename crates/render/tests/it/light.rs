@@ -5,7 +5,7 @@ use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_render::{Channels, Renderer};
 use spf_scene::geometry::{Lamp, Light, Role};
-use spf_scene::{Conditions, Lighting, Scene, Weather};
+use spf_scene::{Lighting, Scene, SceneLook, Weather};
 
 use crate::yard;
 
@@ -95,7 +95,7 @@ fn what_stands_on_the_ground_darkens_it_without_sun() {
 }
 
 fn seen(lighting: Lighting, weather: Weather, pose: &Pose) -> (Scene, Vec<u8>) {
-    let conditions = Conditions { lighting: Some(lighting), weather: Some(weather) };
+    let conditions = SceneLook { lighting: Some(lighting), weather: Some(weather) };
     let scene = Scene::load_with("city", &conditions).expect("the city is part of the program");
     let camera = Camera::quad().resized(320, 240);
     let rgb = Renderer::new(&scene.geometry).render(&camera, pose, Channels::RGB).rgb.expect("colour was asked for");

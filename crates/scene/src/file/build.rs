@@ -16,7 +16,7 @@ use crate::actors::{Actor, Course, Gait, Motion, first_clash};
 use crate::bounds::Aabb;
 use crate::error::{SceneError, nearest};
 use crate::geometry::{Material, ObjectId, Part, Pattern, Role, SceneGeometry, Vertex};
-use crate::light::Conditions;
+use crate::light::SceneLook;
 use crate::limits::MAX_TRIANGLES;
 use crate::mesh::{Generator, Sketch, Surface, convex_hull};
 use crate::pose::{above, parse_pose};
@@ -70,7 +70,7 @@ impl Materials<'_> {
 pub(super) fn build(
     raw: &RawScene,
     expanded: Expanded,
-    conditions: &Conditions,
+    conditions: &SceneLook,
     source: &Source<'_>,
 ) -> Result<Scene, SceneError> {
     let mut shining = shine::shining(raw, conditions, source)?;

@@ -14,14 +14,14 @@ mod wrapper;
 use std::path::Path;
 
 use crate::error::SceneError;
-use crate::light::{Conditions, Shining};
+use crate::light::{SceneLook, Shining};
 use crate::world::Scene;
 
 use self::raw::RawLight;
 use self::source::Source;
 
 /// The light of a scene that says nothing of it.
-pub(crate) fn own_light(conditions: &Conditions) -> Result<Shining, SceneError> {
+pub(crate) fn own_light(conditions: &SceneLook) -> Result<Shining, SceneError> {
     shine::light_alone(&RawLight::default(), conditions, &Source::new("", "", None))
 }
 
@@ -31,7 +31,7 @@ pub(crate) fn parse(
     text: &str,
     file: &str,
     folder: Option<&Path>,
-    conditions: &Conditions,
+    conditions: &SceneLook,
     seed: Option<u64>,
 ) -> Result<Scene, SceneError> {
     let source = Source::new(text, file, folder);

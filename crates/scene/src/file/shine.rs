@@ -10,7 +10,7 @@ use super::source::Source;
 use super::surface::Colour;
 use crate::error::SceneError;
 use crate::geometry::{Lamp, Light};
-use crate::light::{Conditions, Lighting, Shining, Weather};
+use crate::light::{Lighting, SceneLook, Shining, Weather};
 use crate::mesh::Bulb;
 
 /// Most lamps that shine in a scene: each costs a millisecond when the scene is prepared.
@@ -20,7 +20,7 @@ const MAX_LAMPS: usize = 500;
 const AZIMUTH_DEG: f64 = 222.0;
 
 /// The light of the file under these conditions, with the lamps that belong to no object.
-pub(super) fn shining(raw: &RawScene, conditions: &Conditions, source: &Source<'_>) -> Result<Shining, SceneError> {
+pub(super) fn shining(raw: &RawScene, conditions: &SceneLook, source: &Source<'_>) -> Result<Shining, SceneError> {
     let mut shining = light_alone(&raw.light, conditions, source)?;
     for lamp in &raw.lamps {
         let bulb = bulb(lamp, source)?;
@@ -30,7 +30,7 @@ pub(super) fn shining(raw: &RawScene, conditions: &Conditions, source: &Source<'
 }
 
 /// The light alone.
-pub(super) fn light_alone(raw: &RawLight, conditions: &Conditions, source: &Source<'_>) -> Result<Shining, SceneError> {
+pub(super) fn light_alone(raw: &RawLight, conditions: &SceneLook, source: &Source<'_>) -> Result<Shining, SceneError> {
     let own = (raw.time.unwrap_or_default(), raw.weather.unwrap_or_default());
     let (lighting, weather) = (conditions.lighting.unwrap_or(own.0), conditions.weather.unwrap_or(own.1));
     Ok(Shining { lighting, weather, light: light(raw, lighting, weather, own, source)? })

@@ -10,7 +10,7 @@ use super::source::Source;
 use super::{build, shine};
 use crate::error::SceneError;
 use crate::gltf::{self, UpAxis, Wishes};
-use crate::light::Conditions;
+use crate::light::SceneLook;
 use crate::world::Scene;
 
 /// The whole file.
@@ -53,7 +53,7 @@ pub(super) fn names_a_model(text: &str) -> bool {
 }
 
 /// Loads the model that the text names.
-pub(super) fn load(source: &Source<'_>, conditions: &Conditions) -> Result<Scene, SceneError> {
+pub(super) fn load(source: &Source<'_>, conditions: &SceneLook) -> Result<Scene, SceneError> {
     let raw: RawWrapper = source.read()?;
     let at = raw.gltf.file.span();
     let Some(folder) = source.folder() else {

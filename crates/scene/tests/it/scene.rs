@@ -9,7 +9,7 @@ use spf_core::craft::CraftKind;
 use spf_core::geometry::EnuPosition;
 use spf_scene::collide::Collider;
 use spf_scene::geometry::{Part, Role};
-use spf_scene::{Conditions, Lighting, Scene, SceneError, Weather};
+use spf_scene::{Lighting, Scene, SceneError, SceneLook, Weather};
 
 const HEAD: &str = r#"format = 1
 name = "test"
@@ -313,7 +313,7 @@ fn under(text: &str, lighting: Option<Lighting>, weather: Option<Weather>) -> Sc
     let folder = tempfile::tempdir().expect("a folder can be made");
     let path = folder.path().join("mine.toml");
     std::fs::write(&path, text).expect("a file can be written");
-    Scene::load_with(path.to_str().expect("temporary paths are text"), &Conditions { lighting, weather }).expect("it is sound")
+    Scene::load_with(path.to_str().expect("temporary paths are text"), &SceneLook { lighting, weather }).expect("it is sound")
 }
 
 #[test]

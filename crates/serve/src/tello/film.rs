@@ -14,7 +14,7 @@ use spf_sim::craft::SimCraft;
 
 use super::machine::VideoWish;
 use super::pace::{Fineness, Pace, VideoQuality};
-use super::shared::{NAP, Shared, lock};
+use super::shared::{POLL_INTERVAL, Shared, lock};
 use super::video::datagrams;
 
 /// From one picture at which decoding can begin to the next. By time, not by number: however few pictures there are, what a lost
@@ -49,12 +49,12 @@ pub(super) fn film(
     while shared.runs() {
         let Some(wish) = *lock(&shared.video) else {
             (reel, last, previous, next) = (None, None, None, shared.now());
-            std::thread::sleep(NAP);
+            std::thread::sleep(POLL_INTERVAL);
             continue;
         };
         let now = shared.now();
         if now < next {
-            std::thread::sleep(next.since(now).min(NAP));
+            std::thread::sleep(next.since(now).min(POLL_INTERVAL));
             continue;
         }
         let begun = Instant::now();

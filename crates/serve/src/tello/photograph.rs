@@ -30,10 +30,10 @@ pub(super) fn photograph(world: &SimWorld, at: Time, wish: &VideoWish, fineness:
 
 /// The grey picture of the camera that looks down.
 fn below(world: &SimWorld, at: Time, channels: Channels) -> Option<Rgb> {
-    let moment = world.moment_at(at)?;
+    let moment = world.snapshot_at(at)?;
     let camera = Camera::from_fov(320, 240, 1.0, 0.79, core::f64::consts::FRAC_PI_2);
     let mut picture = Picture::default();
-    world.stage().render_into(&camera, &moment, channels, &mut picture);
+    world.loaded().render_into(&camera, &moment, channels, &mut picture);
     let mut pixels = picture.rgb?;
     for pixel in pixels.chunks_exact_mut(3) {
         // Luma of ITU-R BT.709.

@@ -21,7 +21,7 @@ use super::film::{Due, Photographer, film};
 use super::link::Link;
 use super::machine::{Output, VirtualTello};
 use super::pace::VideoQuality;
-use super::shared::{Counters, NAP, Shared, Tally, lock};
+use super::shared::{Counters, POLL_INTERVAL, Shared, Tally, lock};
 
 /// Pictures that wait for their time of sending.
 const WAITING: usize = 16;
@@ -138,7 +138,7 @@ fn fly(
 ) {
     let mut buffer = [0; 2048];
     while shared.runs() {
-        let nap = tello.next_deadline().since(shared.now()).clamp(Duration::from_millis(1), NAP);
+        let nap = tello.next_deadline().since(shared.now()).clamp(Duration::from_millis(1), POLL_INTERVAL);
         if command.set_read_timeout(Some(nap)).is_err() {
             return;
         }
@@ -185,7 +185,7 @@ fn send(shared: &Shared, due: &Receiver<Due>, video: &UdpSocket) {
             drop(video.send_to(&packet.bytes, packet.peer));
         }
         let wake = waiting.as_ref().map(|(at, ..)| *at).into_iter().chain(link.next_at()).min();
-        let nap = wake.map_or(NAP, |at| at.since(shared.now()).min(NAP));
+        let nap = wake.map_or(POLL_INTERVAL, |at| at.since(shared.now()).min(POLL_INTERVAL));
         if waiting.is_some() {
             std::thread::sleep(nap);
         } else {

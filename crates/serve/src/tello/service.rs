@@ -9,7 +9,7 @@ use std::time::Instant;
 use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
 use spf_core::time::Duration;
-use spf_flight::sim::{Circumstances, SimWorld, Stage};
+use spf_flight::sim::{FlightConditions, LoadedScene, SimWorld};
 
 use super::error::ServerError;
 use super::faults::FaultSource;
@@ -27,11 +27,11 @@ const LATENCY: Duration = Duration::from_millis(120);
 /// What is served.
 pub struct TelloPlan {
     /// Where it flies.
-    pub stage: Arc<Stage>,
+    pub loaded: Arc<LoadedScene>,
     /// Where it stands at first; `None`: the scene's start.
     pub start: Option<Pose>,
-    /// Under what circumstances.
-    pub circumstances: Circumstances,
+    /// Under what conditions.
+    pub flight_conditions: FlightConditions,
     /// Of all chance.
     pub seed: u64,
     /// The drone's address and command port.
@@ -64,10 +64,10 @@ impl TelloService {
     /// # Errors
     /// [`ServerError`].
     pub fn start(plan: TelloPlan) -> Result<Self, ServerError> {
-        let TelloPlan { stage, start, circumstances, seed, listen, firmware, quality, faults, instruction, truth, onboard } =
+        let TelloPlan { loaded, start, flight_conditions, seed, listen, firmware, quality, faults, instruction, truth, onboard } =
             plan;
-        let start = start.unwrap_or(stage.scene.start);
-        let world = SimWorld::under(&circumstances, stage, CraftKind::Tello, start, seed);
+        let start = start.unwrap_or(loaded.scene.start);
+        let world = SimWorld::under(&flight_conditions, loaded, CraftKind::Tello, start, seed);
         let camera = world.clone();
         // The first picture in a scene prepares its shadows and lamps: seconds, on a slow machine, in which nobody flies yet.
         drop(world.look(&world.now(), channels(Fineness::Draft)));
@@ -77,7 +77,7 @@ impl TelloService {
             quality,
             photographer: Box::new(move |at, wish, fineness| {
                 let picture = photograph(&camera, at, wish, fineness)?;
-                if let Some((onboard, moment)) = onboard.as_ref().filter(|_| !wish.downwards).zip(camera.moment_at(at)) {
+                if let Some((onboard, moment)) = onboard.as_ref().filter(|_| !wish.downwards).zip(camera.snapshot_at(at)) {
                     onboard.keep(moment, &picture);
                 }
                 Some(picture)

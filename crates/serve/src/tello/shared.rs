@@ -10,7 +10,7 @@ use spf_core::time::{Duration, Time};
 use super::machine::VideoWish;
 
 /// How long a thread sleeps at most, so that it notices the end.
-pub(super) const NAP: Duration = Duration::from_millis(20);
+pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// What was sent so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

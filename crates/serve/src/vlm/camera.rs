@@ -55,11 +55,11 @@ impl Camera {
         let now = self.now();
         let nanos = (now.as_nanos() as u128 % SCENE_TIME.as_nanos()) as u64;
         let scene_time = Time::ZERO + Duration::from_nanos(nanos);
-        let moment = self.world.stage().moment(self.pose(), self.seed, scene_time);
-        let shot = self.world.still(scene_time, &moment)?;
+        let snapshot = self.world.loaded().snapshot(self.pose(), self.seed, scene_time);
+        let shot = self.world.still(scene_time, &snapshot)?;
         let picture = self.world.photograph(&shot, None);
         let frame = FrameId(self.next.fetch_add(1, Ordering::Relaxed));
-        self.memory.push(now, Remembered { frame, moment }, &picture);
+        self.memory.push(now, Remembered { frame, snapshot }, &picture);
         Some((frame, picture))
     }
 }

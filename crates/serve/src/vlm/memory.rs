@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use spf_core::frame::FrameId;
 use spf_core::time::{Duration, Time};
-use spf_flight::sim::Moment;
+use spf_flight::sim::WorldSnapshot;
 use spf_media::Rgb;
 
 /// How long a frame is remembered.
@@ -29,7 +29,7 @@ pub struct Remembered {
     /// Its number.
     pub frame: FrameId,
     /// What there was to see.
-    pub moment: Moment,
+    pub snapshot: WorldSnapshot,
 }
 
 /// Why a picture was not recognised.
@@ -176,7 +176,7 @@ mod tests {
     use spf_core::geometry::Pose;
 
     fn remembered(frame: u64) -> Remembered {
-        Remembered { frame: FrameId(frame), moment: Moment { pose: Pose::default(), actors: Vec::new() } }
+        Remembered { frame: FrameId(frame), snapshot: WorldSnapshot { pose: Pose::default(), actors: Vec::new() } }
     }
 
     /// A bright square on dark ground, so far from the left.

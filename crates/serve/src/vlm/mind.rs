@@ -69,7 +69,7 @@ impl Mind {
     /// # Errors
     /// [`Unrecognised`] when the picture is no frame of the last ten seconds.
     pub fn answer(&self, now: Time, number: u64, prompt: &str, picture: &Rgb) -> Result<Thought, Unrecognised> {
-        let Remembered { frame, moment } = self.memory.recognise(now, picture)?;
+        let Remembered { frame, snapshot } = self.memory.recognise(now, picture)?;
         let avoid = prompt.contains("\"boxes\"") || prompt.contains("- boxes:");
         let query = Query {
             instruction: self.heard(prompt),
@@ -77,7 +77,7 @@ impl Mind {
             image_size: Some((picture.width(), picture.height())),
             ..Query::new(QueryId(number), frame, QueryKind::Point { avoid })
         };
-        let answer = self.oracle.answer_at(&query, &moment);
+        let answer = self.oracle.answer_at(&query, &snapshot);
         let text = answer.text.unwrap_or_default();
         Ok(Thought { text: self.written(&text, prompt, picture, avoid), latency: answer.latency })
     }
@@ -123,7 +123,7 @@ fn between(prompt: &str) -> Option<&str> {
 
 /// The stage that the prompt says was reached.
 fn stage_of(prompt: &str) -> u32 {
-    let said = prompt.split_once("Stage ").and_then(|(_, behind)| behind.split_once(" was reached"));
+    let said = prompt.split_once("LoadedScene ").and_then(|(_, behind)| behind.split_once(" was reached"));
     said.and_then(|(number, _)| number.parse().ok()).unwrap_or(1)
 }
 

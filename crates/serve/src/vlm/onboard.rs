@@ -7,7 +7,7 @@ use std::time::Instant;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::time::Time;
-use spf_flight::sim::Moment;
+use spf_flight::sim::WorldSnapshot;
 use spf_media::Rgb;
 
 use super::lens::Lens;
@@ -35,9 +35,9 @@ impl OnboardCamera {
     }
 
     /// Remembers a picture that it took, with what there was to see.
-    pub(crate) fn keep(&self, moment: Moment, picture: &Rgb) {
+    pub(crate) fn keep(&self, snapshot: WorldSnapshot, picture: &Rgb) {
         let frame = FrameId(self.next.fetch_add(1, Ordering::Relaxed));
-        self.memory.push(self.now(), Remembered { frame, moment }, picture);
+        self.memory.push(self.now(), Remembered { frame, snapshot }, picture);
         *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some((frame, picture.clone()));
     }
 }

@@ -18,7 +18,7 @@ use spf_flight::calibrate::{self, Routine};
 use spf_flight::flight::{self, FlightPlan, Site};
 use spf_flight::real::Real;
 use spf_flight::run::Observer;
-use spf_flight::sim::{OracleVlm, SimWorld, Stage, WhoPoints};
+use spf_flight::sim::{LoadedScene, OracleVlm, SimWorld, VlmFactory};
 use spf_flight::site::Clock;
 use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
@@ -113,14 +113,14 @@ fn fly_in(
     settings: PilotSettings,
     events: &str,
 ) -> Flight {
-    let stage = Arc::new(Stage::load(scene).unwrap());
-    let start = stage.scene.start;
-    let world = SimWorld::new(stage, CraftKind::Tello, start, 5);
+    let loaded = Arc::new(LoadedScene::load(scene).unwrap());
+    let start = loaded.scene.start;
+    let world = SimWorld::new(loaded, CraftKind::Tello, start, 5);
     let drone = Wired::new(world.clone(), Figures::default(), faults);
     let said = drone.said.clone();
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
     let oracle = Mutex::new(Some(Slow(oracle, latency)));
-    let who: WhoPoints = Arc::new(move |_, _| Ok(Box::new(oracle.lock().unwrap().take().unwrap())));
+    let who: VlmFactory = Arc::new(move |_, _| Ok(Box::new(oracle.lock().unwrap().take().unwrap())));
     let site = Site::Real(Real { drone: Box::new(drone), clock: Clock::Virtual });
     let script = Script::from_toml(events).unwrap();
     let plan = FlightPlan { settings, script, ..FlightPlan::new(site, instruction, "oracle", who) };
@@ -308,7 +308,7 @@ fn the_stated_error_of_the_dead_reckoned_position_is_the_true_one() {
     {
         let flight = fly_in(scene, goal, FaultPlan::default(), None, settings(), "");
         let start = flight.seen.path[0].1;
-        let heading = Stage::load(scene).unwrap().scene.start.attitude.heading;
+        let heading = LoadedScene::load(scene).unwrap().scene.start.attitude.heading;
         let off: Vec<f64> = (flight.seen.path.iter().zip(&flight.seen.believed))
             .map(|((_, truth), (known, error))| {
                 // The drone's north is where it faced when it was switched on.
@@ -448,9 +448,9 @@ fn a_lossy_link_is_flown_over() {
 fn what_full_stick_does_is_measured() {
     let yaw = 78.0_f64.to_radians();
     let figures = Figures { stick_speed: 0.8, stick_climb: 1.1, stick_sink: 0.7, stick_yaw: yaw, ..Figures::default() };
-    let stage = Arc::new(Stage::load("yard").unwrap());
-    let start = stage.scene.start;
-    let world = SimWorld::new(stage, CraftKind::Tello, start, 5);
+    let loaded = Arc::new(LoadedScene::load("yard").unwrap());
+    let start = loaded.scene.start;
+    let world = SimWorld::new(loaded, CraftKind::Tello, start, 5);
     let drone = Wired::new(world.clone(), figures, FaultPlan::default());
     let (sender, operator) = channel();
     let mut routine = Routine::new(Calibration::default(), sender);

@@ -6,7 +6,7 @@ use spf_core::craft::CraftKind;
 use spf_core::frame::FrameId;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::time::Time;
-use spf_flight::sim::{Moment, SimWorld, Stage};
+use spf_flight::sim::{LoadedScene, SimWorld, WorldSnapshot};
 use spf_media::h264::{Decoder, Encoder, EncoderSettings};
 use spf_media::{Jpeg, Rgb, jpeg, resize};
 use spf_serve::vlm::{Memory, Remembered};
@@ -15,7 +15,7 @@ const SIZE: (u32, u32) = (480, 360);
 const FRAMES: u64 = 100;
 
 /// The camera of a craft that flies at 3 m/s and turns slowly, ten frames a second.
-fn flight(world: &SimWorld, east: f64, heading_deg: f64) -> Vec<(Moment, Rgb)> {
+fn flight(world: &SimWorld, east: f64, heading_deg: f64) -> Vec<(WorldSnapshot, Rgb)> {
     let pose = |n: u64| {
         let t = n as f64 / 10.0;
         let heading = (heading_deg + 3.0 * t).to_radians();
@@ -25,19 +25,19 @@ fn flight(world: &SimWorld, east: f64, heading_deg: f64) -> Vec<(Moment, Rgb)> {
     (0..FRAMES)
         .map(|n| {
             let at = Time::from_millis(100 * n);
-            let moment = world.stage().moment(pose(n), 3, at);
-            let shot = world.still(at, &moment).unwrap();
+            let snapshot = world.loaded().snapshot(pose(n), 3, at);
+            let shot = world.still(at, &snapshot).unwrap();
             let picture = world.photograph(&shot, Some(SIZE));
-            (moment, picture)
+            (snapshot, picture)
         })
         .collect()
 }
 
 /// As a picture arrives: through H.264, at another size, as JPEG of quality 60.
-fn arrived(pictures: &[(Moment, Rgb)]) -> Vec<Rgb> {
+fn arrived(pictures: &[(WorldSnapshot, Rgb)]) -> Vec<Rgb> {
     let mut encoder = Encoder::new(EncoderSettings { quantiser: 32, ..EncoderSettings::for_size(SIZE.0, SIZE.1, 10.0) }).unwrap();
     let mut decoder = Decoder::new().unwrap();
-    let one = |(n, (_, picture)): (usize, &(Moment, Rgb))| {
+    let one = |(n, (_, picture)): (usize, &(WorldSnapshot, Rgb))| {
         let unit = encoder.encode(Time::from_millis(100 * n as u64), picture).unwrap();
         let decoded = decoder.decode(&unit.annex_b).unwrap().unwrap();
         jpeg::decode(Jpeg::encode(&resize(&decoded, 384, 288), 60).unwrap().bytes()).unwrap()
@@ -50,14 +50,14 @@ fn arrived(pictures: &[(Moment, Rgb)]) -> Vec<Rgb> {
 fn frames_are_recognised_after_h264_resizing_and_jpeg() {
     let (mut right, mut wrong, mut strangers, mut asked) = (0, 0, 0, 0);
     for (scene, kind) in [("city", CraftKind::Quad), ("yard", CraftKind::Tello)] {
-        let stage = Arc::new(Stage::load(scene).unwrap());
-        let world = SimWorld::new(stage.clone(), kind, stage.scene.start, 3);
+        let loaded = Arc::new(LoadedScene::load(scene).unwrap());
+        let world = SimWorld::new(loaded.clone(), kind, loaded.scene.start, 3);
         let frames = flight(&world, 0.0, 0.0);
         let memory = Memory::default();
-        for (n, (moment, picture)) in frames.iter().enumerate() {
+        for (n, (snapshot, picture)) in frames.iter().enumerate() {
             memory.push(
                 Time::from_millis(100 * n as u64),
-                Remembered { frame: FrameId(n as u64), moment: moment.clone() },
+                Remembered { frame: FrameId(n as u64), snapshot: snapshot.clone() },
                 picture,
             );
         }

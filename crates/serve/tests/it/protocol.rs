@@ -10,7 +10,7 @@ use spf_core::time::{Duration, Time};
 use spf_serve::tello::command::{Malformed, parse};
 use spf_serve::tello::{Figures, Firmware, Output, VirtualTello};
 use spf_sim::craft::SimCraft;
-use spf_sim::dynamics::Conditions;
+use spf_sim::dynamics::SimConditions;
 use spf_sim::model::Model;
 
 use crate::boxes::{at, facing, scene};
@@ -29,7 +29,7 @@ struct Bench {
 
 impl Bench {
     fn with(figures: Figures, firmware: Firmware, battery: f64, faults: FaultPlan) -> Self {
-        let conditions = Conditions { exact: true, battery, ..Conditions::new(1) };
+        let conditions = SimConditions { exact: true, battery, ..SimConditions::new(1) };
         let craft = SimCraft::with_conditions(scene(), Model::tello(), facing(at(0.0, 0.0, 0.0), 0.0), conditions);
         let tello = VirtualTello::new(&craft, figures, firmware, FaultMachine::new(faults, 1).unwrap(), 1);
         Self { craft, tello, now: Time::ZERO, answers: Vec::new(), states: Vec::new() }

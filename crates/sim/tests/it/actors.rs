@@ -5,7 +5,7 @@ use spf_core::craft::CraftKind;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::time::Time;
 use spf_sim::craft::SimCraft;
-use spf_sim::dynamics::Conditions;
+use spf_sim::dynamics::SimConditions;
 use spf_sim::model::Model;
 
 use crate::stage::{Stage, drive, walk};
@@ -13,8 +13,8 @@ use crate::stage::{Stage, drive, walk};
 fn hovering(stage: &Stage, at: [f64; 3]) -> SimCraft {
     let position = EnuPosition { east: at[0], north: at[1], up: at[2] };
     let pose = Pose { position, attitude: Attitude::default() };
-    let conditions = Conditions { hovering: true, exact: true, ..Conditions::new(4) };
-    SimCraft::among(stage.cast.clone(), stage.collider.clone(), Model::of(CraftKind::Quad), pose, conditions)
+    let conditions = SimConditions { hovering: true, exact: true, ..SimConditions::new(4) };
+    SimCraft::with_traffic(stage.cast.clone(), stage.collider.clone(), Model::of(CraftKind::Quad), pose, conditions)
 }
 
 #[test]

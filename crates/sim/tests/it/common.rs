@@ -8,12 +8,12 @@ use spf_core::command::{Command, Setpoint};
 use spf_core::geometry::EnuPosition;
 use spf_core::time::{Duration, Time};
 use spf_sim::craft::SimCraft;
-use spf_sim::dynamics::Conditions;
+use spf_sim::dynamics::SimConditions;
 use spf_sim::model::Model;
 
 /// In the air at `position`, facing north, telemetry exact.
 pub(crate) fn hovering(model: Model, position: EnuPosition) -> SimCraft {
-    let conditions = Conditions { exact: true, hovering: true, ..Conditions::new(1) };
+    let conditions = SimConditions { exact: true, hovering: true, ..SimConditions::new(1) };
     SimCraft::with_conditions(scene(), model, facing(position, 0.0), conditions)
 }
 

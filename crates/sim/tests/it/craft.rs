@@ -7,7 +7,7 @@ use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_scene::collide::Collider;
 use spf_sim::craft::SimCraft;
-use spf_sim::dynamics::Conditions;
+use spf_sim::dynamics::SimConditions;
 use spf_sim::model::Model;
 use spf_sim::wind::Wind;
 
@@ -119,7 +119,7 @@ fn quarter_turn_takes_its_time_and_moves_in_the_turning_frame() {
         scene(),
         Model::quad(),
         facing(at(0.0, -150.0, 10.0), 90.0),
-        Conditions { exact: true, hovering: true, ..Conditions::new(1) },
+        SimConditions { exact: true, hovering: true, ..SimConditions::new(1) },
     );
     let mut east = east;
     command(&mut east, forward(2.0));
@@ -149,7 +149,7 @@ fn not_a_number_is_held() {
 }
 
 fn flight(model: Model, start: EnuPosition) -> SimCraft {
-    let conditions = Conditions { exact: true, ..Conditions::new(1) };
+    let conditions = SimConditions { exact: true, ..SimConditions::new(1) };
     let mut craft = SimCraft::with_conditions(scene(), model, facing(start, 0.0), conditions);
     craft.apply(Time::ZERO, Command::TakeOff, LONG);
     craft
@@ -281,7 +281,7 @@ fn emergency_stop_annuls_a_take_off_under_way() {
 
 #[test]
 fn an_empty_battery_lands_and_stays() {
-    let conditions = Conditions { battery: 0.06, hovering: true, ..Conditions::new(1) };
+    let conditions = SimConditions { battery: 0.06, hovering: true, ..SimConditions::new(1) };
     let mut craft = SimCraft::with_conditions(scene(), Model::tello(), facing(at(0.0, 0.0, 2.0), 0.0), conditions);
     craft.advance_to(Time::from_millis(30_000));
     assert_eq!(craft.truth().phase, FlightPhase::OnGround);
@@ -293,7 +293,7 @@ fn an_empty_battery_lands_and_stays() {
 #[test]
 fn craft_leans_into_a_steady_wind_and_gusts_push_it() {
     let wind = |wind| {
-        let conditions = Conditions { exact: true, hovering: true, wind, ..Conditions::new(4) };
+        let conditions = SimConditions { exact: true, hovering: true, wind, ..SimConditions::new(4) };
         let mut craft = SimCraft::with_conditions(scene(), Model::quad(), facing(at(0.0, -100.0, 50.0), 0.0), conditions);
         craft.advance_to(Time::from_millis(20_000));
         craft
@@ -338,7 +338,7 @@ proptest! {
     fn limits_hold_for_any_setpoints(plan in setpoints(), tello in any::<bool>()) {
         let model = if tello { Model::tello() } else { Model::quad() };
         let empty = std::sync::Arc::new(Collider::new(&geometry(Vec::new())).unwrap());
-        let conditions = Conditions { exact: true, hovering: true, ..Conditions::new(1) };
+        let conditions = SimConditions { exact: true, hovering: true, ..SimConditions::new(1) };
         let mut craft = SimCraft::with_conditions(empty, model, facing(at(0.0, 0.0, 100.0), 0.0), conditions);
         let mut last = craft.truth().velocity;
         for (ms, setpoint) in plan {
@@ -363,8 +363,8 @@ proptest! {
     /// The same commands give the same bits however time is cut into calls.
     #[test]
     fn results_do_not_depend_on_how_time_is_cut(plan in setpoints(), cuts in prop::collection::vec(1u64..400_000_000, 1..200)) {
-        let conditions = Conditions {
-            wind: Wind { east: 2.0, gust: 1.5, ..Wind::default() }, hovering: true, ..Conditions::new(9)
+        let conditions = SimConditions {
+            wind: Wind { east: 2.0, gust: 1.5, ..Wind::default() }, hovering: true, ..SimConditions::new(9)
         };
         let make = || SimCraft::with_conditions(scene(), Model::tello(), facing(at(0.0, 10.0, 3.0), 20.0), conditions);
         let (mut coarse, mut fine) = (make(), make());

@@ -5,13 +5,13 @@ use spf_core::geometry::wrap_angle;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::Time;
 use spf_sim::craft::{SimCraft, Truth};
-use spf_sim::dynamics::Conditions;
+use spf_sim::dynamics::SimConditions;
 use spf_sim::model::Model;
 
 use crate::common::{at, command, facing, forward, scene};
 
 fn craft(model: Model, seed: u64, exact: bool) -> SimCraft {
-    let conditions = Conditions { hovering: true, exact, ..Conditions::new(seed) };
+    let conditions = SimConditions { hovering: true, exact, ..SimConditions::new(seed) };
     SimCraft::with_conditions(scene(), model, facing(at(0.0, -150.0, 10.0), 40.0), conditions)
 }
 

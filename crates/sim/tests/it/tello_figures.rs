@@ -9,7 +9,7 @@ use spf_core::command::{Command, Setpoint};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::Time;
 use spf_sim::craft::SimCraft;
-use spf_sim::dynamics::Conditions;
+use spf_sim::dynamics::SimConditions;
 use spf_sim::model::{GRAVITY, Model};
 
 const TICK_MS: u64 = 5;
@@ -116,7 +116,7 @@ fn until(craft: &mut SimCraft, order: Command, phase: FlightPhase) -> (f64, f64)
 }
 
 fn on_the_ground(battery: f64) -> SimCraft {
-    let conditions = Conditions { exact: true, battery, ..Conditions::new(1) };
+    let conditions = SimConditions { exact: true, battery, ..SimConditions::new(1) };
     SimCraft::with_conditions(scene(), Model::tello(), facing(at(0.0, -150.0, 0.0), 0.0), conditions)
 }
 
@@ -145,7 +145,7 @@ fn endurance() -> f64 {
 /// Standard deviation along one axis of the way crept in 5 s of hovering.
 fn drift() -> f64 {
     let ways = (0..400).flat_map(|seed| {
-        let conditions = Conditions { hovering: true, ..Conditions::new(seed) };
+        let conditions = SimConditions { hovering: true, ..SimConditions::new(seed) };
         let mut craft = SimCraft::with_conditions(scene(), Model::tello(), facing(at(0.0, -150.0, 10.0), 0.0), conditions);
         let from = craft.truth().pose.position;
         fly_on(&mut craft, 5000);

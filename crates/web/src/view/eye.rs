@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use spf_core::camera::Camera;
 use spf_core::craft::CraftKind;
 use spf_core::time::Time;
-use spf_flight::sim::{Moment, Stage};
+use spf_flight::sim::{LoadedScene, WorldSnapshot};
 use spf_render::{Channels, Picture};
 use spf_scene::actors::Traffic;
-use spf_scene::{Conditions, Lighting, Weather};
+use spf_scene::{Lighting, SceneLook, Weather};
 use spf_sim::model::Model;
 use tokio::sync::mpsc::Sender;
 
@@ -46,7 +46,7 @@ pub(super) enum Out {
 pub(super) struct Eye {
     library: Arc<Library>,
     out: Sender<Out>,
-    stage: Arc<Stage>,
+    loaded: Arc<LoadedScene>,
     name: String,
     camera: FreeCamera,
     /// None: the craft of the scene.
@@ -87,9 +87,9 @@ impl Eye {
     /// # Errors
     /// A sentence for the page when the scene cannot be loaded.
     pub(super) fn open(library: Arc<Library>, beginning: &Beginning, out: Sender<Out>) -> Result<Self, String> {
-        let stage = library.get(&beginning.scene, &beginning.conditions)?;
-        let camera = FreeCamera::new(&stage.scene, beginning.pose.unwrap_or(stage.scene.preview));
-        let lens = stage.scene.default_craft.camera();
+        let loaded = library.get(&beginning.scene, &beginning.conditions)?;
+        let camera = FreeCamera::new(&loaded.scene, beginning.pose.unwrap_or(loaded.scene.preview));
+        let lens = loaded.scene.default_craft.camera();
         let now = Instant::now();
         Ok(Self {
             library,
@@ -98,7 +98,7 @@ impl Eye {
             camera,
             craft: beginning.craft,
             collide: true,
-            traffic: Traffic::new(stage.cast.clone(), 0),
+            traffic: Traffic::new(loaded.cast.clone(), 0),
             time: Time::ZERO,
             running: true,
             push: Push::default(),
@@ -117,7 +117,7 @@ impl Eye {
             draw_ms: 0.0,
             frame: 0,
             shown: 0,
-            stage,
+            loaded,
         })
     }
 
@@ -178,7 +178,7 @@ impl Eye {
 
     /// Whether things move by themselves.
     fn is_lively(&self) -> bool {
-        self.running && !self.stage.cast.is_empty()
+        self.running && !self.loaded.cast.is_empty()
     }
 
     fn wants_picture(&self, now: Instant) -> bool {
@@ -187,7 +187,7 @@ impl Eye {
     }
 
     fn kind(&self) -> CraftKind {
-        self.craft.unwrap_or(self.stage.scene.default_craft)
+        self.craft.unwrap_or(self.loaded.scene.default_craft)
     }
 
     fn next_manner(&self, now: Instant) -> Manner {
@@ -205,7 +205,7 @@ impl Eye {
             self.stale = true;
         }
         let radius = Model::of(self.kind()).craft.radius;
-        let solid = self.collide.then_some((self.stage.collider.as_ref(), radius));
+        let solid = self.collide.then_some((self.loaded.collider.as_ref(), radius));
         if self.camera.advance(&self.push, step.as_secs_f64(), solid) {
             self.moved(now);
         }
@@ -239,27 +239,27 @@ impl Eye {
             FromPage::Collide { on } => self.collide = on,
             FromPage::Run { on } => self.running = on,
             FromPage::Go { pose } => {
-                self.camera.go(pose.map_or(self.stage.scene.preview, Into::into));
+                self.camera.go(pose.map_or(self.loaded.scene.preview, Into::into));
                 self.stale = true;
             }
-            FromPage::Scene { name } => return self.enter(name, Conditions::default()),
-            FromPage::Conditions { light, weather } => {
-                return self.enter(self.name.clone(), Conditions { lighting: light, weather });
+            FromPage::Scene { name } => return self.enter(name, SceneLook::default()),
+            FromPage::SceneLook { light, weather } => {
+                return self.enter(self.name.clone(), SceneLook { lighting: light, weather });
             }
         }
         Ok(())
     }
 
     /// Goes to another scene, or into another light in the same place.
-    fn enter(&mut self, name: String, conditions: Conditions) -> Result<(), Gone> {
+    fn enter(&mut self, name: String, conditions: SceneLook) -> Result<(), Gone> {
         self.tell(&ToPage::Loading { name: name.clone() })?;
         match self.library.get(&name, &conditions) {
-            Ok(stage) => {
+            Ok(loaded) => {
                 if name != self.name {
-                    self.camera = FreeCamera::new(&stage.scene, stage.scene.preview);
+                    self.camera = FreeCamera::new(&loaded.scene, loaded.scene.preview);
                 }
-                (self.traffic, self.time) = (Traffic::new(stage.cast.clone(), 0), Time::ZERO);
-                (self.stage, self.name, self.stale, self.under) = (stage, name, true, None);
+                (self.traffic, self.time) = (Traffic::new(loaded.cast.clone(), 0), Time::ZERO);
+                (self.loaded, self.name, self.stale, self.under) = (loaded, name, true, None);
             }
             Err(reason) => self.tell(&ToPage::Refused { reason })?,
         }
@@ -281,7 +281,7 @@ impl Eye {
     }
 
     fn seen_under_pointer(&self) -> Option<(u16, Under)> {
-        self.pointer.and_then(|at| sight::under(&self.stage, &self.lens, &self.picture, at))
+        self.pointer.and_then(|at| sight::under(&self.loaded, &self.lens, &self.picture, at))
     }
 
     /// Draws, if anything changed but the mark, and sends.
@@ -293,15 +293,15 @@ impl Eye {
             self.lens = self.kind().camera().resized(width, height);
             let channels = Channels { quality: manner.quality, ..draw::channels(self.channel) };
             let actors = self.traffic.places_at(self.time).unwrap_or_default();
-            let moment = Moment { pose: self.camera.pose(), actors };
-            self.stage.render_into(&self.lens, &moment, channels, &mut self.picture);
+            let snapshot = WorldSnapshot { pose: self.camera.pose(), actors };
+            self.loaded.render_into(&self.lens, &snapshot, channels, &mut self.picture);
             self.draw_ms = milliseconds(now.elapsed());
         }
         (self.manner, self.stale, self.marked_anew, self.drawn_at) = (Some(manner), false, false, Some(now));
         self.under = self.seen_under_pointer();
         let encoding = Instant::now();
         // A line about the ground would run about everything that stands on it.
-        let is_thing = |id: &u16| self.stage.tags.get(usize::from(*id).wrapping_sub(1)).is_some_and(|tags| !tags.is_surface());
+        let is_thing = |id: &u16| self.loaded.tags.get(usize::from(*id).wrapping_sub(1)).is_some_and(|tags| !tags.is_surface());
         let marked = self.under.as_ref().map(|(id, _)| *id).filter(is_thing);
         let jpeg = match draw::encode(&self.picture, self.channel, marked) {
             Ok(jpeg) => jpeg,
@@ -311,7 +311,7 @@ impl Eye {
             self.budget.took(&manner, now.elapsed());
         }
         self.frame += 1;
-        let touching = self.camera.touching().and_then(|id| self.stage.scene.object(id));
+        let touching = self.camera.touching().and_then(|id| self.loaded.scene.object(id));
         let head = Head {
             frame: self.frame,
             width,
@@ -328,14 +328,14 @@ impl Eye {
     }
 
     fn tell_scene(&self) -> Result<(), Gone> {
-        let scene = &self.stage.scene;
+        let scene = &self.loaded.scene;
         self.tell(&ToPage::Scene {
             name: self.name.clone(),
             title: scene.name.clone(),
             description: scene.description.clone(),
             objects: scene.objects.len(),
             triangles: scene.meshes().map(|part| part.triangles.len()).sum(),
-            actors: self.stage.cast.len(),
+            actors: self.loaded.cast.len(),
             craft: self.kind(),
             light: scene.lighting,
             weather: scene.weather,

@@ -2,8 +2,8 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use spf_flight::sim::Stage;
-use spf_scene::Conditions;
+use spf_flight::sim::LoadedScene;
+use spf_scene::SceneLook;
 
 /// Most scenes kept that nobody looks at.
 const SPARE: usize = 3;
@@ -11,8 +11,8 @@ const SPARE: usize = 3;
 /// A scene under a light and a weather.
 struct Loaded {
     name: String,
-    conditions: Conditions,
-    stage: Arc<Stage>,
+    conditions: SceneLook,
+    scene: Arc<LoadedScene>,
 }
 
 /// The scenes of a server, by the names that pages use.
@@ -30,12 +30,12 @@ impl core::fmt::Debug for Library {
 impl Library {
     /// A library of these scenes (built-in names or files) and of one that is loaded already. Pages can ask for no other.
     #[must_use]
-    pub fn new(names: impl IntoIterator<Item = String>, name: &str, conditions: Conditions, stage: Arc<Stage>) -> Self {
+    pub fn new(names: impl IntoIterator<Item = String>, name: &str, conditions: SceneLook, scene: Arc<LoadedScene>) -> Self {
         let mut all: Vec<String> = names.into_iter().collect();
         if !all.iter().any(|known| known == name) {
             all.push(name.to_owned());
         }
-        Self { names: all, loaded: Mutex::new(vec![Loaded { name: name.to_owned(), conditions, stage }]) }
+        Self { names: all, loaded: Mutex::new(vec![Loaded { name: name.to_owned(), conditions, scene }]) }
     }
 
     /// What pages may ask for.
@@ -47,29 +47,29 @@ impl Library {
     ///
     /// # Errors
     /// A sentence for the page.
-    pub(super) fn get(&self, name: &str, conditions: &Conditions) -> Result<Arc<Stage>, String> {
+    pub(super) fn get(&self, name: &str, conditions: &SceneLook) -> Result<Arc<LoadedScene>, String> {
         if !self.names.iter().any(|known| known == name) {
             return Err(format!("no scene `{name}` in the list"));
         }
         let is_it = |loaded: &&Loaded| loaded.name == name && loaded.conditions == *conditions;
         if let Some(found) = self.loaded().iter().find(is_it) {
-            return Ok(found.stage.clone());
+            return Ok(found.scene.clone());
         }
         // Loaded without the lock, so that others fly on; two that load the same at once cost time, not sense.
-        let stage = Arc::new(Stage::load_with(name, conditions).map_err(|error| error.to_string())?);
+        let scene = Arc::new(LoadedScene::load_with(name, conditions).map_err(|error| error.to_string())?);
         let mut loaded = self.loaded();
         let mut spare = 0;
         // From the newest: those that nobody looks at, beyond the few kept, go.
         for index in (0..loaded.len()).rev() {
-            if Arc::strong_count(&loaded[index].stage) == 1 {
+            if Arc::strong_count(&loaded[index].scene) == 1 {
                 spare += 1;
                 if spare > SPARE {
                     loaded.remove(index);
                 }
             }
         }
-        loaded.push(Loaded { name: name.to_owned(), conditions: *conditions, stage: stage.clone() });
-        Ok(stage)
+        loaded.push(Loaded { name: name.to_owned(), conditions: *conditions, scene: scene.clone() });
+        Ok(scene)
     }
 
     fn loaded(&self) -> MutexGuard<'_, Vec<Loaded>> {
@@ -84,25 +84,25 @@ mod tests {
 
     #[test]
     fn pages_get_listed_scenes_alone_and_share_them() {
-        let own = Conditions::default();
-        let stage = Arc::new(Stage::load("city").unwrap());
-        let library = Library::new(["city".to_owned()], "city", own, stage.clone());
+        let own = SceneLook::default();
+        let scene = Arc::new(LoadedScene::load("city").unwrap());
+        let library = Library::new(["city".to_owned()], "city", own, scene.clone());
         assert_eq!(library.names(), ["city"]);
-        assert!(Arc::ptr_eq(&library.get("city", &own).unwrap(), &stage));
+        assert!(Arc::ptr_eq(&library.get("city", &own).unwrap(), &scene));
         assert_eq!(library.get("/etc/passwd.toml", &own).err().unwrap(), "no scene `/etc/passwd.toml` in the list");
-        let library = Library::new(["city".to_owned()], "./mine.toml", own, stage);
+        let library = Library::new(["city".to_owned()], "./mine.toml", own, scene);
         assert_eq!(library.names(), ["city", "./mine.toml"]);
         assert!(library.get("city", &own).is_ok());
     }
 
     #[test]
     fn what_nobody_looks_at_is_not_kept_for_ever() {
-        let own = Conditions::default();
-        let library = Library::new([], "city", own, Arc::new(Stage::load("city").unwrap()));
+        let own = SceneLook::default();
+        let library = Library::new([], "city", own, Arc::new(LoadedScene::load("city").unwrap()));
         let looked_at = library.get("city", &own).unwrap();
         for lighting in Lighting::ALL {
             for weather in [Weather::Clear, Weather::Rain] {
-                let conditions = Conditions { lighting: Some(lighting), weather: Some(weather) };
+                let conditions = SceneLook { lighting: Some(lighting), weather: Some(weather) };
                 assert_eq!(library.get("city", &conditions).unwrap().scene.lighting, lighting);
             }
         }

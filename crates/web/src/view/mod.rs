@@ -17,7 +17,7 @@ mod sight;
 
 use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
-use spf_scene::Conditions;
+use spf_scene::SceneLook;
 
 pub use library::Library;
 pub use server::{Stopper, ViewError, Viewer};
@@ -28,7 +28,7 @@ pub struct Beginning {
     /// Name of the scene in the library.
     pub scene: String,
     /// Its light and weather.
-    pub conditions: Conditions,
+    pub conditions: SceneLook,
     /// Whose camera; none: that of the scene's own craft.
     pub craft: Option<CraftKind>,
     /// From where; none: the scene's preview.

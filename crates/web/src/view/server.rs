@@ -21,7 +21,7 @@ use super::{Beginning, Library, guard, session};
 /// Most pages at once; each flies and draws in a thread of its own.
 const MOST_PAGES: usize = 8;
 /// How long the end waits for pages to be told, a little longer than each of them is heard out.
-const FAREWELL: Duration = session::FAREWELL.saturating_add(Duration::from_millis(200));
+const SHUTDOWN_GRACE: Duration = session::SHUTDOWN_GRACE.saturating_add(Duration::from_millis(200));
 
 /// Nothing is loaded from elsewhere, nothing runs but the page's own script, no other site may frame it.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; \
@@ -129,7 +129,7 @@ async fn answer(listener: TcpListener, shared: Arc<Shared>) -> std::io::Result<(
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         };
-        drop(tokio::time::timeout(FAREWELL, all_gone).await);
+        drop(tokio::time::timeout(SHUTDOWN_GRACE, all_gone).await);
     };
     tokio::pin!(end);
     tokio::select! {
@@ -177,20 +177,20 @@ async fn guarded(State(shared): State<Arc<Shared>>, request: Request, next: Next
 }
 
 async fn socket(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
-    let Some(seat) = Seat::take(&shared) else {
+    let Some(slot) = PageSlot::take(&shared) else {
         let text = format!("{MOST_PAGES} pages are open already; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
     };
     upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(async move |socket| {
-        let Shared { library, beginning, stop, .. } = &*seat.0;
+        let Shared { library, beginning, stop, .. } = &*slot.0;
         session::converse(socket, library.clone(), beginning.clone(), stop.clone()).await;
     })
 }
 
 /// A page's place among the most there may be; given back when dropped.
-struct Seat(Arc<Shared>);
+struct PageSlot(Arc<Shared>);
 
-impl Seat {
+impl PageSlot {
     fn take(shared: &Arc<Shared>) -> Option<Self> {
         let more = |pages| (pages < MOST_PAGES).then_some(pages + 1);
         shared.pages.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more).ok()?;
@@ -198,7 +198,7 @@ impl Seat {
     }
 }
 
-impl Drop for Seat {
+impl Drop for PageSlot {
     fn drop(&mut self) {
         self.0.pages.fetch_sub(1, Ordering::Relaxed);
     }

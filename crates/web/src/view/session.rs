@@ -23,7 +23,7 @@ const PING: Duration = Duration::from_secs(15);
 const SILENCE: Duration = Duration::from_secs(50);
 
 /// A page that does not close in answer within this is left.
-pub(super) const FAREWELL: Duration = Duration::from_secs(1);
+pub(super) const SHUTDOWN_GRACE: Duration = Duration::from_secs(1);
 
 /// Serves a page, which begins so in a scene of the library, until it leaves or the server stops.
 pub(super) async fn converse(
@@ -78,7 +78,7 @@ pub(super) async fn converse(
             // The value seen is a lock that must not be held over the sending.
             () = async { drop(stop.wait_for(|stop| *stop).await) } => {
                 let frame = CloseFrame { code: close_code::AWAY, reason: "the server stops".into() };
-                drop(timeout(FAREWELL, farewell(&mut socket, frame)).await);
+                drop(timeout(SHUTDOWN_GRACE, farewell(&mut socket, frame)).await);
                 return;
             }
         };

@@ -2,13 +2,13 @@
 
 use spf_core::camera::Camera;
 use spf_core::query::ImagePoint;
-use spf_flight::sim::Stage;
+use spf_flight::sim::LoadedScene;
 use spf_render::Picture;
 
 use super::message::Under;
 
 /// The object or the opening under a point, if there is one; its id is for the line about it.
-pub(super) fn under(stage: &Stage, camera: &Camera, picture: &Picture, [u, v]: [f64; 2]) -> Option<(u16, Under)> {
+pub(super) fn under(loaded: &LoadedScene, camera: &Camera, picture: &Picture, [u, v]: [f64; 2]) -> Option<(u16, Under)> {
     let pixel = |share: f64, side: u32| ((share * f64::from(side)) as usize).min((side as usize).saturating_sub(1));
     let index = pixel(v, picture.height) * picture.width as usize + pixel(u, picture.width);
     let at = |ids: &Option<Vec<u16>>, depth: &Option<Vec<f32>>| {
@@ -18,8 +18,8 @@ pub(super) fn under(stage: &Stage, camera: &Camera, picture: &Picture, [u, v]: [
     let solid = at(&picture.ids, &picture.depth);
     let opening = at(&picture.opening_ids, &picture.opening_depth);
     let (id, depth) = solid.or(opening)?;
-    let object = stage.scene.object(id)?;
-    let words = |id: u16| stage.tags.get(usize::from(id).checked_sub(1)?).map(|tags| tags.words());
+    let object = loaded.scene.object(id)?;
+    let words = |id: u16| loaded.tags.get(usize::from(id).checked_sub(1)?).map(|tags| tags.words());
     let ray = camera.ray(ImagePoint { u, v });
     // Depth runs along the optical axis; the ray to the pixel is longer.
     let lengthening = (ray.right * ray.right + ray.up * ray.up + 1.0).sqrt();
@@ -45,23 +45,23 @@ mod tests {
 
     #[test]
     fn the_red_crane_is_named_where_it_is_seen() {
-        let stage = Stage::load("city").unwrap();
+        let loaded = LoadedScene::load("city").unwrap();
         let camera = Camera::quad();
-        let crane = stage.scene.by_key("red_crane").unwrap();
+        let crane = loaded.scene.by_key("red_crane").unwrap();
         // From 30 m south of the mast's foot, 10 m up.
         let (min, max) = (crane.bounds.min, crane.bounds.max);
         let position = EnuPosition { east: (min.east + max.east) / 2.0, north: min.north - 30.0, up: 10.0 };
         let pose = Pose { position, attitude: Attitude::default() };
-        let picture = stage.renderer.render(&camera, &pose, Channels::TRUTH);
+        let picture = loaded.renderer.render(&camera, &pose, Channels::TRUTH);
         let ids = picture.ids.as_ref().unwrap();
         let index = ids.iter().position(|id| *id == crane.id).unwrap();
         let (x, y) = (index % 960, index / 960);
         let point = [(x as f64 + 0.5) / 960.0, (y as f64 + 0.5) / 720.0];
-        let (id, seen) = under(&stage, &camera, &picture, point).unwrap();
+        let (id, seen) = under(&loaded, &camera, &picture, point).unwrap();
         assert_eq!((id, seen.key.as_str()), (crane.id, "red_crane"));
         assert!(seen.words.contains("red") && seen.words.contains("crane"), "{seen:?}");
-        let truth = stage.collider.distance_to(crane.id, position).unwrap();
+        let truth = loaded.collider.distance_to(crane.id, position).unwrap();
         assert!(seen.distance_m >= truth - 0.1 && seen.distance_m < truth + 80.0, "{} from {truth}", seen.distance_m);
-        assert_eq!(under(&stage, &camera, &Picture::default(), [0.5, 0.5]), None);
+        assert_eq!(under(&loaded, &camera, &Picture::default(), [0.5, 0.5]), None);
     }
 }

@@ -7,14 +7,14 @@ use spf_bench::judge::{Judgement, Sight, judge_trajectory};
 use spf_bench::task::Task;
 use spf_bench::trial::{Drawn, draw};
 use spf_core::geometry::{Pose, wrap_angle};
-use spf_flight::sim::Stage;
+use spf_flight::sim::LoadedScene;
 use spf_render::Channels;
 use spf_sim::model::Model;
 use spf_sim::wind::Wind;
 
 use super::task_of;
 use crate::args::BenchCheck;
-use crate::commands::load_stage;
+use crate::commands::load_scene;
 use crate::commands::sim::{colour, write};
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -24,8 +24,8 @@ use crate::printer::{Printer, table};
 pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliError> {
     let task = task_of(&args.task)?;
     printer.result(&format!("{}: \"{}\" in {}, craft {}", task.id, task.instruction, task.scene, task.craft.name()));
-    let stage = Arc::new(load_stage(&task.scene, &task.conditions)?);
-    let wrong = trajectories(&task, &stage, printer)?;
+    let loaded = Arc::new(load_scene(&task.scene, &task.conditions)?);
+    let wrong = trajectories(&task, &loaded, printer)?;
     if let Some(folder) = &args.pictures {
         std::fs::create_dir_all(folder)
             .map_err(|error| CliError::usage(format!("cannot make the folder `{}`", folder.display())).because(&error))?;
@@ -49,10 +49,10 @@ pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliErr
 }
 
 /// Judges the file's own trajectories; how many are judged wrongly.
-fn trajectories(task: &Task, stage: &Arc<Stage>, printer: &Printer) -> Result<usize, CliError> {
+fn trajectories(task: &Task, loaded: &Arc<LoadedScene>, printer: &Printer) -> Result<usize, CliError> {
     let mut wrong = 0;
     for trajectory in &task.trajectories {
-        let judgement = judge_trajectory(task, stage, trajectory)
+        let judgement = judge_trajectory(task, loaded, trajectory)
             .map_err(|error| CliError::usage("the task cannot be judged").because(&error))?;
         let right = judgement.accepted == trajectory.accepted;
         wrong += usize::from(!right);
@@ -80,7 +80,7 @@ fn aloft(task: &Task, drawn: &Drawn) -> Pose {
 
 /// A trial's beginning. Clutter: things clearly visible besides the ground and the target.
 fn row(task: &Task, seed: u64, drawn: &Drawn) -> Vec<String> {
-    let (scene, start) = (&drawn.stage.scene, &drawn.start);
+    let (scene, start) = (&drawn.loaded.scene, &drawn.start);
     let focus = drawn.focus.and_then(|id| scene.object(id));
     let bearing = focus.map(|object| {
         let (min, max) = (object.bounds.min, object.bounds.max);
@@ -89,7 +89,7 @@ fn row(task: &Task, seed: u64, drawn: &Drawn) -> Vec<String> {
         wrap_angle(to - start.attitude.heading).to_degrees()
     });
     let all: Vec<u16> = scene.objects.iter().map(|object| object.id).collect();
-    let seen = Sight::of(task.craft).clearly(&drawn.stage, &drawn.stage.beginning(aloft(task, drawn)), &all);
+    let seen = Sight::of(task.craft).clearly(&drawn.loaded, &drawn.loaded.beginning(aloft(task, drawn)), &all);
     let is_thing = |id: &&u16| {
         let object = scene.object(**id);
         Some(**id) != drawn.focus
@@ -111,7 +111,7 @@ fn row(task: &Task, seed: u64, drawn: &Drawn) -> Vec<String> {
 }
 
 fn picture(task: &Task, drawn: &Drawn, path: &Path) -> Result<(), CliError> {
-    let moment = drawn.stage.beginning(aloft(task, drawn));
-    let picture = drawn.stage.render(&task.craft.camera(), &moment, Channels::RGB);
+    let moment = drawn.loaded.beginning(aloft(task, drawn));
+    let picture = drawn.loaded.render(&task.craft.camera(), &moment, Channels::RGB);
     write(path, &colour(&picture)?)
 }

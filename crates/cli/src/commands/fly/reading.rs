@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use spf_core::geometry::Pose;
 use spf_core::tags::Tagged;
-use spf_flight::sim::Stage;
+use spf_flight::sim::LoadedScene;
 use spf_oracle::language::Verb;
 use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction};
 
@@ -18,13 +18,13 @@ const EXAMPLES: usize = 8;
 ///
 /// # Errors
 /// Nothing in the instruction is understood, so that the flight could only end in a search for nothing.
-pub(super) fn lines(instruction: &str, stage: &Stage, start: Option<Pose>) -> Result<Vec<String>, CliError> {
-    let objects = stage.placed(&stage.cast.starts());
-    let reading = read_instruction(instruction, &objects, Some(start.unwrap_or(stage.scene.start)));
+pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>) -> Result<Vec<String>, CliError> {
+    let objects = loaded.placed(&loaded.cast.starts());
+    let reading = read_instruction(instruction, &objects, Some(start.unwrap_or(loaded.scene.start)));
     if !reading.is_understood() {
-        return Err(not_understood(instruction, &reading, stage));
+        return Err(not_understood(instruction, &reading, loaded));
     }
-    let steps: Vec<String> = reading.steps.iter().map(|step| described(step, &stage.tags)).collect();
+    let steps: Vec<String> = reading.steps.iter().map(|step| described(step, &loaded.tags)).collect();
     let mut lines = vec![format!("reads: {}", steps.join("; then "))];
     if !reading.corrections.is_empty() {
         let read = reading.corrections.iter().map(|word| format!("\"{}\" as \"{}\"", one_line(&word.said), one_line(&word.read)));
@@ -33,7 +33,7 @@ pub(super) fn lines(instruction: &str, stage: &Stage, start: Option<Pose>) -> Re
     Ok(lines)
 }
 
-fn not_understood(instruction: &str, reading: &InstructionReading, stage: &Stage) -> CliError {
+fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &LoadedScene) -> CliError {
     let mut named = BTreeSet::new();
     let unknown: Vec<String> = reading
         .steps
@@ -44,11 +44,11 @@ fn not_understood(instruction: &str, reading: &InstructionReading, stage: &Stage
         .collect();
     let why = if unknown.is_empty() { "it names nothing to fly to".to_owned() } else { unknown.join(", ") };
     let mut seen = BTreeSet::new();
-    let things = stage.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
+    let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
     CliError::usage(format!("the oracle does not understand \"{}\": {why}", one_line(instruction))).hint(format!(
         "{} has, among others: {}",
-        stage.scene.name,
+        loaded.scene.name,
         examples.join(", ")
     ))
 }

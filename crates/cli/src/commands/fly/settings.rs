@@ -13,7 +13,7 @@ use spf_drone::options::Options;
 use spf_drone::tello::TelloSettings;
 use spf_drone::tello::sticks::Calibration;
 use spf_flight::policy::PolicyKind;
-use spf_flight::sim::Circumstances;
+use spf_flight::sim::FlightConditions;
 use spf_flight::world::Script;
 
 use crate::commands::read;
@@ -39,18 +39,18 @@ pub(super) fn prompt(settings: &Settings, policy: PolicyKind) -> Result<Option<A
 }
 
 /// Wind, charge and camera effects.
-pub(super) fn circumstances(settings: &Settings) -> Result<Circumstances, CliError> {
-    let mut circumstances = Circumstances::default();
+pub(super) fn flight_conditions(settings: &Settings) -> Result<FlightConditions, CliError> {
+    let mut flight_conditions = FlightConditions::default();
     if let Some(wind) = settings.fly.wind.get()? {
-        circumstances.wind = wind;
+        flight_conditions.wind = wind;
     }
     if let Some(charge) = settings.fly.battery.get()? {
-        circumstances.battery = charge;
+        flight_conditions.battery = charge;
     }
     if let Some(effects) = settings.camera.effects.get()? {
-        circumstances.effects = effects;
+        flight_conditions.effects = effects;
     }
-    Ok(circumstances)
+    Ok(flight_conditions)
 }
 
 /// How the pilot flies: the preset, and what the settings change of it.

@@ -4,9 +4,9 @@ use spf_media::frame::Rgb;
 use spf_media::marks::{Canvas, Colour, Point, TextStyle};
 use spf_media::resize::resize;
 use spf_render::Channels;
-use spf_scene::{Conditions, Lighting, Weather};
+use spf_scene::{Lighting, SceneLook, Weather};
 
-use crate::commands::load_stage;
+use crate::commands::load_scene;
 use crate::error::CliError;
 
 /// A small picture.
@@ -48,7 +48,7 @@ pub(super) fn draw(names: &[String], mut progress: impl FnMut(&str)) -> Result<R
     for (index, name) in (0..).zip(variants) {
         progress(&format!("Drawing {name}."));
         let at = (MARGIN + index % singles * step.0, MARGIN + blocks + index / singles * step.1);
-        let (_, picture) = thumb(name, &Conditions::default(), SINGLE)?;
+        let (_, picture) = thumb(name, &SceneLook::default(), SINGLE)?;
         paste(&mut sheet, &picture, at);
         label(&mut sheet, name, (at.0, at.1 + SINGLE.1 - 16));
     }
@@ -64,7 +64,7 @@ fn is_variant(name: &str) -> bool {
 fn draw_block(sheet: &mut Rgb, name: &str, corner: (u32, u32), width: u32) -> Result<(), CliError> {
     for (row, weather) in (0..).zip(Weather::ALL) {
         for (column, lighting) in (0..).zip(Lighting::ALL) {
-            let conditions = Conditions { lighting: Some(lighting), weather: Some(weather) };
+            let conditions = SceneLook { lighting: Some(lighting), weather: Some(weather) };
             let at = (corner.0 + column * (THUMB.0 + GAP), corner.1 + TITLE + row * (THUMB.1 + GAP));
             let (title, picture) = thumb(name, &conditions, THUMB)?;
             paste(sheet, &picture, at);
@@ -88,11 +88,11 @@ fn point((x, y): (u32, u32)) -> Point {
 }
 
 /// A scene's title and its preview under these conditions.
-fn thumb(name: &str, conditions: &Conditions, (width, height): (u32, u32)) -> Result<(String, Rgb), CliError> {
-    let stage = load_stage(name, conditions)?;
-    let scene = &stage.scene;
+fn thumb(name: &str, conditions: &SceneLook, (width, height): (u32, u32)) -> Result<(String, Rgb), CliError> {
+    let loaded = load_scene(name, conditions)?;
+    let scene = &loaded.scene;
     let camera = scene.default_craft.camera().resized(width * FINER, height * FINER);
-    let picture = stage.render(&camera, &stage.beginning(scene.preview), Channels::RGB);
+    let picture = loaded.render(&camera, &loaded.beginning(scene.preview), Channels::RGB);
     let rgb = Rgb::from_raw(picture.width, picture.height, picture.rgb.unwrap_or_default())
         .map_err(|error| CliError::internal("no picture was drawn").because(&error))?;
     let title = if scene.description.is_empty() { scene.name.clone() } else { format!("{}: {}", scene.name, scene.description) };

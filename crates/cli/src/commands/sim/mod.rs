@@ -15,7 +15,7 @@ use spf_core::geometry::Pose;
 use spf_media::{frame::Rgb, png};
 use spf_render::Picture;
 use spf_render::effects::{Effects, EffectsError};
-use spf_scene::{Conditions, Lighting, Weather};
+use spf_scene::{Lighting, SceneLook, Weather};
 use spf_sim::model::Model;
 
 use crate::args::{ConditionArgs, Sim};
@@ -90,10 +90,10 @@ pub(super) fn parse_size(text: &str) -> Result<(u32, u32), CliError> {
 }
 
 /// Light and weather asked for.
-pub(super) fn conditions(args: &ConditionArgs) -> Result<Conditions, CliError> {
+pub(super) fn conditions(args: &ConditionArgs) -> Result<SceneLook, CliError> {
     let lighting = args.light.as_deref().map(|text| choice("--light", text, &Lighting::ALL.map(|l| (l.name(), l))));
     let weather = args.weather.as_deref().map(|text| choice("--weather", text, &Weather::ALL.map(|w| (w.name(), w))));
-    Ok(Conditions { lighting: lighting.transpose()?, weather: weather.transpose()? })
+    Ok(SceneLook { lighting: lighting.transpose()?, weather: weather.transpose()? })
 }
 
 /// One of some words.

@@ -11,7 +11,7 @@ use spf_render::{Channels, Picture};
 
 use super::{above_start, centimetres, conditions, parse_effects, parse_kind, parse_size, write};
 use crate::args::Render;
-use crate::commands::{load_stage, parse_pose};
+use crate::commands::{load_scene, parse_pose};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
@@ -30,20 +30,20 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let motion = args.moving.as_deref().map(parse_motion).transpose()?.unwrap_or_default();
     distinct(args, legend.as_ref())?;
     let conditions = conditions(&args.conditions)?;
-    let stage = load_stage(&args.scene, &conditions)?;
-    let kind = kind.unwrap_or(stage.scene.default_craft);
-    let pose = pose.unwrap_or_else(|| above_start(stage.scene.start, kind));
+    let loaded = load_scene(&args.scene, &conditions)?;
+    let kind = kind.unwrap_or(loaded.scene.default_craft);
+    let pose = pose.unwrap_or_else(|| above_start(loaded.scene.start, kind));
     let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
     let eye = Eye::new(camera, effects, 0);
     let shot = eye.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
     let shot = shot.ok_or_else(|| CliError::internal("the shutter is open at times that have no pose"))?;
     let photograph = eye.photograph(&shot, None, |camera, pose, picture| {
-        stage.render_into(camera, &stage.beginning(*pose), Channels::RGB, picture);
+        loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, picture);
     });
     let channels = Channels { depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
     let mut picture = Picture::default();
     eye.look(eye.camera(), &mut picture, |camera, picture| {
-        stage.render_into(camera, &stage.beginning(pose), channels, picture);
+        loaded.render_into(camera, &loaded.beginning(pose), channels, picture);
     });
     let mut written = vec![args.output.as_path()];
     write(&args.output, &encoded(png::encode(&photograph))?)?;
@@ -54,7 +54,7 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     }
     if let (Some(path), Some(ids), Some(legend)) = (&args.ids, &picture.ids, &legend) {
         write(path, &grey(&picture, ids)?)?;
-        write(legend, format!("{:#}\n", stage.scene.legend_json()).as_bytes())?;
+        write(legend, format!("{:#}\n", loaded.scene.legend_json()).as_bytes())?;
         written.extend([path.as_path(), legend.as_path()]);
     }
     for path in written {

@@ -6,16 +6,16 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
-use spf_flight::sim::Stage;
+use spf_flight::sim::LoadedScene;
 use spf_media::frame::Rgb;
 use spf_media::jpeg::{EncodeError, Jpeg};
 use spf_media::png;
 use spf_render::Channels;
-use spf_scene::{Conditions, Object, Scene};
+use spf_scene::{Object, Scene, SceneLook};
 
 use super::{colour, contact_sheet, write};
 use crate::args::Scenes;
-use crate::commands::load_stage;
+use crate::commands::load_scene;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, table};
@@ -80,10 +80,10 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
     let names: Vec<String> = if args.scenes.is_empty() { built_in() } else { args.scenes.clone() };
     let mut entries = Vec::new();
     // All stay in memory until the end: what is freed would serve the next one and be missing from its figure.
-    let mut stages = Vec::new();
+    let mut loaded_scenes = Vec::new();
     for name in &names {
-        let (stage, entry) = look_at(name, args)?;
-        stages.push(stage);
+        let (loaded, entry) = look_at(name, args)?;
+        loaded_scenes.push(loaded);
         entries.push(entry);
     }
     let listing = Listing { mesh_kinds: Scene::mesh_kinds(), scenes: entries };
@@ -111,34 +111,34 @@ fn encoder(path: &Path) -> Result<Encoder, CliError> {
     match extension.as_str() {
         "png" => Ok(png::encode),
         "jpg" | "jpeg" => Ok(|picture| Jpeg::encode(picture, 82).map(|jpeg| jpeg.bytes().to_vec())),
-        _ => Err(CliError::usage(format!("--contact-sheet: `{}` is no name of a picture", path.display()))
+        _ => Err(CliError::usage(format!("--contact-sheet: `{}` does not name an image file", path.display()))
             .hint("end it in .jpg or .png")),
     }
 }
 
 /// Loads a scene and takes down what is asked for.
-fn look_at(name: &str, args: &Scenes) -> Result<(Stage, Entry), CliError> {
+fn look_at(name: &str, args: &Scenes) -> Result<(LoadedScene, Entry), CliError> {
     let resident = resident_bytes();
     let started = Instant::now();
-    let stage = load_stage(name, &Conditions::default())?;
-    let loaded = started.elapsed();
-    let mut entry = entry(&stage.scene);
+    let loaded = load_scene(name, &SceneLook::default())?;
+    let load_time = started.elapsed();
+    let mut entry = entry(&loaded.scene);
     if args.stats || args.pictures.is_some() {
         let started = Instant::now();
-        let camera = stage.scene.default_craft.camera();
-        let picture = stage.render(&camera, &stage.beginning(stage.scene.preview), Channels::RGB);
+        let camera = loaded.scene.default_craft.camera();
+        let picture = loaded.render(&camera, &loaded.beginning(loaded.scene.preview), Channels::RGB);
         let drawn = started.elapsed();
         if args.stats {
             let grown = resident.zip(resident_bytes()).map(|(before, after)| after.saturating_sub(before));
-            entry.stats = Some(stats(&stage.scene, loaded, drawn, grown));
+            entry.stats = Some(stats(&loaded.scene, load_time, drawn, grown));
         }
         if let Some(folder) = &args.pictures {
-            let path = folder.join(format!("{}.png", file_stem(&stage.scene.name)));
+            let path = folder.join(format!("{}.png", file_stem(&loaded.scene.name)));
             write(&path, &colour(&picture)?)?;
             entry.picture = Some(path);
         }
     }
-    Ok((stage, entry))
+    Ok((loaded, entry))
 }
 
 fn entry(scene: &Scene) -> Entry {
@@ -171,7 +171,7 @@ fn tags(objects: &[Object]) -> Vec<Tag> {
     tags
 }
 
-fn stats(scene: &Scene, loaded: Duration, drawn: Duration, memory_bytes: Option<u64>) -> Stats {
+fn stats(scene: &Scene, load_time: Duration, drawn: Duration, memory_bytes: Option<u64>) -> Stats {
     Stats {
         meshes: scene.meshes().count(),
         mesh_kinds: scene.objects.iter().map(|object| object.mesh).collect(),
@@ -179,7 +179,7 @@ fn stats(scene: &Scene, loaded: Duration, drawn: Duration, memory_bytes: Option<
         materials: scene.geometry.materials.len(),
         openings: scene.objects.iter().filter(|object| object.opening).count(),
         actors: scene.actors.len(),
-        load_s: loaded.as_secs_f64(),
+        load_s: load_time.as_secs_f64(),
         first_picture_s: drawn.as_secs_f64(),
         memory_bytes,
     }

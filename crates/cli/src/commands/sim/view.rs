@@ -8,7 +8,7 @@ use spf_web::view::{Beginning, Library, ViewError, Viewer};
 
 use super::{conditions, parse_kind};
 use crate::args::View;
-use crate::commands::{load_stage, parse_pose};
+use crate::commands::{load_scene, parse_pose};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
@@ -29,16 +29,16 @@ pub(super) fn view(args: &View, printer: &Printer) -> Result<Exit, CliError> {
     let viewer = Viewer::bind(address).map_err(|error| {
         CliError::usage("the page cannot be served").because(&error).hint("--listen 127.0.0.1:0 takes a port that is free")
     })?;
-    let stage = Arc::new(load_stage(&args.scene, &conditions)?);
+    let loaded = Arc::new(load_scene(&args.scene, &conditions)?);
     let stopper = viewer.stopper();
     ctrlc::set_handler(move || stopper.stop()).map_err(|error| CliError::internal("cannot listen for Ctrl-C").because(&error))?;
     let address = viewer.address();
     printer.result(&format!("http://{address}/"));
-    printer.say(&format!("Open this address in a browser to fly around in {}; Ctrl-C ends.", stage.scene.name));
+    printer.say(&format!("Open this address in a browser to fly around in {}; Ctrl-C ends.", loaded.scene.name));
     if !address.ip().is_loopback() {
         printer.say("warning: whoever can reach this address can look around too, and use this machine's time for it");
     }
-    let library = Library::new(Scene::built_in().into_iter().map(str::to_owned), &args.scene, conditions, stage);
+    let library = Library::new(Scene::built_in().into_iter().map(str::to_owned), &args.scene, conditions, loaded);
     let beginning = Beginning { scene: args.scene.clone(), conditions, craft, pose };
     viewer.serve(library, beginning).map_err(|error: ViewError| CliError::internal("the page broke off").because(&error))?;
     Ok(Exit::Success)

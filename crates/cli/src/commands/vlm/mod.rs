@@ -9,7 +9,7 @@ use std::sync::Arc;
 use spf_core::camera::Camera;
 use spf_core::prompt::PromptText;
 use spf_core::time::duration_from_secs;
-use spf_flight::sim::{SimWorld, WhoPoints, oracle_points};
+use spf_flight::sim::{SimWorld, VlmFactory, oracle_factory};
 use spf_oracle::ErrorFile;
 use spf_vlm::cassette::{Recording, Replay};
 use spf_vlm::setup::{self, AUTO, SetupError};
@@ -29,7 +29,7 @@ pub(crate) struct Pointing {
     /// The name as it was given.
     pub(crate) name: String,
     /// Makes it.
-    pub(crate) who: WhoPoints,
+    pub(crate) who: VlmFactory,
     /// Whether it is the oracle, whose reading of an instruction is known before the flight.
     pub(crate) is_oracle: bool,
     /// A sentence about it for the person who flies.
@@ -119,7 +119,7 @@ fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
     Ok(Pointing {
         name: name.clone(),
         sentence: format!("{name} points: it reads the simulator's own id and depth pictures, it is no VLM."),
-        who: oracle_points(name, errors),
+        who: oracle_factory(name, errors),
         is_oracle: true,
     })
 }

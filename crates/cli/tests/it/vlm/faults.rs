@@ -10,7 +10,7 @@ use spf_core::pilot::{Action, Note, Outcome, Pilot};
 use spf_core::time::Time;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::run::Observer;
-use spf_flight::sim::WhoPoints;
+use spf_flight::sim::VlmFactory;
 use spf_flight::summary::Summary;
 use spf_vlm::table::Table;
 use spf_vlm::{Strategy, setup};
@@ -79,7 +79,7 @@ fn flown(
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let key = |variable: &str| Vendor::ALL.iter().any(|vendor| vendor.key() == variable).then(|| KEY.to_owned());
     let remote = setup::remote(&Table::shipped(), &names, &key, strategy).unwrap();
-    let who: WhoPoints = Arc::new(move |_, _| Ok(Box::new(remote.clone())));
+    let who: VlmFactory = Arc::new(move |_, _| Ok(Box::new(remote.clone())));
     let mut plan = plan(who, false);
     plan.settings.reply_timeout = Duration::from_millis(1500);
     change(&mut plan);

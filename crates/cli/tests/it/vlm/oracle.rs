@@ -9,7 +9,7 @@ use spf_core::query::QueryKind;
 use spf_core::reply::parse_reply;
 use spf_core::time::Duration;
 use spf_flight::flight::{FlightPlan, Site, fly};
-use spf_flight::sim::{OracleVlm, SimWorld, Simulated, Stage, WhoPoints, oracle_points};
+use spf_flight::sim::{LoadedScene, OracleVlm, SimWorld, Simulated, VlmFactory, oracle_factory};
 use spf_flight::summary::Summary;
 use spf_oracle::ErrorFile;
 use spf_vlm::table::Table;
@@ -51,13 +51,13 @@ impl Vlm for Behind {
     }
 }
 
-fn stage() -> Arc<Stage> {
-    static CITY: std::sync::OnceLock<Arc<Stage>> = std::sync::OnceLock::new();
-    CITY.get_or_init(|| Arc::new(Stage::load("city").unwrap())).clone()
+fn loaded() -> Arc<LoadedScene> {
+    static CITY: std::sync::OnceLock<Arc<LoadedScene>> = std::sync::OnceLock::new();
+    CITY.get_or_init(|| Arc::new(LoadedScene::load("city").unwrap())).clone()
 }
 
-pub(super) fn plan(who: WhoPoints, avoid: bool) -> FlightPlan {
-    let site = Simulated { kind: CraftKind::Quad, seed: 2, ..Simulated::new(stage(), "city") };
+pub(super) fn plan(who: VlmFactory, avoid: bool) -> FlightPlan {
+    let site = Simulated { kind: CraftKind::Quad, seed: 2, ..Simulated::new(loaded(), "city") };
     let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "", who);
     FlightPlan { settings: PilotSettings { avoid, ..plan.settings }, ..plan }
 }
@@ -70,7 +70,7 @@ pub(super) fn flown_over(vendor: Vendor, model: Option<&str>, long_side: Option<
     let name = format!("{}{}@{}", vendor.name(), model.map_or(String::new(), |id| format!("#{id}")), server.url());
     let key = |variable: &str| (variable == vendor.key()).then(|| KEY.to_owned());
     let remote = setup::remote(&Table::shipped(), &[&name], &key, Strategy { long_side, ..Strategy::default() }).unwrap();
-    let who: WhoPoints = Arc::new(move |world: Option<&SimWorld>, seed| {
+    let who: VlmFactory = Arc::new(move |world: Option<&SimWorld>, seed| {
         let world = world.unwrap();
         let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect")?, seed);
         let camera = (world.camera().width, world.camera().height);
@@ -86,7 +86,7 @@ pub(super) fn flown_over(vendor: Vendor, model: Option<&str>, long_side: Option<
 
 #[test]
 fn every_vendors_wire_carries_a_whole_flight() {
-    let perfect = oracle_points("oracle".to_owned(), ErrorFile::named("perfect").unwrap());
+    let perfect = oracle_factory("oracle".to_owned(), ErrorFile::named("perfect").unwrap());
     let own = fly(plan(perfect, false), &mut []).unwrap().summary;
     assert_eq!(own.outcome, Outcome::Reached);
     for vendor in Vendor::ALL {

@@ -21,7 +21,7 @@ use super::raw::RawScene;
 use super::raw::vary::{RawRepaint, RawVary, RawVaryLight};
 use super::source::Source;
 use crate::error::{SceneError, nearest};
-use crate::light::Conditions;
+use crate::light::SceneLook;
 
 /// Most tables of a kind.
 const MAX_TABLES: usize = 64;
@@ -30,7 +30,7 @@ const MAX_TABLES: usize = 64;
 pub(super) fn vary(
     raw: &mut RawScene,
     expanded: &mut Expanded,
-    conditions: &mut Conditions,
+    conditions: &mut SceneLook,
     seed: u64,
     source: &Source<'_>,
 ) -> Result<(), SceneError> {
@@ -112,7 +112,7 @@ fn repaint(
 fn relight(
     table: &RawVaryLight,
     raw: &mut RawScene,
-    conditions: &mut Conditions,
+    conditions: &mut SceneLook,
     seed: u64,
     source: &Source<'_>,
 ) -> Result<(), SceneError> {

@@ -8,12 +8,12 @@ use std::sync::atomic::Ordering;
 use spf_core::craft::CraftKind;
 use spf_flight::dataset::record::{FORMAT, Head, Row, SceneHead};
 use spf_flight::dataset::{Generator, Kind, Recipe};
-use spf_flight::sim::Stage;
+use spf_flight::sim::LoadedScene;
 
 use super::{conditions, parse_effects, parse_kind, parse_size};
 use crate::args::Dataset;
 use crate::commands::fly::interrupts;
-use crate::commands::load_stage;
+use crate::commands::load_scene;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
@@ -33,18 +33,18 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     }
     let conditions = conditions(&args.conditions)?;
     let names: Vec<&str> = args.scene.split(',').map(str::trim).collect();
-    let stages = names.iter().map(|name| load_stage(name, &conditions)).collect::<Result<Vec<Stage>, _>>()?;
-    let kind = kind.unwrap_or_else(|| stages.first().map_or(CraftKind::Quad, |stage| stage.scene.default_craft));
+    let loaded_scenes = names.iter().map(|name| load_scene(name, &conditions)).collect::<Result<Vec<LoadedScene>, _>>()?;
+    let kind = kind.unwrap_or_else(|| loaded_scenes.first().map_or(CraftKind::Quad, |loaded| loaded.scene.default_craft));
     let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
     let recipe = Recipe { seed: args.seed, camera, effects, absent, look_alikes, min_pixels: args.min_pixels };
-    let mut generators: Vec<Generator<'_>> = stages.iter().map(|stage| Generator::new(stage, recipe.clone())).collect();
+    let mut generators: Vec<Generator<'_>> = loaded_scenes.iter().map(|loaded| Generator::new(loaded, recipe.clone())).collect();
     for (name, generator) in names.iter().zip(&generators) {
         check_scene(name, generator, &recipe)?;
     }
-    let head = head(args, &names, &stages, kind, &recipe, &generators);
+    let head = head(args, &names, &loaded_scenes, kind, &recipe, &generators);
     let mut folder = Folder::open(&args.output, &head, args.resume, args.overwrite)?;
-    for (scene, stage) in head.scenes.iter().zip(&stages) {
-        folder.write(&scene.legend, format!("{:#}\n", stage.scene.legend_json()).as_bytes())?;
+    for (scene, loaded) in head.scenes.iter().zip(&loaded_scenes) {
+        folder.write(&scene.legend, format!("{:#}\n", loaded.scene.legend_json()).as_bytes())?;
     }
     let interrupts = interrupts()?;
     let first = folder.examples();
@@ -76,23 +76,23 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
 fn head(
     args: &Dataset,
     names: &[&str],
-    stages: &[Stage],
+    loaded_scenes: &[LoadedScene],
     kind: CraftKind,
     recipe: &Recipe,
     generators: &[Generator<'_>],
 ) -> Head {
-    let scene = |(index, (name, stage)): (usize, (&&str, &Stage))| SceneHead {
+    let scene = |(index, (name, loaded)): (usize, (&&str, &LoadedScene))| SceneHead {
         name: (*name).to_owned(),
         legend: format!("legends/{index}.json"),
-        light: stage.scene.lighting.name().to_owned(),
-        weather: stage.scene.weather.name().to_owned(),
-        near_m: stage.scene.near,
+        light: loaded.scene.lighting.name().to_owned(),
+        weather: loaded.scene.weather.name().to_owned(),
+        near_m: loaded.scene.near,
     };
     Head {
         format: FORMAT,
         seed: recipe.seed,
         examples: args.count,
-        scenes: names.iter().zip(stages).enumerate().map(scene).collect(),
+        scenes: names.iter().zip(loaded_scenes).enumerate().map(scene).collect(),
         drone_model: kind.name().to_owned(),
         camera: generators.first().map_or(recipe.camera, |generator| *generator.camera()),
         camera_effects: recipe.effects.to_string(),

@@ -4,7 +4,7 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 
 use spf_core::fault::FaultPlan;
-use spf_flight::sim::Circumstances;
+use spf_flight::sim::FlightConditions;
 use spf_serve::tello::{FaultSource, Firmware, ServerError, TelloPlan, TelloService, VideoQuality};
 use spf_serve::truth::{Heard, truth_file};
 use spf_serve::vlm::OnboardCamera;
@@ -12,7 +12,7 @@ use spf_sim::wind::WindError;
 
 use crate::args::Serve;
 use crate::commands::sim::{conditions, parse_effects};
-use crate::commands::{load_stage, parse_pose};
+use crate::commands::{load_scene, parse_pose};
 use crate::error::CliError;
 use crate::printer::Printer;
 
@@ -27,7 +27,7 @@ pub(super) fn start(
     printer: &Printer,
 ) -> Result<TelloService, CliError> {
     let plan = TelloPlan { onboard, instruction, ..plan(args)? };
-    let (listen, scene) = (plan.listen, plan.stage.scene.name.clone());
+    let (listen, scene) = (plan.listen, plan.loaded.scene.name.clone());
     let service = TelloService::start(plan).map_err(|error| refused(&error, listen))?;
     let address = service.address();
     printer.result(&format!("tello@{address}"));
@@ -61,22 +61,22 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
             .hint("auto draws as finely as this machine has time for")
     })?;
     let pose = args.start.as_deref().map(|text| parse_pose(text).map_err(|expected| wrong("--start", text, &expected)));
-    let mut circumstances = Circumstances { battery: args.battery, ..Circumstances::default() };
+    let mut flight_conditions = FlightConditions { battery: args.battery, ..FlightConditions::default() };
     if !(0.0..=1.0).contains(&args.battery) {
         return Err(wrong("--battery", &args.battery.to_string(), "a charge from 0 to 1"));
     }
     if let Some(wind) = &args.wind {
-        circumstances.wind = wind.parse().map_err(|error: WindError| wrong("--wind", wind, "a wind").because(&error))?;
+        flight_conditions.wind = wind.parse().map_err(|error: WindError| wrong("--wind", wind, "a wind").because(&error))?;
     }
     if let Some(effects) = &args.camera_effects {
-        circumstances.effects = parse_effects(effects)?;
+        flight_conditions.effects = parse_effects(effects)?;
     }
     let truth = args.truth.as_deref().map(|path| {
         truth_file(path).map_err(|error| CliError::usage(format!("cannot write `{}`", path.display())).because(&error))
     });
     Ok(TelloPlan {
         start: pose.transpose()?,
-        circumstances,
+        flight_conditions,
         seed: args.seed,
         listen,
         firmware,
@@ -85,7 +85,7 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
         instruction: Heard::default(),
         onboard: None,
         truth: truth.transpose()?,
-        stage: Arc::new(load_stage(args.scene.as_deref().unwrap_or("office"), &conditions(&args.conditions)?)?),
+        loaded: Arc::new(load_scene(args.scene.as_deref().unwrap_or("office"), &conditions(&args.conditions)?)?),
     })
 }
 

@@ -3,14 +3,14 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use spf_flight::sim::{Circumstances, OracleVlm, SimWorld};
+use spf_flight::sim::{FlightConditions, OracleVlm, SimWorld};
 use spf_serve::truth::Heard;
 use spf_serve::vlm::{AnswerForm, Camera, Endpoint, Instruction, Lens, Memory, Mind, OnboardCamera, Serving};
 
 use crate::args::Serve;
 use crate::commands::sim::{above_start, conditions, parse_effects, parse_kind};
 use crate::commands::vlm::oracle_named;
-use crate::commands::{load_stage, parse_pose};
+use crate::commands::{load_scene, parse_pose};
 use crate::error::CliError;
 use crate::printer::Printer;
 
@@ -65,15 +65,15 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
     let (scene, lens, mind): (String, Arc<dyn Lens>, Mind) = match flown {
         Some(Flown { world, onboard, heard }) => {
             let mind = mind(&world, onboard.memory().clone()).telling(heard);
-            (world.stage().scene.name.clone(), onboard, mind)
+            (world.loaded().scene.name.clone(), onboard, mind)
         }
         None => {
-            let stage = Arc::new(load_stage(args.scene.as_deref().unwrap_or("city"), &conditions)?);
-            let kind = kind.unwrap_or(stage.scene.default_craft);
-            let start = pose.unwrap_or_else(|| above_start(stage.scene.start, kind));
-            let circumstances = Circumstances { effects, ..Circumstances::default() };
-            let world = SimWorld::under(&circumstances, stage, kind, start, args.seed);
-            let (memory, scene) = (Arc::new(Memory::default()), world.stage().scene.name.clone());
+            let loaded = Arc::new(load_scene(args.scene.as_deref().unwrap_or("city"), &conditions)?);
+            let kind = kind.unwrap_or(loaded.scene.default_craft);
+            let start = pose.unwrap_or_else(|| above_start(loaded.scene.start, kind));
+            let flight_conditions = FlightConditions { effects, ..FlightConditions::default() };
+            let world = SimWorld::under(&flight_conditions, loaded, kind, start, args.seed);
+            let (memory, scene) = (Arc::new(Memory::default()), world.loaded().scene.name.clone());
             let mind = mind(&world, memory.clone());
             (scene, Arc::new(Camera::new(world, args.seed, start, memory)), mind)
         }

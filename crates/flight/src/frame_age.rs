@@ -1,4 +1,4 @@
-//! Glass to decision: how old what is decided on is when it is decided.
+//! FrameAge to decision: how old what is decided on is when it is decided.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,11 +16,11 @@ pub struct GlassToDecision {
     pub worst_s: f64,
 }
 
-/// Counts it.
+/// Collects the frame age at each decision, seconds.
 #[derive(Default)]
-pub(crate) struct Glass(Vec<f64>);
+pub(crate) struct FrameAge(Vec<f64>);
 
-impl Glass {
+impl FrameAge {
     /// None without a decision.
     pub(crate) fn latency(&self) -> Option<GlassToDecision> {
         let mut ages = self.0.clone();
@@ -29,7 +29,7 @@ impl Glass {
     }
 }
 
-impl Observer for Glass {
+impl Observer for FrameAge {
     fn action(&mut self, _now: Time, action: &Action, _pilot: &Pilot) {
         if let Action::Note(Note::Decision(decision)) = action {
             self.0.push(decision.frame_age_s);
@@ -43,8 +43,8 @@ mod tests {
 
     #[test]
     fn the_median_and_the_worst_of_what_was_counted() {
-        assert_eq!(Glass::default().latency(), None);
-        let glass = Glass(vec![2.0, 9.0, 1.5, 3.0, 1.0]);
-        assert_eq!(glass.latency(), Some(GlassToDecision { median_s: 2.0, worst_s: 9.0 }));
+        assert_eq!(FrameAge::default().latency(), None);
+        let frame_age = FrameAge(vec![2.0, 9.0, 1.5, 3.0, 1.0]);
+        assert_eq!(frame_age.latency(), Some(GlassToDecision { median_s: 2.0, worst_s: 9.0 }));
     }
 }

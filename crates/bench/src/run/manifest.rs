@@ -26,7 +26,7 @@ pub fn shell_word(word: &str) -> String {
 
 /// How results were made.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Made {
+pub struct RunManifest {
     /// The command that makes the same rows, without folder, share and number of jobs.
     pub command: String,
     /// Tasks that do not come with the program: id and file, as it was named.
@@ -38,7 +38,7 @@ pub struct Made {
     pub ended: Option<String>,
 }
 
-impl Made {
+impl RunManifest {
     /// That of a folder; none where there is none.
     ///
     /// # Errors
@@ -102,9 +102,14 @@ mod tests {
 
     #[test]
     fn shares_make_a_whole_from_the_first_day_to_the_last() {
-        let share = |began: &str, ended: &str| Made { began: began.to_owned(), ended: Some(ended.to_owned()), ..Made::default() };
-        let whole = Made::joined([share("2026-01-02", "2026-01-04"), share("2026-01-01", "2026-01-03")].into_iter()).unwrap();
+        let share = |began: &str, ended: &str| RunManifest {
+            began: began.to_owned(),
+            ended: Some(ended.to_owned()),
+            ..RunManifest::default()
+        };
+        let whole =
+            RunManifest::joined([share("2026-01-02", "2026-01-04"), share("2026-01-01", "2026-01-03")].into_iter()).unwrap();
         assert_eq!((whole.began.as_str(), whole.ended.as_deref()), ("2026-01-01", Some("2026-01-04")));
-        assert_eq!(Made::joined(std::iter::empty()), None);
+        assert_eq!(RunManifest::joined(std::iter::empty()), None);
     }
 }

@@ -1,4 +1,4 @@
-//! What can be seen of a flight by whoever records it: a real camera's frames, or a whole simulated world, truth included.
+//! What a recorder can observe of a flight: a real camera's frames, or a simulated world with its ground truth.
 
 use std::sync::Arc;
 
@@ -11,11 +11,11 @@ use spf_drone::frames::{Frames, Photo};
 use spf_record::log::foxglove::Prism;
 use spf_record::trajectory::Outline;
 
-/// A frame older than this is no picture of now.
+/// Frames older than this are stale.
 const OLD: Duration = Duration::from_secs(2);
 
-/// What a recorder sees. Truth is there only where somebody knows it.
-pub(crate) trait Witness: Send + Sync {
+/// Frames for a recorder, and ground truth where a simulator provides it.
+pub(crate) trait FrameSource: Send + Sync {
     /// The camera.
     fn camera(&self) -> &Camera;
 
@@ -45,20 +45,20 @@ pub(crate) trait Witness: Send + Sync {
     }
 }
 
-/// Who sees what a craft's camera shows, and nothing else.
-pub(crate) struct CameraWitness {
+/// A craft's camera frames, without ground truth.
+pub(crate) struct CameraFrameSource {
     camera: Camera,
     frames: Arc<dyn Frames>,
 }
 
-impl CameraWitness {
-    /// One who looks through this craft's camera.
+impl CameraFrameSource {
+    /// Frames of this drone's camera.
     pub(crate) fn new(drone: &dyn Drone) -> Self {
         Self { camera: drone.capabilities().camera, frames: drone.frames() }
     }
 }
 
-impl Witness for CameraWitness {
+impl FrameSource for CameraFrameSource {
     fn camera(&self) -> &Camera {
         &self.camera
     }

@@ -14,11 +14,11 @@ use spf_render::{Channels, Frustum, Picture, Renderer};
 use spf_scene::actors::{ActorPlace, Cast, Traffic};
 use spf_scene::collide::{Collider, ColliderError};
 use spf_scene::geometry::ObjectId;
-use spf_scene::{Aabb, Conditions, Object, Scene, SceneError};
+use spf_scene::{Aabb, Object, Scene, SceneError, SceneLook};
 use spf_sim::model::Model;
 
 /// Scene, renderer, collider, actors and tags.
-pub struct Stage {
+pub struct LoadedScene {
     /// The scene.
     pub scene: Scene,
     /// Draws it.
@@ -42,14 +42,14 @@ pub(super) struct Eyes {
 
 /// What there is to see at an instant: where the camera is, and where the actors are.
 #[derive(Clone, Debug)]
-pub struct Moment {
+pub struct WorldSnapshot {
     /// The camera's true pose.
     pub pose: Pose,
     /// The actors' places, in the order of the cast.
     pub actors: Vec<ActorPlace>,
 }
 
-impl Posed for Moment {
+impl Posed for WorldSnapshot {
     fn pose(&self) -> &Pose {
         &self.pose
     }
@@ -58,7 +58,7 @@ impl Posed for Moment {
 /// Why a scene cannot be flown in.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum StageError {
+pub enum SceneLoadError {
     /// The scene file.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -67,20 +67,20 @@ pub enum StageError {
     Collider(#[from] ColliderError),
 }
 
-impl Stage {
+impl LoadedScene {
     /// Loads a built-in scene by name, or a scene file by path.
     ///
     /// # Errors
-    /// [`StageError`] when there is no such scene or it is not sound.
-    pub fn load(scene: &str) -> Result<Self, StageError> {
-        Self::load_with(scene, &Conditions::default())
+    /// [`SceneLoadError`] when there is no such scene or it is not sound.
+    pub fn load(scene: &str) -> Result<Self, SceneLoadError> {
+        Self::load_with(scene, &SceneLook::default())
     }
 
     /// The same under other light and weather than the file's own.
     ///
     /// # Errors
-    /// As [`Stage::load`].
-    pub fn load_with(scene: &str, conditions: &Conditions) -> Result<Self, StageError> {
+    /// As [`LoadedScene::load`].
+    pub fn load_with(scene: &str, conditions: &SceneLook) -> Result<Self, SceneLoadError> {
         let mut scene = Scene::load_with(scene, conditions)?;
         let collider = Arc::new(Collider::new(&scene.geometry)?);
         let renderer = Renderer::new(&scene.geometry);
@@ -109,7 +109,7 @@ impl Stage {
         self.tags.iter().find(|tags| tags.id == id).map_or_else(|| id.to_string(), |tags| tags.key.clone())
     }
 
-    /// Eyes to look through; they come back by [`Stage::give_back`].
+    /// Eyes to look through; they come back by [`LoadedScene::give_back`].
     pub(super) fn eyes(&self) -> Eyes {
         self.eyes.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
@@ -121,31 +121,31 @@ impl Stage {
 
     /// What there is to see from a pose at a time of the flight with that seed.
     #[must_use]
-    pub fn moment(&self, pose: Pose, seed: u64, at: Time) -> Moment {
+    pub fn snapshot(&self, pose: Pose, seed: u64, at: Time) -> WorldSnapshot {
         let mut traffic = Traffic::new(self.cast.clone(), seed);
         traffic.advance_to(at);
-        Moment { pose, actors: traffic.places_at(at).unwrap_or_default() }
+        WorldSnapshot { pose, actors: traffic.places_at(at).unwrap_or_default() }
     }
 
     /// What there is to see from a pose when a flight begins.
     #[must_use]
-    pub fn beginning(&self, pose: Pose) -> Moment {
-        Moment { pose, actors: self.cast.starts() }
+    pub fn beginning(&self, pose: Pose) -> WorldSnapshot {
+        WorldSnapshot { pose, actors: self.cast.starts() }
     }
 
     /// A picture of a moment.
     #[must_use]
-    pub fn render(&self, camera: &Camera, moment: &Moment, channels: Channels) -> Picture {
+    pub fn render(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels) -> Picture {
         let mut picture = Picture::default();
-        self.render_into(camera, moment, channels, &mut picture);
+        self.render_into(camera, snapshot, channels, &mut picture);
         picture
     }
 
     /// Draws a moment into the buffers of a picture.
-    pub fn render_into(&self, camera: &Camera, moment: &Moment, channels: Channels, picture: &mut Picture) {
-        let frustum = Frustum::new(camera, &moment.pose);
-        let actors = self.cast.parts(&moment.actors, |centre, radius| frustum.sees(centre, radius));
-        self.renderer.render_into(camera, &moment.pose, channels, &actors, picture);
+    pub fn render_into(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels, picture: &mut Picture) {
+        let frustum = Frustum::new(camera, &snapshot.pose);
+        let actors = self.cast.parts(&snapshot.actors, |centre, radius| frustum.sees(centre, radius));
+        self.renderer.render_into(camera, &snapshot.pose, channels, &actors, picture);
     }
 
     /// Extent of an object when the actors are at these places.
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn under_a_ceiling_the_envelope_ends_lower() {
-        let (city, office) = (Stage::load("city").unwrap(), Stage::load("office").unwrap());
+        let (city, office) = (LoadedScene::load("city").unwrap(), LoadedScene::load("office").unwrap());
         assert_eq!(city.limits(CraftKind::Quad), Limits::for_craft(&Model::of(CraftKind::Quad).craft));
         let limits = office.limits(CraftKind::Tello);
         assert_eq!(limits.check(), Ok(()));

@@ -11,12 +11,12 @@ use spf_record::trajectory::Outline;
 use super::frames::photo;
 use super::outline;
 use super::world::SimWorld;
-use crate::witness::Witness;
+use crate::frame_source::FrameSource;
 
 /// Sees all of a world.
-pub(super) struct SimWitness(pub(super) SimWorld);
+pub(super) struct SimFrameSource(pub(super) SimWorld);
 
-impl Witness for SimWitness {
+impl FrameSource for SimFrameSource {
     fn camera(&self) -> &Camera {
         self.0.camera()
     }
@@ -34,12 +34,12 @@ impl Witness for SimWitness {
     }
 
     fn prisms(&self) -> Vec<Prism> {
-        outline::prisms(self.0.stage())
+        outline::prisms(self.0.loaded())
     }
 
     fn map(&self, target: Option<&str>) -> (Vec<Outline>, Option<EnuPosition>) {
-        let (stage, actors) = (self.0.stage(), self.0.now().actors);
-        let centre = target.and_then(|key| outline::centre(stage, &actors, key));
-        (outline::outlines(stage, &actors), centre)
+        let (loaded, actors) = (self.0.loaded(), self.0.now().actors);
+        let centre = target.and_then(|key| outline::centre(loaded, &actors, key));
+        (outline::outlines(loaded, &actors), centre)
     }
 }
