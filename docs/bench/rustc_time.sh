@@ -1,5 +1,6 @@
 #!/bin/bash
-# CPU time of each crate's compiler, for docs/performance.md: seconds in user mode, in the kernel, and by the clock; crate; kind.
+# CPU time of each crate's compiler, for docs/reference/performance.md:
+# seconds in user mode, in the kernel, and by the clock; crate; kind.
 # RUSTC_WRAPPER=$PWD/docs/bench/rustc_time.sh RUSTC_TIMES=/tmp/times cargo build --release; sort -rn /tmp/times
 exec 3>&2
 name='' kind='' before=''

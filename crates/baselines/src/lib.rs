@@ -1,4 +1,4 @@
-//! Other people's methods of flying by language, which See, Point, Fly is compared with (docs/baselines.md).
+//! Other people's methods of flying by language, which See, Point, Fly is compared with (docs/explanation/baselines.md).
 //!
 //! Each is a [`Policy`](spf_core::policy::Policy) like the method itself: a state machine that is told of frames and answers, so
 //! that pilot, executor, envelope and judge are the same for all. [`Pivot`](pivot::Pivot) chooses among arrows drawn on the

@@ -1,5 +1,5 @@
 //! The plain-text baseline: the VLM answers with actions in words and numbers, without image coordinates
-//! (paper §4.3, "plain VLM"; its format was never released, ours, in three forms, is described in docs/reply.md).
+//! (paper §4.3, "plain VLM"; its format was never released, ours, in three forms, is described in docs/reference/reply.md).
 
 use std::collections::VecDeque;
 use std::sync::Arc;

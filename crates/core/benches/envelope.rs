@@ -1,4 +1,4 @@
-//! What the envelope costs a control tick (`docs/performance.md`).
+//! What the envelope costs a control tick (`docs/reference/performance.md`).
 
 use divan::{Bencher, black_box};
 use spf_core::command::Setpoint;

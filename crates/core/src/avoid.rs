@@ -1,4 +1,5 @@
-//! Obstacle mode: the corridor of a planned step against the obstacles of the same reply (paper §3.1; `docs/method.md`).
+//! Obstacle mode: the corridor of a planned step against the obstacles of the same reply (paper §3.1;
+//! `docs/explanation/method.md`).
 //!
 //! The paper leaves it to the model to point clear of the boxes that it reports. Models do not always, so the geometry is
 //! checked: a box and its depth label are taken for a solid that begins at the near edge of the label's interval of range

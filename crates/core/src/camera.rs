@@ -69,7 +69,7 @@ impl Camera {
         Self::from_fov(960, 720, 90.0_f64.to_radians(), 73.7_f64.to_radians(), 5.0_f64.to_radians())
     }
 
-    /// A Tello's video at 960×720: fx = fy = 915, cx 458, cy 350, tilt 5° (calibrations collected in docs/method.md).
+    /// A Tello's video at 960×720: fx = fy = 915, cx 458, cy 350, tilt 5° (calibrations collected in docs/explanation/method.md).
     #[must_use]
     pub fn tello() -> Self {
         Self {

@@ -31,7 +31,7 @@ pub struct Craft {
 }
 
 impl Craft {
-    /// The simulator's general quadrotor (`docs/dynamics.md`): 3 m/s, 4 m/s², lag 0.3 s, dead time 0.1 s.
+    /// The simulator's general quadrotor (`docs/reference/dynamics.md`): 3 m/s, 4 m/s², lag 0.3 s, dead time 0.1 s.
     #[must_use]
     pub fn quad() -> Self {
         Self {
@@ -70,7 +70,7 @@ impl Craft {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CraftKind {
-    /// A general quadrotor with GPS-like position (`docs/dynamics.md`).
+    /// A general quadrotor with GPS-like position (`docs/reference/dynamics.md`).
     #[default]
     Quad,
     /// A DJI/Ryze Tello.

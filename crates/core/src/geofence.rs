@@ -1,4 +1,4 @@
-//! Geofences: where a craft may fly, as polygons on the map with an altitude band (`docs/safety.md`).
+//! Geofences: where a craft may fly, as polygons on the map with an altitude band (`docs/explanation/safety.md`).
 //!
 //! A geofence is GeoJSON (RFC 7946) with one deviation: coordinates are **metres east and north** of the origin of the craft's
 //! position (the take-off point of a craft that tells none), not longitude and latitude. Each polygon may have holes, which

@@ -26,7 +26,7 @@ pub struct CameraDisplacement {
 pub enum Lifting {
     /// Neither the mount's tilt nor the craft's attitude: camera axes are taken for body axes, as the paper does.
     Paper,
-    /// Tilt, then roll, then pitch, into the level frame that turns with the heading (`docs/method.md`).
+    /// Tilt, then roll, then pitch, into the level frame that turns with the heading (`docs/explanation/method.md`).
     #[default]
     Levelled,
 }
@@ -144,7 +144,7 @@ fn turn(up: f64, other: f64, angle: f64) -> (f64, f64) {
 }
 
 /// Metres of range that a depth label stands for, as the prompt tells the model: `10^((label − 1) / 4.5)`, so 1 at 1 m and 10
-/// at 100 m (`docs/method.md`). Half labels are meaningful, so the label is a number.
+/// at 100 m (`docs/explanation/method.md`). Half labels are meaningful, so the label is a number.
 #[must_use]
 pub fn range_of_label(label: f64) -> f64 {
     libm::pow(10.0, (label - 1.0) / 4.5)

@@ -157,7 +157,7 @@ pub enum Look {
     Behind,
 }
 
-/// What the pilot remembers and tells the VLM with each query (`docs/method.md`).
+/// What the pilot remembers and tells the VLM with each query (`docs/explanation/method.md`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Memory {
     /// Stage reached so far of an instruction of several stages, counting from 1; as the last reply said.

@@ -1,4 +1,4 @@
-//! Object detectors: YOLO models in ONNX that the user gives (docs/detector.md).
+//! Object detectors: YOLO models in ONNX that the user gives (docs/guide/detector.md).
 //!
 //! A [`Detector`] takes a picture and lists what it found in it. Around the network, which runs only with the feature `onnx`,
 //! lie the parts that are the same for all of these models: the [`letterbox`], which makes the network's input of a picture, and

@@ -1,4 +1,4 @@
-//! What was decided in a flight, from its log: `flight.mcap`, whose topics docs/flight-log.md has.
+//! What was decided in a flight, from its log: `flight.mcap`, whose topics docs/reference/flight-log.md has.
 //!
 //! `cargo run -p spf-flight --example read_log [flight.mcap]`; without a log a short flight makes one.
 

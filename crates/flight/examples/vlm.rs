@@ -18,7 +18,7 @@ struct Lightest(u32);
 
 impl Lightest {
     /// Here stands the call of a model: `asked.query.prompt` is what it is told, `picture` what it is shown, `asked.time_left` how long
-    /// it may take. Its words are read by the parser that reads everybody's (docs/reply.md).
+    /// it may take. Its words are read by the parser that reads everybody's (docs/reference/reply.md).
     fn ask(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Result<String, VlmError> {
         self.0 += 1;
         if self.0 > 3 || asked.query.memory.confirming {

@@ -68,7 +68,7 @@ pub fn detector(model: &Detector) -> Check {
     let (width, height) = model.input();
     let found = format!("{} knows {} classes, {width}×{height} pixels", model.name(), model.classes().len());
     match seen {
-        Err(error) => Check::new("detector", Finding::Bad, error.to_string(), Some("take another model: docs/detector.md")),
+        Err(error) => Check::new("detector", Finding::Bad, error.to_string(), Some("take another model: docs/guide/detector.md")),
         Ok(_) => {
             let finding = if took > SLOW_DETECTOR { Finding::Warning } else { Finding::Good };
             let advice = "every decision waits so long before the VLM is asked: take a smaller model or input";

@@ -17,7 +17,7 @@ use crate::methods::{Family, MethodRow, rows};
 use crate::pilot::{PolicyMaker, PolicyParts};
 
 /// Metres that PIVOT flies at a time where the settings name no fixed step: the median of SPF's in rooms and yards, for the craft
-/// may be in one (docs/baselines.md).
+/// may be in one (docs/explanation/baselines.md).
 const PIVOT_STEP: f64 = 1.9;
 
 /// Which policy decides: a row of the table of methods that `spf fly` may name.

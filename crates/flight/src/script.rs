@@ -1,4 +1,4 @@
-//! Operator events from a file, so that every operator path runs in virtual time (docs/flight-files.md).
+//! Operator events from a file, so that every operator path runs in virtual time (docs/reference/flight-files.md).
 
 use serde::Deserialize;
 use spf_core::command::Setpoint;

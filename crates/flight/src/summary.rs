@@ -1,4 +1,4 @@
-//! `summary.json`: one flight in one object (docs/flight-files.md).
+//! `summary.json`: one flight in one object (docs/reference/flight-files.md).
 
 use crate::frame_age::GlassToDecision;
 use crate::ledger::VlmUse;

@@ -1,4 +1,5 @@
-//! Obstacle mode: which objects stand in the way, and the nearest point clear of the boxes reported (`docs/oracle.md`).
+//! Obstacle mode: which objects stand in the way, and the nearest point clear of the boxes reported
+//! (`docs/explanation/oracle.md`).
 
 use spf_core::detection::parse_detections;
 use spf_core::query::{ImageBox, ImagePoint};

@@ -1,4 +1,4 @@
-//! Error files: how far the oracle's answers stray from the truth (`docs/oracle.md`, "Error files").
+//! Error files: how far the oracle's answers stray from the truth (`docs/explanation/oracle.md`, "Error files").
 //!
 //! A file is TOML; every key must be present, so that what a run was made with can be read from the file alone.
 

@@ -15,7 +15,7 @@ use super::language::{Phrase, Verb, parse};
 use super::percept::{Percept, Thing};
 use super::stages::{Aim, clause_of};
 
-/// Farther than this share of the width from the percept's point, no candidate is chosen (`docs/oracle.md`).
+/// Farther than this share of the width from the percept's point, no candidate is chosen (`docs/explanation/oracle.md`).
 const CHOOSE_WITHIN: f64 = 0.15;
 
 /// The numbered mark nearest to the percept's point: `{"points":[n]}`, empty where none is near.

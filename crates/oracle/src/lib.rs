@@ -1,4 +1,4 @@
-//! The oracle: a stand-in for a VLM (`docs/oracle.md`).
+//! The oracle: a stand-in for a VLM (`docs/explanation/oracle.md`).
 //!
 //! It is a pure function of the query, the id and depth pictures, the tags of visible objects, the scene's `near`, the error
 //! file, the seed and the frame number. It has no state, no pose, no task and no access to the judge; an object without a

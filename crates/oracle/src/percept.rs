@@ -1,4 +1,4 @@
-//! One percept a frame: what the oracle noticed in the picture, drawn by frame number (`docs/oracle.md`).
+//! One percept a frame: what the oracle noticed in the picture, drawn by frame number (`docs/explanation/oracle.md`).
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use spf_core::tags::Tagged;
 use super::errors::ErrorFile;
 use super::masks::{Mask, end_of_run, masks};
 
-/// Size at which the visible pixels of an object are counted unless the query names another (`docs/oracle.md`).
+/// Size at which the visible pixels of an object are counted unless the query names another (`docs/explanation/oracle.md`).
 pub const SIZE_SENT: (u32, u32) = (960, 720);
 
 /// The pictures of one frame, and the two things that pixels alone do not tell.
@@ -196,7 +196,8 @@ fn thing(
         range: if range.is_finite() { range } else { f64::INFINITY },
         nearest: (nearest * slip).min(range),
         beyond: if past > 0.0 && past.is_finite() { past * stretch(sight.camera, deepest) } else { f64::INFINITY },
-        // `docs/oracle.md`, "In view": at least 0.8 % of the frame high and a quarter inside it, or filling a tenth of it.
+        // `docs/explanation/oracle.md`, "In view": at least 0.8 % of the frame high and a quarter inside it, or filling a
+        // tenth of it.
         in_view: (bounds.bottom - bounds.top >= 0.008 && share >= 0.25) || area >= 0.1 * w * h,
         cut: mask.cut(sight.width, sight.height),
         size: sqrt(area * sent / (w * h)) * light,

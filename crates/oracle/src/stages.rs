@@ -1,4 +1,5 @@
-//! From verb to stages to where to point: the table of docs/oracle.md, advanced from percepts and the query's history alone.
+//! From verb to stages to where to point: the table of docs/explanation/oracle.md, advanced from percepts and the query's history
+//! alone.
 
 use spf_core::query::{ImageBox, ImagePoint, Query};
 use spf_core::reply::Look;

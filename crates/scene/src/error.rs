@@ -64,7 +64,8 @@ impl SceneError {
     }
 
     pub(crate) fn no_variants(file: &str, line: usize) -> Self {
-        let hint = "leave out `@` and the number, or say under `[vary]` what may change (docs/scene-format.md)".to_owned();
+        let hint =
+            "leave out `@` and the number, or say under `[vary]` what may change (docs/reference/scene-format.md)".to_owned();
         Self::Invalid { file: file.to_owned(), line, message: "this scene has no variants".to_owned(), hint: Some(hint) }
     }
 

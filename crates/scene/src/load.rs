@@ -1,4 +1,4 @@
-//! Where scenes come from (`docs/scene-format.md`).
+//! Where scenes come from (`docs/reference/scene-format.md`).
 //!
 //! [`Scene::load`] reads a built-in scene by name or a user's file by path, checks it, and builds its meshes. Object ids count
 //! from 1 in the order of the file, so the same file always gives the same ids.
@@ -42,8 +42,9 @@ fn split(name: &str) -> Result<(&str, Option<u64>), SceneError> {
 }
 
 impl Scene {
-    /// Loads a built-in scene by name (`city`, `park`), or a file by its path: a scene file, which ends in `.toml`, or a glTF 2.0 model,
-    /// which ends in `.glb` or `.gltf` (`docs/gltf.md`). With `@` and a number behind it (`city@17`), the variant of that seed.
+    /// Loads a built-in scene by name (`city`, `park`), or a file by its path: a scene file, which ends in `.toml`, or a glTF 2.0
+    /// model, which ends in `.glb` or `.gltf` (`docs/guide/gltf.md`). With `@` and a number behind it (`city@17`), the variant of
+    /// that seed.
     ///
     /// # Errors
     /// [`SceneError::Unknown`] for a name that no built-in scene has, [`SceneError::Read`] if the file cannot be read,

@@ -1,4 +1,4 @@
-//! The simulated craft's motion: commands with their dead time, flight phases, contacts (`docs/dynamics.md`).
+//! The simulated craft's motion: commands with their dead time, flight phases, contacts (`docs/reference/dynamics.md`).
 //!
 //! Time goes in ticks of 5 ms on an absolute grid, tick `n` lasting from `5n` to `5n + 5` ms of flight time, so that results
 //! do not depend on how far the world advances at once. A command takes effect at the first tick that begins its dead time

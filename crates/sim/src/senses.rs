@@ -1,4 +1,4 @@
-//! Honest senses: what the craft's own telemetry tells of its true motion (`docs/dynamics.md`). Each model's figures
+//! Honest senses: what the craft's own telemetry tells of its true motion (`docs/reference/dynamics.md`). Each model's figures
 //! are at [`Model`](crate::model::Model).
 //!
 //! One report every period, on the absolute grid of ticks. Slow errors wander, fast ones are drawn anew in each report, and

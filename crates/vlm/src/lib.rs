@@ -1,4 +1,4 @@
-//! The `Vlm` interface, and the clients of the vision-language models of several vendors behind it (docs/vlm.md).
+//! The `Vlm` interface, and the clients of the vision-language models of several vendors behind it (docs/guide/vlm.md).
 //!
 //! An answer is *text*, whoever gives it: the oracle's words go through the same parser as a model's. This crate knows nothing
 //! of drones and flights.

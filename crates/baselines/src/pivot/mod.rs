@@ -1,7 +1,7 @@
 //! The PIVOT baseline: candidate motions are drawn on the picture as numbered arrows, the VLM chooses among them, and the next
 //! candidates are drawn around those chosen, for some rounds on the same frame (Nasiriany et al., ICML 2024, arXiv 2402.07872).
 //!
-//! What is PIVOT's own and what a drone needed besides stands in docs/baselines.md.
+//! What is PIVOT's own and what a drone needed besides stands in docs/explanation/baselines.md.
 
 mod candidates;
 

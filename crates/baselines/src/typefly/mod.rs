@@ -1,7 +1,7 @@
 //! The TypeFly baseline: a planner that reads a list of detections, and never the picture, writes a program in MiniSpec, which runs
 //! while it still arrives; its skills look while flying (Chen et al., arXiv 2312.14950).
 //!
-//! What is TypeFly's own and what deviates stands in docs/baselines.md.
+//! What is TypeFly's own and what deviates stands in docs/explanation/baselines.md.
 
 pub mod minispec;
 mod perform;

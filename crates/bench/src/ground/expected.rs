@@ -28,7 +28,7 @@ pub fn hit(errors: &ErrorFile, example: &SimExample, truth: &Truth, outline: &Ou
     Some(seen(errors, visible, all) * (1.0 - mistaken) * inside)
 }
 
-/// Probability that a thing is noticed (docs/oracle.md, "Seen").
+/// Probability that a thing is noticed (docs/explanation/oracle.md, "Seen").
 fn seen(errors: &ErrorFile, visible: &Visible, all: f64) -> f64 {
     let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
     let side = (visible.pixels as f64 * sent / all).sqrt() * f64::from(visible.light);

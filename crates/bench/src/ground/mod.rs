@@ -1,4 +1,4 @@
-//! Pointing, measured: pictures and instructions, who points where, and how well (docs/grounding.md).
+//! Pointing, measured: pictures and instructions, who points where, and how well (docs/guide/grounding.md).
 //!
 //! [`source`] reads pictures with their truth, [`ask`] asks [`Answerer`]s about them, [`grade`] compares an answer with the truth,
 //! [`measure`] sums up with intervals, [`page`] shows it. Where there is no truth there are no grades, and no rate is made up.

@@ -1,4 +1,4 @@
-//! The judge: whether a task is done, from the scene itself (docs/bench.md). Policies never see it.
+//! The judge: whether a task is done, from the scene itself (docs/guide/bench.md). Policies never see it.
 //!
 //! It is shown the true pose and the true places of everything that moves, several times a second, and keeps what it needs.
 

@@ -1,4 +1,4 @@
-//! What a run comes to, for people: one page that needs nothing else, tables as CSV and for LaTeX (docs/bench.md).
+//! What a run comes to, for people: one page that needs nothing else, tables as CSV and for LaTeX (docs/guide/bench.md).
 //!
 //! Same folders, same bytes. Instructions, errors and names come from elsewhere: markup is made by templates that escape what is put
 //! into them, and the page runs no script and loads nothing but the videos beside it.

@@ -1,4 +1,4 @@
-//! Tasks as data: where, from where, what is said, and what counts as done (docs/bench.md).
+//! Tasks as data: where, from where, what is said, and what counts as done (docs/guide/bench.md).
 
 mod file;
 mod select;

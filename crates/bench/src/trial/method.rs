@@ -70,7 +70,7 @@ impl PartialEq for Method {
 
 impl Eq for Method {}
 
-/// The median of the steps that SPF flies in the scenes of a set, metres (docs/baselines.md).
+/// The median of the steps that SPF flies in the scenes of a set, metres (docs/explanation/baselines.md).
 fn median_step(set: Set) -> f64 {
     match set {
         Set::Simulation => 6.7,

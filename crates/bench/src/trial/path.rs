@@ -1,4 +1,4 @@
-//! A row of `paths.jsonl`: where a trial's craft truly was (docs/bench.md).
+//! A row of `paths.jsonl`: where a trial's craft truly was (docs/guide/bench.md).
 
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::EnuPosition;

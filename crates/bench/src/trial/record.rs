@@ -1,4 +1,4 @@
-//! A row of `results.jsonl`: one trial (docs/bench.md). No wall clock stands in it.
+//! A row of `results.jsonl`: one trial (docs/guide/bench.md). No wall clock stands in it.
 
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;

@@ -37,7 +37,7 @@ Examples:
   spf bench run --suite paper --shard 0/4 -o part0
 
 The same command in the same folder goes on where it was stopped. results.jsonl has a row a trial and no wall clock in it; \
-docs/bench.md describes it. Exit code 0 when all trials were flown, however they went; 5 when it was stopped.")]
+docs/guide/bench.md describes it. Exit code 0 when all trials were flown, however they went; 5 when it was stopped.")]
 pub(crate) struct BenchRun {
     /// Suite of tasks (see `spf bench list`)
     #[arg(long, value_name = "NAME")]

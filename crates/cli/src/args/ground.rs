@@ -17,7 +17,7 @@ Examples:
 An IMAGE is a PNG or JPEG file, a folder of them, an H.264 video (.mp4, .mov, .h264), or - for standard input. Photographs need a \
 model: the oracle reads the simulator's ids, which photographs have not. With --dataset, always pointing at the middle of the \
 picture stands beside the models, and the oracle where there is what it reads. Without truth there is no hit rate \
-(docs/grounding.md).
+(docs/guide/grounding.md).
 
 Exit codes: 0 asked and answered, 2 usage, 5 stopped or --max-cost spent (go on with --resume), 6 nobody answered.")]
 pub(crate) struct Ground {
@@ -33,7 +33,7 @@ pub(crate) struct Ground {
     /// What models are told: prompt files joined by commas, compared on the same pictures [default: the shipped one]
     #[arg(long, value_name = "FILE,…")]
     pub(crate) prompt: Option<String>,
-    /// TOML file with further rows for the table of models (see docs/vlm.md)
+    /// TOML file with further rows for the table of models (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
     /// Ask for boxes of obstacles too

@@ -39,7 +39,7 @@ Examples:
   spf log cat flight.mcap /command | jq -c '[.time_s, .message.wanted.forward, .message.cleared.forward]'
   spf log cat flight.mcap /query /reply
 
-Topics stand in docs/flight-log.md and in what `spf log info` prints. Bytes (pictures) are printed as base64.")]
+Topics stand in docs/reference/flight-log.md and in what `spf log info` prints. Bytes (pictures) are printed as base64.")]
 pub(crate) struct Cat {
     /// The flight log
     pub(crate) file: PathBuf,

@@ -135,7 +135,7 @@ pub(crate) struct WorldArgs {
     /// Where to start: east,north,up,heading_deg; the craft stands on what is below [default: the scene's]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pub(crate) start: Option<String>,
-    /// The drone: sim, or tello[@ADDRESS], a DJI Tello at 192.168.10.1 unless said (see docs/tello.md) [default: sim]
+    /// The drone: sim, or tello[@ADDRESS], a DJI Tello at 192.168.10.1 unless said (see docs/guide/tello.md) [default: sim]
     #[arg(long, value_name = "DRONE")]
     pub(crate) drone: Option<String>,
     /// How a Tello flies: rc (velocities, which it holds when the link is cut) or go (each step as moves that it ends by itself;
@@ -158,7 +158,7 @@ pub(crate) struct WorldArgs {
     /// none]
     #[arg(long, value_name = "EFFECTS")]
     pub(crate) camera_effects: Option<String>,
-    /// Operator events at given times (TOML; see docs/flight-files.md)
+    /// Operator events at given times (TOML; see docs/reference/flight-files.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) events: Option<PathBuf>,
     /// Fly on the wall clock instead of as fast as the machine can
@@ -184,7 +184,7 @@ pub(crate) struct MethodArgs {
     /// with a real drone]
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
-    /// What the VLM is told: a prompt file (see docs/vlm.md) [default: the shipped one]
+    /// What the VLM is told: a prompt file (see docs/guide/vlm.md) [default: the shipped one]
     #[arg(long, value_name = "FILE")]
     pub(crate) prompt: Option<String>,
     /// Record the VLM's answers in this new file; `--vlm replay:FILE` flies the same flight again
@@ -196,7 +196,7 @@ pub(crate) struct MethodArgs {
     /// After so many seconds without an answer a second request goes out, and the first good answer counts
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) vlm_hedge: Option<String>,
-    /// TOML file with further rows for the table of models (see docs/vlm.md)
+    /// TOML file with further rows for the table of models (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
     /// With a real drone: take off without asking the VLM about pictures of a dot first
@@ -222,8 +222,8 @@ pub(crate) struct MethodArgs {
     /// Obstacle mode: ask for boxes of obstacles and keep clear of them
     #[arg(long)]
     pub(crate) avoid: bool,
-    /// Obstacle mode with boxes from a detector in place of the VLM's: a YOLO model's FILE.onnx (see docs/detector.md), or in the
-    /// simulator oracle or oracle:NAME, which stands in for one that knows COCO's classes
+    /// Obstacle mode with boxes from a detector in place of the VLM's: a YOLO model's FILE.onnx (see docs/guide/detector.md), or
+    /// in the simulator oracle or oracle:NAME, which stands in for one that knows COCO's classes
     #[arg(long, value_name = "WHO")]
     pub(crate) detector: Option<String>,
 }
@@ -304,7 +304,7 @@ pub(crate) struct VlmList {
     /// Print the list as one JSON array on standard output
     #[arg(long)]
     pub(crate) json: bool,
-    /// TOML file with further rows for the table of models (see docs/vlm.md)
+    /// TOML file with further rows for the table of models (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
     /// Read this configuration file instead of ./spf.toml
@@ -319,7 +319,7 @@ well; 2: it cannot be asked (no key, no such name); 6: it does not answer, or po
 pub(crate) struct VlmCheck {
     /// Which: NAME[#MODEL][@URL] as for `spf fly --vlm`, or auto
     pub(crate) name: String,
-    /// TOML file with further rows for the table of models (see docs/vlm.md)
+    /// TOML file with further rows for the table of models (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
     /// Read this configuration file instead of ./spf.toml

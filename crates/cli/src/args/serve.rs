@@ -19,8 +19,8 @@ Examples:
 
 GET /frame.jpg takes a picture with the camera that stands in the scene, and PUT /pose moves it. A question about one of the \
 pictures of the last 10 s, at any size, is answered by the oracle; any other picture gets 422. The oracle is no VLM. It answers on \
-this machine alone unless --vlm-listen names another address (docs/grounding.md). With --tello the camera is the drone's, and flies \
-with it. A client that binds port 8889 itself (djitellopy does) needs another address than the drone's (docs/tello.md).")]
+this machine alone unless --vlm-listen names another address (docs/guide/grounding.md). With --tello the camera is the drone's, and \
+flies with it. A client that binds port 8889 itself (djitellopy does) needs another address than the drone's (docs/guide/tello.md).")]
 pub(crate) struct Serve {
     /// An endpoint that speaks OpenAI's, Gemini's and Anthropic's wires; the oracle of other errors by =oracle:NAME or =oracle:FILE
     #[arg(long, value_name = "ORACLE", num_args = 0..=1, require_equals = true, default_missing_value = "oracle")]
@@ -32,7 +32,8 @@ pub(crate) struct Serve {
     /// the whole prompt)
     #[arg(long, value_name = "TEXT", default_value = "from-prompt")]
     pub(crate) instruction: String,
-    /// How it is answered: spf (docs/reply.md, in the coordinates that the prompt describes) or gemini-point (a list of points)
+    /// How it is answered: spf (docs/reference/reply.md, in the coordinates that the prompt describes) or gemini-point (a list
+    /// of points)
     #[arg(long, value_name = "FORM", default_value = "spf")]
     pub(crate) answer: String,
     /// A Tello: commands on UDP 8889, state to the client's port 8890, H.264 video to its port 11111
@@ -48,7 +49,7 @@ pub(crate) struct Serve {
     /// there is time for it, else draft
     #[arg(long, value_name = "QUALITY", default_value = "auto")]
     pub(crate) quality: String,
-    /// Faults of the Tello (TOML, see docs/tello.md); read again whenever the file changes
+    /// Faults of the Tello (TOML, see docs/guide/tello.md); read again whenever the file changes
     #[arg(long, value_name = "FILE")]
     pub(crate) fault: Option<PathBuf>,
     /// Add a JSON line about each flight of the Tello to this file: verified, final_distance_m, collisions

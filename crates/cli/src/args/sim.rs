@@ -125,8 +125,8 @@ Examples:
   spf sim dataset --scene city -n 2000 --seed 7 -o data --resume
 
 A quarter of the targets are not in the picture, and a quarter of the pictures hold something of the target's name in another \
-colour or quality. docs/dataset.md describes the files; the same command gives the same bytes. Ctrl-C leaves whole examples, and \
---resume goes on with them.")]
+colour or quality. docs/guide/dataset.md describes the files; the same command gives the same bytes. Ctrl-C leaves whole examples, \
+and --resume goes on with them.")]
 pub(crate) struct Dataset {
     /// Scene, or several joined by commas, shown in turn: built-in names or scene files, with @ and a number variants of them
     #[arg(long, value_name = "SCENE", default_value = "city")]

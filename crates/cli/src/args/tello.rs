@@ -20,7 +20,7 @@ Examples:
 
 It takes off, turns by some two thirds of a round, climbs and sinks by some 1 m, and flies ahead and back by some 1.3 m, each at half stick: keep 3 m \
 ahead and 2 m above free. What it tells of itself is compared before and after, so its heights (steps of 10 cm) and speeds (steps of \
-10 cm/s) limit what is measured; docs/tello.md says how well. Ctrl-C lands.")]
+10 cm/s) limit what is measured; docs/guide/tello.md says how well. Ctrl-C lands.")]
 pub(crate) struct Calibrate {
     /// The drone: tello, or tello@ADDRESS [default: tello]
     #[arg(long, value_name = "DRONE")]

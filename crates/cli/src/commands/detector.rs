@@ -84,7 +84,7 @@ pub(crate) fn open(path: &str) -> Result<Detector, CliError> {
         let hint = match error {
             DetectError::NotBuilt => "cargo install --path crates/cli --features onnx",
             DetectError::Read(_) => "name an ONNX file that can be read",
-            _ => "docs/detector.md says which models are read, and how they are exported",
+            _ => "docs/guide/detector.md says which models are read, and how they are exported",
         };
         CliError::usage(format!("the detector `{path}` cannot be used")).because(&error).hint(hint)
     })

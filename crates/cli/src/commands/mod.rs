@@ -30,7 +30,7 @@ pub(crate) fn load_scene(name: &str, conditions: &SceneLook) -> Result<LoadedSce
         let built_in = Scene::built_in().join(", ");
         CliError::usage(format!("the scene `{name}` cannot be flown in"))
             .because(&error)
-            .hint(format!("built-in scenes: {built_in}; or a scene file (docs/scene-format.md)"))
+            .hint(format!("built-in scenes: {built_in}; or a scene file (docs/reference/scene-format.md)"))
     })
 }
 

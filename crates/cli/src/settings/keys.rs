@@ -67,7 +67,7 @@ settings! {
         reply_timeout_s: f64 = "20", Number(0.1, 600.0), "SPF_REPLY_TIMEOUT_S";
         /// US dollars for the VLM after which the flight ends; empty: no limit
         max_cost_usd: f64 = "", Number(0.0, 1e6), "SPF_MAX_COST_USD", "--max-cost";
-        /// prompt file (docs/vlm.md); empty: the shipped one
+        /// prompt file (docs/guide/vlm.md); empty: the shipped one
         prompt: String = "", Text, "SPF_PROMPT", "--prompt";
         /// GeoJSON file with polygons to stay in, local east/north metres; empty: none
         geofence: String = "", Text, "SPF_GEOFENCE", "--geofence";
@@ -105,7 +105,7 @@ settings! {
 
     /// A Tello: `[tello]`.
     tello: Tello {
-        /// how a Tello flies: rc, or go (steps that it ends by itself; docs/tello.md)
+        /// how a Tello flies: rc, or go (steps that it ends by itself; docs/guide/tello.md)
         motion: TelloMotion = "rc", Word, "SPF_TELLO_MOTION", "--tello-motion";
         /// this machine's address towards the Tello; empty: any
         local: IpAddr = "", Parsed("an address of this machine, such as 192.168.10.2"), "SPF_TELLO_LOCAL";

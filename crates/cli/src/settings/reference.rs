@@ -21,7 +21,7 @@ what is in force and where each value came from, in a form that is a configurati
 The file is TOML: a table below is a `[table]` there, and a value is one text, number, `true` or
 `false`. A key that it does not know is an error, with its line. A variable that begins with `SPF_`
 and is none of these is a warning, for others use that prefix too; `SPF_SHARDS` is the bench's
-([cluster.md](../cluster.md)). An empty value (`\"\"`) leaves a key to what its meaning says, else to
+([cluster.md](../guide/cluster.md)). An empty value (`\"\"`) leaves a key to what its meaning says, else to
 the default; of `true` and `false` it is `false`. Flags are those of `spf fly`; other commands have
 some of them.
 ";

@@ -1,4 +1,4 @@
-"""Reads a dataset as somebody would who knows docs/dataset.md alone."""
+"""Reads a dataset as somebody would who knows docs/guide/dataset.md alone."""
 import json
 import pathlib
 import sys

@@ -1,4 +1,4 @@
-//! Crates depend downwards only: as the table in docs/architecture.md says, development dependencies included.
+//! Crates depend downwards only: as the table in docs/explanation/architecture.md says, development dependencies included.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
@@ -65,17 +65,21 @@ fn crates_depend_downwards_only() {
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let allowed = allowed(include_str!("../../../../docs/architecture.md"));
+    let allowed = allowed(include_str!("../../../../docs/explanation/architecture.md"));
     let packages = metadata["packages"].as_array().unwrap();
     let names: BTreeSet<&str> = packages.iter().map(|package| package["name"].as_str().unwrap()).collect();
-    assert_eq!(names, allowed.keys().map(String::as_str).collect(), "the table in docs/architecture.md has other crates");
+    assert_eq!(
+        names,
+        allowed.keys().map(String::as_str).collect(),
+        "the table in docs/explanation/architecture.md has other crates"
+    );
     for package in packages {
         let name = package["name"].as_str().unwrap();
         for dependency in package["dependencies"].as_array().unwrap() {
             let on = dependency["name"].as_str().unwrap();
             // A crate's own tests may turn its features on.
             if on != name && allowed.contains_key(on) {
-                assert!(allowed[name].contains(on), "`{name}` must not use `{on}` (docs/architecture.md)");
+                assert!(allowed[name].contains(on), "`{name}` must not use `{on}` (docs/explanation/architecture.md)");
             }
         }
     }

@@ -1,4 +1,4 @@
-"""Reads flight logs as somebody would who knows docs/flight-log.md alone: one with pictures and one without."""
+"""Reads flight logs as somebody would who knows docs/reference/flight-log.md alone: one with pictures and one without."""
 import collections
 import io
 import json

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::craft::Craft;
 use crate::geofence::Geofence;
 
-/// The envelope's figures (`docs/safety.md`). Metres, seconds, radians; infinity switches a
+/// The envelope's figures (`docs/explanation/safety.md`). Metres, seconds, radians; infinity switches a
 /// limit off. Altitudes are above the take-off point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -88,7 +88,7 @@ impl Default for Limits {
 
 impl Limits {
     /// The default figures for a craft: one and a half times its preset speeds, so that the envelope leaves room for a
-    /// controller that catches up, and the timings of `docs/safety.md`.
+    /// controller that catches up, and the timings of `docs/explanation/safety.md`.
     #[must_use]
     pub fn for_craft(craft: &Craft) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! The safety envelope: the last word before a driver (`docs/safety.md`).
+//! The safety envelope: the last word before a driver (`docs/explanation/safety.md`).
 //!
 //! The envelope is a type: drivers accept only [`Cleared<Command>`](Cleared), and only [`Envelope`] can make one. It is told
 //! what happened ([`observe_telemetry`](Envelope::observe_telemetry), [`observe_frame`](Envelope::observe_frame), …), is asked

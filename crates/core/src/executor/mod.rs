@@ -1,5 +1,5 @@
 //! The executor: from control primitives, or a goal in the world, to velocity setpoints (paper §3.4 and the appendix;
-//! `docs/method.md`).
+//! `docs/explanation/method.md`).
 //!
 //! Every tick it asks where the craft will come to rest if it were told to hold now. What was commanded and has not been
 //! flown yet (dead time), the lag and the acceleration limit are all in that answer. What is then missing to the goal is

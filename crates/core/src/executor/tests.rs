@@ -400,7 +400,8 @@ fn wrong_figures_are_corrected() {
     }
 }
 
-/// What is reached with each model's own telemetry (the table of docs/method.md). `cargo test -p spf-core coarse -- --nocapture`
+/// What is reached with each model's own telemetry (the table of docs/explanation/method.md).
+/// `cargo test -p spf-core coarse -- --nocapture`
 #[test]
 fn coarse_telemetry_table() {
     println!("| craft | motion | step m | error m mean / worst | turn ° mean / worst | seconds |");

@@ -158,7 +158,7 @@ pub enum Phase {
     Ended,
 }
 
-/// One pass of see, point, fly, as it is recorded (docs/flight-files.md).
+/// One pass of see, point, fly, as it is recorded (docs/reference/flight-files.md).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Decision {
     /// Number within the flight, from 1. Queries that only prepare a decision (`ask`, `wait`) carry the number of the coming one.

@@ -1,6 +1,7 @@
 //! What the pilot does when the envelope demands something: hold, or land with an outcome.
 //!
-//! Which condition demands what, and after how long, is the envelope's (`docs/safety.md`, "Reactions"; `envelope/watch.rs`).
+//! Which condition demands what, and after how long, is the envelope's (`docs/explanation/safety.md`, "Reactions";
+//! `envelope/watch.rs`).
 
 use super::{Note, Outcome, Phase, Pilot};
 use crate::envelope::{Cause, Reaction};
@@ -39,7 +40,7 @@ impl Pilot {
     }
 }
 
-/// What ending by a cause means for the outcome (`docs/safety.md`).
+/// What ending by a cause means for the outcome (`docs/explanation/safety.md`).
 fn outcome_of(cause: Cause) -> Outcome {
     match cause {
         Cause::Crashed => Outcome::Collision,

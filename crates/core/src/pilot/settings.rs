@@ -1,4 +1,4 @@
-//! What the pilot can be set to, and the two named presets (`docs/method.md`).
+//! What the pilot can be set to, and the two named presets (`docs/explanation/method.md`).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! Looking for a target that is out of view (`docs/method.md`).
+//! Looking for a target that is out of view (`docs/explanation/method.md`).
 
 use core::f64::consts::{PI, TAU};
 

@@ -1,4 +1,4 @@
-//! The reply contract: what a VLM is asked to answer, and the types it becomes (paper §3.1; `docs/reply.md`).
+//! The reply contract: what a VLM is asked to answer, and the types it becomes (paper §3.1; `docs/reference/reply.md`).
 //!
 //! [`parse_reply`] reads a whole answer and [`ReplyStream`] one that is still arriving; [`reply_schema`] is what a VLM that
 //! obeys schemas is given, and [`Reply::to_json`] writes the same form, so that the oracle answers through text like

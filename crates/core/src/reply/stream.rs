@@ -7,8 +7,8 @@ use crate::grounding::GroundingProfile;
 
 /// Reads the reply in `text`, in the coordinates of `profile`.
 ///
-/// `docs/reply.md` lists what is forgiven: fences and prose around the JSON, an array for the object, numbers as text, other
-/// keys and spellings, coordinates up to 1 % outside. Of several objects the first that reads as a reply counts.
+/// `docs/reference/reply.md` lists what is forgiven: fences and prose around the JSON, an array for the object, numbers as text,
+/// other keys and spellings, coordinates up to 1 % outside. Of several objects the first that reads as a reply counts.
 ///
 /// # Errors
 /// [`ReplyError`], the first refusal of an object that was meant as a reply. Every number of a reply that is returned is

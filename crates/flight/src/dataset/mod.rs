@@ -1,5 +1,5 @@
 //! Labelled pointing data: pictures of a scene with an instruction each, what it means in the picture, and all that the oracle
-//! reads (docs/dataset.md).
+//! reads (docs/guide/dataset.md).
 //!
 //! An example follows from the scene, the recipe and its number alone, so that examples can be made in any order and a folder
 //! that was cut short can be gone on with. What an instruction means is decided by the language of the truth, over the objects

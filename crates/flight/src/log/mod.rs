@@ -1,5 +1,5 @@
 //! What is told of a flight in its log, `flight.mcap`: every input of the pilot and every output, and what people's tools show
-//! (docs/flight-log.md).
+//! (docs/reference/flight-log.md).
 
 mod rows;
 mod topics;

@@ -86,7 +86,7 @@ fn a_variant_changes_what_it_says_and_nothing_else() {
 /// Name and words of each row, without links.
 #[test]
 fn the_document_lists_the_methods_of_the_bench() {
-    let document = include_str!("../../../../docs/bench.md");
+    let document = include_str!("../../../../docs/guide/bench.md");
     let section = document.split("\n## Methods\n").nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap();
     let told = section.lines().filter_map(|line| {
         let (name, about) = line.strip_prefix("| `")?.strip_suffix(" |")?.split_once("` | ")?;

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// What is to be done with the target (`docs/oracle.md` has the stages of each).
+/// What is to be done with the target (`docs/explanation/oracle.md` has the stages of each).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verb {

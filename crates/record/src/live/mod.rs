@@ -1,4 +1,4 @@
-//! The live view: the log's messages over Foxglove's WebSocket protocol while the flight goes on (docs/flight-log.md).
+//! The live view: the log's messages over Foxglove's WebSocket protocol while the flight goes on (docs/reference/flight-log.md).
 //!
 //! Whoever sends never waits: each viewer has a bounded queue, and what a slow one cannot take is left out and told to it. A viewer that
 //! takes nothing for some seconds is let go.

@@ -1,4 +1,5 @@
-//! The flight log: `flight.mcap`, every input and output of a flight in one [MCAP](https://mcap.dev) file (docs/flight-log.md).
+//! The flight log: `flight.mcap`, every input and output of a flight in one [MCAP](https://mcap.dev) file
+//! (docs/reference/flight-log.md).
 //!
 //! A [`Log`] writes in a thread of its own, so that no setpoint waits for a disk. Messages reach the disk in chunks, each written
 //! whole and closed at least twice a second of wall time: whatever ends the process, the log opens up to there.

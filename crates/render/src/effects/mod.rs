@@ -1,5 +1,5 @@
 //! What a real camera does to a picture: a lens that bends it, a shutter that is open for a while, an exposure, a noisy sensor, a
-//! compressed link. Everything is off unless asked for (docs/camera-effects.md).
+//! compressed link. Everything is off unless asked for (docs/reference/camera-effects.md).
 //!
 //! They come in the order of a camera: light is added up while the shutter is open, bent by the lens, exposed, disturbed by the
 //! sensor, and compressed. The lens bends ids and depth too, since those tell what stands where in the picture; the rest is

@@ -1,4 +1,4 @@
-//! Actors: the persons and vehicles of a scene that move by themselves (`docs/scene-format.md`, "Actors").
+//! Actors: the persons and vehicles of a scene that move by themselves (`docs/reference/scene-format.md`, "Actors").
 //!
 //! Each follows its own path, slows down in bends, and stops for the others and for a craft. Motion goes in ticks of [`TICK`] and
 //! follows from the scene, the seed and where the craft was alone, not from when or how often it is asked for. A [`Cast`] holds

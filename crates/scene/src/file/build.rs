@@ -51,7 +51,7 @@ impl Materials<'_> {
         let Some((material, span)) = own.or_else(|| palette().get(name).map(|m| (m, at.clone()))) else {
             let known = self.raw.materials.keys().chain(palette().keys()).map(String::as_str);
             let hint = nearest(name, known).map_or_else(
-                || "name one under `[materials]`, or one of the palette in docs/scene-format.md".to_owned(),
+                || "name one under `[materials]`, or one of the palette in docs/reference/scene-format.md".to_owned(),
                 |n| format!("did you mean `{n}`?"),
             );
             return Err(source.error(at, format!("no material `{name}`"), Some(hint)));

@@ -35,7 +35,7 @@ impl Firmware {
 
 /// Times and limits of the protocol. Seconds, metres, m/s, radians; spreads are standard deviations unless said.
 ///
-/// Most are published measurements (`docs/tello.md` lists which); all can be changed.
+/// Most are published measurements (`docs/guide/tello.md` lists which); all can be changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
     /// An answer that waits for no motion takes this long …

@@ -1,5 +1,5 @@
 //! A virtual Tello: the craft of the simulator behind the text SDK of DJI and Ryze (SDK 1.3, 2.0 and 3.0), so that other people's
-//! clients can fly it and our own driver is tested over real sockets (`docs/tello.md`).
+//! clients can fly it and our own driver is tested over real sockets (`docs/guide/tello.md`).
 //!
 //! [`VirtualTello`] is sans-IO: told what datagrams came and what time it is, it flies a [`SimCraft`](spf_sim::craft::SimCraft)
 //! and says what to send and when. [`Server`] gives it sockets, a clock and a camera; [`TelloService`] a scene and a judge.

@@ -26,7 +26,7 @@ pub enum Instruction {
 /// In which form the endpoint answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AnswerForm {
-    /// Our reply contract (docs/reply.md), in the coordinates that the prompt describes; without such a description
+    /// Our reply contract (docs/reference/reply.md), in the coordinates that the prompt describes; without such a description
     /// `[y, x]` in thousandths.
     Spf,
     /// A list of points as Gemini's robotics models give them: `[{"point": [y, x], "label": "…"}]` in thousandths.

@@ -284,7 +284,7 @@ fn an_imu_error_does_not_stop_a_flight_by_rc() {
     assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
 }
 
-/// Why docs/tello.md warns: sticks hold when the link is cut.
+/// Why docs/guide/tello.md warns: sticks hold when the link is cut.
 #[test]
 fn a_cut_link_lets_a_tello_fly_on_for_15_s() {
     let flight = fly_in("city", "fly to the red crane", trouble(Trouble::LinkCut, 14.0, None), None, settings(), "");

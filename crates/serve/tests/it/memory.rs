@@ -77,7 +77,7 @@ fn frames_are_recognised_after_h264_resizing_and_jpeg() {
     let figures =
         format!("{right} of {asked} right, {wrong} taken for another frame, {strangers} of {asked} of another run recognised");
     assert!(right * 100 >= asked * 99 && strangers == 0, "{figures}");
-    #[allow(clippy::print_stderr, reason = "the figure stands in docs/grounding.md")]
+    #[allow(clippy::print_stderr, reason = "the figure stands in docs/guide/grounding.md")]
     {
         eprintln!("{figures}");
     }

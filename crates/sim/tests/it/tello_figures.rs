@@ -1,7 +1,7 @@
 //! The simulated Tello beside what has been published of the real one: prints both, and asserts that each figure lies within
 //! the published spread. `cargo test -p spf-sim --test it tello_figures -- --nocapture`
 //!
-//! The rows are those of docs/dynamics.md, word for word; a test holds the two together.
+//! The rows are those of docs/reference/dynamics.md, word for word; a test holds the two together.
 #![allow(clippy::print_stdout, reason = "the table is for people")]
 
 use crate::common::{at, command, facing, fly_on, forward, hovering, scene};
@@ -291,7 +291,7 @@ fn the_model_is_within_what_has_been_published() {
     }
     let off: Vec<String> = rows.iter().filter(|row| !row.holds()).map(Row::line).collect();
     assert!(off.is_empty(), "outside the published spread:\n{}", off.join("\n"));
-    let document = include_str!("../../../../docs/dynamics.md");
+    let document = include_str!("../../../../docs/reference/dynamics.md");
     let missing: Vec<String> = rows.iter().map(Row::line).filter(|line| !document.contains(line.as_str())).collect();
-    assert!(missing.is_empty(), "docs/dynamics.md lacks:\n{}", missing.join("\n"));
+    assert!(missing.is_empty(), "docs/reference/dynamics.md lacks:\n{}", missing.join("\n"));
 }

@@ -51,7 +51,10 @@ pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<(&'stat
     for (number, value) in list.iter().enumerate() {
         let wrong = |what: String| form(file, Some(number + 1), what);
         let entry = Entry::deserialize(value).map_err(|_| {
-            wrong("it is of no known form: RefSpatial-Bench, Point-Bench and ScreenSpot-Pro are (docs/grounding.md)".to_owned())
+            wrong(
+                "it is of no known form: RefSpatial-Bench, Point-Bench and ScreenSpot-Pro are (docs/guide/grounding.md)"
+                    .to_owned(),
+            )
         })?;
         let (name, item) = item(folder, number, entry).map_err(wrong)?;
         form_name = name;

@@ -1,4 +1,4 @@
-//! Folders of pictures with what is meant in them (docs/grounding.md, "Datasets").
+//! Folders of pictures with what is meant in them (docs/guide/grounding.md, "Datasets").
 
 mod coco;
 mod layouts;

@@ -1,4 +1,4 @@
-//! What `spf sim dataset` wrote (docs/dataset.md).
+//! What `spf sim dataset` wrote (docs/guide/dataset.md).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! `spf bench`: tasks, trials, how often they were done (docs/bench.md).
+//! `spf bench`: tasks, trials, how often they were done (docs/guide/bench.md).
 
 mod check;
 mod report;

@@ -150,7 +150,7 @@ fn shard(args: &BenchRun) -> Result<Shard, CliError> {
         Some(text) => Some(text.parse()),
         None => Shard::of_environment(|name| std::env::var(name).ok()).transpose(),
     };
-    let hint = "--shard 0/4 to --shard 3/4 are all of it (docs/cluster.md)";
+    let hint = "--shard 0/4 to --shard 3/4 are all of it (docs/guide/cluster.md)";
     shard
         .transpose()
         .map(|shard| shard.unwrap_or(Shard::WHOLE))

@@ -29,8 +29,9 @@ pub(super) fn manner(settings: &Settings) -> Result<(Preset, PolicyKind), CliErr
 pub(super) fn prompt(settings: &Settings, policy: PolicyKind) -> Result<Option<Arc<PromptText>>, CliError> {
     let Some(path) = settings.fly.prompt.text() else { return Ok(None) };
     let refused = || CliError::usage(format!("the prompt file `{path}` is refused"));
-    let prompt = PromptText::parse(&read(Path::new(path), "prompt")?)
-        .map_err(|error| refused().because(&error).hint("the shipped prompts, in `prompts/`, are a beginning (docs/vlm.md)"))?;
+    let prompt = PromptText::parse(&read(Path::new(path), "prompt")?).map_err(|error| {
+        refused().because(&error).hint("the shipped prompts, in `prompts/`, are a beginning (docs/guide/vlm.md)")
+    })?;
     if prompt.kind() != policy.prompt() {
         let wanted = policy.prompt().word();
         return Err(refused().hint(format!("the policy {} takes prompts that begin with `spf-prompt {wanted}`", policy.name())));
@@ -107,7 +108,7 @@ pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, 
         let fence = Geofence::from_geojson(&text).map_err(|error| {
             CliError::usage(format!("the geofence `{path}` is refused"))
                 .because(&error)
-                .hint("a geofence is a GeoJSON polygon in local east/north metres (docs/safety.md)")
+                .hint("a geofence is a GeoJSON polygon in local east/north metres (docs/explanation/safety.md)")
         })?;
         limits.geofence = Some(fence);
     }
@@ -124,7 +125,7 @@ pub(super) fn script(path: &Path) -> Result<Script, CliError> {
     Script::from_toml(&read(path, "events")?).map_err(|error| {
         CliError::usage(format!("the events file `{}` is refused", path.display()))
             .because(&error)
-            .hint("its form stands in docs/flight-files.md, for example:\n[[event]]\nat_s = 12.5\ndo = \"hold\"")
+            .hint("its form stands in docs/reference/flight-files.md, for example:\n[[event]]\nat_s = 12.5\ndo = \"hold\"")
     })
 }
 

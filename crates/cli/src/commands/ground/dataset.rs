@@ -43,7 +43,7 @@ pub(super) fn grade(
     let mut source = source::open(path).map_err(|error| {
         CliError::usage(format!("the dataset `{}` cannot be read", path.display()))
             .because(&error)
-            .hint("docs/grounding.md tells which forms are read")
+            .hint("docs/guide/grounding.md tells which forms are read")
     })?;
     source.items.truncate(args.count.unwrap_or(usize::MAX));
     let (answerers, sentences) = everybody(args, settings, &source)?;

@@ -1,4 +1,4 @@
-//! `spf ground`: who points where in pictures, and how well (docs/grounding.md).
+//! `spf ground`: who points where in pictures, and how well (docs/guide/grounding.md).
 
 mod dataset;
 mod folder;
@@ -73,7 +73,7 @@ fn prompts(args: &Ground) -> Result<Vec<(String, Arc<PromptText>)>, CliError> {
     let one = |file: &str| {
         let refused = || CliError::usage(format!("the prompt file `{file}` is refused"));
         let prompt = PromptText::parse(&read(Path::new(file), "prompt")?).map_err(|error| {
-            refused().because(&error).hint("the shipped prompts, in `prompts/`, are a beginning (docs/vlm.md)")
+            refused().because(&error).hint("the shipped prompts, in `prompts/`, are a beginning (docs/guide/vlm.md)")
         })?;
         if prompt.kind() != PromptKind::Point {
             return Err(refused().hint("a prompt for pointing begins with `spf-prompt point`"));

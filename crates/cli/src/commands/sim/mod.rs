@@ -75,7 +75,7 @@ pub(super) fn centimetres(metres: f32) -> u16 {
 pub(super) fn parse_effects(text: &str) -> Result<Effects, CliError> {
     text.parse().map_err(|error: EffectsError| {
         CliError::usage(format!("--camera-effects: `{text}` is not a list of camera effects")).because(&error).hint(
-            "for example --camera-effects blur=20,noise=5,lens=wide,exposure=-1,compression=jpeg:30 (docs/camera-effects.md)",
+            "for example --camera-effects blur=20,noise=5,lens=wide,exposure=-1,compression=jpeg:30 (docs/reference/camera-effects.md)",
         )
     })
 }

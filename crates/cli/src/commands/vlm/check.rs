@@ -59,7 +59,7 @@ fn astray(name: &str, verdict: &Verdict) -> CliError {
     match verdict {
         Verdict::Other(own) => {
             CliError::failed(format!("`{name}` points in other coordinates than its row says: {}", convention(own)))
-                .hint(format!("give it a row of its own with --vlm-models (docs/vlm.md): {}", row(own)))
+                .hint(format!("give it a row of its own with --vlm-models (docs/guide/vlm.md): {}", row(own)))
         }
         Verdict::Astray(worst) => CliError::failed(format!(
             "`{name}` does not point at the dots: it is off by {:.0} % of the picture",
@@ -122,7 +122,7 @@ pub(crate) fn advice(error: &VlmError) -> &'static str {
         ("rate_limit", _) if !error.may_retry() => "the account has no quota left: top it up, or wait until it is renewed",
         ("rate_limit", _) => "too many questions for this account: wait, or ask the vendor for a higher tier",
         ("bad_request", _) => {
-            "the vendor refuses the form of the question: the row of this model may be out of date (docs/vlm.md)"
+            "the vendor refuses the form of the question: the row of this model may be out of date (docs/guide/vlm.md)"
         }
         ("overloaded" | "server_error" | "error_in_answer", _) => {
             "the vendor has trouble of its own: try again, or use --vlm-fallback"

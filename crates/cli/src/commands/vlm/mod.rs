@@ -71,7 +71,7 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
     let replay = Replay::open(Path::new(file)).map_err(|error| {
         CliError::usage(format!("the recording `{file}` cannot be replayed"))
             .because(&error)
-            .hint("a recording is made by --vlm-record FILE (docs/vlm.md)")
+            .hint("a recording is made by --vlm-record FILE (docs/guide/vlm.md)")
     })?;
     let name = replay.name().to_owned();
     let sentence = format!("{file} answers with what {name} answered when it was recorded.");
@@ -107,7 +107,8 @@ pub(crate) fn oracle_named(
         let which = name.split_once(':').map_or("", |(_, which)| which);
         let hint = match nearest(which, ErrorFile::shipped().iter().copied()) {
             Some(near) if near != which => format!("did you mean `oracle:{near}`?"),
-            _ => "an error file is named with a `/` or a `.` in its path, and its keys stand in docs/oracle.md".to_owned(),
+            _ => "an error file is named with a `/` or a `.` in its path, and its keys stand in docs/explanation/oracle.md"
+                .to_owned(),
         };
         CliError::usage(format!("the oracle of `{name}` is refused")).because(&error).hint(hint)
     })?;
@@ -129,7 +130,9 @@ pub(crate) fn table(settings: &Settings) -> Result<Table, CliError> {
     let table = Table::shipped();
     let Some(path) = settings.vlm.models.text() else { return Ok(table) };
     table.extended(&read(Path::new(path), "models")?).map_err(|error| {
-        CliError::usage(format!("the models file `{path}` is refused")).because(&error).hint("its form stands in docs/vlm.md")
+        CliError::usage(format!("the models file `{path}` is refused"))
+            .because(&error)
+            .hint("its form stands in docs/guide/vlm.md")
     })
 }
 
@@ -171,7 +174,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
         let assumed = if model.assumed { " (not in the table: its coordinates are assumed; `spf vlm check` tells)" } else { "" };
         if settings.fly.max_cost_usd.text().is_some() && model.price.is_empty() {
             return Err(CliError::usage(format!("what `{name}` costs is not known, and so --max-cost cannot hold"))
-                .hint("give its row a price with --vlm-models (docs/vlm.md); a model of one's own costs 0"));
+                .hint("give its row a price with --vlm-models (docs/guide/vlm.md); a model of one's own costs 0"));
         }
         chosen.push(format!("{} of {}{place}{assumed}", model.id, model.vendor.title));
     }
@@ -209,7 +212,7 @@ pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> Cl
         SetupError::Select(SelectError::NoModel { vendor }) => said.hint(format!("name it: --vlm {vendor}#MODEL")),
         SetupError::SecretInUrl => CliError::usage("the address of the VLM is refused")
             .because(error)
-            .hint("a key belongs into the environment (docs/vlm.md)"),
+            .hint("a key belongs into the environment (docs/guide/vlm.md)"),
         SetupError::Select(SelectError::Retired { successor, .. }) => {
             let vendor = name.split(['#', '@']).next().unwrap_or(name);
             said.hint(format!("--vlm {vendor}#{successor}"))

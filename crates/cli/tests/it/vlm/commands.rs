@@ -46,7 +46,7 @@ fn a_flight_tells_what_it_took() {
 
 /// The files of a flight that follow from it alone.
 fn files(lab: &Lab, name: &str) -> BTreeMap<String, Vec<u8>> {
-    // The log has the wall clock in it (docs/flight-log.md).
+    // The log has the wall clock in it (docs/reference/flight-log.md).
     let names = lab.names(name).into_iter().filter(|file| file != "flight.mcap");
     names.map(|file| (file.clone(), lab.read(&format!("{name}/{file}")))).collect()
 }

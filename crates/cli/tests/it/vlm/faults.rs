@@ -1,5 +1,5 @@
 //! Every way in which a vendor can fail, as a whole flight: the craft holds, nothing late moves it, the flight ends or goes on
-//! as docs/safety.md says, and what went wrong has its name.
+//! as docs/explanation/safety.md says, and what went wrong has its name.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -1,4 +1,4 @@
-//! Failings that programs of this kind are known for, as far as the envelope can prevent them (`docs/safety.md`).
+//! Failings that programs of this kind are known for, as far as the envelope can prevent them (`docs/explanation/safety.md`).
 
 use super::*;
 

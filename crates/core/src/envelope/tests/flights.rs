@@ -229,7 +229,7 @@ fn reach_is_inside(
     Ok(())
 }
 
-/// A craft that follows setpoints with dead time, lag and an acceleration limit (`docs/dynamics.md`), without wind.
+/// A craft that follows setpoints with dead time, lag and an acceleration limit (`docs/reference/dynamics.md`), without wind.
 struct Body {
     craft: Craft,
     at: EnuPosition,

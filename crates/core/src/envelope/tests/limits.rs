@@ -1,4 +1,4 @@
-//! What the limits leave of a setpoint, one test for each row of the table in `docs/safety.md`.
+//! What the limits leave of a setpoint, one test for each row of the table in `docs/explanation/safety.md`.
 
 use super::*;
 

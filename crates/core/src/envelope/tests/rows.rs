@@ -1,4 +1,4 @@
-//! One test for each row of the tables in `docs/safety.md`, named there.
+//! One test for each row of the tables in `docs/explanation/safety.md`, named there.
 
 use super::*;
 
@@ -361,10 +361,10 @@ fn the_operator_may_use_a_low_battery_until_the_landing() {
     assert_eq!(rig.envelope.clear_manual(ms(6100), forward(1.0)).setpoint(), Some(Setpoint::HOLD));
 }
 
-/// `docs/safety.md` and this file name the same tests.
+/// `docs/explanation/safety.md` and this file name the same tests.
 #[test]
 fn every_row_of_the_documentation_has_its_test() {
-    let docs = include_str!("../../../../../docs/safety.md");
+    let docs = include_str!("../../../../../docs/explanation/safety.md");
     let here = concat!(
         include_str!("rows.rs"),
         include_str!("limits.rs"),

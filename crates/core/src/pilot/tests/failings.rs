@@ -1,4 +1,5 @@
-//! The failings of such programs (docs/safety.md, "Known failings of such programs"), as far as the pilot is concerned.
+//! The failings of such programs (docs/explanation/safety.md, "Known failings of such programs"), as far as the pilot
+//! is concerned.
 
 use super::*;
 use crate::geometry::wrap_angle;

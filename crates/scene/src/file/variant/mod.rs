@@ -1,4 +1,5 @@
-//! Variants of a scene: laid out, coloured, peopled and lit otherwise, from a seed (`docs/scene-format.md`, "Variants").
+//! Variants of a scene: laid out, coloured, peopled and lit otherwise, from a seed
+//! (`docs/reference/scene-format.md`, "Variants").
 //!
 //! What may change stands in the file's `vary` tables. Each table draws from the seed and its own number alone, so a table
 //! more leaves what the others do as it was. A change that would put one thing into another, or something before the start,

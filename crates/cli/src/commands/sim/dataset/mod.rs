@@ -1,4 +1,4 @@
-//! `spf sim dataset`: labelled pointing data in a folder (docs/dataset.md).
+//! `spf sim dataset`: labelled pointing data in a folder (docs/guide/dataset.md).
 
 mod files;
 mod folder;

@@ -102,6 +102,6 @@ fn refused(error: &ServerError, listen: SocketAddr) -> CliError {
             listen.port()
         )),
         ServerError::Thread(_) => CliError::internal("the Tello cannot be served").because(error),
-        _ => said.hint("the form of a faults file stands in docs/tello.md"),
+        _ => said.hint("the form of a faults file stands in docs/guide/tello.md"),
     }
 }

@@ -41,7 +41,11 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
     let form = match args.answer.as_str() {
         "spf" => AnswerForm::Spf,
         "gemini-point" => AnswerForm::GeminiPoint,
-        other => return Err(wrong("--answer", other, "spf or gemini-point").hint("spf is the reply contract of docs/reply.md")),
+        other => {
+            return Err(
+                wrong("--answer", other, "spf or gemini-point").hint("spf is the reply contract of docs/reference/reply.md")
+            );
+        }
     };
     let instruction = match args.instruction.trim() {
         FROM_PROMPT => Instruction::FromPrompt,
