@@ -6,6 +6,7 @@ mod circles;
 mod dataset;
 mod determinism;
 mod disk;
+mod documents;
 mod edges;
 mod errors;
 mod flights;
