@@ -32,3 +32,8 @@ pub mod step;
 pub mod tags;
 pub mod telemetry;
 pub mod time;
+
+/// The examples of the README, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -102,3 +102,8 @@ pub trait Drone: Send {
     /// When it tells something next, for a craft that knows (a simulated one).
     fn next_event_at(&self) -> Option<Time>;
 }
+
+/// The examples of the README, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

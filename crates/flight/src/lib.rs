@@ -30,3 +30,8 @@ pub mod site;
 pub mod summary;
 pub mod words;
 pub mod world;
+
+/// The examples of the README, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

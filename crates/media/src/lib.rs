@@ -27,3 +27,8 @@ pub mod resize;
 pub use frame::{FrameError, Rgb};
 pub use jpeg::{EncodeError, Jpeg};
 pub use resize::{Scaler, resize};
+
+/// The examples of the README, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

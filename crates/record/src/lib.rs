@@ -18,3 +18,8 @@ pub use log::{Log, LogError, LogSender};
 pub use out_dir::{FileError, OutDir, OutDirError};
 pub use trajectory::{DecisionMark, Outline, TrajectoryInput, trajectory_svg};
 pub use video::{VideoError, VideoFacts, VideoWriter};
+
+/// The examples of the README, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -27,3 +27,8 @@ pub use bounds::Aabb;
 pub use error::{SceneError, hint_from};
 pub use light::{Lighting, SceneLook, Weather};
 pub use world::{Object, Scene, Tags};
+
+/// The examples of the README, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -14,3 +14,8 @@ pub mod model;
 pub mod noise;
 pub mod senses;
 pub mod wind;
+
+/// The examples of the README, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -108,3 +108,8 @@ pub trait Vlm: Send {
     /// is what the flight waits, in virtual time too.
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer;
 }
+
+/// The examples of the README, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
