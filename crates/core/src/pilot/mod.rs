@@ -1,4 +1,4 @@
-//! The pilot: the state machine that flies an instruction (`docs/explanation/architecture.md`, "The heart is sans-IO").
+//! The pilot: the state machine that flies an instruction (`docs/explanation/architecture.md`).
 //!
 //! It is *told* what happened ([`Pilot::handle`]) and *asked* what to do ([`Pilot::poll`], until it says nothing more) and by when
 //! it wants to be asked again ([`Pilot::next_deadline`]). It never sleeps, reads a clock or opens a socket.
