@@ -1,4 +1,4 @@
-//! FrameAge to decision: how old what is decided on is when it is decided.
+//! From shutter to decision: the age of frames when a decision is made on them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
