@@ -13,17 +13,19 @@ const HEAD: &str = "\
 <!-- Written from crates/cli/src/settings/keys.rs by
 `INSTA_UPDATE=always cargo test -p spf reference`; a test compares. -->
 
-Each key can be said in four places. In rising order, what is said later holding: the default; the
-configuration file (`./spf.toml`, or the one that `--config FILE` names); an environment variable,
-or the same variable in `./.env`, over which the environment goes; a flag. `spf config show` prints
-what is in force and where each value came from, in a form that is a configuration file again.
+Each key can be set in four places, in rising order of precedence: the default; the configuration
+file (`./spf.toml`, or the one of `--config FILE`); an environment variable, or the same variable
+in `./.env`, which has lower precedence than the environment; a flag. `spf config show` prints all
+values in force with their sources, in the form of a configuration file.
 
-The file is TOML: a table below is a `[table]` there, and a value is one text, number, `true` or
-`false`. A key that it does not know is an error, with its line. A variable that begins with `SPF_`
-and is none of these is a warning, for others use that prefix too; `SPF_SHARDS` is the bench's
-([cluster.md](../guide/cluster.md)). An empty value (`\"\"`) leaves a key to what its meaning says, else to
-the default; of `true` and `false` it is `false`. Flags are those of `spf fly`; other commands have
+The file is TOML: each table below is a `[table]`, and a value is a text, number, `true` or `false`.
+An unknown key is an error with its line. An unknown variable that begins with `SPF_` is a warning,
+because other programs use that prefix too; `SPF_SHARDS` belongs to the bench
+([cluster](../guide/cluster.md)). An empty value (`\"\"`) selects the value in the meaning, otherwise
+the default; for `true` and `false` it is `false`. Flags are those of `spf fly`; other commands have
 some of them.
+
+In code: `crates/cli/src/settings`.
 ";
 
 /// The whole document.
