@@ -1,4 +1,4 @@
-//! Documents lead where they say: links, anchors, paths named in text and code; pages name the code that they describe.
+//! Documents: links, anchors and paths named in text and code resolve; pages name the code that they describe; lines wrap at 100.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -78,7 +78,7 @@ fn targets(line: &str) -> impl Iterator<Item = &str> {
     line.split("](").skip(1).filter_map(|rest| rest.split(')').next()).filter(|target| !target.contains("://"))
 }
 
-/// What of `file` (a document with this text, in this folder) leads nowhere.
+/// The links of a document (with this name, folder and text) that do not resolve.
 fn dead_links(name: &str, folder: &Path, text: &str) -> Vec<String> {
     let mut dead = Vec::new();
     for (number, line) in prose(text) {
@@ -113,7 +113,7 @@ fn named(text: &str) -> impl Iterator<Item = &str> {
 }
 
 #[test]
-fn links_and_anchors_lead_somewhere() {
+fn links_and_anchors_resolve() {
     let dead: Vec<String> = files(&[".md"])
         .iter()
         .flat_map(|path| dead_links(&path.display().to_string(), path.parent().unwrap(), &std::fs::read_to_string(path).unwrap()))
@@ -134,6 +134,30 @@ fn documents_named_in_text_and_code_exist() {
     assert!(missing.is_empty(), "{}", missing.join("\n"));
 }
 
+/// Lines of running text that are longer than 100 characters. Tables, code, images and unbreakable links may be.
+fn long_lines(text: &str) -> impl Iterator<Item = usize> {
+    prose(text).filter_map(|(number, line)| {
+        let breakable = line.trim_start().contains(' ') && !line.starts_with(['|', '#', '>']) && !line.starts_with("    ");
+        (breakable && !line.starts_with("![") && line.chars().count() > 100).then_some(number)
+    })
+}
+
+#[test]
+fn pages_name_their_code_and_wrap_at_100() {
+    let mut wrong = Vec::new();
+    for path in files(&[".md"]) {
+        let (name, text) = (path.display().to_string(), std::fs::read_to_string(&path).unwrap());
+        let page = ["guide", "reference", "explanation"]
+            .iter()
+            .any(|folder| path.parent().unwrap().ends_with(Path::new("docs").join(folder)));
+        if page && !text.lines().any(|line| line.starts_with("In code: ")) {
+            wrong.push(format!("{name}: no line `In code: …`"));
+        }
+        wrong.extend(long_lines(&text).map(|number| format!("{name}:{number}: longer than 100")));
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
 #[test]
 fn a_dead_link_is_found() {
     let text =
@@ -142,4 +166,6 @@ fn a_dead_link_is_found() {
     assert_eq!(dead_links("t", &folder, text), ["t:6: no.md", "t:6: #no"]);
     let line = concat!("(do", "cs/a.md), https://x.y/docs/b.md, `../../do", "cs/c.md`");
     assert_eq!(named(line).collect::<Vec<_>>(), [concat!("do", "cs/a.md"), concat!("do", "cs/c.md")]);
+    let wide = "a ".repeat(60);
+    assert_eq!(long_lines(&format!("| {wide}\n{wide}\n```\n{wide}\n```\n    {wide}\nshort\n")).collect::<Vec<_>>(), [2]);
 }
