@@ -1,4 +1,4 @@
-//! FrameAge to decision: how old what is decided on is when it is decided.
+//! Capture to decision: how old what is decided on is when it is decided.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

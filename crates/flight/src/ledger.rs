@@ -78,7 +78,7 @@ struct Sums {
     latencies: Vec<f64>,
     /// Of each part of [`spf_vlm::Parts::durations`].
     parts: [Vec<f64>; 4],
-    /// RunManifest with the first row: the oracle leaves none.
+    /// Made with the first row: the oracle leaves none.
     path: Option<PathBuf>,
     rows: Option<JsonLines>,
     problem: Option<String>,

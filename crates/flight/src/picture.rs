@@ -40,7 +40,7 @@ pub(crate) struct Marked<'a> {
     photo: Option<Photo>,
     /// Memory that is kept from one query to the next.
     scaler: &'a mut Scaler,
-    /// RunManifest already, with its marks.
+    /// Made already, with its marks.
     drawn: Option<Rgb>,
     /// One for each size and quality that was asked for: one, unless two models are asked.
     encoded: Vec<Encoded>,

@@ -123,7 +123,7 @@ fn between(prompt: &str) -> Option<&str> {
 
 /// The stage that the prompt says was reached.
 fn stage_of(prompt: &str) -> u32 {
-    let said = prompt.split_once("LoadedScene ").and_then(|(_, behind)| behind.split_once(" was reached"));
+    let said = prompt.split_once("Stage ").and_then(|(_, behind)| behind.split_once(" was reached"));
     said.and_then(|(number, _)| number.parse().ok()).unwrap_or(1)
 }
 

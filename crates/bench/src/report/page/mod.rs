@@ -64,7 +64,7 @@ pub(super) fn page(source: &Source, into: &Path) -> String {
 /// What made a figure.
 fn from(source: &Source) -> Markup {
     html! {
-        @for command in source.commands() { p class="from" { "RunManifest by " code { (command) } } }
+        @for command in source.commands() { p class="from" { "Made by " code { (command) } } }
     }
 }
 
