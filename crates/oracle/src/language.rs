@@ -11,6 +11,7 @@ mod meaning;
 mod phrase;
 mod pieces;
 pub(crate) mod resolve;
+mod settle;
 pub(crate) mod spelling;
 mod table;
 mod verbs;

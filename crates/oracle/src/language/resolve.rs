@@ -4,11 +4,10 @@ use std::collections::BTreeSet;
 
 use spf_core::tags::Tagged;
 
-use super::lex::{general_noun, is_known, raw_tokens, singular, stem, stems};
+use super::lex::{raw_tokens, singular, stem, stems};
 use super::lexicon::{ADJECTIVES, NOUNS, SPELLING};
 use super::meaning::{Relation, Side, Size};
 use super::phrase::Phrase;
-use super::spelling;
 use super::table::Words;
 
 /// An object to choose from, with what is known of where it is. In a percept that is the picture; in the truth the world as
@@ -43,13 +42,13 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
     if phrase.is_empty() || depth > 6 {
         return Vec::new();
     }
-    let nouns = spelt(&phrase.nouns, items);
+    let nouns = &phrase.nouns;
     let scored: Vec<(usize, u32)> =
-        items.iter().enumerate().map(|(i, item)| (i, score(phrase, &nouns, item.tags))).filter(|(_, score)| *score > 0).collect();
+        items.iter().enumerate().map(|(i, item)| (i, score(phrase, nouns, item.tags))).filter(|(_, score)| *score > 0).collect();
     let best = scored.iter().map(|(_, score)| *score).max().unwrap_or(0);
     let mut found: Vec<usize> = scored.into_iter().filter(|(_, score)| *score == best).map(|(i, _)| i).collect();
     for not in &phrase.not {
-        let barred = barred(not, &nouns, &found, items, depth);
+        let barred = barred(not, nouns, &found, items, depth);
         found.retain(|i| !barred.contains(i));
     }
     found = soft(phrase, found, items);
@@ -97,31 +96,6 @@ fn described(said: &[String], tags: &Tagged) -> bool {
 
 /// Height from which a building that nobody calls tall passes for tall, metres: four storeys.
 const TALL_M: f64 = 12.0;
-
-/// Nouns with their spelling put right by the tags at hand.
-pub(crate) fn spelt(nouns: &[String], items: &[Item<'_>]) -> Vec<String> {
-    let mut vocabulary: Vec<String> = items.iter().flat_map(|item| words_of(item.tags)).collect();
-    vocabulary.sort();
-    vocabulary.dedup();
-    nouns
-        .iter()
-        .map(|noun| {
-            if is_known(noun) || vocabulary.contains(noun) {
-                return noun.clone();
-            }
-            match spelling::nearest(noun, vocabulary.iter().map(String::as_str)) {
-                Some(near) if spelling::distance(noun, near) <= slips(noun, near) => near.to_owned(),
-                _ => general_noun(noun),
-            }
-        })
-        .collect()
-}
-
-/// Edits forgiven between a word nobody knows and a tag: one more than elsewhere when it starts alike and is not short.
-fn slips(word: &str, tag: &str) -> usize {
-    let alike = (5..7).contains(&word.len()) && word.bytes().next() == tag.bytes().next();
-    spelling::forgiven(word.len()) + usize::from(alike)
-}
 
 /// Singular words of all names, synonyms, kind, colour and uses of an object.
 fn words_of(tags: &Tagged) -> Vec<String> {
