@@ -11,7 +11,7 @@ use spf_core::rng::Draw;
 use spf_core::tags::Tagged;
 
 use super::errors::ErrorFile;
-use super::language::resolve::vocabulary;
+use super::language::score::vocabulary;
 use super::masks::{Mask, end_of_run, masks};
 
 /// Size at which the visible pixels of an object are counted unless the query names another (`docs/oracle.md`).

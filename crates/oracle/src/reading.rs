@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::language::lex::{is_known, raw_tokens, tokens};
-use super::language::resolve::{meant, vocabulary};
+use super::language::resolve::meant;
+use super::language::score::vocabulary;
 use super::language::{Clause, Phrase, Verb, parse, spelling};
 use super::place::{Placed, Viewpoint};
 
