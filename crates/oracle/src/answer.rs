@@ -9,8 +9,10 @@ use super::corridor;
 use super::errors::Reading;
 use super::kinds;
 use super::language::Phrase;
+use super::language::item::Item;
+use super::language::order::numbered;
 use super::language::parse;
-use super::language::resolve::{Item, meant, numbered, vocabulary};
+use super::language::resolve::meant;
 use super::percept::{Percept, Thing, logistic, slopes};
 use super::stages::{self, Aim, View};
 use super::{ErrorFile, Oracle};
@@ -35,8 +37,7 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
 pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
     let seen: Vec<&Thing> = percept.seen(&oracle.errors, query.image_size).collect();
     let view = View { oracle, query, percept, seen: &seen };
-    let words = vocabulary(seen.iter().map(|thing| &thing.tags));
-    stages::aim(&parse(&query.instruction, &words), &view)
+    stages::aim(&parse(&query.instruction, &percept.words), &view)
 }
 
 fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Reply {

@@ -9,8 +9,10 @@ use spf_core::detection::{Detection, MAX_DETECTIONS, write_detections};
 use spf_core::query::{Mark, Query};
 use spf_core::tags::Tagged;
 
+use super::language::item::Item;
 use super::language::lexicon::{NOUNS, PHRASES};
-use super::language::resolve::{Item, meant, vocabulary};
+use super::language::resolve::meant;
+use super::language::score::vocabulary;
 use super::language::{Phrase, Verb, parse};
 use super::percept::{Percept, Thing};
 use super::stages::{Aim, clause_of};

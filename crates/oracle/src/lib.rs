@@ -1,11 +1,12 @@
 //! The oracle: a stand-in for a VLM (`docs/explanation/oracle.md`).
 //!
-//! It is a pure function of the query, the id and depth pictures, the tags of visible objects, the scene's `near`, the error
-//! file, the seed and the frame number. It has no state, no pose, no task and no access to the judge; an object without a
-//! visible pixel does not exist for it. It forms one [`Percept`] a frame and answers every kind of query from it, as text
-//! that goes through the same parser as any model's. No number made with it is ever presented as a VLM's.
+//! It is a pure function of the query, the id and depth pictures, the tags of visible objects, the words of all the scene's
+//! tags, the scene's `near`, the error file, the seed and the frame number. It has no state, no pose, no task and no access to
+//! the judge; an object without a visible pixel does not exist for it. It forms one [`Percept`] a frame and answers every kind
+//! of query from it, as text that goes through the same parser as any model's. No number made with it is ever presented as a
+//! VLM's.
 //!
-//! The two types to know are [`Oracle`] and [`Percept`]. It knows words only out of its own lists and the tags of what is seen; it
+//! The two types to know are [`Oracle`] and [`Percept`]. It knows words only out of its own lists and the scene's tags; it
 //! refuses error files with a key that it does not know or a figure out of its range ([`ErrorFileError`]).
 //!
 //! The truth that judges flights by `verified` shares its language, without errors and over all objects: [`resolve_truth`].

@@ -1,6 +1,6 @@
 //! One percept a frame: what the oracle noticed in the picture, drawn by frame number (`docs/explanation/oracle.md`).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use libm::{exp, sqrt};
 use spf_core::camera::Camera;
@@ -11,6 +11,7 @@ use spf_core::rng::Draw;
 use spf_core::tags::Tagged;
 
 use super::errors::ErrorFile;
+use super::language::score::vocabulary;
 use super::masks::{Mask, end_of_run, masks};
 
 /// Size at which the visible pixels of an object are counted unless the query names another (`docs/explanation/oracle.md`).
@@ -84,6 +85,8 @@ pub struct Percept {
     /// Where the picture shows the most room for a level way, and its range, metres, at most 40.
     pub open: (ImagePoint, f64),
     pub(super) things: Vec<Thing>,
+    /// All words of the scene's tags, seen or not: an instruction is read alike in every frame.
+    pub(super) words: BTreeSet<String>,
 }
 
 impl Percept {
@@ -99,7 +102,9 @@ impl Percept {
             },
         );
         things.extend(openings);
-        Self { frame, camera: *sight.camera, level, ahead: walls.room(sight.camera.cx), open: walls.most_open(level), things }
+        let words = vocabulary(tags.iter());
+        let (ahead, open) = (walls.room(sight.camera.cx), walls.most_open(level));
+        Self { frame, camera: *sight.camera, level, ahead, open, things, words }
     }
 
     /// The objects noticed when the picture is sent at `size`; [`SIZE_SENT`] when none is named.

@@ -3,7 +3,7 @@
 use spf_core::geometry::{EnuPosition, Pose, wrap_angle};
 use spf_core::tags::Tagged;
 
-use super::language::resolve::Item;
+use super::language::item::Item;
 
 /// Where an object stands, for the truth alone.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use super::language::grammar::parse_tokens;
 use super::language::lex::{is_known, raw_tokens, tokens};
-use super::language::resolve::{meant, spelt, vocabulary};
-use super::language::{Clause, Phrase, Verb, spelling};
+use super::language::resolve::meant;
+use super::language::score::vocabulary;
+use super::language::{Clause, Phrase, Verb, parse, spelling};
 use super::place::{Placed, Viewpoint};
 
 /// An instruction as the oracle reads it in a scene.
@@ -15,6 +15,8 @@ pub struct InstructionReading {
     pub steps: Vec<ReadStep>,
     /// Words read as others, in order of first appearance.
     pub corrections: Vec<Correction>,
+    /// Words that nobody knows, beside others that name a thing: they were passed over.
+    pub ignored: Vec<UnknownWord>,
 }
 
 /// One thing to do, as read.
@@ -62,6 +64,12 @@ impl InstructionReading {
     pub fn is_understood(&self) -> bool {
         self.steps.iter().any(ReadStep::is_understood)
     }
+
+    fn correct(&mut self, said: String, read: String) {
+        if said != read && !self.corrections.iter().any(|known| known.said == said) {
+            self.corrections.push(Correction { said, read });
+        }
+    }
 }
 
 /// Reads an instruction with the objects of a scene, seen from the start of the flight.
@@ -69,30 +77,32 @@ impl InstructionReading {
 pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint>) -> InstructionReading {
     let scene = vocabulary(objects.iter().map(|object| object.tags));
     let items: Vec<_> = objects.iter().map(|object| object.seen_from(from)).collect();
-    let tokens = tokens(instruction, &scene);
-    let instruction_read = parse_tokens(&tokens);
-    let steps: Vec<(Vec<String>, ReadStep)> = instruction_read
-        .clauses
-        .iter()
-        .map(|Clause { verb, target }| {
-            let nouns = spelt(&target.nouns, &items);
-            let candidates = meant(target, &items).into_iter().map(|at| items[at].tags.id).collect();
-            let unknown = nouns.iter().filter(|noun| !is_known(noun) && !scene.contains(*noun));
-            let unknown = unknown.map(|word| UnknownWord { word: word.clone(), nearest: like(word, &scene) }).collect();
-            let read = ReadStep { verb: *verb, target: in_few_words(target, &nouns), candidates, unknown };
-            (nouns, read)
-        })
-        .collect();
-    // The grammar's words are put right first, and the nouns then, by the scene.
-    let nouns =
-        instruction_read.clauses.iter().zip(&steps).flat_map(|(clause, (nouns, _))| clause.target.nouns.iter().zip(nouns));
-    let mut corrections: Vec<Correction> = Vec::new();
-    for (said, read) in raw_tokens(instruction).iter().zip(&tokens).chain(nouns) {
-        if said != read && !corrections.iter().any(|known| known.said == *said) {
-            corrections.push(Correction { said: said.clone(), read: read.clone() });
-        }
+    let unknown_word = |word: &String| UnknownWord { word: word.clone(), nearest: like(word, &scene) };
+    let mut reading = InstructionReading::default();
+    for (said, read) in raw_tokens(instruction).into_iter().zip(tokens(instruction, &scene)) {
+        reading.correct(said, read);
     }
-    InstructionReading { steps: steps.into_iter().map(|(_, step)| step).collect(), corrections }
+    for Clause { verb, target } in parse(instruction, &scene).clauses {
+        let candidates = meant(&target, &items).into_iter().map(|at| items[at].tags.id).collect();
+        let unknown = target.nouns.iter().filter(|noun| !is_known(noun) && !scene.contains(*noun)).map(unknown_word).collect();
+        each_within(&target, &mut |phrase| {
+            // The grammar's words were put right first, and the nouns then, by the scene.
+            phrase.spelt.iter().for_each(|(said, read)| reading.correct(said.clone(), read.clone()));
+            for word in phrase.ignored.iter().map(unknown_word) {
+                if !reading.ignored.contains(&word) {
+                    reading.ignored.push(word);
+                }
+            }
+        });
+        reading.steps.push(ReadStep { verb, target: in_few_words(&target), candidates, unknown });
+    }
+    reading
+}
+
+/// A phrase, and all that it is related to or is not.
+fn each_within(phrase: &Phrase, note: &mut impl FnMut(&Phrase)) {
+    note(phrase);
+    phrase.relations.iter().flat_map(|(_, anchors)| anchors).chain(&phrase.not).for_each(|within| each_within(within, note));
 }
 
 /// The word of the scene that is spelt most like it, when no more than a third of its letters differ.
@@ -102,14 +112,14 @@ fn like(word: &str, scene: &BTreeSet<String>) -> Option<String> {
 }
 
 /// A phrase by what names a thing: colours or matter, and nouns as they were read; by its use or as it was said where it has none.
-fn in_few_words(phrase: &Phrase, nouns: &[String]) -> String {
+fn in_few_words(phrase: &Phrase) -> String {
     let mut words: Vec<&str> = Vec::new();
     if phrase.other {
         words.push("other");
     }
     // "Silver" asks for grey, and rather for silver: it stands among both, and the person said the latter.
     let looks = if phrase.soft.is_empty() { &phrase.colours } else { &phrase.soft };
-    words.extend(looks.iter().chain(nouns).map(String::as_str));
+    words.extend(looks.iter().chain(&phrase.nouns).map(String::as_str));
     match words.is_empty() {
         false => words.join(" "),
         true if !phrase.uses.is_empty() => format!("something for \"{}\"", phrase.uses.join(" ")),
@@ -182,6 +192,37 @@ mod tests {
         assert!(!read("???").is_understood() && !read("blarg").is_understood());
         let both = read("fly to the church, then to the zzgrmpf");
         assert!(both.is_understood() && both.steps[0].is_understood() && !both.steps[1].is_understood(), "{both:?}");
+    }
+
+    #[test]
+    fn a_word_that_nobody_knows_is_passed_over_beside_a_thing_and_named() {
+        let ignored = |reading: &InstructionReading| -> Vec<String> { reading.ignored.iter().map(|w| w.word.clone()).collect() };
+        for (said, object, passed_over) in [
+            ("fly to the wonky crane", 1, "wonky"),
+            ("go to 2j the red crane", 1, "2j"),
+            ("the blue car zzgrmpf", 2, "zzgrmpf"),
+            ("fly to the church next to the blorb", 3, "blorb"),
+        ] {
+            let reading = read(said);
+            assert!(reading.is_understood(), "{said}: {reading:?}");
+            assert_eq!(
+                (&reading.steps[0].candidates, ignored(&reading)),
+                (&vec![object], vec![passed_over.to_owned()]),
+                "{said}"
+            );
+        }
+        // What excludes is not passed over: a colour, a name, and what is known to be something else.
+        for said in ["fly to the wonky green crane", "fly to the Hilton church", "go to the police car"] {
+            assert!(read(said).steps[0].candidates.is_empty(), "{said}: {:?}", read(said));
+        }
+        assert_eq!(read("fly to the chuurrcch crane").ignored[0].nearest.as_deref(), Some("church"));
+    }
+
+    #[test]
+    fn what_is_right_as_it_stands_is_put_right_to_nothing() {
+        for said in ["go to the lady", "go to the shirt", "go to the printer", "would you mind going to the vending machine"] {
+            assert!(read(said).corrections.is_empty(), "{said}: {:?}", read(said));
+        }
     }
 
     #[test]

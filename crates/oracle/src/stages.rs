@@ -7,7 +7,7 @@ use spf_core::reply::Look;
 use super::Oracle;
 use super::corridor::Found;
 use super::language::lexicon::NOUNS;
-use super::language::resolve::knows;
+use super::language::score::knows;
 use super::language::{Clause, Instruction, Phrase, Verb};
 use super::percept::{Percept, Thing};
 

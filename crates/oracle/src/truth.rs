@@ -1,6 +1,7 @@
 //! The truth behind `verified`: what the last stage may mean, without errors, over all objects.
 
-use super::language::resolve::{meant, vocabulary};
+use super::language::resolve::meant;
+use super::language::score::vocabulary;
 use super::language::{Phrase, Verb, parse};
 use super::place::{Placed, Viewpoint};
 

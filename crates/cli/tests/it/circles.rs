@@ -138,8 +138,8 @@ fn what_a_macro_makes_is_where_it_is_called() {
     let files = [
         ("lib.rs", "mod a; mod b; mod keys;"),
         ("a.rs", "pub fn a() { crate::b::b() }"),
-        ("b.rs", "use crate::keys::RunManifest; pub fn b() {}"),
-        ("keys.rs", "made! { RunManifest: crate::a::a }"),
+        ("b.rs", "use crate::keys::Made; pub fn b() {}"),
+        ("keys.rs", "made! { Made: crate::a::a }"),
     ];
     assert_eq!(of(&files), ["a.rs b.rs keys.rs"]);
 }

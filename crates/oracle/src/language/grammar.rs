@@ -2,11 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use super::lex::tokens;
+use super::lex::{names, tokens};
 use super::lexicon::{NOUNS, PHRASES, SPELLING, VERBS};
 use super::meaning::Verb;
 use super::phrase::{Ordinal, Phrase};
 use super::pieces::{filler, in_order, pieces};
+use super::settle::Words;
 use super::verbs::starts_verb;
 
 /// One thing to do.
@@ -27,14 +28,18 @@ pub struct Instruction {
 
 /// Reads an instruction. Never fails: what names no target gives an instruction whose phrases are empty and fit nothing.
 ///
-/// `tags` are words of the objects at hand; they are not taken for misspelt words of the grammar.
+/// `tags` are the words of the scene's objects: they are not taken for misspelt words of the grammar, and misspelt nouns are put
+/// right to them. With the same words an instruction is always read alike, whatever is in view.
 #[must_use]
 pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
-    parse_tokens(&tokens(text, tags))
+    let mut instruction = parse_tokens(&tokens(text, tags));
+    let words = Words { scene: tags, names: &names(text) };
+    instruction.clauses.iter_mut().for_each(|clause| words.settle(&mut clause.target));
+    instruction
 }
 
 /// The same from the text's tokens.
-pub(crate) fn parse_tokens(words: &[String]) -> Instruction {
+fn parse_tokens(words: &[String]) -> Instruction {
     let mut clauses: Vec<Clause> = Vec::new();
     let mut excluded: Vec<Phrase> = Vec::new();
     let mut context: Vec<Phrase> = Vec::new();

@@ -148,14 +148,46 @@ pub(crate) fn is_known(word: &str) -> bool {
         || word.chars().all(|c| c.is_ascii_digit() || c == ',' || c == '.')
 }
 
+/// Whether the word or its stem is English, known or not: nothing to put right.
+pub(super) fn is_right(word: &str) -> bool {
+    let has = |w: &str| ENGLISH.binary_search(&w).is_ok() || ADJECTIVES.compass.contains(w);
+    has(word) || has(&format!("{word}s")) || stems(word).iter().any(|stem| has(stem))
+}
+
+/// English words, in alphabetical order.
+static ENGLISH: LazyLock<Vec<&'static str>> =
+    LazyLock::new(|| include_str!("../../data/english.txt").lines().filter(|line| !line.starts_with('#')).collect());
+
+/// Whether the word names a thing: what may be looked for, whatever is said of it besides.
+pub(super) fn is_thing(word: &str) -> bool {
+    let general = NOUNS.synonyms.iter().any(|group| group.iter().flat_map(|term| term.split(' ')).any(|part| part == word));
+    general || NOUNS.hypernyms.contains_key(word) || SPELLING.everyday_nouns.contains(word)
+}
+
+/// Words that are names: with a capital letter within a sentence that has none elsewhere. "The Eiffel Tower" is no other tower.
+pub(super) fn names(text: &str) -> BTreeSet<String> {
+    let words: Vec<&str> = text.split_whitespace().take(LONGEST).collect();
+    let capital = |word: &&str| word.starts_with(char::is_uppercase) && word.chars().skip(1).any(char::is_lowercase);
+    let begins = |at: usize| at == 0 || words[at - 1].ends_with(['.', '!', '?', ':', ';']);
+    let capitals = words.iter().filter(|word| capital(word)).count();
+    if 2 * capitals > words.len() {
+        return BTreeSet::new();
+    }
+    let within = words.iter().enumerate().filter(|(at, word)| !begins(*at) && capital(word));
+    within.flat_map(|(_, word)| raw_tokens(word)).map(|word| singular(&word)).collect()
+}
+
 /// The known word that a misspelt one is nearest to, when one alone is near enough and starts with the same letter or has
 /// only two letters swapped; else the word itself.
 fn corrected(word: &str) -> String {
-    if is_known(word) || word.len() < 3 {
+    if is_known(word) {
         return word.to_owned();
     }
     if let Some(right) = SPELLING.slips.plain(word) {
         return right.to_owned();
+    }
+    if word.len() < 3 || is_right(word) {
+        return word.to_owned();
     }
     let limit = spelling::forgiven(word.len());
     if limit == 0 {

@@ -48,6 +48,8 @@ pub(super) struct Adjectives {
     pub(super) fluff: Words,
     /// Shape and matter.
     pub(super) soft: Words,
+    /// Directions of the compass: no image shows them.
+    pub(super) compass: Words,
     /// Which one of several; −1 is the last.
     pub(super) ordinals: BTreeMap<String, i32>,
     /// The plain colour of each.

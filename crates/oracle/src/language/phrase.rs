@@ -44,6 +44,10 @@ pub struct Phrase {
     pub pronoun: bool,
     /// All its words as said, singular, without articles and marks: some names are whole descriptions.
     pub said: Vec<String>,
+    /// Words that nobody knows, beside others that name a thing: passed over.
+    pub ignored: Vec<String>,
+    /// Nouns that were put right: as they were said, and as they are read.
+    pub spelt: Vec<(String, String)>,
 }
 
 impl Phrase {

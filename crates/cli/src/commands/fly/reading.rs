@@ -30,6 +30,13 @@ pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>
         let read = reading.corrections.iter().map(|word| format!("\"{}\" as \"{}\"", one_line(&word.said), one_line(&word.read)));
         lines.push(format!("spelling: {}", read.collect::<Vec<_>>().join(", ")));
     }
+    if !reading.ignored.is_empty() {
+        let ignored = reading.ignored.iter().map(|unknown| {
+            let near = unknown.nearest.as_ref().map_or(String::new(), |near| format!(" (did you mean \"{near}\"?)"));
+            format!("\"{}\"{near}", one_line(&unknown.word))
+        });
+        lines.push(format!("ignored: {}", ignored.collect::<Vec<_>>().join(", ")));
+    }
     Ok(lines)
 }
 

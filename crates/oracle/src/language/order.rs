@@ -1,0 +1,108 @@
+//! Which of several: by side, size, range and number.
+
+use super::item::Item;
+use super::lexicon::ADJECTIVES;
+use super::meaning::{Side, Size};
+use super::phrase::Phrase;
+
+/// Candidates on a side: the outermost; in the middle, the most central.
+pub(super) fn on_side(side: Side, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
+    if found.len() < 2 || found.iter().any(|&i| items[i].across.is_none()) {
+        return found;
+    }
+    let size = match side {
+        Side::Left => Size::Leftmost,
+        Side::Right => Size::Rightmost,
+        Side::Middle => Size::Middle,
+    };
+    rank(size, &found, items).map_or(found, |i| vec![i])
+}
+
+/// Narrows by size and place. A superlative and words of place take the one that has most of it; "tall" by itself takes
+/// those whose tags say so, and all where none says so.
+pub(super) fn ranked(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
+    let mut found = found;
+    for &size in &phrase.sizes {
+        if let Some(ordinal) = phrase.ordinal
+            && let Some(order) = order(size, &found, items)
+        {
+            // "The second tallest": the order decides, not the size alone.
+            let index = usize::try_from(ordinal.number - 1).ok();
+            return index.and_then(|n| order.get(n).copied()).into_iter().collect();
+        }
+        let Some(words) = ADJECTIVES.qualities.get(&size).filter(|_| !phrase.superlative) else {
+            if let Some(best) = rank(size, &found, items) {
+                found = vec![best];
+            }
+            continue;
+        };
+        let said = |i: &usize| items[*i].tags.qualities.iter().any(|q| words.contains(q));
+        if found.iter().any(said) {
+            found.retain(said);
+        } else if size == Size::Tall {
+            found.retain(|&i| items[i].tags.kind != "building" || items[i].height.is_none_or(|height| height >= TALL_M));
+        }
+    }
+    found
+}
+
+/// Height from which a building that nobody calls tall passes for tall, metres: four storeys.
+const TALL_M: f64 = 12.0;
+
+fn rank(size: Size, found: &[usize], items: &[Item<'_>]) -> Option<usize> {
+    order(size, found, items)?.first().copied()
+}
+
+/// Candidates with most of a quality first; none where the items do not tell.
+fn order(size: Size, found: &[usize], items: &[Item<'_>]) -> Option<Vec<usize>> {
+    let mean = || -> Option<f64> {
+        let all: Option<Vec<f64>> = found.iter().map(|&i| items[i].across).collect();
+        let all = all?;
+        Some(all.iter().sum::<f64>() / all.len().max(1) as f64)
+    };
+    let key = |i: usize| -> Option<f64> {
+        let item = &items[i];
+        match size {
+            Size::Tall => item.height.map(|h| -h),
+            Size::Short => item.height,
+            Size::Large => item.size.map(|s| -s),
+            Size::Small => item.size,
+            Size::Nearest => item.range,
+            Size::Farthest => item.range.map(|r| -r),
+            Size::Leftmost => item.across,
+            Size::Rightmost => item.across.map(|a| -a),
+            Size::Middle => Some((item.across? - mean()?).abs()),
+        }
+    };
+    let mut keyed: Vec<(f64, usize)> = found.iter().map(|&i| key(i).map(|k| (k, i))).collect::<Option<_>>()?;
+    keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Some(keyed.into_iter().map(|(_, i)| i).collect())
+}
+
+/// Candidates that bear the number in their name ("second gate"); none where no candidate bears any.
+pub(crate) fn numbered(number: i32, found: &[usize], items: &[Item<'_>]) -> Option<Vec<usize>> {
+    let borne = |i: usize| -> Option<i32> {
+        let tags = items[i].tags;
+        tags.names.iter().chain(&tags.synonyms).find_map(|name| {
+            let first = name.split(' ').next()?;
+            ADJECTIVES.ordinals.get(first).copied().filter(|number| *number > 0)
+        })
+    };
+    let numbers: Vec<(usize, i32)> = found.iter().filter_map(|&i| borne(i).map(|n| (i, n))).collect();
+    (!numbers.is_empty() && number > 0).then(|| numbers.into_iter().filter(|(_, n)| *n == number).map(|(i, _)| i).collect())
+}
+
+/// The n-th candidate from a side, or by range where no side is named.
+pub(super) fn ordered(number: i32, from: Option<Side>, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
+    let size = match from {
+        Some(Side::Left) => Size::Leftmost,
+        Some(Side::Right) => Size::Rightmost,
+        _ => Size::Nearest,
+    };
+    if found.is_empty() {
+        return found;
+    }
+    let Some(order) = order(size, &found, items) else { return found };
+    let index = if number < 0 { order.len().checked_sub(1) } else { usize::try_from(number - 1).ok() };
+    index.and_then(|i| order.get(i).copied()).into_iter().collect()
+}

@@ -1,0 +1,184 @@
+//! How well an object's tags meet a phrase: its names, colours and uses.
+
+use std::collections::BTreeSet;
+
+use spf_core::tags::Tagged;
+
+use super::lex::{raw_tokens, singular, stem, stems};
+use super::lexicon::{ADJECTIVES, NOUNS, SPELLING};
+use super::phrase::Phrase;
+use super::table::Words;
+
+/// Words of the tags at hand, for [`parse`](super::parse).
+pub(crate) fn vocabulary<'a>(tags: impl Iterator<Item = &'a Tagged>) -> BTreeSet<String> {
+    tags.flat_map(words_of).collect()
+}
+
+/// Singular words of all names, synonyms, kind, colour and uses of an object.
+pub(super) fn words_of(tags: &Tagged) -> Vec<String> {
+    terms(tags)
+        .into_iter()
+        .flatten()
+        .chain(tags.colour.iter().flat_map(|c| split(c)))
+        .chain(tags.uses.iter().chain(&tags.qualities).flat_map(|u| split(u)))
+        .collect()
+}
+
+/// Names, synonyms and kind, each as singular words.
+fn terms(tags: &Tagged) -> Vec<Vec<String>> {
+    tags.names.iter().chain(&tags.synonyms).chain([&tags.kind]).map(|term| head_last(term)).filter(|t| !t.is_empty()).collect()
+}
+
+/// A name as singular words, head last: "entrance of the tunnel" is a tunnel entrance, and `bus_green` of a model a green bus.
+fn head_last(text: &str) -> Vec<String> {
+    let mut words = split(text);
+    while words.len() > 1 && words.last().is_some_and(|word| word.bytes().all(|byte| byte.is_ascii_digit())) {
+        words.pop();
+    }
+    if words.len() > 1 && words.last().is_some_and(|word| ADJECTIVES.colours.plain(word).is_some()) {
+        words.rotate_right(1);
+    }
+    let Some(at) = words.iter().position(|w| NOUNS.placing.contains(w)) else { return words };
+    let (head, rest) = words.split_at(at);
+    rest[1..].iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an")).chain(head).cloned().collect()
+}
+
+pub(super) fn split(text: &str) -> Vec<String> {
+    raw_tokens(&text.replace('_', " ")).iter().filter(|w| *w != "," && *w != ".").map(|w| singular(w)).collect()
+}
+
+/// How well an object's tags meet the phrase; 0 when they do not.
+pub(super) fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
+    if !coloured(&phrase.colours, tags) {
+        return 0;
+    }
+    // "A glass tower": matter may be part of the name.
+    let whole: Vec<String> = phrase.soft.iter().chain(nouns).cloned().collect();
+    let named = named(nouns, tags).max(if nouns.is_empty() { 0 } else { named(&whole, tags) });
+    // A red and white mast is no white needle, whatever the likeness of mast and needle.
+    let second = phrase.colours.len() == 1 && colours_of(tags).first().is_some_and(|main| *main != phrase.colours[0]);
+    let named = if second && named <= 3 { 0 } else { named };
+    let used = used(&phrase.uses, tags);
+    match (nouns.is_empty(), phrase.uses.is_empty()) {
+        (false, true) => named,
+        // "A vehicle that carries goods": the use chooses among the named, and does not refuse them.
+        (false, false) => {
+            // "Who needs help": said of nobody in sight, it is nobody in sight.
+            let only = phrase.uses.iter().all(|w| SPELLING.empty.contains(&stem(w)));
+            let has = |word: &String| self::used(core::slice::from_ref(word), tags) > 0;
+            let lacks = phrase.having && phrase.uses.last().is_some_and(|word| !has(word));
+            if named == 0 || lacks || (only && used == 0) { 0 } else { used * 10 + named }
+        }
+        (true, false) => used,
+        // "The red one", "the tallest thing": whatever has the colour or the rank.
+        (true, true) => u32::from(!tags.is_surface()),
+    }
+}
+
+/// Plain colours of an object: of its colour, else of its names.
+fn colours_of(tags: &Tagged) -> Vec<&'static str> {
+    let plain = |words: Vec<String>| -> Vec<&'static str> { words.iter().filter_map(|w| ADJECTIVES.colours.plain(w)).collect() };
+    match &tags.colour {
+        Some(colour) => {
+            let words = split(colour);
+            let only_shade = words.len() > 1;
+            plain(words.into_iter().filter(|w| !(only_shade && matches!(w.as_str(), "dark" | "pale" | "light"))).collect())
+        }
+        None => plain(tags.names.iter().chain(&tags.synonyms).flat_map(|n| split(n)).collect()),
+    }
+}
+
+fn coloured(colours: &[String], tags: &Tagged) -> bool {
+    let own = colours_of(tags);
+    colours.iter().all(|colour| {
+        own.contains(&colour.as_str())
+            || (matches!(colour.as_str(), "beige" | "brown")
+                && own.iter().any(|c| matches!(*c, "beige" | "brown"))
+                && own.len() == 1)
+    })
+}
+
+/// 6: a name; 5: a synonym, or a name with the same head; 4: the kind, or a synonym with the same head; 3: a general
+/// synonym; 2: a general word that takes it in; 1: the words of one of its names in another order.
+pub(super) fn named(nouns: &[String], tags: &Tagged) -> u32 {
+    let Some((head, others)) = nouns.split_last() else { return 0 };
+    let names: Vec<Vec<String>> = tags.names.iter().map(|n| head_last(n)).collect();
+    let synonyms: Vec<Vec<String>> = tags.synonyms.iter().map(|n| head_last(n)).collect();
+    let terms = terms(tags);
+    let vocabulary = words_of(tags);
+    let known = |word: &String| {
+        vocabulary.contains(word)
+            || NOUNS.synonyms.iter().any(|group| group.contains(word) && vocabulary.iter().any(|v| group.contains(v)))
+    };
+    let modifiers = others.iter().all(known);
+    let exact = |list: &[Vec<String>]| list.iter().any(|term| term == nouns || joined(term) == joined(nouns));
+    let headed = |list: &[Vec<String>]| modifiers && list.iter().any(|term| term.last() == Some(head));
+    if exact(&names) {
+        return 6;
+    }
+    if exact(&synonyms) || headed(&names) {
+        return 5;
+    }
+    if exact(&terms) || headed(&terms) {
+        return 4;
+    }
+    let whole = nouns.join(" ");
+    for group in &NOUNS.synonyms {
+        let by_head = modifiers && group.contains(head);
+        if !(by_head || group.contains(&whole)) {
+            continue;
+        }
+        let met = terms.iter().any(|term| {
+            let term_whole = term.join(" ");
+            group.contains(&term_whole) || term.last().is_some_and(|last| group.contains(last))
+        });
+        if met {
+            return 3;
+        }
+    }
+    if modifiers
+        && let Some(below) = NOUNS.hypernyms.get(head)
+        && terms.iter().any(|term| term.last().is_some_and(|t| below.contains(t)))
+    {
+        return 2;
+    }
+    let bag = nouns.len() > 1 && terms.iter().any(|term| nouns.iter().all(|n| term.contains(n)));
+    u32::from(bag)
+}
+
+fn joined(words: &[String]) -> String {
+    words.concat()
+}
+
+/// How many of the words say what the object serves for.
+fn used(uses: &[String], tags: &Tagged) -> u32 {
+    let mut own: Vec<String> = tags
+        .uses
+        .iter()
+        .chain(&tags.names)
+        .chain(&tags.synonyms)
+        .chain([&tags.kind])
+        .flat_map(|text| split(text))
+        .flat_map(|w| stems(&w))
+        .collect();
+    let heads = terms(tags);
+    let heads: Vec<&String> = heads.iter().filter_map(|term| term.last()).collect();
+    let general: Vec<&Words> = NOUNS.uses.iter().filter(|(kind, _)| heads.contains(kind)).map(|(_, uses)| uses).collect();
+    own.retain(|w| !SPELLING.empty.contains(w));
+    // "Sit" serves sitting better than "sit under" does.
+    let mut score = u32::from(tags.uses.iter().any(|text| split(text).iter().map(|w| stem(w)).eq(uses.iter().map(|w| stem(w)))));
+    for word in uses {
+        let forms = stems(word);
+        if own.iter().any(|o| forms.contains(o)) {
+            score += 3;
+        } else if forms.iter().any(|form| general.iter().any(|uses| uses.contains(form))) {
+            score += 2;
+        }
+    }
+    score
+}
+
+/// Whether an object's tags hold the word.
+pub(crate) fn knows(tags: &Tagged, word: &String) -> bool {
+    words_of(tags).contains(word)
+}
