@@ -1,18 +1,19 @@
-//! What the pilot does when the envelope demands something: hold, or land with an outcome.
+//! The pilot's reactions to the envelope: hold, or land with an outcome.
 //!
-//! Which condition demands what, and after how long, is the envelope's (`docs/safety.md`, "Reactions"; `envelope/watch.rs`).
+//! The envelope defines which condition demands which reaction, and after how long (`docs/safety.md`, "Reactions";
+//! `envelope/watch.rs`).
 
 use super::{Note, Outcome, Phase, Pilot};
 use crate::envelope::{Cause, Reaction};
 use crate::time::Time;
 
 impl Pilot {
-    /// The envelope's reaction to what it watches.
+    /// Obeys the envelope's current reaction.
     pub(super) fn react(&mut self, now: Time) {
         if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff) {
             return;
         }
-        // A hand on the sticks sees for itself: a frozen picture does not end manual flight.
+        // An operator in manual flight sees the craft: a frozen camera does not end it.
         let by_hand = matches!(self.phase, Phase::Manual | Phase::Held);
         let reaction = if by_hand { self.envelope.manual_reaction(now) } else { self.envelope.reaction(now) };
         let told = core::mem::replace(&mut self.told_reaction, reaction.cause());
@@ -31,7 +32,7 @@ impl Pilot {
         }
     }
 
-    /// Tells of a cause once, until another takes its place.
+    /// Reports a cause once, until another replaces it.
     pub(super) fn tell(&mut self, cause: Option<Cause>, told: Option<Cause>) {
         if let Some(cause) = cause.filter(|cause| told != Some(*cause)) {
             self.note(Note::Envelope(cause));
@@ -39,7 +40,7 @@ impl Pilot {
     }
 }
 
-/// What ending by a cause means for the outcome (`docs/safety.md`).
+/// The outcome that follows from ending by a cause (`docs/safety.md`).
 fn outcome_of(cause: Cause) -> Outcome {
     match cause {
         Cause::Crashed => Outcome::Collision,
