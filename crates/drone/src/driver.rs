@@ -46,7 +46,7 @@ pub trait Target: Send + Sync {
     /// [`ConnectError`].
     fn connect(&self, options: &Options, start: Instant) -> Result<Connected, ConnectError>;
 
-    /// Looks at it, on the ground: the way to it, what it tells, its pictures.
+    /// Looks at it, on the ground: the way to it, what it tells, its images.
     fn examine(&self, options: &Options) -> Vec<Check>;
 }
 

@@ -44,7 +44,7 @@ impl Check {
 
 /// How long telemetry and video are watched.
 const WATCHED: Duration = Duration::from_secs(3);
-/// How long the first picture is waited for: a key frame comes every second or two.
+/// How long the first image is waited for: a key frame comes every second or two.
 pub const FIRST_PICTURE: Duration = Duration::from_secs(6);
 /// Between two looks.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
@@ -52,18 +52,18 @@ const POLL_INTERVAL: Duration = Duration::from_millis(20);
 const BATTERY: u8 = 20;
 /// A charge that lasts for a flight, per cent.
 const BATTERY_LONG: u8 = 40;
-/// Mean brightness of a picture, of 255, below which a craft that holds itself by its camera loses its hold on the ground.
+/// Mean brightness of an image, of 255, below which a craft that holds itself by its camera loses its hold on the ground.
 const DARK: f64 = 40.0;
 
 /// What a drone told and showed while it was watched.
 pub struct Watched {
     /// Telemetry reports a second.
     pub telemetry: f64,
-    /// The newest picture; none when none came within [`FIRST_PICTURE`].
+    /// The newest image; none when none came within [`FIRST_PICTURE`].
     pub newest: Option<Photo>,
     /// When the first one came.
     first: Duration,
-    /// Pictures a second.
+    /// Images a second.
     shown: f64,
     /// Places where one was missing.
     gaps: u64,
@@ -107,7 +107,7 @@ impl Watched {
         }
     }
 
-    /// Whether the pictures come as they should.
+    /// Whether the images come as they should.
     #[must_use]
     pub fn video(&self, picture: &Photo, advice: &str) -> Check {
         let finding = if self.shown < 5.0 {

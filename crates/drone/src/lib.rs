@@ -41,7 +41,7 @@ pub struct Capabilities {
     pub rangefinder: Option<f64>,
     /// The least and the greatest tilt that its gimbal gives the camera, radians, downwards positive.
     pub gimbal: Option<[f64; 2]>,
-    /// How many times larger than its widest picture its camera can show things.
+    /// How many times larger than its widest image its camera can show things.
     pub zoom: Option<f64>,
 }
 

@@ -25,7 +25,7 @@ use crate::real::Real;
 use crate::run::Observer;
 use crate::site::Clock;
 
-/// Share of full stick: the drone must not fly far.
+/// Fraction of full stick: the drone must not fly far.
 const SHARE: f64 = 0.5;
 /// How long each leg is told.
 const LEG: Duration = Duration::from_millis(2500);
@@ -88,7 +88,7 @@ enum Stage {
 
 /// Told what happens on a flight, it does what an operator would do, and measures.
 pub struct Routine {
-    /// What the driver takes full stick for: a setpoint is a share of it.
+    /// What the driver takes full stick for: a setpoint is a fraction of it.
     full: Calibration,
     operator: Sender<OperatorEvent>,
     stage: Stage,

@@ -11,7 +11,7 @@ use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
 
 use crate::sim::VlmFactory;
 
-/// Who points, and a detector that lists what is in the picture in their place.
+/// Who points, and a detector that lists what is in the image in their place.
 struct WithDetector {
     vlm: Box<dyn Vlm>,
     detector: Box<dyn Vlm>,
@@ -34,7 +34,7 @@ impl Vlm for WithDetector {
     }
 }
 
-/// The same, with lists of what is in the picture from `detector`.
+/// The same, with lists of what is in the image from `detector`.
 #[must_use]
 pub fn with_detector(who: VlmFactory, detector: VlmFactory) -> VlmFactory {
     Arc::new(move |world, seed| Ok(Box::new(WithDetector { vlm: who(world, seed)?, detector: detector(world, seed)? })))

@@ -15,12 +15,12 @@ use crate::sim::LoadedScene;
 
 /// How long the simulator draws.
 const WATCHED: Duration = Duration::from_secs(3);
-/// A detector should not take longer for a picture.
+/// A detector should not take longer for an image.
 const SLOW_DETECTOR: Duration = Duration::from_millis(700);
 /// Free space that a long flight with video takes, bytes.
 const SPACE: u64 = 1 << 30;
 
-/// Draws some pictures of a scene as a flight on the wall clock does, and counts how many a second there are.
+/// Draws some images of a scene as a flight on the wall clock does, and counts how many a second there are.
 #[must_use]
 pub fn simulator(loaded: &LoadedScene) -> Check {
     let moment = loaded.beginning(loaded.scene.start);
@@ -37,7 +37,7 @@ pub fn simulator(loaded: &LoadedScene) -> Check {
     Check::new("simulator", finding, said, Some("end what keeps this machine busy, or fly with --no-video"))
 }
 
-/// Asks who points about pictures of a dot.
+/// Asks who points about images of a dot.
 #[must_use]
 pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration) -> Check {
     let checked = check(vlm, time);
@@ -59,7 +59,7 @@ pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration) -> Check {
     }
 }
 
-/// Has a detector look at a grey picture of a camera's size.
+/// Has a detector look at a grey image of a camera's size.
 #[must_use]
 pub fn detector(model: &Detector) -> Check {
     let began = Instant::now();

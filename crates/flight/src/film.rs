@@ -23,22 +23,22 @@ use crate::frame_source::FrameSource;
 use crate::log::Outlet;
 use crate::words;
 
-/// Pictures a flight second: the paper's controller acts ten times a second, so nothing is between two pictures.
+/// Images a flight second: the paper's controller acts ten times a second, so nothing is between two images.
 const FPS: u64 = 10;
 /// Half the camera's sides and a bit: a third of the drawing time, and text is still read easily.
 pub(crate) const SIZE: (u32, u32) = (640, 480);
-/// Pictures that may wait to be drawn.
+/// Images that may wait to be drawn.
 const WAITING: usize = 16;
 
-/// Quality of the JPEG pictures in the log: a far car keeps its edges.
+/// Quality of the JPEG images in the log: a far car keeps its edges.
 const JPEG_QUALITY: u8 = 80;
 
 /// Older poses may be forgotten by the simulator, which keeps ten seconds.
 const FORGOTTEN: Duration = Duration::from_secs(9);
 
-/// What one picture shows.
+/// What one image shows.
 struct Shot {
-    /// The flight time that it is a picture of.
+    /// The flight time that it is an image of.
     at: Time,
     photo: Photo,
     /// Where the pilot believes to be.
@@ -52,8 +52,8 @@ struct Shot {
     craft: String,
 }
 
-/// A video in the making. Pictures are drawn and encoded in a thread of their own, so that no setpoint waits for one; the bytes
-/// do not depend on it. On the wall clock a picture for which there is no time is left out.
+/// A video in the making. Images are drawn and encoded in a thread of their own, so that no setpoint waits for one; the bytes
+/// do not depend on it. On the wall clock an image for which there is no time is left out.
 pub(crate) struct Film {
     frame_source: Arc<dyn FrameSource>,
     title: String,
@@ -71,7 +71,7 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    /// Opens the file and starts the encoder. The pictures go to the `log` too, as the camera saw them.
+    /// Opens the file and starts the encoder. The images go to the `log` too, as the camera saw them.
     pub(crate) fn start(
         path: &Path,
         frame_source: Arc<dyn FrameSource>,
@@ -125,7 +125,7 @@ impl Film {
         }
     }
 
-    /// Takes every picture that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
+    /// Takes every image that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
     pub(crate) fn advance(&mut self, now: Time, pilot: &Pilot) -> bool {
         while self.next <= now {
             let Some(photo) = self.frame_source.shot(self.next) else {
@@ -202,7 +202,7 @@ fn encode(mut writer: VideoWriter, camera: &Camera, shots: &Receiver<Shot>, log:
     trouble.map_or(ended, Err)
 }
 
-/// Where the plan's end is in the picture. The plan lives in the pilot's world: it is drawn as the pilot believes to see it.
+/// Where the plan's end is in the image. The plan lives in the pilot's world: it is drawn as the pilot believes to see it.
 fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
     let ahead = shot.known.position.displacement_to(shot.waypoint?, shot.known.attitude.heading);
     let point = project_displacement(ahead, camera, shot.known.attitude, Lifting::Levelled)?;
@@ -212,7 +212,7 @@ fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
 fn annotate(picture: &mut Rgb, shot: &Shot, drawn: &Marks) {
     marks::draw(picture, &shot.asked);
     marks::draw(picture, &drawn.as_marks());
-    // What was seen on one line and what was made of it on the next: together they are too long for the picture.
+    // What was seen on one line and what was made of it on the next: together they are too long for the image.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
     marks::draw_hud(picture, &Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] });
     if let Some((point, caption)) = &drawn.waypoint {

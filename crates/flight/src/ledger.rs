@@ -45,7 +45,7 @@ pub struct VlmUse {
 /// Medians of what each part of the latency took, over the answers that have it, seconds; null without any.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MedianParts {
-    /// Scaling and encoding the picture, writing the request.
+    /// Scaling and encoding the image, writing the request.
     pub encode_s: Option<f64>,
     /// Until the connection had taken the whole request; with connecting, and with what was asked before in vain.
     pub upload_s: Option<f64>,

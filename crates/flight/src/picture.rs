@@ -1,4 +1,4 @@
-//! The pictures that a VLM is shown.
+//! The images that a VLM is shown.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use spf_drone::frames::{Frames, Photo};
 use spf_media::{Rgb, Scaler};
 use spf_vlm::{Picture, VlmError};
 
-/// Makes pictures of the frames that a craft's camera keeps.
+/// Makes images of the frames that a craft's camera keeps.
 pub struct Pictures {
     frames: Arc<dyn Frames>,
     size: (u32, u32),
@@ -23,16 +23,16 @@ impl Pictures {
         Self { frames: drone.frames(), size: (camera.width, camera.height), scaler: Scaler::default() }
     }
 
-    /// The picture that a query is about. Its frame is held from now on, since a camera may forget it within a second.
+    /// The image that a query is about. Its frame is held from now on, since a camera may forget it within a second.
     pub fn about<'a>(&'a mut self, query: &'a Query) -> impl Picture + 'a {
         Marked::new(query, self.size, self.frames.photo(query.frame), &mut self.scaler)
     }
 }
 
-/// A picture's size, its quality, and its bytes.
+/// An image's size, its quality, and its bytes.
 type Encoded = ((u32, u32), u8, Arc<[u8]>);
 
-/// A query's picture: made at the size that is asked for, its marks drawn on it, encoded once.
+/// A query's image: made at the size that is asked for, its marks drawn on it, encoded once.
 pub(crate) struct Marked<'a> {
     query: &'a Query,
     size: (u32, u32),
@@ -47,7 +47,7 @@ pub(crate) struct Marked<'a> {
 }
 
 impl<'a> Marked<'a> {
-    /// The picture of a query from a camera of that size.
+    /// The image of a query from a camera of that size.
     pub(crate) fn new(query: &'a Query, size: (u32, u32), photo: Option<Photo>, scaler: &'a mut Scaler) -> Self {
         Self { query, size, photo, scaler, drawn: None, encoded: Vec::new() }
     }
@@ -66,7 +66,7 @@ impl Picture for Marked<'_> {
     }
 
     fn prepare(&mut self, size: (u32, u32)) {
-        // What fails here fails again when the picture is wanted, and says why.
+        // What fails here fails again when the image is wanted, and says why.
         self.drawn = self.draw(size).ok();
     }
 

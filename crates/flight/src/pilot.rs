@@ -17,7 +17,7 @@ pub struct PolicyParts {
     pub settings: PilotSettings,
     /// What is flown.
     pub craft: Craft,
-    /// How who points sees the camera's pictures.
+    /// How who points sees the camera's images.
     pub eyesight: Eyesight,
     /// What who points is told.
     pub prompt: Arc<PromptText>,

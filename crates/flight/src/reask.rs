@@ -1,4 +1,4 @@
-//! Another mind about the same frames: what a log's questions are answered now by somebody else, beside what was answered then.
+//! Another mind about the same frames: what a log's questions are answered now by someone else, beside what was answered then.
 //!
 //! What there was to see is drawn again from the log's scene and the true pose of each frame that was asked about: ids and depth for an
 //! oracle, a photograph for a vision-language model, which is asked in its own coordinates and at its own size.
@@ -27,7 +27,7 @@ use crate::policy::PolicyKind;
 use crate::replay::{ReplayError, head, prompt_of, row};
 use crate::sim::{FlightConditions, LoadedScene, OracleVlm, SimWorld, VlmFactory, VlmFactoryError, WorldSnapshot, photo};
 
-/// One half of a picture.
+/// One half of an image.
 const HALF: (u32, u32) = (640, 480);
 
 /// A question of a log.
@@ -133,7 +133,7 @@ pub struct Opinion {
     /// Why not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
-    /// How far apart the two point, as a share of the picture's width.
+    /// How far apart the two point, as a fraction of the image's width.
     pub apart: Option<f64>,
     /// How long the answer took, seconds.
     pub latency_s: f64,
@@ -155,7 +155,7 @@ enum Answerer {
     Vlm(Box<dyn Vlm>, Duration),
 }
 
-/// Asks somebody about the frames of a log.
+/// Asks someone about the frames of a log.
 pub struct Asker {
     world: SimWorld,
     mind: Answerer,
@@ -283,7 +283,7 @@ fn flight_conditions(sim: &SimHead) -> Result<FlightConditions, AskError> {
     Ok(flight_conditions)
 }
 
-/// Two pictures of one size, next to each other.
+/// Two images of one size, next to each other.
 fn beside(left: &Rgb, right: &Rgb) -> Rgb {
     let (width, height) = (left.width(), left.height());
     let row = 3 * width as usize;

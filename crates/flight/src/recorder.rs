@@ -83,7 +83,7 @@ const DECISIONS: &str = "decisions.jsonl";
 const VIDEO: &str = "video.mp4";
 const TRAJECTORY: &str = "trajectory.svg";
 
-/// The path in the picture has a point this often.
+/// The path in the image has a point this often.
 const PATH_STEP_S: f64 = 0.1;
 
 impl Recorder {
@@ -175,7 +175,7 @@ fn in_full(error: &dyn std::error::Error) -> String {
     text
 }
 
-/// The line below the picture's title.
+/// The line below the image's title.
 fn headline(summary: &Summary) -> String {
     let time = summary.completion_time_s.map_or(String::new(), |time| format!(", {time:.1} s"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target"));

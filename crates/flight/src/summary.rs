@@ -76,7 +76,7 @@ pub struct Summary {
     /// The charge at the start, 0 to 1; left out when it was full.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub battery: Option<f64>,
-    /// What the camera did to its pictures, as `--camera-effects` takes it; left out when nothing.
+    /// What the camera did to its images, as `--camera-effects` takes it; left out when nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_effects: Option<String>,
     /// Answers that came when nobody waited for them any more.

@@ -1,6 +1,6 @@
 //! The oracle: a stand-in for a VLM (`docs/oracle.md`).
 //!
-//! It is a pure function of the query, the id and depth pictures, the tags of visible objects, the scene's `near`, the error
+//! It is a pure function of the query, the id and depth images, the tags of visible objects, the scene's `near`, the error
 //! file, the seed and the frame number. It has no state, no pose, no task and no access to the judge; an object without a
 //! visible pixel does not exist for it. It forms one [`Percept`] a frame and answers every kind of query from it, as text
 //! that goes through the same parser as any model's. No number made with it is ever presented as a VLM's.

@@ -1,4 +1,4 @@
-//! Flight files: log, video, trajectory picture, decisions, summary (`docs/flight-files.md`).
+//! Flight files: log, video, trajectory image, decisions, summary (`docs/flight-files.md`).
 //!
 //! Every time is flight time, and the same flight gives the same bytes; only the log knows the wall clock, by which it closes its
 //! chunks and which it notes once. A file that cannot be written is an error value; the caller reports it and flies on.

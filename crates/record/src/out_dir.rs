@@ -172,7 +172,7 @@ fn highest_number(base: &Path) -> io::Result<u64> {
         let name = entry?.file_name();
         let name = name.to_string_lossy();
         let digits = name.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();
-        // Longer numbers are somebody else's naming, such as dates; counting on from them would be no help.
+        // Longer numbers are someone else's naming, such as dates; counting on from them would be no help.
         if digits.len() <= 6 {
             highest = highest.max(digits.parse().unwrap_or(0));
         }

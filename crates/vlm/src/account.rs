@@ -20,7 +20,7 @@ pub struct Account {
 /// Where the time of a request went, seconds from its beginning; none for what was not reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Parts {
-    /// The picture drawn and encoded.
+    /// The image drawn and encoded.
     pub encoded_s: Option<f64>,
     /// The request's last piece taken by the connection; the operating system may hold some of it still.
     #[serde(default)]

@@ -26,10 +26,10 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(4);
 const WORTH_ASKING: Duration = Duration::from_millis(300);
 /// A vendor that wants to be left alone longer than this will not come back in this flight.
 const LONGEST_WAIT: Duration = Duration::from_secs(120);
-/// A JPEG's share of a question's tokens where nobody counted them, and characters to a token.
+/// A JPEG's fraction of a question's tokens where nobody counted them, and characters to a token.
 const GUESSED_PICTURE: u64 = 1000;
 const CHARACTERS_A_TOKEN: u64 = 4;
-/// Bytes of a request beside picture and prompt, about: its schema and settings.
+/// Bytes of a request beside image and prompt, about: its schema and settings.
 const ROOM: usize = 8192;
 
 /// One model at one vendor.
@@ -79,7 +79,7 @@ impl Backend {
         Self { name, model, endpoint, not_before: Mutex::new(None), told: AtomicBool::new(false) }
     }
 
-    /// Writes a question, with the time from `began` to a picture that is encoded.
+    /// Writes a question, with the time from `began` to an image that is encoded.
     pub(crate) fn write(
         &self,
         question: &Question<'_>,
@@ -103,7 +103,7 @@ impl Backend {
     }
 
     /// Asks until there is an answer, no use in asking again, or no time. Without `retry` there is one request, and none to a
-    /// vendor that wants to be left alone: somebody else is there to be asked.
+    /// vendor that wants to be left alone: someone else is there to be asked.
     pub(crate) async fn ask(
         self: Arc<Self>,
         client: reqwest::Client,
@@ -213,7 +213,7 @@ impl Backend {
     fn count(&self, account: &mut Account, exchange: &Exchange, written: &Written) {
         let mut tokens = exchange.gathered.tokens.unwrap_or_default();
         let text = &exchange.gathered.text;
-        // A vendor charges for a question that it read, whether or not somebody waits for its answer.
+        // A vendor charges for a question that it read, whether or not someone waits for its answer.
         if tokens.is_empty() && (exchange.given_up || !text.is_empty()) {
             tokens = Tokens { output: (text.len() as u64).div_ceil(CHARACTERS_A_TOKEN), ..written.guessed() };
         } else if exchange.cut {

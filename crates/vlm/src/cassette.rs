@@ -1,6 +1,6 @@
 //! Recordings of answers, and a stand-in that gives them again: the same flight, bit for bit, without a model.
 //!
-//! A recording is JSON lines: a head, then one line a question. It holds no key and no picture; a server that was named by its address is named so here.
+//! A recording is JSON lines: a head, then one line a question. It holds no key and no image; a server that was named by its address is named so here.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -87,7 +87,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Records the answers of `vlm`, about the pictures of a camera of this size, in a new file.
+    /// Records the answers of `vlm`, about the images of a camera of this size, in a new file.
     ///
     /// # Errors
     /// [`CassetteError::Create`] when it cannot be made; a file that is there is not written over.

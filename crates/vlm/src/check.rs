@@ -1,4 +1,4 @@
-//! Does a model answer, and does it point where we think it points? Three pictures of one dot tell.
+//! Does a model answer, and does it point where we think it points? Three images of one dot tell.
 
 use std::sync::Arc;
 
@@ -14,11 +14,11 @@ use crate::{Account, Answer, Asked, Picture, Vlm, VlmError};
 
 /// Where the dots are: off the diagonal, so that swapped coordinates show.
 pub const DOTS: [ImagePoint; 3] = [ImagePoint { u: 0.2, v: 0.7 }, ImagePoint { u: 0.75, v: 0.3 }, ImagePoint { u: 0.55, v: 0.9 }];
-/// Radius of a dot as a share of the picture's width.
+/// Radius of a dot as a fraction of the image's width.
 const RADIUS: f64 = 0.03;
-/// A point this near to the dot's centre, as a share of the picture, is on it or next to it.
+/// A point this near to the dot's centre, as a fraction of the image, is on it or next to it.
 pub const NEAR: f64 = 0.06;
-/// Size of the pictures, that of the usual camera.
+/// Size of the images, that of the usual camera.
 const SIZE: (u32, u32) = (960, 720);
 const INSTRUCTION: &str = "fly to the red dot";
 
@@ -36,7 +36,7 @@ pub struct Pointed {
 /// What the three dots tell.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
-    /// It points at the dots; the worst distance as a share of the picture.
+    /// It points at the dots; the worst distance as a fraction of the image.
     Good(f64),
     /// It answers in other coordinates than the table says.
     Other(GroundingProfile),
@@ -59,7 +59,7 @@ pub struct Check {
     pub account: Account,
 }
 
-/// One dot on grey, as a picture to be pointed at.
+/// One dot on grey, as an image to be pointed at.
 struct Dotted(ImagePoint);
 
 impl Picture for Dotted {
@@ -73,7 +73,7 @@ impl Picture for Dotted {
     }
 }
 
-/// The calibration picture: grey with one red dot.
+/// The calibration image: grey with one red dot.
 #[must_use]
 pub fn dotted(dot: ImagePoint) -> Rgb {
     let (width, height) = SIZE;

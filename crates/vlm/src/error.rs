@@ -10,10 +10,10 @@ const LONGEST_QUOTE: usize = 300;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum VlmError {
-    /// The picture could not be had.
+    /// The image could not be had.
     #[error("the camera frame could not be prepared: {0}")]
     Picture(String),
-    /// The detector failed on a picture.
+    /// The detector failed on an image.
     #[error("the detector failed: {0}")]
     Detector(String),
     /// The one asked cannot answer this kind of question.

@@ -1,11 +1,11 @@
-//! At which size a picture is sent, so that the model sees exactly what was sent.
+//! At which size an image is sent, so that the model sees exactly what was sent.
 //!
-//! Vendors resize silently, and coordinates then refer to a picture that was never ours. So a size is chosen here that each
+//! Vendors resize silently, and coordinates then refer to an image that was never ours. So a size is chosen here that each
 //! vendor's own rule leaves as it is: within its limits, and with sides in its multiples.
 
 use serde::Deserialize;
 
-/// What bounds a picture's size.
+/// What bounds an image's size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImageRule {
@@ -27,11 +27,11 @@ impl Default for ImageRule {
     }
 }
 
-/// Width and height of a picture as sent, pixels.
+/// Width and height of an image as sent, pixels.
 pub type SentSize = (u32, u32);
 
 impl ImageRule {
-    /// The size at which a camera's frame is sent. `long_side` over the rule's, when a person chose one; a picture is never
+    /// The size at which a camera's frame is sent. `long_side` over the rule's, when a person chose one; an image is never
     /// made larger than it was.
     #[must_use]
     pub fn sent(&self, camera: (u32, u32), long_side: Option<u32>) -> SentSize {
@@ -50,7 +50,7 @@ impl ImageRule {
         }
     }
 
-    /// Whether the vendor leaves a picture of this size as it is.
+    /// Whether the vendor leaves an image of this size as it is.
     #[must_use]
     pub fn fits(&self, (width, height): SentSize) -> bool {
         let squares = |side: u32| u64::from(side.div_ceil(self.patch.max(1)));
@@ -102,7 +102,7 @@ mod tests {
             let size = rule.sent((width, height), long);
             prop_assert!(size.0 >= 1 && size.1 >= 1);
             prop_assert_eq!((size.0 % multiple, size.1 % multiple), (0, 0));
-            // Slender pictures keep at least one multiple a side.
+            // Slender images keep at least one multiple a side.
             prop_assert!(rule.fits(size) || size.0.min(size.1) <= multiple);
         }
     }

@@ -39,7 +39,7 @@ pub use key::ApiKey;
 pub use remote::{Remote, Strategy};
 pub use transport::TransportError;
 
-/// The picture a query is about, made only when it is asked for: the oracle needs none, and drawing is the costly part.
+/// The image a query is about, made only when it is asked for: the oracle needs none, and drawing is the costly part.
 pub trait Picture {
     /// Width and height of the camera's frame, pixels.
     fn size(&self) -> (u32, u32);
@@ -79,12 +79,12 @@ pub struct Answer {
     pub account: Account,
 }
 
-/// How a model sees a camera's pictures.
+/// How a model sees a camera's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Eyesight {
     /// The coordinates it is asked for and answers in.
     pub grounding: GroundingProfile,
-    /// The size at which pictures are sent, if not the camera's.
+    /// The size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
 }
 
@@ -93,7 +93,7 @@ pub trait Vlm: Send {
     /// Its name as on the command line.
     fn name(&self) -> &str;
 
-    /// How it sees the pictures of a camera with frames of `camera` pixels, width first. Queries are to be written for this.
+    /// How it sees the images of a camera with frames of `camera` pixels, width first. Queries are to be written for this.
     fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
         let _ = camera;
         Eyesight::default()

@@ -28,7 +28,7 @@ const GRACE: Duration = Duration::from_millis(20);
 pub struct Strategy {
     /// After this time without an answer a second request goes out, and the first good answer counts.
     pub hedge: Option<Duration>,
-    /// Longest side of the pictures sent, when not the model's own, pixels.
+    /// Longest side of the images sent, when not the model's own, pixels.
     pub long_side: Option<u32>,
     /// Quality of the JPEG, 1..=100.
     pub quality: u8,
@@ -137,7 +137,7 @@ impl Remote {
         matches!(query.kind, QueryKind::Point { .. }).then(|| self.prompt.write_point(query, profile))
     }
 
-    /// The coordinates in which a backend is asked about a camera's pictures, and the size of those.
+    /// The coordinates in which a backend is asked about a camera's images, and the size of those.
     fn sight(&self, index: usize, camera: (u32, u32)) -> (GroundingProfile, (u32, u32)) {
         let model = &self.backends[index].model;
         let size = model.image.sent(camera, self.strategy.long_side);
@@ -250,7 +250,7 @@ impl Asking<'_> {
         let own = (index > 0).then(|| remote.prompt_for(query, &grounding)).flatten();
         let question = Question { prompt: own.as_deref().unwrap_or(&query.prompt), jpeg: &jpeg, kind: &query.kind };
         let written = backend.write(&question, grounding, self.began)?;
-        // Where somebody else can be asked, that is quicker than asking the same again.
+        // Where someone else can be asked, that is quicker than asking the same again.
         let retry = index + 1 == remote.backends.len();
         let sent = Arc::new(AtomicU32::new(0));
         let charge = Charge { backend: backend.clone(), sent: sent.clone(), bytes: written.bytes(), guessed: written.guessed() };

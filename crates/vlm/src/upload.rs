@@ -10,7 +10,7 @@ use bytes::Bytes;
 use http_body::{Body, Frame, SizeHint};
 
 /// Bytes given to the connection at once. The HTTP library holds at most sixteen pieces before the socket has to take them, so that
-/// of a picture's request all but the last 32 KiB were taken by then.
+/// of an image's request all but the last 32 KiB were taken by then.
 const PIECE: usize = 2048;
 
 /// When the connection took the last piece of a body; the operating system may hold some of it still.

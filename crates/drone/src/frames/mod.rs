@@ -1,4 +1,4 @@
-//! A camera's frames as pixels, on demand: received already, or drawn when somebody looks.
+//! A camera's frames as pixels, on demand: received already, or drawn when someone looks.
 
 mod store;
 
@@ -9,7 +9,7 @@ use spf_media::{Rgb, Scaler};
 
 pub use store::FrameStore;
 
-/// A craft's camera, as far as its pictures go. What the pilot is told of a frame is its [`FrameMeta`]; whoever wants to see it asks
+/// A craft's camera, as far as its images go. What the pilot is told of a frame is its [`FrameMeta`]; whoever wants to see it asks
 /// here, by its number.
 pub trait Frames: Send + Sync {
     /// A frame, while it is kept.
@@ -18,13 +18,13 @@ pub trait Frames: Send + Sync {
     /// The newest frame.
     fn newest(&self) -> Option<(FrameMeta, Photo)>;
 
-    /// What became of the pictures on their way; all zero where they have no way to go.
+    /// What became of the images on their way; all zero where they have no way to go.
     fn tally(&self) -> FrameTally {
         FrameTally::default()
     }
 }
 
-/// Draws a picture at a width and height, pixels.
+/// Draws an image at a width and height, pixels.
 type Draw = dyn Fn((u32, u32)) -> Rgb + Send + Sync;
 
 /// A frame that is held: it stays at hand as long as this lives, however soon the camera forgets it.
@@ -47,7 +47,7 @@ impl Photo {
         Self { size: (pixels.width(), pixels.height()), source: Source::Received(pixels) }
     }
 
-    /// A picture that is drawn when somebody looks, at the size that is asked for. `size`: the camera's own.
+    /// An image that is drawn when someone looks, at the size that is asked for. `size`: the camera's own.
     #[must_use]
     pub fn drawn(size: (u32, u32), draw: impl Fn((u32, u32)) -> Rgb + Send + Sync + 'static) -> Self {
         Self { size, source: Source::Drawn(Arc::new(draw)) }
@@ -78,31 +78,31 @@ impl Photo {
     }
 }
 
-/// What became of a camera's pictures on their way here.
+/// What became of a camera's images on their way here.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameTally {
     /// On the way.
     pub video: VideoTally,
-    /// Pictures decoded.
+    /// Images decoded.
     pub decoded: u64,
-    /// Pictures that the decoder refused.
+    /// Images that the decoder refused.
     pub refused: u64,
-    /// Changes of the picture's size.
+    /// Changes of the image's size.
     pub sizes: u64,
-    /// Pictures that showed what an earlier one had shown already.
+    /// Images that showed what an earlier one had shown already.
     pub repeated: u64,
-    /// Pictures left out because newer ones had come.
+    /// Images left out because newer ones had come.
     pub overtaken: u64,
 }
 
 /// What a video lost on its way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct VideoTally {
-    /// Pictures put together whole.
+    /// Images put together whole.
     pub units: u64,
-    /// Places where a picture was missing or damaged, by the numbers that pictures carry.
+    /// Places where an image was missing or damaged, by the numbers that images carry.
     pub gaps: u64,
-    /// Pictures thrown away until the next at which decoding can begin.
+    /// Images thrown away until the next at which decoding can begin.
     pub skipped: u64,
     /// NAL units that were too long or of no use.
     pub damaged: u64,

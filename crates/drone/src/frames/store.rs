@@ -13,8 +13,8 @@ use super::{FrameTally, Frames, Photo};
 
 /// Frames that are kept for whoever asks for their pixels: a second's.
 const KEPT: usize = 24;
-/// Digests of earlier pictures. A camera never shows the same picture twice, bit for bit; a frozen one shows the same few again,
-/// one for each place in the group of pictures.
+/// Digests of earlier images. A camera never shows the same image twice, bit for bit; a frozen one shows the same few again,
+/// one for each place in the group of images.
 const DIGESTS: usize = 128;
 /// Every so many rows go into the digest.
 const DIGEST_ROWS: usize = 8;
@@ -25,14 +25,14 @@ struct Kept {
     /// Not yet told to the pilot.
     news: Option<FrameMeta>,
     next: u64,
-    /// The camera's capture counter, as far as it can be told: it counts pictures that differ.
+    /// The camera's capture counter, as far as it can be told: it counts images that differ.
     counter: u64,
     size: Option<(u32, u32)>,
     digests: VecDeque<u64>,
     tally: FrameTally,
 }
 
-/// The newest frames of a camera, shared by who receives them and who looks at them. It numbers them, and tells a frozen picture from
+/// The newest frames of a camera, shared by who receives them and who looks at them. It numbers them, and tells a frozen image from
 /// a fresh one.
 #[derive(Clone, Default)]
 pub struct FrameStore(Arc<Mutex<Kept>>);
@@ -43,7 +43,7 @@ impl FrameStore {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes a picture, captured and received at these flight times, for the newest frame.
+    /// Takes an image, captured and received at these flight times, for the newest frame.
     pub fn receive(&self, captured: Time, received: Time, picture: Rgb) {
         let digest = digest(&picture);
         let size = (picture.width(), picture.height());
@@ -84,7 +84,7 @@ impl FrameStore {
         self.kept().news.take()
     }
 
-    /// Counts what became of the pictures before they were frames.
+    /// Counts what became of the images before they were frames.
     pub fn count(&self, count: impl FnOnce(&mut FrameTally)) {
         count(&mut self.kept().tally);
     }

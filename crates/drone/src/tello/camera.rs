@@ -10,9 +10,9 @@ use spf_media::h264::Decoder;
 use super::inlet::{Inlet, Unit};
 use crate::frames::FrameStore;
 
-/// How long is waited for pictures at most before it is looked whether the end has come.
+/// How long is waited for images at most before it is looked whether the end has come.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
-/// Without a picture for so long the video is asked for again. A Tello sends a key picture every one or two seconds.
+/// Without an image for so long the video is asked for again. A Tello sends a key image every one or two seconds.
 const MISSING: Duration = Duration::from_secs(3);
 
 /// Makes frames of what came.
@@ -133,7 +133,7 @@ mod tests {
         assert!(frames.photo(FrameId(0)).is_some());
     }
 
-    /// Failing 3 of such programs: a frozen picture is sent to the VLM as if it were live.
+    /// Failing 3 of such programs: a frozen image is sent to the VLM as if it were live.
     #[test]
     fn failing_3_a_frozen_video_is_told_by_its_counter_though_pictures_keep_coming() {
         let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));
@@ -144,7 +144,7 @@ mod tests {
             counters.push(frames.take_news().unwrap().capture_counter);
         }
         assert!(counters[..21].windows(2).all(|pair| pair[1] == pair[0] + 1), "{counters:?}");
-        // The encoder refines a still picture for a while, and its next key picture looks a little different once more.
+        // The encoder refines a still image for a while, and its next key image looks a little different once more.
         assert!(counters[45..].windows(2).all(|pair| pair[1] == pair[0]), "{counters:?}");
     }
 

@@ -1,5 +1,5 @@
 //! Where the video waits between the thread that receives it and the one that decodes it. The socket is emptied all the time, so
-//! that nothing is lost while a picture is decoded, and each picture knows when it came, however busy the machine is.
+//! that nothing is lost while an image is decoded, and each image knows when it came, however busy the machine is.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -10,10 +10,10 @@ use spf_media::h264::AccessUnit;
 use super::video::Joiner;
 use crate::frames::VideoTally;
 
-/// Pictures that may wait: two seconds of them. More are thrown away, for a decoder that is so far behind never catches up.
+/// Images that may wait: two seconds of them. More are thrown away, for a decoder that is so far behind never catches up.
 const WAITING: usize = 60;
 
-/// A picture that came.
+/// An image that came.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Unit {
     /// When its last datagram came.
@@ -49,7 +49,7 @@ impl Inlet {
         let waiting = &mut *guard;
         waiting.joiner.push(datagram, &mut waiting.joined);
         for unit in waiting.joined.drain(..) {
-            // What came before a key picture is not needed for it, nor for any after it: only the newest chain waits.
+            // What came before a key image is not needed for it, nor for any after it: only the newest chain waits.
             if unit.key {
                 waiting.overtaken += waiting.units.len() as u64;
                 waiting.units.clear();
@@ -74,17 +74,17 @@ impl Inlet {
         guard.units.drain(..).collect()
     }
 
-    /// What was taken cannot be decoded: what follows it up to the next key picture cannot be either.
+    /// What was taken cannot be decoded: what follows it up to the next key image cannot be either.
     pub(super) fn refuse(&self) {
         let mut waiting = self.waiting();
         waiting.joiner.refuse();
-        // Whatever waits begins with a key picture or follows what was refused.
+        // Whatever waits begins with a key image or follows what was refused.
         if waiting.units.front().is_some_and(|unit| !unit.unit.key) {
             waiting.units.clear();
         }
     }
 
-    /// What the video lost on its way, and how many pictures were left out because newer ones had come.
+    /// What the video lost on its way, and how many images were left out because newer ones had come.
     pub(super) fn tally(&self) -> (VideoTally, u64) {
         let waiting = self.waiting();
         (waiting.joiner.tally(), waiting.overtaken)
@@ -98,7 +98,7 @@ mod tests {
 
     use super::*;
 
-    /// Datagrams of pictures, a key picture every tenth.
+    /// Datagrams of images, a key image every tenth.
     fn datagrams(pictures: u64) -> Vec<Vec<Vec<u8>>> {
         let settings = EncoderSettings { key_interval: 1.0, ..EncoderSettings::for_size(96, 64, 10.0) };
         let mut encoder = Encoder::new(settings).unwrap();
@@ -138,7 +138,7 @@ mod tests {
         inlet.refuse();
         put(&inlet, &stream[6..14], 6);
         assert_eq!(times(&inlet.take(Duration::ZERO)), (10..14).collect::<Vec<_>>());
-        // A key picture that waits is no child of what was refused.
+        // A key image that waits is no child of what was refused.
         put(&inlet, &stream[14..22], 14);
         inlet.refuse();
         assert_eq!(times(&inlet.take(Duration::ZERO)), [20, 21]);

@@ -14,12 +14,12 @@ const LONGEST: usize = 1 << 20;
 #[derive(Clone, Debug, Default)]
 pub struct Joiner {
     nal: Vec<u8>,
-    /// Parameter sets and the like that go before the next picture.
+    /// Parameter sets and the like that go before the next image.
     head: Vec<u8>,
     /// Bits of `frame_num`, from the sequence parameter set.
     number_bits: Option<u32>,
     last_number: Option<u32>,
-    /// Decoding may go on: nothing was lost since the last key picture.
+    /// Decoding may go on: nothing was lost since the last key image.
     whole: bool,
     tally: VideoTally,
 }
@@ -32,10 +32,10 @@ impl Joiner {
     }
 
     /// The next datagram; the access units that it completes are put at the end of `units`. A unit that
-    /// follows a loss is left out, and all after it up to the next key picture: they cannot be decoded rightly.
+    /// follows a loss is left out, and all after it up to the next key image: they cannot be decoded rightly.
     pub fn push(&mut self, datagram: &[u8], units: &mut Vec<AccessUnit>) {
         // What was begun has not ended in a shorter datagram: its end is lost. A whole unit whose length is a multiple of a
-        // datagram's looks the same, one in 1460; it goes too, for a picture without its end must not pass for whole.
+        // datagram's looks the same, one in 1460; it goes too, for an image without its end must not pass for whole.
         if datagram.starts_with(&START) && !self.nal.is_empty() {
             self.nal.clear();
             self.tally.damaged += 1;
@@ -52,7 +52,7 @@ impl Joiner {
         }
     }
 
-    /// A unit that came out could not be decoded: those after it up to the next key picture cannot be either.
+    /// A unit that came out could not be decoded: those after it up to the next key image cannot be either.
     pub fn refuse(&mut self) {
         self.lost();
     }
@@ -71,7 +71,7 @@ impl Joiner {
         match NalKind::of(payload) {
             Some(NalKind::Sps) => {
                 self.number_bits = number_bits(payload);
-                // A new sequence: nothing from before goes before its first picture.
+                // A new sequence: nothing from before goes before its first image.
                 self.head = nal;
             }
             Some(NalKind::Pps | NalKind::Other(6..=9)) => {
@@ -92,7 +92,7 @@ impl Joiner {
         }
     }
 
-    /// A picture refers to the one before it: a number left out is a picture lost.
+    /// An image refers to the one before it: a number left out is an image lost.
     fn count(&mut self, slice: &[u8]) {
         let Some(bits) = self.number_bits else { return self.lost() };
         let number = frame_number(slice, bits);
@@ -211,7 +211,7 @@ mod tests {
 
     use super::*;
 
-    /// Datagrams of each of some pictures of noise, cut as a Tello cuts them.
+    /// Datagrams of each of some images of noise, cut as a Tello cuts them.
     fn stream(frames: u32) -> Vec<Vec<Vec<u8>>> {
         let settings = EncoderSettings { key_interval: 1.0, quantiser: 20, ..EncoderSettings::for_size(192, 144, 10.0) };
         let mut encoder = Encoder::new(settings).unwrap();

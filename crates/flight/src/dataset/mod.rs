@@ -1,9 +1,9 @@
-//! Labelled pointing data: pictures of a scene with an instruction each, what it means in the picture, and all that the oracle
+//! Labelled pointing data: images of a scene with an instruction each, what it means in the image, and all that the oracle
 //! reads (docs/dataset.md).
 //!
 //! An example follows from the scene, the recipe and its number alone, so that examples can be made in any order and a folder
 //! that was cut short can be gone on with. What an instruction means is decided by the language of the truth, over the objects
-//! that the picture shows: an example whose words are not clear to it is not made.
+//! that the image shows: an example whose words are not clear to it is not made.
 
 mod place;
 pub mod record;
@@ -40,20 +40,20 @@ const ATTEMPTS: u64 = 3000;
 const HIDDEN: usize = 40;
 /// A look-alike has at least this many pixels at [`SIZE_SENT`]: even odds of being noticed.
 const LOOK_ALIKE_PIXELS: f64 = 64.0;
-/// A first glance is this many times coarser than the picture.
+/// A first glance is this many times coarser than the image.
 const GLANCE: u32 = 3;
 /// Actors have moved for up to this long, seconds.
 const TRAFFIC: f64 = 60.0;
 /// Kinds that are everywhere in a room: nobody is sent to them.
 const BACKDROPS: [&str; 2] = ["wall", "ceiling"];
-/// A target fills at most this share of the picture, for a picture of one surface is a picture of nothing …
+/// A target fills at most this fraction of the image, for an image of one surface is an image of nothing …
 const FILLS: f64 = 0.6;
-/// … at least this share of its silhouette is inside the frame unless it fills a tenth of it (as the oracle counts a thing as in
+/// … at least this fraction of its silhouette is inside the frame unless it fills a tenth of it (as the oracle counts a thing as in
 /// view) …
 const IN_FRAME: f32 = 0.25;
-/// … and at most this share of what is inside the frame is hidden.
+/// … and at most this fraction of what is inside the frame is hidden.
 const HIDDEN_SHARE: f64 = 0.85;
-/// At most this share of the picture may be something nearer than half of the scene's `near` that is not the target.
+/// At most this fraction of the image may be something nearer than half of the scene's `near` that is not the target.
 const BLOCKED: f64 = 0.4;
 
 /// What is to be made.
@@ -61,13 +61,13 @@ const BLOCKED: f64 = 0.4;
 pub struct Recipe {
     /// Seed of everything.
     pub seed: u64,
-    /// The bare camera, at the size of the pictures.
+    /// The bare camera, at the size of the images.
     pub camera: Camera,
-    /// What the camera does to its pictures.
+    /// What the camera does to its images.
     pub effects: Effects,
-    /// Share of examples whose target is not in the picture.
+    /// Fraction of examples whose target is not in the image.
     pub absent: f64,
-    /// Share of examples whose picture holds something of the target's name in another colour or of another quality.
+    /// Fraction of examples whose image holds something of the target's name in another colour or of another quality.
     pub look_alikes: f64,
     /// A target has at least this many pixels at [`SIZE_SENT`].
     pub min_pixels: u32,
@@ -77,11 +77,11 @@ pub struct Recipe {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// The target is in the picture.
+    /// The target is in the image.
     Present,
-    /// The target is in the picture, and so is something of its name that is not meant.
+    /// The target is in the image, and so is something of its name that is not meant.
     LookAlike,
-    /// The target is not in the picture.
+    /// The target is not in the image.
     Absent,
 }
 
@@ -104,10 +104,10 @@ impl Recipe {
     }
 }
 
-/// An object with a pixel in the picture.
+/// An object with a pixel in the image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Visible {
-    /// Its number in the id picture, or in that of openings.
+    /// Its number in the id image, or in that of openings.
     pub id: ObjectId,
     /// Its key in the scene.
     pub key: String,
@@ -115,13 +115,13 @@ pub struct Visible {
     pub opening: bool,
     /// Its pixels.
     pub pixels: u64,
-    /// Share of its silhouette inside the frame, 0..=1.
+    /// Fraction of its silhouette inside the frame, 0..=1.
     pub in_frame: f32,
     /// Light on it, 0 dark ..= 1 daylight.
     pub light: f32,
 }
 
-/// What the instruction means in the picture.
+/// What the instruction means in the image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Target {
     /// Its number.
@@ -141,7 +141,7 @@ pub struct Target {
     pub distance_m: f64,
     /// From the lens to the nearest surface of the object, metres.
     pub nearest_m: f64,
-    /// Share of its silhouette inside the frame that something hides, 0..=1.
+    /// Fraction of its silhouette inside the frame that something hides, 0..=1.
     pub occlusion: f64,
 }
 
@@ -154,9 +154,9 @@ pub struct Example {
     pub instruction: String,
     /// In which manner.
     pub wording: Wording,
-    /// What is meant; none when it is not in the picture.
+    /// What is meant; none when it is not in the image.
     pub target: Option<Target>,
-    /// Things in the picture of the target's name that are not meant; also those of an absent target's.
+    /// Things in the image of the target's name that are not meant; also those of an absent target's.
     pub look_alikes: Vec<ObjectId>,
     /// Where the camera was.
     pub pose: Pose,
@@ -220,7 +220,7 @@ impl<'a> Generator<'a> {
         }
     }
 
-    /// The camera of the pictures, with its lens.
+    /// The camera of the images, with its lens.
     #[must_use]
     pub fn camera(&self) -> &Camera {
         self.eye.camera()
@@ -295,11 +295,11 @@ impl<'a> Generator<'a> {
             let mut others = self.loaded.tags.iter().filter(|other| is_look_alike(&self.loaded.tags, focus, other));
             others.any(|other| shows(other.id, LOOK_ALIKE_PIXELS))
         };
-        // Somewhat less will do: the picture itself decides.
+        // Somewhat less will do: the image itself decides.
         shows(focus, 0.7 * f64::from(self.recipe.min_pixels)) && (kind != Kind::LookAlike || alike())
     }
 
-    /// Whether pixels of a picture would be `least` at [`SIZE_SENT`].
+    /// Whether pixels of an image would be `least` at [`SIZE_SENT`].
     fn is_large(&self, pixels: u64, least: f64, picture: &Picture) -> bool {
         let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
         pixels as f64 * sent >= least * f64::from(picture.width) * f64::from(picture.height)
@@ -376,7 +376,7 @@ impl<'a> Generator<'a> {
         }
         for id in hidden.into_iter().take(HIDDEN) {
             let tags = self.tags_of(id)?;
-            // What is leftmost, or of use, in a picture is so whatever stands elsewhere.
+            // What is leftmost, or of use, in an image is so whatever stands elsewhere.
             let plain = |(wording, _): &(Wording, String)| !matches!(wording, Wording::Place | Wording::Use);
             let means_nothing = |(_, instruction): &(Wording, String)| {
                 let here = resolve_truth(instruction, &shown, Some(snapshot.pose));
@@ -463,7 +463,7 @@ fn is_look_alike(tags: &[Tagged], of: ObjectId, other: &Tagged) -> bool {
     other.id != of && named && (other.colour != tags.colour || other.qualities != tags.qualities)
 }
 
-/// Masks of both id pictures, ascending by number. An object is drawn into one of the two.
+/// Masks of both id images, ascending by number. An object is drawn into one of the two.
 fn seen(truth: &Picture) -> Vec<Mask> {
     let channels = [truth.ids.as_deref(), truth.opening_ids.as_deref()];
     let mut all: Vec<Mask> = channels.into_iter().flatten().flat_map(|ids| masks(ids, truth.width as usize)).collect();
@@ -471,7 +471,7 @@ fn seen(truth: &Picture) -> Vec<Mask> {
     all
 }
 
-/// Pixels of each object in both id pictures.
+/// Pixels of each object in both id images.
 fn counts(picture: &Picture) -> BTreeMap<ObjectId, u64> {
     let mut counts = BTreeMap::new();
     for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {

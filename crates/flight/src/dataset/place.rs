@@ -1,18 +1,18 @@
-//! Whether words of place are plainly true of a picture.
+//! Whether words of place are plainly true of an image.
 
 use spf_oracle::Mask;
 use spf_render::Picture;
 use spf_scene::geometry::ObjectId;
 
-/// By so much of the picture's width the leftmost must lie left of the next.
+/// By so much of the image's width the leftmost must lie left of the next.
 const APART: f64 = 0.03;
 /// The nearest must be nearer by this share.
 const NEARER: f64 = 0.85;
 
 /// What is the leftmost, the rightmost or the nearest of several things is so by the middle of what is seen of them, and by the
-/// range of their surfaces where they are seen best: not only by where their middles stand, which no picture tells.
+/// range of their surfaces where they are seen best: not only by where their middles stand, which no image tells.
 pub(super) struct Plainly<'a> {
-    /// The masks of the picture.
+    /// The masks of the image.
     pub(super) masks: &'a [Mask],
     /// Ids and depth, also of openings.
     pub(super) truth: &'a Picture,

@@ -23,17 +23,17 @@ pub struct Head {
     pub scenes: Vec<SceneHead>,
     /// The craft whose camera looks.
     pub drone_model: String,
-    /// The camera of every picture, its lens included.
+    /// The camera of every image, its lens included.
     pub camera: Camera,
-    /// What the camera did to the pictures, as `--camera-effects` takes it.
+    /// What the camera did to the images, as `--camera-effects` takes it.
     pub camera_effects: String,
-    /// Share of examples whose target is not in the picture.
+    /// Fraction of examples whose target is not in the image.
     pub absent: f64,
-    /// Share of examples with a look-alike.
+    /// Fraction of examples with a look-alike.
     pub look_alikes: f64,
-    /// Least pixels of a target, at 960×720.
+    /// Minimum pixels of a target, at 960×720.
     pub min_pixels: u32,
-    /// How pictures are kept: `png` or `jpeg:QUALITY`.
+    /// How images are kept: `png` or `jpeg:QUALITY`.
     pub pictures: String,
 }
 
@@ -83,7 +83,7 @@ impl From<Pose> for RecordedPose {
     }
 }
 
-/// Paths of an example's pictures, from the dataset's folder.
+/// Paths of an example's images, from the dataset's folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Files {
     /// The photograph.
@@ -113,18 +113,18 @@ pub struct Row {
     pub instruction: String,
     /// In which manner.
     pub wording: Wording,
-    /// What is meant; null when it is not in the picture.
+    /// What is meant; null when it is not in the image.
     pub target: Option<Target>,
     /// Numbers of visible objects with the target's name in another colour or quality.
     pub look_alikes: Vec<ObjectId>,
-    /// The pictures.
+    /// The images.
     #[serde(flatten)]
     pub files: Files,
     /// The scene's `near`, metres.
     pub near_m: f64,
     /// Where the camera was. The oracle never reads it.
     pub pose: RecordedPose,
-    /// Every object with a pixel in the picture.
+    /// Every object with a pixel in the image.
     pub visible: Vec<Visible>,
 }
 

@@ -1,4 +1,4 @@
-//! Where a picture is taken from: poses at flying heights in free space, with something to see.
+//! Where an image is taken from: poses at flying heights in free space, with something to see.
 
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
@@ -11,13 +11,13 @@ use crate::sim::LoadedScene;
 
 /// Farthest that a thing is looked at from, metres.
 const FARTHEST: f64 = 120.0;
-/// Least and greatest height above the start, metres.
+/// Minimum and greatest height above the start, metres.
 const HEIGHTS: (f64, f64) = (0.4, 25.0);
 /// A craft with this radius would fit, metres.
 const ROOM: f64 = 0.4;
 /// Standard deviation of pitch and roll: a hovering craft in a breeze, radians.
 const TILT: f64 = 0.026;
-/// How far from the middle of the picture the thing may be, of half the field of view.
+/// How far from the middle of the image the thing may be, of half the field of view.
 const ASIDE: f64 = 0.8;
 
 /// Poses in one scene, with its actors at these places.

@@ -4,7 +4,7 @@ use spf_core::rng::Draw;
 
 use spf_core::tags::Tagged;
 
-/// Ways to tell somebody to go somewhere; `{}` is the thing, without an article.
+/// Ways to tell someone to go somewhere; `{}` is the thing, without an article.
 const ORDERS: [&str; 16] = [
     "Fly to the {}",
     "Go to the {}",
@@ -42,7 +42,7 @@ pub enum Wording {
     Quality,
     /// By adjective, colour and name.
     QualityColour,
-    /// By its place among its like in the picture: leftmost, rightmost, nearest.
+    /// By its place among its like in the image: leftmost, rightmost, nearest.
     Place,
     /// By what it serves for.
     Use,

@@ -69,7 +69,7 @@ impl Outlet {
         self.log.as_ref().is_none_or(|log| log.send(message))
     }
 
-    /// A camera picture, and what is to be drawn on it.
+    /// A camera image, and what is to be drawn on it.
     pub(crate) fn picture(&self, at: Time, jpeg: Bytes, size: (u32, u32), marks: &Marks) {
         self.put(Channel::Image, at, foxglove::encode(&foxglove::image(at, jpeg)));
         self.put(Channel::Annotations, at, foxglove::encode(&foxglove::annotations(at, size, marks)));
@@ -91,7 +91,7 @@ impl FlightLog {
         Self { log, out, frame_source, woken: None, posed: None, asked: BTreeMap::new(), missing: 0 }
     }
 
-    /// For pictures, which come from another thread; and the camera that they are taken by, at their size.
+    /// For images, which come from another thread; and the camera that they are taken by, at their size.
     pub(crate) fn pictures(&self, size: (u32, u32)) -> Outlet {
         let camera = self.frame_source.camera().resized(size.0, size.1);
         self.out.put(Channel::Calibration, Time::ZERO, foxglove::encode(&foxglove::calibration(Time::ZERO, &camera)));

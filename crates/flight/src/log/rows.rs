@@ -45,7 +45,7 @@ pub struct Head {
     /// The coordinates that it was asked for and answered in.
     #[serde(default)]
     pub grounding: GroundingProfile,
-    /// The size at which pictures were sent; absent when it was the camera's.
+    /// The size at which images were sent; absent when it was the camera's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_size: Option<(u32, u32)>,
     /// The prompt file, whole; absent when it was the shipped one.
@@ -78,7 +78,7 @@ pub struct SimHead {
     pub wind: Option<String>,
     /// The charge at the start, 0 to 1.
     pub battery: f64,
-    /// What the camera did to its pictures, as `--camera-effects` takes it; absent when nothing.
+    /// What the camera did to its images, as `--camera-effects` takes it; absent when nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_effects: Option<String>,
 }

@@ -47,7 +47,7 @@ pub enum Channel {
     Truth,
     /// The summary.
     Summary,
-    /// Camera pictures.
+    /// Camera images.
     Image,
     /// What is to be drawn on them.
     Annotations,

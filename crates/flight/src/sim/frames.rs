@@ -1,4 +1,4 @@
-//! The simulated camera's frames, drawn when somebody looks.
+//! The simulated camera's frames, drawn when someone looks.
 
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_drone::frames::{Frames, Photo};

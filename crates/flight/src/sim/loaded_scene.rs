@@ -133,7 +133,7 @@ impl LoadedScene {
         WorldSnapshot { pose, actors: self.cast.starts() }
     }
 
-    /// A picture of a moment.
+    /// An image of a moment.
     #[must_use]
     pub fn render(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels) -> Picture {
         let mut picture = Picture::default();
@@ -141,7 +141,7 @@ impl LoadedScene {
         picture
     }
 
-    /// Draws a moment into the buffers of a picture.
+    /// Draws a moment into the buffers of an image.
     pub fn render_into(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels, picture: &mut Picture) {
         let frustum = Frustum::new(camera, &snapshot.pose);
         let actors = self.cast.parts(&snapshot.actors, |centre, radius| frustum.sees(centre, radius));

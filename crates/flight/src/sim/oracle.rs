@@ -1,4 +1,4 @@
-//! The oracle behind the `Vlm` interface: it looks at the id and depth pictures of the query's frame, never at its pose or task.
+//! The oracle behind the `Vlm` interface: it looks at the id and depth images of the query's frame, never at its pose or task.
 
 use spf_core::frame::FrameId;
 use spf_core::query::Query;
@@ -54,7 +54,7 @@ impl OracleVlm {
     fn look(&self, frame: FrameId, snapshot: &WorldSnapshot) -> Percept {
         let mut eyes = self.world.loaded().eyes();
         let Eyes { sight, wide } = &mut eyes;
-        // Two pictures at once: much of drawing one without colours goes on in one thread.
+        // Two images at once: much of drawing one without colours goes on in one thread.
         let ((), in_frame) =
             rayon::join(|| self.world.look_into(snapshot, Channels::TRUTH, sight), || self.world.in_frame(snapshot, wide));
         // Not within: whoever first asks for the light waits while it is worked out, and must not take up another flight's looking

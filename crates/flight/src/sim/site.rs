@@ -120,7 +120,7 @@ impl Simulated {
         Some(self.flight_conditions.wind).filter(|wind| *wind != Wind::default()).map(|wind| wind.to_string())
     }
 
-    /// What the camera does to its pictures, as `--camera-effects` takes it; `None` when nothing.
+    /// What the camera does to its images, as `--camera-effects` takes it; `None` when nothing.
     fn effects(&self) -> Option<String> {
         Some(&self.flight_conditions.effects).filter(|effects| !effects.is_none()).map(Effects::to_string)
     }

@@ -12,11 +12,11 @@ use spf_scene::geometry::ObjectId;
 use super::loaded_scene::WorldSnapshot;
 use super::world::SimWorld;
 
-/// An object fills at least this share of the frame's height to be in view …
+/// An object fills at least this fraction of the frame's height to be in view …
 const VIEW_HEIGHT: f64 = 0.008;
-/// … with this share of its silhouette inside the frame …
+/// … with this fraction of its silhouette inside the frame …
 const VIEW_SHARE: f32 = 0.25;
-/// … or it fills this share of the frame.
+/// … or it fills this fraction of the frame.
 const VIEW_FILL: f64 = 0.1;
 
 /// What ground truth says of a flight.
@@ -63,9 +63,9 @@ fn in_view(world: &SimWorld, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> 
     sighted(&picture, objects, VIEW_HEIGHT, || world.in_frame(snapshot, &mut Picture::default()))
 }
 
-/// Those of `objects`, openings among them, that a picture with ids and openings shows well: at least `height` of the frame
+/// Those of `objects`, openings among them, that an image with ids and openings shows well: at least `height` of the frame
 /// high with a quarter of the silhouette inside the frame (`shares`; those not listed are beside no edge), or filling a tenth of
-/// the frame. Only pixels that nothing hides count. `shares`, another picture, is asked for only when it decides.
+/// the frame. Only pixels that nothing hides count. `shares`, another image, is asked for only when it decides.
 pub fn sighted(
     picture: &Picture,
     objects: &[ObjectId],
@@ -80,7 +80,7 @@ pub fn sighted(
     shown.map(|(id, _)| id).collect()
 }
 
-/// What an object covers of a picture.
+/// What an object covers of an image.
 #[derive(Clone, Copy)]
 struct Extent {
     top: usize,
@@ -98,7 +98,7 @@ impl Extent {
     }
 }
 
-/// What those of `objects` that a picture shows cover of it: first things, then openings, each ascending by id.
+/// What those of `objects` that an image shows cover of it: first things, then openings, each ascending by id.
 fn extents(picture: &Picture, objects: &[ObjectId]) -> Vec<(ObjectId, Extent)> {
     let w = picture.width as usize;
     let objects = BTreeSet::from_iter(objects.iter().copied().filter(|id| *id != 0));
@@ -106,7 +106,7 @@ fn extents(picture: &Picture, objects: &[ObjectId]) -> Vec<(ObjectId, Extent)> {
     channels.flat_map(|ids| objects.iter().filter_map(move |id| Some((*id, extent(ids, w, *id)?)))).collect()
 }
 
-/// What one object covers of an id picture of this width, at most 65 535; none where it has no pixel.
+/// What one object covers of an id image of this width, at most 65 535; none where it has no pixel.
 fn extent(ids: &[ObjectId], width: usize, id: ObjectId) -> Option<Extent> {
     let mut found: Option<Extent> = None;
     for (y, row) in ids.chunks_exact(width).enumerate() {

@@ -27,7 +27,7 @@ pub struct FlightConditions {
     pub wind: Wind,
     /// Battery charge at the start, 0..=1.
     pub battery: f64,
-    /// What the camera does to its pictures.
+    /// What the camera does to its images.
     pub effects: Effects,
 }
 
@@ -165,14 +165,14 @@ impl SimWorld {
         self.eye.photograph(shot, size, |camera, snapshot, picture| self.loaded.render_into(camera, snapshot, channels, picture))
     }
 
-    /// What the camera sees at a moment, into the buffers of an earlier picture: fresh pages cost a fifth of a decision.
+    /// What the camera sees at a moment, into the buffers of an earlier image: fresh pages cost a fifth of a decision.
     pub fn look_into(&self, snapshot: &WorldSnapshot, channels: Channels, picture: &mut Picture) {
         self.eye.look(self.camera(), picture, |camera, picture| {
             self.loaded.render_into(camera, snapshot, channels, picture);
         });
     }
 
-    /// Light on each thing of a picture with ids and depth of a moment, as in [`Renderer::light_on`].
+    /// Light on each thing of an image with ids and depth of a moment, as in [`Renderer::light_on`].
     ///
     /// [`Renderer::light_on`]: spf_render::Renderer::light_on
     #[must_use]
@@ -180,7 +180,7 @@ impl SimWorld {
         self.loaded.renderer.light_on(self.camera(), &snapshot.pose, picture)
     }
 
-    /// Share of each object's silhouette that lies inside the frame; openings by their own. The view in which they are counted is
+    /// Fraction of each object's silhouette that lies inside the frame; openings by their own. The view in which they are counted is
     /// drawn into `picture`.
     #[must_use]
     pub fn in_frame(&self, snapshot: &WorldSnapshot, picture: &mut Picture) -> BTreeMap<u16, f32> {

@@ -47,7 +47,7 @@ impl Lockstep {
         }
     }
 
-    /// Lets somebody else say what an operator does; what was said by then comes before anything else.
+    /// Lets someone else say what an operator does; what was said by then comes before anything else.
     #[must_use]
     pub fn with_operator(mut self, operator: Option<Receiver<OperatorEvent>>) -> Self {
         self.operator = operator;

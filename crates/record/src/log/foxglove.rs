@@ -1,7 +1,7 @@
 //! Foxglove's own message types, made from ours, so that its tools and others that know them show a flight.
 //!
 //! Reference frames: `world` is ENU (x east, y north, z up, metres from the scene's origin). `body` is FLU (x forward, y left,
-//! z up, tilted with the craft) at the pose *as known*. `camera` is the optical frame: x right in the picture, y down, z into it.
+//! z up, tilted with the craft) at the pose *as known*. `camera` is the optical frame: x right in the image, y down, z into it.
 
 pub use foxglove::Encode;
 pub use foxglove::messages::{
@@ -25,10 +25,10 @@ use spf_core::time::Time;
 const WORLD: &str = "world";
 /// The reference frame of the craft as known.
 const BODY: &str = "body";
-/// The reference frame of the picture.
+/// The reference frame of the image.
 const CAMERA: &str = "camera";
 
-/// Side of the cross drawn where the craft flies to, and thickness of lines, pixels of the picture.
+/// Side of the cross drawn where the craft flies to, and thickness of lines, pixels of the image.
 const RING: f64 = 24.0;
 const LINE: f64 = 2.0;
 
@@ -37,7 +37,7 @@ pub(super) const IMAGE: &str = "foxglove.CompressedImage";
 pub(super) const ANNOTATIONS: &str = "foxglove.ImageAnnotations";
 pub(super) const LOG: &str = "foxglove.Log";
 
-/// What is drawn on a picture.
+/// What is drawn on an image.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Marks {
     /// Where the craft flies to, and a caption.
@@ -93,13 +93,13 @@ pub fn to_json(schema: &str, data: &[u8]) -> Option<Value> {
     }
 }
 
-/// A camera picture as JPEG, captured at `at`.
+/// A camera image as JPEG, captured at `at`.
 #[must_use]
 pub fn image(at: Time, jpeg: Bytes) -> CompressedImage {
     CompressedImage { timestamp: Some(stamp(at)), frame_id: CAMERA.to_owned(), data: jpeg, format: "jpeg".to_owned() }
 }
 
-/// The picture in a message; `None` when it is no JPEG.
+/// The image in a message; `None` when it is no JPEG.
 pub(super) fn jpeg_of(data: &[u8]) -> Option<Bytes> {
     CompressedImage::decode(data).ok().filter(|image| image.format == "jpeg").map(|image| image.data)
 }
@@ -109,7 +109,7 @@ pub(super) fn line_of(data: &[u8]) -> Option<String> {
     Log::decode(data).ok().map(|line| line.message)
 }
 
-/// What [`annotations`] drew on a picture of that size.
+/// What [`annotations`] drew on an image of that size.
 pub(super) fn marks_of(data: &[u8], size: (u32, u32)) -> Option<Marks> {
     let drawn = ImageAnnotations::decode(data).ok()?;
     let share = |at: &Point2| ImagePoint { u: at.x / f64::from(size.0), v: at.y / f64::from(size.1) };
@@ -122,7 +122,7 @@ pub(super) fn marks_of(data: &[u8], size: (u32, u32)) -> Option<Marks> {
     Some(Marks { waypoint, boxes: areas.map(|area| (area, captions.next().unwrap_or_default())).collect() })
 }
 
-/// What is to be drawn on the picture of that size captured at `at`.
+/// What is to be drawn on the image of that size captured at `at`.
 #[must_use]
 pub fn annotations(at: Time, size: (u32, u32), marks: &Marks) -> ImageAnnotations {
     let timestamp = Some(stamp(at));
@@ -359,11 +359,11 @@ mod tests {
     #[test]
     fn the_picture_is_upright_and_the_lens_looks_down_by_its_tilt() {
         let tilt = 30f64.to_radians();
-        // Into the picture: forward and half a metre down. Right in the picture: the body's right.
+        // Into the image: forward and half a metre down. Right in the image: the body's right.
         let into = turned(optical_rotation(tilt), [0.0, 0.0, 1.0]);
         close(into, [libm::cos(tilt), 0.0, -0.5]);
         close(turned(optical_rotation(tilt), [1.0, 0.0, 0.0]), [0.0, -1.0, 0.0]);
-        // Down in the picture: down, and back by the tilt.
+        // Down in the image: down, and back by the tilt.
         close(turned(optical_rotation(tilt), [0.0, 1.0, 0.0]), [-0.5, 0.0, -libm::cos(tilt)]);
     }
 

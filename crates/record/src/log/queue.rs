@@ -14,7 +14,7 @@ use super::{Message, Topic};
 
 /// Messages that may wait for the disk: half a minute of a flight's inputs and outputs.
 const WAITING: usize = 4096;
-/// Large messages (pictures) that may be among them: at some 100 KiB each, they are what fills the memory.
+/// Large messages (images) that may be among them: at some 100 KiB each, they are what fills the memory.
 const LARGE_WAITING: usize = 64;
 /// From this size on a message is large, bytes.
 const LARGE: usize = 16 * 1024;

@@ -83,7 +83,7 @@ pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
     outcome
 }
 
-/// Whether somebody holds a log open for writing. Where files cannot be locked, nobody is known to.
+/// Whether someone holds a log open for writing. Where files cannot be locked, nobody is known to.
 fn being_written(file: &File) -> bool {
     matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
 }

@@ -1,4 +1,4 @@
-//! A video from the pictures of a log.
+//! A video from the images of a log.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -11,9 +11,9 @@ use super::foxglove::{self, Marks};
 use super::{LogReader, ReadError};
 use crate::video::{VideoError, VideoFacts, VideoWriter};
 
-/// Nominal rate; a picture is shown until the next one, whatever the rate.
+/// Nominal rate; an image is shown until the next one, whatever the rate.
 const FPS: f64 = 10.0;
-/// Lines of the log that may be ahead of the pictures.
+/// Lines of the log that may be ahead of the images.
 const LINES: usize = 256;
 
 /// Why there is no video.
@@ -23,10 +23,10 @@ pub enum LogVideoError {
     /// The log cannot be read.
     #[error("the log cannot be read")]
     Read(#[from] ReadError),
-    /// There is no picture in it.
+    /// There is no image in it.
     #[error("the log has no pictures: the flight was recorded with `--no-video`")]
     NoPictures,
-    /// A picture is none.
+    /// An image is none.
     #[error("the picture at {at} cannot be read")]
     Picture {
         /// Flight time.
@@ -40,7 +40,7 @@ pub enum LogVideoError {
     Video(#[from] VideoError),
 }
 
-/// Makes a video of the pictures of a log, with what was decided drawn on them. Of a torn log, as far as it goes.
+/// Makes a video of the images of a log, with what was decided drawn on them. Of a torn log, as far as it goes.
 ///
 /// # Errors
 /// [`LogVideoError`].
@@ -68,9 +68,9 @@ pub fn video(log: &Path, out: &Path) -> Result<VideoFacts, LogVideoError> {
 struct Reel<'a> {
     out: &'a Path,
     writer: Option<VideoWriter>,
-    /// A picture whose marks have not come yet.
+    /// An image whose marks have not come yet.
     picture: Option<(Time, Rgb)>,
-    /// Lines that are later than the latest picture.
+    /// Lines that are later than the latest image.
     lines: VecDeque<(Time, String)>,
     line: String,
 }
@@ -94,7 +94,7 @@ impl Reel<'_> {
         Ok(())
     }
 
-    /// Marks belong to the picture of the same time.
+    /// Marks belong to the image of the same time.
     fn marks(&mut self, at: Time, data: &[u8]) -> Result<(), LogVideoError> {
         match &self.picture {
             Some((of, picture)) if *of == at => {
@@ -105,7 +105,7 @@ impl Reel<'_> {
         }
     }
 
-    /// Draws and writes the picture that waits.
+    /// Draws and writes the image that waits.
     fn flush(&mut self, marks: &Marks) -> Result<(), LogVideoError> {
         let Some((at, mut picture)) = self.picture.take() else { return Ok(()) };
         while let Some((_, line)) = self.lines.pop_front_if(|(of, _)| *of <= at) {

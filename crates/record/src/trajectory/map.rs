@@ -5,14 +5,14 @@ use spf_core::geometry::EnuPosition;
 use super::svg::{Svg, escaped};
 use super::{Outline, TrajectoryInput, colours, figure, round_step};
 
-/// How metres become places on the picture.
+/// How metres become places on the image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
     left: f64,
     top: f64,
     width: f64,
     height: f64,
-    /// Picture units a metre.
+    /// Image units a metre.
     scale: f64,
     /// The world's point in the middle.
     east: f64,
@@ -49,7 +49,7 @@ impl View {
         }
     }
 
-    /// Lower edge on the picture.
+    /// Lower edge on the image.
     pub(super) fn bottom(&self) -> f64 {
         self.top + self.height
     }
@@ -163,7 +163,7 @@ fn draw_name(svg: &mut Svg, outline: &Outline, view: &View) {
     }
 }
 
-/// Least and greatest coordinates; `None` without points.
+/// Minimum and greatest coordinates; `None` without points.
 fn bounds(points: impl Iterator<Item = [f64; 2]>) -> Option<([f64; 2], [f64; 2])> {
     points.fold(None, |known, [x, y]| {
         let ([low_x, low_y], [high_x, high_y]) = known.unwrap_or(([x, y], [x, y]));

@@ -1,4 +1,4 @@
-//! The picture of a flight for eyes: `trajectory.svg`, a map over the scene's outline, and below it height over time.
+//! The image of a flight for eyes: `trajectory.svg`, a map over the scene's outline, and below it height over time.
 
 mod height;
 mod map;
@@ -34,7 +34,7 @@ pub struct DecisionMark {
     pub label: String,
 }
 
-/// All that the picture shows. Points with coordinates that are not finite are left out.
+/// All that the image shows. Points with coordinates that are not finite are left out.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrajectoryInput {
     /// Heading, such as the instruction.
@@ -53,7 +53,7 @@ pub struct TrajectoryInput {
     pub target: Option<EnuPosition>,
 }
 
-/// Width of the picture, in its own units (pixels at normal size).
+/// Width of the image, in its own units (pixels at normal size).
 const WIDTH: f64 = 1000.0;
 /// Margin left of, right of and below the drawings.
 const MARGIN: f64 = 46.0;
@@ -73,7 +73,7 @@ mod colours {
     pub(super) const GRID: &str = "#dfe4ea";
 }
 
-/// Draws the picture. Equal inputs give equal bytes.
+/// Draws the image. Equal inputs give equal bytes.
 #[must_use]
 pub fn trajectory_svg(input: &TrajectoryInput) -> String {
     let input = finite(input);
@@ -97,7 +97,7 @@ pub fn trajectory_svg(input: &TrajectoryInput) -> String {
 
 /// The input without what cannot be placed.
 fn finite(input: &TrajectoryInput) -> TrajectoryInput {
-    // 100 km is beyond any flight of ours, and keeps every figure of the picture short.
+    // 100 km is beyond any flight of ours, and keeps every figure of the image short.
     let placed = |at: &EnuPosition| [at.east, at.north, at.up].iter().all(|metres| metres.abs() < 1e5);
     let mut input = input.clone();
     input.path.retain(|(_, at)| placed(at));

@@ -44,14 +44,14 @@ pub enum VideoError {
         /// What was wrong.
         reason: String,
     },
-    /// The picture is not later than the one before, at the file's resolution of 1/90000 s.
+    /// The image is not later than the one before, at the file's resolution of 1/90000 s.
     #[error("the picture at {time} does not follow the one at {last} in the video `{path}`")]
     Order {
         /// The file.
         path: PathBuf,
-        /// Flight time of the picture before.
+        /// Flight time of the image before.
         last: Time,
-        /// Flight time of this picture.
+        /// Flight time of this image.
         time: Time,
     },
     /// Writing failed before; what was written until then can still be finished.
@@ -65,17 +65,17 @@ pub enum VideoError {
 /// What a finished video holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VideoFacts {
-    /// Pictures. Zero means that no file was left.
+    /// Images. Zero means that no file was left.
     pub frames: u64,
-    /// From flight time zero to the end of the last picture.
+    /// From flight time zero to the end of the last image.
     pub duration: Duration,
     /// Size of the file.
     pub bytes: u64,
 }
 
-/// Writes a video picture by picture, each at its flight time; memory does not grow but for some 20 bytes a picture.
+/// Writes a video image by image, each at its flight time; memory does not grow but for some 20 bytes an image.
 ///
-/// The first picture is shown from flight time zero, so a player's clock is the flight's. The same pictures at the same times
+/// The first image is shown from flight time zero, so a player's clock is the flight's. The same images at the same times
 /// give the same bytes. The file plays once [`VideoWriter::finish`] has written its index.
 #[derive(Debug)]
 pub struct VideoWriter {
@@ -89,7 +89,7 @@ pub struct VideoWriter {
 }
 
 impl VideoWriter {
-    /// Starts a video of `width × height` pixels (even, within 16 and 3840 × 2160) with nominally `fps` pictures a second.
+    /// Starts a video of `width × height` pixels (even, within 16 and 3840 × 2160) with nominally `fps` images a second.
     ///
     /// # Errors
     /// [`VideoError::Write`] if the file cannot be made, [`VideoError::Encode`] for a size that video cannot have.
@@ -116,11 +116,11 @@ impl VideoWriter {
         })
     }
 
-    /// Adds the picture shown from flight time `time` on; one of another size is scaled to the video's.
+    /// Adds the image shown from flight time `time` on; one of another size is scaled to the video's.
     ///
     /// # Errors
-    /// [`VideoError::Order`] leaves the video as it was, and later pictures are welcome. After any other error it takes no more
-    /// pictures ([`VideoError::Stopped`]), but what was written until then can be finished.
+    /// [`VideoError::Order`] leaves the video as it was, and later images are welcome. After any other error it takes no more
+    /// images ([`VideoError::Stopped`]), but what was written until then can be finished.
     pub fn push(&mut self, time: Time, picture: &Rgb) -> Result<(), VideoError> {
         if self.stopped {
             return Err(VideoError::Stopped { path: self.path.clone() });
@@ -151,9 +151,9 @@ impl VideoWriter {
         Ok(())
     }
 
-    /// Writes the index, without which nothing plays the file. The last picture lasts one nominal interval.
+    /// Writes the index, without which nothing plays the file. The last image lasts one nominal interval.
     ///
-    /// After a failure (a full disk) the video ends with the last picture for which there is room. Without any picture the file
+    /// After a failure (a full disk) the video ends with the last image for which there is room. Without any image the file
     /// is removed.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! One H.264 track in an MP4 file (ISO/IEC 14496-12 and -15), samples first, index last.
 //!
 //! Muxers on offer keep all samples in memory until the end or are no longer looked after, so the boxes come from `mp4-atom`
-//! and their order from here. The file has no creation time: equal pictures give equal bytes.
+//! and their order from here. The file has no creation time: equal images give equal bytes.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
@@ -92,7 +92,7 @@ impl<S: Sink> Muxer<S> {
         Ok(Self { sink, width, height, mdat, end: head.len() as u64, samples: Vec::new(), parameters: None, buffer: Vec::new() })
     }
 
-    /// Appends a picture shown from `start` on, later than the one before. After an error the file is as it was.
+    /// Appends an image shown from `start` on, later than the one before. After an error the file is as it was.
     pub(super) fn push(&mut self, start: u64, unit: &AccessUnit) -> Result<(), MuxError> {
         self.buffer.clear();
         let (mut sps, mut pps) = (None, None);
@@ -232,7 +232,7 @@ impl<S: Sink> Muxer<S> {
         entries
     }
 
-    /// A chunk begins at every key picture, so that a player fetches no more than it shows.
+    /// A chunk begins at every key image, so that a player fetches no more than it shows.
     fn chunks(&self) -> (Vec<StscEntry>, Vec<u64>) {
         let (mut runs, mut offsets): (Vec<StscEntry>, Vec<u64>) = (Vec::new(), Vec::new());
         let mut at = self.mdat + MDAT_HEADER.len() as u64;
@@ -302,7 +302,7 @@ mod tests {
         AccessUnit { key, annex_b: [head, &body].concat() }
     }
 
-    /// Pushes pictures until the disk is full or `count` are written, finishes, and decodes what is on the disk.
+    /// Pushes images until the disk is full or `count` are written, finishes, and decodes what is on the disk.
     fn film(count: u8, room: usize) -> (usize, Written, Moov, Vec<u8>) {
         let mut disk = Disk { file: Cursor::new(Vec::new()), room };
         let mut muxer = Muxer::new(&mut disk, 96, 64).unwrap();

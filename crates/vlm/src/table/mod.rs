@@ -35,9 +35,9 @@ pub struct Model {
     pub order: AxisOrder,
     /// What the numbers count.
     pub scale: ScaleWord,
-    /// At which size pictures are sent.
+    /// At which size images are sent.
     pub image: ImageRule,
-    /// The vendor's word for how finely a picture is looked at.
+    /// The vendor's word for how finely an image is looked at.
     pub detail: Option<String>,
     /// In which dialect the schema is told.
     pub schema: SchemaDialect,
@@ -190,7 +190,7 @@ impl Table {
 }
 
 impl Model {
-    /// The coordinates it is asked for in a picture of this size *as sent*.
+    /// The coordinates it is asked for in an image of this size *as sent*.
     #[must_use]
     pub fn grounding(&self, (width, height): (u32, u32)) -> GroundingProfile {
         let scale = match self.scale {

@@ -120,9 +120,9 @@ pub struct FamilyRow {
     pub order: AxisOrder,
     /// What the numbers count.
     pub scale: ScaleWord,
-    /// The vendor's word for how finely a picture is looked at.
+    /// The vendor's word for how finely an image is looked at.
     pub detail: Option<String>,
-    /// At which size pictures are sent.
+    /// At which size images are sent.
     pub image: Option<ImageRule>,
 }
 
@@ -134,9 +134,9 @@ pub enum ScaleWord {
     Thousand,
     /// Percent of a side.
     Hundred,
-    /// Shares of a side.
+    /// Fractions of a side.
     Unit,
-    /// Pixels of the picture as sent.
+    /// Pixels of the image as sent.
     Pixels,
 }
 
@@ -166,7 +166,7 @@ pub struct ModelRow {
     pub sampling: bool,
     /// Most tokens of an answer, thinking included.
     pub max_output_tokens: Option<u32>,
-    /// At which size pictures are sent, when not as the family.
+    /// At which size images are sent, when not as the family.
     pub image: Option<ImageRule>,
     /// In which dialect a schema is told, when not as the vendor.
     pub schema: Option<SchemaDialect>,

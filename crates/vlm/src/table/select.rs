@@ -70,7 +70,7 @@ impl Table {
         if let Some(row) = &model.row {
             let day = row.retires.as_deref().unwrap_or_default();
             let gone = row.status == Status::Retired || (!day.is_empty() && day <= today);
-            // At another address somebody else may well serve it still.
+            // At another address someone else may well serve it still.
             if let Some(successor) = row.successor.clone().filter(|_| gone && url.is_none()) {
                 let vendor = vendor_row.title.clone();
                 return Err(SelectError::Retired { model: id, vendor, day: day.to_owned(), successor });

@@ -35,7 +35,7 @@ pub struct Request {
 pub struct Question<'a> {
     /// The text.
     pub prompt: &'a str,
-    /// The picture, a JPEG.
+    /// The image, a JPEG.
     pub jpeg: &'a [u8],
     /// What kind of answer is wanted.
     pub kind: &'a QueryKind,
@@ -148,7 +148,7 @@ struct Ask<'a> {
 }
 
 impl Ask<'_> {
-    /// The picture in base64, behind a prefix.
+    /// The image in base64, behind a prefix.
     fn picture(&self, prefix: &str) -> String {
         let mut text = String::with_capacity(prefix.len() + self.jpeg.len().div_ceil(3) * 4);
         text.push_str(prefix);
@@ -157,7 +157,7 @@ impl Ask<'_> {
     }
 }
 
-/// What stands before a picture that is told as an address.
+/// What stands before an image that is told as an address.
 const DATA_URL: &str = "data:image/jpeg;base64,";
 
 fn malformed(host: &str, reason: impl Into<String>) -> VlmError {
