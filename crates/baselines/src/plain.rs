@@ -21,7 +21,7 @@ pub struct PlainSettings {
     pub form: ActForm,
     /// Whether a `done` needs a second look while holding.
     pub confirm_done: bool,
-    /// Size at which pictures are sent, if not the camera's.
+    /// Size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
 }
 

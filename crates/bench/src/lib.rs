@@ -1,7 +1,7 @@
 //! Grading and statistics: how often, how far, how sure, and whether two differ.
 //!
 //! [`stats`] knows nothing of drones: counts and numbers go in, estimates with intervals and p values come out. Bootstrap draws
-//! follow from a seed. [`ground`] measures how well somebody points. [`task`] is what is to be done, as data; [`judge`] says from
+//! follow from a seed. [`ground`] measures how well someone points. [`task`] is what is to be done, as data; [`judge`] says from
 //! the scene itself whether it was; [`trial`] draws, flies and scores one flight, [`run`] many of them;
 //! [`table`] and [`contrast`] are what a run comes to.
 

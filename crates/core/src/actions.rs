@@ -1,7 +1,8 @@
-//! The reply of the *plain text* baseline: actions in words instead of a point (the paper's ablation "plain VLM").
+//! Replies of the *plain text* baseline: actions in words instead of an image point (the paper's "plain VLM" ablation).
 //!
-//! The paper does not publish its format; ours is one JSON object, `{"actions":[{"cmd":"forward","value":1.5}],"done":false}`,
-//! metres and degrees on the wire, metres and radians here. Reading forgives and refuses as [`parse_reply`] does.
+//! The paper does not publish its format. This one is a JSON object,
+//! `{"actions":[{"cmd":"forward","value":1.5}],"done":false}`, in metres and degrees on the wire, metres and radians
+//! here. Parsing is as lenient as [`parse_reply`].
 //!
 //! [`parse_reply`]: crate::reply::parse_reply
 
@@ -18,16 +19,16 @@ use crate::primitives::Primitives;
 pub use crate::query::ActForm;
 use crate::reply::{MAX_TEXT, Unfound, Value, Verdict, search};
 
-/// Most actions of one reply that are flown.
+/// Maximum number of actions flown per reply.
 pub const MAX_ACTIONS: usize = 3;
-/// Shortest and longest move of one action, metres.
+/// Minimum and maximum move of one action, metres.
 pub const MOVE_METRES: (f64, f64) = (0.2, 5.0);
-/// Smallest and greatest turn of one action, degrees.
+/// Minimum and maximum turn of one action, degrees.
 pub const TURN_DEGREES: (f64, f64) = (1.0, 180.0);
-/// Share of a limit by which a value may lie beyond it and still be taken for the limit.
+/// Fraction of a limit by which a value may exceed it and still be clamped to it.
 const TOLERANCE: f64 = 0.01;
 
-/// One action in words, in the body's level frame.
+/// One action in words, in the level body frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "cmd", content = "value")]
 pub enum Action {
@@ -49,12 +50,12 @@ pub enum Action {
     YawRight(f64),
     /// Stay in place until the next reply.
     Hover,
-    /// The same as [`Hover`](Self::Hover): an end is told by [`ActionsReply::done`] alone, as for every policy.
+    /// Same as [`Hover`](Self::Hover): only [`ActionsReply::done`] ends the flight, as for every policy.
     Stop,
 }
 
 impl Action {
-    /// The word for this action on the wire.
+    /// The wire name of this action.
     #[must_use]
     pub fn command(self) -> &'static str {
         match self {
@@ -71,7 +72,7 @@ impl Action {
         }
     }
 
-    /// Its number on the wire: metres, degrees, or none.
+    /// The wire value in metres or degrees; `None` for actions without one.
     fn wire_value(self) -> Option<f64> {
         match self {
             Self::Forward(m) | Self::Back(m) | Self::Left(m) | Self::Right(m) | Self::Up(m) | Self::Down(m) => Some(m),
@@ -82,7 +83,7 @@ impl Action {
 }
 
 impl From<Action> for Primitives {
-    /// The motion of one action; each action is one set of primitives, flown after the one before it.
+    /// The motion of one action. Each action becomes one set of primitives, flown in order.
     fn from(action: Action) -> Self {
         let still = Self::default();
         match action {
@@ -100,7 +101,7 @@ impl From<Action> for Primitives {
 }
 
 impl core::fmt::Display for Action {
-    /// As the prompt's history of earlier actions shows it: `forward 1.5 m`, `yaw_left 30°`.
+    /// The form used in the prompt's action history: `forward 1.5 m`, `yaw_left 30°`.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let tenth = |value: f64| libm::round(value * 10.0) / 10.0;
         match (self, self.wire_value()) {
@@ -114,22 +115,22 @@ impl core::fmt::Display for Action {
 /// One answer to an [`Act`](crate::query::QueryKind::Act) query.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ActionsReply {
-    /// What to fly, in order; at most [`MAX_ACTIONS`], and empty only if `done`.
+    /// Actions to fly, in order; at most [`MAX_ACTIONS`], empty only if `done`.
     pub actions: Vec<Action>,
-    /// The instruction is fulfilled.
+    /// Whether the instruction is fulfilled.
     pub done: bool,
-    /// There were more actions than are flown; the rest were left out unread.
+    /// True if the reply held more actions than [`MAX_ACTIONS`]; the rest were ignored.
     pub truncated: bool,
 }
 
-/// Why an answer is no list of actions. Nothing may be flown on it.
+/// Why an answer is not a list of actions. Nothing may be flown on it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ActionsError {
     /// No JSON anywhere in the answer.
     #[error("the answer holds no JSON object; ask again, or for a model that obeys schemas")]
     NoJson,
-    /// JSON, but no list of actions.
+    /// Valid JSON, but not a list of actions.
     #[error("the answer's JSON has neither `actions` nor `done`")]
     NoReply,
     /// The answer ends inside its JSON.
@@ -141,23 +142,23 @@ pub enum ActionsError {
         /// The limit, bytes.
         limit: usize,
     },
-    /// Neither an action nor `done`.
+    /// Neither actions nor `done`.
     #[error("the list of actions is empty, but `done` is not true")]
     Empty,
     /// A field holds something of the wrong kind, or is missing (`found` is then `null`).
     #[error("`{field}` should be {wanted}, but is `{found}`")]
     WrongType {
-        /// Which field, such as `actions[1].value`.
+        /// The field, such as `actions[1].value`.
         field: String,
-        /// What belongs there.
+        /// What was expected.
         wanted: &'static str,
-        /// What stands there, shortened.
+        /// What was found, shortened.
         found: String,
     },
-    /// A command that there is none of.
+    /// An unknown command.
     #[error("`{found}` is no command; there are forward, back, left, right, up, down, yaw_left, yaw_right, hover and stop")]
     UnknownCommand {
-        /// What stands there, shortened.
+        /// The command found, shortened.
         found: String,
     },
     /// A distance or an angle beyond its range by more than 1 %.
@@ -167,15 +168,15 @@ pub enum ActionsError {
         command: &'static str,
         /// Metres or degrees.
         found: f64,
-        /// Least value.
+        /// Minimum allowed value.
         least: f64,
-        /// Greatest value.
+        /// Maximum allowed value.
         most: f64,
     },
 }
 
 impl ActionsError {
-    /// A short name of the reason, for logs and counters; stable across versions.
+    /// A short, stable identifier of the error, for logs and counters.
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
@@ -191,16 +192,17 @@ impl ActionsError {
     }
 }
 
-/// Reads the actions in `text`. Forgiven are fences, prose, a bare array of actions or a single action, numbers as text, other
-/// keys and spellings of commands, values up to 1 % beyond their range; actions beyond the third are left out unread.
+/// Parses the actions in `text`. Accepts code fences, surrounding prose, a bare array or a single action, numbers as
+/// text, alternative keys and spellings of commands, and values up to 1 % out of range. Actions beyond the third are
+/// ignored.
 ///
 /// # Errors
-/// [`ActionsError`]; every number that is returned is finite and in its range.
+/// [`ActionsError`] if no valid list is found. Every number returned is finite and within its range.
 pub fn parse_actions(text: &str) -> Result<ActionsReply, ActionsError> {
     find(text, interpret)
 }
 
-/// What `judge` accepts first in the JSON of `text`.
+/// Returns the first JSON value in `text` that `judge` accepts.
 fn find<T>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, ActionsError>) -> Result<T, ActionsError> {
     search(text, judge).map_err(|unfound| match unfound {
         Unfound::TooLong => ActionsError::TooLong { limit: MAX_TEXT },
@@ -215,7 +217,8 @@ const LIST: [&str; 1] = ["actions"];
 const COMMAND: [&str; 3] = ["cmd", "command", "action"];
 const VALUE: [&str; 3] = ["value", "distance", "angle"];
 
-/// `nested`: found inside a larger value that could not be read; then only an object that names its list is taken.
+/// `nested`: the value was found inside a larger one that failed to parse; then only an object that names its list is
+/// accepted.
 fn interpret(value: &Value, nested: bool) -> Verdict<ActionsReply, ActionsError> {
     let actions = match value {
         Value::Object(_) if value.field(&LIST).is_some() || (!nested && value.field(&["done"]).is_some()) => {
@@ -243,7 +246,7 @@ fn reply(value: &Value, items: &[Value]) -> Result<ActionsReply, ActionsError> {
     Ok(ActionsReply { actions, done, truncated: items.len() > MAX_ACTIONS })
 }
 
-/// `done`, which may be left out.
+/// The optional `done` field.
 fn truth(value: &Value) -> Result<bool, ActionsError> {
     match value.field(&["done"]) {
         None => Ok(false),
@@ -261,7 +264,7 @@ fn action(item: &Value, index: usize) -> Result<Action, ActionsError> {
         other => return Err(wrong(format!("actions[{index}].cmd"), "a command", other.unwrap_or(&Value::Null))),
     };
     let plain: String = word.chars().filter(|c| c.is_alphanumeric()).take(40).flat_map(char::to_lowercase).collect();
-    // Checked only for the commands that have one: models give `hover` any number, or none.
+    // Only checked for commands that take a value: models give `hover` any number, or none.
     let ranged = |(least, most): (f64, f64), command: &'static str| {
         let value = item.field(&VALUE).unwrap_or(&Value::Null);
         let found = value.number().ok_or_else(|| wrong(format!("actions[{index}].value"), "a number", value))?;
@@ -322,7 +325,7 @@ pub fn actions_schema() -> serde_json::Value {
 }
 
 impl ActionsReply {
-    /// The reply as JSON, metres to the centimetre and degrees to the tenth.
+    /// Serialises the reply as JSON, rounding metres to the centimetre and degrees to a tenth.
     #[must_use]
     pub fn to_json(&self) -> String {
         let actions: Vec<serde_json::Value> = self

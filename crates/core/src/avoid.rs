@@ -1,13 +1,13 @@
 //! Obstacle mode: the corridor of a planned step against the obstacles of the same reply (paper §3.1;
 //! `docs/explanation/method.md`).
 //!
-//! The paper leaves it to the model to point clear of the boxes that it reports. Models do not always, so the geometry is
-//! checked: a box and its depth label are taken for a solid that begins at the near edge of the label's interval of range
-//! (what has the least label may begin anywhere before that) and reaches without end behind it, for nobody has seen its far
-//! side. The body sweeps a tube around its path. Where tube and solid come nearer than the clearance, the point is shifted to
-//! the nearest free direction, else the step is shortened, else the craft is to hold and ask again. An obstacle is never left
-//! out of account. What lies beside the picture is in no reply: a way along its edge is turned to first
-//! ([`leads_along_edge`]).
+//! The paper relies on the model to choose a point clear of the boxes it reports. Models do not always do so, so the
+//! geometry is checked here. A box with its depth label is treated as a solid that starts at the near edge of the
+//! label's range interval (for the lowest label, anywhere before it) and extends without end, because its far side is
+//! unseen. The body sweeps a tube along its path. Where tube and solid come closer than the clearance, the point is
+//! shifted to the nearest free direction; failing that the step is shortened; failing that the craft holds and asks
+//! again. Obstacles are never ignored. The area outside the frame is unknown, so the craft first turns towards a path
+//! that runs along the frame's edge ([`leads_along_edge`]).
 
 use core::f64::consts::PI;
 
@@ -21,26 +21,26 @@ use crate::lift::{CameraDisplacement, Lifting, lift, lower, range_of_label, unpr
 use crate::query::{ImageBox, ImagePoint};
 use crate::reply::ObstacleBox;
 
-/// Added to the body's radius, metres: at 10 m, 2 % of the width of a 90° picture, as far as a good model's box is off.
+/// Added to the body's radius, metres: at 10 m, 2 % of the width of a 90° image, the box error of a good model.
 pub const BODY_MARGIN: f64 = 0.25;
-/// Farthest from the planned direction that a point is shifted, degrees.
+/// Maximum angle by which a point is shifted from the planned direction, degrees.
 pub const MAX_SHIFT_DEG: u32 = 60;
-/// Shortest step that is worth flying, metres: the paper's `d_min`.
+/// Shortest step worth flying, metres: the paper's `d_min`.
 pub const MIN_STEP: f64 = 0.1;
 
-/// Width of the strip along the picture's edges into which no point is shifted, as a share of its size: beside it nothing is
-/// known.
+/// Width of the strip along the image edges, as a fraction of its size, into which no point is shifted, since the area
+/// beyond the edge is unknown.
 const EDGE: f64 = 0.02;
-/// A box thinner than this share of the picture is taken to be this thick.
+/// A box thinner than this fraction of the image is taken to be this thick.
 const MIN_BOX: f64 = 0.002;
-/// Metres aside for each metre ahead from which on a way can be said to lead along an edge: 14°.
+/// Minimum lateral distance per metre forward for a path to count as leading along an edge: 14°.
 const ASIDE: f64 = 0.25;
 /// Directions tried on each ring around the planned one, half a circle's worth.
 const HALF_RING: u32 = 8;
-/// Parts in which a step is shortened.
+/// Number of increments in which a step is shortened.
 const SHORTENINGS: u32 = 40;
 
-/// The way on which a displacement is flown.
+/// Shape of the path along which a displacement is flown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PathShape {
@@ -58,9 +58,9 @@ pub struct PlannedStep<'a> {
     pub camera: &'a Camera,
     /// The craft's attitude at the frame's capture.
     pub attitude: Attitude,
-    /// How camera axes become body axes.
+    /// How camera axes are converted to body axes.
     pub lifting: Lifting,
-    /// The way on which the displacement is flown.
+    /// Shape of the path.
     pub shape: PathShape,
     /// The waypoint.
     pub point: ImagePoint,
@@ -68,39 +68,40 @@ pub struct PlannedStep<'a> {
     pub step: f64,
 }
 
-/// What becomes of a planned step. `by` is the index of the box that was in the way, the first one if several are.
+/// The verdict on a planned step. `by` is the index of the blocking box, the first if there are several.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "avoidance")]
 pub enum Avoidance {
-    /// Nothing is in the way.
+    /// The path is free.
     Clear,
     /// Fly to this point instead, with the same step.
     Shifted {
         /// The nearest free direction.
         point: ImagePoint,
-        /// Which box.
+        /// Index of the blocking box.
         by: usize,
     },
-    /// Fly to the same point, but only so far.
+    /// Fly towards the same point, but with a shorter step.
     Shortened {
-        /// Metres along the optical axis, shorter than planned.
+        /// Metres along the optical axis, less than planned.
         step: f64,
-        /// Which box.
+        /// Index of the blocking box.
         by: usize,
     },
-    /// Stay, and ask again. `by` is absent if the step itself is none: a point off the picture, or no positive length.
+    /// Hold and ask again. `by` is `None` if the step itself is invalid: a point outside the image, or a length that is
+    /// not positive.
     Hold {
-        /// Which box.
+        /// Index of the blocking box.
         by: Option<usize>,
     },
 }
 
-/// Checks `plan` against `boxes`. `clearance` is what must stay free around the path, metres: the body's radius plus
-/// [`BODY_MARGIN`]. A box counts as the target, and not as an obstacle, if it has the name of `target` (in any case) and the
-/// planned point lies in it; one of several trees is not the tree that is pointed at.
+/// Checks `plan` against `boxes`. `clearance` is the distance to keep free around the path, metres: the body's radius
+/// plus [`BODY_MARGIN`]. A box is the target, and not an obstacle, if its name equals `target` (ignoring case) and it
+/// contains the planned point; of several trees, only the one pointed at is the target.
 ///
-/// The search is by angle from the planned direction, degree by degree; at equal angles sideways comes before up, up before
-/// down, and right before left. It depends on nothing but its arguments.
+/// Alternatives are tried by growing angle from the planned direction in steps of one degree; at equal angles sideways
+/// comes before up, up before down, and right before left. The result depends only on the arguments.
 #[must_use]
 pub fn avoid(plan: &PlannedStep<'_>, clearance: f64, boxes: &[ObstacleBox], target: Option<&str>) -> Avoidance {
     let Some(path) = plan.path(plan.point, plan.step) else { return Avoidance::Hold { by: None } };
@@ -123,8 +124,9 @@ pub fn avoid(plan: &PlannedStep<'_>, clearance: f64, boxes: &[ObstacleBox], targ
     }
 }
 
-/// Whether the way to a point, flown for `step` metres along the optical axis, ends nearer than `clearance` to what lies beside the
-/// picture, though not before it: it leads along the left or the right edge, past what nobody has seen.
+/// Whether the path to `point`, flown for `step` metres along the optical axis, ends closer than `clearance` metres to
+/// the region outside the frame without leaving it: it runs along the left or right edge, past what the camera has not
+/// seen.
 #[must_use]
 pub fn leads_along_edge(plan: &PlannedStep<'_>, point: ImagePoint, step: f64, clearance: f64) -> bool {
     let (ray, camera) = (plan.camera.ray(point), plan.camera);
@@ -132,7 +134,7 @@ pub fn leads_along_edge(plan: &PlannedStep<'_>, point: ImagePoint, step: f64, cl
         return false;
     }
     let edge = camera.ray(ImagePoint { u: if ray.right < 0.0 { 0.0 } else { 1.0 }, v: point.v }).right;
-    // The end's distance from the upright plane through the lens and the edge.
+    // Distance of the end point from the vertical plane through the lens and the image edge.
     step * (edge - ray.right).abs() / libm::sqrt(1.0 + edge * edge) < clearance
 }
 
@@ -142,7 +144,7 @@ fn is_target(obstacle: &ObstacleBox, point: ImagePoint, target: Option<&str>) ->
     holds_point && target.is_some_and(|name| name.trim().to_lowercase() == obstacle.name.trim().to_lowercase())
 }
 
-/// A path in camera axes: from the lens to `corner`, and from there to `end`, which is the same if there is no corner.
+/// A path in camera axes: from the lens to `corner`, then to `end`; both are equal for a straight path.
 struct Path {
     corner: DVec3,
     end: DVec3,
@@ -171,18 +173,18 @@ fn direction(camera: &Camera, point: ImagePoint) -> DVec3 {
     DVec3::new(ray.right, 1.0, ray.up).normalize()
 }
 
-/// What a box and its label may hold: everything seen through the box and farther than the label's near edge.
+/// The volume that a box and its label may occupy: everything seen through the box beyond the label's near edge.
 struct Solid {
     index: usize,
-    /// Directions of the corners, in turn around the box.
+    /// Directions of the corners, in order around the box.
     corners: [DVec3; 4],
-    /// Inward unit normals of the planes through the lens and the side from each corner to the next. A lens that distorts
-    /// bends the sides; that is left to the margin.
+    /// Inward unit normals of the planes through the lens and each side, from one corner to the next. Lens distortion
+    /// bends the sides; the margin absorbs that.
     normals: [DVec3; 4],
     /// Range at which it begins, metres.
     near: f64,
     clearance: f64,
-    /// The least label is said of anything nearer too: no way leads towards such a thing, however short.
+    /// The lowest label also covers anything closer, so no path may lead towards such a box, however short.
     is_here: bool,
 }
 
@@ -202,7 +204,7 @@ impl Solid {
             if normal.dot(middle) < 0.0 { -normal } else { normal }
         });
         let near = range_of_label(f64::from(obstacle.depth) - 0.5);
-        // A wide craft may already be nearer to a thing than its clearance; it must not come nearer still, but may leave.
+        // A wide craft may already be closer than its clearance; it may leave but must not come closer.
         let clearance = clearance.min(0.95 * near);
         Self { index, corners, normals, near, clearance, is_here: obstacle.depth <= 1 }
     }
@@ -231,25 +233,26 @@ impl Solid {
         best
     }
 
-    /// How near a point comes to the solid, metres.
+    /// Distance of a point from the solid, metres.
     fn distance(&self, point: DVec3) -> f64 {
         let range = point.length();
         let (cos, sin) = if range > 0.0 { self.angle(point / range) } else { (1.0, 0.0) };
-        // Beside the solid the nearest of it lies at the foot on the nearest direction, before it at its near edge.
+        // Beside the solid, the nearest point is the foot on the nearest direction; in front of it, the near edge.
         if range * cos >= self.near { range * sin } else { to_near_edge(range, self.near, cos) }
     }
 
-    /// Whether a way leads from the lens into the box.
+    /// Whether a straight path leads from the lens into the box.
     fn is_towards(&self, end: DVec3) -> bool {
         let length = end.length();
         length > 0.0 && self.angle(end / length).1 == 0.0
     }
 
-    /// How near a straight way from the lens comes to the solid, metres.
+    /// Minimum distance of a straight path from the lens to the solid, metres.
     fn distance_of_leg(&self, end: DVec3) -> f64 {
         let length = end.length();
         let (cos, sin) = if length > 0.0 { self.angle(end / length) } else { (1.0, 0.0) };
-        // The way comes nearest to the solid's rim where it passes the rim's foot; beyond that it only draws away or enters.
+        // The path is closest to the solid's rim at the foot of its perpendicular; beyond it, it only recedes or
+        // enters.
         let foot = self.near * cos;
         if foot <= 0.0 {
             self.near
@@ -271,7 +274,7 @@ impl Solid {
         if height == 0.0 {
             return false;
         }
-        // Distance changes by no more than the way between two samples, so half of that added to the clearance is safe.
+        // Distance changes by at most the length between two samples, so half of that added to the clearance is safe.
         let parts = libm::ceil(height / (0.5 * self.clearance)).clamp(1.0, 128.0);
         let slack = 0.5 * height / parts;
         (0..=parts as u32).any(|i| self.distance(path.corner + climb * (f64::from(i) / parts)) < self.clearance + slack)
@@ -283,7 +286,7 @@ fn to_near_edge(range: f64, near: f64, cos: f64) -> f64 {
     libm::sqrt((range * range + near * near - 2.0 * range * near * cos).max(0.0))
 }
 
-/// The first point, on rings of growing angle around the planned direction, that is `free` and inside the picture.
+/// The first point inside the image that is `free`, on rings of growing angle around the planned direction.
 fn nearest_free(plan: &PlannedStep<'_>, free: impl Fn(ImagePoint) -> bool) -> Option<ImagePoint> {
     let ahead = direction(plan.camera, plan.point);
     // The axes across it: to the right, and up.
@@ -303,7 +306,7 @@ fn nearest_free(plan: &PlannedStep<'_>, free: impl Fn(ImagePoint) -> bool) -> Op
     None
 }
 
-/// Directions around a circle as shares to the right and up: sideways first, then upwards before downwards, right before left.
+/// Directions around a circle as fractions to the right and up: sideways first, then upwards before downwards, right before left.
 fn around() -> impl Iterator<Item = (f64, f64)> {
     (0..=HALF_RING / 2).flat_map(|i| {
         let (tip, side) = sin_cos(f64::from(i) * PI / f64::from(HALF_RING));

@@ -21,17 +21,17 @@ pub struct Distortion {
 /// A pinhole camera on a craft.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Camera {
-    /// Picture width, pixels.
+    /// Image width, pixels.
     pub width: u32,
-    /// Picture height, pixels.
+    /// Image height, pixels.
     pub height: u32,
     /// Focal length along the width, pixels.
     pub fx: f64,
     /// Focal length along the height, pixels.
     pub fy: f64,
-    /// Principal point, pixels from the left edge of the picture.
+    /// Principal point, pixels from the left edge of the image.
     pub cx: f64,
-    /// Principal point, pixels from the upper edge of the picture.
+    /// Principal point, pixels from the upper edge of the image.
     pub cy: f64,
     /// Lens distortion; zero for a perfect pinhole.
     pub distortion: Distortion,
@@ -56,7 +56,7 @@ impl Camera {
         }
     }
 
-    /// The same camera with its picture scaled to another size, as a resize of the whole picture scales it.
+    /// The same camera with its image scaled to another size.
     #[must_use]
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let (x, y) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
@@ -84,8 +84,8 @@ impl Camera {
         }
     }
 
-    /// Half the horizontal and half the vertical field of view, radians: the paper's α and β (§3.3). Of a lens that is
-    /// distorted or not centred, half the angle between the middles of opposite edges of the picture.
+    /// Half the horizontal and half the vertical field of view, radians: the paper's α and β (§3.3). For a distorted or
+    /// off-centre lens, half the angle between the midpoints of opposite image edges.
     #[must_use]
     pub fn half_fov(&self) -> (f64, f64) {
         let (u, v) = (self.cx / f64::from(self.width), self.cy / f64::from(self.height));
@@ -94,16 +94,16 @@ impl Camera {
         (0.5 * (libm::atan(right.right) - libm::atan(left.right)), 0.5 * (libm::atan(top.up) - libm::atan(bottom.up)))
     }
 
-    /// The paper's normalised coordinates of a point: `U = 2u/W − 1`, `V = 1 − 2v/H` with `u`, `v` in pixels (§3.3); an
-    /// [`ImagePoint`] is already a share of the picture's size.
+    /// Converts to the paper's normalised coordinates: `U = 2u/W − 1`, `V = 1 − 2v/H` with `u`, `v` in pixels (§3.3).
+    /// An [`ImagePoint`] is already a fraction of the image size.
     #[must_use]
     pub fn normalise(point: ImagePoint) -> NormalisedPoint {
         NormalisedPoint { right: 2.0 * point.u - 1.0, up: 1.0 - 2.0 * point.v }
     }
 
-    /// The direction that a point of the picture looks in, with the lens distortion taken out. Any finite point gives a
-    /// finite ray, also one beside the picture; where the distortion polynomial has folded back and no direction leads, it is
-    /// the nearest found, which [`project`](Self::project) does not give back.
+    /// The viewing direction of an image point, with lens distortion removed. Any finite point, also outside the image,
+    /// gives a finite ray. Where the distortion polynomial folds back and no direction exists, it is the closest found,
+    /// and [`project`](Self::project) does not return the same point.
     #[must_use]
     pub fn ray(&self, point: ImagePoint) -> Ray {
         let x = (point.u * f64::from(self.width) - self.cx) / self.fx;
@@ -112,9 +112,9 @@ impl Camera {
         Ray { right: x, up: -y }
     }
 
-    /// Where something `right`, `forward` and `up` metres from the lens, in camera axes, appears; the inverse of
-    /// [`ray`](Self::ray). The point may lie beside the picture. `None` when the thing is not in front of the lens, or so far
-    /// off axis that the distortion polynomial folds back (there it describes no lens).
+    /// Projects a point `right`, `forward` and `up` metres from the lens, in camera axes, into the image; the inverse
+    /// of [`ray`](Self::ray). The result may lie outside the image. `None` if the point is not in front of the lens, or
+    /// so far off axis that the distortion polynomial folds back.
     #[must_use]
     pub fn project(&self, right: f64, forward: f64, up: f64) -> Option<ImagePoint> {
         if forward.is_nan() || forward <= 0.0 {
@@ -133,7 +133,7 @@ impl Camera {
     }
 }
 
-/// A point of the picture in the paper's normalised coordinates (§3.3): both −1..=1 inside the picture, 0 in its middle.
+/// An image point in the paper's normalised coordinates (§3.3): both −1..=1 inside the image, 0 at its centre.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NormalisedPoint {
     /// The paper's `U`, positive to the right.
@@ -142,7 +142,7 @@ pub struct NormalisedPoint {
     pub up: f64,
 }
 
-/// A direction in camera axes, as metres to the right and up for every metre along the optical axis.
+/// A direction in camera axes: metres right and up per metre along the optical axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Ray {
     /// Metres to the right per metre forward: the tangent of the bearing.
@@ -152,7 +152,7 @@ pub struct Ray {
 }
 
 impl Distortion {
-    /// True for the perfect pinhole.
+    /// True for a lens without distortion.
     #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::default()
@@ -168,8 +168,9 @@ impl Distortion {
         )
     }
 
-    /// The inverse, by Newton's method from the distorted point: the polynomial has no closed inverse. Full steps converge in
-    /// three or four rounds for lenses that drones carry; a step that does not shrink the residual is halved.
+    /// The inverse, by Newton's method from the distorted point, since the polynomial has no closed-form inverse. Full
+    /// steps converge in three or four iterations for typical drone lenses; a step that does not reduce the residual is
+    /// halved.
     fn undistort(&self, distorted_x: f64, distorted_y: f64) -> (f64, f64) {
         if self.is_none() {
             return (distorted_x, distorted_y);
@@ -222,12 +223,12 @@ impl Distortion {
         )
     }
 
-    /// True where distorted radius still grows with radius, all the way from the centre: `1 + 3 k1 r² + 5 k2 r⁴ > 0`. Beyond,
-    /// two directions share a pixel.
+    /// True where the distorted radius grows with the radius all the way from the centre: `1 + 3 k1 r² + 5 k2 r⁴ > 0`.
+    /// Beyond that, two directions map to the same pixel.
     fn is_invertible_at(&self, x: f64, y: f64) -> bool {
         let r2 = x * x + y * y;
         let slope = |r2: f64| 1.0 + r2 * (3.0 * self.k1 + r2 * 5.0 * self.k2);
-        // The smallest slope on the way is at the end, or at the parabola's vertex when that lies before it.
+        // The minimum slope is at the end, or at the parabola's vertex if that comes first.
         let vertex = if self.k2 > 0.0 { (-0.3 * self.k1 / self.k2).clamp(0.0, r2) } else { r2 };
         slope(r2) > 0.0 && slope(vertex) > 0.0
     }
@@ -279,7 +280,7 @@ mod tests {
         assert_eq!(Camera::quad().project(f64::NAN, 1.0, 0.0), None);
     }
 
-    /// A barrel lens whose polynomial folds at r² = 1 / 0.9: what lies beyond must not appear inside the picture.
+    /// A barrel lens whose polynomial folds at r² = 1 / 0.9: what lies beyond must not appear inside the image.
     #[test]
     fn folded_distortion_projects_nothing() {
         let mut camera = Camera::quad();

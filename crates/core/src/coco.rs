@@ -1,6 +1,6 @@
-//! The 80 classes of COCO, which detectors that people have at hand know.
+//! The 80 object classes of COCO, which common detectors are trained on.
 
-/// The names, in the order of their numbers.
+/// Class names, in index order.
 pub const CLASSES: [&str; 80] = [
     "person",
     "bicycle",
@@ -84,15 +84,15 @@ pub const CLASSES: [&str; 80] = [
     "toothbrush",
 ];
 
-/// The class that a name of people's means: the name itself, or its last words (`black car` is a `car`).
+/// The class matching a user's name for an object: the name itself, or its last words (`black car` is a `car`).
 #[must_use]
 pub fn class_of(name: &str) -> Option<&'static str> {
     let ends = |class: &str| name.strip_suffix(class).is_some_and(|before| before.is_empty() || before.ends_with(' '));
     CLASSES.into_iter().filter(|class| ends(class)).max_by_key(|class| class.len())
 }
 
-/// Usual heights of things in metres: of classes whose things, standing or hanging as they do, are about equally high (most
-/// within a third of this). What is carried, lies about, flies or is of any size is left out.
+/// Typical heights, metres, of classes whose instances are about equally tall (most within a third). Objects that are
+/// carried, lie on the ground, fly or vary in size are omitted.
 const HEIGHTS: [(&str, f64); 28] = [
     ("person", 1.7),
     ("bicycle", 1.05),
@@ -124,7 +124,7 @@ const HEIGHTS: [(&str, f64); 28] = [
     ("microwave", 0.3),
 ];
 
-/// How high things of a class usually are, metres; nothing where that differs too much from one to the other.
+/// Typical height of a class, metres; `None` if it varies too much.
 #[must_use]
 pub fn height(class: &str) -> Option<f64> {
     HEIGHTS.iter().find(|(name, _)| *name == class).map(|(_, metres)| *metres)

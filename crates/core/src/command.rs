@@ -1,20 +1,20 @@
-//! What a craft can be told.
+//! Commands to a craft.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::BodyDisplacement;
 
-/// A velocity setpoint in the level body frame: what the craft is to hold *now*. Metres and radians a second.
+/// A velocity setpoint in the level body frame, m/s and rad/s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Setpoint {
-    /// To the right.
+    /// To the right, m/s.
     pub right: f64,
-    /// Along the heading.
+    /// Along the heading, m/s.
     pub forward: f64,
-    /// Climb rate, positive up.
+    /// Climb rate, m/s, positive up.
     pub up: f64,
-    /// Yaw rate, clockwise positive.
+    /// Yaw rate, rad/s, clockwise positive.
     pub yaw_rate: f64,
 }
 
@@ -22,13 +22,13 @@ impl Setpoint {
     /// Hold: zero velocity, stay in the air.
     pub const HOLD: Self = Self { right: 0.0, forward: 0.0, up: 0.0, yaw_rate: 0.0 };
 
-    /// True when nothing is to move.
+    /// True if every component is zero.
     #[must_use]
     pub fn is_hold(self) -> bool {
         self == Self::HOLD
     }
 
-    /// Speed of the translation, m/s.
+    /// Translational speed, m/s.
     #[must_use]
     pub fn speed(self) -> f64 {
         libm::hypot(libm::hypot(self.right, self.forward), self.up)
@@ -41,19 +41,19 @@ impl Setpoint {
     }
 }
 
-/// A bounded move that a craft flies, and ends, by itself from where it is: when nothing is heard any more, it still ends. In the
-/// level body frame, SI units and radians. A Tello's `cw`, `ccw` and `go` (SDK 2.0).
+/// A bounded move that the craft flies and ends by itself, even if the link is lost. Level body frame, SI units and
+/// radians. A Tello's `cw`, `ccw` and `go` (SDK 2.0).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Manoeuvre {
-    /// Round on the spot.
+    /// Turn on the spot.
     Turn {
         /// Radians, clockwise positive, at most a full turn.
         angle: f64,
     },
-    /// Straight to a place, keeping the heading.
+    /// Straight flight to a position, keeping the heading.
     Go {
-        /// Where, as seen from the craft.
+        /// Target position relative to the craft.
         displacement: BodyDisplacement,
         /// m/s, positive.
         speed: f64,
@@ -61,12 +61,12 @@ pub enum Manoeuvre {
 }
 
 impl Manoeuvre {
-    /// A way that is shorter than this on every axis cannot be told, metres (Tello SDK 2.0, `go`).
+    /// A displacement shorter than this on every axis cannot be commanded, metres (Tello SDK 2.0, `go`).
     pub const LEAST_WAY: f64 = 0.2;
-    /// Nor one that is longer on any.
+    /// Maximum displacement on any axis, metres.
     pub const MOST_WAY: f64 = 5.0;
 
-    /// Seconds that it takes at its speed; a turn at the yaw rate `turn_rate`, rad/s.
+    /// Duration at its speed, s; `turn_rate` is the yaw rate of a turn, rad/s.
     #[must_use]
     pub fn duration(self, turn_rate: f64) -> f64 {
         match self {
@@ -86,7 +86,7 @@ impl Manoeuvre {
         }
     }
 
-    /// What holds while it is flown: its velocity as a setpoint. A turn has the yaw rate `turn_rate`, rad/s.
+    /// The velocity during the manoeuvre, as a setpoint; `turn_rate` is the yaw rate of a turn, rad/s.
     #[must_use]
     pub fn velocity(self, turn_rate: f64) -> Setpoint {
         match self {
@@ -100,17 +100,18 @@ impl Manoeuvre {
     }
 }
 
-/// A command to a craft. Drivers take it only as [`Cleared`](crate::envelope::Cleared), which only the envelope can make.
+/// A command to a craft. Drivers accept it only as [`Cleared`](crate::envelope::Cleared), which only the envelope can
+/// create.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Command {
     /// Start the motors and climb to the take-off height.
     TakeOff,
-    /// Hold this velocity until it is replaced or its validity ends.
+    /// Hold this velocity until it is replaced or its validity expires.
     Setpoint(Setpoint),
-    /// Fly this and then hold. A hold setpoint ends it early.
+    /// Fly this, then hold. A hold setpoint ends it early.
     Manoeuvre(Manoeuvre),
-    /// Sink to the ground and stop the motors.
+    /// Descend to the ground and stop the motors.
     Land,
     /// Cut the motors now, wherever the craft is.
     EmergencyStop,

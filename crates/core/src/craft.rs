@@ -1,16 +1,16 @@
-//! Which craft there are and what they can do: the figures the executor, the envelope and the simulator share.
+//! Craft models: the parameters shared by executor, envelope and simulator.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 
-/// Limits and habits of a craft. SI units and radians.
+/// Limits and dynamics of a craft. SI units and radians.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Craft {
     /// Preset horizontal speed of a primitive, m/s (the paper's `P_pitch`).
     pub cruise_speed: f64,
-    /// Preset climb and sink rate, m/s (the paper's `P_throttle`).
+    /// Preset climb and descent rate, m/s (the paper's `P_throttle`).
     pub climb_speed: f64,
     /// Preset yaw rate, rad/s (the paper's `P_yaw`).
     pub yaw_rate: f64,
@@ -22,11 +22,11 @@ pub struct Craft {
     pub yaw_acceleration: f64,
     /// Time constant of the first-order velocity response, s.
     pub lag: f64,
-    /// From a setpoint's arrival to the first motion, s.
+    /// Time from a setpoint's arrival to the first motion, s.
     pub dead_time: f64,
     /// Radius of the body for collisions and corridors, m.
     pub radius: f64,
-    /// Height that take-off climbs to, m.
+    /// Height above ground after take-off, m.
     pub take_off_height: f64,
 }
 
@@ -66,7 +66,7 @@ impl Craft {
     }
 }
 
-/// Which craft a scene is flown with.
+/// The craft model a scene is flown with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CraftKind {
@@ -87,7 +87,7 @@ impl CraftKind {
         }
     }
 
-    /// Its figures.
+    /// The craft's parameters.
     #[must_use]
     pub fn craft(self) -> Craft {
         match self {
@@ -96,7 +96,7 @@ impl CraftKind {
         }
     }
 
-    /// Its camera.
+    /// The craft's camera.
     #[must_use]
     pub fn camera(self) -> Camera {
         match self {
@@ -105,7 +105,7 @@ impl CraftKind {
         }
     }
 
-    /// The kind of that name.
+    /// The kind with this name; `None` if unknown.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::Quad, Self::Tello].into_iter().find(|kind| kind.name() == name)

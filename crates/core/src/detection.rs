@@ -1,8 +1,8 @@
-//! Lists of what a detector found in a frame, and the obstacles that obstacle mode makes of one.
+//! Detector output for a frame, and the obstacles that obstacle mode derives from it.
 //!
-//! A detector names boxes and is sure of them to some degree, but tells no range. So a box of a class whose things are about
-//! equally high is as far away as such a thing looks that high; any other is taken to stand where the planned step ends, which
-//! is the nearest place at which a thing of that box is in the way of this step.
+//! A detector reports boxes and scores but no range. The range of a box is estimated from its class's typical height;
+//! where the class has none, the box is placed at the end of the planned step, the nearest range at which it blocks
+//! that step.
 
 use core::fmt::Write as _;
 
@@ -13,41 +13,41 @@ use crate::lift::{label_of_range, range_of_label};
 use crate::query::ImageBox;
 use crate::reply::{MAX_TEXT, ObstacleBox, one_line};
 
-/// Most lines of a list that are read: detectors give at most as many boxes.
+/// Maximum number of lines parsed from a list.
 pub const MAX_DETECTIONS: usize = 300;
-/// Most detections that a VLM is told of, the surest ones.
+/// Maximum number of detections passed to a VLM; those with the highest scores are kept.
 const MOST_TOLD: usize = 40;
-/// Longest line that is read, characters.
+/// Longest line parsed, characters.
 const MAX_LINE: usize = 160;
-/// A box that ends within this share of the picture of its edge is cut off there.
+/// A box that ends within this fraction of the image size from an edge is considered cut off there.
 const EDGE: f64 = 0.01;
-/// What a list says that has no line.
+/// The text of an empty list.
 const NONE: &str = "none";
 
 /// One object that a detector found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Detection {
-    /// Its class, in words.
+    /// Class name.
     pub name: String,
-    /// How sure the detector is, 0..=1.
+    /// Score, 0..=1.
     pub score: f64,
-    /// Where in the picture.
+    /// Bounding box in the image.
     pub area: ImageBox,
 }
 
-/// Why a text is no list of detections.
+/// Why a text is not a list of detections.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DetectionsError {
-    /// Not looked at.
+    /// The text is too long and was not parsed.
     #[error("the list of detections is longer than {MAX_TEXT} bytes")]
     TooLong,
-    /// Text, but no line of a list, and it does not say that there is nothing either.
+    /// The text has no valid line, and does not state that nothing was found.
     #[error("the answer has no line like `chair_1 x:0.5 y:0.5 width:0.1 height:0.2`")]
     NoLine,
 }
 
-/// A line of a list, `name_number x:… y:… width:… height:… …`: label, and centre and size as shares of the picture.
+/// A parsed line, `name_number x:… y:… width:… height:… …`: label, centre and size as fractions of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line<'a> {
     /// `name_number`.
@@ -63,7 +63,7 @@ pub struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    /// Nothing for a line that is none.
+    /// Parses a line; `None` if it is not a detection.
     #[must_use]
     pub fn read(line: &'a str) -> Option<Self> {
         let share = |key: &str| number(line, key).filter(|share| (0.0..=1.0).contains(share));
@@ -72,7 +72,7 @@ impl<'a> Line<'a> {
     }
 }
 
-/// The word of a line behind a key such as `color:`.
+/// The value of a key such as `color:` in a line.
 #[must_use]
 pub fn field<'a>(line: &'a str, key: &str) -> Option<&'a str> {
     line.split_whitespace().find_map(|part| part.strip_prefix(key))
@@ -82,10 +82,10 @@ fn number(line: &str, key: &str) -> Option<f64> {
     field(line, key)?.trim_end_matches(',').parse().ok()
 }
 
-/// The lines of a list, at most `most`: those of a text that `read` can read, without bullets and cut to 160 characters.
+/// The valid lines of a list, at most `most`, as read by `read`, without bullets and truncated to 160 characters.
 ///
 /// # Errors
-/// [`DetectionsError`].
+/// [`DetectionsError`] if the text is too long or has no valid line.
 pub fn lines_of<T>(text: &str, most: usize, read: impl FnMut(String) -> Option<T>) -> Result<Vec<T>, DetectionsError> {
     if text.len() > MAX_TEXT {
         return Err(DetectionsError::TooLong);
@@ -99,7 +99,7 @@ pub fn lines_of<T>(text: &str, most: usize, read: impl FnMut(String) -> Option<T
     Ok(found)
 }
 
-/// The name of `red_chair_3`, and whether a number was at its end.
+/// The name part of a label such as `red_chair_3`, and whether the label ended in a number.
 #[must_use]
 pub fn name_of(label: &str) -> (&str, bool) {
     match label.rsplit_once('_') {
@@ -123,7 +123,7 @@ impl Detection {
         (!name.is_empty()).then_some(Self { name, score, area })
     }
 
-    /// Whether words of people's, such as `the black car`, name this class: they have all its words in a row.
+    /// Whether a user's words, such as `the black car`, name this class: they contain all its words in sequence.
     fn is_called(&self, words: &str) -> bool {
         let lower = words.to_lowercase();
         let called: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
@@ -132,8 +132,8 @@ impl Detection {
         person || called.windows(own.len()).any(|row| row == own)
     }
 
-    /// The range at which a thing of this class is so high in the picture, metres; nothing where its class has no height that
-    /// goes for most of its things, or the box is cut by the picture's edge and so not its height.
+    /// Range at which an object of this class appears this tall, metres; `None` if the class has no typical height, or
+    /// the image edge cuts the box.
     fn range(&self, camera: &Camera) -> Option<f64> {
         let ImageBox { left, top, right, bottom } = self.area;
         let whole = left > EDGE && top > EDGE && right < 1.0 - EDGE && bottom < 1.0 - EDGE;
@@ -143,7 +143,7 @@ impl Detection {
     }
 }
 
-/// Words for people beside the class's own.
+/// Other words for the class `person`.
 const PEOPLE: [&str; 14] = [
     "man",
     "woman",
@@ -161,15 +161,16 @@ const PEOPLE: [&str; 14] = [
     "somebody",
 ];
 
-/// Reads a list of detections, a line each; lines that are none are left out, and a line without `score:` is sure.
+/// Parses a list of detections, one per line. Invalid lines are skipped; a line without `score:` gets score 1.
 ///
 /// # Errors
-/// [`DetectionsError`] for prose and for what is longer than any list.
+/// [`DetectionsError`] for prose and for texts longer than any list.
 pub fn parse_detections(text: &str) -> Result<Vec<Detection>, DetectionsError> {
     lines_of(text, MAX_DETECTIONS, |line| Detection::read(&line))
 }
 
-/// Writes a list that [`parse_detections`] reads, numbered from 1: four decimals, a tenth of a pixel of a 960-pixel picture.
+/// Writes a list that [`parse_detections`] can read, numbered from 1, with four decimals (a tenth of a pixel at 960
+/// pixels).
 #[must_use]
 pub fn write_detections(detections: &[Detection]) -> String {
     let mut out = String::new();
@@ -183,13 +184,14 @@ pub fn write_detections(detections: &[Detection]) -> String {
     if out.is_empty() { NONE.to_owned() } else { out }
 }
 
-/// The lines of a list as a query carries them; one line that says so where nothing was found.
+/// The list as carried by a query: one line per detection, or a single line stating that there are none.
 #[must_use]
 pub fn lines(detections: &[Detection]) -> Vec<String> {
     write_detections(detections).lines().map(str::to_owned).collect()
 }
 
-/// A list for a prompt, a line each: name, box in the coordinates that the model points in, score. The surest come first.
+/// The list as written into a prompt, one per line: name, box in the model's coordinates, score. Highest scores come
+/// first.
 #[must_use]
 pub fn told(detections: &[Detection], profile: &GroundingProfile) -> String {
     let mut surest: Vec<&Detection> = detections.iter().collect();
@@ -202,8 +204,8 @@ pub fn told(detections: &[Detection], profile: &GroundingProfile) -> String {
     if lines.is_empty() { NONE.to_owned() } else { lines.join("\n") }
 }
 
-/// The obstacles that a list stands for while a step of `length` metres is planned towards something called `target`. What is
-/// called as the target gets the target's name, so that [`avoid`](crate::avoid::avoid) knows it.
+/// The obstacles corresponding to the detections, for a planned step of `length` metres towards an object named
+/// `target`. Detections that match the target get its name, so that [`avoid`](crate::avoid::avoid) recognises it.
 #[must_use]
 pub fn obstacles(detections: &[Detection], camera: &Camera, length: f64, target: Option<&str>) -> Vec<ObstacleBox> {
     let at_end = label_before(length);
@@ -215,7 +217,7 @@ pub fn obstacles(detections: &[Detection], camera: &Camera, length: f64, target:
     detections.iter().map(obstacle).collect()
 }
 
-/// The greatest label whose interval begins within `length` metres; 1 where none does.
+/// The highest label whose range interval begins within `length` metres; 1 if none does.
 fn label_before(length: f64) -> u8 {
     let label = label_of_range(length);
     if range_of_label(f64::from(label) - 0.5) > length { label.saturating_sub(1).max(1) } else { label }

@@ -1,10 +1,10 @@
-//! What is known of the craft's motion at any time, from telemetry that comes at 10 to 50 Hz, coarse and late.
+//! Motion estimate of the craft at any time, from coarse and delayed telemetry at 10 to 50 Hz.
 //!
-//! A predictor with fixed-gain correction: between reports the craft is carried forward by its response to what was
-//! commanded (dead time, lag, acceleration limit), and each report corrects only what it can tell. A report in whole degrees
-//! or tenths of a metre a second says that the truth lies within half a unit of it, so a prediction inside that is kept;
-//! a position that wanders slowly (satellite navigation) pulls slowly, so that a single step is measured by integrated
-//! velocity. A craft without position is dead-reckoned; one without velocity is known from its commands alone.
+//! A predictor with fixed-gain correction: between reports the state is predicted from the craft's response to its
+//! commands (dead time, lag, acceleration limit), and each report corrects only what it measures. A report in whole
+//! degrees or tenths of a metre per second is accurate to half a unit, so a prediction inside that interval is kept. A
+//! slowly wandering position (satellite navigation) has a low gain, so that a single step is measured by integrated
+//! velocity. A craft without position is dead-reckoned; one without velocity is predicted from its commands alone.
 
 use std::collections::VecDeque;
 
@@ -18,16 +18,17 @@ use crate::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, wrap_angle};
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Duration, Time};
 
-/// Motion of the craft at an instant, as well as it is known.
+/// Estimated motion of the craft at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Known {
-    /// World position, metres. Of a craft without position: dead-reckoned from where telemetry began, `up` from its height.
+    /// World position, metres. For a craft without position: dead-reckoned from the first report, with `up` from its
+    /// height.
     pub position: EnuPosition,
     /// World velocity, m/s.
     pub velocity: EnuVelocity,
-    /// Attitude; pitch and roll are those of the newest report.
+    /// Attitude; pitch and roll are from the newest report.
     pub attitude: Attitude,
-    /// Radians a second, clockwise positive.
+    /// Radians per second, clockwise positive.
     pub yaw_rate: f64,
 }
 
@@ -38,7 +39,7 @@ impl Known {
         Pose { position: self.position, attitude: self.attitude }
     }
 
-    /// True when every component is a finite number.
+    /// True if every component is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         let (p, v, a) = (self.position, self.velocity, self.attitude);
@@ -47,25 +48,25 @@ impl Known {
     }
 }
 
-/// How coarse a craft's telemetry is. Zero means exact.
+/// Accuracy of a craft's telemetry. Zero means exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Senses {
     /// Slowly varying error of the position, metres.
     pub position_noise: f64,
     /// Error of a single velocity report, m/s.
     pub velocity_noise: f64,
-    /// Unit in which velocity is told, m/s; rounded to the nearest.
+    /// Resolution of reported velocity, m/s; values are rounded to the nearest.
     pub velocity_resolution: f64,
-    /// Error of a single heading report, radians. A slow one cannot be told from the truth and does not count here.
+    /// Error of a single heading report, radians. Slow drift is unobservable and not included.
     pub heading_noise: f64,
-    /// Unit in which heading is told, radians; rounded to the nearest.
+    /// Resolution of reported heading, radians; values are rounded to the nearest.
     pub heading_resolution: f64,
-    /// Unit in which height is told, metres; rounded to the nearest.
+    /// Resolution of reported height, metres; values are rounded to the nearest.
     pub height_resolution: f64,
 }
 
 impl Senses {
-    /// Everything as it is.
+    /// Exact telemetry.
     pub const EXACT: Self = Self {
         position_noise: 0.0,
         velocity_noise: 0.0,
@@ -75,7 +76,7 @@ impl Senses {
         height_resolution: 0.0,
     };
 
-    /// A Tello's state string: heading in whole degrees, velocity in dm/s and noisy, height in steps of 10 cm.
+    /// A Tello's state string: heading in whole degrees, noisy velocity in dm/s, height in steps of 10 cm.
     #[must_use]
     pub fn tello() -> Self {
         Self { velocity_resolution: 0.1, heading_resolution: 1.0_f64.to_radians(), height_resolution: 0.1, ..Self::EXACT }
@@ -88,24 +89,25 @@ impl Senses {
     }
 }
 
-/// Time constant with which noisy velocity and heading reports are believed, s: long against a report, short against a step.
+/// Filter time constant for noisy velocity and heading, s: long compared with a report interval, short compared with a
+/// step.
 const NOISE_TIME: f64 = 0.3;
-/// Time constant with which a wandering position is believed, s: long against a step (3 s), short against a flight.
+/// Filter time constant for a wandering position, s: long compared with a step (3 s), short compared with a flight.
 const WANDER_TIME: f64 = 30.0;
-/// A position this many times its noise away from the estimate is a jump of the source, and believed at once.
+/// A position this many times its noise away from the estimate is a jump of the source, and adopted at once.
 const JUMP: f64 = 10.0;
-/// Share of its way by which a dead-reckoned craft is wrong: scale and direction of its speeds.
+/// Relative error of a dead-reckoned distance: scale and direction of the velocity.
 const WAY_ERROR: f64 = 0.05;
-/// The error of one velocity report stays so long, s: while the velocity does, it is rounded the same way.
+/// Correlation time of the velocity report error, s: while the velocity is constant it is rounded the same way.
 const ERROR_TIME: f64 = 1.0;
-/// How far telemetry is extrapolated; a link that is silent for longer tells nothing any more.
+/// Maximum extrapolation of telemetry; after a longer silence it says nothing.
 const HORIZON: Duration = Duration::from_millis(500);
-/// How long poses are kept: the oldest frame that a reply may be about.
+/// How long poses are kept: the age of the oldest frame that a reply may refer to.
 const MEMORY: Duration = Duration::from_secs(15);
-/// At most so many poses: [`MEMORY`] at 50 Hz, with room.
+/// Maximum number of poses: [`MEMORY`] at 50 Hz, with room.
 const POSES: usize = 1024;
 
-/// Knows the craft's motion at any time. Told telemetry and setpoints; asked for [`Known`] now and for poses of the past.
+/// Estimates the craft's motion from telemetry and setpoints: [`Known`] for now, and poses of the past.
 #[derive(Clone, Debug)]
 pub struct MotionEstimator {
     response: Response,
@@ -117,7 +119,7 @@ pub struct MotionEstimator {
 }
 
 impl MotionEstimator {
-    /// Knows nothing yet. `craft` is what the craft answers setpoints like, `senses` how much its telemetry tells.
+    /// An estimator without data. `craft` gives the response to setpoints, `senses` the accuracy of the telemetry.
     #[must_use]
     pub fn new(craft: &Craft, senses: Senses) -> Self {
         Self {
@@ -130,12 +132,12 @@ impl MotionEstimator {
         }
     }
 
-    /// A setpoint was sent and holds from `now` on.
+    /// Records that a setpoint holds from `now` on.
     pub fn commanded(&mut self, now: Time, setpoint: Setpoint) {
         self.log.push(now, setpoint);
     }
 
-    /// Takes a report. One that is older than the newest known, or not finite, is passed over.
+    /// Takes a report. Reports that are older than the newest or not finite are ignored.
     pub fn observe(&mut self, telemetry: &Telemetry) {
         let told = telemetry.position.map_or(0.0, |p| p.east + p.north + p.up)
             + telemetry.velocity.map_or(0.0, |v| v.east + v.north + v.up)
@@ -172,7 +174,7 @@ impl MotionEstimator {
         self.past.push_back((telemetry.time, known(state, telemetry)));
     }
 
-    /// Motion at `now`, carried forward from the newest report by at most half a second. `None` before the first report.
+    /// Motion at `now`, predicted from the newest report by at most half a second. `None` before the first report.
     #[must_use]
     pub fn at(&self, now: Time) -> Option<Known> {
         let (telemetry, state) = self.newest.as_ref()?;
@@ -181,8 +183,8 @@ impl MotionEstimator {
         Some(known(state, telemetry))
     }
 
-    /// Pose at `time`, such as a frame's capture: interpolated between reports, carried forward past the newest. `None` before
-    /// the first report, or for a time older than what is kept (15 s, or 1024 reports).
+    /// Pose at `time`, such as a frame's capture: interpolated between reports, predicted after the newest. `None`
+    /// before the first report, or for a time older than the history (15 s, or 1024 reports).
     #[must_use]
     pub fn pose_at(&self, time: Time) -> Option<Pose> {
         let after = self.past.partition_point(|&(at, _)| at <= time);
@@ -209,14 +211,14 @@ impl MotionEstimator {
         })
     }
 
-    /// Standard deviation of the position on the map as of the newest report, metres: that of its source, or, where it is
-    /// dead-reckoned, what has gathered since take-off.
+    /// Standard deviation of the horizontal position as of the newest report, metres: that of the position source or,
+    /// when dead-reckoned, the error accumulated since take-off.
     #[must_use]
     pub fn position_error(&self) -> f64 {
         libm::hypot(self.senses.position_noise, self.drift.deviation())
     }
 
-    /// Whether the craft tells no position, so that it is reckoned from its velocity.
+    /// Whether the craft reports no position and is dead-reckoned from its velocity.
     #[must_use]
     pub fn is_dead_reckoned(&self) -> bool {
         self.newest.as_ref().is_some_and(|(telemetry, _)| telemetry.position.is_none())
@@ -228,7 +230,7 @@ impl MotionEstimator {
         self.newest.as_ref().map(|(telemetry, _)| telemetry.time)
     }
 
-    /// Carries a state forward. A craft that takes off or lands by itself does not answer setpoints: it goes on as it goes.
+    /// Predicts a state. A craft that takes off or lands by itself ignores setpoints: it keeps its motion.
     fn predict(&self, telemetry: &Telemetry, mut state: State, until: Time) -> State {
         if telemetry.phase == FlightPhase::Flying {
             return self.log.follow(&self.response, state, telemetry.time, until);
@@ -256,7 +258,7 @@ impl MotionEstimator {
             ] {
                 let change = gain * beyond(told - *estimate, half);
                 *estimate += change;
-                // The prediction went wrong gradually since the last report, so half of it counts for the way.
+                // The prediction error grew gradually since the last report, so half of it counts for the position.
                 *position += 0.5 * change * elapsed;
             }
         }
@@ -281,17 +283,17 @@ impl MotionEstimator {
     }
 }
 
-/// The error of a dead-reckoned position, as it grows.
+/// Growth of the error of a dead-reckoned position.
 #[derive(Clone, Copy, Debug, Default)]
 struct Drift {
-    /// Of the errors of single reports, on the map, m².
+    /// Variance from the errors of single reports, horizontal, m².
     variance: f64,
-    /// Flown so far, metres.
+    /// Distance flown so far, metres.
     way: f64,
 }
 
 impl Drift {
-    /// Another `elapsed` seconds at `speed` m/s on the map.
+    /// Adds `elapsed` seconds at a horizontal speed of `speed` m/s.
     fn grow(&mut self, senses: &Senses, speed: f64, elapsed: f64) {
         // Rounding to a unit has a variance of a twelfth of its square.
         let report =
@@ -324,12 +326,12 @@ fn known(state: State, telemetry: &Telemetry) -> Known {
     }
 }
 
-/// What of `difference` lies beyond `half` a unit of resolution: a report rounded to the unit contradicts only that.
+/// The part of `difference` beyond `half` a unit of resolution: a rounded report contradicts only that.
 fn beyond(difference: f64, half: f64) -> f64 {
     (difference.abs() - half).max(0.0).copysign(difference)
 }
 
-/// Cubic between two values with given slopes, both per unit of `share`.
+/// Cubic Hermite interpolation between two values with given slopes, both per unit of `share`.
 fn hermite(from: f64, to: f64, slope_from: f64, slope_to: f64, share: f64) -> f64 {
     let rest = 1.0 - share;
     from * rest * rest * (1.0 + 2.0 * share)

@@ -1,8 +1,8 @@
-//! Faults on demand: one seeded machine that simulator, virtual drones and tests share.
+//! Fault injection: one seeded machine shared by simulator, virtual drones and tests.
 //!
-//! It is sans-IO: told that message number `index` of a stream was sent at `now`, it says when copies of it arrive and in
-//! what state. What happens to a message follows from the seed, the stream and the index alone, so neither the order of calls
-//! nor the traffic of other streams changes it.
+//! It is sans-IO: given message number `index` of a stream, sent at `now`, it returns when copies of it arrive and in
+//! what state. The result depends only on the seed, the stream and the index, so neither the order of calls nor the
+//! traffic of other streams changes it.
 //!
 //! ```
 //! use spf_core::fault::{Fault, FaultMachine, FaultPlan, Rule, Stream};
@@ -21,24 +21,24 @@ use serde::{Deserialize, Serialize};
 use crate::rng::Draw;
 use crate::time::{Duration, Time, duration_from_secs};
 
-/// What is disturbed.
+/// The stream that is disturbed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Stream {
-    /// Camera frames on their way to the pilot.
+    /// Camera frames from the craft to the pilot.
     Frames,
-    /// Telemetry on its way to the pilot.
+    /// Telemetry from the craft to the pilot.
     Telemetry,
-    /// Replies of the VLM.
+    /// VLM replies.
     Replies,
-    /// Commands on their way to the craft.
+    /// Commands from the pilot to the craft.
     Commands,
-    /// What the craft answers to commands, on its way back.
+    /// The craft's responses to commands.
     Responses,
 }
 
 impl Stream {
-    /// Its name among the purposes of [`Draw`].
+    /// Its name among the streams of [`Draw`].
     fn purpose(self) -> &'static str {
         match self {
             Self::Frames => "fault frames",
@@ -55,52 +55,52 @@ impl Stream {
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 #[non_exhaustive]
 pub enum Fault {
-    /// It is lost.
+    /// The message is lost.
     Drop {
-        /// With this probability.
+        /// Probability.
         p: f64,
     },
-    /// It comes later by a normally distributed time, at least 0; jitter that exceeds the distance between messages reorders
-    /// them, as on a datagram link.
+    /// The message is delayed by a normally distributed time, at least 0. Jitter that exceeds the interval between
+    /// messages reorders them, as on a datagram link.
     Delay {
         /// Mean, s.
         mean: f64,
         /// Standard deviation, s.
         jitter: f64,
     },
-    /// It comes twice.
+    /// The message arrives twice.
     Duplicate {
-        /// With this probability.
+        /// Probability.
         p: f64,
-        /// The copy comes this much later, s.
+        /// Delay of the copy, s.
         after: f64,
     },
-    /// It is held back, so that later ones overtake it.
+    /// The message is held back, so that later ones overtake it.
     Reorder {
-        /// With this probability.
+        /// Probability.
         p: f64,
-        /// For this long, s.
+        /// Delay, s.
         by: f64,
     },
-    /// The source is frozen: what arrives is the last content from before the rule began, capture counter included.
+    /// The source is frozen: the last content from before the rule began arrives, with its capture counter.
     Freeze,
-    /// Bits of it are flipped on the way.
+    /// Bits of the message are flipped.
     Corrupt {
-        /// With this probability.
+        /// Probability.
         p: f64,
     },
-    /// What arrives is empty: a blank frame, telemetry that tells nothing, a reply or command of no length.
+    /// The message arrives empty: a blank frame, telemetry without values, a reply or command of zero length.
     Blank {
-        /// With this probability.
+        /// Probability.
         p: f64,
     },
 }
 
-/// One fault of one stream during one time.
+/// One fault of one stream during an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rule {
-    /// Which stream.
+    /// The affected stream.
     pub stream: Stream,
     /// From this flight time, s, inclusive.
     #[serde(default)]
@@ -108,32 +108,32 @@ pub struct Rule {
     /// Until this flight time, s, exclusive; `None`: to the end.
     #[serde(default)]
     pub until: Option<f64>,
-    /// What happens.
+    /// The fault.
     pub fault: Fault,
 }
 
-/// Something that is wrong with the craft itself, or with the whole link to it.
+/// A fault of the craft itself, or of the whole link to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Trouble {
-    /// Nothing passes in either direction.
+    /// No messages pass in either direction.
     LinkCut,
-    /// The battery is as good as empty: the craft says so, does not take off, and lands by itself.
+    /// The battery is nearly empty: the craft reports it, does not take off, and lands by itself.
     BatteryEmpty,
-    /// The craft does not know its own motion: it refuses to fly to positions, and still obeys velocities.
+    /// The craft has no valid motion estimate: it refuses to fly to positions but still obeys velocities.
     ImuInvalid,
     /// Take-off is refused.
     TakeOffRefused,
-    /// At its beginning the craft restarts: it forgets whom it talks to, and in the air it loses its motors.
+    /// The craft restarts when the rule begins: it forgets its client, and in the air it loses its motors.
     Reboot,
 }
 
-/// One trouble during one time.
+/// One fault of the craft during an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TroubleRule {
-    /// What is wrong.
+    /// The fault.
     pub fault: Trouble,
     /// From this flight time, s, inclusive.
     #[serde(default)]
@@ -143,19 +143,19 @@ pub struct TroubleRule {
     pub until: Option<f64>,
 }
 
-/// All faults of a flight. Rules apply in their order, each to what the earlier ones left; delays add up.
+/// All faults of a flight. Rules apply in order, each to the result of the earlier ones; delays add up.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FaultPlan {
-    /// The rules, for messages.
+    /// Message faults.
     #[serde(default)]
     pub rules: Vec<Rule>,
-    /// What is wrong with the craft.
+    /// Craft faults.
     #[serde(default)]
     pub craft: Vec<TroubleRule>,
 }
 
-/// A rule that makes no sense.
+/// An invalid rule.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FaultError {
@@ -172,9 +172,9 @@ pub enum FaultError {
     Time {
         /// Index of the rule.
         rule: usize,
-        /// Which time.
+        /// The field.
         field: &'static str,
-        /// What it is.
+        /// Its value.
         value: f64,
     },
     /// The rule ends before it begins.
@@ -182,14 +182,14 @@ pub enum FaultError {
     Empty {
         /// Index of the rule.
         rule: usize,
-        /// Begin, s.
+        /// Start, s.
         from: f64,
         /// End, s.
         until: f64,
     },
 }
 
-/// State in which a message arrives.
+/// State of a message on arrival.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Content {
@@ -197,39 +197,39 @@ pub enum Content {
     Intact,
     /// The last content sent before this time, in place of its own ([`Fault::Freeze`]).
     FrozenSince(Time),
-    /// Some of its bits are flipped ([`Fault::Corrupt`]); which ones follows from this number.
+    /// Some of its bits are flipped ([`Fault::Corrupt`]); this number determines which.
     Corrupt(u64),
-    /// Nothing in it ([`Fault::Blank`]).
+    /// Empty ([`Fault::Blank`]).
     Blank,
 }
 
 /// One arrival of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 pub struct Delivery {
-    /// When; never before it was sent.
+    /// Time of arrival; never before it was sent.
     pub at: Time,
-    /// In what state.
+    /// State of the content.
     pub content: Content,
 }
 
-/// The machine. See the [module](self).
+/// The fault machine. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct FaultMachine {
     plan: FaultPlan,
     seed: u64,
 }
 
-/// Copies of one message: duplicating rules cannot multiply it without bound.
+/// Maximum number of copies of one message: rules that duplicate cannot multiply it without bound.
 const MAX_COPIES: usize = 8;
 /// Longest time in a rule, s: a day.
 const MAX_TIME: f64 = 86_400.0;
 
 impl FaultMachine {
-    /// A machine for `plan`.
+    /// Creates a machine for `plan`.
     ///
     /// # Errors
-    /// A [`FaultError`] for the first rule with a probability outside 0..=1, a time that is negative, not finite or beyond a
-    /// day, or an end that is not after its beginning.
+    /// A [`FaultError`] for the first rule with a probability outside 0..=1, a time that is negative, not finite or
+    /// longer than a day, or an end that is not after its start.
     pub fn new(plan: FaultPlan, seed: u64) -> Result<Self, FaultError> {
         for (rule, r) in plan.rules.iter().enumerate() {
             check(rule, r)?;
@@ -246,7 +246,7 @@ impl FaultMachine {
         self.plan.rules.iter().any(|rule| rule.stream == stream && rule.fault == Fault::Freeze && rule.applies(now))
     }
 
-    /// Whether something is wrong with the craft at `now`.
+    /// Whether the craft has `fault` at `now`.
     #[must_use]
     pub fn troubled(&self, now: Time, fault: Trouble) -> bool {
         self.plan.craft.iter().any(|rule| rule.fault == fault && within(now, rule.from, rule.until))
@@ -258,8 +258,8 @@ impl FaultMachine {
         &self.plan
     }
 
-    /// Arrivals of message number `index` of `stream`, sent at `now`, earliest first; none when it is lost. Without a rule that
-    /// applies it arrives intact at `now`.
+    /// Arrivals of message number `index` of `stream`, sent at `now`, earliest first; empty if it is lost. If no rule
+    /// applies, it arrives intact at `now`.
     #[must_use]
     pub fn pass(&self, now: Time, stream: Stream, index: u64) -> Vec<Delivery> {
         let mut deliveries = vec![Delivery { at: now, content: Content::Intact }];
@@ -303,7 +303,7 @@ impl Rule {
             }
             Fault::Freeze => {
                 for d in deliveries {
-                    // Blank stays blank: there is nothing in it to freeze.
+                    // A blank message stays blank: it has no content to freeze.
                     if d.content == Content::Intact {
                         d.content = Content::FrozenSince(Time::from_secs_f64(self.from));
                     }

@@ -1,33 +1,33 @@
-//! What the core knows of a camera image: when and where it was taken, never its pixels.
+//! Camera frame metadata: when and where a frame was taken, never its pixels.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::time::Time;
 
-/// Number of a camera frame within a flight, counting up from 0 in order of capture.
+/// Number of a camera frame within a flight, from 0 in order of capture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct FrameId(pub u64);
 
-/// A camera frame as the pilot knows it.
+/// Metadata of a camera frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct FrameMeta {
     /// Its number.
     pub id: FrameId,
     /// Flight time at which the shutter opened.
     pub captured: Time,
-    /// Flight time at which it reached the pilot; never before `captured`.
+    /// Flight time at which the frame reached the pilot; never before `captured`.
     pub received: Time,
-    /// The camera's own capture counter. Two frames with the same counter are one picture delivered twice: a frozen camera
-    /// is judged by this and not by equal pixels, since a hovering drone may well see the same picture twice.
+    /// The camera's own capture counter. Two frames with the same counter are the same image delivered twice. A frozen
+    /// camera is detected by this and not by equal pixels, since a hovering drone may capture identical images.
     pub capture_counter: u64,
     /// Width, pixels.
     pub width: u32,
     /// Height, pixels.
     pub height: u32,
-    /// Why the picture is of no use, where its source knows that it is of none; such a frame is never shown to a VLM. Logs tell
-    /// only whether.
+    /// Why the frame is unusable, if its source knows that it is; such a frame is never sent to a VLM. Logs record only
+    /// whether it is usable.
     #[serde(with = "whether")]
     #[schemars(
         with = "bool",
@@ -36,20 +36,20 @@ pub struct FrameMeta {
     pub unusable: Option<Unusable>,
 }
 
-/// Why a picture is of no use.
+/// Why a frame is unusable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unusable {
-    /// One colour, or none.
+    /// A single colour, or empty.
     Blank,
-    /// Something else shown in place of what the camera sees.
+    /// A placeholder shown instead of the camera image.
     Placeholder,
     /// It could not be decoded.
     Undecodable,
-    /// Not told: read from a log.
+    /// Unknown: read from a log, which does not record the reason.
     Untold,
 }
 
-/// As a truth value, as logs have it.
+/// Serialises as a boolean, as logs have it.
 mod whether {
     use serde::{Deserialize, Deserializer, Serializer};
 

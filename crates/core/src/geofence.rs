@@ -1,9 +1,9 @@
 //! Geofences: where a craft may fly, as polygons on the map with an altitude band (`docs/explanation/safety.md`).
 //!
-//! A geofence is GeoJSON (RFC 7946) with one deviation: coordinates are **metres east and north** of the origin of the craft's
-//! position (the take-off point of a craft that tells none), not longitude and latitude. Each polygon may have holes, which
-//! are forbidden, and the properties `min_altitude_m` and `max_altitude_m`, metres above the take-off point. What is allowed
-//! is the union of the polygons, each with its own band.
+//! A geofence is GeoJSON (RFC 7946) with one deviation: coordinates are **metres east and north** of the origin of the
+//! craft's position (the take-off point for a craft that reports no position), not longitude and latitude. Each polygon
+//! may have holes, which are forbidden, and the properties `min_altitude_m` and `max_altitude_m`, metres above the
+//! take-off point. The allowed region is the union of the polygons, each with its own altitude band.
 //!
 //! ```
 //! use spf_core::geofence::Geofence;
@@ -31,9 +31,9 @@ use crate::geometry::EnuPosition;
 /// A point on the map, metres east and north.
 pub(crate) type MapPoint = (f64, f64);
 
-/// Crossings of a ray closer together than this are one, m: the common edge of two polygons that touch.
+/// Crossings of a ray closer together than this count as one, m: the common edge of two adjacent polygons.
 const SAME: f64 = 1.0e-6;
-/// A ray that passes an end of an edge by less than this meets it, m.
+/// A ray that passes the end of an edge within this distance intersects it, m.
 const GRAZE: f64 = 1.0e-9;
 
 /// Where a craft may fly. See the [module](self).
@@ -91,27 +91,27 @@ impl Geofence {
     /// Reads a geofence: a `FeatureCollection`, `Feature`, `Polygon` or `MultiPolygon`.
     ///
     /// # Errors
-    /// A [`GeofenceError`] that says what is wrong, where in the document, and what to do: no JSON, no GeoJSON, no polygon,
-    /// rings that are open, too short, too small or cross themselves, coordinates that look like degrees or are not within
-    /// 100 km, bands upside down, or a document beyond [`MAX_BYTES`] or [`MAX_VERTICES`].
+    /// A [`GeofenceError`] with the problem and its place in the document: invalid JSON or GeoJSON, no polygon, rings
+    /// that are open, too short, too small or self-intersecting, coordinates that look like degrees or exceed 100 km,
+    /// inverted altitude bands, or a document beyond [`MAX_BYTES`] or [`MAX_VERTICES`].
     pub fn from_geojson(text: &str) -> Result<Self, GeofenceError> {
         parse::parse(text)
     }
 
-    /// Whether the craft may be there; `up` is its altitude above the take-off point. A position that is not finite is outside.
+    /// Whether a position is allowed; `up` is the altitude above the take-off point. A non-finite position is outside.
     #[must_use]
     pub fn contains(&self, at: EnuPosition) -> bool {
         self.areas.iter().any(|a| a.min_altitude <= at.up && at.up <= a.max_altitude && a.contains((at.east, at.north)))
     }
 
-    /// Whether the craft is not too far out or too high; being below a `min_altitude_m` breaks nothing, for every flight
-    /// begins and ends there.
+    /// Whether a position is inside horizontally and not too high. Being below `min_altitude_m` is not a breach, since
+    /// every flight starts and ends there.
     pub(crate) fn contains_below_ceiling(&self, at: EnuPosition) -> bool {
         self.areas.iter().any(|a| at.up <= a.max_altitude && a.contains((at.east, at.north)))
     }
 
-    /// Distance on the map to the nearest edge of any polygon or hole, metres: positive where some polygon contains the
-    /// point, negative outside. Edges that lie inside another polygon count, so that it errs on the near side.
+    /// Horizontal distance to the nearest edge of any polygon or hole, metres: positive inside some polygon, negative
+    /// outside. Edges inside another polygon count, so the result errs on the near side.
     #[must_use]
     pub fn edge_distance(&self, at: EnuPosition) -> f64 {
         let point = (at.east, at.north);
@@ -124,8 +124,8 @@ impl Geofence {
         self.areas.iter().flat_map(|a| a.rings.iter().map(Vec::as_slice))
     }
 
-    /// The altitudes between which the craft may climb and sink on the spot: the bands of the polygons around it that contain
-    /// its altitude, else the nearest band there, else that of the nearest polygon.
+    /// The altitudes between which the craft may climb and descend on the spot: the bands of the surrounding polygons
+    /// that contain its altitude, else the nearest band there, else that of the nearest polygon.
     pub(crate) fn band(&self, at: EnuPosition) -> (f64, f64) {
         let point = (at.east, at.north);
         let around = || self.areas.iter().filter(|a| a.contains(point));
@@ -168,7 +168,7 @@ impl Geofence {
         let mut edge = None;
         loop {
             let ahead = next(here + SAME);
-            // Between two crossings all points are alike: the middle one tells.
+            // Between two crossings all points are equivalent, so the midpoint decides.
             let middle = 0.5 * (here + ahead.map_or(reach.min(here + 1.0), |(t, _)| t));
             if !self.allows(point(middle), band) {
                 let out = edge.map_or(along, |edge| across(edge, along));
@@ -178,13 +178,13 @@ impl Geofence {
         }
     }
 
-    /// From a point that is not allowed: the nearest one that is, at `band`. `None` when no polygon is open at that band.
+    /// From a point that is not allowed: the nearest allowed one at `band`. `None` if no polygon is open at that band.
     pub(crate) fn way_back(&self, from: MapPoint, band: (f64, f64)) -> Option<MapPoint> {
         self.open_at(band).map(|a| a.nearest_edge_point(from)).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(point, _)| point)
     }
 }
 
-/// Even-odd rule; a ring is taken without its repeated last point.
+/// Even-odd rule; the ring has no repeated last point.
 fn in_ring(ring: &[MapPoint], (x, y): MapPoint) -> bool {
     let mut inside = false;
     for ((ax, ay), (bx, by)) in ring_edges(ring) {
@@ -214,8 +214,8 @@ fn crossing(from: MapPoint, along: MapPoint, (a, b): (MapPoint, MapPoint)) -> Op
     if det == 0.0 {
         return None;
     }
-    // Twice the areas that the ray's line spans with both ends: of one sign when the edge lies on one side. A little more
-    // than the edge counts, so that no ray slips through a corner.
+    // Twice the areas spanned by the ray's line and both ends: of equal sign if the edge lies on one side. The edge is
+    // extended slightly, so that no ray slips through a corner.
     let (bx, by) = (b.0 - from.0, b.1 - from.1);
     let (side_a, side_b) = (ax * along.1 - ay * along.0, bx * along.1 - by * along.0);
     if side_a.min(side_b) > GRAZE || side_a.max(side_b) < -GRAZE {
@@ -224,7 +224,7 @@ fn crossing(from: MapPoint, along: MapPoint, (a, b): (MapPoint, MapPoint)) -> Op
     Some((ax * ey - ay * ex) / det).filter(|&t| t >= 0.0)
 }
 
-/// The unit vector across an edge that points to the side to which `along` goes.
+/// The unit normal of an edge on the side to which `along` points.
 fn across((a, b): (MapPoint, MapPoint), along: MapPoint) -> MapPoint {
     let (nx, ny) = (b.1 - a.1, a.0 - b.0);
     let length = libm::hypot(nx, ny);

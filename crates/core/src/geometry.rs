@@ -1,9 +1,9 @@
-//! Reference frames, and the vectors that are named after them.
+//! Reference frames and the vector types named after them.
 //!
-//! *World* is east-north-up (ENU), metres, origin wherever the world puts it. *Body* here is the **level frame that turns with
-//! the heading**: `right`, `forward` and `up`, so that `up` is the world's up whatever the attitude. *Camera* axes are
-//! `right`, `forward` (the optical axis) and `up` of the picture. Heading is clockwise from north, pitch positive nose up,
-//! roll positive right side down, applied in aerospace order (yaw, pitch, roll). Radians and metres throughout.
+//! *World* is east-north-up (ENU) in metres with an arbitrary origin. *Body* is the **level frame that turns with the
+//! heading**: `right`, `forward` and `up`, with `up` equal to the world's up whatever the attitude. *Camera* axes are
+//! `right`, `forward` (the optical axis) and `up` of the image. Heading is clockwise from north, pitch positive nose
+//! up, roll positive right side down, applied in aerospace order (yaw, pitch, roll). Radians and metres throughout.
 
 use core::f64::consts::{PI, TAU};
 
@@ -21,14 +21,14 @@ pub struct EnuPosition {
     pub up: f64,
 }
 
-/// A velocity in the world, metres a second east, north and up.
+/// A velocity in the world, m/s east, north and up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EnuVelocity {
-    /// Metres a second towards the east.
+    /// Towards the east, m/s.
     pub east: f64,
-    /// Metres a second towards the north.
+    /// Towards the north, m/s.
     pub north: f64,
-    /// Metres a second upwards.
+    /// Upwards, m/s.
     pub up: f64,
 }
 
@@ -46,9 +46,9 @@ pub struct Attitude {
 /// Position and attitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Pose {
-    /// Where.
+    /// Position in the world frame.
     pub position: EnuPosition,
-    /// Turned how.
+    /// Attitude.
     pub attitude: Attitude,
 }
 
@@ -82,7 +82,7 @@ impl EnuPosition {
         }
     }
 
-    /// The point `share` of the way to `target`: 0 here, 1 there.
+    /// Linear interpolation: the point at fraction `share` from `self` (0) to `target` (1).
     #[must_use]
     pub fn towards(self, target: Self, share: f64) -> Self {
         Self {
@@ -106,7 +106,7 @@ impl EnuPosition {
         libm::hypot(self.horizontal_distance(other), self.up - other.up)
     }
 
-    /// Distance on the map, metres.
+    /// Horizontal distance, metres.
     #[must_use]
     pub fn horizontal_distance(self, other: Self) -> f64 {
         libm::hypot(self.east - other.east, self.north - other.north)
@@ -114,13 +114,13 @@ impl EnuPosition {
 }
 
 impl EnuVelocity {
-    /// Speed, metres a second.
+    /// Speed, m/s.
     #[must_use]
     pub fn speed(self) -> f64 {
         libm::hypot(libm::hypot(self.east, self.north), self.up)
     }
 
-    /// Speed on the map, metres a second.
+    /// Horizontal speed, m/s.
     #[must_use]
     pub fn horizontal_speed(self) -> f64 {
         libm::hypot(self.east, self.north)
@@ -134,21 +134,21 @@ impl BodyDisplacement {
         libm::hypot(self.level_length(), self.up)
     }
 
-    /// Length on the map, metres.
+    /// Horizontal length, metres.
     #[must_use]
     pub fn level_length(self) -> f64 {
         libm::hypot(self.right, self.forward)
     }
 
-    /// The greatest speed along it, m/s, at which neither the speed on the map nor the climb or sink rate exceeds its limit;
-    /// infinite for no displacement.
+    /// Maximum speed along this displacement, m/s, at which neither the horizontal nor the vertical speed exceeds its
+    /// limit; infinite for a zero displacement.
     #[must_use]
     pub fn speed_within(self, level: f64, climb: f64) -> f64 {
         let within = |limit: f64, part: f64| if part > 0.0 { limit * self.length() / part } else { f64::INFINITY };
         within(level, self.level_length()).min(within(climb, self.up.abs()))
     }
 
-    /// The greatest of its parts, whatever its sign, metres.
+    /// The largest absolute component, metres.
     #[must_use]
     pub fn longest_part(self) -> f64 {
         self.right.abs().max(self.forward.abs()).max(self.up.abs())

@@ -1,8 +1,8 @@
-//! Grounding profiles: the coordinates in which a family of models was taught to point.
+//! Grounding profiles: the coordinate conventions in which model families give image points.
 //!
-//! A family points well in its own convention and badly in another one's (Gemini: `[y, x]` in thousandths; Qwen 3: `[x, y]` in
-//! thousandths; Claude and Qwen 2.5: pixels of the picture they see), so each is asked in its own and everything is converted
-//! here, once: the rest of the core sees [`ImagePoint`] and [`ImageBox`] only.
+//! A model family points well only in the convention it was trained on (Gemini: `[y, x]` in thousandths; Qwen 3: `[x,
+//! y]` in thousandths; Claude and Qwen 2.5: pixels of the image they receive). Each is asked in its own convention, and
+//! the result is converted here once: the rest of the core uses [`ImagePoint`] and [`ImageBox`] only.
 
 use core::fmt::Write as _;
 
@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::query::{ImageBox, ImagePoint};
 
-/// Share of the picture's size by which a coordinate may lie outside and still be taken for its edge.
+/// Fraction of the image size by which a coordinate may lie outside and still be moved to the edge.
 pub const EDGE_TOLERANCE: f64 = 0.01;
 
-/// Which coordinate a model writes first.
+/// Order of the coordinates in a model's output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AxisOrder {
@@ -25,18 +25,18 @@ pub enum AxisOrder {
     Xy,
 }
 
-/// What the numbers count.
+/// Unit of the coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Scale {
-    /// Thousandths of the picture's side, 0..=1000.
+    /// Thousandths of the image size, 0..=1000.
     #[default]
     Thousand,
-    /// Percent of the picture's side, 0..=100.
+    /// Percent of the image size, 0..=100.
     Hundred,
-    /// Shares of the picture's side, 0..=1.
+    /// Fractions of the image size, 0..=1.
     Unit,
-    /// Pixels of the picture *as the model sees it*, which need not be the size that was captured.
+    /// Pixels of the image *as sent to the model*, which may differ from the captured size.
     Pixels {
         /// Its width, > 0.
         width: u32,
@@ -45,18 +45,18 @@ pub enum Scale {
     },
 }
 
-/// The coordinate convention of a family of models. Origin at the upper left corner of the picture in every one of them.
+/// The coordinate convention of a model family. The origin is always the upper left corner of the image.
 ///
-/// The default, `[y, x]` in thousandths, is Gemini's own and the one that the oracle answers in.
+/// The default, `[y, x]` in thousandths, is Gemini's and the one the oracle uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GroundingProfile {
-    /// Which coordinate comes first.
+    /// Order of the coordinates.
     pub order: AxisOrder,
-    /// What the numbers count.
+    /// Unit of the coordinates.
     pub scale: Scale,
 }
 
-/// Why coordinates are no place in the picture.
+/// Why coordinates are not a point in the image.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GroundingError {
@@ -67,18 +67,18 @@ pub enum GroundingError {
         first: f64,
         /// The second number as the model wrote it.
         second: f64,
-        /// The range that was asked for.
+        /// The expected range.
         limits: Limits,
     },
-    /// Fractions below one where whole thousandths, percent or pixels were asked for: read as asked they would all mean the
-    /// upper left corner, and the craft would turn there.
+    /// Fractions below one where whole thousandths, percent or pixels were expected: read as requested they would all
+    /// mean the upper left corner, and the craft would turn there.
     #[error("`[{first}, {second}]` are shares of the picture, but its coordinates are {limits}")]
     WrongScale {
         /// The first number as the model wrote it.
         first: f64,
         /// The second number as the model wrote it.
         second: f64,
-        /// The range that was asked for.
+        /// The expected range.
         limits: Limits,
     },
 }
@@ -86,9 +86,9 @@ pub enum GroundingError {
 /// The range of each coordinate, for messages and prompts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Greatest horizontal coordinate.
+    /// Maximum horizontal coordinate.
     pub x: f64,
-    /// Greatest vertical coordinate.
+    /// Maximum vertical coordinate.
     pub y: f64,
 }
 
@@ -99,7 +99,7 @@ impl core::fmt::Display for Limits {
 }
 
 impl GroundingProfile {
-    /// The greatest value of each coordinate: that of the right and of the lower edge.
+    /// The maximum of each coordinate, at the right and lower edges.
     #[must_use]
     pub fn limits(&self) -> Limits {
         match self.scale {
@@ -110,11 +110,11 @@ impl GroundingProfile {
         }
     }
 
-    /// The point that a pair of numbers, in the order the model wrote them, means.
+    /// Converts a pair of numbers, in the order the model wrote them, to an image point.
     ///
     /// # Errors
-    /// [`GroundingError::Outside`] beyond 1 % outside the picture or not finite (nearer ones are moved to the edge);
-    /// [`GroundingError::WrongScale`] for fractions below one under a coarser scale.
+    /// [`GroundingError::Outside`] more than 1 % outside the image, or not finite (closer points are moved to the
+    /// edge); [`GroundingError::WrongScale`] for fractions below one where a coarser unit was requested.
     pub fn point(&self, [first, second]: [f64; 2]) -> Result<ImagePoint, GroundingError> {
         let limits = self.limits();
         let (x, y) = match self.order {
@@ -133,13 +133,13 @@ impl GroundingProfile {
         Ok(ImagePoint { u: u.clamp(0.0, 1.0), v: v.clamp(0.0, 1.0) })
     }
 
-    /// The rectangle that four numbers, in the order the model wrote them, mean. Edges in the wrong order are swapped, since
-    /// the rectangle they span is the same.
+    /// Converts four numbers, in the order the model wrote them, to a rectangle. Edges in the wrong order are swapped,
+    /// since they span the same rectangle.
     ///
     /// # Errors
     /// Those of [`point`](Self::point), for either corner.
     pub fn area(&self, [a, b, c, d]: [f64; 4]) -> Result<ImageBox, GroundingError> {
-        // A scale is judged on the far corner: a box that begins in the very corner of the picture is nothing unusual.
+        // The scale is checked on the far corner: a box may well start in the upper left corner of the image.
         let far = self.point([a.max(c), b.max(d)])?;
         let near = [a.min(c), b.min(d)];
         let near = match self.point(near) {
@@ -149,7 +149,7 @@ impl GroundingProfile {
         Ok(ImageBox { left: near.u, top: near.v, right: far.u, bottom: far.v })
     }
 
-    /// A point already known to be inside, without the test of scale.
+    /// A point already known to be inside, without the scale check.
     fn corner(&self, [first, second]: [f64; 2]) -> ImagePoint {
         let limits = self.limits();
         let (x, y) = match self.order {
@@ -159,14 +159,14 @@ impl GroundingProfile {
         ImagePoint { u: (x / limits.x).clamp(0.0, 1.0), v: (y / limits.y).clamp(0.0, 1.0) }
     }
 
-    /// The numbers a model of this family writes for `point`, rounded as such models do: whole thousandths and pixels, tenths
-    /// of a percent, ten-thousandths of a share.
+    /// The numbers a model of this family writes for `point`, rounded as such models do: whole thousandths and pixels,
+    /// tenths of a percent, ten-thousandths of a fraction.
     #[must_use]
     pub fn point_numbers(&self, point: ImagePoint) -> [f64; 2] {
         self.exact_point(point).map(|number| self.rounded(number))
     }
 
-    /// The numbers that mean exactly `point`, with every decimal.
+    /// The numbers for `point`, unrounded.
     #[must_use]
     pub fn exact_point(&self, point: ImagePoint) -> [f64; 2] {
         let limits = self.limits();
@@ -177,7 +177,7 @@ impl GroundingProfile {
         }
     }
 
-    /// The numbers that mean exactly `area`, with every decimal.
+    /// The numbers for `area`, unrounded.
     #[must_use]
     pub fn exact_area(&self, area: ImageBox) -> [f64; 4] {
         let [a, b] = self.exact_point(ImagePoint { u: area.left, v: area.top });

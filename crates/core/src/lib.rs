@@ -1,8 +1,11 @@
-//! The method of **See, Point, Fly** (Hu et al., CoRL 2025, arXiv 2509.22653), pure.
+//! The method of **See, Point, Fly** (Hu et al., CoRL 2025, arXiv 2509.22653) as a sans-IO library.
 //!
-//! This crate does no I/O, reads no clock, starts no thread and has no `unsafe`: it is *told* what happened and *asked*
-//! what to do. The two types to know are the pilot, a state machine that turns events into actions, and the envelope, the
-//! only maker of cleared commands.
+//! This crate does no I/O, reads no clock, starts no threads and contains no `unsafe`. Callers pass in events with
+//! their time and carry out the actions that come back. The two types to know are [`pilot::Pilot`], a state machine
+//! that turns events into actions, and [`envelope::Envelope`], the only type that can create a cleared command.
+//!
+//! [`lift`] converts an image point to a displacement (eq. 2), [`step`] a depth label to a step length (§3.2),
+//! [`primitives`] a displacement to control primitives (§3.4) and [`executor`] those to velocity setpoints.
 #![forbid(unsafe_code)]
 
 pub mod actions;

@@ -1,4 +1,4 @@
-//! Lifting: from a waypoint in the picture to a displacement of the body (paper §3.3, eq. 2), and back.
+//! Lifting: from a waypoint in the image to a displacement in the body frame (paper §3.3, eq. 2), and back.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,22 +9,22 @@ use crate::geometry::{Attitude, BodyDisplacement};
 use crate::query::ImagePoint;
 use crate::reply::DEPTH_LABELS;
 
-/// A displacement in camera axes, metres: what the paper's equation 2 gives.
+/// A displacement in camera axes, metres: the result of the paper's equation 2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CameraDisplacement {
-    /// To the right of the optical axis, the paper's `Sx`.
+    /// To the right of the optical axis, the paper's `Sx`, metres.
     pub right: f64,
-    /// Along the optical axis, `Sy`.
+    /// Along the optical axis, the paper's `Sy`, metres.
     pub forward: f64,
-    /// Towards the upper edge of the picture, `Sz`.
+    /// Towards the upper edge of the image, the paper's `Sz`, metres.
     pub up: f64,
 }
 
-/// Which rotations stand between camera axes and the level body frame.
+/// Which rotations are applied between camera axes and the level body frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Lifting {
-    /// Neither the mount's tilt nor the craft's attitude: camera axes are taken for body axes, as the paper does.
+    /// Neither mount tilt nor attitude: camera axes are used as body axes, as in the paper.
     Paper,
     /// Tilt, then roll, then pitch, into the level frame that turns with the heading (`docs/explanation/method.md`).
     #[default]
@@ -38,42 +38,58 @@ pub enum UnprojectError {
     /// A coordinate is not a number, or infinite.
     #[error("waypoint (`{u}`, `{v}`) is not a finite point of the picture; hold and ask again")]
     NotFinite {
-        /// Share of the width.
+        /// Fraction of the image width.
         u: f64,
-        /// Share of the height.
+        /// Fraction of the image height.
         v: f64,
     },
-    /// The model pointed beside the picture.
+    /// The point lies outside the image.
     #[error("waypoint (`{u}`, `{v}`) lies outside the picture, whose coordinates run from 0 to 1; hold and ask again")]
     OutsideImage {
-        /// Share of the width.
+        /// Fraction of the image width.
         u: f64,
-        /// Share of the height.
+        /// Fraction of the image height.
         v: f64,
     },
-    /// The lens sees nothing there: the camera's distortion coefficients fold the picture back before this point.
+    /// No viewing direction leads there: the camera's distortion coefficients fold the image back before this point.
     #[error("waypoint (`{u}`, `{v}`) lies beyond what the camera's distortion coefficients describe; check the calibration")]
     BeyondLens {
-        /// Share of the width.
+        /// Fraction of the image width.
         u: f64,
-        /// Share of the height.
+        /// Fraction of the image height.
         v: f64,
     },
-    /// The step is no positive length.
+    /// The step is not a positive length.
     #[error("step of `{step}` m is not a positive length; check the step rule's constants")]
     BadStep {
-        /// Metres.
+        /// Step, metres.
         step: f64,
     },
 }
 
-/// Lifts a waypoint to a displacement in camera axes (paper §3.3, eq. 2): `Sx = U·d·tan α`, `Sy = d`, `Sz = V·d·tan β` for a
-/// centred camera without distortion, and the same along the point's true ray for any other. `step` is the adjusted distance
-/// along the optical axis, metres (the paper's `d_adj`); the way to a point off the axis is therefore longer than `step`.
+/// Lifts a waypoint to a displacement in camera axes (paper §3.3, eq. 2): `Sx = U·d·tan α`, `Sy = d`, `Sz = V·d·tan β`
+/// for a centred camera without distortion; for any other, the point along its true ray. `step` is the adjusted
+/// distance along the optical axis, metres (the paper's `d_adj`), so the distance to a point off the axis is longer
+/// than `step`.
+///
+/// ```
+/// use spf_core::camera::Camera;
+/// use spf_core::lift::unproject;
+/// use spf_core::query::ImagePoint;
+///
+/// // A 90° × 60° camera, 4 m, at three quarters of the width: U = 0.5, so Sx = 0.5 · 4 m · tan 45° = 2 m.
+/// let camera = Camera::from_fov(960, 720, 90_f64.to_radians(), 60_f64.to_radians(), 0.0);
+/// let there = unproject(&camera, ImagePoint { u: 0.75, v: 0.5 }, 4.0)?;
+/// assert!((there.right - 2.0).abs() < 1e-9);
+/// assert!((there.forward - 4.0).abs() < 1e-9);
+/// assert!(there.up.abs() < 1e-9);
+/// # Ok::<(), spf_core::lift::UnprojectError>(())
+/// ```
 ///
 /// # Errors
-/// [`UnprojectError::NotFinite`] and [`UnprojectError::OutsideImage`] for a point that is none of the picture's (both edges
-/// belong to it), [`UnprojectError::BeyondLens`] where no direction leads to the point, [`UnprojectError::BadStep`] unless `step` is finite and above 0.
+/// [`UnprojectError::NotFinite`] and [`UnprojectError::OutsideImage`] for a point that is not in the image (its edges
+/// are), [`UnprojectError::BeyondLens`] where no viewing direction leads to the point, [`UnprojectError::BadStep`]
+/// unless `step` is finite and above 0.
 pub fn unproject(camera: &Camera, point: ImagePoint, step: f64) -> Result<CameraDisplacement, UnprojectError> {
     let ImagePoint { u, v } = point;
     if !(u.is_finite() && v.is_finite()) {
@@ -93,9 +109,9 @@ pub fn unproject(camera: &Camera, point: ImagePoint, step: f64) -> Result<Camera
     Ok(CameraDisplacement { right: ray.right * step, forward: step, up: ray.up * step })
 }
 
-/// Turns a displacement from camera axes into the level body frame: by the mount's tilt, then by roll, then by pitch
-/// (aerospace order; the heading is what the level frame turns with). `attitude` is that at the frame's *capture*.
-/// [`Lifting::Paper`] turns by neither.
+/// Rotates a displacement from camera axes into the level body frame: by the mount tilt, then by roll, then by pitch
+/// (aerospace order; the level frame turns with the heading). `attitude` is the attitude at the frame's *capture*.
+/// [`Lifting::Paper`] applies no rotation.
 #[must_use]
 pub fn lift(displacement: CameraDisplacement, camera: &Camera, attitude: Attitude, lifting: Lifting) -> BodyDisplacement {
     let CameraDisplacement { right, forward, up } = displacement;
@@ -124,8 +140,8 @@ pub fn lower(displacement: BodyDisplacement, camera: &Camera, attitude: Attitude
     CameraDisplacement { right, forward, up }
 }
 
-/// Where the end of a displacement of the body appears in the picture: the inverse of [`unproject`] and [`lift`]. For drawing
-/// waypoints and corridors. The point may lie beside the picture; `None` when it is not in front of the lens.
+/// Projects the end of a body-frame displacement into the image: the inverse of [`unproject`] and [`lift`], for drawing
+/// waypoints and corridors. The point may lie outside the image; `None` if it is not in front of the lens.
 #[must_use]
 pub fn project_displacement(
     displacement: BodyDisplacement,
@@ -150,11 +166,11 @@ pub fn range_of_label(label: f64) -> f64 {
     libm::pow(10.0, (label - 1.0) / 4.5)
 }
 
-/// The depth label of a range in metres: `round(1 + 4.5·log10 range)`, clamped to `1..=10`. NaN and ranges not above 0 give 1,
-/// the careful end.
+/// The depth label of a range in metres: `round(1 + 4.5·log10 range)`, clamped to `1..=10`. NaN and ranges that are not
+/// positive give 1, the cautious end.
 #[must_use]
 pub fn label_of_range(range: f64) -> u8 {
-    // The logarithm of what is not above 0 is −∞ or NaN, and `as` maps both to 0.
+    // The logarithm of a range that is not positive is −∞ or NaN, and `as` maps both to 0.
     let label = libm::round(1.0 + 4.5 * libm::log10(range));
     (label as u8).clamp(1, DEPTH_LABELS)
 }
@@ -205,13 +221,13 @@ mod tests {
         assert_near(lift(point, &camera, attitude_deg(-9.0, 0.0), Lifting::Levelled), 0.0, 9.70, -2.42);
     }
 
-    /// Right side down by 30°: what the picture shows to the right is below: 2·cos 30° = 1.73 right, −2·sin 30° = −1 up.
+    /// Right side down by 30°: what the image shows to the right is below: 2·cos 30° = 1.73 right, −2·sin 30° = −1 up.
     #[test]
     fn roll_by_hand() {
         let camera = tilted(0.0);
         let point = CameraDisplacement { right: 2.0, forward: 5.0, up: 0.0 };
         assert_near(lift(point, &camera, attitude_deg(0.0, 30.0), Lifting::Levelled), 1.732, 5.0, -1.0);
-        // Roll is applied before pitch: rolled by 90°, the picture's right is the body's down, and nose up by 90° turns the
+        // Roll is applied before pitch: rolled by 90°, the image's right is the body's down, and nose up by 90° turns the
         // body's down to forward.
         assert_near(lift(point, &camera, attitude_deg(90.0, 90.0), Lifting::Levelled), 0.0, 2.0, 5.0);
     }

@@ -1,4 +1,4 @@
-//! Control primitives: what a displacement becomes (paper §3.4 and the appendix).
+//! Control primitives: the decomposition of a displacement (paper §3.4 and the appendix).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,15 +7,16 @@ use crate::command::Setpoint;
 use crate::craft::Craft;
 use crate::geometry::BodyDisplacement;
 
-/// Signed motion of one decision, relative to the pose of its frame. The paper's pitch primitive is `forward`, its throttle
-/// primitive is `climb`. `yaw` comes first; `right`, `forward` and `climb` are in the level body frame *after* the yaw.
+/// Signed motion of one decision, relative to the pose of its frame. `forward` is the paper's pitch primitive, `climb`
+/// its throttle primitive. `yaw` comes first; `right`, `forward` and `climb` are in the level body frame *after* the
+/// yaw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Primitives {
     /// Turn, radians, clockwise positive (`Δθ = atan2(Sx, Sy)`).
     pub yaw: f64,
-    /// Metres along the new heading (`√(Sx² + Sy²)`); negative backs off.
+    /// Metres along the new heading (`√(Sx² + Sy²)`); negative is backwards.
     pub forward: f64,
-    /// Metres to the right of the new heading; never from a point, only from policies that move sideways.
+    /// Metres to the right of the new heading; only used by policies that move sideways, never for a point.
     pub right: f64,
     /// Metres up (`Sz`).
     pub climb: f64,
@@ -29,17 +30,17 @@ pub enum PrimitiveKind {
     Yaw,
     /// Along the heading, the paper's pitch.
     Forward,
-    /// Sideways; not of the paper.
+    /// Sideways; not in the paper.
     Right,
-    /// Up and down, the paper's throttle.
+    /// Up or down, the paper's throttle.
     Climb,
 }
 
 impl PrimitiveKind {
-    /// The order in which a displacement is flown (paper, appendix): turn first, then forward, sideways, up.
+    /// The order in which sequential motion flies primitives (paper, appendix): yaw, forward, sideways, up.
     pub const QUEUE: [Self; 4] = [Self::Yaw, Self::Forward, Self::Right, Self::Climb];
 
-    /// The craft's preset speed for it: m/s, or rad/s for yaw.
+    /// The craft's preset speed for this primitive: m/s, or rad/s for yaw.
     #[must_use]
     pub fn speed(self, craft: &Craft) -> f64 {
         match self {
@@ -49,7 +50,7 @@ impl PrimitiveKind {
         }
     }
 
-    /// The craft's acceleration limit for it: m/s², or rad/s² for yaw.
+    /// The craft's acceleration limit for this primitive: m/s², or rad/s² for yaw.
     #[must_use]
     pub fn acceleration(self, craft: &Craft) -> f64 {
         match self {
@@ -72,15 +73,16 @@ impl PrimitiveKind {
 }
 
 impl Primitives {
-    /// Decomposes a displacement of the level body frame (paper §3.4): `Δθ = atan2(Sx, Sy)`, `√(Sx² + Sy²)`, `Sz`. A purely
-    /// vertical displacement turns nothing. Never sideways and never backwards: what lies behind is turned to.
+    /// Decomposes a displacement of the level body frame (paper §3.4): `Δθ = atan2(Sx, Sy)`, `√(Sx² + Sy²)`, `Sz`. A
+    /// purely vertical displacement does not turn. The result is never sideways or backwards: the craft turns towards
+    /// what lies behind it.
     #[must_use]
     pub fn from_displacement(displacement: BodyDisplacement) -> Self {
         let BodyDisplacement { right, forward, up } = displacement;
         Self { yaw: libm::atan2(right, forward), forward: libm::hypot(right, forward), right: 0.0, climb: up }
     }
 
-    /// Where they lead, in the level body frame *before* the yaw.
+    /// The resulting displacement, in the level body frame *before* the yaw.
     #[must_use]
     pub fn to_displacement(&self) -> BodyDisplacement {
         let (sin, cos) = (libm::sin(self.yaw), libm::cos(self.yaw));
@@ -91,7 +93,7 @@ impl Primitives {
         }
     }
 
-    /// Signed magnitude of one of them: metres, or radians for yaw.
+    /// Signed magnitude of one primitive: metres, or radians for yaw.
     #[must_use]
     pub fn magnitude(&self, kind: PrimitiveKind) -> f64 {
         match kind {
@@ -102,14 +104,14 @@ impl Primitives {
         }
     }
 
-    /// Seconds that each takes at the craft's preset speed, duration = magnitude / speed (paper §3.4 and the appendix), in the
-    /// order of [`PrimitiveKind::QUEUE`].
+    /// Duration of each primitive at the craft's preset speed, seconds: magnitude / speed (paper §3.4 and the
+    /// appendix), in the order of [`PrimitiveKind::QUEUE`].
     #[must_use]
     pub fn durations(&self, craft: &Craft) -> [f64; 4] {
         PrimitiveKind::QUEUE.map(|kind| self.magnitude(kind).abs() / kind.speed(craft))
     }
 
-    /// True when every magnitude is a finite number.
+    /// True if every component is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         PrimitiveKind::QUEUE.iter().all(|&kind| self.magnitude(kind).is_finite())

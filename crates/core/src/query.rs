@@ -1,4 +1,4 @@
-//! What is asked of a VLM about one frame.
+//! Queries: what is asked of a VLM about one frame.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,25 +6,25 @@ use serde::{Deserialize, Serialize};
 use crate::frame::FrameId;
 use crate::time::Time;
 
-/// Number of a query within a flight, counting up from 0. A reply carries the id of its query.
+/// Number of a query within a flight, from 0. A reply carries the id of its query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct QueryId(pub u64);
 
-/// What kind of answer is wanted. A real VLM answers from prompt and picture; the oracle answers by kind.
+/// The kind of answer requested. A VLM answers from prompt and image; the oracle answers by kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "kind")]
 pub enum QueryKind {
-    /// Where to go: a [`Reply`](crate::reply::Reply) (paper §3.1).
+    /// Where to fly: a [`Reply`](crate::reply::Reply) (paper §3.1).
     Point {
-        /// Whether boxes of obstacles are wanted too (the paper's obstacle-avoidance mode).
+        /// Whether obstacle boxes are requested as well (the paper's obstacle-avoidance mode).
         avoid: bool,
     },
-    /// Which of the numbered marks drawn on the picture (PIVOT).
+    /// A choice among the numbered marks drawn on the image (PIVOT).
     Choose,
     /// Text actions (the plain-text baseline).
     Act {
-        /// In which form.
+        /// The form of the actions.
         #[serde(default, skip_serializing_if = "ActForm::is_default")]
         form: ActForm,
     },
@@ -35,19 +35,19 @@ pub enum QueryKind {
         /// The question.
         text: String,
     },
-    /// All objects of the picture, one line each (TypeFly, and obstacle mode with a detector).
+    /// All objects in the image, one per line (TypeFly, and obstacle mode with a detector).
     Detect {
-        /// Only those of the classes of COCO, which is all that common detectors know.
+        /// Restrict to COCO classes, which are all that common detectors know.
         coco: bool,
-        /// As a detector lists them: with how sure it is, and to four decimals.
+        /// Include scores and use four decimals, as detectors do.
         #[serde(default, skip_serializing_if = "core::ops::Not::not")]
         scored: bool,
     },
-    /// Is the instruction fulfilled?
+    /// Whether the instruction is fulfilled.
     Done,
 }
 
-/// In which form actions are asked for.
+/// The form in which actions are requested.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ActForm {
@@ -61,14 +61,14 @@ pub enum ActForm {
 }
 
 impl ActForm {
-    /// Whether it is the form that needs no mention.
+    /// Whether this is the default form, which serialisation omits.
     #[must_use]
     pub fn is_default(&self) -> bool {
         *self == Self::default()
     }
 }
 
-/// A mark to be drawn on the picture before it is sent. Coordinates are normalised image points (see [`ImagePoint`]).
+/// A mark to be drawn on the image before it is sent. Coordinates are [`ImagePoint`]s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Mark {
@@ -90,7 +90,7 @@ pub enum Mark {
     Circle {
         /// Centre.
         at: ImagePoint,
-        /// Radius as a share of the picture's width.
+        /// Radius as a fraction of the image width.
         radius: f64,
     },
     /// A rectangle with a caption.
@@ -102,8 +102,8 @@ pub enum Mark {
     },
 }
 
-/// A point of the picture as a share of its size: `u` 0 at the left edge and 1 at the right, `v` 0 at the top and 1 at the
-/// bottom. What every grounding profile is converted to before geometry sees it.
+/// An image point as a fraction of the image size: `u` is 0 at the left edge and 1 at the right, `v` is 0 at the top
+/// and 1 at the bottom. Every grounding profile is converted to this before any geometry.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ImagePoint {
     /// 0 left edge … 1 right edge.
@@ -112,7 +112,7 @@ pub struct ImagePoint {
     pub v: f64,
 }
 
-/// A rectangle of the picture, same units as [`ImagePoint`]; `left <= right`, `top <= bottom`.
+/// A rectangle in the image, in the units of [`ImagePoint`]; `left <= right`, `top <= bottom`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ImageBox {
     /// Left edge.
@@ -126,7 +126,7 @@ pub struct ImageBox {
 }
 
 impl ImageBox {
-    /// Intersection over union with another box, 0 apart ..= 1 the same; of two empty boxes 0.
+    /// Intersection over union with another box: 0 if disjoint, 1 if equal; 0 for two empty boxes.
     #[must_use]
     pub fn iou(&self, other: &Self) -> f64 {
         let area = |b: &Self| (b.right - b.left).max(0.0) * (b.bottom - b.top).max(0.0);
@@ -141,7 +141,7 @@ impl ImageBox {
     }
 }
 
-/// Which way to look for something out of view.
+/// Where to look for a target that is out of view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Look {
@@ -149,28 +149,28 @@ pub enum Look {
     Left,
     /// Turn clockwise.
     Right,
-    /// Climb, for the camera cannot nod.
+    /// Climb, since the camera cannot tilt.
     Up,
-    /// Sink, or back off.
+    /// Descend, or back off.
     Down,
-    /// Turn round.
+    /// Turn around.
     Behind,
 }
 
 /// What the pilot remembers and tells the VLM with each query (`docs/explanation/method.md`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Memory {
-    /// Stage reached so far of an instruction of several stages, counting from 1; as the last reply said.
+    /// Current stage of a multi-stage instruction, from 1, according to the last reply.
     pub stage: u32,
-    /// What the earlier replies pointed at, in the model's words, oldest first; at most the last 8.
+    /// Targets named by earlier replies, oldest first; at most the last 8.
     pub targets: Vec<String>,
-    /// Turned since the target was last seen, radians, clockwise positive, not wrapped.
+    /// Yaw since the target was last seen, radians, clockwise positive, not wrapped.
     pub turned: f64,
-    /// On which side of the picture the target was when it was last seen.
+    /// Side of the image on which the target was last seen.
     pub last_seen: Option<Look>,
-    /// Last text actions (plain-text baseline), oldest first.
+    /// Recent text actions (plain-text baseline), oldest first.
     pub actions: Vec<String>,
-    /// True when this query is the second look at a `done` while holding.
+    /// True if this query confirms a `done` while holding.
     pub confirming: bool,
 }
 
@@ -179,29 +179,30 @@ pub struct Memory {
 pub struct Query {
     /// Its number.
     pub id: QueryId,
-    /// The frame it is about.
+    /// The kind of answer requested.
     pub frame: FrameId,
     /// What kind of answer is wanted.
     #[serde(flatten)]
     pub kind: QueryKind,
-    /// The instruction in the person's words.
+    /// The user's instruction.
     pub instruction: String,
-    /// What came before.
+    /// The history.
     pub memory: Memory,
     /// The whole text sent to the VLM.
     pub prompt: String,
-    /// Marks to draw on the picture.
+    /// Marks to draw on the image.
     pub marks: Vec<Mark>,
-    /// Detections that a `Program` or `Question` query is about, or that a `Point` query is to keep clear of, one line each.
+    /// Detections, one per line, that a `Program` or `Question` query refers to, or that a `Point` query must keep
+    /// clear of.
     pub detections: Vec<String>,
-    /// Flight time after which the answer is no longer waited for.
+    /// Flight time at which the query expires.
     pub deadline: Time,
-    /// Size at which the picture is sent, if not that of the frame.
+    /// Size at which the image is sent, if not that of the frame.
     pub image_size: Option<(u32, u32)>,
 }
 
 impl Query {
-    /// A question about a frame without words, marks or detections, not to be given up. For filling in.
+    /// A query without text, marks or detections that never expires, as a starting point.
     #[must_use]
     pub fn new(id: QueryId, frame: FrameId, kind: QueryKind) -> Self {
         Self {

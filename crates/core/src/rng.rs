@@ -1,7 +1,7 @@
-//! Randomness that follows from a seed and a key alone.
+//! Randomness that depends only on a seed and a key.
 //!
-//! Every draw is named by what it is for (a stream) and for which instance (frame, object, query), so that asking one
-//! question more or less never changes the answer to another, and no order of evaluation matters.
+//! Every draw is named by its purpose (a stream) and its instance (frame, object, query), so that an extra query never
+//! changes the result of another, and the order of evaluation does not matter.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -11,8 +11,8 @@ use rand_chacha::ChaCha8Rng;
 pub struct Draw(ChaCha8Rng);
 
 impl Draw {
-    /// The generator of `seed` for the purpose `stream` and the instance `key`. Equal arguments give equal draws; any
-    /// difference gives independent ones (each part is absorbed by a 64-bit mixer into the 256-bit ChaCha key).
+    /// The generator of `seed` for the purpose `stream` and the instance `key`. Equal arguments give equal sequences;
+    /// any difference gives independent ones (each part is absorbed by a 64-bit mixer into the 256-bit ChaCha key).
     #[must_use]
     pub fn new(seed: u64, stream: &str, key: &[u64]) -> Self {
         let mut state = [seed, 0x9e37_79b9_7f4a_7c15, 0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb];

@@ -1,37 +1,45 @@
-//! From a depth label to a distance along the optical axis (paper §3.2).
+//! Step length: from a depth label to a distance along the optical axis (paper §3.2).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::reply::DEPTH_LABELS;
 
-/// How far one decision goes.
+/// The rule that gives the length of one step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StepRule {
     /// The paper's curve: `d_adj = max(d_min, s·(d_VLM/L)^p)`.
     Adaptive {
-        /// `s`, metres: the step of the greatest label.
+        /// `s`, metres: the step of the highest label.
         scale: f64,
         /// `L`, the number of labels.
         labels: u8,
         /// `d_min`, metres.
         min: f64,
-        /// `p`; above 1 it makes near labels careful.
+        /// `p`; values above 1 make steps towards near labels shorter.
         exponent: f64,
     },
-    /// The same metres whatever the label: the paper's ablation (figure 6).
+    /// The same length in metres for every label: the paper's ablation (figure 6).
     Fixed(f64),
 }
 
 impl StepRule {
     /// The paper's constants: s = 10 m, L = 10, d_min = 0.1 m, p = 1.8 (§3.2).
     pub const PAPER: Self = Self::Adaptive { scale: 10.0, labels: DEPTH_LABELS, min: 0.1, exponent: 1.8 };
-    /// The fixed step of the ablation, 1 m. The paper does not publish its own.
+    /// The fixed step of the ablation, 1 m. The paper does not publish its value.
     pub const FIXED: Self = Self::Fixed(1.0);
 
-    /// Metres along the optical axis for a depth label (the paper's `d_adj`), always positive for positive constants. A label
-    /// outside `1..=L` counts as the nearest inside it: a model that answers 15 means "far", and flies what 10 flies.
+    /// Step length along the optical axis for a depth label, metres (the paper's `d_adj`); always positive for positive
+    /// constants. A label outside `1..=L` is clamped: a model that answers 15 means "far" and flies as for 10.
+    ///
+    /// ```
+    /// use spf_core::step::StepRule;
+    ///
+    /// // 10 m · (5/10)^1.8 = 2.87 m.
+    /// assert!((StepRule::PAPER.length(5) - 2.872).abs() < 1e-3);
+    /// assert_eq!(StepRule::PAPER.length(10), 10.0);
+    /// ```
     #[must_use]
     pub fn length(&self, label: u8) -> f64 {
         match *self {
@@ -64,7 +72,7 @@ mod tests {
         for (label, metres) in (1..).zip(table) {
             assert!((StepRule::PAPER.length(label) - metres).abs() < 5e-4, "label {label}: {}", StepRule::PAPER.length(label));
         }
-        // d_min holds the curve up where it would go below: (1/10)^3 · 10 = 0.01 m.
+        // d_min bounds the curve from below: (1/10)^3 · 10 = 0.01 m.
         let steep = StepRule::Adaptive { scale: 10.0, labels: 10, min: 0.1, exponent: 3.0 };
         assert!((steep.length(1) - 0.1).abs() < 1e-12);
         assert!((StepRule::FIXED.length(1) - StepRule::FIXED.length(10)).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! What an object is called: what a scene says of it, and all that an oracle and the truth read of it.
+//! Object tags: names and properties of an object, as given by the scene and read by the oracle and the judge.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Tagged {
-    /// Its number in the id picture; never 0.
+    /// Id in the id image; never 0.
     pub id: u16,
     /// Its key in the scene file.
     pub key: String,
-    /// Names, the commonest first.
+    /// Names, the most common first.
     pub names: Vec<String>,
     /// Other names.
     pub synonyms: Vec<String>,
@@ -18,18 +18,18 @@ pub struct Tagged {
     pub colour: Option<String>,
     /// Kind (`building`, `car`, `tree`, …).
     pub kind: String,
-    /// Adjectives that tell it from others of its kind (`tall`, `slender`, `low`, …).
+    /// Adjectives that distinguish it from others of its kind (`tall`, `slender`, `low`, …).
     pub qualities: Vec<String>,
-    /// What it serves for, in a few words each.
+    /// Its uses, in a few words each.
     pub uses: Vec<String>,
-    /// True for an opening: it is drawn into the second id picture.
+    /// True for an opening, which is drawn into the second id image.
     pub opening: bool,
     /// Key of the object that an opening belongs to.
     pub opening_of: Option<String>,
 }
 
 impl Tagged {
-    /// Colour and first name: what the oracle calls it in a reply.
+    /// Colour and first name, as the oracle names it in a reply.
     #[must_use]
     pub fn words(&self) -> String {
         let name = self.names.first().unwrap_or(&self.kind);
@@ -39,7 +39,7 @@ impl Tagged {
         }
     }
 
-    /// Whether it is ground or water: something one flies over and that is never in the way.
+    /// Whether it is ground or water, which is flown over and never an obstacle.
     #[must_use]
     pub fn is_surface(&self) -> bool {
         SURFACES.contains(&self.kind.as_str())

@@ -1,7 +1,8 @@
 //! Flight time: an integer count of nanoseconds since the flight began.
 //!
-//! Three times are kept apart in this project: flight time (this type), a frame's capture time (this type too, carried by
-//! [`FrameMeta::captured`](crate::frame::FrameMeta::captured)) and the wall clock of a log, which never reaches this crate.
+//! The project distinguishes three times: flight time (this type), a frame's capture time (also this type, in
+//! [`FrameMeta::captured`](crate::frame::FrameMeta::captured)) and the wall clock of a log, which this crate never
+//! uses.
 
 use core::fmt;
 use core::ops::{Add, AddAssign, Sub};
@@ -86,7 +87,8 @@ impl fmt::Display for Time {
     }
 }
 
-/// A duration of `secs` seconds; negative, NaN and out-of-range values give zero or the longest duration instead of a panic.
+/// A duration of `secs` seconds; negative and NaN give zero, out-of-range values the longest duration, instead of a
+/// panic.
 #[must_use]
 pub fn duration_from_secs(secs: f64) -> Duration {
     Duration::from_nanos(libm::round(secs.max(0.0) * 1e9) as u64)

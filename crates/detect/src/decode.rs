@@ -18,7 +18,7 @@ use crate::DetectError;
 pub const MIN_SCORE: f32 = 0.25;
 /// Boxes of one class that overlap by more than this (intersection over union) are about one thing, and the surest stays.
 pub const MAX_OVERLAP: f64 = 0.45;
-/// Most boxes of a picture.
+/// Most boxes of an image.
 pub const MAX_BOXES: usize = MAX_DETECTIONS;
 /// Most boxes that are compared with each other, the surest.
 const MAX_CANDIDATES: usize = 2000;

@@ -1,23 +1,23 @@
-//! From a picture to a network's input: scaled to fit, centred, padded with grey, as 0 to 1 in three planes.
+//! From an image to a network's input: scaled to fit, centred, padded with grey, as 0 to 1 in three planes.
 
 use spf_core::query::ImageBox;
 use spf_media::{Rgb, resize};
 
-/// The grey around the picture, as networks were taught with.
+/// The grey around the image, as networks were taught with.
 pub const PADDING: f32 = 114.0 / 255.0;
 
-/// How a picture lies in a network's input.
+/// How an image lies in a network's input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Letterbox {
     input: (usize, usize),
-    /// Size of the scaled picture, pixels of the input.
+    /// Size of the scaled image, pixels of the input.
     size: (u32, u32),
     /// Its upper left corner there.
     corner: (usize, usize),
 }
 
 impl Letterbox {
-    /// A picture of `picture` pixels, width first, in an input of `input` pixels: as large as it fits, in the middle.
+    /// An image of `picture` pixels, width first, in an input of `input` pixels: as large as it fits, in the middle.
     #[must_use]
     pub fn new(picture: (u32, u32), input: (usize, usize)) -> Self {
         let (width, height) = (f64::from(picture.0.max(1)), f64::from(picture.1.max(1)));
@@ -29,7 +29,7 @@ impl Letterbox {
         Self { input, size, corner: ((input.0.saturating_sub(w)) / 2, (input.1.saturating_sub(h)) / 2) }
     }
 
-    /// The input for a picture: planes of red, green and blue, rows from the top. `values` is used again.
+    /// The input for an image: planes of red, green and blue, rows from the top. `values` is used again.
     pub fn fill(&self, picture: &Rgb, values: &mut Vec<f32>) {
         let scaled = resize(picture, self.size.0, self.size.1);
         let (width, height) = self.input;
@@ -47,13 +47,13 @@ impl Letterbox {
         }
     }
 
-    /// A place of the input as shares of the picture, which it may lie outside of.
+    /// A place of the input as fractions of the image, which it may lie outside of.
     fn point(&self, x: f32, y: f32) -> (f64, f64) {
         let share = |at: f32, corner: usize, size: u32| (f64::from(at) - corner as f64) / f64::from(size);
         (share(x, self.corner.0, self.size.0), share(y, self.corner.1, self.size.1))
     }
 
-    /// A box of the input (left, top, right, bottom) as shares of the picture, cut off at its edges.
+    /// A box of the input (left, top, right, bottom) as fractions of the image, cut off at its edges.
     #[must_use]
     pub fn in_picture(&self, [left, top, right, bottom]: [f32; 4]) -> ImageBox {
         let ((left, top), (right, bottom)) = (self.point(left, top), self.point(right, bottom));

@@ -1,7 +1,7 @@
 //! Object detectors: YOLO models in ONNX that the user gives (docs/guide/detector.md).
 //!
-//! A [`Detector`] takes a picture and lists what it found in it. Around the network, which runs only with the feature `onnx`,
-//! lie the parts that are the same for all of these models: the [`letterbox`], which makes the network's input of a picture, and
+//! A [`Detector`] takes an image and lists what it found in it. Around the network, which runs only with the feature `onnx`,
+//! lie the parts that are the same for all of these models: the [`letterbox`], which makes the network's input of an image, and
 //! [`decode`], which makes boxes of its output. No model comes with the program.
 
 #![cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "what lies around a network waits for one"))]
@@ -30,7 +30,7 @@ pub const MAX_MODEL: u64 = 1 << 30;
 /// Longest side of a network's input, pixels.
 pub const MAX_SIDE: usize = 4096;
 
-/// Why a model cannot be used, or a picture not be looked at.
+/// Why a model cannot be used, or an image not be looked at.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DetectError {
@@ -49,7 +49,7 @@ pub enum DetectError {
     /// Not a detector of the kind that is read.
     #[error("the model is none that is read here: {0}")]
     Unfit(String),
-    /// The network failed on a picture.
+    /// The network failed on an image.
     #[error("the network cannot be run: {0}")]
     Run(String),
 }
@@ -86,7 +86,7 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// Loads a model and runs it once on a grey picture, so that what does not fit shows before a flight. Everything that it
+    /// Loads a model and runs it once on a grey image, so that what does not fit shows before a flight. Everything that it
     /// says of itself counts: the size of its input, its classes, the form of its output.
     ///
     /// # Errors
@@ -124,7 +124,7 @@ impl Detector {
         &self.classes
     }
 
-    /// What is in a picture of any size: the surest first, at most [`decode::MAX_BOXES`].
+    /// What is in an image of any size: the surest first, at most [`decode::MAX_BOXES`].
     ///
     /// # Errors
     /// [`DetectError::Run`] when the network fails, [`DetectError::Unfit`] when its output has another form than at first.

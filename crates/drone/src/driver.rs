@@ -1,4 +1,4 @@
-//! What a driver says of itself, for the registry: how its craft are named, connected and looked at.
+//! Driver registration: how the craft of a driver are named, connected and examined.
 
 use std::error::Error;
 use std::time::Instant;
@@ -14,59 +14,59 @@ use crate::options::Options;
 /// A kind of drone.
 #[derive(Debug)]
 pub struct Driver {
-    /// The word that its names begin with.
+    /// The scheme with which their names start.
     pub scheme: &'static str,
-    /// What it is.
+    /// Description.
     pub about: &'static str,
-    /// How it is named, for people.
+    /// Form of their names, for help texts.
     pub form: &'static str,
-    /// The craft that is meant by what follows the scheme (`@ADDRESS`, or nothing); none when that is no address of such a craft.
+    /// Parses the part of a name after the scheme (`@ADDRESS`, or nothing); `None` if it is not a valid address.
     pub target: fn(&str) -> Option<Box<dyn Target>>,
 }
 
-/// A craft that was named and is not connected yet.
+/// A craft named by the user, not connected yet.
 pub trait Target: Send + Sync {
-    /// Its figures.
+    /// Its parameters.
     fn craft(&self) -> Craft;
 
-    /// The envelope's default figures for it.
+    /// Default envelope limits for it.
     fn limits(&self) -> Limits {
         Limits::for_craft(&self.craft())
     }
 
-    /// How it is to be flown, where its settings leave no choice.
+    /// The motion that its settings require, if any.
     fn motion(&self, options: &Options) -> Option<Motion> {
         let _ = options;
         None
     }
 
-    /// Connects. `start` is when flight time was zero.
+    /// Connects to the craft. `start` is flight time zero.
     ///
     /// # Errors
-    /// [`ConnectError`].
+    /// [`ConnectError`] if the craft cannot be reached or refuses.
     fn connect(&self, options: &Options, start: Instant) -> Result<Connected, ConnectError>;
 
-    /// Looks at it, on the ground: the way to it, what it tells, its pictures.
+    /// Checks the craft on the ground: network path, telemetry, images.
     fn examine(&self, options: &Options) -> Vec<Check>;
 }
 
-/// A craft that answers.
+/// A connected craft.
 pub struct Connected {
     /// The craft.
     pub drone: Box<dyn Drone>,
-    /// A sentence about what answered.
+    /// A sentence describing what was found.
     pub told: String,
-    /// What the person must know before it takes off.
+    /// A warning to show to the user before take-off.
     pub warning: &'static str,
 }
 
-/// Why there is no connection.
+/// Why the connection failed.
 #[derive(Debug, thiserror::Error)]
 #[error("{craft} cannot be flown")]
 pub struct ConnectError {
-    /// What was to be flown, in words.
+    /// The craft, in words.
     pub craft: &'static str,
-    /// The driver's own reason.
+    /// The driver's error.
     #[source]
     pub source: Box<dyn Error + Send + Sync>,
     /// What to do about it.

@@ -1,5 +1,4 @@
-//! Looking at a drone on the ground, before a flight: what can be found out about any of them. What to do about it is the driver's to
-//! say.
+//! Checks of a drone on the ground before a flight that apply to any drone. Advice comes from the driver.
 
 use std::time::{Duration, Instant};
 
@@ -9,68 +8,68 @@ use spf_core::time::Time;
 use crate::frames::Photo;
 use crate::{Drone, DroneEvent};
 
-/// How a check came out.
+/// The result of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Finding {
     /// As it should be.
     Good,
-    /// One can fly, and should know.
+    /// Flight is possible, with a reservation.
     Warning,
-    /// One should not fly.
+    /// Do not fly.
     Bad,
 }
 
-/// One thing looked at.
+/// A completed check.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Check {
-    /// What.
+    /// What was checked.
     pub what: &'static str,
-    /// How it came out.
+    /// The result.
     pub finding: Finding,
-    /// What was found.
+    /// Details of the result.
     pub found: String,
-    /// What to do; none where nothing is to be done.
+    /// What to do; `None` if nothing.
     pub advice: Option<String>,
 }
 
 impl Check {
-    /// A check with what to do when it did not come out well.
+    /// A check; `advice` is kept unless the result is good.
     #[must_use]
     pub fn new(what: &'static str, finding: Finding, found: impl Into<String>, advice: Option<&str>) -> Self {
         Self { what, finding, found: found.into(), advice: advice.filter(|_| finding != Finding::Good).map(str::to_owned) }
     }
 }
 
-/// How long telemetry and video are watched.
+/// How long telemetry and video are observed.
 const WATCHED: Duration = Duration::from_secs(3);
-/// How long the first picture is waited for: a key frame comes every second or two.
+/// Maximum wait for the first image: a key frame arrives every second or two.
 pub const FIRST_PICTURE: Duration = Duration::from_secs(6);
-/// Between two looks.
+/// Polling interval.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// Charge to take off with, per cent.
+/// Minimum charge for take-off, per cent.
 const BATTERY: u8 = 20;
-/// A charge that lasts for a flight, per cent.
+/// Charge sufficient for a long flight, per cent.
 const BATTERY_LONG: u8 = 40;
-/// Mean brightness of a picture, of 255, below which a craft that holds itself by its camera loses its hold on the ground.
+/// Mean brightness of an image, of 255, below which a craft that stabilises itself by camera loses its position.
 const DARK: f64 = 40.0;
 
-/// What a drone told and showed while it was watched.
+/// What a drone reported while it was observed.
 pub struct Watched {
-    /// Telemetry reports a second.
+    /// Telemetry reports per second.
     pub telemetry: f64,
-    /// The newest picture; none when none came within [`FIRST_PICTURE`].
+    /// The newest image; `None` if none arrived within [`FIRST_PICTURE`].
     pub newest: Option<Photo>,
-    /// When the first one came.
+    /// Time until the first image.
     first: Duration,
-    /// Pictures a second.
+    /// Images per second.
     shown: f64,
-    /// Places where one was missing.
+    /// Number of gaps in the video.
     gaps: u64,
 }
 
 impl Watched {
-    /// Watches a drone for some seconds.
+    /// Observes a drone for some seconds.
     pub fn of(drone: &mut dyn Drone) -> Self {
         let frames = drone.frames();
         let (begun, mut reports) = (Instant::now(), 0);
@@ -97,7 +96,7 @@ impl Watched {
         }
     }
 
-    /// Whether so many reports came as should, a second.
+    /// Compares the telemetry rate with the expected one, in reports per second.
     #[must_use]
     pub fn reports(&self, should: f64) -> Finding {
         match self.telemetry / should {
@@ -107,7 +106,7 @@ impl Watched {
         }
     }
 
-    /// Whether the pictures come as they should.
+    /// Checks the video.
     #[must_use]
     pub fn video(&self, picture: &Photo, advice: &str) -> Check {
         let finding = if self.shown < 5.0 {
@@ -123,7 +122,7 @@ impl Watched {
     }
 }
 
-/// Whether the charge, per cent, is enough to fly with.
+/// Checks whether the charge, per cent, is sufficient for a flight.
 #[must_use]
 pub fn battery(charge: Option<u8>, advice: &str) -> Check {
     let Some(charge) = charge else {
@@ -137,7 +136,7 @@ pub fn battery(charge: Option<u8>, advice: &str) -> Check {
     Check::new("battery", finding, format!("{charge} %"), Some(advice))
 }
 
-/// Whether there is light enough.
+/// Checks the brightness.
 #[must_use]
 pub fn light(picture: &Photo, advice: &str) -> Check {
     let pixels = picture.pixels();

@@ -1,6 +1,8 @@
-//! The `Drone` interface: a craft that takes cleared commands, tells about itself, and has a camera to look through.
+//! The `Drone` interface: a craft that accepts cleared commands, reports telemetry, and has a camera; and the Tello
+//! driver.
 //!
-//! Only the envelope can make a [`Cleared`] command, so nothing that implements [`Drone`] can be moved past it.
+//! Only the envelope can create a [`Cleared`] command, so no implementation of [`Drone`] can be moved without passing
+//! it. [`registry::connect`] connects to a craft by name, such as `tello@192.168.10.1`.
 
 pub mod driver;
 pub mod examine;
@@ -22,31 +24,31 @@ use spf_core::time::Time;
 
 use crate::frames::Frames;
 
-/// What a craft is: the figures that executor, envelope and geometry need, and what it has besides.
+/// Properties of a craft: the parameters needed by executor, envelope and geometry, and its optional equipment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capabilities {
     /// Speeds, accelerations, size.
     pub craft: Craft,
     /// Its camera.
     pub camera: Camera,
-    /// How coarse its telemetry is.
+    /// Accuracy of its telemetry.
     pub senses: Senses,
-    /// Whether it tells where it is. One that does not is dead-reckoned.
+    /// Whether it reports its position; if not, it is dead-reckoned.
     pub position: bool,
-    /// Whether it flies a [`Command::Manoeuvre`] to its end by itself.
+    /// Whether it can fly a [`Command::Manoeuvre`] to its end by itself.
     pub manoeuvres: bool,
-    /// How far its depth camera sees, metres.
+    /// Range of its depth camera, metres; `None` without one.
     pub depth: Option<f64>,
-    /// How far its rangefinder measures along the camera's axis, metres.
+    /// Range of its rangefinder along the camera axis, metres; `None` without one.
     pub rangefinder: Option<f64>,
-    /// The least and the greatest tilt that its gimbal gives the camera, radians, downwards positive.
+    /// Minimum and maximum camera tilt of its gimbal, radians, downwards positive; `None` for a fixed camera.
     pub gimbal: Option<[f64; 2]>,
-    /// How many times larger than its widest picture its camera can show things.
+    /// Maximum zoom relative to the widest view; `None` without zoom.
     pub zoom: Option<f64>,
 }
 
 impl Capabilities {
-    /// A craft with a camera that is fixed to it, and nothing besides.
+    /// A craft with a fixed camera and no optional equipment.
     #[must_use]
     pub fn of(craft: Craft, camera: Camera, senses: Senses) -> Self {
         let (position, manoeuvres) = (false, false);
@@ -54,52 +56,55 @@ impl Capabilities {
     }
 }
 
-/// Something a craft tells.
+/// Something a craft reports.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DroneEvent {
-    /// About itself.
+    /// A telemetry report.
     Telemetry(Telemetry),
     /// A camera frame arrived.
     Frame(FrameMeta),
-    /// The link is gone.
+    /// The link is lost.
     LinkLost,
     /// The link is back.
     LinkRestored,
 }
 
-/// Why a command did not go out.
+/// Why a command was not sent.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DroneError {
-    /// The link is gone.
+    /// The link is lost.
     #[error("the link to `{0}` is gone")]
     LinkLost(String),
-    /// The craft has no such command.
+    /// The craft does not support manoeuvres.
     #[error("`{0}` flies no manoeuvres by itself")]
     NoManoeuvres(String),
 }
 
-/// A craft.
+/// A craft, real or simulated.
+///
+/// A driver implements this trait; the flight loop calls [`apply`](Self::apply) with cleared commands and drains events
+/// with [`next_event`](Self::next_event). All times are flight time.
 pub trait Drone: Send {
-    /// Its name as on the command line.
+    /// Its name, as on the command line.
     fn name(&self) -> &str;
 
-    /// What it is.
+    /// Its properties.
     fn capabilities(&self) -> Capabilities;
 
-    /// What its camera shows.
+    /// Its camera frames.
     fn frames(&self) -> Arc<dyn Frames>;
 
-    /// Passes a command on. A setpoint holds until it is replaced or its validity ends; then the driver commands zero.
+    /// Sends a command. A setpoint holds until it is replaced or its validity ends; then the driver commands zero.
     ///
     /// # Errors
-    /// [`DroneError`] when it did not go out.
+    /// [`DroneError`] if the command was not sent.
     fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError>;
 
-    /// The next thing it tells at or before `until`, with its time; repeated calls drain them in order.
+    /// The next event at or before `until`, with its time; call repeatedly to drain events in order.
     fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)>;
 
-    /// When it tells something next, for a craft that knows (a simulated one).
+    /// Time of the next event, for a craft that knows it (a simulated one).
     fn next_event_at(&self) -> Option<Time>;
 }
 

@@ -1,10 +1,10 @@
-//! What can be set about drivers.
+//! Driver options.
 
 use crate::tello::settings::TelloSettings;
 
-/// What is set about each driver that has settings.
+/// The options of all drivers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Options {
-    /// About a Tello.
+    /// Tello options.
     pub tello: TelloSettings,
 }

@@ -1,4 +1,4 @@
-//! Which drones can be flown, and how each is named on a command line: one row a driver.
+//! The available drivers, and how their craft are named on the command line.
 
 use std::error::Error;
 use std::time::Instant;
@@ -7,10 +7,10 @@ use crate::driver::{Connected, Driver, Target};
 use crate::options::Options;
 use crate::tello;
 
-/// The drivers. A new one is a module of its own and a row here.
+/// The drivers, one row each.
 pub static DRIVERS: &[Driver] = &[tello::driver::DRIVER];
 
-/// A name that is no drone's.
+/// An unknown drone name.
 #[derive(Debug, thiserror::Error)]
 #[error("`{word}` is no drone: {}", Self::forms())]
 pub struct UnknownDrone {
@@ -19,17 +19,17 @@ pub struct UnknownDrone {
 }
 
 impl UnknownDrone {
-    /// How drones are named, for people.
+    /// The forms of drone names, for help texts.
     #[must_use]
     pub fn forms() -> String {
         DRIVERS.iter().map(|driver| driver.form).collect::<Vec<_>>().join(", ")
     }
 }
 
-/// The craft of a name such as `tello@192.168.10.1`, and its driver.
+/// Parses a name such as `tello@192.168.10.1`.
 ///
 /// # Errors
-/// [`UnknownDrone`].
+/// [`UnknownDrone`] if no driver has this name or its address is invalid.
 pub fn named(word: &str) -> Result<(&'static Driver, Box<dyn Target>), UnknownDrone> {
     let (scheme, rest) = word.split_at(word.find(['@', ':']).unwrap_or(word.len()));
     let driver = DRIVERS.iter().find(|driver| driver.scheme == scheme);
@@ -37,7 +37,7 @@ pub fn named(word: &str) -> Result<(&'static Driver, Box<dyn Target>), UnknownDr
     found.ok_or_else(|| UnknownDrone { word: word.to_owned() })
 }
 
-/// Connects with the craft of a name. `start` is when flight time was zero.
+/// Connects to the craft with this name. `start` is flight time zero.
 ///
 /// # Errors
 /// [`UnknownDrone`] and [`ConnectError`](crate::driver::ConnectError).

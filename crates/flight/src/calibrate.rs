@@ -1,8 +1,8 @@
-//! `spf tello calibrate`: what full stick does, measured by flying it.
+//! `spf tello calibrate`: measures in flight the velocity that full stick deflection gives.
 //!
-//! The craft turns, climbs, sinks, flies ahead and back, each at half stick and from rest to rest, and what it tells of itself before
-//! and after is compared. From rest to rest a craft goes as far as its speed times the time that it was told to, whatever its dead
-//! time and lag. All goes through the operator's setpoints, so the envelope has the last word as always.
+//! The craft turns, climbs, descends and flies forward and back, each at half stick and from rest to rest; telemetry
+//! before and after each leg is compared. From rest to rest the distance is the speed times the commanded duration,
+//! whatever the dead time and lag. All commands are operator setpoints, so the envelope applies as always.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -25,18 +25,18 @@ use crate::real::Real;
 use crate::run::Observer;
 use crate::site::Clock;
 
-/// Share of full stick: the drone must not fly far.
+/// Fraction of full stick used, to limit the distance flown.
 const SHARE: f64 = 0.5;
-/// How long each leg is told.
+/// Commanded duration of each leg.
 const LEG: Duration = Duration::from_millis(2500);
-/// Between two legs: until it stands, and then for as long as is looked.
+/// Time between two legs: to come to rest, then to measure.
 const REST: Duration = Duration::from_millis(3500);
-/// Height is averaged over this: it is told in steps of 10 cm.
+/// Averaging time for the height, which is reported in steps of 10 cm.
 const LOOK: Duration = Duration::from_millis(1500);
-/// A setpoint is said again this often.
+/// Interval at which a setpoint is repeated.
 const AGAIN: Duration = Duration::from_millis(100);
 
-/// What is measured.
+/// The quantity being measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Leg {
     Round,
@@ -61,38 +61,38 @@ impl Leg {
     }
 }
 
-/// Why nothing was measured.
+/// Why calibration failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CalibrateError {
-    /// The flight ended before.
+    /// The flight ended before all legs were flown.
     #[error("the flight ended before everything was measured: {0}")]
     Ended(String),
-    /// There was none.
+    /// The flight could not start.
     #[error("the flight cannot be started")]
     Start(#[from] FlightError),
 }
 
-/// Where the routine is.
+/// Stage of the routine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
-    /// Not in the air yet.
+    /// Not airborne yet.
     Waiting,
-    /// Standing still until then, before the leg of that number.
+    /// At rest until the given time, before the leg with this index.
     Rest(usize, Time),
-    /// Flying the leg of that number, since then.
+    /// Flying the leg with this index, since the given time.
     Leg(usize, Time),
-    /// Everything is measured.
+    /// All legs are measured.
     Over,
 }
 
-/// Told what happens on a flight, it does what an operator would do, and measures.
+/// The calibration routine: an observer of the flight that sends operator inputs and measures their effect.
 pub struct Routine {
-    /// What the driver takes full stick for: a setpoint is a share of it.
+    /// The driver's calibration of full stick; setpoints are a fraction of it.
     full: Calibration,
     operator: Sender<OperatorEvent>,
     stage: Stage,
-    /// It was told to hold as soon as it flies.
+    /// Whether the initial hold has been sent.
     held: bool,
     said: Option<Time>,
     heights: VecDeque<(Time, f64)>,
@@ -100,15 +100,15 @@ pub struct Routine {
     turned: f64,
     travelled: f64,
     heard: Option<Time>,
-    /// Turned, travelled, height when the leg began, and how long it was told.
+    /// Yaw, distance and height at the start of the leg, and its commanded duration.
     before: ([f64; 3], f64),
-    /// Of each leg that is over, what full stick does.
+    /// The result of each completed leg at full stick.
     measured: Vec<f64>,
     ended: String,
 }
 
 impl Routine {
-    /// A routine whose events go to `operator`. `full` is the calibration that the driver flies with.
+    /// Creates a routine that sends its inputs to `operator`. `full` is the calibration the driver flies with.
     #[must_use]
     pub fn new(full: Calibration, operator: Sender<OperatorEvent>) -> Self {
         Self {
@@ -128,10 +128,10 @@ impl Routine {
         }
     }
 
-    /// What full stick does.
+    /// The measured velocities at full stick.
     ///
     /// # Errors
-    /// [`CalibrateError::Ended`] when not all of it was flown.
+    /// [`CalibrateError::Ended`] if not all legs were flown.
     pub fn measured(&self) -> Result<Calibration, CalibrateError> {
         let &[round, up, down, ahead, back] = self.measured.as_slice() else {
             return Err(CalibrateError::Ended(self.ended.clone()));
@@ -139,9 +139,9 @@ impl Routine {
         Ok(Calibration { yaw_rate: round, climb: up, sink: down, speed: 0.5 * (ahead + back) })
     }
 
-    /// Told by the craft.
+    /// Handles telemetry.
     fn telemetry(&mut self, now: Time, telemetry: &Telemetry) {
-        // Not before: what is held on the ground does not take off. So nothing is decided.
+        // Not on the ground: a pilot on hold there does not take off. In the air the hold keeps it from deciding.
         if telemetry.phase != FlightPhase::OnGround && !self.held {
             self.held = true;
             drop(self.operator.send(OperatorEvent::Hold));
@@ -154,7 +154,7 @@ impl Routine {
             self.turned += wrap_angle(heading - before);
         }
         let since = self.heard.replace(now).map_or(0.0, |before| now.since(before).as_secs_f64());
-        // Only on the way: what a craft that hovers tells is the noise of its sensor.
+        // Only while flying a leg: at hover, the reported velocity is sensor noise.
         if let Some(velocity) = telemetry.velocity {
             self.travelled += libm::hypot(velocity.east, velocity.north) * since;
         }
@@ -235,7 +235,7 @@ impl Observer for Routine {
     }
 }
 
-/// Nobody is asked anything.
+/// A VLM for a flight that sends no queries.
 struct Nobody;
 
 impl Vlm for Nobody {
@@ -249,7 +249,7 @@ impl Vlm for Nobody {
     }
 }
 
-/// Such a flight: what the `operator` says is flown, and nobody else is asked.
+/// The plan of a calibration flight: only the inputs of `operator` are flown, and no VLM is queried.
 #[must_use]
 pub fn plan(drone: Box<dyn Drone>, clock: Clock, operator: Receiver<OperatorEvent>, interrupts: Arc<AtomicU32>) -> FlightPlan {
     let (site, nobody) = (Site::Real(Real { drone, clock }), Arc::new(|_: Option<&_>, _| Ok(Box::new(Nobody) as Box<dyn Vlm>)));
@@ -257,11 +257,11 @@ pub fn plan(drone: Box<dyn Drone>, clock: Clock, operator: Receiver<OperatorEven
     FlightPlan { policy: Arc::new(PolicyKind::plain()), operator: Some(operator), interrupts, ..plan }
 }
 
-/// Flies the routine, some 45 s, with 3 m free ahead and 2 m above the take-off point. `full` is what the drone was connected with,
-/// at `start`.
+/// Flies the routine, which takes about 45 s and needs 3 m free ahead and 2 m above the take-off point. `full` is the
+/// calibration the drone was connected with, at time `start`.
 ///
 /// # Errors
-/// [`CalibrateError`].
+/// [`CalibrateError`] if the flight cannot start or ends early.
 pub fn calibrate(
     drone: Box<dyn Drone>,
     full: Calibration,

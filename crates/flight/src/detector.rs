@@ -1,5 +1,5 @@
-//! Detectors behind the `Vlm` interface: lists of what is in a frame ([`QueryKind::Detect`]) come from a detector, everything else
-//! from the VLM. So a list is asked for, waited for, recorded and replayed like every other answer.
+//! Detectors behind the `Vlm` interface: [`QueryKind::Detect`] queries go to a detector, all others to the VLM.
+//! Detections are thus queried, awaited, recorded and replayed like any other reply.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -11,7 +11,7 @@ use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
 
 use crate::sim::VlmFactory;
 
-/// Who points, and a detector that lists what is in the picture in their place.
+/// A VLM combined with a detector that answers its `Detect` queries.
 struct WithDetector {
     vlm: Box<dyn Vlm>,
     detector: Box<dyn Vlm>,
@@ -34,13 +34,13 @@ impl Vlm for WithDetector {
     }
 }
 
-/// The same, with lists of what is in the picture from `detector`.
+/// Combines a VLM with `detector`, which answers `Detect` queries.
 #[must_use]
 pub fn with_detector(who: VlmFactory, detector: VlmFactory) -> VlmFactory {
     Arc::new(move |world, seed| Ok(Box::new(WithDetector { vlm: who(world, seed)?, detector: detector(world, seed)? })))
 }
 
-/// A model, as one who lists what is in a frame. Its latency is what it took on this machine.
+/// A detection model as a [`Vlm`]. Its latency is the measured inference time.
 struct Watching(Detector);
 
 impl Vlm for Watching {
@@ -49,7 +49,7 @@ impl Vlm for Watching {
     }
 
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
-        // A frame that has to be drawn is at hand when a camera's is.
+        // In the simulator this renders the frame; a camera's frame is available immediately.
         let pixels = picture.pixels();
         let began = Instant::now();
         let detect = |pixels| self.0.detect(&pixels).map_err(|error| VlmError::Detector(error.to_string()));
@@ -61,7 +61,7 @@ impl Vlm for Watching {
     }
 }
 
-/// A model as a detector for [`with_detector`]; all flights share its network.
+/// A detection model for use with [`with_detector`]; all flights share its network.
 #[must_use]
 pub fn model_detects(detector: Detector) -> VlmFactory {
     Arc::new(move |_, _| Ok(Box::new(Watching(detector.clone()))))

@@ -1,4 +1,4 @@
-//! `spf doctor`: everything that can be found out before a flight, and what to do about what is wrong.
+//! `spf doctor`: checks everything that can be checked before a flight, and suggests fixes.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -13,14 +13,14 @@ use spf_vlm::check::{Verdict, check};
 
 use crate::sim::LoadedScene;
 
-/// How long the simulator draws.
+/// How long the simulator renders.
 const WATCHED: Duration = Duration::from_secs(3);
-/// A detector should not take longer for a picture.
+/// Inference time above which a detector is reported as slow.
 const SLOW_DETECTOR: Duration = Duration::from_millis(700);
-/// Free space that a long flight with video takes, bytes.
+/// Free disk space needed for a long flight with video, bytes.
 const SPACE: u64 = 1 << 30;
 
-/// Draws some pictures of a scene as a flight on the wall clock does, and counts how many a second there are.
+/// Renders a scene as a flight on the wall clock does, and measures the frame rate.
 #[must_use]
 pub fn simulator(loaded: &LoadedScene) -> Check {
     let moment = loaded.beginning(loaded.scene.start);
@@ -31,13 +31,13 @@ pub fn simulator(loaded: &LoadedScene) -> Check {
         drawn += 1;
     }
     let rate = f64::from(drawn) / begun.elapsed().as_secs_f64();
-    // The film of a flight shows ten a second.
+    // The video of a flight has ten frames per second.
     let finding = if rate < 10.0 { Finding::Warning } else { Finding::Good };
     let said = format!("{} is drawn {rate:.1} times a second", loaded.scene.name);
     Check::new("simulator", finding, said, Some("end what keeps this machine busy, or fly with --no-video"))
 }
 
-/// Asks who points about pictures of a dot.
+/// Sends test images of a dot to a VLM.
 #[must_use]
 pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration) -> Check {
     let checked = check(vlm, time);
@@ -59,7 +59,7 @@ pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration) -> Check {
     }
 }
 
-/// Has a detector look at a grey picture of a camera's size.
+/// Runs a detector on a grey image of a camera's size.
 #[must_use]
 pub fn detector(model: &Detector) -> Check {
     let began = Instant::now();
@@ -77,7 +77,7 @@ pub fn detector(model: &Detector) -> Check {
     }
 }
 
-/// Looks at the disk that a folder is on; none where that cannot be found out.
+/// Checks the disk that a folder is on; `None` if that cannot be determined.
 #[must_use]
 pub fn disk(folder: &Path) -> Option<Check> {
     let free = free_bytes(folder)?;

@@ -1,4 +1,4 @@
-//! `video.mp4`: what the camera sees, with what was decided drawn on it, in flight time.
+//! `video.mp4`: the camera view with decisions drawn on it, in flight time.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -23,25 +23,25 @@ use crate::frame_source::FrameSource;
 use crate::log::Outlet;
 use crate::words;
 
-/// Pictures a flight second: the paper's controller acts ten times a second, so nothing is between two pictures.
+/// Frames per second of flight time: the paper's controller acts ten times per second.
 const FPS: u64 = 10;
-/// Half the camera's sides and a bit: a third of the drawing time, and text is still read easily.
+/// About half the camera's resolution: a third of the rendering time, with text still readable.
 pub(crate) const SIZE: (u32, u32) = (640, 480);
-/// Pictures that may wait to be drawn.
+/// Maximum number of frames queued for rendering.
 const WAITING: usize = 16;
 
-/// Quality of the JPEG pictures in the log: a far car keeps its edges.
+/// Quality of the JPEG images in the log, high enough to keep the edges of distant objects.
 const JPEG_QUALITY: u8 = 80;
 
-/// Older poses may be forgotten by the simulator, which keeps ten seconds.
+/// Older snapshots may no longer be available: the simulator keeps ten seconds.
 const FORGOTTEN: Duration = Duration::from_secs(9);
 
-/// What one picture shows.
+/// The contents of one video frame.
 struct Shot {
-    /// The flight time that it is a picture of.
+    /// Flight time of the frame.
     at: Time,
     photo: Photo,
-    /// Where the pilot believes to be.
+    /// Estimated pose.
     known: Pose,
     waypoint: Option<EnuPosition>,
     boxes: Vec<(ImageBox, String)>,
@@ -52,8 +52,8 @@ struct Shot {
     craft: String,
 }
 
-/// A video in the making. Pictures are drawn and encoded in a thread of their own, so that no setpoint waits for one; the bytes
-/// do not depend on it. On the wall clock a picture for which there is no time is left out.
+/// A video being recorded. Frames are rendered and encoded in a separate thread, so that setpoints are never delayed;
+/// the resulting bytes do not depend on timing. On the wall clock, frames are dropped if there is no time for them.
 pub(crate) struct Film {
     frame_source: Arc<dyn FrameSource>,
     title: String,
@@ -61,7 +61,7 @@ pub(crate) struct Film {
     decision: String,
     waypoint: Option<EnuPosition>,
     boxes: Vec<(ImageBox, String)>,
-    /// The marks of the latest question, such as PIVOT's arrows.
+    /// The marks of the last query, such as PIVOT's arrows.
     asked: Vec<Mark>,
     /// Until when boxes and marks are shown.
     drawn_until: Time,
@@ -71,7 +71,7 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    /// Opens the file and starts the encoder. The pictures go to the `log` too, as the camera saw them.
+    /// Opens the file and starts the encoder. The unmarked camera images also go to the `log`.
     pub(crate) fn start(
         path: &Path,
         frame_source: Arc<dyn FrameSource>,
@@ -98,10 +98,10 @@ impl Film {
         })
     }
 
-    /// Takes note of what is to be shown.
+    /// Updates the overlay from an action.
     pub(crate) fn note(&mut self, now: Time, action: &Action) {
         match action {
-            // Who asks about marks holds until the answer is there, so that they stay where they belong.
+            // A policy that uses marks holds until the reply arrives, so the marks stay in place.
             Action::Ask(query) if !query.marks.is_empty() => {
                 self.boxes.clear();
                 self.asked.clone_from(&query.marks);
@@ -112,7 +112,7 @@ impl Film {
                 self.waypoint = decision.goal.filter(|_| !decision.passed).map(|goal| goal.position);
                 let boxes = decision.reading.reply.iter().flat_map(|reply| &reply.boxes);
                 self.boxes = boxes.map(|b| (b.area, format!("{} {}", b.name, b.depth))).collect();
-                // They belong to the frame that was decided on; soon they would be drawn over something else.
+                // They belong to the frame of the decision; soon they would cover something else.
                 self.drawn_until = now + Duration::from_millis(600);
             }
             Action::Note(Note::Envelope(cause)) => self.decision = format!("envelope: {cause}"),
@@ -125,12 +125,13 @@ impl Film {
         }
     }
 
-    /// Takes every picture that is due by `now`. False once the encoder has stopped; [`Film::finish`] then tells why.
+    /// Queues all frames due by `now`. Returns false once the encoder has stopped; [`Film::finish`] then gives the
+    /// reason.
     pub(crate) fn advance(&mut self, now: Time, pilot: &Pilot) -> bool {
         while self.next <= now {
             let Some(photo) = self.frame_source.shot(self.next) else {
-                // Not flown yet, or the shutter is open; or so long ago that the simulator forgot, after a standstill of the
-                // whole machine: go on from here.
+                // Not available yet, or the shutter is open; or so long ago that the simulator no longer has it, after
+                // the whole machine was suspended: continue from here.
                 if now.since(self.next) > FORGOTTEN {
                     self.next = now;
                 }
@@ -152,9 +153,9 @@ impl Film {
 
     fn shot(&self, at: Time, photo: Photo, pilot: &Pilot) -> Shot {
         let known = pilot.known_pose(at);
-        // Adding zero takes the sign from a negative one, which would read "-00".
+        // Adding zero removes the sign of negative zero, which would print as "-00".
         let heading = known.attitude.heading.to_degrees().round().rem_euclid(360.0) + 0.0;
-        // Of a craft that tells its position this stays what it is, and a person need not know it.
+        // If the craft reports its position the error is constant, and of no interest here.
         let error = pilot.position_error();
         let drifted = if pilot.is_dead_reckoned() { format!("  position ±{error:.1} m") } else { String::new() };
         let shown = at < self.drawn_until;
@@ -172,10 +173,10 @@ impl Film {
         }
     }
 
-    /// Ends the file.
+    /// Finishes the file.
     pub(crate) fn finish(self) -> Result<(), VideoError> {
         drop(self.shots);
-        // A panic of the encoder is a bug and goes on here.
+        // A panic of the encoder is a bug and is propagated.
         self.encoder.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }
@@ -197,12 +198,13 @@ fn encode(mut writer: VideoWriter, camera: &Camera, shots: &Receiver<Shot>, log:
         }
         scaler.reuse(picture);
     }
-    // What was written until the trouble can still be played.
+    // Finish the file, so that everything up to the error can be played.
     let ended = writer.finish().map(|_| ());
     trouble.map_or(ended, Err)
 }
 
-/// Where the plan's end is in the picture. The plan lives in the pilot's world: it is drawn as the pilot believes to see it.
+/// The end of the plan in the image. Plans use the pilot's estimate of the world, so the estimated pose is used for
+/// projection.
 fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
     let ahead = shot.known.position.displacement_to(shot.waypoint?, shot.known.attitude.heading);
     let point = project_displacement(ahead, camera, shot.known.attitude, Lifting::Levelled)?;
@@ -212,7 +214,7 @@ fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
 fn annotate(picture: &mut Rgb, shot: &Shot, drawn: &Marks) {
     marks::draw(picture, &shot.asked);
     marks::draw(picture, &drawn.as_marks());
-    // What was seen on one line and what was made of it on the next: together they are too long for the picture.
+    // Perception on one line and the resulting step on the next: together they are too long for the frame.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
     marks::draw_hud(picture, &Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] });
     if let Some((point, caption)) = &drawn.waypoint {

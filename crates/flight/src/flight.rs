@@ -1,4 +1,4 @@
-//! One whole flight, with whatever craft: from its plan to what became of it.
+//! One complete flight with any craft, from its plan to its result.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
@@ -24,51 +24,53 @@ use crate::site::{Clock, Judge, Parts};
 use crate::summary::Summary;
 use crate::world::{Live, Lockstep, Script};
 
-/// All that decides a flight.
+/// Everything that defines a flight.
+///
+/// [`FlightPlan::new`] sets the defaults; change fields before passing it to [`fly`].
 pub struct FlightPlan {
-    /// With what craft, and where.
+    /// The craft and its environment.
     pub site: Site,
-    /// What the person said.
+    /// The user's instruction.
     pub instruction: String,
-    /// Who decides.
+    /// The decision policy.
     pub policy: Arc<dyn PolicyMaker>,
-    /// The named preset that `settings` began as.
+    /// The named preset that `settings` is based on.
     pub preset: Preset,
-    /// How.
+    /// Pilot settings.
     pub settings: PilotSettings,
-    /// Within what.
+    /// Limits of the safety envelope.
     pub limits: Limits,
-    /// The name on the command line of who points.
+    /// Name of the VLM on the command line.
     pub vlm: String,
-    /// Who points.
+    /// Creates the VLM.
     pub who: VlmFactory,
-    /// The name of who detects; `None` without a detector.
+    /// Name of the detector; `None` without one.
     pub detector: Option<String>,
-    /// What it is told; `None`: the shipped prompt.
+    /// The prompt; `None` for the built-in one.
     pub prompt: Option<Arc<PromptText>>,
-    /// US dollars from which on nothing more is asked, and the flight ends.
+    /// Cost limit, US dollars: when it is reached no more queries are sent and the flight ends.
     pub max_cost_usd: Option<f64>,
-    /// Operator events.
+    /// Scripted operator inputs.
     pub script: Script,
-    /// Counts Ctrl-C; the first one lands.
+    /// Number of Ctrl-C presses; the first one lands.
     pub interrupts: Arc<AtomicU32>,
-    /// What a person does by hand.
+    /// Manual operator inputs.
     pub operator: Option<Receiver<OperatorEvent>>,
-    /// Where to record; `None` records nothing.
+    /// Where to record; `None` for no recording.
     pub record: Option<RecordPlan>,
 }
 
-/// With what craft, and where.
+/// The craft and its environment.
 #[allow(clippy::large_enum_variant, reason = "there is one a flight, and it is moved twice")]
 pub enum Site {
-    /// Simulated in a scene, judged by its truth.
+    /// A simulated craft in a scene, with ground truth.
     Simulated(Simulated),
-    /// Any other craft.
+    /// A real craft.
     Real(Real),
 }
 
 impl Site {
-    /// The envelope's default figures there.
+    /// The default envelope limits at this site.
     #[must_use]
     pub fn limits(&self) -> Limits {
         match self {
@@ -77,7 +79,7 @@ impl Site {
         }
     }
 
-    /// What it gives to a flight; and its world, where that is simulated.
+    /// Opens the site: the parts needed by a flight, and the simulated world if there is one.
     fn open(self) -> Result<(Parts, Option<SimWorld>), StartError> {
         match self {
             Self::Simulated(site) => site.open().map(|(parts, world)| (parts, Some(world))),
@@ -87,7 +89,7 @@ impl Site {
 }
 
 impl FlightPlan {
-    /// SPF with its default preset and nothing else: no operator, no record. `vlm` is the name of who points.
+    /// SPF with the default preset, without operator or recording. `vlm` is the name of the VLM.
     #[must_use]
     pub fn new(site: Site, instruction: &str, vlm: &str, who: VlmFactory) -> Self {
         Self {
@@ -110,37 +112,37 @@ impl FlightPlan {
     }
 }
 
-/// What became of a flight.
+/// The result of a flight.
 #[derive(Clone, Debug)]
 pub struct Flown {
     /// The summary.
     pub summary: Summary,
-    /// What could not be recorded, and why; the flight went on.
+    /// Recording failures, each with its reason; they do not end a flight.
     pub recording_problems: Vec<String>,
 }
 
-/// Why a flight could not be begun.
+/// Why a flight could not start.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlightError {
-    /// Not from there.
+    /// The site could not be opened.
     #[error(transparent)]
     Start(#[from] StartError),
-    /// The plan wants moves that the craft ends by itself.
+    /// The plan needs manoeuvres that the craft does not support.
     #[error("`{0}` flies no manoeuvres by itself")]
     Manoeuvres(String),
-    /// Nobody points.
+    /// The VLM could not be created.
     #[error("the VLM cannot be asked")]
     Vlm(#[source] VlmFactoryError),
-    /// No thread could be started.
+    /// A thread could not be started.
     #[error("no thread could be started for the VLM")]
     Thread(#[source] std::io::Error),
 }
 
-/// Flies.
+/// Flies a plan to its end.
 ///
 /// # Errors
-/// [`FlightError`] when the flight cannot begin; once begun it always ends in a [`Flown`].
+/// [`FlightError`] if the flight cannot start; once started it always ends in a [`Flown`].
 pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
     let FlightPlan { site, policy, prompt, record, script, interrupts, operator, .. } = plan;
     let (Parts { drone, clock, seed, frame_source, judge, sim }, world) = site.open()?;
@@ -202,15 +204,15 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     Ok(Flown { summary, recording_problems })
 }
 
-/// What was said and how it ended, beside who judges that.
+/// The course of a flight as seen by its judge: instruction and ending.
 struct Course {
-    /// In force now.
+    /// The current instruction.
     instruction: String,
     judge: Box<dyn Judge>,
     settled: Option<Settled>,
 }
 
-/// How it ended.
+/// The outcome.
 struct Settled {
     at: Time,
     instruction: String,

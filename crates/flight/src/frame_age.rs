@@ -7,12 +7,12 @@ use spf_core::time::Time;
 
 use crate::run::Observer;
 
-/// From the capture of a frame to the answer about it, over a flight.
+/// Time from the capture of a frame to the reply based on it, over a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GlassToDecision {
-    /// Half of the decisions came within this, seconds.
+    /// Median, seconds.
     pub median_s: f64,
-    /// The slowest, seconds.
+    /// Maximum, seconds.
     pub worst_s: f64,
 }
 
@@ -21,7 +21,7 @@ pub struct GlassToDecision {
 pub(crate) struct FrameAge(Vec<f64>);
 
 impl FrameAge {
-    /// None without a decision.
+    /// `None` if there was no decision.
     pub(crate) fn latency(&self) -> Option<GlassToDecision> {
         let mut ages = self.0.clone();
         ages.sort_by(f64::total_cmp);

@@ -19,7 +19,7 @@ pub(crate) trait FrameSource: Send + Sync {
     /// The camera.
     fn camera(&self) -> &Camera;
 
-    /// What there was to see at `at`; none when that is not known yet or no longer.
+    /// The view at `at`; `None` if it is not available yet or no longer.
     fn shot(&self, at: Time) -> Option<Photo>;
 
     /// The true pose.
@@ -33,12 +33,12 @@ pub(crate) trait FrameSource: Send + Sync {
         None
     }
 
-    /// What stands around, for a log.
+    /// The scene's objects, for the log.
     fn prisms(&self) -> Vec<Prism> {
         Vec::new()
     }
 
-    /// What stands around from above, and where the object with a key is.
+    /// The scene from above, and the position of the object with this key.
     fn map(&self, target: Option<&str>) -> (Vec<Outline>, Option<EnuPosition>) {
         let _ = target;
         (Vec::new(), None)

@@ -1,5 +1,5 @@
-//! Flying by hand from a keyboard: what keys mean. Only while no text is being typed, and only keys that were typed to this
-//! program: nothing is read behind the back of others.
+//! Manual flight from a keyboard: the meaning of keys. Keys fly only while no text is being typed, and only those sent
+//! to this program's terminal; the keyboard is not read globally.
 
 use spf_core::command::Setpoint;
 use spf_core::craft::Craft;
@@ -8,13 +8,13 @@ use spf_core::pilot::OperatorEvent;
 /// A key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
-    /// Arrow.
+    /// Up arrow.
     Up,
-    /// Arrow.
+    /// Down arrow.
     Down,
-    /// Arrow.
+    /// Left arrow.
     Left,
-    /// Arrow.
+    /// Right arrow.
     Right,
     /// Return.
     Enter,
@@ -22,11 +22,11 @@ pub enum Key {
     Escape,
     /// Backspace.
     Backspace,
-    /// A letter, digit or sign.
+    /// A letter, digit or symbol.
     Character(char),
 }
 
-/// The keys in what a terminal sends. An escape sequence comes in one piece; what is none of ours is skipped.
+/// Decodes the bytes sent by a terminal. Each escape sequence must be complete; unknown ones are skipped.
 #[must_use]
 pub fn keys_of(bytes: &[u8]) -> Vec<Key> {
     let mut keys = Vec::new();
@@ -43,7 +43,7 @@ pub fn keys_of(bytes: &[u8]) -> Vec<Key> {
                     keys.extend(arrows.iter().find(|(code, _)| code == letter).map(|(_, key)| *key));
                 }
                 [b'[' | b'O', parameters @ ..] => {
-                    // A longer one: it ends with its first letter or `~`.
+                    // A longer sequence: it ends with its first letter or `~`.
                     let end = parameters.iter().position(|byte| byte.is_ascii_alphabetic() || *byte == b'~');
                     rest = end.map_or(&[], |end| &parameters[end + 1..]);
                 }
@@ -69,13 +69,13 @@ pub fn keys_of(bytes: &[u8]) -> Vec<Key> {
     keys
 }
 
-/// Longest instruction that can be typed, characters.
+/// Maximum length of a typed instruction, characters.
 const LONGEST: usize = 2000;
 
-/// What the keys do, for a person.
+/// Help text for the keys.
 pub const HELP: &str = "Keys: arrows fly, W/S climb and sink, A/D turn, Space holds, T goes on, L lands, E cuts the motors, Enter types another instruction.";
 
-/// Keys read so far.
+/// Keyboard state.
 #[derive(Clone, Debug)]
 pub struct Keys {
     craft: Craft,
@@ -83,19 +83,20 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// Keys that fly a craft, at half its preset speeds.
+    /// Keys for a craft, flying at half its preset speeds.
     #[must_use]
     pub fn new(craft: Craft) -> Self {
         Self { craft, typed: None }
     }
 
-    /// The instruction being typed.
+    /// The instruction being typed; `None` if none is.
     #[must_use]
     pub fn typed(&self) -> Option<&str> {
         self.typed.as_deref()
     }
 
-    /// What a key does. While an instruction is typed every key is text, and the craft holds.
+    /// The operator inputs that result from a key. While an instruction is typed every key is text, and the craft
+    /// holds.
     pub fn press(&mut self, key: Key) -> Vec<OperatorEvent> {
         if let Some(text) = &mut self.typed {
             match key {
@@ -146,7 +147,8 @@ mod tests {
         text.chars().flat_map(|letter| keys.press(Key::Character(letter))).collect()
     }
 
-    /// Failing 7 of such programs: keys for manual flight read globally, so that typing an instruction flies the drone.
+    /// Known failure 7 of similar programs: keys for manual flight are read globally, so that typing an instruction
+    /// flies the drone.
     #[test]
     fn failing_7_typing_an_instruction_flies_nothing() {
         let mut keys = Keys::new(Craft::tello());
@@ -192,7 +194,7 @@ mod tests {
             prop_assert!(keys_of(&bytes).len() <= bytes.len());
         }
 
-        /// While text is typed nothing but its end does anything.
+        /// While text is typed, only ending it has an effect.
         #[test]
         fn no_text_flies(text in "\\PC{0,80}") {
             let mut keys = Keys::new(Craft::tello());

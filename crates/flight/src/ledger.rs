@@ -1,5 +1,4 @@
-//! What a flight's questions took: one row a question in `vlm.jsonl`, the sum in `summary.json`, and an end to it when the
-//! money is spent.
+//! VLM usage of a flight: one row per query in `vlm.jsonl`, totals in `summary.json`, and the cost limit.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,46 +11,46 @@ use spf_core::query::{QueryId, QueryKind};
 use spf_record::jsonl::JsonLines;
 use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
 
-/// What all questions of a flight took.
+/// Total VLM usage of a flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct VlmUse {
-    /// Questions put.
+    /// Number of queries.
     pub questions: u32,
-    /// Those that were not answered, by the name of the reason.
+    /// Number of failed queries, by reason.
     pub failed: BTreeMap<String, u32>,
-    /// Requests sent, those asked again included.
+    /// HTTP requests, including retries.
     pub requests: u32,
-    /// Who answered, as it called itself, with the number of answers.
+    /// Number of replies by model, as named in the replies.
     pub models: BTreeMap<String, u32>,
-    /// Tokens read.
+    /// Input tokens.
     pub tokens_in: u64,
-    /// Tokens written, without thinking.
+    /// Output tokens, without reasoning.
     pub tokens_out: u64,
-    /// Tokens thought.
+    /// Reasoning tokens.
     pub tokens_thinking: u64,
-    /// Whether some of these are guesses, since a stream was cut before it told them.
+    /// Whether token counts are partly estimated, because a stream was cut off before it reported them.
     pub tokens_estimated: bool,
-    /// US dollars, by the table's prices; null where no price is known.
+    /// Cost in US dollars according to the price table; null if no price is known.
     pub cost_usd: Option<f64>,
-    /// Median latency of the answers, seconds; null without any.
+    /// Median reply latency, seconds; null without replies.
     pub median_latency_s: Option<f64>,
-    /// Where that time went.
+    /// Breakdown of the latency.
     #[serde(default)]
     pub median_parts: MedianParts,
-    /// Bytes sent for a question, the most.
+    /// Maximum number of bytes sent for a query.
     pub most_bytes_sent: u64,
 }
 
-/// Medians of what each part of the latency took, over the answers that have it, seconds; null without any.
+/// Median of each part of the latency over the replies that have it, seconds; null without any.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MedianParts {
-    /// Scaling and encoding the picture, writing the request.
+    /// Scaling and encoding the image, and writing the request.
     pub encode_s: Option<f64>,
-    /// Until the connection had taken the whole request; with connecting, and with what was asked before in vain.
+    /// Until the connection had accepted the whole request, including connecting and failed attempts.
     pub upload_s: Option<f64>,
-    /// From there to the first text.
+    /// From there to the first text of the reply.
     pub first_text_s: Option<f64>,
-    /// From there to the end.
+    /// From there to the end of the reply.
     pub complete_s: Option<f64>,
 }
 
@@ -76,7 +75,7 @@ struct Row<'a> {
 struct Sums {
     total: VlmUse,
     latencies: Vec<f64>,
-    /// Of each part of [`spf_vlm::Parts::durations`].
+    /// For each part of [`spf_vlm::Parts::durations`].
     parts: [Vec<f64>; 4],
     /// Created with the first row: the oracle leaves none.
     path: Option<PathBuf>,
@@ -84,7 +83,7 @@ struct Sums {
     problem: Option<String>,
 }
 
-/// The sums of a flight; clones are the same ledger.
+/// The usage totals of a flight; clones share the same totals.
 #[derive(Clone, Default)]
 pub struct Ledger(Arc<Mutex<Sums>>);
 
@@ -98,11 +97,11 @@ impl Ledger {
     }
 
     fn sums(&self) -> MutexGuard<'_, Sums> {
-        // Sums are whole between calls.
+        // The totals are consistent between calls.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What the questions took so far; none when nobody was asked over a network.
+    /// Total usage so far; `None` if nothing was sent over a network.
     #[must_use]
     pub fn total(&self) -> Option<VlmUse> {
         let mut sums = self.sums();
@@ -112,7 +111,7 @@ impl Ledger {
         (sums.total.requests > 0).then(|| VlmUse { median_latency_s, median_parts, ..sums.total.clone() })
     }
 
-    /// What could not be written.
+    /// The error that prevented writing, if any.
     #[must_use]
     pub fn problem(&self) -> Option<String> {
         self.sums().problem.clone()
@@ -120,7 +119,7 @@ impl Ledger {
 
     fn enter(&self, asked: &Asked<'_>, answer: &Answer) {
         let account = &answer.account;
-        // A detector of one's own is no model that is paid.
+        // A local detector has no cost.
         if account.requests == 0 && matches!(asked.query.kind, QueryKind::Detect { .. }) {
             return;
         }
@@ -173,13 +172,13 @@ impl Ledger {
     }
 }
 
-/// The middle one, or the upper of the two in the middle.
+/// The median, or the upper of the two middle values.
 fn median(numbers: &mut [f64]) -> Option<f64> {
     numbers.sort_by(f64::total_cmp);
     numbers.get(numbers.len() / 2).copied()
 }
 
-/// A VLM whose answers are entered in a ledger, and that is asked no more when the money is spent.
+/// A VLM wrapper that records usage, and sends no more queries once the cost limit is reached.
 pub struct Accounted {
     vlm: Box<dyn Vlm>,
     ledger: Ledger,
@@ -187,13 +186,13 @@ pub struct Accounted {
 }
 
 impl Accounted {
-    /// Enters the answers of `vlm`; from `max_cost_usd` on nothing more is asked.
+    /// Wraps `vlm`; no more queries are sent once the cost reaches `max_cost_usd`.
     #[must_use]
     pub fn new(vlm: Box<dyn Vlm>, ledger: Ledger, max_cost_usd: Option<f64>) -> Self {
         Self { vlm, ledger, max_cost_usd }
     }
 
-    /// What was spent, when that is all there is.
+    /// The error to return if the cost limit is reached.
     fn spent(&self) -> Option<VlmError> {
         let spent = self.ledger.sums().total.cost_usd?;
         let limit = self.max_cost_usd.filter(|limit| spent >= *limit)?;

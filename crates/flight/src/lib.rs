@@ -1,7 +1,8 @@
-//! The one loop that joins a pilot and a world, and whole flights in the embedded simulator.
+//! The flight loop that joins a pilot and a world, and complete flights in the embedded simulator or with a real craft.
 //!
-//! [`run`](run::run) is the only loop there is. A [`World`](run::World) waits and does; a [`Pilot`](spf_core::pilot::Pilot)
-//! decides; an [`Observer`](run::Observer) watches. So one code path flies a real craft and ten thousand simulated trials.
+//! [`flight::fly`] flies a [`flight::FlightPlan`] and returns its [`summary::Summary`]. It runs [`run`](run::run), the
+//! only loop: a [`World`](run::World) waits and acts, a [`Pilot`](spf_core::pilot::Pilot) decides, and an
+//! [`Observer`](run::Observer) watches. The same code flies a real craft and ten thousand simulated trials.
 
 pub mod calibrate;
 pub mod dataset;

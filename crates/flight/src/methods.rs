@@ -1,5 +1,5 @@
-//! The table of methods: data that ships with the program (`data/methods.toml`). A row is a name that `spf fly --policy` takes, or
-//! the bench's `--method`, or both.
+//! The table of methods, from the built-in file `data/methods.toml`. Each row is a value of `spf fly --policy`, of the
+//! bench's `--method`, or both.
 
 use std::sync::LazyLock;
 
@@ -16,73 +16,74 @@ const SHIPPED: &str = include_str!("../data/methods.toml");
 static ROWS: LazyLock<Vec<MethodRow>> =
     LazyLock::new(|| read(SHIPPED).unwrap_or_else(|error| panic!("crates/flight/data/methods.toml: {error}")));
 
-/// Runs of PIVOT at the same time, for no more queries are out at a time.
+/// Number of parallel PIVOT runs; the upper limit is the maximum number of open queries.
 const RUNS: std::ops::RangeInclusive<usize> = 1..=8;
-/// Lengths of a fixed step, metres: those that `spf fly --step` takes.
+/// Range of a fixed step, metres, as for `spf fly --step`.
 const FIXED_M: std::ops::RangeInclusive<f64> = 0.05..=50.0;
 
-/// The rows of the table, in its order.
+/// The rows of the table, in order.
 ///
 /// # Panics
-/// Never: a test reads the table.
+/// Never: a test parses the table.
 #[must_use]
 pub fn rows() -> &'static [MethodRow] {
     &ROWS
 }
 
-/// A way of flying that has a name.
+/// A named flight method.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[cfg_attr(test, derive(serde::Serialize))]
 #[serde(deny_unknown_fields)]
 pub struct MethodRow {
-    /// Its name, on the command line, in logs and in results.
+    /// Its name on the command line, in logs and in results.
     pub name: String,
-    /// What it is, in a line.
+    /// Description, one line.
     pub about: String,
-    /// Who decides.
+    /// Policy family.
     pub policy: Family,
-    /// What the help of `spf fly --policy`, which then takes the name, says in brackets.
+    /// The description in the help of `spf fly --policy`; `None` if `spf fly` does not offer it.
     pub fly: Option<String>,
-    /// How the bench flies it, where it is one of its methods.
+    /// How the bench flies it; `None` if it is not a bench method.
     pub bench: Option<Manner>,
 }
 
-/// A family of policies, with what tells its members apart.
+/// A policy family with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[cfg_attr(test, derive(serde::Serialize))]
 #[serde(tag = "family", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Family {
-    /// Points (the method).
+    /// Image points (the SPF method).
     Spf {
-        /// Whether boxes come from a detector in obstacle mode, in place of the reply's.
+        /// Whether obstacle boxes come from a detector instead of the reply in obstacle mode.
         #[serde(default)]
         detector: bool,
     },
     /// Text actions (the baseline).
     Plain {
-        /// In which form actions are asked for.
+        /// Form of the actions.
         #[serde(default)]
         form: ActForm,
     },
     /// Choices among numbered arrows (the PIVOT baseline).
     Pivot {
-        /// Runs at the same time, agreeing on their mean; 1 to 8.
+        /// Number of parallel runs, whose mean is used; 1 to 8.
         #[serde(default = "one")]
         runs: usize,
     },
     /// Programs written from a list of detections (the TypeFly baseline).
     TypeFly {
-        /// Whether only the classes of COCO are listed.
+        /// Whether only COCO classes are listed.
         #[serde(default)]
         coco: bool,
-        /// Whether the planner is asked again; without it the first program is the only one, and "go to" one turn and one hop.
+        /// Whether the planner is queried again; without it only the first program is flown, with "go to" as one turn
+        /// and one hop.
         #[serde(default = "yes")]
         replanning: bool,
     },
 }
 
 impl Family {
-    /// Where its members stand in the help of `spf fly`.
+    /// Position of its members in the help of `spf fly`.
     pub(crate) fn place(self) -> usize {
         match self {
             Self::Spf { .. } => 0,
@@ -93,26 +94,26 @@ impl Family {
     }
 }
 
-/// How the bench flies a method: what differs from the preset.
+/// How the bench flies a method: differences from the preset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[cfg_attr(test, derive(serde::Serialize))]
 #[serde(default, deny_unknown_fields)]
 pub struct Manner {
-    /// The preset, where it is not [`Preset::Default`].
+    /// The preset, if not [`Preset::Default`].
     pub preset: Option<Preset>,
     /// Step length.
     pub step: Option<Step>,
-    /// Whether tilt and attitude take part in lifting.
+    /// Whether lifting includes mount tilt and attitude.
     pub lifting: Option<Lifting>,
-    /// One primitive after the other, or all at once.
+    /// Sequential or blended motion.
     pub motion: Option<Motion>,
-    /// Whether a primitive ends by time or by what was flown.
+    /// Whether time or the measured distance ends a primitive.
     pub ending: Option<Ending>,
     /// Whether the craft holds while the VLM thinks.
     pub think: Option<Think>,
-    /// Whether a `done` needs a second look while holding.
+    /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: Option<bool>,
-    /// Whether it flies straight on, looks at nothing and asks nobody.
+    /// Whether it flies straight on without frames or queries.
     pub blind: bool,
 }
 
@@ -121,20 +122,20 @@ pub struct Manner {
 #[cfg_attr(test, derive(serde::Serialize))]
 #[serde(rename_all = "snake_case")]
 pub enum Step {
-    /// The median of the steps that SPF flies in the scenes of the task's set.
+    /// The median step of SPF in the scenes of the task's set.
     Median,
     /// Metres, 0.05 to 50.
     FixedM(f64),
 }
 
 impl Manner {
-    /// The preset that it begins as.
+    /// The preset it is based on.
     #[must_use]
     pub fn preset(&self) -> Preset {
         self.preset.unwrap_or(Preset::Default)
     }
 
-    /// The pilot's settings on a task where the median of SPF's steps is `median_m` metres.
+    /// The pilot settings for a task where the median step of SPF is `median_m` metres.
     #[must_use]
     pub fn settings(&self, median_m: f64) -> PilotSettings {
         let preset = PilotSettings::preset(self.preset());
@@ -154,43 +155,43 @@ impl Manner {
     }
 }
 
-/// Why a table of methods is refused.
+/// Why a table of methods is invalid.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub(crate) enum MethodsError {
-    /// No TOML, an unknown key or word, or a value of the wrong type.
+    /// Invalid TOML, an unknown key or word, or a value of the wrong type.
     #[error("{0}")]
     Format(String),
-    /// A name that cannot be typed in a list, or be a part of a trial's name.
+    /// A name that cannot be used in a list or in a trial's name.
     #[error("`{0}` is no name: lower-case letters, digits and dashes between them, a letter first")]
     Name(String),
-    /// A row without words about it.
+    /// A row without a description.
     #[error("`{0}` has no words about it")]
     About(String),
-    /// Two rows with one name.
+    /// Duplicate name.
     #[error("two rows are called `{0}`")]
     Twice(String),
-    /// A row that nothing uses.
+    /// A row that is used by neither command.
     #[error("`{0}` is neither for `spf fly` nor for the bench")]
     Unused(String),
-    /// A number out of its range.
+    /// A number out of range.
     #[error("`{key}` of `{name}` is {value}, but must be {must}")]
     Value {
         /// The row.
         name: String,
         /// The key.
         key: &'static str,
-        /// What stood there.
+        /// The value found.
         value: f64,
         /// The range in words.
         must: &'static str,
     },
-    /// A row of the bench whose flights' logs could name no policy.
+    /// A bench row whose flight logs could not name a policy.
     #[error("no row for `spf fly` decides as `{0}` does, so that the logs of its flights could not name their policy")]
     Nameless(String),
-    /// Two policies that are one.
+    /// Two identical policies.
     #[error("`{0}` and `{1}` are both for `spf fly` and decide alike, so that a log could name either")]
     Alike(String, String),
-    /// A blind control that would have to look.
+    /// A blind control that would need frames.
     #[error("`{0}` is blind, but of the policies only `plain` with commands can be answered without looking")]
     Blind(String),
 }
@@ -210,10 +211,10 @@ fn yes() -> bool {
     true
 }
 
-/// Reads a table.
+/// Parses a table.
 ///
 /// # Errors
-/// [`MethodsError`], of the first row that is wrong.
+/// [`MethodsError`] for the first invalid row.
 fn read(text: &str) -> Result<Vec<MethodRow>, MethodsError> {
     let File { method: rows } =
         toml::from_str(text).map_err(|error| MethodsError::Format(error.to_string().trim().to_owned()))?;
@@ -235,7 +236,7 @@ fn read(text: &str) -> Result<Vec<MethodRow>, MethodsError> {
 }
 
 impl MethodRow {
-    /// Whether it is one, whatever the others are.
+    /// Validates a row on its own.
     fn check(&self) -> Result<(), MethodsError> {
         let name = || self.name.clone();
         let word = |part: &str| !part.is_empty() && part.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit());
@@ -254,7 +255,7 @@ impl MethodRow {
             _ => {}
         }
         match self.bench {
-            // A NaN is in no range.
+            // NaN is in no range.
             Some(Manner { step: Some(Step::FixedM(metres)), .. }) if !FIXED_M.contains(&metres) => {
                 wrong("fixed_m", metres, "0.05 to 50")
             }

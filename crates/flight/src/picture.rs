@@ -1,4 +1,4 @@
-//! The pictures that a VLM is shown.
+//! The images sent to a VLM.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use spf_drone::frames::{Frames, Photo};
 use spf_media::{Rgb, Scaler};
 use spf_vlm::{Picture, VlmError};
 
-/// Makes pictures of the frames that a craft's camera keeps.
+/// Prepares images from the frames of a craft's camera.
 pub struct Pictures {
     frames: Arc<dyn Frames>,
     size: (u32, u32),
@@ -16,38 +16,38 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Those of this craft's camera.
+    /// Images from this craft's camera.
     #[must_use]
     pub fn of(drone: &dyn Drone) -> Self {
         let camera = drone.capabilities().camera;
         Self { frames: drone.frames(), size: (camera.width, camera.height), scaler: Scaler::default() }
     }
 
-    /// The picture that a query is about. Its frame is held from now on, since a camera may forget it within a second.
+    /// The image for a query. Its frame is held from now on, since a camera may drop it within a second.
     pub fn about<'a>(&'a mut self, query: &'a Query) -> impl Picture + 'a {
         Marked::new(query, self.size, self.frames.photo(query.frame), &mut self.scaler)
     }
 }
 
-/// A picture's size, its quality, and its bytes.
+/// Image size, JPEG quality and bytes.
 type Encoded = ((u32, u32), u8, Arc<[u8]>);
 
-/// A query's picture: made at the size that is asked for, its marks drawn on it, encoded once.
+/// A query's image: scaled to the requested size, with its marks drawn, and encoded once.
 pub(crate) struct Marked<'a> {
     query: &'a Query,
     size: (u32, u32),
-    /// None when the frame is no longer kept.
+    /// `None` if the frame is no longer available.
     photo: Option<Photo>,
-    /// Memory that is kept from one query to the next.
+    /// Buffers reused between queries.
     scaler: &'a mut Scaler,
     /// Rendered already, with its marks.
     drawn: Option<Rgb>,
-    /// One for each size and quality that was asked for: one, unless two models are asked.
+    /// One entry per size and quality requested: usually one, more if two models are queried.
     encoded: Vec<Encoded>,
 }
 
 impl<'a> Marked<'a> {
-    /// The picture of a query from a camera of that size.
+    /// The image for a query from a camera of this size.
     pub(crate) fn new(query: &'a Query, size: (u32, u32), photo: Option<Photo>, scaler: &'a mut Scaler) -> Self {
         Self { query, size, photo, scaler, drawn: None, encoded: Vec::new() }
     }
@@ -66,7 +66,7 @@ impl Picture for Marked<'_> {
     }
 
     fn prepare(&mut self, size: (u32, u32)) {
-        // What fails here fails again when the picture is wanted, and says why.
+        // An error here recurs when the image is requested, and is reported then.
         self.drawn = self.draw(size).ok();
     }
 

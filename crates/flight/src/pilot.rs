@@ -1,4 +1,4 @@
-//! A pilot is made of what a flight's head says and a policy; in one place, so that a flight and its replay fly the same one.
+//! Creates a pilot from a flight's head and a policy; shared by flight and replay, so that both use the same pilot.
 
 use std::sync::Arc;
 
@@ -10,34 +10,34 @@ use spf_vlm::Eyesight;
 
 use crate::log::Head;
 
-/// What a policy is told of the flight that it is to decide.
+/// The inputs from which a policy is created.
 #[derive(Clone)]
 pub struct PolicyParts {
-    /// How it is flown.
+    /// Pilot settings.
     pub settings: PilotSettings,
-    /// What is flown.
+    /// Craft parameters.
     pub craft: Craft,
-    /// How who points sees the camera's pictures.
+    /// How the VLM receives the camera's images.
     pub eyesight: Eyesight,
-    /// What who points is told.
+    /// The prompt.
     pub prompt: Arc<PromptText>,
-    /// The seed of what is drawn by chance.
+    /// Seed of its random choices.
     pub seed: u64,
 }
 
-/// Makes a policy for a flight.
+/// Creates the policy of a flight.
 pub trait PolicyMaker: Send + Sync {
     /// Its name, for summary and log.
     fn name(&self) -> &str;
 
-    /// Which prompts it takes; the shipped one of this kind is used where a plan names none.
+    /// Kind of prompt it uses; the built-in one of this kind is the default.
     fn prompt(&self) -> PromptKind;
 
-    /// The policy.
+    /// Creates the policy.
     fn policy(&self, parts: PolicyParts) -> Box<dyn Policy>;
 }
 
-/// The pilot of the flight with this head.
+/// Creates the pilot for the flight with this head.
 pub(crate) fn pilot(head: &Head, policy: &dyn PolicyMaker, prompt: Arc<PromptText>) -> Pilot {
     let eyesight = Eyesight { grounding: head.grounding, image_size: head.image_size };
     let seed = head.sim.as_ref().map_or(0, |sim| sim.seed);

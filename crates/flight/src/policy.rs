@@ -1,4 +1,4 @@
-//! Which policy decides a flight: a row of the [table of methods](crate::methods), and what it makes.
+//! Policy selection: a row of the [table of methods](crate::methods), and the policy it creates.
 
 use core::fmt;
 
@@ -20,12 +20,12 @@ use crate::pilot::{PolicyMaker, PolicyParts};
 /// may be in one (docs/explanation/baselines.md).
 const PIVOT_STEP: f64 = 1.9;
 
-/// Which policy decides: a row of the table of methods that `spf fly` may name.
+/// A policy: a row of the table of methods that `spf fly` offers.
 #[derive(Clone, Copy)]
 pub struct PolicyKind(&'static MethodRow);
 
 impl PolicyKind {
-    /// All, in the order of help texts.
+    /// All policies, in the order of the help text.
     #[must_use]
     pub fn all() -> Vec<Self> {
         let mut all: Vec<Self> = rows().iter().filter(|row| row.fly.is_some()).map(Self).collect();
@@ -33,25 +33,25 @@ impl PolicyKind {
         all
     }
 
-    /// The policy of that name.
+    /// The policy with this name; `None` if unknown.
     #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
         rows().iter().find(|row| row.fly.is_some() && row.name == name).map(Self)
     }
 
-    /// The policy that decides the flights of a row, as their logs name it: itself, or that which it is a variant of.
+    /// The policy of a row as named in logs: itself, or the one that it is a variant of.
     #[must_use]
     pub fn of_row(row: &MethodRow) -> Self {
         Self::of(row.policy)
     }
 
-    /// SPF with boxes from the reply.
+    /// SPF with obstacle boxes from the reply.
     #[must_use]
     pub fn spf() -> Self {
         Self::of(Family::Spf { detector: false })
     }
 
-    /// Text actions in words.
+    /// Text actions.
     pub(crate) fn plain() -> Self {
         Self::of(Family::Plain { form: ActForm::Commands })
     }
@@ -67,13 +67,13 @@ impl PolicyKind {
         &self.0.name
     }
 
-    /// What help texts say of it in brackets.
+    /// Its description in the help text.
     #[must_use]
     pub fn words(self) -> &'static str {
         self.0.fly.as_deref().unwrap_or_default()
     }
 
-    /// Which prompts it takes.
+    /// The kind of prompt it uses.
     #[must_use]
     pub fn prompt(self) -> PromptKind {
         match self.0.policy {
@@ -84,13 +84,13 @@ impl PolicyKind {
         }
     }
 
-    /// Whether it takes boxes from a detector in obstacle mode.
+    /// Whether it uses boxes from a detector in obstacle mode.
     #[must_use]
     pub fn has_detector(self) -> bool {
         self.0.policy == Family::Spf { detector: true }
     }
 
-    /// The same with boxes from a detector in obstacle mode; `None` where the policy has no use for one.
+    /// The variant with boxes from a detector in obstacle mode; `None` if there is none.
     #[must_use]
     pub fn with_detector(self) -> Option<Self> {
         match self.0.policy {

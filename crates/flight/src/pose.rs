@@ -1,11 +1,11 @@
-//! Poses as people write them.
+//! Text form of poses.
 
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 
-/// `east,north,up,heading_deg[,pitch_deg]`, in metres and degrees.
+/// Parses `east,north,up,heading_deg[,pitch_deg]`, in metres and degrees.
 ///
 /// # Errors
-/// What was expected, in words.
+/// A message stating the expected form.
 pub fn parse_pose(text: &str) -> Result<Pose, String> {
     let expected = || "a pose east,north,up,heading_deg[,pitch_deg] in metres and degrees".to_owned();
     let numbers: Vec<f64> =

@@ -1,4 +1,4 @@
-//! A craft that is not simulated here: no truth, no seed.
+//! A real craft: no ground truth and no seed.
 
 use std::sync::Arc;
 
@@ -13,16 +13,16 @@ use crate::run::Observer;
 use crate::site::{Clock, Judge, Parts};
 use crate::summary::Summary;
 
-/// A craft somewhere outside, as far as this program knows.
+/// A craft outside this program, real or simulated elsewhere.
 pub struct Real {
-    /// The craft, connected.
+    /// The connected driver.
     pub drone: Box<dyn Drone>,
-    /// What its time goes by.
+    /// The clock of its timestamps.
     pub clock: Clock,
 }
 
 impl Real {
-    /// What it gives to a flight.
+    /// The parts needed by a flight.
     pub(crate) fn open(self) -> Parts {
         let Self { drone, clock } = self;
         let frame_source = Arc::new(CameraFrameSource::new(drone.as_ref()));
@@ -31,7 +31,7 @@ impl Real {
     }
 }
 
-/// What the pilot believed when the outcome was settled.
+/// The pilot's estimate when the outcome was settled.
 #[derive(Default)]
 struct Belief {
     drone: String,

@@ -1,7 +1,7 @@
-//! Another mind about the same frames: what a log's questions are answered now by somebody else, beside what was answered then.
+//! Sends the queries of a log to another model, and compares its replies with the recorded ones.
 //!
-//! What there was to see is drawn again from the log's scene and the true pose of each frame that was asked about: ids and depth for an
-//! oracle, a photograph for a vision-language model, which is asked in its own coordinates and at its own size.
+//! The view of each query is rendered again from the log's scene and the true pose of its frame: ids and depth for an
+//! oracle, an image for a vision-language model, which is queried in its own coordinates and image size.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -27,24 +27,24 @@ use crate::policy::PolicyKind;
 use crate::replay::{ReplayError, head, prompt_of, row};
 use crate::sim::{FlightConditions, LoadedScene, OracleVlm, SimWorld, VlmFactory, VlmFactoryError, WorldSnapshot, photo};
 
-/// One half of a picture.
+/// Size of one half of the comparison image.
 const HALF: (u32, u32) = (640, 480);
 
-/// A question of a log.
+/// A query of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Question {
-    /// What was asked.
+    /// The query.
     pub query: Query,
-    /// Truth about its frame.
+    /// Ground truth of its frame.
     pub truth: TruthRow,
-    /// What was answered in time.
+    /// The reply, if it arrived in time.
     pub answer: Option<String>,
 }
 
-/// The questions of a log, in order, and the flight's head. A torn log gives those that it has.
+/// The queries of a log, in order, and the flight's head. A truncated log gives those that it contains.
 ///
 /// # Errors
-/// [`ReplayError`].
+/// [`ReplayError`] if the log cannot be read.
 pub fn questions(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) -> Result<(Head, Vec<Question>), ReplayError> {
     let mut entries = entries.into_iter();
     let head = head(&mut entries)?;
@@ -81,18 +81,18 @@ pub fn questions(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) ->
     Ok((head, asked.into_iter().filter_map(question).collect()))
 }
 
-/// What an answer points at.
+/// The content of a reply.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Pointed {
-    /// Whether it goes there, cannot see it, or is done; none when the answer cannot be used.
+    /// Status; `None` if the reply is invalid.
     pub status: Option<Status>,
-    /// Where.
+    /// The image point.
     pub point: Option<ImagePoint>,
-    /// How far, as a label.
+    /// Depth label.
     pub depth: Option<u8>,
-    /// What, in its own words.
+    /// Name of the target, in the model's words.
     pub target: Option<String>,
-    /// The answer as it came.
+    /// The reply text.
     pub text: String,
 }
 
@@ -104,7 +104,7 @@ impl Pointed {
         Self { status, point, depth, target, text: text.to_owned() }
     }
 
-    /// In words: what, where and how far.
+    /// A description in words: target, point and depth.
     #[must_use]
     pub fn words(&self) -> String {
         match (self.status, self.point) {
@@ -119,78 +119,78 @@ impl Pointed {
     }
 }
 
-/// Two answers to one question.
+/// Two replies to one query.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Opinion {
     /// The query's number.
     pub query: QueryId,
     /// The frame's number.
     pub frame: u64,
-    /// What was answered in the flight; none when nothing came in time.
+    /// The recorded reply; `None` if none arrived in time.
     pub then: Option<Pointed>,
-    /// What is answered now; none when the one asked could not.
+    /// The new reply; `None` if the query failed.
     pub now: Option<Pointed>,
-    /// Why not.
+    /// Why it failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
-    /// How far apart the two point, as a share of the picture's width.
+    /// Distance between the two points, as a fraction of the image width.
     pub apart: Option<f64>,
-    /// How long the answer took, seconds.
+    /// Latency of the new reply, seconds.
     pub latency_s: f64,
-    /// What it cost, US dollars; none where no price is known, and of the oracle.
+    /// Cost of the new reply, US dollars; `None` if no price is known, and for the oracle.
     pub cost_usd: Option<f64>,
 }
 
-/// Who is asked about a log.
+/// The model that receives the queries of a log.
 pub enum Mind {
     /// An oracle with these errors.
     Oracle(Box<ErrorFile>),
-    /// Anybody else. An answer is waited for as long as in the flight.
+    /// Any other VLM. Its reply timeout is that of the flight.
     Other(VlmFactory),
 }
 
-/// The same, in the log's world.
+/// The model, in the log's world.
 enum Answerer {
     Oracle(Box<OracleVlm>),
     Vlm(Box<dyn Vlm>, Duration),
 }
 
-/// Asks somebody about the frames of a log.
+/// Sends the queries of a log to a model.
 pub struct Asker {
     world: SimWorld,
     mind: Answerer,
-    /// What the flight told its own VLM.
+    /// The prompt used in the flight.
     prompt: Arc<PromptText>,
     name: String,
     seed: u64,
-    /// The coordinates of the flight's own answers.
+    /// The coordinate convention of the recorded replies.
     grounding: GroundingProfile,
 }
 
-/// Why nobody can be asked about a log.
+/// Why the queries of a log cannot be sent.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AskError {
-    /// The flight was no simulated one.
+    /// The flight was not simulated.
     #[error("the flight was not flown in the simulator: what its camera saw cannot be drawn again")]
     NoSimulator,
-    /// The craft or the conditions are not known here.
+    /// The craft or the conditions are unknown to this version.
     #[error("the log's `{0}` is not known here")]
     Unknown(String),
-    /// The head's prompt is none.
+    /// The prompt in the head is invalid.
     #[error(transparent)]
     Head(#[from] ReplayError),
-    /// The one to be asked cannot be made.
+    /// The VLM could not be created.
     #[error("nobody answers")]
     Who(#[source] VlmFactoryError),
 }
 
 impl Asker {
-    /// Somebody called `name`, in the log's world. An oracle draws its errors by the flight's seed, so that the flight's own oracle
-    /// answers as it did.
+    /// Prepares the model `name` in the log's world. An oracle draws its errors from the flight's seed, so that the
+    /// flight's own oracle gives the same replies as before.
     ///
     /// # Errors
-    /// [`AskError`].
+    /// [`AskError`] if the flight was not simulated, its conditions are unknown, or the VLM cannot be created.
     pub fn new(head: &Head, loaded: Arc<LoadedScene>, name: &str, mind: Mind) -> Result<Self, AskError> {
         let sim = head.sim.as_ref().ok_or(AskError::NoSimulator)?;
         let kind = CraftKind::from_name(&sim.drone_model).ok_or_else(|| AskError::Unknown(sim.drone_model.clone()))?;
@@ -204,7 +204,7 @@ impl Asker {
         Ok(Self { world, mind, prompt, name: name.to_owned(), seed: sim.seed, grounding: head.grounding })
     }
 
-    /// Asks about one frame.
+    /// Sends one query.
     pub fn ask(&mut self, question: &Question) -> Opinion {
         let snapshot = self.snapshot(question);
         let (answer, grounding) = self.answer(question, &snapshot);
@@ -220,7 +220,7 @@ impl Asker {
         Opinion { query: question.query.id, frame: question.query.frame.0, then, now, failed, apart, latency_s, cost_usd }
     }
 
-    /// The answer to a question, and the coordinates it is in.
+    /// The reply to a query, and its coordinate convention.
     fn answer(&mut self, question: &Question, snapshot: &WorldSnapshot) -> (Answer, GroundingProfile) {
         let query = &question.query;
         match &mut self.mind {
@@ -237,7 +237,7 @@ impl Asker {
         }
     }
 
-    /// Both answers on the frame, side by side: the flight's on the left.
+    /// Both replies drawn on the frame, side by side: the recorded one on the left.
     #[must_use]
     pub fn picture(&self, question: &Question, opinion: &Opinion, vlm_then: &str) -> Rgb {
         let snapshot = self.snapshot(question);
@@ -261,7 +261,7 @@ impl Asker {
     }
 }
 
-/// A query of the flight in the words that suit another model's eyesight. Only points are told in coordinates.
+/// The query rewritten for another model's image size and coordinates. Only points contain coordinates.
 fn rewritten(query: &Query, prompt: &PromptText, eyesight: &Eyesight) -> Query {
     let image_size = eyesight.image_size;
     if !matches!(query.kind, QueryKind::Point { .. }) {
@@ -274,7 +274,7 @@ fn captured(question: &Question) -> Time {
     FrameClock::default().captured(question.query.frame)
 }
 
-/// What was flown through, as the log's head has it.
+/// The flight conditions from the log's head.
 fn flight_conditions(sim: &SimHead) -> Result<FlightConditions, AskError> {
     let mut flight_conditions = FlightConditions { battery: sim.battery, ..FlightConditions::default() };
     if let Some(effects) = &sim.camera_effects {
@@ -283,7 +283,7 @@ fn flight_conditions(sim: &SimHead) -> Result<FlightConditions, AskError> {
     Ok(flight_conditions)
 }
 
-/// Two pictures of one size, next to each other.
+/// Two images of equal size, side by side.
 fn beside(left: &Rgb, right: &Rgb) -> Rgb {
     let (width, height) = (left.width(), left.height());
     let row = 3 * width as usize;

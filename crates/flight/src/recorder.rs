@@ -1,6 +1,7 @@
-//! Writes the out folder of a flight: `flight.mcap`, `decisions.jsonl`, `video.mp4`, `trajectory.svg`, `summary.json`.
+//! Writes the output folder of a flight: `flight.mcap`, `decisions.jsonl`, `video.mp4`, `trajectory.svg`,
+//! `summary.json`.
 //!
-//! A flight goes on when recording cannot: the first failure of each file is kept and told at the end.
+//! A recording failure does not end the flight: the first failure of each file is kept and reported at the end.
 
 use std::sync::Arc;
 
@@ -25,9 +26,9 @@ use crate::words;
 pub struct RecordPlan {
     /// The folder.
     pub out: OutDir,
-    /// Whether to make a video.
+    /// Whether to record a video.
     pub video: bool,
-    /// Who looks on while it flies.
+    /// The live view, if any.
     pub view: Option<LiveSender>,
 }
 
@@ -36,11 +37,11 @@ pub struct RecordPlan {
 struct Row<'a> {
     #[serde(flatten)]
     decision: &'a Decision,
-    /// Flown since take-off, as known, metres.
+    /// Distance flown since take-off, as estimated, metres.
     flown_m: f64,
 }
 
-/// Watches a flight and writes its files.
+/// Observes a flight and writes its files.
 pub struct Recorder {
     out: OutDir,
     frame_source: Arc<dyn FrameSource>,
@@ -55,17 +56,17 @@ pub struct Recorder {
     problems: Problems,
 }
 
-/// What could not be recorded.
+/// Recording failures.
 #[derive(Default)]
 struct Problems {
-    /// The files.
+    /// The affected files.
     files: Vec<String>,
-    /// Why, for a person.
+    /// The reasons, for a person.
     told: Vec<String>,
 }
 
 impl Problems {
-    /// The value, or a note of why there is none.
+    /// Returns the value, or records the failure.
     fn kept<T, E: std::error::Error>(&mut self, file: &str, result: Result<T, E>) -> Option<T> {
         result.map_err(|error| self.note(file, in_full(&error))).ok()
     }
@@ -83,11 +84,11 @@ const DECISIONS: &str = "decisions.jsonl";
 const VIDEO: &str = "video.mp4";
 const TRAJECTORY: &str = "trajectory.svg";
 
-/// The path in the picture has a point this often.
+/// Interval of path points in the trajectory image, seconds.
 const PATH_STEP_S: f64 = 0.1;
 
 impl Recorder {
-    /// Opens the files in a folder. `live` tells that the flight is on the wall clock.
+    /// Opens the files in a folder. `live`: the flight is on the wall clock.
     #[must_use]
     pub(crate) fn new(plan: &RecordPlan, head: &Head, frame_source: Arc<dyn FrameSource>, live: bool) -> Self {
         let RecordPlan { out, video, view } = plan.clone();
@@ -130,7 +131,7 @@ impl Recorder {
         });
     }
 
-    /// Closes the files and writes the summary, into which goes what could not be recorded; why is returned.
+    /// Closes the files and writes the summary, including the names of files that failed; returns the reasons.
     #[must_use]
     pub fn finish(mut self, summary: &mut Summary) -> Vec<String> {
         if let Some(film) = self.film.take() {
@@ -148,7 +149,7 @@ impl Recorder {
         });
         self.problems.kept(TRAJECTORY, self.out.write(TRAJECTORY, picture.as_bytes()));
         summary.not_recorded.clone_from(&self.problems.files);
-        // The log comes last but one: it holds the summary.
+        // The log comes second to last: it contains the summary.
         if let Some(log) = self.log.take() {
             match self.problems.kept(LOG, log.finish(summary)) {
                 Some(0) | None => {}
@@ -175,7 +176,7 @@ fn in_full(error: &dyn std::error::Error) -> String {
     text
 }
 
-/// The line below the picture's title.
+/// The line below the title of the trajectory image.
 fn headline(summary: &Summary) -> String {
     let time = summary.completion_time_s.map_or(String::new(), |time| format!(", {time:.1} s"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target"));
@@ -215,7 +216,7 @@ impl Observer for Recorder {
         }
         let due = self.path.last().is_none_or(|(at, _)| now.since(*at).as_secs_f64() >= PATH_STEP_S);
         if due {
-            // Without truth the path is as it was known.
+            // Without ground truth, the path uses the estimated pose.
             let at = self.frame_source.true_pose().map_or(known.position, |pose| pose.position);
             self.path.push((now, at));
             self.known_path.push((now, known.position));
@@ -223,7 +224,7 @@ impl Observer for Recorder {
         if let Some(film) = &mut self.film
             && !film.advance(now, pilot)
         {
-            // Disk full, most often: the flight goes on without its film, and says so at the end.
+            // Usually a full disk: the flight continues without its video and reports this at the end.
             self.problems.kept(VIDEO, self.film.take().map_or(Ok(()), Film::finish));
         }
     }

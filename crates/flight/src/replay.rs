@@ -1,8 +1,8 @@
-//! Replaying a flight from its log: the pilot is told again what it was told then, at the times it was told, and what it wants is
-//! compared with what it wanted then.
+//! Replays a flight from its log: the pilot gets the recorded inputs at their recorded times, and its outputs are
+//! compared with the recorded ones.
 //!
-//! Nothing is flown and nobody is asked. Parsing, projection, policy, executor and envelope run as in flight, so a log is a
-//! regression test of all of them.
+//! No craft is flown and no VLM is queried. Parsing, projection, policy, executor and envelope run as in flight, so a
+//! log is a regression test for all of them.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -24,66 +24,66 @@ use crate::policy::PolicyKind;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReplayError {
-    /// The file is not readable, not even at its begin.
+    /// The file cannot be read from its start.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// It does not begin with a flight's head.
+    /// It does not start with a flight's head.
     #[error("the log does not begin with a flight's head on `/flight`")]
     NoHead,
-    /// A message is not of the form its topic has.
+    /// A message does not match its topic's format.
     #[error("message {sequence} on `{topic}` cannot be read")]
     Message {
-        /// Its topic.
+        /// The topic.
         topic: String,
-        /// Its number.
+        /// Sequence number of the message.
         sequence: u32,
-        /// What is wrong.
+        /// The parse error.
         #[source]
         source: serde_json::Error,
     },
-    /// A policy that this program does not have.
+    /// A policy unknown to this version.
     #[error("the policy `{0}` is not known")]
     Policy(String),
-    /// The prompt that the head holds is none.
+    /// The prompt in the head is invalid.
     #[error("the flight's own prompt cannot be read")]
     Prompt(#[from] PromptError),
-    /// The flight had gone on while the disk was too slow for the log.
+    /// Messages were dropped at this time because the disk was too slow.
     #[error("messages are missing at {0}, for which the disk was too slow: the flight cannot be replayed from there")]
     Gap(Time),
 }
 
-/// A change of the method, to see what it would change.
+/// Changes to the method, to see their effect.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Changes {
-    /// Other settings than those of the flight.
+    /// Replacement settings.
     pub settings: Option<PilotSettings>,
-    /// How numbers in replies are read; otherwise than in the flight.
+    /// Replacement coordinate convention for parsing replies.
     pub grounding: Option<GroundingProfile>,
 }
 
-/// Something that the pilot wants now and did not want then, or the other way round.
+/// A difference between recorded and replayed outputs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Difference {
     /// Flight time, seconds.
     pub time_s: f64,
     /// The topic.
     pub topic: &'static str,
-    /// Where in the message they part (a JSON pointer); empty when one of them is not there at all.
+    /// Position in the message (a JSON pointer); empty if one of the messages is missing.
     pub at: String,
-    /// What was recorded there.
+    /// The recorded value.
     pub recorded: Option<Value>,
-    /// What the replay has there.
+    /// The replayed value.
     pub replayed: Option<Value>,
-    /// At how many places more the two messages differ.
+    /// Number of further differences between the two messages.
     pub more: usize,
 }
 
-/// What came of a replay.
+/// The result of a replay.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Report {
-    /// Inputs told to the pilot, wake-ups included.
+    /// Number of inputs, including wake-ups.
     pub inputs: u64,
-    /// Recorded outputs compared.
+    /// Number of recorded outputs compared.
     pub outputs: u64,
     /// Whether the log ends before the flight does.
     pub torn: bool,
@@ -91,10 +91,10 @@ pub struct Report {
     pub differences: Vec<Difference>,
 }
 
-/// Replays a log, entry by entry; memory does not grow with the flight but for the differences.
+/// Replays a log entry by entry. Memory use grows only with the differences.
 ///
 /// # Errors
-/// [`ReplayError`]. A log that is torn is replayed as far as it goes.
+/// [`ReplayError`]. A truncated log is replayed as far as it goes.
 pub fn replay(entries: impl IntoIterator<Item = Result<Entry, ReadError>>, changes: &Changes) -> Result<Report, ReplayError> {
     let mut entries = entries.into_iter();
     let head = head(&mut entries)?;
@@ -110,10 +110,10 @@ pub fn replay(entries: impl IntoIterator<Item = Result<Entry, ReadError>>, chang
     Ok(replay.end(false))
 }
 
-/// The flight's head, with which a log begins.
+/// The flight's head, which is the first message of a log.
 ///
 /// # Errors
-/// [`ReplayError::NoHead`] and what reading meets.
+/// [`ReplayError::NoHead`], or an error while reading.
 pub fn head(entries: &mut impl Iterator<Item = Result<Entry, ReadError>>) -> Result<Head, ReplayError> {
     let first = entries.next().ok_or(ReplayError::NoHead)??;
     if first.topic != Channel::Flight.name() {
@@ -122,10 +122,10 @@ pub fn head(entries: &mut impl Iterator<Item = Result<Entry, ReadError>>) -> Res
     row(&first)
 }
 
-/// What the policy of a flight told its VLM: its own prompt, or the shipped one.
+/// The prompt of a flight: its own, or the built-in one.
 ///
 /// # Errors
-/// [`ReplayError::Prompt`].
+/// [`ReplayError::Prompt`] if the recorded prompt is invalid.
 pub fn prompt_of(head: &Head, policy: PolicyKind) -> Result<Arc<PromptText>, ReplayError> {
     Ok(match &head.prompt {
         Some(file) => Arc::new(PromptText::parse(file)?),
@@ -133,10 +133,10 @@ pub fn prompt_of(head: &Head, policy: PolicyKind) -> Result<Arc<PromptText>, Rep
     })
 }
 
-/// A message of one of our own forms.
+/// Parses a message in one of our own formats.
 ///
 /// # Errors
-/// [`ReplayError::Message`].
+/// [`ReplayError::Message`] if it does not match.
 pub fn row<T: DeserializeOwned>(entry: &Entry) -> Result<T, ReplayError> {
     serde_json::from_slice(&entry.data).map_err(|source| ReplayError::Message {
         topic: entry.topic.clone(),
@@ -145,14 +145,14 @@ pub fn row<T: DeserializeOwned>(entry: &Entry) -> Result<T, ReplayError> {
     })
 }
 
-/// Messages of one channel, in order.
+/// Messages by channel, in order.
 type Outputs = BTreeMap<Channel, Vec<Vec<u8>>>;
 
-/// A pilot that lives through the flight again.
+/// A pilot being replayed.
 struct Replay {
     pilot: Pilot,
     now: Time,
-    /// What the pilot wanted since the last input, now and then.
+    /// Outputs since the last input, replayed and recorded.
     replayed: Outputs,
     recorded: Outputs,
     report: Report,
@@ -194,7 +194,7 @@ impl Replay {
         Ok(())
     }
 
-    /// Everything that the pilot wants now.
+    /// Collects all current actions of the pilot.
     fn poll(&mut self) {
         while let Some(action) = self.pilot.poll(self.now) {
             if let Some((channel, data)) = output(&action, &self.pilot) {
@@ -203,7 +203,7 @@ impl Replay {
         }
     }
 
-    /// Compares what was wanted between two inputs, topic by topic.
+    /// Compares the outputs between two inputs, topic by topic.
     fn compare(&mut self) {
         let (replayed, recorded) = (core::mem::take(&mut self.replayed), core::mem::take(&mut self.recorded));
         let channels = replayed.keys().chain(recorded.keys()).copied().collect::<std::collections::BTreeSet<_>>();
@@ -222,7 +222,7 @@ impl Replay {
 
     fn end(mut self, torn: bool) -> Report {
         self.report.torn = torn;
-        // Of a torn log the last outputs may be lost.
+        // The last outputs of a truncated log may be missing.
         if !torn {
             self.compare();
         }
@@ -230,7 +230,7 @@ impl Replay {
     }
 }
 
-/// What the pilot was told by a message; `None` when it was only woken.
+/// The pilot input in a message; `None` for a wake-up.
 fn event(channel: Channel, entry: &Entry) -> Result<Option<Event>, ReplayError> {
     Ok(Some(match channel {
         Channel::Telemetry => Event::Telemetry(row(entry)?),
@@ -262,10 +262,10 @@ fn difference(now: Time, channel: Channel, then: Option<&[u8]>, again: Option<&[
     Difference { time_s: now.as_secs_f64(), topic: channel.name(), at, recorded, replayed, more }
 }
 
-/// A place where two values differ, and both there.
+/// A place where two values differ, with both values.
 type Place = (String, Option<Value>, Option<Value>);
 
-/// Every place where two values differ.
+/// Collects every place where two values differ.
 fn part(at: String, then: &Value, again: &Value, places: &mut Vec<Place>) {
     match (then, again) {
         (Value::Object(then), Value::Object(again)) => {

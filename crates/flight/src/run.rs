@@ -1,43 +1,43 @@
-//! The one loop that joins a pilot and a world.
+//! The flight loop, which joins a pilot and a world.
 
 use spf_core::pilot::{Action, Event, Pilot};
 use spf_core::time::Time;
 
-/// Whatever happens around the pilot: it waits, tells what happened, and does what it is asked.
+/// The environment of a pilot: it waits, delivers events, and carries out actions.
 ///
-/// There are two implementations, [`Lockstep`](crate::world::Lockstep) in virtual time and [`Live`](crate::world::Live) on the wall
-/// clock, and they are the only two places that know what time it is.
+/// There are two implementations, [`Lockstep`](crate::world::Lockstep) in virtual time and [`Live`](crate::world::Live)
+/// on the wall clock. They are the only places that read a clock.
 pub trait World {
-    /// Flight time now.
+    /// Current flight time.
     fn now(&self) -> Time;
 
-    /// Waits for the next event, at most until `deadline`; `None` when the deadline came first. Afterwards [`World::now`] is the
-    /// event's time or the deadline.
+    /// Waits for the next event, at most until `deadline`; `None` if the deadline comes first. Afterwards
+    /// [`World::now`] is the event's time or the deadline.
     fn wait(&mut self, deadline: Time) -> Option<Event>;
 
-    /// Does what the pilot asks: passes a query on, forgets one, passes a cleared command to the craft.
+    /// Carries out an action: sends a query, cancels one, or passes a cleared command to the craft.
     fn apply(&mut self, action: &Action);
 }
 
-/// Someone who watches a flight: progress, recording.
+/// Observes a flight, for progress display and recording.
 pub trait Observer {
-    /// The pilot was told this.
+    /// An event was passed to the pilot.
     fn event(&mut self, now: Time, event: &Event) {
         let _ = (now, event);
     }
 
-    /// The pilot wanted this.
+    /// The pilot returned an action.
     fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
         let _ = (now, action, pilot);
     }
 
-    /// Time went on to `now`, before anything else that happens at `now` is told.
+    /// Time advanced to `now`; called before anything else at `now`.
     fn time(&mut self, now: Time, pilot: &Pilot) {
         let _ = (now, pilot);
     }
 }
 
-/// Flies until the flight is over: on the ground again, or motors cut.
+/// Runs a flight until it is over: on the ground again, or motors cut.
 pub fn run(pilot: &mut Pilot, world: &mut dyn World, observers: &mut [&mut dyn Observer]) {
     loop {
         let now = world.now();

@@ -7,29 +7,29 @@ use spf_core::time::{Duration, Time};
 
 use crate::world::Script;
 
-/// A held key repeats its setpoint this often.
+/// Interval at which a held key repeats its setpoint.
 const REPEAT: Duration = Duration::from_millis(100);
-/// Events after unrolling held setpoints; more is a mistake, not a flight.
+/// Maximum number of events after expanding held setpoints.
 const MAX_EVENTS: usize = 100_000;
 
-/// Why an events file is refused.
+/// Why an events file is invalid.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScriptError {
-    /// Not TOML, or not in the form of an events file.
+    /// Invalid TOML or structure.
     #[error("line {line}: {message}")]
     Format {
         /// Line, from 1.
         line: usize,
-        /// What is wrong there.
+        /// The error.
         message: String,
     },
-    /// An event that cannot be.
+    /// An invalid event.
     #[error("event {number}: {message}")]
     Event {
-        /// Which one, from 1.
+        /// Number of the event, from 1.
         number: usize,
-        /// What is wrong with it.
+        /// The error.
         message: String,
     },
 }
@@ -67,10 +67,11 @@ enum What {
 }
 
 impl Script {
-    /// Reads an events file: an array of `[[event]]` tables with `at_s` and `do` (hold, resume, setpoint, instruction, land, stop).
+    /// Parses an events file: an array of `[[event]]` tables with `at_s` and `do` (hold, resume, setpoint, instruction,
+    /// land, stop).
     ///
     /// # Errors
-    /// [`ScriptError`] with the line or the number of the event.
+    /// [`ScriptError`] with the line, or the number of the event.
     pub fn from_toml(text: &str) -> Result<Self, ScriptError> {
         let file: File = toml::from_str(text).map_err(|error| ScriptError::Format {
             line: error.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count()),
@@ -111,7 +112,7 @@ impl Script {
                         up: row.up_m_s.unwrap_or(0.0),
                         yaw_rate: row.yaw_rate_deg_s.unwrap_or(0.0).to_radians(),
                     };
-                    // Whatever the operator does next lets go of the key.
+                    // Any later operator input releases the key.
                     let later = file.event.iter().map(|row| row.at_s).filter(|other| *other > row.at_s);
                     let let_go = later.fold(f64::INFINITY, f64::min);
                     let (end, cut) = (at + Duration::from_secs_f64(held.min(let_go - row.at_s)), let_go < row.at_s + held);

@@ -1,4 +1,4 @@
-//! What a place to fly in gives to a flight, whether it is simulated or not.
+//! The parts that a site, simulated or real, provides to a flight.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -11,38 +11,38 @@ use crate::log::SimHead;
 use crate::run::Observer;
 use crate::summary::Summary;
 
-/// What a flight's time goes by.
+/// The clock of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
-    /// Nothing waits: time goes on to whatever comes next. For a craft that knows when it tells something next.
+    /// Virtual time: advances directly to the next event, without waiting. For a craft whose next report time is known.
     Virtual,
-    /// The wall clock, from when the flight begins.
+    /// The wall clock, from the start of the flight.
     Wall,
-    /// The wall clock since a time that the craft goes by already.
+    /// The wall clock, counted from a time that the craft already uses.
     WallSince(Instant),
 }
 
-/// What a site gives.
+/// The parts provided by a site.
 pub(crate) struct Parts {
     /// The craft.
     pub(crate) drone: Box<dyn Drone>,
-    /// What its time goes by.
+    /// The clock.
     pub(crate) clock: Clock,
-    /// Of all chance.
+    /// Seed of all random choices.
     pub(crate) seed: u64,
-    /// What a recorder sees.
+    /// Frames and truth for a recorder.
     pub(crate) frame_source: Arc<dyn FrameSource>,
-    /// Who says how it went.
+    /// Evaluates the flight.
     pub(crate) judge: Box<dyn Judge>,
-    /// What a simulated flight is drawn again from.
+    /// Data to render a simulated flight again.
     pub(crate) sim: Option<SimHead>,
 }
 
-/// Watches a flight and says how it went: by the truth where there is one, else as the pilot knows it.
+/// Observes a flight and evaluates it: by ground truth where available, else by the pilot's estimate.
 pub(crate) trait Judge: Observer {
-    /// The pilot settled on an outcome, under this instruction.
+    /// The pilot settled on an outcome, with this instruction.
     fn settle(&mut self, now: Time, instruction: &str);
 
-    /// Fills in what it knows.
+    /// Fills in its part of the summary.
     fn tell(&self, summary: &mut Summary);
 }

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::pilot::{Outcome, PilotSettings, Preset};
 
-/// Something touched in flight.
+/// A collision in flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Touch {
     /// Key of the object in the scene.
@@ -15,82 +15,82 @@ pub struct Touch {
     pub at_s: f64,
 }
 
-/// One flight. Neither folder nor wall time stand in it: it follows from the seed alone.
+/// The result of one flight. It contains neither folder nor wall time, so it depends on the seed alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
     /// Version of this format.
     pub format: u32,
-    /// What the person said; the last instruction in force when it was changed in flight.
+    /// The user's instruction; the last one if it was changed in flight.
     pub instruction: String,
-    /// How it went, in the pilot's belief.
+    /// Outcome, as the pilot believes.
     pub outcome: Outcome,
-    /// Why, in words.
+    /// Cause of the outcome, in words.
     pub cause: String,
-    /// What ground truth says; null where there is none.
+    /// Success by ground truth; null without ground truth.
     pub verified: Option<bool>,
-    /// From the first motion after take-off to `Finished`, seconds; null when nothing moved.
+    /// Time from the first motion after take-off to `Finished`, seconds; null if nothing moved.
     pub completion_time_s: Option<f64>,
     /// Flight time at `Finished`, seconds.
     pub finished_at_s: f64,
-    /// Length of the way flown until `Finished`, metres, true where there is truth.
+    /// Length of the path flown until `Finished`, metres; by ground truth where available.
     pub path_length_m: f64,
-    /// Decisions made.
+    /// Number of decisions.
     pub decisions: u32,
-    /// Distance to the nearest surface that the instruction may mean, metres; null where nothing fits or there is no truth.
+    /// Distance to the nearest surface of a matching object, metres; null if nothing matches or without ground truth.
     pub final_distance_m: Option<f64>,
-    /// Things touched in flight.
+    /// Number of collisions in flight.
     pub collisions: u32,
-    /// What was touched, in order; where there is truth.
+    /// The collisions, in order; only with ground truth.
     #[serde(default)]
     pub touched: Vec<Touch>,
-    /// Keys of the objects that the instruction may mean.
+    /// Keys of the objects matching the instruction.
     pub targets: Vec<String>,
     /// Whether the nearest of them was in view.
     pub target_in_view: Option<bool>,
-    /// The seed of all chance.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// Who pointed. The oracle is no VLM.
+    /// Name of the VLM or oracle.
     pub vlm: String,
-    /// Who detects, in obstacle mode with a detector; left out without one.
+    /// Name of the detector, in obstacle mode with a detector; omitted without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detector: Option<String>,
     /// The named preset.
     pub preset: Preset,
     /// The policy.
     pub policy: String,
-    /// The settings in force.
+    /// Effective settings.
     pub settings: PilotSettings,
     /// The scene.
     pub scene: String,
-    /// The light that it was flown in.
+    /// Lighting.
     pub light: String,
-    /// The weather that it was flown in.
+    /// Weather.
     pub weather: String,
     /// The drone.
     pub drone: String,
-    /// The craft simulated.
+    /// Craft model.
     pub drone_model: String,
-    /// The wind, as `--wind` takes it; left out in still air.
+    /// Wind, in the syntax of `--wind`; omitted in still air.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wind: Option<String>,
-    /// The charge at the start, 0 to 1; left out when it was full.
+    /// Battery charge at the start, 0 to 1; omitted if full.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub battery: Option<f64>,
-    /// What the camera did to its pictures, as `--camera-effects` takes it; left out when nothing.
+    /// Camera effects, in the syntax of `--camera-effects`; omitted if none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_effects: Option<String>,
-    /// Answers that came when nobody waited for them any more.
+    /// Number of replies that arrived after their query was cancelled.
     pub late_replies: u32,
-    /// How old what was decided on was, with a real craft; left out where nothing was decided, and in the simulator.
+    /// Age of frames at decisions, for a real craft; omitted without decisions and in the simulator.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub glass_to_decision: Option<GlassToDecision>,
-    /// Files that could not be recorded, or not to their end; left out when all were.
+    /// Files that could not be recorded completely; omitted if there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_recorded: Vec<String>,
-    /// Kind and version of the prompt, when it is not the shipped one.
+    /// Kind and version of the prompt, if not the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prompt: Option<String>,
-    /// What asking took; left out when nobody was asked over a network.
+    /// VLM usage; omitted if nothing was sent over a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vlm_use: Option<VlmUse>,
 }

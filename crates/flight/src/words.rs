@@ -1,4 +1,4 @@
-//! Words for people: one place for how an outcome, a phase or a decision is said.
+//! Display text for outcomes, phases and decisions, in one place.
 
 use spf_core::avoid::Avoidance;
 use spf_core::pilot::{Decision, OperatorEvent, Outcome, Phase};
@@ -33,7 +33,7 @@ pub fn phase(phase: Phase) -> &'static str {
     }
 }
 
-/// What an operator did.
+/// An operator input.
 #[must_use]
 pub fn operator(event: &OperatorEvent) -> String {
     match event {
@@ -46,7 +46,7 @@ pub fn operator(event: &OperatorEvent) -> String {
     }
 }
 
-/// A way to look.
+/// A direction in which to look.
 #[must_use]
 pub fn look(look: Look) -> &'static str {
     match look {
@@ -58,7 +58,7 @@ pub fn look(look: Look) -> &'static str {
     }
 }
 
-/// A decision in one line: what was seen, where it pointed, depth label, step, primitives.
+/// A decision in one line: target, point, depth label, step, primitives.
 #[must_use]
 pub fn decision(decision: &Decision) -> String {
     let reading = &decision.reading;
@@ -113,7 +113,7 @@ pub fn decision(decision: &Decision) -> String {
     line
 }
 
-/// What asking a VLM took, on one line.
+/// VLM usage on one line.
 #[must_use]
 pub fn vlm_use(used: &VlmUse) -> String {
     let models: Vec<&str> = used.models.keys().map(String::as_str).collect();

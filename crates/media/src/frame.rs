@@ -1,10 +1,10 @@
-//! A picture in memory.
+//! An image in memory.
 
 use core::hash::Hasher as _;
 
 use fnv::FnvHasher;
 
-/// Why a buffer is no picture.
+/// Why a buffer is no image.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FrameError {
@@ -15,14 +15,14 @@ pub enum FrameError {
         width: u32,
         /// Height, pixels.
         height: u32,
-        /// Bytes that such a picture has.
+        /// Bytes that such an image has.
         needed: u64,
         /// Bytes given.
         actual: usize,
     },
 }
 
-/// A picture: 8-bit sRGB, rows from the top, pixels from the left, three bytes (red, green, blue) each, no padding.
+/// An image: 8-bit sRGB, rows from the top, pixels from the left, three bytes (red, green, blue) each, no padding.
 ///
 /// Invariant: `data` is `width × height × 3` bytes long. Width and height may be zero.
 #[derive(Clone, PartialEq, Eq)]
@@ -40,13 +40,13 @@ impl core::fmt::Debug for Rgb {
 }
 
 impl Rgb {
-    /// A black picture.
+    /// A black image.
     #[must_use]
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height, data: vec![0; width as usize * height as usize * 3] }
     }
 
-    /// A picture of one colour.
+    /// An image of one colour.
     #[must_use]
     pub fn filled(width: u32, height: u32, colour: [u8; 3]) -> Self {
         let mut picture = Self::new(width, height);
@@ -56,7 +56,7 @@ impl Rgb {
         picture
     }
 
-    /// A picture from its bytes.
+    /// An image from its bytes.
     ///
     /// # Errors
     /// [`FrameError::WrongLength`] if `data` is not `width × height × 3` bytes long.
@@ -100,14 +100,14 @@ impl Rgb {
         self.data
     }
 
-    /// The pixel `x` from the left and `y` from the top; `None` outside the picture.
+    /// The pixel `x` from the left and `y` from the top; `None` outside the image.
     #[must_use]
     pub fn pixel(&self, x: u32, y: u32) -> Option<[u8; 3]> {
         let at = self.offset(x, y)?;
         Some([self.data[at], self.data[at + 1], self.data[at + 2]])
     }
 
-    /// Sets a pixel; outside the picture nothing happens.
+    /// Sets a pixel; outside the image nothing happens.
     pub fn set_pixel(&mut self, x: u32, y: u32, colour: [u8; 3]) {
         if let Some(at) = self.offset(x, y) {
             self.data[at..at + 3].copy_from_slice(&colour);
@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn the_digest_tells_shapes_of_equal_bytes_apart() {
-        // FNV-1a of the eight size bytes of an empty picture, worked by the reference definition: eight zero bytes multiply
+        // FNV-1a of the eight size bytes of an empty image, worked by the reference definition: eight zero bytes multiply
         // the offset basis by the prime eight times.
         assert_eq!(Rgb::new(0, 0).digest(), 0xa8c7_f832_281a_39c5);
         assert_ne!(Rgb::new(2, 3).digest(), Rgb::new(3, 2).digest());

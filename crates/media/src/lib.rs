@@ -1,17 +1,17 @@
-//! Pixels: resize, JPEG and PNG, marks drawn on a picture, H.264.
+//! Pixels: resize, JPEG and PNG, marks drawn on an image, H.264.
 //!
-//! Works on pictures in memory and does no I/O. Everything here gives the same bytes for the same input on every x86-64
+//! Works on images in memory and does no I/O. Everything here gives the same bytes for the same input on every x86-64
 //! machine, whatever its vector units, because recorded frames are compared byte for byte between runs.
 //!
-//! The two types to know are [`Rgb`], a picture, and [`marks::Canvas`], which draws on one.
+//! The two types to know are [`Rgb`], an image, and [`marks::Canvas`], which draws on one.
 //!
 //! ```
 //! use spf_core::query::{ImagePoint, Mark};
 //! use spf_media::{Jpeg, Rgb, marks};
 //!
-//! let mut picture = Rgb::new(960, 720);
-//! marks::draw(&mut picture, &[Mark::Number { at: ImagePoint { u: 0.5, v: 0.4 }, number: 3 }]);
-//! let jpeg = Jpeg::encode(&picture, 90)?;
+//! let mut image = Rgb::new(960, 720);
+//! marks::draw(&mut image, &[Mark::Number { at: ImagePoint { u: 0.5, v: 0.4 }, number: 3 }]);
+//! let jpeg = Jpeg::encode(&image, 90)?;
 //! assert_eq!(&jpeg.bytes()[..2], &[0xff, 0xd8]);
 //! # Ok::<(), spf_media::EncodeError>(())
 //! ```

@@ -1,11 +1,11 @@
-//! PNG, for pictures that are kept: 8-bit colour, and 16-bit grey for depth and ids.
+//! PNG, for images that are kept: 8-bit colour, and 16-bit grey for depth and ids.
 
 use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
 
 use crate::frame::Rgb;
 use crate::jpeg::EncodeError;
 
-/// Encodes a colour picture.
+/// Encodes a colour image.
 ///
 /// # Errors
 /// [`EncodeError::Picture`] if a side is zero.
@@ -35,7 +35,7 @@ pub fn encode_rgba8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, E
     write(pixels, width, height, ColorType::Rgba, BitDepth::Eight)
 }
 
-/// Encodes a grey picture of 8 bits a pixel, rows from the top.
+/// Encodes a grey image of 8 bits a pixel, rows from the top.
 ///
 /// # Errors
 /// [`EncodeError::Picture`] if a side is zero.
@@ -46,7 +46,7 @@ pub fn encode_grey8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, E
     write(pixels, width, height, ColorType::Grayscale, BitDepth::Eight)
 }
 
-/// Encodes a grey picture of 16 bits a pixel, rows from the top.
+/// Encodes a grey image of 16 bits a pixel, rows from the top.
 ///
 /// # Errors
 /// [`EncodeError::Picture`] if a side is zero.

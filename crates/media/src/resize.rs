@@ -6,11 +6,11 @@ use fast_image_resize::{FilterType, ResizeAlg, ResizeOptions, Resizer};
 
 use crate::frame::Rgb;
 
-/// Scales pictures one after the other in the same memory.
+/// Scales images one after the other in the same memory.
 #[derive(Debug, Default)]
 pub struct Scaler {
     resizer: Resizer,
-    /// Of a picture that was given back.
+    /// Of an image that was given back.
     spare: Vec<u8>,
 }
 
@@ -41,16 +41,16 @@ impl Scaler {
         self.resizer.resize_typed(&from, &mut scaled, &options).expect("nothing is cut off");
     }
 
-    /// Takes the memory of a picture that is no longer wanted for the next one.
+    /// Takes the memory of an image that is no longer wanted for the next one.
     pub fn reuse(&mut self, picture: Rgb) {
         self.spare = picture.into_data();
     }
 }
 
-/// Scales a picture to `width × height` with an area-aware Catmull-Rom filter; the aspect ratio is the caller's business.
+/// Scales an image to `width × height` with an area-aware Catmull-Rom filter; the aspect ratio is the caller's business.
 ///
 /// The filter is a polynomial and the library adds up in whole numbers, so that no C library's `sin` and no CPU feature has a
-/// say in the pixels: with AVX2, SSE4.1 and neither they are the same. A picture or size of zero pixels gives a black picture of
+/// say in the pixels: with AVX2, SSE4.1 and neither they are the same. An image or size of zero pixels gives a black image of
 /// the size asked for.
 #[must_use]
 pub fn resize(picture: &Rgb, width: u32, height: u32) -> Rgb {

@@ -105,7 +105,7 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
 /// A full turn, but for what rounding takes, radians.
 const ALL_ROUND: f64 = 0.99 * core::f64::consts::TAU;
 
-/// The depth label of something at this range that fills this share of the picture's height, now and then off by two.
+/// The depth label of something at this range that fills this fraction of the image's height, now and then off by two.
 fn label_slipped(oracle: &Oracle, query: &Query, range: f64, share: f64) -> u8 {
     let label = label(&oracle.errors, range, share);
     let mut slip = oracle.by_query("label", query);
@@ -113,7 +113,7 @@ fn label_slipped(oracle: &Oracle, query: &Query, range: f64, share: f64) -> u8 {
     (i32::from(label) + off).clamp(1, i32::from(DEPTH_LABELS)) as u8
 }
 
-/// The depth label of something at this range that fills this share of the picture's height.
+/// The depth label of something at this range that fills this fraction of the image's height.
 pub(super) fn label(errors: &ErrorFile, range: f64, share: f64) -> u8 {
     let most = f64::from(DEPTH_LABELS);
     let label = match &errors.label.reading {
@@ -129,7 +129,7 @@ pub(super) fn label(errors: &ErrorFile, range: f64, share: f64) -> u8 {
 }
 
 impl View<'_> {
-    /// The objects seen, as the language compares them: all from the picture.
+    /// The objects seen, as the language compares them: all from the image.
     pub(super) fn items(&self) -> Vec<Item<'_>> {
         self.seen
             .iter()
@@ -154,7 +154,7 @@ impl View<'_> {
             .collect()
     }
 
-    /// The object a phrase means in this picture: best tag score, ties to the larger mask; at the error file's rate the most
+    /// The object a phrase means in this image: best tag score, ties to the larger mask; at the error file's rate the most
     /// similar other object instead.
     pub(super) fn find(&self, phrase: &Phrase) -> Option<&Thing> {
         self.find_among(phrase, |_| true)
@@ -192,7 +192,7 @@ impl View<'_> {
         Some(self.seen[best])
     }
 
-    /// Every object that a phrase may mean in this picture.
+    /// Every object that a phrase may mean in this image.
     pub(super) fn all(&self, phrase: &Phrase) -> Vec<&Thing> {
         meant(phrase, &self.items()).into_iter().map(|i| self.seen[i]).collect()
     }

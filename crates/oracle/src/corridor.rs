@@ -10,7 +10,7 @@ use super::percept::{Percept, Thing};
 
 /// The way to be flown.
 pub(super) struct Way<'a> {
-    /// Where it leads in the picture.
+    /// Where it leads in the image.
     pub(super) point: ImagePoint,
     /// How far, metres.
     pub(super) range: f64,
@@ -97,7 +97,7 @@ fn frames(thing: &Thing, way: &Way<'_>) -> bool {
     })
 }
 
-/// Half the corridor's width and height at a range, as shares of the picture.
+/// Half the corridor's width and height at a range, as fractions of the image.
 fn margin(oracle: &Oracle, percept: &Percept, range: f64) -> (f64, f64) {
     let camera = &percept.camera;
     let at = oracle.errors.boxes.corridor_m / range.max(0.1);
@@ -112,7 +112,7 @@ fn meets(oracle: &Oracle, percept: &Percept, point: ImagePoint, area: ImageBox, 
 }
 
 /// The place nearest to `point` to which the way is clear, and what stands in the way to it and to the places passed over on the
-/// looking for it: what is beside the way to one place is in the way to the next. Where the picture has no clear place it is
+/// looking for it: what is beside the way to one place is in the way to the next. Where the image has no clear place it is
 /// `point` itself.
 pub(super) fn around(
     oracle: &Oracle,
@@ -139,12 +139,12 @@ pub(super) fn around(
 /// Places tried: each but the last brings in a thing more.
 const PLACES: usize = 16;
 
-/// The place nearest to `point` that is clear of all boxes and their margins; `point` itself when the picture has none.
+/// The place nearest to `point` that is clear of all boxes and their margins; `point` itself when the image has none.
 pub(super) fn clear(oracle: &Oracle, percept: &Percept, point: ImagePoint, found: &[Found]) -> ImagePoint {
     free(oracle, percept, point, found).unwrap_or(point)
 }
 
-/// The same, or nothing when the picture has no such place.
+/// The same, or nothing when the image has no such place.
 pub(super) fn free(oracle: &Oracle, percept: &Percept, point: ImagePoint, found: &[Found]) -> Option<ImagePoint> {
     let walls: Vec<ImageBox> = found
         .iter()

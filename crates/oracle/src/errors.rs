@@ -108,9 +108,9 @@ pub struct SeenErrors {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointErrors {
-    /// As a share of the picture's width.
+    /// As a fraction of the image's width.
     pub width_share: f64,
-    /// As a share of the square root of the object's visible area.
+    /// As a fraction of the square root of the object's visible area.
     pub size_share: f64,
 }
 
@@ -128,7 +128,7 @@ pub struct LabelErrors {
     /// What a label means.
     #[serde(flatten)]
     pub reading: Reading,
-    /// Share of answers whose label is off by two, up or down.
+    /// Fraction of answers whose label is off by two, up or down.
     pub off_by_two: f64,
 }
 
@@ -146,7 +146,7 @@ pub enum Reading {
         /// Range of label 10, metres.
         farthest_m: f64,
     },
-    /// Linear in the share of the picture's height that the object fills.
+    /// Linear in the fraction of the image's height that the object fills.
     Size {
         /// Share that reads as 1.
         share_at_1: f64,
@@ -155,7 +155,7 @@ pub enum Reading {
     },
     /// The greatest label whose length is at most `share · range`.
     IntendedTravel {
-        /// Share of the range meant to be flown.
+        /// Fraction of the range meant to be flown.
         share: f64,
         /// Length of each label, metres, ascending.
         lengths_m: [f64; DEPTH_LABELS as usize],
@@ -166,7 +166,7 @@ pub enum Reading {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WhichErrors {
-    /// Share of answers that take the most similar visible object instead.
+    /// Fraction of answers that take the most similar visible object instead.
     pub confused: f64,
 }
 
@@ -182,9 +182,9 @@ pub struct DoneErrors {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoxErrors {
-    /// Share of obstacles not reported.
+    /// Fraction of obstacles not reported.
     pub missed: f64,
-    /// Share of frames with a box around nothing.
+    /// Fraction of frames with a box around nothing.
     pub spurious: f64,
     /// Half the width of the corridor that must be free, metres: what a looker thinks a drone needs.
     pub corridor_m: f64,

@@ -43,7 +43,7 @@ pub(super) fn done(aim: &Aim) -> String {
     json!({ "done": aim.done, "stage": aim.stage }).to_string()
 }
 
-/// One line an object: `name_id x:… y:… width:… height:… color:…`, shares of the picture to two decimals. `coco`: only objects of
+/// One line an object: `name_id x:… y:… width:… height:… color:…`, fractions of the image to two decimals. `coco`: only objects of
 /// COCO's classes, by the names of those.
 pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a Thing>, coco: bool) -> String {
     let mut out = String::new();
@@ -150,7 +150,7 @@ fn listed<'a>(phrase: &Phrase, list: &'a [Listed]) -> Vec<&'a Listed> {
 }
 
 /// A MiniSpec program for the part of the instruction that is being worked on: turn to its target and approach it, or search where
-/// it is not listed. The planner knows what of a box is the thing's size: a large one that fills half the picture is still far.
+/// it is not listed. The planner knows what of a box is the thing's size: a large one that fills half the image is still far.
 pub(super) fn program(query: &Query) -> String {
     let list = detections(&query.detections);
     let instruction = parse(&query.instruction, &vocabulary(list.iter().map(|d| &d.tags)));
@@ -180,7 +180,7 @@ pub(super) fn program(query: &Query) -> String {
     out
 }
 
-/// A box whose middle is lower than this in the picture is sunk to …
+/// A box whose middle is lower than this in the image is sunk to …
 const LOW: f64 = 0.65;
 /// … and one whose middle is higher than this climbed to.
 const HIGH: f64 = 0.3;

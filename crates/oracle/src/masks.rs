@@ -1,7 +1,7 @@
-//! Masks of an id picture in one pass: area, bounds, which edges cut it, and the pixel deepest inside.
+//! Masks of an id image in one pass: area, bounds, which edges cut it, and the pixel deepest inside.
 //!
 //! *Deepest* is the middle of the largest square of the mask (chessboard distance to the nearest pixel that is not of the
-//! mask, the picture's edge included); among equal squares the one nearest to the mask's centroid. The centroid itself would
+//! mask, the image's edge included); among equal squares the one nearest to the mask's centroid. The centroid itself would
 //! be air on a lattice.
 
 use spf_core::reply::Look;
@@ -23,7 +23,7 @@ pub struct Mask {
     pub bottom: usize,
     /// Column and row of the pixel deepest inside.
     pub deepest: (usize, usize),
-    /// Pixels on the left edge of the picture, the right, the upper, the lower.
+    /// Pixels on the left edge of the image, the right, the upper, the lower.
     edges: [u64; 4],
     /// Sums of columns and rows, for the centroid.
     sums: (u64, u64),
@@ -32,9 +32,9 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// The edge of the picture with most pixels of the mask on it.
+    /// The edge of the image with most pixels of the mask on it.
     pub(super) fn cut(&self, width: usize, height: usize) -> Option<Look> {
-        // As a share of the edge's length, so that the longer edge has no advantage.
+        // As a fraction of the edge's length, so that the longer edge has no advantage.
         let share = |i: usize| self.edges[i] as f64 / if i < 2 { height as f64 } else { width as f64 };
         let looks = [Look::Left, Look::Right, Look::Up, Look::Down];
         (0..4)
@@ -58,7 +58,7 @@ struct Run {
     side: u16,
 }
 
-/// All masks of an id picture in ascending order of id; id 0 is nothing. `ids` is whole rows of `width`, at most 65535 a side.
+/// All masks of an id image in ascending order of id; id 0 is nothing. `ids` is whole rows of `width`, at most 65535 a side.
 #[must_use]
 pub fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
     if width == 0 || ids.iter().all(|&id| id == 0) {
@@ -181,7 +181,7 @@ fn place(ids: &[u16], width: usize, found: &mut [Mask], runs: &[Run]) {
 }
 
 /// Columns of the stretch `first..end` of `row` at which a square of side `side` of the same id ends. Rows of one id are
-/// counted anew here, for keeping every side of the picture would cost more than looking again at a handful of stretches.
+/// counted anew here, for keeping every side of the image would cost more than looking again at a handful of stretches.
 fn ends_of_squares(ids: &[u16], width: usize, row: usize, first: usize, end: usize, side: u16) -> Vec<usize> {
     let side = usize::from(side);
     let id = ids[row * width + first];

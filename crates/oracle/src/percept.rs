@@ -17,7 +17,7 @@ use super::masks::{Mask, end_of_run, masks};
 /// Size at which the visible pixels of an object are counted unless the query names another (`docs/explanation/oracle.md`).
 pub const SIZE_SENT: (u32, u32) = (960, 720);
 
-/// The pictures of one frame, and the two things that pixels alone do not tell.
+/// The images of one frame, and the two things that pixels alone do not tell.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight<'a> {
     /// Width, pixels.
@@ -34,7 +34,7 @@ pub struct Sight<'a> {
     pub opening_depth: &'a [f32],
     /// The camera that took them.
     pub camera: &'a Camera,
-    /// Share of an object's silhouette that lies inside the frame, 0..=1; an object that is not listed is wholly inside.
+    /// Fraction of an object's silhouette that lies inside the frame, 0..=1; an object that is not listed is wholly inside.
     pub in_frame: &'a BTreeMap<u16, f32>,
     /// Light on an object, 0 dark ..= 1 daylight; an object that is not listed is in daylight.
     pub light: &'a BTreeMap<u16, f32>,
@@ -57,11 +57,11 @@ pub struct Thing {
     pub range: f64,
     /// Range of its nearest visible surface, with the same noise, metres: what tells whether one has arrived.
     pub nearest: f64,
-    /// Range of what is seen at `deepest` in the ordinary picture, metres: through an opening, what lies beyond it.
+    /// Range of what is seen at `deepest` in the ordinary image, metres: through an opening, what lies beyond it.
     pub beyond: f64,
     /// Whether it counts as in view: high enough and enough of it inside the frame.
     pub in_view: bool,
-    /// The edge of the picture that cuts it most.
+    /// The edge of the image that cuts it most.
     pub cut: Option<Look>,
     /// Square root of its visible pixels at [`SIZE_SENT`], dimmed by the light on it.
     size: f64,
@@ -78,11 +78,11 @@ pub struct Percept {
     pub frame: FrameId,
     /// The camera that took it.
     pub camera: Camera,
-    /// Row of the picture that is level with the craft, as a share from the top: the horizon where ground is seen up to it.
+    /// Row of the image that is level with the craft, as a fraction from the top: the horizon where ground is seen up to it.
     pub level: f64,
     /// Range up to which a craft finds room straight on, metres; infinite where nothing stands there. For flying on straight.
     pub ahead: f64,
-    /// Where the picture shows the most room for a level way, and its range, metres, at most 40.
+    /// Where the image shows the most room for a level way, and its range, metres, at most 40.
     pub open: (ImagePoint, f64),
     pub(super) things: Vec<Thing>,
     /// All words of the scene's tags, seen or not: an instruction is read alike in every frame.
@@ -107,7 +107,7 @@ impl Percept {
         Self { frame, camera: *sight.camera, level, ahead, open, things, words }
     }
 
-    /// The objects noticed when the picture is sent at `size`; [`SIZE_SENT`] when none is named.
+    /// The objects noticed when the image is sent at `size`; [`SIZE_SENT`] when none is named.
     pub fn seen<'a>(&'a self, errors: &'a ErrorFile, size: Option<(u32, u32)>) -> impl Iterator<Item = &'a Thing> {
         self.seen_with_chance(errors, size).map(|(thing, _)| thing)
     }
@@ -140,7 +140,7 @@ pub(super) fn logistic(x: f64, width: f64) -> f64 {
     if width > 0.0 { 1.0 / (1.0 + exp(-x / width)) } else { f64::from(u8::from(x >= 0.0)) }
 }
 
-/// The tagged things of the ordinary picture in ascending order of id, or those of the picture of openings.
+/// The tagged things of the ordinary image in ascending order of id, or those of the image of openings.
 fn things(of: (&ErrorFile, u64, FrameId), sight: &Sight<'_>, tags: &[Tagged], opening: bool) -> Vec<Thing> {
     let (errors, seed, frame) = of;
     let (w, h) = (sight.width, sight.height);
@@ -159,7 +159,7 @@ fn things(of: (&ErrorFile, u64, FrameId), sight: &Sight<'_>, tags: &[Tagged], op
     .collect()
 }
 
-/// `depth` is that of the picture which shows the thing, and the distance to its nearest surface there.
+/// `depth` is that of the image which shows the thing, and the distance to its nearest surface there.
 fn thing(
     errors: &ErrorFile,
     seed: u64,
@@ -211,7 +211,7 @@ fn thing(
     }
 }
 
-/// Straight-line distance to the nearest visible surface of each object of an id picture, metres, by id up to `most`.
+/// Straight-line distance to the nearest visible surface of each object of an id image, metres, by id up to `most`.
 fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64> {
     let (w, h) = (sight.width, sight.height);
     // Squared, with what only the row and only the column has to say kept apart.
@@ -253,7 +253,7 @@ fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64>
 
 /// Half the width that a craft takes up straight on, metres: a craft of 0.3 m radius and as much again.
 const ROOM_M: f64 = 0.6;
-/// Pixels from one look to the next across the picture.
+/// Pixels from one look to the next across the image.
 const ROOM_STEP: usize = 4;
 
 /// Where a level way leads: the row in which the ground ends in half of the columns that show it, for a hill reaches higher in
@@ -276,10 +276,10 @@ fn level(sight: &Sight<'_>, tags: &[Tagged]) -> f64 {
 /// Columns from one look for the horizon to the next.
 const HORIZON_STEP: usize = 16;
 
-/// The horizon is not looked for above this share of the picture: a slope may reach higher.
+/// The horizon is not looked for above this fraction of the image: a slope may reach higher.
 const HIGHEST_HORIZON: f64 = 0.25;
 
-/// What stands in level ways: for looks across the picture the nearest surface that reaches within [`ROOM_M`] of level.
+/// What stands in level ways: for looks across the image the nearest surface that reaches within [`ROOM_M`] of level.
 struct Walls<'a> {
     camera: &'a Camera,
     /// Column and distance along the optical axis.
@@ -311,7 +311,7 @@ impl<'a> Walls<'a> {
         near.fold(f64::INFINITY, |least, (_, depth)| least.min(*depth))
     }
 
-    /// Of several ways across the picture the one with the most room, the most central of equals, and how much.
+    /// Of several ways across the image the one with the most room, the most central of equals, and how much.
     fn most_open(&self, level: f64) -> (ImagePoint, f64) {
         let ways = [0.5, 0.35, 0.65, 0.2, 0.8, 0.05, 0.95];
         let mut best = (ImagePoint { u: 0.5, v: level }, 0.0);

@@ -26,7 +26,7 @@ pub(super) struct Place {
     pub(super) point: ImagePoint,
     /// Range, metres.
     pub(super) range: f64,
-    /// Share of the picture's height that it fills.
+    /// Fraction of the image's height that it fills.
     pub(super) share: f64,
     /// The opening that it lies in or beyond: its box and range, metres.
     pub(super) opening: Option<(ImageBox, f64)>,
@@ -68,9 +68,9 @@ enum Step {
     On,
     /// Beside it, so that it is passed on the right; met when it is out of view.
     Beside,
-    /// Turn right by half a picture, until it is back in view.
+    /// Turn right by half an image, until it is back in view.
     Regain,
-    /// Higher; met when its top is in the lower part of the picture.
+    /// Higher; met when its top is in the lower part of the image.
     Above,
     /// Over it; met when it is out of view.
     Across,
@@ -90,7 +90,7 @@ fn steps(verb: Verb) -> Vec<Step> {
         Verb::Through => vec![Opening, Pass, Beyond, On, On, On, On],
         Verb::Around => [Approach(3.0)].into_iter().chain([SIDE; SIDES].into_iter().flatten()).collect(),
         Verb::Behind => [Approach(3.0)].into_iter().chain(SIDE).chain([Beside, On, On]).collect(),
-        // What leaves the picture below still lies between here and the far side.
+        // What leaves the image below still lies between here and the far side.
         Verb::Over => [Above, Across].into_iter().chain([On; 10]).collect(),
         Verb::Up => vec![Above, Summit],
         Verb::Scan => vec![Turn],
@@ -98,7 +98,7 @@ fn steps(verb: Verb) -> Vec<Step> {
     }
 }
 
-/// Along a side and past its end: what leaves the picture on the right is still ahead.
+/// Along a side and past its end: what leaves the image on the right is still ahead.
 const SIDE: [Step; 5] = [Step::Beside, Step::On, Step::On, Step::On, Step::Regain];
 
 /// Sides to a way round: each turns by about 45°, for the way is cut shorter the nearer one comes.
@@ -231,12 +231,12 @@ fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<
     let find = || if stage.another { another(phrase, begins, view) } else { view.find(phrase) };
     match stage.step {
         Step::Turn => {
-            // A full turn less half a picture, which the first and the last look share.
+            // A full turn less half an image, which the first and the last look share.
             let round = view.query.memory.turned.abs() >= 0.9 * core::f64::consts::TAU;
             (if round { Met::Yes(None) } else { Met::Look(Look::Right) }, None)
         }
         Step::Beyond => {
-            // The walls of what one is inside of fill the picture; something left behind is out of view.
+            // The walls of what one is inside of fill the image; something left behind is out of view.
             let (thing, _) = sighting(whole(phrase, view));
             (if thing.is_some() { Met::Go(ahead(view)) } else { Met::Yes(Some(ahead(view))) }, None)
         }
@@ -278,7 +278,7 @@ fn in_view(step: Step, thing: &Thing, view: &View<'_>) -> Met {
         Step::Regain => Met::Yes(Some(here)),
         Step::Beside => Met::Go(beside(thing, view)),
         Step::Above => {
-            // A top that leaves the picture calls for climbing; one in the lower part is flown over.
+            // A top that leaves the image calls for climbing; one in the lower part is flown over.
             if thing.bounds.top <= 0.0 {
                 Met::Look(Look::Up)
             } else if thing.bounds.top > 0.55 {
@@ -301,7 +301,7 @@ fn out_of_view(step: Step, phrase: &Phrase, lost: Option<Look>, view: &View<'_>)
     match step {
         Step::Beside => Met::Yes(None),
         Step::Across => Met::Yes(Some(ahead(view))),
-        // Gone round on its left, it lies to the right, and mostly half a picture away; what is not there is searched for, since a
+        // Gone round on its left, it lies to the right, and mostly half an image away; what is not there is searched for, since a
         // search ends.
         Step::Regain if view.query.memory.targets.last().is_some_and(|last| *last == phrase.nouns.join(" ")) => {
             Met::Look(Look::Right)
@@ -393,7 +393,7 @@ fn through(opening: &Thing) -> Place {
 /// How far on a place beyond is chosen at most, metres.
 const MOVE_M: f64 = 10.0;
 
-/// Where an edge of the picture is pointed at, right where one stands: a turn by half a picture.
+/// Where an edge of the image is pointed at, right where one stands: a turn by half an image.
 fn edge(u: f64, view: &View<'_>) -> Place {
     Place { point: ImagePoint { u, v: view.percept.level }, range: 1.0, share: 0.0, opening: None }
 }
@@ -427,7 +427,7 @@ fn ahead(view: &View<'_>) -> Place {
     Place { point: ImagePoint { u: 0.5, v: view.percept.level }, range: range.min(MOVE_M), share: 0.0, opening: None }
 }
 
-/// Left of the thing by one and a half times `near` metres at its range; along the picture's edge where it is cut by that.
+/// Left of the thing by one and a half times `near` metres at its range; along the image's edge where it is cut by that.
 fn beside(thing: &Thing, view: &View<'_>) -> Place {
     if thing.bounds.left <= 0.0 {
         return edge(0.0, view);
@@ -444,7 +444,7 @@ fn summit(thing: &Thing) -> Place {
     Place { point: ImagePoint { u, v: (thing.bounds.top + 0.02).min(1.0) }, ..place(thing) }
 }
 
-/// Above its top by a tenth of the picture, in the middle of its width.
+/// Above its top by a tenth of the image, in the middle of its width.
 fn over(thing: &Thing) -> Place {
     let u = 0.5 * (thing.bounds.left + thing.bounds.right);
     Place { point: ImagePoint { u, v: (thing.bounds.top - 0.1).max(0.0) }, ..place(thing) }

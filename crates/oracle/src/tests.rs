@@ -12,7 +12,7 @@ use super::*;
 const W: usize = 960;
 const H: usize = 720;
 
-/// A picture painted by hand: rectangles of one id and depth, later ones in front.
+/// An image painted by hand: rectangles of one id and depth, later ones in front.
 struct Painting {
     ids: Vec<u16>,
     depth: Vec<f32>,
@@ -134,7 +134,7 @@ fn an_object_cut_by_the_edge_is_looked_for_beyond_it() {
     painting.in_frame.insert(1, 0.2);
     let reply = ask(&oracle, &painting, &at);
     assert_eq!((reply.status, reply.look), (Status::NotVisible, Some(Look::Left)));
-    // What fills a tenth of the picture is in view however much of it is outside.
+    // What fills a tenth of the image is in view however much of it is outside.
     let mut painting = Painting::new().with(tagged(1, "building", "building", "grey"), 0..960, 0..72, 9.0);
     painting.in_frame.insert(1, 0.1);
     assert_eq!(ask(&oracle, &painting, &query(0, POINT, "go to the building")).status, Status::Navigating);

@@ -1,6 +1,6 @@
-//! What drawings of flights and of results have in common.
+//! Helpers for drawings of flights and of results.
 
-/// A way without the places that lie nearer than half a unit to the one before that stays; the last always stays.
+/// Removes points closer than half a unit to the previous point kept; the last point is always kept.
 #[must_use]
 pub fn thinned(places: impl IntoIterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     let mut kept: Vec<[f64; 2]> = Vec::new();
@@ -16,7 +16,7 @@ pub fn thinned(places: impl IntoIterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     kept
 }
 
-/// A text that is no longer than so many letters.
+/// Truncates a text to at most `most` characters.
 #[must_use]
 pub fn shortened(text: &str, most: usize) -> String {
     if text.chars().count() <= most {

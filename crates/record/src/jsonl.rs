@@ -1,4 +1,4 @@
-//! JSON lines: one value a line, on disk as soon as it is pushed.
+//! JSON Lines files, written line by line.
 
 use std::fs::File;
 use std::io::Write;
@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use crate::out_dir::FileError;
 
-/// Writes `decisions.jsonl` and its like. Every row is handed to the system whole before `push` returns, so a run that is
-/// killed leaves whole lines only.
+/// Writes files such as `decisions.jsonl`. Each row is passed to the operating system as a whole before `push` returns,
+/// so a process that is killed leaves only complete lines.
 #[derive(Debug)]
 pub struct JsonLines {
     path: PathBuf,
@@ -19,19 +19,20 @@ pub struct JsonLines {
 }
 
 impl JsonLines {
-    /// Starts the file at `path`, empty.
+    /// Creates an empty file at `path`.
     ///
     /// # Errors
-    /// [`FileError::Write`].
+    /// [`FileError::Write`] if it cannot be created.
     pub fn create(path: &Path) -> Result<Self, FileError> {
         let file = File::create(path).map_err(|source| FileError::Write { path: path.to_owned(), source })?;
         Ok(Self { path: path.to_owned(), file, line: Vec::new(), rows: 0 })
     }
 
-    /// Appends a row. Numbers that are not finite become `null`.
+    /// Appends a row. Non-finite numbers become `null`.
     ///
     /// # Errors
-    /// [`FileError::Json`] if the row has no JSON form (nothing is written then), [`FileError::Write`].
+    /// [`FileError::Json`] if the row has no JSON form (nothing is written then), [`FileError::Write`] if writing
+    /// fails.
     pub fn push<T: Serialize>(&mut self, row: &T) -> Result<(), FileError> {
         self.line.clear();
         serde_json::to_writer(&mut self.line, row).map_err(|source| FileError::Json { path: self.path.clone(), source })?;
@@ -41,13 +42,13 @@ impl JsonLines {
         Ok(())
     }
 
-    /// Rows written so far.
+    /// Number of rows written so far.
     #[must_use]
     pub const fn rows(&self) -> u64 {
         self.rows
     }
 
-    /// The file.
+    /// Path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

@@ -1,9 +1,10 @@
 //! Flight files: log, video, trajectory picture, decisions, summary (`docs/reference/flight-files.md`).
 //!
-//! Every time is flight time, and the same flight gives the same bytes; only the log knows the wall clock, by which it closes its
-//! chunks and which it notes once. A file that cannot be written is an error value; the caller reports it and flies on.
+//! All times are flight time, and equal flights give equal bytes. Only the log uses the wall clock: it closes its
+//! chunks by it and records it once. A file that cannot be written results in an error value, which the caller reports
+//! without ending the flight.
 //!
-//! The types to know are [`OutDir`], the folder of one flight, [`Log`] and [`VideoWriter`].
+//! The main types are [`OutDir`], the folder of one flight, [`Log`] and [`VideoWriter`].
 
 pub mod drawing;
 pub mod jsonl;

@@ -1,4 +1,4 @@
-//! The folder that a flight leaves its files in.
+//! The output folder of a flight.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -6,26 +6,26 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-/// Folder, below the working directory, that flights are kept in unless another is named.
+/// Default parent folder of flights, below the working directory.
 pub const FLIGHTS: &str = "flights";
 
-/// File that tells that a folder is taken: every flight has it, and only one run can be the one that makes it.
+/// File that marks a folder as taken: every flight has it, and only one process can create it.
 const CLAIM: &str = "decisions.jsonl";
 
-/// Why there is no folder to write to.
+/// Why an output folder could not be created.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OutDirError {
-    /// The folder cannot be made or read.
+    /// The folder could not be created or read.
     #[error("cannot use the folder `{path}` for the flight's files")]
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system said.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// The folder that was named holds something already, perhaps another flight.
+    /// The given folder is not empty; it may hold another flight.
     #[error("the folder `{path}` is not empty")]
     NotEmpty {
         /// The folder.
@@ -37,35 +37,35 @@ pub enum OutDirError {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FileError {
-    /// The system refused.
+    /// Writing failed.
     #[error("cannot write `{path}`: check the space on the disk and the rights of its folder")]
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// The value has no JSON form: a map with keys that are no strings.
+    /// The value has no JSON form: a map with keys that are not strings.
     #[error("cannot write `{path}`: its content has no JSON form")]
     Json {
         /// The file.
         path: PathBuf,
-        /// What the serialiser said.
+        /// The cause.
         #[source]
         source: serde_json::Error,
     },
 }
 
-/// A folder that belongs to one flight.
+/// The output folder of one flight.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OutDir {
     path: PathBuf,
 }
 
 impl OutDir {
-    /// Takes the folder `named`, or without one a fresh `flights/NNN-slug` below the working directory, where the slug comes
-    /// from `hint` (the instruction). Two runs at once never get the same folder.
+    /// Takes the folder `named`, or a new folder `flights/NNN-slug` below the working directory, with a slug made from
+    /// `hint` (the instruction). Concurrent processes never get the same folder.
     ///
     /// # Errors
     /// See [`OutDir::at`] and [`OutDir::fresh`].
@@ -73,10 +73,10 @@ impl OutDir {
         named.map_or_else(|| Self::fresh(Path::new(FLIGHTS), hint), Self::at)
     }
 
-    /// Makes a fresh folder `NNN-slug` in `base`, numbered after the highest there.
+    /// Creates a new folder `NNN-slug` in `base`, numbered after the highest number there.
     ///
     /// # Errors
-    /// [`OutDirError::Folder`] if it cannot be made.
+    /// [`OutDirError::Folder`] if it cannot be created.
     pub fn fresh(base: &Path, hint: &str) -> Result<Self, OutDirError> {
         let failed = |path: &Path| {
             let path = path.to_owned();
@@ -89,17 +89,17 @@ impl OutDir {
             let path = base.join(if slug.is_empty() { format!("{number:03}") } else { format!("{number:03}-{slug}") });
             match fs::create_dir(&path) {
                 Ok(()) => return Ok(Self { path }),
-                // Another run was faster: making the folder is the lock.
+                // Another process was faster: creating the folder acts as the lock.
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => number += 1,
                 Err(error) => return Err(failed(&path)(error)),
             }
         }
     }
 
-    /// Takes the folder `path`, which is made if it does not exist and must be empty if it does.
+    /// Takes the folder `path`: created if it does not exist, otherwise it must be empty.
     ///
     /// # Errors
-    /// [`OutDirError::NotEmpty`], [`OutDirError::Folder`].
+    /// [`OutDirError::NotEmpty`] if it is not empty, [`OutDirError::Folder`] if it cannot be created or read.
     pub fn at(path: &Path) -> Result<Self, OutDirError> {
         let failed = |source| OutDirError::Folder { path: path.to_owned(), source };
         fs::create_dir_all(path).map_err(failed)?;
@@ -113,22 +113,22 @@ impl OutDir {
         }
     }
 
-    /// The folder.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The path of the file `name` in it.
+    /// Path of the file `name` in it.
     #[must_use]
     pub fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 
-    /// Writes a whole file: it is there complete or not at all, also when the machine stops in between.
+    /// Writes a file atomically: it is complete or absent, even after a power failure.
     ///
     /// # Errors
-    /// [`FileError::Write`].
+    /// [`FileError::Write`] if writing fails.
     pub fn write(&self, name: &str, content: &[u8]) -> Result<(), FileError> {
         let path = self.file(name);
         let beside = self.file(&format!(".{name}.part"));
@@ -139,17 +139,17 @@ impl OutDir {
             fs::rename(&beside, &path)
         })();
         written.map_err(|source| {
-            // The part is of no use to anybody; that it cannot be removed either adds nothing to the error.
+            // The partial file is useless; a failure to remove it adds nothing to the error.
             fs::remove_file(&beside).ok();
             FileError::Write { path, source }
         })
     }
 
-    /// Writes a value as indented JSON with a final line end. Keys stand in the order of the type's fields (of a map: in
-    /// the map's own), so equal values give equal bytes; numbers that are not finite become `null`.
+    /// Writes a value as indented JSON with a final newline. Keys are in field order (for maps: in the map's order), so
+    /// equal values give equal bytes; non-finite numbers become `null`.
     ///
     /// # Errors
-    /// [`FileError::Write`], [`FileError::Json`].
+    /// [`FileError::Write`] if writing fails, [`FileError::Json`] if the value has no JSON form.
     pub fn write_json<T: Serialize>(&self, name: &str, value: &T) -> Result<(), FileError> {
         let mut text = serde_json::to_vec_pretty(value).map_err(|source| FileError::Json { path: self.file(name), source })?;
         text.push(b'\n');
@@ -165,14 +165,14 @@ impl OutDir {
     }
 }
 
-/// The highest number that the name of an entry of `base` starts with; 0 without any.
+/// The highest number with which the name of an entry of `base` starts; 0 if there is none.
 fn highest_number(base: &Path) -> io::Result<u64> {
     let mut highest = 0;
     for entry in fs::read_dir(base)? {
         let name = entry?.file_name();
         let name = name.to_string_lossy();
         let digits = name.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();
-        // Longer numbers are somebody else's naming, such as dates; counting on from them would be no help.
+        // Longer numbers come from other naming schemes, such as dates, and should not be continued.
         if digits.len() <= 6 {
             highest = highest.max(digits.parse().unwrap_or(0));
         }

@@ -15,7 +15,7 @@ use super::visibility::{self, Map, centres};
 /// Cells along the longer side, at most, and layers.
 const CELLS: usize = 192;
 const LAYERS: usize = 24;
-/// Least side of a cell, metres.
+/// Minimum side of a cell, metres.
 const FINEST: f32 = 0.4;
 /// Openness of a place that sees no sky: light gets about corners.
 const CLOSED: f32 = 0.09;
@@ -63,7 +63,7 @@ impl Survey {
         Vec3::new(p.x, p.y, p.z.max(self.ground[row * self.columns + column] + ABOVE))
     }
 
-    /// The share of the sky that each of these sees, in steps of 1/255. A map after the other: neighbours read the same part.
+    /// The fraction of the sky that each of these sees, in steps of 1/255. A map after the other: neighbours read the same part.
     fn openness(&self, points: &[Vec3]) -> Vec<u8> {
         let share = 255.0 / DIRECTIONS as f32;
         let mut seen = vec![0u8; points.len()];

@@ -26,7 +26,7 @@ pub(crate) struct Facet<T> {
     /// Cosine of the plane to the sun.
     pub(crate) faces_sun: T,
     pub(crate) receiver: Receiver<T>,
-    /// Share of the sun's light, and light of sky and ground, on the flat plane, before anything stands between.
+    /// Fraction of the sun's light, and light of sky and ground, on the flat plane, before anything stands between.
     pub(crate) direct: T,
     pub(crate) ambient: V3<T>,
 }

@@ -6,7 +6,7 @@ use super::shade::Shader;
 /// Answers kept, a power of two.
 const KEPT: usize = 256;
 
-/// Answers about pairs of triangles in one picture.
+/// Answers about pairs of triangles in one image.
 #[derive(Debug)]
 pub(crate) struct Joins {
     answers: Vec<(u32, u32, bool)>,

@@ -18,11 +18,11 @@ use super::walls::{Lattice, Walls};
 
 /// Points of the lattice, at most about; it takes eight bytes for each.
 const POINTS: f32 = 1_000_000.0;
-/// Least distance of points, metres.
+/// Minimum distance of points, metres.
 const FINEST: f32 = 0.3;
 /// Brightest light that is kept, in units of the sun's.
 const BRIGHTEST: f32 = 4.0;
-/// Share of the light on walls that they give back, over what of it points at other walls.
+/// Fraction of the light on walls that they give back, over what of it points at other walls.
 const BOUNCED: f32 = 0.75;
 /// How far bounced light is looked for, metres.
 const BOUNCE_REACH: f32 = 7.0;

@@ -23,7 +23,7 @@ pub(crate) type U<S> = u32x8<S>;
 /// Yes or no for each pixel.
 pub(crate) type M<S> = mask32x8<S>;
 
-/// The instructions that compute pictures.
+/// The instructions that compute images.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instructions(pub(crate) Level);
 

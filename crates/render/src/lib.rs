@@ -1,11 +1,11 @@
-//! The renderer: pictures of a scene, on the CPU, the same bits on every machine and number of threads.
+//! The renderer: images of a scene, on the CPU, the same bits on every machine and number of threads.
 //!
 //! Visibility first (which triangle is nearest at each pixel), then colour once for each pixel that is seen, then four more
 //! samples where surfaces meet. Tiles are independent of one another; all arithmetic is single-precision addition,
 //! multiplication, division and square root, without fused operations, and integers for edges; the rest are tables from `libm`.
 //!
-//! The two types to know are [`Renderer`], a scene prepared for drawing, and [`Picture`], its channels. [`effects`] makes of a picture
-//! what a craft's camera would have sent, and [`surroundings`] are the pictures to all sides. It refuses nothing:
+//! The two types to know are [`Renderer`], a scene prepared for drawing, and [`Picture`], its channels. [`effects`] makes of an image
+//! what a craft's camera would have sent, and [`surroundings`] are the images to all sides. It refuses nothing:
 //! a camera of more than [`MAX_SIDE`] pixels a side is drawn up to that, and a texture that is not there is white.
 
 mod ambient;
@@ -64,13 +64,13 @@ use spf_scene::texture::Texture;
 pub use view::Frustum;
 use view::View;
 
-/// The greatest width and height of a picture, pixels; a larger camera is drawn up to this.
+/// The greatest width and height of an image, pixels; a larger camera is drawn up to this.
 pub const MAX_SIDE: u32 = 8192;
 
 /// What is drawn: nothing that is not asked for costs anything.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Channels {
-    /// The colour picture.
+    /// The colour image.
     pub rgb: bool,
     /// Metres along the optical axis.
     pub depth: bool,
@@ -78,11 +78,11 @@ pub struct Channels {
     pub ids: bool,
     /// The second pair, ids and depth, of openings.
     pub openings: bool,
-    /// How fine the colour picture is.
+    /// How fine the colour image is.
     pub quality: Quality,
 }
 
-/// How fine a colour picture is. Other channels do not depend on it.
+/// How fine a colour image is. Other channels do not depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
     /// With smooth edges: what is recorded and what a VLM is sent.
@@ -102,7 +102,7 @@ impl Channels {
     pub const ALL: Self = Self { rgb: true, ..Self::TRUTH };
 }
 
-/// What only colour needs of a scene, made when the first colour picture is asked for.
+/// What only colour needs of a scene, made when the first colour image is asked for.
 #[derive(Debug)]
 struct Palette {
     sky: Sky,
@@ -120,7 +120,7 @@ struct Palette {
     developed: Developed,
 }
 
-/// A scene prepared for drawing. Shared between threads by reference; one picture already uses all threads of the current
+/// A scene prepared for drawing. Shared between threads by reference; one image already uses all threads of the current
 /// rayon pool.
 #[derive(Debug)]
 pub struct Renderer {
@@ -134,7 +134,7 @@ pub struct Renderer {
     instructions: Instructions,
 }
 
-/// Memory that is used again from picture to picture. Samples are kept tile after tile.
+/// Memory that is used again from image to image. Samples are kept tile after tile.
 #[derive(Debug, Default)]
 struct Scratch {
     solid: Bins,
@@ -163,7 +163,7 @@ impl Renderer {
     }
 
     /// Draws with the instructions that every machine of this kind has, and not with wider vectors where there are any. The
-    /// pictures are the same, bit for bit, and take longer: this is there to show so.
+    /// images are the same, bit for bit, and take longer: this is there to show so.
     #[must_use]
     pub fn with_plain_instructions(self) -> Self {
         Self { instructions: Instructions::plain(), ..self }
@@ -175,7 +175,7 @@ impl Renderer {
         self.soup.triangles.len()
     }
 
-    /// A new picture from `pose`. Lens distortion is not drawn: the picture is that of the undistorted camera.
+    /// A new image from `pose`. Lens distortion is not drawn: the image is that of the undistorted camera.
     #[must_use]
     pub fn render(&self, camera: &Camera, pose: &Pose, channels: Channels) -> Picture {
         let mut picture = Picture::default();
@@ -183,7 +183,7 @@ impl Renderer {
         picture
     }
 
-    /// Draws into `picture`, whose memory is used again; `actors` are parts that this picture alone has (things that move), in
+    /// Draws into `picture`, whose memory is used again; `actors` are parts that this image alone has (things that move), in
     /// world coordinates, with materials of the scene. Actors stand in the scene's shadows but cast none.
     pub fn render_into(&self, camera: &Camera, pose: &Pose, channels: Channels, actors: &[Part], picture: &mut Picture) {
         let mut view = View::new(camera, pose);

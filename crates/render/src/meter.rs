@@ -114,7 +114,7 @@ impl Renderer {
     }
 }
 
-/// [`Renderer::light_on`] of a picture `width` pixels wide.
+/// [`Renderer::light_on`] of an image `width` pixels wide.
 fn light_on(lights: &Lights<'_>, view: &View, width: u32, ids: &[u16], depth: &[f32]) -> BTreeMap<u16, f32> {
     let exposure = lights.exposure(view.eye);
     let mut seen: BTreeMap<u16, (u32, u32, f32)> = BTreeMap::new();

@@ -70,11 +70,11 @@ impl<S: Simd> Spot<S> {
 pub(crate) struct Surface<S: Simd> {
     /// Linear RGB.
     pub(crate) albedo: V3<F<S>>,
-    /// Share of a mirror (glass, water), 0..=1; none for what does not mirror at all.
+    /// Fraction of a mirror (glass, water), 0..=1; none for what does not mirror at all.
     pub(crate) mirror: Option<F<S>>,
     /// Bend of the normal, in the surface's u and v.
     pub(crate) bump: Option<[F<S>; 2]>,
-    /// Share of the material's emission that is given off here, 0..=1; all where none.
+    /// Fraction of the material's emission that is given off here, 0..=1; all where none.
     pub(crate) glow: Option<F<S>>,
 }
 
@@ -85,7 +85,7 @@ fn pulsed<S: Simd>(x: F<S>, duty: f32) -> F<S> {
     whole * duty + (x - whole).min(duty)
 }
 
-/// Share of [`x − f/2`, `x + f/2`] covered by the pulses [n, n + `duty`] of period 1.
+/// Fraction of [`x − f/2`, `x + f/2`] covered by the pulses [n, n + `duty`] of period 1.
 #[inline(always)]
 fn pulse<S: Simd>(x: F<S>, f: F<S>, duty: f32) -> F<S> {
     let f = f.max(1e-3);
@@ -93,7 +93,7 @@ fn pulse<S: Simd>(x: F<S>, f: F<S>, duty: f32) -> F<S> {
     f.simd_gt(8.0).select(F::splat(x.token(), duty), exact)
 }
 
-/// Share of the footprint inside [`low`, `high`].
+/// Fraction of the footprint inside [`low`, `high`].
 #[inline(always)]
 fn band<S: Simd>(x: F<S>, f: F<S>, low: f32, high: f32) -> F<S> {
     let f = f.max(1e-4);
@@ -169,7 +169,7 @@ impl<S: Simd> Surface<S> {
                     ..Self::matt(mix(base, accent, one * 0.3))
                 }
             }
-            // The picture itself is laid over it by the shader, which knows the textures.
+            // The image itself is laid over it by the shader, which knows the textures.
             Pattern::Image { mirror, .. } => {
                 let one = F::splat(u.token(), 1.0);
                 Self { mirror: (mirror > 0.0).then(|| one * mirror), ..Self::matt(V3::along(base, one)) }

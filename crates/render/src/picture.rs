@@ -1,4 +1,4 @@
-//! A picture and its channels, and how they are kept in files.
+//! An image and its channels, and how they are kept in files.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use spf_media::{EncodeError, png};
 use super::Channels;
 use super::raster::{NONE, TILE, TILE_AREA, place};
 
-/// A picture; the channels that were asked for are there. Rows run from the top, pixels from the left.
+/// An image; the channels that were asked for are there. Rows run from the top, pixels from the left.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Picture {
     /// Pixels.
@@ -32,7 +32,7 @@ pub struct Picture {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SaveError {
-    /// The picture was drawn without this channel.
+    /// The image was drawn without this channel.
     #[error("the picture has no `{0}` channel; ask for it when rendering")]
     Missing(&'static str),
     /// The file could not be written.
@@ -46,7 +46,7 @@ pub enum SaveError {
 }
 
 impl Picture {
-    /// Gives the picture its size and the channels asked for, keeping memory.
+    /// Gives the image its size and the channels asked for, keeping memory.
     pub(crate) fn shape(&mut self, width: u32, height: u32, channels: Channels) {
         fn fit<T: Clone + Default>(channel: &mut Option<Vec<T>>, wanted: bool, len: usize) {
             if wanted { channel.get_or_insert_default().resize(len, T::default()) } else { *channel = None }
@@ -102,7 +102,7 @@ impl Picture {
         });
     }
 
-    /// Writes the colour picture as PNG.
+    /// Writes the colour image as PNG.
     ///
     /// # Errors
     /// [`SaveError::Missing`] without colour, [`SaveError::Write`] when the file cannot be written.

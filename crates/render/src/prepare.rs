@@ -11,7 +11,7 @@ const CLUSTER: usize = 64;
 const REMEMBERED: usize = 8;
 
 /// What the shader knows of a triangle. Everything is an affine function of the world position, so that a pixel needs
-/// nothing but its position: no interpolation in the picture, and so exact perspective.
+/// nothing but its position: no interpolation in the image, and so exact perspective.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Triangle {
     /// Unit normal of the plane, and the plane's offset: `normal · p = offset`.

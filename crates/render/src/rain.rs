@@ -1,4 +1,4 @@
-//! Falling drops: streaks drawn over a finished picture, each at a depth of its own behind or before the things of the scene.
+//! Falling drops: streaks drawn over a finished image, each at a depth of its own behind or before the things of the scene.
 //!
 //! Where they are follows from the camera's place, so every frame of a flight has others and the same frame always the same.
 
@@ -11,7 +11,7 @@ use super::lanes::{F, Instructions, V3, with_instructions};
 use super::noise::cell_hash;
 use super::view::View;
 
-/// Streaks in a picture of heavy rain.
+/// Streaks in an image of heavy rain.
 const DROPS: f32 = 2600.0;
 /// Nearest and farthest drops, metres.
 const DEPTHS: (f32, f32) = (0.8, 14.0);
@@ -27,7 +27,7 @@ pub(super) fn fall(rgb: &mut [u8], view: &View, palette: &Palette, exposure: f32
         view.eye.to_array().iter().chain(&view.forward.to_array()).fold(1, |salt: u32, x| salt.rotate_left(5) ^ x.to_bits());
     for i in 0..(DROPS * rain) as i32 {
         let draw = |k: u32| cell_hash(i, k as i32, salt);
-        // As many at each distance as the picture's field is wide there.
+        // As many at each distance as the image's field is wide there.
         let share = libm::cbrtf(draw(0));
         let depth = DEPTHS.0 + (DEPTHS.1 - DEPTHS.0) * share;
         let (x, y) = (draw(1) * view.width as f32, draw(2) * view.height as f32);
@@ -66,7 +66,7 @@ fn developed(palette: &Palette, light: Vec3) -> [u8; 3] {
     })
 }
 
-/// Calls `pixel` along a line within the picture.
+/// Calls `pixel` along a line within the image.
 fn streak(
     rgb: &mut [u8],
     view: &View,

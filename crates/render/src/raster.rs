@@ -1,7 +1,7 @@
 //! Visibility: which triangle is nearest at each sample of a tile.
 //!
 //! Edges are integers (1/16 pixel), so that neighbouring triangles share no sample and leave no gap. Nearness (1/z for a camera, linear
-//! depth for the sun) is an affine function over the picture, clamped to the triangle's own range.
+//! depth for the sun) is an affine function over the image, clamped to the triangle's own range.
 
 use fearless_simd::prelude::*;
 
@@ -18,7 +18,7 @@ pub(crate) const NONE: u32 = u32::MAX;
 /// Screen coordinates stay within this many pixels of the origin, so that edge values over one tile fit 32 bits.
 pub(crate) const GUARD: f32 = 16000.0;
 
-/// A triangle in the picture.
+/// A triangle in the image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScreenTriangle {
     /// Corners, 1/16 pixel, ordered so that the inside is on the positive side of each edge.
@@ -36,7 +36,7 @@ pub(crate) struct ScreenTriangle {
 }
 
 impl ScreenTriangle {
-    /// Orders the corners; `None` when the triangle has no area in the picture.
+    /// Orders the corners; `None` when the triangle has no area in the image.
     pub(crate) fn oriented(mut self) -> Option<Self> {
         let [x0, x1, x2] = self.x.map(i64::from);
         let [y0, y1, y2] = self.y.map(i64::from);
@@ -48,7 +48,7 @@ impl ScreenTriangle {
         (area != 0).then_some(self)
     }
 
-    /// The pixels whose centres may be covered, first and last of each axis; `None` when there are none in the picture.
+    /// The pixels whose centres may be covered, first and last of each axis; `None` when there are none in the image.
     pub(crate) fn pixels(&self, width: i32, height: i32) -> Option<[i32; 4]> {
         let [x0, x1, x2] = self.x;
         let [y0, y1, y2] = self.y;
@@ -85,7 +85,7 @@ impl ScreenTriangle {
         area < i64::from(SUB) * 3 / 2 * long.max(tall)
     }
 
-    /// Calls `touched` with each pixel (of the tile at pixel `x`, `y`, `width` × `height` of it in the picture) whose square the
+    /// Calls `touched` with each pixel (of the tile at pixel `x`, `y`, `width` × `height` of it in the image) whose square the
     /// triangle may touch, and with the triangle's nearness there.
     pub(crate) fn squares(&self, (x, y): (i32, i32), width: i32, height: i32, mut touched: impl FnMut(usize, usize, f32)) {
         let Some([left, right, top, bottom]) = self.pixels(x + width, y + height) else { return };

@@ -1,4 +1,4 @@
-//! From clusters to triangles in the picture: culling, clipping, projecting, and sorting into tiles.
+//! From clusters to triangles in the image: culling, clipping, projecting, and sorting into tiles.
 
 use fearless_simd::prelude::*;
 use glam::Vec3;
@@ -14,7 +14,7 @@ pub(crate) const NEAR: f32 = 0.05;
 /// Clusters set up by one task: fixed, so that the order of triangles does not depend on the number of threads.
 const GROUP: usize = 8;
 
-/// Triangles in the picture and the list of them for each tile.
+/// Triangles in the image and the list of them for each tile.
 #[derive(Debug, Default)]
 pub(crate) struct Bins {
     groups: Vec<Group>,
@@ -39,12 +39,12 @@ pub(crate) struct Wanted {
 struct Corners {
     /// Metres along the optical axis.
     depth: Vec<f32>,
-    /// Place in the picture, 1/16 pixel; [`OUTSIDE`] for those before the near plane or out of the guard band.
+    /// Place in the image, 1/16 pixel; [`OUTSIDE`] for those before the near plane or out of the guard band.
     x: Vec<i32>,
     y: Vec<i32>,
 }
 
-/// No place in the picture.
+/// No place in the image.
 const OUTSIDE: i32 = i32::MIN;
 
 impl Corners {
@@ -74,19 +74,19 @@ impl Corners {
     }
 }
 
-/// Where a point in camera axes lies across the picture, 1/16 pixel.
+/// Where a point in camera axes lies across the image, 1/16 pixel.
 #[inline]
 fn column(p: Vec3, view: &View) -> i32 {
     snap(view.fx * p.x / p.z + view.cx)
 }
 
-/// Where it lies down the picture.
+/// Where it lies down the image.
 #[inline]
 fn row(p: Vec3, view: &View) -> i32 {
     snap(view.fy * p.y / p.z + view.cy)
 }
 
-/// Whether corners at these places along one side of a picture, `side` pixels long, leave room for a pixel of it that a triangle may
+/// Whether corners at these places along one side of an image, `side` pixels long, leave room for a pixel of it that a triangle may
 /// cover: its centre, or any of its samples.
 #[inline]
 fn may_be_seen([a, b, c]: [i32; 3], side: i32, centres: bool) -> bool {
@@ -105,7 +105,7 @@ struct Group {
     corners: Corners,
 }
 
-/// Tiles of a picture of `width` × `height`: columns and rows.
+/// Tiles of an image of `width` × `height`: columns and rows.
 pub(crate) const fn tiles(width: u32, height: u32) -> (usize, usize) {
     (width.div_ceil(TILE as u32) as usize, height.div_ceil(TILE as u32) as usize)
 }
@@ -237,7 +237,7 @@ impl Group {
             if height == 0.0 || (height > 0.0 && !cluster.two_sided) {
                 continue;
             }
-            // 1/z is affine over the picture: the plane n·p = h meets the ray r at z = h / (n·r).
+            // 1/z is affine over the image: the plane n·p = h meets the ray r at z = h / (n·r).
             let n = Vec3::new(normal.dot(view.right), normal.dot(view.down), normal.dot(view.forward)) / height;
             let (slope_x, slope_y) = (n.x / view.fx, n.y / view.fy);
             let base = n.z - slope_x * view.cx - slope_y * view.cy;

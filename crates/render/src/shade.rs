@@ -14,17 +14,17 @@ use super::prepare::{Soup, Triangle};
 use super::texture;
 use super::view::View;
 
-/// Share of a mirror that level ground is in heavy rain.
+/// Fraction of a mirror that level ground is in heavy rain.
 const WET: f32 = 0.75;
-/// [`Spot::coarse`] of pictures that are not fine: noise of fewer than so many pixels to a cell is left out.
+/// [`Spot::coarse`] of images that are not fine: noise of fewer than so many pixels to a cell is left out.
 const COARSE: f32 = 8.0;
 /// Moving things farther away than this darken no ground, metres.
 const STANDING: f32 = 80.0;
 
-/// Shades pixels of one picture.
+/// Shades pixels of one image.
 pub(crate) struct Shader<'a> {
     pub(super) soup: &'a Soup,
-    /// Triangles that this picture alone has; their ids follow the scene's.
+    /// Triangles that this image alone has; their ids follow the scene's.
     pub(super) actors: &'a Soup,
     pub(super) palette: &'a Palette,
     textures: &'a [Texture],
@@ -34,7 +34,7 @@ pub(crate) struct Shader<'a> {
     pub(super) fine: bool,
     /// What light is multiplied by on the film.
     exposure: f32,
-    /// Where this picture's own things stand.
+    /// Where this image's own things stand.
     standing: Contact,
     /// Steps of the ray for a pixel right and a pixel down.
     right: Vec3,
@@ -51,7 +51,7 @@ pub(crate) struct Shape {
     curve: Curve<f32>,
 }
 
-/// Where eight pixels are seen in the picture, and how near: 1/z.
+/// Where eight pixels are seen in the image, and how near: 1/z.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) x: [f32; LANES],
@@ -148,7 +148,7 @@ impl<'a> Shader<'a> {
         (direct, (light.ground_ambient + (light.sky_ambient - light.ground_ambient) * (0.5 + 0.5 * normal.z)) * turn)
     }
 
-    /// Share of the sun's light on surfaces of unit `normal`, and light of sky and ground, both before anything stands between.
+    /// Fraction of the sun's light on surfaces of unit `normal`, and light of sky and ground, both before anything stands between.
     #[inline(always)]
     fn unshaded<S: Simd>(&self, normal: V3<F<S>>, leaves: bool) -> (F<S>, V3<F<S>>) {
         let light = &self.palette.sky.light;
@@ -275,7 +275,7 @@ impl<'a> Shader<'a> {
 #[inline(always)]
 fn spot<S: Simd>(facet: &Facet<F<S>>, away: V3<F<S>>, z: F<S>, coarse: f32) -> Spot<S> {
     let (u, v) = (facet.u_axis.dot(away), facet.v_axis.dot(away));
-    // A step across the picture moves the point on the plane: dP = z·(R − ray·(n·R)/(n·ray)).
+    // A step across the image moves the point on the plane: dP = z·(R − ray·(n·R)/(n·ray)).
     let (slant_right, slant_down) = (facet.slant_right * z, facet.slant_down * z);
     Spot {
         u: facet.eye_u + u,

@@ -246,7 +246,7 @@ impl ShadowMap {
         }
     }
 
-    /// Share of the sun's light that reaches `p` on a surface, all or nothing unless `soft`; pixels outside of `asked` get any
+    /// Fraction of the sun's light that reaches `p` on a surface, all or nothing unless `soft`; pixels outside of `asked` get any
     /// answer.
     #[inline(always)]
     pub(crate) fn lit<S: Simd>(&self, p: V3<F<S>>, on: &Receiver<F<S>>, asked: M<S>, soft: bool) -> F<S> {
@@ -304,7 +304,7 @@ impl ShadowMap {
         f32::from(u8::from(i32::from(texel) <= own as i32))
     }
 
-    /// Share of the texels about (`x`, `y`) no nearer to the sun than `own`.
+    /// Fraction of the texels about (`x`, `y`) no nearer to the sun than `own`.
     #[inline(always)]
     fn filtered<S: Simd>(&self, simd: S, own: f32, x: f32, y: f32) -> f32 {
         let (ix, iy) = (x as usize, y as usize);

@@ -30,7 +30,7 @@ impl Sky {
     pub(crate) fn new(light: &Light) -> Self {
         let cloud_lit = light.horizon * 0.55 + light.sun * 0.42;
         let ground = light.sun * light.to_sun.z.max(0.3) + light.sky_ambient;
-        // Under clouds the sky itself is a great part of the picture, and people leave it grey.
+        // Under clouds the sky itself is a great part of the image, and people leave it grey.
         let white = 0.92 - 0.6 * (light.clouds - 0.5).clamp(0.0, 0.5);
         let exposure = (white / luminance(ground).max(1e-3)).clamp(0.3, DARKEST);
         let low = ((0.3 - light.to_sun.z) * 4.0).clamp(0.0, 1.0);

@@ -1,4 +1,4 @@
-//! What lies beside the frame: the wider and coarser view in which the share of each silhouette inside the frame is counted.
+//! What lies beside the frame: the wider and coarser view in which the fraction of each silhouette inside the frame is counted.
 
 use std::collections::BTreeMap;
 
@@ -35,7 +35,7 @@ impl Surroundings {
         &self.camera
     }
 
-    /// Share of each object's silhouette inside the frame, 0..=1, from that picture; openings by their own. Objects beside the
+    /// Fraction of each object's silhouette inside the frame, 0..=1, from that image; openings by their own. Objects beside the
     /// view are not listed.
     #[must_use]
     pub fn shares(&self, picture: &Picture) -> BTreeMap<ObjectId, f32> {
@@ -95,7 +95,7 @@ fn through_lens(camera: &Camera, wide: &Camera) -> Vec<bool> {
 mod tests {
     use super::*;
 
-    /// A picture whose left half is object 1 and whose right half is 2.
+    /// An image whose left half is object 1 and whose right half is 2.
     fn halves(camera: &Camera) -> Picture {
         let ids = (0..camera.width * camera.height).map(|i| if i % camera.width < camera.width / 2 { 1 } else { 2 }).collect();
         Picture { width: camera.width, height: camera.height, ids: Some(ids), ..Picture::default() }

@@ -1,4 +1,4 @@
-//! Samples of textures: between two sizes of the picture and four texels of each, with more of them along a slant.
+//! Samples of textures: between two sizes of the image and four texels of each, with more of them along a slant.
 
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};
@@ -38,7 +38,7 @@ pub(crate) fn sample(texture: &Texture, uv: Vec2, foot: Vec2) -> Vec3 {
     light / probes as f32
 }
 
-/// The size of picture whose texels are as wide as `texels` of the finest: a size, and the share of the next coarser one.
+/// The size of image whose texels are as wide as `texels` of the finest: a size, and the fraction of the next coarser one.
 fn level(texels: f32, count: usize) -> (usize, f32) {
     // The exponent is the whole part of the logarithm to base 2, the mantissa nearly its fraction.
     let bits = texels.max(1.0).to_bits();
@@ -56,7 +56,7 @@ fn bilinear(level: &Level, uv: Vec2) -> Vec3 {
     top + (bottom - top) * fy
 }
 
-/// The texels whose centres lie about `at` (one unit a repetition), and the share of the second.
+/// The texels whose centres lie about `at` (one unit a repetition), and the fraction of the second.
 fn neighbours(at: f32, side: usize) -> (usize, usize, f32) {
     // Clamped, for a triangle's corners may hold any numbers.
     let at = at.clamp(-1e9, 1e9);

@@ -49,7 +49,7 @@ pub(crate) struct Work {
     packets: Packets,
 }
 
-/// A tile's place in the picture, pixels, and how much of it is in the picture.
+/// A tile's place in the image, pixels, and how much of it is in the image.
 #[derive(Clone, Copy)]
 struct Area {
     left: usize,
@@ -201,7 +201,7 @@ impl Work {
         for y in 0..RIMMED {
             let sy = (top + y).saturating_sub(1).min(height - 1);
             let (near, ids) = (&mut self.near[y * RIMMED..][..RIMMED], &mut self.ids[y * RIMMED..][..RIMMED]);
-            // Eight pixels of a row lie together. Those beyond the picture are never looked at but for the first, at the right.
+            // Eight pixels of a row lie together. Those beyond the image are never looked at but for the first, at the right.
             for x in (0..TILE as usize).step_by(8) {
                 let start = samples.place(left + x, sy);
                 near[x + 1..x + 9].copy_from_slice(&samples.near[start..start + 8]);
@@ -209,7 +209,7 @@ impl Work {
             }
             (near[0], ids[0]) = samples.at(left.saturating_sub(1), sy);
             (near[RIMMED - 1], ids[RIMMED - 1]) = samples.at((left + TILE as usize).min(width - 1), sy);
-            // The picture's last column stands for the one beyond.
+            // The image's last column stands for the one beyond.
             if width - left < TILE as usize {
                 (near[width - left + 1], ids[width - left + 1]) = (near[width - left], ids[width - left]);
             }

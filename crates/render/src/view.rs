@@ -6,14 +6,14 @@ use spf_core::geometry::Pose;
 
 /// A camera at a pose, in single precision: what the rasteriser and the shader need of both.
 ///
-/// Lens distortion is not drawn: pictures are those of the perfect pinhole with the same fx, fy, cx, cy.
+/// Lens distortion is not drawn: images are those of the perfect pinhole with the same fx, fy, cx, cy.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct View {
     pub(crate) width: u32,
     pub(crate) height: u32,
     /// Lens position, ENU metres.
     pub(crate) eye: Vec3,
-    /// Unit vectors of the picture in the world: right, down, and along the optical axis.
+    /// Unit vectors of the image in the world: right, down, and along the optical axis.
     pub(crate) right: Vec3,
     pub(crate) down: Vec3,
     pub(crate) forward: Vec3,
@@ -89,7 +89,7 @@ impl Frustum {
         Self(View::new(camera, pose).frustum())
     }
 
-    /// Whether any part of the ball about `centre` may be in the picture; never false for one that is.
+    /// Whether any part of the ball about `centre` may be in the image; never false for one that is.
     #[must_use]
     pub fn sees(&self, centre: Vec3, radius: f32) -> bool {
         self.0.iter().all(|(normal, offset)| normal.dot(centre) + radius * normal.length() >= *offset)
@@ -111,7 +111,7 @@ mod tests {
     fn a_ball_is_left_out_only_when_it_is_beside_or_behind() {
         let (camera, pose) = (Camera::quad(), Pose::default());
         let frustum = Frustum::new(&camera, &pose);
-        // 90 degrees wide, facing north: at 10 m the picture reaches 10 m to each side; a ball of 1 m reaches in from 1.4 m beyond.
+        // 90 degrees wide, facing north: at 10 m the image reaches 10 m to each side; a ball of 1 m reaches in from 1.4 m beyond.
         for (centre, seen) in [
             (Vec3::new(0.0, 10.0, 0.0), true),
             (Vec3::new(11.3, 10.0, 0.0), true),
@@ -134,7 +134,7 @@ mod tests {
         );
         // Nose up by 0.3 and a lens 0.3 below the nose: the axis is level again.
         assert!((view(0.0, 0.3, 0.0, 0.3).forward - Vec3::Y).length() < 1e-6);
-        // Rolled by a quarter, right side down: the picture's right is the world's down.
+        // Rolled by a quarter, right side down: the image's right is the world's down.
         assert!((view(0.0, 0.0, quarter, 0.0).right + Vec3::Z).length() < 1e-6);
     }
 }

@@ -147,7 +147,7 @@ pub(crate) fn centres([a, b, c]: [Vec3; 3], size: (usize, usize), mut seen: impl
     }
 }
 
-/// Unit vectors over the upper half sphere, each standing for the same share of what a level surface gets from an even sky: a
+/// Unit vectors over the upper half sphere, each standing for the same fraction of what a level surface gets from an even sky: a
 /// spiral of equal steps.
 pub(crate) fn sky(count: usize) -> Vec<Vec3> {
     /// π(3 − √5).

@@ -14,11 +14,11 @@ pub struct Vertex {
     /// Unit normal, outwards.
     pub normal: Vec3,
     /// Texture coordinates: **metres** along the surface, so that a brick is a brick on every wall; for [`Pattern::Image`] one unit
-    /// a repetition, v down from the picture's top.
+    /// a repetition, v down from the image's top.
     pub uv: Vec2,
 }
 
-/// Number of an object in the scene's list, counting from 1; 0 in an id picture means no object (sky, or nothing drawn).
+/// Number of an object in the scene's list, counting from 1; 0 in an id image means no object (sky, or nothing drawn).
 pub type ObjectId = u16;
 
 /// A triangle mesh with one material, belonging to one object.
@@ -69,11 +69,11 @@ pub struct Material {
 pub enum Pattern {
     /// One colour.
     Plain,
-    /// Windows: width and height of a cell in metres, share of the cell that is glass (the accent colour).
+    /// Windows: width and height of a cell in metres, fraction of the cell that is glass (the accent colour).
     Windows {
         /// Cell width and height, metres.
         cell: Vec2,
-        /// Share of the cell's width and height that is glass.
+        /// Fraction of the cell's width and height that is glass.
         glass: f32,
     },
     /// Bricks with mortar of the accent colour.
@@ -102,11 +102,11 @@ pub enum Pattern {
         /// Period, metres.
         period: f32,
     },
-    /// A picture, its light multiplied by the base colour.
+    /// An image, its light multiplied by the base colour.
     Image {
         /// Index into [`SceneGeometry::textures`]; one that is not there is white.
         texture: u16,
-        /// Share of a mirror, 0..=1.
+        /// Fraction of a mirror, 0..=1.
         mirror: f32,
     },
 }
@@ -178,7 +178,7 @@ pub struct SceneGeometry {
     pub parts: Vec<Part>,
     /// Surfaces.
     pub materials: Vec<Material>,
-    /// Pictures that materials name.
+    /// Images that materials name.
     pub textures: Vec<Texture>,
     /// Light.
     pub light: Light,

@@ -12,5 +12,5 @@ pub(crate) const FARTHEST: f64 = 2000.0;
 /// Longest word or phrase among the tags, characters.
 pub(crate) const LONGEST_TAG: usize = 80;
 
-/// Most triangles of a scene: what a laptop still renders at several pictures a second.
+/// Most triangles of a scene: what a laptop still renders at several images a second.
 pub(crate) const MAX_TRIANGLES: usize = 500_000;

@@ -1,4 +1,4 @@
-//! Pictures on surfaces: an image with its chain of halved copies, shared between scenes, renderers and threads.
+//! Images on surfaces: an image with its chain of halved copies, shared between scenes, renderers and threads.
 
 use std::sync::Arc;
 
@@ -7,14 +7,14 @@ use glam::Vec3;
 /// Longest side of a texture, texels.
 pub const MAX_SIDE: u32 = 8192;
 
-/// An opaque picture that repeats in both directions. Cloning shares it.
+/// An opaque image that repeats in both directions. Cloning shares it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
-    /// The picture, then copies of half the size down to a single texel; never empty.
+    /// The image, then copies of half the size down to a single texel; never empty.
     levels: Arc<Vec<Level>>,
 }
 
-/// One size of a picture.
+/// One size of an image.
 #[derive(Debug, PartialEq)]
 pub struct Level {
     /// Texels a row.
@@ -83,7 +83,7 @@ impl Texture {
         decoded(self.levels[self.levels.len() - 1].texels[0])
     }
 
-    /// The same picture without its `count` finest copies; at least the single texel stays.
+    /// The same image without its `count` finest copies; at least the single texel stays.
     #[must_use]
     pub fn coarser(self, count: usize) -> Self {
         let first = count.min(self.levels.len() - 1);
@@ -102,7 +102,7 @@ impl Texture {
         self.levels.iter().map(|level| level.texels.len() * 4).sum()
     }
 
-    /// The picture, then copies of half the size each, down to a single texel.
+    /// The image, then copies of half the size each, down to a single texel.
     #[inline]
     #[must_use]
     pub fn levels(&self) -> &[Level] {

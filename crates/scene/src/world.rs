@@ -29,7 +29,7 @@ pub struct Scene {
     pub default_craft: CraftKind,
     /// Where the craft stands before take-off.
     pub start: Pose,
-    /// From where the scene is best shown in one picture.
+    /// From where the scene is best shown in one image.
     pub preview: Pose,
     /// Where flying makes sense; the ground may reach farther.
     pub bounds: Aabb,
@@ -48,7 +48,7 @@ pub struct Scene {
 /// One thing of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Object {
-    /// Its number in id pictures.
+    /// Its number in id images.
     pub id: ObjectId,
     /// Its name in the file, unique; repeated objects end in `_1`, `_2`, ….
     pub key: String,
@@ -124,7 +124,7 @@ impl Scene {
         self.objects.iter().map(tagged).collect()
     }
 
-    /// The legend of an id picture: `{"scene": …, "objects": [{"id": 1, "key": …, "opening": …, "tags": {…}, "bounds": {…}}]}`.
+    /// The legend of an id image: `{"scene": …, "objects": [{"id": 1, "key": …, "opening": …, "tags": {…}, "bounds": {…}}]}`.
     #[must_use]
     pub fn legend_json(&self) -> serde_json::Value {
         let objects: Vec<_> = self

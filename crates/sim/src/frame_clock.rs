@@ -1,4 +1,4 @@
-//! When the simulated camera takes pictures, and when they arrive.
+//! When the simulated camera takes images, and when they arrive.
 
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::time::{Duration, Time};

@@ -9,15 +9,15 @@ pub struct Model {
     pub kind: CraftKind,
     /// The figures shared with the executor and the envelope.
     pub craft: Craft,
-    /// Greatest horizontal speed, m/s; faster setpoints fly at this.
+    /// Maximum horizontal speed, m/s; faster setpoints fly at this.
     pub max_speed: f64,
-    /// Greatest climb rate, m/s.
+    /// Maximum climb rate, m/s.
     pub max_climb: f64,
-    /// Greatest sink rate, m/s, > 0.
+    /// Maximum sink rate, m/s, > 0.
     pub max_sink: f64,
-    /// Greatest yaw rate, rad/s.
+    /// Maximum yaw rate, rad/s.
     pub max_yaw_rate: f64,
-    /// Greatest tilt, radians: what thrust is left for motion against drag and wind.
+    /// Maximum tilt, radians: what thrust is left for motion against drag and wind.
     pub max_tilt: f64,
     /// Time constant with which the attitude follows the thrust that is asked for, s.
     pub tilt_lag: f64,
@@ -36,9 +36,9 @@ pub struct Model {
     pub touch_down_speed: f64,
     /// Spread of the speed at which a craft that holds creeps away, along each horizontal axis, m/s.
     pub creep: f64,
-    /// Share of the battery used per second in the air.
+    /// Fraction of the battery used per second in the air.
     pub drain_flying: f64,
-    /// Share of the battery used per second with the motors off.
+    /// Fraction of the battery used per second with the motors off.
     pub drain_idle: f64,
     /// What its telemetry is like.
     pub senses: SenseFigures,
@@ -76,7 +76,7 @@ pub struct Steps {
     pub velocity: f64,
     /// Height, m.
     pub height: f64,
-    /// Battery, share of full.
+    /// Battery, fraction of full.
     pub battery: f64,
 }
 

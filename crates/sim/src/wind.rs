@@ -11,11 +11,11 @@ use crate::noise::Wander;
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Wind {
-    /// Steady part: where the air moves to, metres a second towards the east.
+    /// Steady part: where the air moves to, metres per second towards the east.
     pub east: f64,
-    /// Steady part, metres a second towards the north.
+    /// Steady part, metres per second towards the north.
     pub north: f64,
-    /// Standard deviation of the gusts along each axis, metres a second.
+    /// Standard deviation of the gusts along each axis, metres per second.
     pub gust: f64,
     /// How long a gust lasts: the time constant of its correlation, seconds. Zero is read as 2 s.
     pub gust_time: f64,

@@ -1,41 +1,41 @@
-//! What a question took: time in parts, tokens, bytes, money.
+//! Resources used by a query: time, tokens, bytes, cost.
 
 use serde::{Deserialize, Serialize};
 
-/// What one question took, all its requests together.
+/// Resources used by one query, over all its requests.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Account {
-    /// Requests sent for it, retries, hedges and fallbacks included; 0 for the oracle.
+    /// HTTP requests, including retries, hedged requests and fallbacks; 0 for the oracle.
     pub requests: u32,
     /// Bytes of the last request's body.
     pub bytes_sent: u64,
-    /// Where the time went, of the request that answered.
+    /// Timing of the request that was answered.
     pub parts: Parts,
-    /// Tokens of every request that told them.
+    /// Tokens over all requests that reported them.
     pub tokens: Tokens,
-    /// Cost in US dollars, by the table's prices; none where no price is known.
+    /// Cost in US dollars, according to the price table; `None` if no price is known.
     pub cost_usd: Option<f64>,
 }
 
-/// Where the time of a request went, seconds from its beginning; none for what was not reached.
+/// Timing of a request, seconds from its start; `None` for stages not reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Parts {
-    /// The picture drawn and encoded.
+    /// The image was rendered and encoded.
     pub encoded_s: Option<f64>,
-    /// The request's last piece taken by the connection; the operating system may hold some of it still.
+    /// The connection accepted the last part of the request; the operating system may still buffer some of it.
     #[serde(default)]
     pub uploaded_s: Option<f64>,
-    /// The answer's head there.
+    /// The response headers arrived.
     pub head_s: Option<f64>,
-    /// The first piece of the answer's text there.
+    /// The first part of the reply text arrived.
     pub first_text_s: Option<f64>,
-    /// The answer complete.
+    /// The reply was complete.
     pub complete_s: Option<f64>,
 }
 
 impl Parts {
-    /// What each part took, seconds: encoding, upload (with connecting and what was asked before in vain), waiting for the first
-    /// text, the rest of the answer; none for what was not reached.
+    /// Duration of each part, seconds: encoding, upload (including connecting and earlier failed attempts), time to
+    /// first text, rest of the reply; `None` for stages not reached.
     #[must_use]
     pub fn durations(&self) -> [Option<f64>; 4] {
         let between = |from: Option<f64>, to: Option<f64>| Some((to? - from?).max(0.0));
@@ -48,29 +48,29 @@ impl Parts {
     }
 }
 
-/// Tokens as the vendor counted them.
+/// Token counts, as reported by the vendor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tokens {
-    /// Read, cached ones included.
+    /// Input tokens, including cached ones.
     pub input: u64,
-    /// Of those, read from a cache.
+    /// Input tokens read from a cache.
     pub cached: u64,
-    /// Written, without thinking.
+    /// Output tokens, without reasoning.
     pub output: u64,
-    /// Thought.
+    /// Reasoning tokens.
     pub thinking: u64,
-    /// True when a stream was cut before its count came, so that these are guesses.
+    /// True if a stream was cut off before it reported its counts, so that these are estimates.
     pub estimated: bool,
 }
 
 impl Tokens {
-    /// Nothing was counted.
+    /// True if no tokens were counted.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.input == 0 && self.output == 0 && self.thinking == 0
     }
 
-    /// Adds another request's.
+    /// Adds the tokens of another request.
     pub fn add(&mut self, other: &Self) {
         self.input += other.input;
         self.cached += other.cached;
@@ -81,7 +81,7 @@ impl Tokens {
 }
 
 impl Account {
-    /// Adds what another request of the same question took; the parts stay those of the one that answered.
+    /// Adds another request of the same query; the timing stays that of the request that was answered.
     pub fn add(&mut self, other: &Self) {
         self.requests += other.requests;
         self.bytes_sent = self.bytes_sent.max(other.bytes_sent);
@@ -108,7 +108,7 @@ mod tests {
         };
         assert_eq!(parts.durations(), [Some(0.25), Some(0.25), Some(1.0), Some(0.5)]);
         assert_eq!(Parts { first_text_s: None, complete_s: None, ..parts }.durations(), [Some(0.25), Some(0.25), None, None]);
-        // Recordings from before uploads were noted.
+        // Recordings made before upload times were recorded.
         let old: Parts = serde_json::from_str(r#"{"encoded_s":0.1,"head_s":0.2,"first_text_s":0.3,"complete_s":0.4}"#).unwrap();
         assert_eq!(old.uploaded_s, None);
     }

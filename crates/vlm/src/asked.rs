@@ -1,4 +1,4 @@
-//! A question as it is put to a [`Vlm`](crate::Vlm), and how it is taken back.
+//! A query as passed to a [`Vlm`](crate::Vlm), with its time limit and cancellation.
 
 use std::sync::Arc;
 
@@ -6,26 +6,26 @@ use spf_core::query::Query;
 use spf_core::time::Duration;
 use tokio::sync::watch;
 
-/// A query with the time that is left for it.
+/// A query with its remaining time.
 #[derive(Clone, Debug)]
 pub struct Asked<'a> {
     /// The query.
     pub query: &'a Query,
-    /// How long its answer is waited for, from now.
+    /// Remaining time for the reply.
     pub time_left: Duration,
-    /// Takes it back.
+    /// Cancels the query.
     pub cancel: Cancel,
 }
 
 impl<'a> Asked<'a> {
-    /// A query that nobody will take back.
+    /// A query that is never cancelled.
     #[must_use]
     pub fn new(query: &'a Query, time_left: Duration) -> Self {
         Self { query, time_left, cancel: Cancel::default() }
     }
 }
 
-/// Takes a question back, from any thread; clones are the same switch.
+/// Cancels a query, from any thread; clones share the same state.
 #[derive(Clone, Debug)]
 pub struct Cancel(Arc<watch::Sender<bool>>);
 
@@ -36,21 +36,21 @@ impl Default for Cancel {
 }
 
 impl Cancel {
-    /// The answer is no longer wanted.
+    /// Cancels the query.
     pub fn cancel(&self) {
         self.0.send_replace(true);
     }
 
-    /// Whether it is no longer wanted.
+    /// Whether the query was cancelled.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         *self.0.borrow()
     }
 
-    /// Returns when it is no longer wanted, and never otherwise.
+    /// Returns when the query is cancelled, and never otherwise.
     pub(crate) async fn cancelled(&self) {
         let mut seen = self.0.subscribe();
-        // The sender lives in `self`, so that waiting cannot fail.
+        // `self` holds the sender, so waiting cannot fail.
         let _ = seen.wait_for(|cancelled| *cancelled).await;
     }
 }

@@ -1,4 +1,4 @@
-//! One model at one vendor: questions in its own form, asked again when that may help, within their time.
+//! A model at a vendor: sends queries in the vendor's format and retries within their time limit.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,34 +17,34 @@ use crate::error::{VlmError, brief};
 use crate::table::Model;
 use crate::wire::Question;
 
-/// Requests for one question at most.
+/// Maximum number of requests per query.
 const MOST_REQUESTS: u32 = 4;
-/// The first pause before asking again; each is twice as long as the one before, up to the last.
+/// Delay before the first retry; each further delay is twice as long, up to the maximum.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LONGEST_PAUSE: Duration = Duration::from_secs(4);
-/// What is left of a question's time must be worth asking again.
+/// Minimum remaining time for a retry.
 const WORTH_ASKING: Duration = Duration::from_millis(300);
-/// A vendor that wants to be left alone longer than this will not come back in this flight.
+/// A vendor that asks for a longer wait than this will not be available again in this flight.
 const LONGEST_WAIT: Duration = Duration::from_secs(120);
-/// A JPEG's share of a question's tokens where nobody counted them, and characters to a token.
+/// Estimated tokens of a JPEG, and characters per token, if the vendor reports no counts.
 const GUESSED_PICTURE: u64 = 1000;
 const CHARACTERS_A_TOKEN: u64 = 4;
-/// Bytes of a request beside picture and prompt, about: its schema and settings.
+/// Approximate size of a request without image and prompt, bytes: schema and settings.
 const ROOM: usize = 8192;
 
-/// One model at one vendor.
+/// A model at a vendor.
 #[derive(Debug)]
 pub(crate) struct Backend {
     pub(crate) name: String,
     pub(crate) model: Model,
     pub(crate) endpoint: Endpoint,
-    /// The vendor wants to be left alone until then.
+    /// The vendor asked not to be queried before this time.
     not_before: Mutex<Option<(Instant, VlmError)>>,
-    /// Another model answered, and that was said.
+    /// Whether it was already logged that another model replied.
     told: AtomicBool,
 }
 
-/// A question written in the form of one backend.
+/// A query in the format of one backend.
 pub(crate) struct Written {
     path: String,
     body: Bytes,
@@ -55,19 +55,19 @@ pub(crate) struct Written {
 }
 
 impl Written {
-    /// Tokens that the question itself is taken for, where nobody counted them.
+    /// Estimated input tokens of the query.
     pub(crate) fn guessed(&self) -> Tokens {
         let input = GUESSED_PICTURE + self.prompt_length as u64 / CHARACTERS_A_TOKEN;
         Tokens { input, estimated: true, ..Tokens::default() }
     }
 
-    /// Bytes of the request's body.
+    /// Size of the request's body, bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.body.len() as u64
     }
 }
 
-/// What became of it.
+/// The result of a query.
 pub(crate) struct Outcome {
     pub(crate) text: Result<String, VlmError>,
     pub(crate) model: String,
@@ -79,7 +79,7 @@ impl Backend {
         Self { name, model, endpoint, not_before: Mutex::new(None), told: AtomicBool::new(false) }
     }
 
-    /// Writes a question, with the time from `began` to a picture that is encoded.
+    /// Writes a query; includes the time from `began` to the encoded image.
     pub(crate) fn write(
         &self,
         question: &Question<'_>,
@@ -87,7 +87,7 @@ impl Backend {
         began: Instant,
     ) -> Result<Written, VlmError> {
         let request = self.endpoint.wire.request(&self.model, question);
-        // In one piece: it need not be moved while it grows.
+        // Allocated at once, so that it is never moved while it grows.
         let mut body = Vec::with_capacity(question.jpeg.len() / 3 * 4 + 2 * question.prompt.len() + ROOM);
         serde_json::to_writer(&mut body, &request.body)
             .map_err(|error| VlmError::Refused { model: self.model.id.clone(), reason: error.to_string() })?;
@@ -102,8 +102,8 @@ impl Backend {
         })
     }
 
-    /// Asks until there is an answer, no use in asking again, or no time. Without `retry` there is one request, and none to a
-    /// vendor that wants to be left alone: somebody else is there to be asked.
+    /// Sends requests until there is a reply, a retry cannot help, or the time is up. Without `retry` only one request
+    /// is sent, and none to a vendor that asked to wait: a fallback is available.
     pub(crate) async fn ask(
         self: Arc<Self>,
         client: reqwest::Client,
@@ -119,7 +119,7 @@ impl Backend {
             if let Some((until, error)) = self.left_alone() {
                 let hopeless = !retry || until.saturating_duration_since(Instant::now()) > LONGEST_WAIT;
                 if hopeless || until + WORTH_ASKING > deadline {
-                    // The next question would come at once, and knock at the same closed door.
+                    // The next query would follow at once, and hit the same limit.
                     if !hopeless {
                         tokio::time::sleep_until(deadline.into()).await;
                     }
@@ -170,13 +170,13 @@ impl Backend {
                 Err(VlmError::Deadline { host: self.endpoint.host.clone(), waited: written.began.elapsed(), stage })
             }
         };
-        // All words from outside pass here, whole: a key could come in two pieces.
+        // All external text is scrubbed here as a whole: a key might be split between two parts.
         let scrub = |words: String| self.endpoint.scrub(words);
         exchange.gathered.served = exchange.gathered.served.take().map(scrub);
         text.map(scrub).map_err(|error| error.reworded(|words| brief(scrub(words))))
     }
 
-    /// Warns, once, when another model than the one that was asked answers. Servers of one's own call theirs what they like.
+    /// Warns once if another model than the one queried replies. Self-hosted servers use arbitrary names.
     fn notice(&self, served: &str) {
         let asked = &self.model.id;
         let same = served.contains(asked.as_str()) || asked.contains(served);
@@ -185,7 +185,7 @@ impl Backend {
         }
     }
 
-    /// Until when the vendor wants to be left alone, and what it said.
+    /// Until when the vendor asked to wait, and its error.
     fn left_alone(&self) -> Option<(Instant, VlmError)> {
         let kept = self.not_before.lock().unwrap_or_else(PoisonError::into_inner);
         kept.clone().filter(|(until, _)| *until > Instant::now())
@@ -193,7 +193,7 @@ impl Backend {
 
     fn leave_alone(&self, error: &VlmError) {
         if let Some(wait) = error.retry_after() {
-            // Years of waiting are no time of this machine's.
+            // Limits absurd waiting times.
             let until = Instant::now() + wait.min(Duration::from_secs(86_400));
             *self.not_before.lock().unwrap_or_else(PoisonError::into_inner) = Some((until, error.clone()));
         }
@@ -203,21 +203,21 @@ impl Backend {
         self.model.price_on(&today()).map(|price| price.of(tokens))
     }
 
-    /// What requests take that are dropped before anything is known of them: the last of them is charged for what it asks.
+    /// Usage of requests that are dropped before their result is known: the last one is charged for its input.
     pub(crate) fn dropped(&self, requests: u32, bytes_sent: u64, guessed: Tokens) -> Account {
         let (tokens, bytes_sent) = if requests > 0 { (guessed, bytes_sent) } else { (Tokens::default(), 0) };
         Account { requests, bytes_sent, parts: Parts::default(), tokens, cost_usd: self.cost(&tokens) }
     }
 
-    /// Adds a request to the account of its question.
+    /// Adds a request to the usage of its query.
     fn count(&self, account: &mut Account, exchange: &Exchange, written: &Written) {
         let mut tokens = exchange.gathered.tokens.unwrap_or_default();
         let text = &exchange.gathered.text;
-        // A vendor charges for a question that it read, whether or not somebody waits for its answer.
+        // A vendor charges for a query that it has read, whether or not the reply is awaited.
         if tokens.is_empty() && (exchange.given_up || !text.is_empty()) {
             tokens = Tokens { output: (text.len() as u64).div_ceil(CHARACTERS_A_TOKEN), ..written.guessed() };
         } else if exchange.cut {
-            // What a stream tells before its end may leave out the last tokens.
+            // Counts sent before the end of a stream may lack the last tokens.
             tokens.output = tokens.output.max((text.len() as u64).div_ceil(CHARACTERS_A_TOKEN));
             tokens.estimated = true;
         }
@@ -228,7 +228,7 @@ impl Backend {
     }
 }
 
-/// The pause before asking again after so many requests: twice as long each time, and never the same for two clients.
+/// Delay before the next retry after this many requests: exponential, with jitter.
 fn backoff(requests: u32, jitter: f64) -> Duration {
     let doubled = FIRST_PAUSE.saturating_mul(1 << requests.saturating_sub(1).min(8)).min(LONGEST_PAUSE);
     doubled.mul_f64(0.5 + 0.5 * jitter)

@@ -1,6 +1,7 @@
-//! Recordings of answers, and a stand-in that gives them again: the same flight, bit for bit, without a model.
+//! Recordings of replies, and their playback: the same flight, bit for bit, without a model.
 //!
-//! A recording is JSON lines: a head, then one line a question. It holds no key and no picture; a server that was named by its address is named so here.
+//! A recording is a JSON Lines file: a header, then one line per query. It contains no keys and no images. A server
+//! given by its address is named by that address.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -15,28 +16,28 @@ use spf_core::time::Duration;
 
 use crate::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
 
-/// Version of the form of recordings.
+/// Version of the recording format.
 const FORMAT: u32 = 1;
-/// Longest line of a recording, bytes: an answer of 64 KiB and a long prompt, escaped.
+/// Maximum length of a line, bytes: a reply of 64 KiB and a long prompt, escaped.
 const LONGEST_LINE: u64 = 1 << 20;
-/// Most questions of a recording.
+/// Maximum number of queries in a recording.
 const MOST_ROWS: usize = 1_000_000;
 
-/// What a recording begins with.
+/// Header of a recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Head {
     spf_recording: u32,
-    /// Who answered, as named on the command line.
+    /// The VLM, as named on the command line.
     vlm: String,
     #[serde(flatten)]
     eyesight: Eyesight,
 }
 
-/// One question and its answer.
+/// A query and its reply.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Row {
     query: QueryId,
-    /// Digest of the question's text: another question must not get this answer.
+    /// Digest of the prompt: a different query must not get this reply.
     prompt_fnv1a: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     text: Option<String>,
@@ -47,7 +48,7 @@ struct Row {
     account: Account,
 }
 
-/// An error by its name and in its words.
+/// An error, by code and message.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Told {
     code: String,
@@ -58,39 +59,39 @@ struct Told {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CassetteError {
-    /// The file.
+    /// Reading or writing the file failed.
     #[error("the recording cannot be opened")]
     File(#[from] std::io::Error),
-    /// The file, when it is to be made.
+    /// The file could not be created.
     #[error("the recording `{path}` cannot be made; what is there is not written over")]
     Create {
-        /// Where.
+        /// Its path.
         path: std::path::PathBuf,
-        /// What the system said.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
-    /// A line.
+    /// An invalid line.
     #[error("line {line} of the recording cannot be read: {reason}")]
     Line {
-        /// Which.
+        /// Line number.
         line: usize,
-        /// Why.
+        /// What is wrong with it.
         reason: String,
     },
 }
 
-/// Answers of another, written down as they come.
+/// Records the replies of another VLM.
 pub struct Recording {
     vlm: Box<dyn Vlm>,
     file: Option<BufWriter<File>>,
 }
 
 impl Recording {
-    /// Records the answers of `vlm`, about the pictures of a camera of this size, in a new file.
+    /// Records the replies of `vlm`, for a camera with images of this size, in a new file.
     ///
     /// # Errors
-    /// [`CassetteError::Create`] when it cannot be made; a file that is there is not written over.
+    /// [`CassetteError::Create`] if it cannot be created; an existing file is not overwritten.
     pub fn new(vlm: Box<dyn Vlm>, path: &Path, camera: (u32, u32)) -> Result<Self, CassetteError> {
         let made = File::create_new(path).map_err(|source| CassetteError::Create { path: path.to_owned(), source })?;
         let mut file = BufWriter::new(made);
@@ -139,7 +140,7 @@ impl Vlm for Recording {
     }
 }
 
-/// Gives recorded answers again.
+/// Plays recorded replies.
 #[derive(Clone, Debug)]
 pub struct Replay {
     head: Head,
@@ -147,18 +148,18 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Reads a recording.
+    /// Opens a recording.
     ///
     /// # Errors
-    /// [`CassetteError`] when it cannot be read.
+    /// [`CassetteError`] if it cannot be read.
     pub fn open(path: &Path) -> Result<Self, CassetteError> {
         Self::read(BufReader::new(File::open(path)?))
     }
 
-    /// Reads a recording from anywhere.
+    /// Reads a recording from any source.
     ///
     /// # Errors
-    /// [`CassetteError`] when it cannot be read.
+    /// [`CassetteError`] if it cannot be read.
     pub fn read(mut lines: impl BufRead) -> Result<Self, CassetteError> {
         let head: Head = read_line(&mut lines, 1)?.ok_or_else(|| wrong(1, "the file is empty"))?;
         if head.spf_recording != FORMAT {
@@ -234,7 +235,7 @@ mod tests {
 
     #[test]
     fn digests_by_the_reference() {
-        // Of the empty text the offset basis; of "a", by the definition's own list.
+        // The empty text gives the offset basis; the value for "a" is from the FNV reference.
         assert_eq!((digest("").as_str(), digest("a").as_str()), ("cbf29ce484222325", "af63dc4c8601ec8c"));
     }
 

@@ -1,4 +1,4 @@
-//! Does a model answer, and does it point where we think it points? Three pictures of one dot tell.
+//! Checks whether a model replies, and whether its coordinates match the table, with three images of one dot each.
 
 use std::sync::Arc;
 
@@ -12,54 +12,54 @@ use spf_media::{Jpeg, Rgb, resize};
 
 use crate::{Account, Answer, Asked, Picture, Vlm, VlmError};
 
-/// Where the dots are: off the diagonal, so that swapped coordinates show.
+/// Positions of the dots, off the diagonal so that swapped coordinates show.
 pub const DOTS: [ImagePoint; 3] = [ImagePoint { u: 0.2, v: 0.7 }, ImagePoint { u: 0.75, v: 0.3 }, ImagePoint { u: 0.55, v: 0.9 }];
-/// Radius of a dot as a share of the picture's width.
+/// Radius of a dot as a fraction of the image's width.
 const RADIUS: f64 = 0.03;
-/// A point this near to the dot's centre, as a share of the picture, is on it or next to it.
+/// Maximum distance of a correct point from the dot's centre, as a fraction of the image.
 pub const NEAR: f64 = 0.06;
-/// Size of the pictures, that of the usual camera.
+/// Size of the images, that of the default camera.
 const SIZE: (u32, u32) = (960, 720);
 const INSTRUCTION: &str = "fly to the red dot";
 
-/// What a model said to one dot.
+/// A model's reply to one dot.
 #[derive(Clone, Debug)]
 pub struct Pointed {
     /// Where the dot is.
     pub dot: ImagePoint,
-    /// The answer.
+    /// The reply.
     pub answer: Answer,
-    /// The point in it, as the table has it.
+    /// The point in it, parsed with the table's coordinates.
     pub point: Option<ImagePoint>,
 }
 
-/// What the three dots tell.
+/// The result of the three dots.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
-    /// It points at the dots; the worst distance as a share of the picture.
+    /// It points at the dots; the largest distance as a fraction of the image.
     Good(f64),
-    /// It answers in other coordinates than the table says.
+    /// It uses different coordinates from those in the table.
     Other(GroundingProfile),
-    /// It answers, but does not point at the dots; the worst distance.
+    /// It replies, but does not point at the dots; the largest distance.
     Astray(f64),
-    /// It answers, but not as it is asked.
+    /// It replies, but not in the requested format.
     Unreadable(String),
-    /// It does not answer.
+    /// It does not reply.
     Failed(VlmError),
 }
 
-/// A check and its parts.
+/// The result of a check, with details.
 #[derive(Clone, Debug)]
 pub struct Check {
-    /// What was said to each dot.
+    /// The reply to each dot.
     pub pointed: Vec<Pointed>,
-    /// What follows.
+    /// The conclusion.
     pub verdict: Verdict,
-    /// What it took.
+    /// Resources used.
     pub account: Account,
 }
 
-/// One dot on grey, as a picture to be pointed at.
+/// One dot on grey, as the image of a query.
 struct Dotted(ImagePoint);
 
 impl Picture for Dotted {
@@ -73,7 +73,7 @@ impl Picture for Dotted {
     }
 }
 
-/// The calibration picture: grey with one red dot.
+/// The calibration image: grey with one red dot.
 #[must_use]
 pub fn dotted(dot: ImagePoint) -> Rgb {
     let (width, height) = SIZE;
@@ -90,7 +90,7 @@ pub fn dotted(dot: ImagePoint) -> Rgb {
     picture
 }
 
-/// Shows a model the dots, one after the other, each for at most `time`.
+/// Sends the dots to a model, one after the other, each with a time limit of `time`.
 pub fn check(vlm: &mut dyn Vlm, time: Duration) -> Check {
     let eyesight = vlm.eyesight(SIZE);
     let mut check = Check { pointed: Vec::new(), verdict: Verdict::Good(0.0), account: Account::default() };
@@ -122,7 +122,7 @@ fn query(number: u64, profile: &GroundingProfile, image_size: Option<(u32, u32)>
     }
 }
 
-/// The farthest that the answers lie from their dots when read in these coordinates; none when one cannot be read.
+/// The largest distance of the replies from their dots when read in these coordinates; `None` if one cannot be parsed.
 fn worst(pointed: &[Pointed], profile: &GroundingProfile) -> Option<f64> {
     let distance = |pointed: &Pointed| {
         let point = parse_reply(pointed.answer.text.as_ref().ok()?, profile).ok()?.point?;
@@ -136,7 +136,7 @@ fn verdict(pointed: &[Pointed], asked: &GroundingProfile, (width, height): (u32,
     if let Some(worst) = own.filter(|worst| *worst <= NEAR) {
         return Verdict::Good(worst);
     }
-    // Coordinates in which all three answers would be right cannot be so by chance.
+    // Three correct points cannot be a coincidence.
     let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
     let all = [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));
     if let Some(other) = all.into_iter().find(|profile| worst(pointed, profile).is_some_and(|worst| worst <= NEAR)) {
@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use crate::Eyesight;
 
-    /// Points at the dots in its own coordinates, whatever it is asked.
+    /// Points at the dots in its own coordinates, whatever the query.
     struct Pointer {
         asked: GroundingProfile,
         own: GroundingProfile,

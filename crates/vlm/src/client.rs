@@ -1,4 +1,4 @@
-//! One request and its answer: read in pieces, bounded in time and memory, cut as soon as it says what is needed.
+//! One request and its response: streamed, limited in time and size, ended as soon as the reply is complete.
 
 use std::time::Instant;
 
@@ -16,60 +16,60 @@ use crate::upload::{Upload, Uploaded};
 use crate::wire::sse::Events;
 use crate::wire::{Gathered, WireKind, error_of};
 
-/// Bytes of an answer that are read at most.
+/// Maximum size of a response, bytes.
 pub(crate) const MAX_ANSWER: usize = 2 << 20;
 
-/// Bytes, and time, for what follows an answer that was cut.
+/// Maximum bytes and time for reading the rest of a response after it was cut off.
 const DRAINED: usize = 64 << 10;
 const DRAINING: Duration = Duration::from_millis(300);
 
-/// Where questions go.
+/// Destination of requests.
 #[derive(Clone, Debug)]
 pub(crate) struct Endpoint {
-    /// Host and port, for people.
+    /// Host and port, for messages.
     pub(crate) host: String,
-    /// Base address without a slash at the end.
+    /// Base URL without trailing slash.
     pub(crate) base: String,
-    /// Key and whatever else the vendor wants.
+    /// The key and other headers required by the vendor.
     pub(crate) headers: HeaderMap,
-    /// Form of requests.
+    /// Request format.
     pub(crate) wire: WireKind,
-    /// The key, to be masked in whatever comes back.
+    /// The key, to be masked in responses.
     pub(crate) key: Option<ApiKey>,
 }
 
 impl Endpoint {
-    /// Words from outside without the key, which vendors repeat in their errors.
+    /// Masks the key in external text, since vendors repeat it in errors.
     pub(crate) fn scrub(&self, words: String) -> String {
         self.key.as_ref().map_or_else(|| words.clone(), |key| key.scrub(&words))
     }
 }
 
-/// One exchange while it goes on: what is known of it when its time is up.
+/// The state of an exchange, available if it times out.
 #[derive(Debug, Default)]
 pub(crate) struct Exchange {
     pub(crate) parts: Parts,
     pub(crate) gathered: Gathered,
-    /// When the question was sent whole.
+    /// When the request was sent completely.
     pub(crate) uploaded: Uploaded,
-    /// Bytes of the answer so far.
+    /// Bytes received so far.
     pub(crate) received: usize,
-    /// The stream was ended by us, before it told its tokens.
+    /// Whether we ended the stream, before it reported its tokens.
     pub(crate) cut: bool,
-    /// Its time was up.
+    /// Whether it timed out.
     pub(crate) given_up: bool,
 }
 
-/// When an answer is complete before its end.
+/// When a reply counts as complete before the response ends.
 pub(crate) enum Enough {
-    /// As soon as a reply in these coordinates is closed.
+    /// As soon as a reply in these coordinates is complete.
     Reply(GroundingProfile),
     /// Never.
     Whole,
 }
 
 impl Exchange {
-    /// Sends a question and reads its answer's text.
+    /// Sends a request and reads the reply text.
     pub(crate) async fn run(
         &mut self,
         client: &reqwest::Client,
@@ -126,7 +126,7 @@ impl Exchange {
     fn read_whole(&mut self, endpoint: &Endpoint, status: u16, content_type: &str, body: &[u8]) -> Result<(), VlmError> {
         let host = &endpoint.host;
         match serde_json::from_slice::<Value>(body) {
-            // Servers that stream when not asked, or forget to say so, are read all the same.
+            // Accept servers that stream without being asked to, or without saying so.
             Err(_) if body.starts_with(b"data:") || body.starts_with(b"event:") => {
                 let mut events = Events::default();
                 let pieces = [events.push(body), events.finish()].concat();
@@ -165,7 +165,8 @@ impl Exchange {
             if let Some(reply) = &mut reply {
                 reply.push(&self.gathered.text[seen..]);
                 seen = self.gathered.text.len();
-                // Everything that came with the closing bracket has been read: its tokens, if they are there.
+                // Everything that arrived with the closing bracket has been read, including the token counts if
+                // present.
                 if reply.early().is_some() {
                     self.cut = self.gathered.end.is_none();
                     tokio::spawn(drain(response));
@@ -187,7 +188,7 @@ impl Exchange {
         endpoint.wire.read(&endpoint.host, &object, &mut self.gathered)
     }
 
-    /// What had come when the time was up, in words.
+    /// How far the exchange had come at the timeout.
     pub(crate) fn stage(&self) -> String {
         match (self.parts.head_s, self.received, self.gathered.text.len()) {
             (None, ..) => "it never began to answer".to_owned(),
@@ -198,8 +199,8 @@ impl Exchange {
     }
 }
 
-/// Reads the little that follows an answer that was cut, so that its connection can be used again; a vendor that goes on
-/// talking is left.
+/// Reads the short rest of a response after it was cut off, so that its connection can be reused; if the vendor
+/// continues to send, the connection is closed.
 async fn drain(mut response: reqwest::Response) {
     let rest = async {
         let mut left = DRAINED;
@@ -214,9 +215,9 @@ async fn drain(mut response: reqwest::Response) {
     let _ = tokio::time::timeout(DRAINING, rest).await;
 }
 
-/// No answer began.
+/// The error if no response arrived.
 fn unreachable(host: &str, error: &reqwest::Error) -> VlmError {
-    // The address stands in the error, and may hold what is nobody's business.
+    // The error contains the URL, which may hold private data.
     let mut reason = if error.is_timeout() { "no connection in time".to_owned() } else { String::new() };
     let mut source = std::error::Error::source(error);
     while let Some(cause) = source {
@@ -230,7 +231,7 @@ fn unreachable(host: &str, error: &reqwest::Error) -> VlmError {
         reason = "the request failed".to_owned();
     }
     let mut reason = quote(&reason);
-    // The name that rustls has for it.
+    // The name used by rustls.
     if reason.contains("UnknownIssuer") {
         reason
             .push_str(" (this machine does not trust whoever signed its certificate: SSL_CERT_FILE names a file of authorities)");
@@ -245,7 +246,7 @@ fn broken_off(host: &str, error: &reqwest::Error) -> VlmError {
     }
 }
 
-/// The error of a status that is none of success.
+/// The error for an unsuccessful status.
 fn refusal(host: &str, status: u16, content_type: &str, body: &[u8], wait: Option<Duration>) -> VlmError {
     let object = serde_json::from_slice::<Value>(body).ok();
     let error = object.as_ref().and_then(|object| error_of(host, status, object));
@@ -281,7 +282,7 @@ fn no_json(host: &str, status: u16, content_type: &str, body: &[u8], error: &ser
     VlmError::Malformed { host: host.to_owned(), reason: quote(&error.to_string()) }
 }
 
-/// A page for people, by its type or its first bytes.
+/// Recognises an HTML page, by content type or first bytes.
 fn web_page(host: &str, status: u16, content_type: &str, body: &[u8]) -> Option<VlmError> {
     let text = String::from_utf8_lossy(&body[..body.len().min(4096)]);
     let lower = text.to_lowercase();
@@ -289,12 +290,12 @@ fn web_page(host: &str, status: u16, content_type: &str, body: &[u8]) -> Option<
     if !content_type.to_lowercase().contains("html") && !begins.starts_with("<!doctype html") && !begins.starts_with("<html") {
         return None;
     }
-    // Lowering ASCII keeps offsets; a title that holds more is left out rather than cut wrongly.
+    // ASCII lowercasing keeps offsets; a non-ASCII title is omitted rather than cut wrongly.
     let title = lower.find("<title>").zip(lower.find("</title>")).and_then(|(from, to)| text.get(from + 7..to)).map(quote);
     Some(VlmError::WebPage { host: host.to_owned(), status, title: title.filter(|title| !title.is_empty()) })
 }
 
-/// How long a vendor wants to be left alone, by its headers.
+/// The waiting time requested in the response headers.
 fn retry_after(headers: &HeaderMap) -> Option<Duration> {
     let text = |name: &str| headers.get(name).and_then(|value| value.to_str().ok()).map(str::trim);
     if let Some(millis) = text("retry-after-ms").and_then(|text| text.parse::<f64>().ok()) {

@@ -1,4 +1,4 @@
-//! The day it is, for prices and retirements.
+//! The current date, for prices and retirement dates.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -9,7 +9,8 @@ pub fn today() -> String {
     day(seconds / 86_400)
 }
 
-/// The day so many days after 1970-01-01 (H. Hinnant, "chrono-compatible low-level date algorithms", `civil_from_days`).
+/// The date a number of days after 1970-01-01 (H. Hinnant, "chrono-compatible low-level date algorithms",
+/// `civil_from_days`).
 fn day(days: u64) -> String {
     let days = days + 719_468;
     let (era, of_era) = (days / 146_097, days % 146_097);

@@ -1,102 +1,102 @@
-//! Why there is no answer, each by name.
+//! VLM errors.
 
 use spf_core::reply::MAX_TEXT;
 use spf_core::time::Duration;
 
-/// Longest piece of a vendor's words that is kept, characters.
+/// Maximum length of a quoted vendor message, characters.
 const LONGEST_QUOTE: usize = 300;
 
-/// Why there is no answer. [`VlmError::code`] is the name in the logs.
+/// Why there is no reply. [`VlmError::code`] is the name used in logs.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum VlmError {
-    /// The picture could not be had.
+    /// The image is not available.
     #[error("the camera frame could not be prepared: {0}")]
     Picture(String),
-    /// The detector failed on a picture.
+    /// The detector failed on an image.
     #[error("the detector failed: {0}")]
     Detector(String),
-    /// The one asked cannot answer this kind of question.
+    /// The model does not support this kind of query.
     #[error("`{model}` cannot answer: {reason}")]
     Refused {
-        /// Who was asked.
+        /// The model.
         model: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// The question was taken back before it was answered.
+    /// The query was cancelled before the reply.
     #[error("the question was taken back")]
     Cancelled,
-    /// The time was up.
+    /// Timeout.
     #[error("{host} did not finish its answer in {:.1} s: {stage}", waited.as_secs_f64())]
     Deadline {
-        /// Who was asked.
+        /// The host.
         host: String,
-        /// How long.
+        /// The time waited.
         waited: Duration,
-        /// What had come by then, in words.
+        /// How far the exchange had come.
         stage: String,
     },
-    /// No connection, or it broke.
+    /// The connection failed.
     #[error("{host} cannot be reached: {reason}")]
     Network {
-        /// Who was asked.
+        /// The host.
         host: String,
-        /// What failed: name, connection, TLS, proxy.
+        /// What failed: name resolution, connection, TLS, proxy.
         reason: String,
     },
-    /// The connection ended inside an answer.
+    /// The connection was closed during a response.
     #[error("{host} broke off in the middle of its answer: {reason}")]
     BrokenOff {
-        /// Who was asked.
+        /// The host.
         host: String,
-        /// How.
+        /// The cause.
         reason: String,
     },
-    /// The vendor answered with an error, by status or in a body.
+    /// The vendor returned an error, by status or in the body.
     #[error("{host} answers {status}{}: {message}", code.as_ref().map_or(String::new(), |code| format!(" ({code})")))]
     Vendor {
-        /// Who was asked.
+        /// The host.
         host: String,
-        /// HTTP status; 200 when the error came in a good answer's place.
+        /// HTTP status; 200 if the error came in a successful response.
         status: u16,
-        /// The vendor's name for it.
+        /// The vendor's error code.
         code: Option<String>,
-        /// The vendor's words.
+        /// The vendor's message.
         message: String,
-        /// How long to wait before asking again, as the vendor says.
+        /// Waiting time before a retry, if the vendor gives one.
         retry_after: Option<Duration>,
     },
-    /// A page for people, from a proxy or a wrong address.
+    /// An HTML page, from a proxy or a wrong address.
     #[error("{host} answers {status} with a web page{}: a proxy, a sign-in page or a wrong address", title.as_ref().map_or(String::new(), |title| format!(" \"{title}\"")))]
     WebPage {
-        /// Who was asked.
+        /// The host.
         host: String,
         /// HTTP status.
         status: u16,
         /// The page's title.
         title: Option<String>,
     },
-    /// Something that is neither JSON nor a stream.
+    /// A response that is neither JSON nor an event stream.
     #[error("{host} answers with {content_type} and not with JSON")]
     ContentType {
-        /// Who was asked.
+        /// The host.
         host: String,
-        /// What it says it is.
+        /// Its content type.
         content_type: String,
     },
-    /// JSON of another form than the vendor's.
+    /// JSON that does not match the vendor's format.
     #[error("{host} answers with JSON that is none of its answers: {reason}")]
     Malformed {
-        /// Who was asked.
+        /// The host.
         host: String,
         /// What is wrong with it.
         reason: String,
     },
-    /// The vendor blocked the question or the answer.
+    /// The vendor blocked the query or the reply.
     #[error("{host} blocked this question: {reason}")]
     Blocked {
-        /// Who was asked.
+        /// The host.
         host: String,
         /// The vendor's reason.
         reason: String,
@@ -104,53 +104,53 @@ pub enum VlmError {
     /// The model declined.
     #[error("the model declined to answer: {0}")]
     Declined(String),
-    /// The answer ran into the limit of tokens.
+    /// The reply reached the token limit.
     #[error("the answer was cut off ({reason}) after {characters} characters: raise `max_output_tokens`, or let it think less")]
     CutOff {
         /// The vendor's reason.
         reason: String,
-        /// Length of what there was.
+        /// Length of the partial reply.
         characters: usize,
     },
-    /// An answer without words.
+    /// A reply without text.
     #[error("{host} answers without any text{}", reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})")))]
     Empty {
-        /// Who was asked.
+        /// The host.
         host: String,
         /// The vendor's reason.
         reason: Option<String>,
     },
-    /// More than any answer has.
+    /// The response exceeds the size limit.
     #[error("{host} sends without end: more than {limit} bytes")]
     TooLong {
-        /// Who was asked.
+        /// The host.
         host: String,
-        /// Bytes that are read at most.
+        /// The limit, bytes.
         limit: usize,
     },
-    /// An error as a recording tells it.
+    /// An error from a recording.
     #[error("{message}")]
     Told {
-        /// Its name.
+        /// Its code.
         code: String,
-        /// Its words.
+        /// Its message.
         message: String,
     },
-    /// The money that a flight may cost is spent.
+    /// The cost limit of the flight is reached.
     #[error("{spent:.4} $ of {limit} $ are spent (--max-cost)")]
     Spent {
-        /// Spent, US dollars.
+        /// Cost so far, US dollars.
         spent: f64,
-        /// What may be spent, US dollars.
+        /// Cost limit, US dollars.
         limit: f64,
     },
-    /// A recording that does not hold this question.
+    /// The recording does not contain this query.
     #[error("the recording cannot answer: {0}")]
     Replay(String),
 }
 
 impl VlmError {
-    /// Its name in logs and records.
+    /// Its code in logs and records.
     #[must_use]
     pub fn code(&self) -> &str {
         match self {
@@ -185,7 +185,7 @@ impl VlmError {
         }
     }
 
-    /// The same with every word from outside passed through `words`.
+    /// The same error with all external text passed through `words`.
     pub(crate) fn reworded(self, words: impl Fn(String) -> String) -> Self {
         match self {
             Self::Network { host, reason } => Self::Network { host, reason: words(reason) },
@@ -200,18 +200,18 @@ impl VlmError {
             Self::Declined(said) => Self::Declined(words(said)),
             Self::CutOff { reason, characters } => Self::CutOff { reason: words(reason), characters },
             Self::Empty { host, reason } => Self::Empty { host, reason: reason.map(words) },
-            // The others are in our own words.
+            // The others contain no external text.
             other => other,
         }
     }
 
-    /// Whether the same question may be asked again at once: trouble on the way or at the vendor, never a wrong question, a
-    /// wrong key, an empty purse or a model's own refusal.
+    /// Whether the same query may be retried at once: network or vendor problems, but not an invalid request, a wrong
+    /// key, exhausted credit or a model's refusal.
     #[must_use]
     pub fn may_retry(&self) -> bool {
         match self {
             Self::Network { .. } | Self::BrokenOff { .. } => true,
-            // Several vendors tell an empty purse as a rate limit.
+            // Several vendors report exhausted credit as a rate limit.
             Self::Vendor { status: 429, code: Some(code), .. } => code != "insufficient_quota",
             Self::Vendor { status, .. } => matches!(status, 200 | 408 | 409 | 429 | 500..=599),
             Self::WebPage { status, .. } => (500..=599).contains(status),
@@ -220,7 +220,7 @@ impl VlmError {
         }
     }
 
-    /// How long the vendor wants to be left alone.
+    /// The waiting time requested by the vendor.
     #[must_use]
     pub fn retry_after(&self) -> Option<Duration> {
         match self {
@@ -230,14 +230,14 @@ impl VlmError {
     }
 }
 
-/// A vendor's words on one line. They stay long until the key is masked in them: half a key is no longer found.
+/// A vendor's message on one line. Not truncated until the key is masked, since a partial key would not be found.
 pub(crate) fn quote(words: &str) -> String {
     let line: Vec<&str> =
         words.split(|letter: char| letter.is_whitespace() || letter.is_control()).filter(|w| !w.is_empty()).collect();
     shortened(line.join(" "), MAX_TEXT)
 }
 
-/// A vendor's words in which nothing secret stands any more, not too long.
+/// A scrubbed vendor message, truncated.
 pub(crate) fn brief(words: String) -> String {
     shortened(words, LONGEST_QUOTE)
 }

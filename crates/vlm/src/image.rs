@@ -1,23 +1,24 @@
-//! At which size a picture is sent, so that the model sees exactly what was sent.
+//! Chooses the size of an image so that the model sees exactly what was sent.
 //!
-//! Vendors resize silently, and coordinates then refer to a picture that was never ours. So a size is chosen here that each
+//! Vendors resize silently, and coordinates then refer to the resized image. The size is therefore chosen so that each
+//! vendor's own rule leaves it unchanged: within its limits, and with sides in its multiples.
 //! vendor's own rule leaves as it is: within its limits, and with sides in its multiples.
 
 use serde::Deserialize;
 
-/// What bounds a picture's size.
+/// Limits on image sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImageRule {
-    /// Longest side that is sent, pixels: larger ones cost time and bring little.
+    /// Maximum side length sent, pixels: larger images cost time and improve little.
     pub long_side: u32,
     /// Sides are multiples of this.
     pub multiple: u32,
-    /// Longest side that the vendor leaves alone, pixels; 0: none.
+    /// Maximum side length that the vendor does not resize, pixels; 0 for no limit.
     pub max_side: u32,
-    /// Side of the squares that the vendor counts, pixels; 0: it counts none.
+    /// Side of the vendor's patches, pixels; 0 if it does not use patches.
     pub patch: u32,
-    /// Most squares that the vendor leaves alone.
+    /// Maximum number of patches that the vendor does not resize.
     pub max_patches: u32,
 }
 
@@ -27,12 +28,12 @@ impl Default for ImageRule {
     }
 }
 
-/// Width and height of a picture as sent, pixels.
+/// Width and height of the image sent, pixels.
 pub type SentSize = (u32, u32);
 
 impl ImageRule {
-    /// The size at which a camera's frame is sent. `long_side` over the rule's, when a person chose one; a picture is never
-    /// made larger than it was.
+    /// The size at which a camera's frame is sent. `long_side` replaces the rule's value if the user set one. Images
+    /// are never enlarged.
     #[must_use]
     pub fn sent(&self, camera: (u32, u32), long_side: Option<u32>) -> SentSize {
         let (width, height) = (camera.0.max(1), camera.1.max(1));
@@ -42,7 +43,7 @@ impl ImageRule {
         }
         loop {
             let size = (self.rounded(width, side, width.max(height)), self.rounded(height, side, width.max(height)));
-            // Rounding up may pass a limit that the side itself keeps.
+            // Rounding up may exceed a limit that the side itself satisfies.
             if side <= self.multiple.max(1) || self.fits(size) {
                 return size;
             }
@@ -50,7 +51,7 @@ impl ImageRule {
         }
     }
 
-    /// Whether the vendor leaves a picture of this size as it is.
+    /// Whether the vendor leaves an image of this size unchanged.
     #[must_use]
     pub fn fits(&self, (width, height): SentSize) -> bool {
         let squares = |side: u32| u64::from(side.div_ceil(self.patch.max(1)));
@@ -58,7 +59,7 @@ impl ImageRule {
             && (self.patch == 0 || squares(width) * squares(height) <= u64::from(self.max_patches))
     }
 
-    /// `side · to / from`, to the nearest multiple, halves to the even one as the vendors' own code does.
+    /// `side · to / from`, rounded to the nearest multiple, ties to even as in the vendors' code.
     fn rounded(&self, side: u32, to: u32, from: u32) -> u32 {
         let multiple = u64::from(self.multiple.max(1));
         // In units of the multiple: quotient and remainder of side·to / (from·multiple).
@@ -80,16 +81,16 @@ mod tests {
 
     #[test]
     fn worked_sizes() {
-        // The multiples of the vendors' own code: 720/28 = 25.7 → 26; 720/32 = 22.5 → 22, the even one.
+        // The rounding of the vendors' own code: 720/28 = 25.7 → 26; 720/32 = 22.5 → 22, the even one.
         assert_eq!(QWEN25.sent((1280, 720), None), (1288, 728));
         assert_eq!(ImageRule { multiple: 32, ..QWEN25 }.sent((1280, 720), None), (1280, 704));
         assert_eq!(ImageRule { multiple: 28, ..ImageRule::default() }.sent((960, 720), None), (756, 588));
         assert_eq!(ImageRule::default().sent((960, 720), None), (768, 576));
         assert_eq!(ImageRule::default().sent((1920, 1080), None), (768, 432));
         assert_eq!(ImageRule::default().sent((1920, 1080), Some(640)), (640, 360));
-        // Never larger than it was.
+        // Never enlarged.
         assert_eq!(ImageRule::default().sent((320, 240), Some(1280)), (320, 240));
-        // 1280×720: 46·26 = 1196 squares of 28 pixels, within 1568; 1920×1080 would be 69·39 = 2691.
+        // 1280×720: 46·26 = 1196 patches of 28 pixels, within 1568; 1920×1080 would be 69·39 = 2691.
         assert_eq!(CLAUDE.sent((1280, 720), None), (1280, 720));
         let (width, height) = CLAUDE.sent((1920, 1080), None);
         assert!(width.div_ceil(28) * height.div_ceil(28) <= 1568 && width > 1400, "{width}×{height}");
@@ -102,7 +103,7 @@ mod tests {
             let size = rule.sent((width, height), long);
             prop_assert!(size.0 >= 1 && size.1 >= 1);
             prop_assert_eq!((size.0 % multiple, size.1 % multiple), (0, 0));
-            // Slender pictures keep at least one multiple a side.
+            // Very narrow images keep at least one multiple per side.
             prop_assert!(rule.fits(size) || size.0.min(size.1) <= multiple);
         }
     }

@@ -1,30 +1,30 @@
-//! Keys that cannot be printed.
+//! API keys that cannot be printed.
 
 use std::fmt;
 
-/// A vendor's key. It shows itself as `***`, whatever prints it; only the client that sends it reads it.
+/// A vendor's API key. It is displayed as `***`; only the client that sends it can read it.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ApiKey(String);
 
-/// What stands in the place of a key.
+/// Replacement text for a key.
 const MASK: &str = "***";
-/// A shorter key is no secret, and masking it would garble ordinary words.
+/// Shorter values are not secret, and masking them would garble ordinary words.
 const SHORTEST: usize = 6;
 
 impl ApiKey {
-    /// A key; spaces around it, as copied from a page, are dropped. None when nothing is left.
+    /// A key; surrounding white space is removed. `None` if nothing is left.
     #[must_use]
     pub fn new(key: &str) -> Option<Self> {
         let key = key.trim();
         (!key.is_empty()).then(|| Self(key.to_owned()))
     }
 
-    /// The key itself, for the header that carries it.
+    /// The key itself, for the request header.
     pub(crate) fn reveal(&self) -> &str {
         &self.0
     }
 
-    /// A text with the key masked wherever it stands: vendors repeat keys in their errors.
+    /// Masks the key in a text: vendors repeat keys in their errors.
     #[must_use]
     pub fn scrub(&self, text: &str) -> String {
         if self.0.len() < SHORTEST { text.to_owned() } else { text.replace(&self.0, MASK) }

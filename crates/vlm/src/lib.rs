@@ -1,10 +1,11 @@
 //! The `Vlm` interface, and the clients of the vision-language models of several vendors behind it (docs/guide/vlm.md).
 //!
-//! An answer is *text*, whoever gives it: the oracle's words go through the same parser as a model's. This crate knows nothing
-//! of drones and flights.
+//! A reply is *text*, whatever its source: the oracle's replies pass through the same parser as a model's. This crate
+//! is independent of drones and flights.
 //!
-//! [`table::Table`] says which models there are and how each is to be asked; [`setup`] turns a name from the command line into
-//! a [`Remote`], which asks over HTTP. What differs between vendors is data (`models.toml`) or lies in [`wire`].
+//! [`table::Table`] lists the known models and how to query each of them. [`setup`] turns a name from the command line
+//! into a [`Remote`], which sends queries over HTTP. Differences between vendors are data (`models.toml`) or handled in
+//! [`wire`].
 
 mod account;
 mod asked;
@@ -39,73 +40,74 @@ pub use key::ApiKey;
 pub use remote::{Remote, Strategy};
 pub use transport::TransportError;
 
-/// The picture a query is about, made only when it is asked for: the oracle needs none, and drawing is the costly part.
+/// The image of a query, created only on request: the oracle needs none, and rendering is expensive.
 pub trait Picture {
     /// Width and height of the camera's frame, pixels.
     fn size(&self) -> (u32, u32);
 
-    /// Has the frame at hand at a size, before the time of the question begins to count.
+    /// Prepares the frame at a size, before the latency measurement starts.
     fn prepare(&mut self, size: (u32, u32)) {
         let _ = size;
     }
 
-    /// The frame's pixels at its own size, with the query's marks drawn on it: for who looks at them here and sends nothing.
+    /// The frame's pixels at its own size, with the query's marks drawn on it; for local use.
     ///
     /// # Errors
-    /// [`VlmError::Picture`] when the frame cannot be had.
+    /// [`VlmError::Picture`] if the frame is not available.
     fn pixels(&mut self) -> Result<Rgb, VlmError> {
         let jpeg = self.jpeg(self.size(), 95)?;
         spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Picture(error.to_string()))
     }
 
-    /// The frame as JPEG at a size and quality (1..=100), with the query's marks drawn on it; encoded once, however often it
-    /// is asked for.
+    /// The frame as JPEG at a size and quality (1..=100), with the query's marks drawn on it; encoded once, even if
+    /// requested several times.
     ///
     /// # Errors
-    /// [`VlmError::Picture`] when the frame cannot be had or encoded.
+    /// [`VlmError::Picture`] if the frame is not available or cannot be encoded.
     fn jpeg(&mut self, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError>;
 }
 
-/// What became of a question.
+/// The result of a query.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
-    /// The text as it came, or why there is none.
+    /// The reply text as received, or why there is none.
     pub text: Result<String, VlmError>,
-    /// From the question to the whole answer, or to giving up.
+    /// Time from the query to the complete reply or the failure.
     pub latency: Duration,
-    /// Who answered, as it called itself; who was asked, when nobody answered.
+    /// The model that replied, as it names itself; the model queried, if there was no reply.
     pub model: String,
-    /// What it took.
+    /// Resources used.
     pub account: Account,
 }
 
-/// How a model sees a camera's pictures.
+/// How a model receives a camera's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Eyesight {
-    /// The coordinates it is asked for and answers in.
+    /// Its coordinate convention.
     pub grounding: GroundingProfile,
-    /// The size at which pictures are sent, if not the camera's.
+    /// The size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
 }
 
-/// Whoever answers queries: a vision-language model, or a stand-in for one.
+/// Answers queries: a vision-language model, or a stand-in for one.
 pub trait Vlm: Send {
     /// Its name as on the command line.
     fn name(&self) -> &str;
 
-    /// How it sees the pictures of a camera with frames of `camera` pixels, width first. Queries are to be written for this.
+    /// How it receives the images of a camera with frames of `camera` pixels (width, height). Queries must be written
+    /// for this.
     fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
         let _ = camera;
         Eyesight::default()
     }
 
-    /// The temperature that it is asked to answer at; none where that is left to whoever answers.
+    /// The sampling temperature requested; `None` for the vendor's default.
     fn temperature(&self) -> Option<f64> {
         None
     }
 
-    /// Answers a query; blocks until the whole answer is there, the time is up or the question is cancelled. The latency told
-    /// is what the flight waits, in virtual time too.
+    /// Answers a query; blocks until the reply is complete, the time is up or the query is cancelled. The reported
+    /// latency is what the flight waits, also in virtual time.
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer;
 }
 

@@ -1,4 +1,4 @@
-//! A vision-language model behind the [`Vlm`] interface: one vendor, or two of which one steps in for the other.
+//! A vision-language model behind the [`Vlm`] interface: one vendor, or two with one as the fallback.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -20,81 +20,81 @@ use crate::transport::Transport;
 use crate::wire::Question;
 use crate::{Answer, Eyesight, Picture, Vlm};
 
-/// A question that the flight has given up is waited for this much longer, so that it is the flight that gives up.
+/// Extra waiting time for a query after its time limit, so that the flight times out first.
 const GRACE: Duration = Duration::from_millis(20);
 
-/// How questions are put.
+/// How queries are sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Strategy {
-    /// After this time without an answer a second request goes out, and the first good answer counts.
+    /// After this time without a reply a second request is sent, and the first valid reply counts.
     pub hedge: Option<Duration>,
-    /// Longest side of the pictures sent, when not the model's own, pixels.
+    /// Maximum side length of images, if not the model's own, pixels.
     pub long_side: Option<u32>,
-    /// Quality of the JPEG, 1..=100.
+    /// JPEG quality, 1..=100.
     pub quality: u8,
 }
 
 impl Default for Strategy {
-    /// No hedge, sizes by the table, and a quality of 70: a city at 768×576 stays under 80 kB on its way.
+    /// No hedging, sizes from the table, and a quality of 70: a city at 768×576 stays under 80 kB.
     fn default() -> Self {
         Self { hedge: None, long_side: None, quality: 70 }
     }
 }
 
-/// One or two models over HTTP. Clones share the connections.
+/// One or two models over HTTP. Clones share connections.
 #[derive(Clone)]
 pub struct Remote {
     name: String,
     backends: Vec<Arc<Backend>>,
     strategy: Strategy,
     transport: Arc<Transport>,
-    /// What a second backend is told, in its own coordinates.
+    /// The prompt for a second backend, to be rendered in its coordinates.
     prompt: Arc<PromptText>,
 }
 
-/// A request that is out, or the watch over the question itself.
+/// An open request, or the cancellation watch.
 struct Out {
     number: usize,
     work: AbortHandle,
-    /// None of the watch.
+    /// `None` for the watch.
     charge: Option<Charge>,
 }
 
-/// What is known of a question that was put to a backend, for the case that it is dropped.
+/// Usage data of an open request, in case it is dropped.
 struct Charge {
     backend: Arc<Backend>,
-    /// Requests sent for it so far.
+    /// Number of requests sent for it so far.
     sent: Arc<AtomicU32>,
     bytes: u64,
     guessed: Tokens,
 }
 
-/// What a request came to.
+/// The result of a request.
 struct Came {
-    /// Of the request.
+    /// Number of the request.
     number: usize,
-    /// Of the backend.
+    /// Index of the backend.
     index: usize,
     outcome: Outcome,
 }
 
 impl Drop for Out {
-    /// What is no longer wanted is not waited for: the connection's end tells the vendor.
+    /// Aborts the request: the vendor sees that the connection is closed.
     fn drop(&mut self) {
         self.work.abort();
     }
 }
 
-/// One question while it is being answered.
+/// A query being answered.
 struct Asking<'a> {
     remote: &'a Remote,
     asked: &'a Asked<'a>,
     began: Instant,
     deadline: Instant,
     camera: (u32, u32),
-    /// What requests came to; none when the question was taken back.
+    /// Results of requests; `None` when the query was cancelled.
     results: (Sender<Option<Came>>, Receiver<Option<Came>>),
-    /// When a second is asked although the first has not failed.
+    /// When a second request is sent although the first has not failed.
     hedge: Option<Duration>,
     sent: usize,
     out: Vec<Out>,
@@ -102,7 +102,7 @@ struct Asking<'a> {
 }
 
 impl Remote {
-    /// `backends` in the order in which they are asked: the first always, the second when the first fails or is slow.
+    /// `backends` in order of use: the first always, the second if the first fails or is slow.
     pub(crate) fn new(name: String, backends: Vec<Backend>, strategy: Strategy, transport: Transport) -> Self {
         Self {
             name,
@@ -113,31 +113,31 @@ impl Remote {
         }
     }
 
-    /// The same with another prompt for points than the shipped one.
+    /// Replaces the built-in prompt for points.
     #[must_use]
     pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
         Self { prompt, ..self }
     }
 
-    /// Opens the connections to all vendors, so that the first question does not wait for them. Returns at once.
+    /// Opens connections to all vendors in advance, so that the first query does not wait for them. Returns at once.
     pub fn warm(&self) {
         for backend in &self.backends {
             let request = self.transport.client().get(&backend.endpoint.base).timeout(Duration::from_secs(5));
             let host = backend.endpoint.host.clone();
             self.transport.spawn(async move {
-                // Whatever it answers, the connection stands.
+                // Whatever the response, the connection is open.
                 let answered = request.send().await.is_ok();
                 tracing::debug!(host, answered, "connection opened");
             });
         }
     }
 
-    /// A question's text in other coordinates; none where there are none in it.
+    /// A query's prompt in other coordinates; `None` if it contains none.
     fn prompt_for(&self, query: &Query, profile: &GroundingProfile) -> Option<String> {
         matches!(query.kind, QueryKind::Point { .. }).then(|| self.prompt.write_point(query, profile))
     }
 
-    /// The coordinates in which a backend is asked about a camera's pictures, and the size of those.
+    /// The coordinates and image size for querying a backend about a camera's frames.
     fn sight(&self, index: usize, camera: (u32, u32)) -> (GroundingProfile, (u32, u32)) {
         let model = &self.backends[index].model;
         let size = model.image.sent(camera, self.strategy.long_side);
@@ -160,7 +160,7 @@ impl Vlm for Remote {
     }
 
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
-        // The simulator draws its frame here, which takes no time of the flight's; a real camera has it at hand.
+        // The simulator renders its frame here, which must not count as latency; a real camera has it available.
         picture.prepare(self.sight(0, picture.size()).1);
         let began = Instant::now();
         let mut asking = Asking {
@@ -170,7 +170,7 @@ impl Vlm for Remote {
             deadline: began + asked.time_left.min(Duration::from_secs(86_400)) + GRACE,
             camera: picture.size(),
             results: channel(),
-            // Somebody who is there to step in must have the time to.
+            // A fallback needs time to reply.
             hedge: self.strategy.hedge.or((self.backends.len() > 1).then_some(asked.time_left / 2)),
             sent: 0,
             out: Vec::new(),
@@ -183,7 +183,7 @@ impl Vlm for Remote {
 }
 
 impl Asking<'_> {
-    /// The first usable answer; the error of the first backend when there is none.
+    /// The first valid reply; the error of the first backend if there is none.
     fn first_good(&mut self, picture: &mut dyn Picture) -> (Result<String, VlmError>, String) {
         let remote = self.remote;
         let mut named = remote.backends[0].model.id.clone();
@@ -192,7 +192,7 @@ impl Asking<'_> {
             return (Err(error), named);
         }
         self.watch_cancel();
-        // The second that may be asked: the fallback, or with a hedge alone the same one again.
+        // The second backend: the fallback, or the same one again if only hedging is on.
         let mut second = (remote.backends.len() > 1 || remote.strategy.hedge.is_some()).then(|| remote.backends.len() - 1);
         loop {
             let hedge_at = self.hedge.filter(|_| second.is_some()).map(|hedge| self.began + hedge);
@@ -210,12 +210,12 @@ impl Asking<'_> {
                             named = outcome.model;
                         }
                     }
-                    // One that fails is not asked the same again by a hedge: that is what retries are for.
+                    // A failed request is not repeated by a hedge: retries cover that.
                     let next = second.take().filter(|next| *next != index);
                     if let Some(next) = next {
                         self.try_send(next, picture);
                     }
-                    // One is the watch over the question itself.
+                    // One of them is the cancellation watch.
                     if self.out.len() <= 1 {
                         return (Err(failed.unwrap_or(VlmError::Cancelled)), named);
                     }
@@ -240,7 +240,7 @@ impl Asking<'_> {
         }
     }
 
-    /// Puts the question to a backend, in its own coordinates and at its own size.
+    /// Sends the query to a backend, in its own coordinates and image size.
     fn send(&mut self, index: usize, picture: &mut dyn Picture) -> Result<(), VlmError> {
         let remote = self.remote;
         let backend = remote.backends[index].clone();
@@ -250,7 +250,7 @@ impl Asking<'_> {
         let own = (index > 0).then(|| remote.prompt_for(query, &grounding)).flatten();
         let question = Question { prompt: own.as_deref().unwrap_or(&query.prompt), jpeg: &jpeg, kind: &query.kind };
         let written = backend.write(&question, grounding, self.began)?;
-        // Where somebody else can be asked, that is quicker than asking the same again.
+        // With a fallback available, that is faster than a retry.
         let retry = index + 1 == remote.backends.len();
         let sent = Arc::new(AtomicU32::new(0));
         let charge = Charge { backend: backend.clone(), sent: sent.clone(), bytes: written.bytes(), guessed: written.guessed() };
@@ -259,7 +259,7 @@ impl Asking<'_> {
         self.sent += 1;
         let work = remote.transport.spawn(async move {
             let outcome = work.await;
-            // An error is nobody waiting any more.
+            // An error means that the receiver is gone.
             drop(results.send(Some(Came { number, index, outcome })));
         });
         self.out.push(Out { number, work, charge: Some(charge) });
@@ -275,7 +275,7 @@ impl Asking<'_> {
         self.out.push(Out { number: usize::MAX, work, charge: None });
     }
 
-    /// Drops what is still out. It was sent, and counts.
+    /// Drops the open requests; they count as sent.
     fn drop_out(&mut self) {
         for out in core::mem::take(&mut self.out) {
             if let Some(Charge { backend, sent, bytes, guessed }) = &out.charge {
@@ -289,14 +289,14 @@ impl Asking<'_> {
         self.account.parts = outcome.account.parts;
     }
 
-    /// A second backend's answer in the coordinates that the question was written in.
+    /// A second backend's reply, converted to the coordinates of the query.
     fn translated(&self, index: usize, text: String) -> Result<String, VlmError> {
         let (asked, own) = (self.remote.sight(0, self.camera).0, self.remote.sight(index, self.camera).0);
         let QueryKind::Point { avoid } = self.asked.query.kind else { return Ok(text) };
         if asked == own {
             return Ok(text);
         }
-        // What cannot be read is left for the policy to refuse.
+        // An invalid reply is left for the policy to reject.
         Ok(parse_reply(&text, &own).map_or(text, |reply| reply.to_json_exact(&asked, avoid)))
     }
 }

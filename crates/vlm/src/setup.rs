@@ -1,4 +1,4 @@
-//! From names and an environment to a model that can be asked.
+//! Creates a model client from its name and the environment.
 
 use reqwest::Url;
 use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderName, HeaderValue};
@@ -11,59 +11,59 @@ use crate::remote::{Remote, Strategy};
 use crate::table::{Auth, Choice, Model, SelectError, Table};
 use crate::transport::{Transport, TransportError};
 
-/// Where variables are looked up: the environment, `.env`.
+/// Looks up variables, in the environment or `.env`.
 pub type Variables<'a> = &'a dyn Fn(&str) -> Option<String>;
 
-/// Why a model cannot be asked.
+/// Why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SetupError {
     /// No such model.
     #[error(transparent)]
     Select(#[from] SelectError),
-    /// No key.
+    /// No API key.
     #[error("{title} answers nobody without a key, and none is set")]
     NoKey {
         /// The vendor's title.
         title: String,
-        /// Variables that may hold it.
+        /// Variables that can hold it.
         variables: Vec<String>,
-        /// Where to get one.
+        /// Web page for obtaining one.
         page: Option<String>,
     },
     /// No vendor has a key.
     #[error("no vendor's key is set")]
     NoKeyAtAll {
-        /// Variables that may hold one.
+        /// Variables that can hold one.
         variables: Vec<String>,
     },
-    /// A key that no header can carry.
+    /// A key that is not valid in an HTTP header.
     #[error("the key in {variable} holds characters that no key has")]
     BadKey {
         /// The variable.
         variable: String,
     },
-    /// No address.
+    /// An invalid address.
     #[error("`{0}` is no address of a server")]
     Url(String),
-    /// A name, a password, or a query in an address, which is no secret.
+    /// An address with a user name, a password or a query, which could not be kept secret.
     #[error("an address is written down in records, and so it may hold neither a name and password nor anything behind a `?`")]
     SecretInUrl,
-    /// A header of the table.
+    /// An invalid header in the table.
     #[error("the header `{0}` of the table of models cannot be sent")]
     Header(String),
-    /// No client.
+    /// The HTTP client could not be created.
     #[error(transparent)]
     Transport(#[from] TransportError),
 }
 
-/// The word that stands for the first vendor whose key is set.
+/// The name for the first vendor with a key.
 pub const AUTO: &str = "auto";
 
-/// The models of these names, ready to be asked in this order.
+/// Creates a client for the models with these names, in order of use.
 ///
 /// # Errors
-/// [`SetupError`] when one of them cannot be had.
+/// [`SetupError`] if one of them cannot be used.
 pub fn remote(table: &Table, names: &[&str], variables: Variables<'_>, strategy: Strategy) -> Result<Remote, SetupError> {
     let backends = names.iter().map(|name| backend(table, name, variables)).collect::<Result<Vec<_>, _>>()?;
     let name = names.first().copied().unwrap_or(AUTO);
@@ -76,10 +76,10 @@ fn backend(table: &Table, name: &str, variables: Variables<'_>) -> Result<Backen
     Ok(Backend::new(choice.name, choice.model, endpoint))
 }
 
-/// The model that a name stands for; `auto` is the first vendor of the table whose key is set.
+/// The model for a name; `auto` is the first vendor of the table with a key.
 ///
 /// # Errors
-/// [`SetupError`] when there is none.
+/// [`SetupError`] if there is none.
 pub fn choose(table: &Table, name: &str, variables: Variables<'_>) -> Result<Choice, SetupError> {
     if name != AUTO {
         return Ok(table.select(name, &today())?);
@@ -96,7 +96,7 @@ fn key(names: &[String], variables: Variables<'_>) -> Option<(String, ApiKey)> {
     names.iter().find_map(|name| Some((name.clone(), ApiKey::new(&variables(name)?)?)))
 }
 
-/// Whether a key for this model is there, or none is needed.
+/// Whether a key for this model is set, or none is needed.
 #[must_use]
 pub fn has_key(model: &Model, variables: Variables<'_>) -> bool {
     !model.vendor.key_needed || key(&model.vendor.keys, variables).is_some()

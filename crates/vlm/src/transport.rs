@@ -1,4 +1,4 @@
-//! The thread that talks HTTP: an async runtime of its own, so that connections stay alive while nobody asks.
+//! The HTTP thread: an async runtime of its own, so that connections stay open between queries.
 
 use std::future::Future;
 
@@ -7,26 +7,26 @@ use tokio::runtime::{Builder, Handle};
 use tokio::sync::oneshot;
 use tokio::task::AbortHandle;
 
-/// A vendor that does not even open a connection in this time is not there.
+/// Connection timeout.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
-/// A connection that is kept is asked this often whether it still stands.
+/// Keep-alive interval of idle connections.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
-/// A connection is kept this long without a question.
+/// Maximum idle time of a connection.
 const IDLE: Duration = Duration::from_secs(300);
 
-/// Why nothing can be asked at all.
+/// Why the HTTP client could not be started.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TransportError {
-    /// No thread or no runtime.
+    /// The thread or runtime could not be started.
     #[error("no thread could be started for the VLM")]
     Thread(#[source] std::io::Error),
-    /// No client: most often a certificate or a proxy that cannot be read.
+    /// The client could not be created, usually because of an unreadable certificate or proxy setting.
     #[error("no connection can be prepared (proxy, certificates): {0}")]
     Client(String),
 }
 
-/// One client with its connections. Dropping it ends the thread and everything that is under way.
+/// The HTTP client with its connections. Dropping it ends the thread and all open requests.
 pub(crate) struct Transport {
     client: reqwest::Client,
     handle: Handle,
@@ -34,8 +34,8 @@ pub(crate) struct Transport {
 }
 
 impl Transport {
-    /// Starts the thread. Proxies come from `HTTPS_PROXY`, `HTTP_PROXY`, `ALL_PROXY` and `NO_PROXY`, certificates from the system
-    /// or from `SSL_CERT_FILE` and `SSL_CERT_DIR`.
+    /// Starts the thread. Proxies are taken from `HTTPS_PROXY`, `HTTP_PROXY`, `ALL_PROXY` and `NO_PROXY`, certificates
+    /// from the system or from `SSL_CERT_FILE` and `SSL_CERT_DIR`.
     pub(crate) fn start() -> Result<Self, TransportError> {
         // Another part of the process may have chosen a provider already; any will do.
         drop(rustls::crypto::ring::default_provider().install_default());
@@ -46,7 +46,7 @@ impl Transport {
             .http2_keep_alive_interval(KEEP_ALIVE)
             .http2_keep_alive_while_idle(true)
             .tcp_nodelay(true)
-            // A question sent elsewhere than asked is a page to sign in, most often; the key must not follow.
+            // A redirect usually leads to a sign-in page; the key must not be sent there.
             .redirect(reqwest::redirect::Policy::none())
             .build()
             .map_err(|error| TransportError::Client(error.to_string()))?;
@@ -54,19 +54,19 @@ impl Transport {
         let handle = runtime.handle().clone();
         let (end, ended) = oneshot::channel::<()>();
         let run = move || {
-            // An error is the sender gone: the end all the same.
+            // An error means that the sender is gone, which also ends the thread.
             let _ = runtime.block_on(ended);
         };
         std::thread::Builder::new().name("vlm http".to_owned()).spawn(run).map_err(TransportError::Thread)?;
         Ok(Self { client, handle, _end: end })
     }
 
-    /// The client, whose clones share its connections.
+    /// The client; clones share its connections.
     pub(crate) fn client(&self) -> reqwest::Client {
         self.client.clone()
     }
 
-    /// Starts work on the thread; it goes on until it is done or aborted.
+    /// Runs a future on the thread until it completes or is aborted.
     pub(crate) fn spawn(&self, work: impl Future<Output = ()> + Send + 'static) -> AbortHandle {
         self.handle.spawn(work).abort_handle()
     }

@@ -1,4 +1,4 @@
-//! The body of a request, which notes when the connection took its last piece.
+//! A request body that records when the connection accepted its last part.
 
 use std::convert::Infallible;
 use std::pin::Pin;
@@ -9,11 +9,11 @@ use std::time::Instant;
 use bytes::Bytes;
 use http_body::{Body, Frame, SizeHint};
 
-/// Bytes given to the connection at once. The HTTP library holds at most sixteen pieces before the socket has to take them, so that
-/// of a picture's request all but the last 32 KiB were taken by then.
+/// Bytes passed to the connection at a time. The HTTP library buffers at most sixteen parts, so by the recorded time
+/// the socket has accepted all but the last 32 KiB of a request.
 const PIECE: usize = 2048;
 
-/// When the connection took the last piece of a body; the operating system may hold some of it still.
+/// When the connection accepted the last part of a body; the operating system may still buffer some of it.
 pub(crate) type Uploaded = Arc<OnceLock<Instant>>;
 
 /// A body of known length.
@@ -23,7 +23,7 @@ pub(crate) struct Upload {
 }
 
 impl Upload {
-    /// A body that tells `uploaded` when it was taken whole.
+    /// A body that sets `uploaded` once it is accepted completely.
     pub(crate) fn new(body: Bytes, uploaded: Uploaded) -> Self {
         Self { left: body, uploaded }
     }

@@ -1,15 +1,15 @@
-//! Candidates: points of the picture drawn from a normal distribution, and the distribution fitted again to those chosen.
+//! Candidates: points of the image drawn from a normal distribution, and the distribution fitted again to those chosen.
 //!
-//! Everything here is in pixels of the picture that is sent, relative to the origin of the arrows; across to the right, down.
+//! Everything here is in pixels of the image that is sent, relative to the origin of the arrows; across to the right, down.
 
 use core::ops::RangeInclusive;
 
 use spf_core::query::{ImagePoint, Mark};
 use spf_core::rng::Draw;
 
-/// Widest picture that the pixels below are meant for; a wider one counts as scaled down to it.
+/// Widest image that the pixels below are meant for; a wider one counts as scaled down to it.
 const MAX_WIDTH: f64 = 1024.0;
-/// Radius of a candidate's circle as a share of the picture's shorter side.
+/// Radius of a candidate's circle as a fraction of the image's shorter side.
 const RADIUS_SHARE: f64 = 0.05;
 /// Candidates are at least this many radii apart.
 const APART_RADII: f64 = 1.5;
@@ -18,12 +18,12 @@ const MOST_DRAWS: u32 = 1000;
 /// What the spread grows by when some of a batch could not be placed.
 const INFLATION: f64 = 1.1;
 
-/// How candidates are drawn. Pixels of the picture that is sent.
+/// How candidates are drawn. Pixels of the image that is sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
     /// Standard deviation of the first round, on either axis.
     pub spread: f64,
-    /// Least standard deviation of later rounds.
+    /// Minimum standard deviation of later rounds.
     pub least_spread: f64,
     /// Farthest from the origin, on either axis.
     pub reach: f64,
@@ -39,7 +39,7 @@ impl Default for Sampling {
 /// An offset from the origin, pixels: to the right, and down.
 pub(super) type Offset = [f64; 2];
 
-/// The picture that candidates are placed on.
+/// The image that candidates are placed on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sheet {
     size: [f64; 2],
@@ -47,7 +47,7 @@ pub(super) struct Sheet {
 }
 
 impl Sheet {
-    /// A picture of `width` × `height` pixels whose arrows begin at `origin`.
+    /// An image of `width` × `height` pixels whose arrows begin at `origin`.
     pub(super) fn new((width, height): (u32, u32), origin: ImagePoint) -> Self {
         let (w, h) = (f64::from(width.max(1)), f64::from(height.max(1)));
         let scale = (MAX_WIDTH / w).min(1.0);
@@ -55,7 +55,7 @@ impl Sheet {
         Self { size, origin: [origin.u * size[0], origin.v * size[1]] }
     }
 
-    /// Where an offset lies in the picture.
+    /// Where an offset lies in the image.
     pub(super) fn point(&self, offset: Offset) -> ImagePoint {
         ImagePoint { u: (self.origin[0] + offset[0]) / self.size[0], v: (self.origin[1] + offset[1]) / self.size[1] }
     }
@@ -101,7 +101,7 @@ impl Distribution {
         Self { mean, spread }
     }
 
-    /// Up to `count` candidates on the picture, none too near to another: what cannot be placed is drawn again, more widely
+    /// Up to `count` candidates on the image, none too near to another: what cannot be placed is drawn again, more widely
     /// after each batch with such a one, [`MOST_DRAWS`] times in all.
     pub(super) fn sample(&self, sheet: &Sheet, sampling: &Sampling, count: usize, draw: &mut Draw) -> Vec<Offset> {
         let (mut spread, mut draws) = (self.spread, 0);

@@ -1,4 +1,4 @@
-//! The PIVOT baseline: candidate motions are drawn on the picture as numbered arrows, the VLM chooses among them, and the next
+//! The PIVOT baseline: candidate motions are drawn on the image as numbered arrows, the VLM chooses among them, and the next
 //! candidates are drawn around those chosen, for some rounds on the same frame (Nasiriany et al., ICML 2024, arXiv 2402.07872).
 //!
 //! What is PIVOT's own and what a drone needed besides stands in docs/explanation/baselines.md.
@@ -54,7 +54,7 @@ pub struct PivotSettings {
     pub lifting: Lifting,
     /// Whether a `done` needs a second look while holding.
     pub confirm_done: bool,
-    /// Size at which pictures are sent, if not the camera's.
+    /// Size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
     /// The craft: its take-off height is what a search climbs.
     pub craft: Craft,
@@ -251,7 +251,7 @@ impl Pivot {
         let run = &mut choosing.runs[index];
         run.asked = None;
         run.round += 1;
-        // A number that is not on the picture was not chosen from it.
+        // A number that is not on the image was not chosen from it.
         let picked = choice.points.iter().filter_map(|&number| run.shown.get((number as usize).checked_sub(1)?).copied());
         let picked: Vec<Offset> = picked.take(self.settings.chosen.max(1)).collect();
         run.best = picked.first().copied();

@@ -44,7 +44,7 @@ fn numbers(query: &Query) -> Vec<(u32, ImagePoint)> {
     query.marks.iter().filter_map(number).collect()
 }
 
-/// The candidate nearest to a point of the picture.
+/// The candidate nearest to a point of the image.
 fn nearest(query: &Query, u: f64, v: f64) -> u32 {
     let away = |at: ImagePoint| libm::hypot((at.u - u) * 960.0, (at.v - v) * 720.0);
     numbers(query).into_iter().min_by(|a, b| away(a.1).total_cmp(&away(b.1))).unwrap().0

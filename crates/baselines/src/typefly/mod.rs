@@ -1,4 +1,4 @@
-//! The TypeFly baseline: a planner that reads a list of detections, and never the picture, writes a program in MiniSpec, which runs
+//! The TypeFly baseline: a planner that reads a list of detections, and never the image, writes a program in MiniSpec, which runs
 //! while it still arrives; its skills look while flying (Chen et al., arXiv 2312.14950).
 //!
 //! What is TypeFly's own and what deviates stands in docs/explanation/baselines.md.
@@ -31,7 +31,7 @@ const TOLD_PROGRAM: usize = 600;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TypeFlySettings {
     /// Whether the planner is asked again when a program asks for it, ends in False or an error, has moved so far that its list is
-    /// outdated, or ends without the picture showing that the instruction is fulfilled; and whether "go to" looks again after each
+    /// outdated, or ends without the image showing that the instruction is fulfilled; and whether "go to" looks again after each
     /// hop. Without it the first program is the only one and its end believed, and "go to" one turn and one hop, as in the
     /// configuration that SPF was compared with.
     pub replanning: bool,
@@ -41,7 +41,7 @@ pub struct TypeFlySettings {
     pub failures: u32,
     /// Which of `&` and `|` binds tighter.
     pub precedence: Precedence,
-    /// Size at which pictures are sent, if not the camera's.
+    /// Size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
     /// The craft: lengths are the Tello's times this one's cruise speed over the Tello's.
     pub craft: Craft,
@@ -171,7 +171,7 @@ impl TypeFly {
         })
     }
 
-    /// The list for a prompt: names in it may come from signs in the picture, and stay on their lines.
+    /// The list for a prompt: names in it may come from signs in the image, and stay on their lines.
     fn scene_words(&self) -> String {
         let lines: Vec<String> = self.scene.lines().iter().map(|line| one_line(line)).collect();
         if lines.is_empty() { "nothing".to_owned() } else { lines.join("\n") }

@@ -10,7 +10,7 @@ use spf_core::query::QueryKind;
 use spf_core::reply::one_line;
 use spf_core::time::duration_from_secs;
 
-/// Shortest and longest move of the second version on a Tello, centimetres.
+/// Minimum and maximum move of the second version on a Tello, centimetres.
 const MOVE_CM: (f64, f64) = (20.0, 300.0);
 /// A longer move outdates the list of detections, centimetres on a Tello.
 const OUTDATING_CM: f64 = 120.0;
@@ -20,7 +20,7 @@ const MOST_TURN: f64 = 180.0;
 const OUTDATING_TURN: f64 = 90.0;
 /// Longest wait, seconds.
 const LONGEST_DELAY: f64 = 30.0;
-/// The weak "go to": degrees of turn for a box at the picture's edge beyond one in its middle, as share of the width …
+/// The weak "go to": degrees of turn for a box at the image's edge beyond one in its middle, as fraction of the width …
 const TURN_PER_WIDTH: f64 = 70.0;
 /// … and the hop after it, centimetres on a Tello.
 const WEAK_HOP_CM: f64 = 110.0;
@@ -58,7 +58,7 @@ impl TypeFly {
                 self.reading.actions.push(format!("says {}", one_line(&argument.text)));
                 Outcome::Value(Value::Bool(true))
             }
-            // Every picture is in the flight's log.
+            // Every image is in the flight's log.
             Skill::Picture => Outcome::Value(Value::Bool(true)),
             Skill::Query => self.question(argument),
             Skill::TurnAndHop => self.turn_and_hop(&argument.text),

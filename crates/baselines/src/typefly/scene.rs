@@ -1,11 +1,11 @@
-//! The list of detections that planner and skills see instead of the picture.
+//! The list of detections that planner and skills see instead of the image.
 
 use spf_core::detection::{DetectionsError, Line, field, lines_of, name_of};
 
 /// Most lines of a list that are read.
 const MAX_LINES: usize = 200;
 
-/// One detection: `name_id x:… y:… width:… height:… color:…`, shares of the picture.
+/// One detection: `name_id x:… y:… width:… height:… color:…`, fractions of the image.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sighting {
     /// The line, as the planner sees it.

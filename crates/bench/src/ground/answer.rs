@@ -9,7 +9,7 @@ use spf_vlm::{Account, Answer};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Said {
-    /// It could be read; places are shares of the picture.
+    /// It could be read; places are fractions of the image.
     Reply(Reply),
     /// It could not, for this reason.
     Refused(String),

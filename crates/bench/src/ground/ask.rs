@@ -20,7 +20,7 @@ use super::photo::Photograph;
 use super::{AnswerRow, Item, Said, oracle, photo};
 use crate::fnv;
 
-/// The one who always points at the middle of the picture.
+/// The one who always points at the middle of the image.
 pub const CENTRE: &str = "centre";
 /// Label of the one who points at the middle: halfway.
 const CENTRE_LABEL: u8 = 5;
@@ -33,7 +33,7 @@ pub type MakeVlm = Arc<dyn Fn() -> Box<dyn Vlm> + Send + Sync>;
 /// Who answers.
 #[derive(Clone)]
 pub enum Mind {
-    /// Always the middle of the picture.
+    /// Always the middle of the image.
     Centre,
     /// The oracle, where there is what it reads; its errors and the seed of their draws.
     Oracle(Box<ErrorFile>, u64),
@@ -79,7 +79,7 @@ impl Answerer {
         Self { name: CENTRE.to_owned(), mind: Mind::Centre }
     }
 
-    /// Whether it can be asked about an item: the oracle needs what only simulated pictures have.
+    /// Whether it can be asked about an item: the oracle needs what only simulated images have.
     #[must_use]
     pub fn sees(&self, item: &Item) -> bool {
         !matches!(self.mind, Mind::Oracle(..)) || item.sim.is_some()
@@ -121,7 +121,7 @@ impl Answerer {
         }
     }
 
-    /// Asks a model about a picture.
+    /// Asks a model about an image.
     #[expect(clippy::too_many_arguments, reason = "a question is made of these")]
     #[must_use]
     pub fn show(

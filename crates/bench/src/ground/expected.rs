@@ -55,7 +55,7 @@ fn another_is_seen(errors: &ErrorFile, example: &SimExample, target: &Visible, a
     1.0 - others.map(|other| 1.0 - seen(errors, other, all)).product::<f64>()
 }
 
-/// Share of a round normal distribution that falls on a mask. Points beyond the picture's edge are moved to it, so its outermost
+/// Fraction of a round normal distribution that falls on a mask. Points beyond the image's edge are moved to it, so its outermost
 /// pixels have all that lies beyond them.
 fn mass(inside: &[bool], width: usize, middle: ImagePoint, deviation: f64) -> f64 {
     let height = inside.len() / width.max(1);

@@ -11,9 +11,9 @@ pub struct Grade {
     /// Whether it points inside the target; an answer that points nowhere, or that cannot be used, is no hit. None where nothing is
     /// there to be hit.
     pub hit: Option<bool>,
-    /// From the target's point, as a share of the target's side (√area); only of answers that point.
+    /// From the target's point, as a fraction of the target's side (√area); only of answers that point.
     pub error_sides: Option<f64>,
-    /// The same as a share of the picture's width.
+    /// The same as a fraction of the image's width.
     pub error_width: Option<f64>,
     /// Whether it says that the target is not visible; none for unusable answers.
     pub says_absent: Option<bool>,
@@ -25,7 +25,7 @@ pub struct Grade {
     pub boxes: Vec<f64>,
 }
 
-/// Grades an answer; `outline` is that of the truth's target, `boxes` the true boxes of the picture.
+/// Grades an answer; `outline` is that of the truth's target, `boxes` the true boxes of the image.
 #[must_use]
 pub fn grade(truth: &Truth, outline: Option<&Outline>, boxes: &[ImageBox], said: &Said) -> Grade {
     let reply = if let Said::Reply(reply) = said { Some(reply) } else { None };

@@ -30,23 +30,23 @@ pub struct Measures {
     pub unreadable: usize,
     /// Questions without an answer.
     pub failed: usize,
-    /// Points inside the target, of pictures that hold one.
+    /// Points inside the target, of images that hold one.
     pub hits: Option<Estimate>,
     /// The same as its error file has it; of the oracle alone.
     pub hits_expected: Option<f64>,
-    /// Median distance from the target's point as a share of the target's side, of answers that point.
+    /// Median distance from the target's point as a fraction of the target's side, of answers that point.
     pub error_sides: Option<Estimate>,
-    /// The same as a share of the picture's width.
+    /// The same as a fraction of the image's width.
     pub error_width: Option<Estimate>,
     /// Mean overlap of boxes with the true ones.
     pub box_iou: Option<Estimate>,
     /// Kendall's τ-b of depth labels with true distances.
     pub label_tau: Option<Estimate>,
-    /// Share of pairs of pictures in whose order the labels do not err.
+    /// Fraction of pairs of images in whose order the labels do not err.
     pub label_monotone: Option<Estimate>,
-    /// Of the pictures said not to show the target, those that do not.
+    /// Of the images said not to show the target, those that do not.
     pub absent_precision: Option<Estimate>,
-    /// Of the pictures that do not show it, those of which it is said.
+    /// Of the images that do not show it, those of which it is said.
     pub absent_recall: Option<Estimate>,
     /// Median latency, seconds.
     pub latency_p50_s: Option<Estimate>,
@@ -62,7 +62,7 @@ pub struct Measures {
     pub cost_usd_total: Option<f64>,
 }
 
-/// Two answerers on the same pictures.
+/// Two answerers on the same images.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// The first.
@@ -73,7 +73,7 @@ pub struct Comparison {
     pub hits: PairedDifference,
     /// Exact McNemar after Holm's correction over all comparisons of the report.
     pub hits_p_holm: f64,
-    /// Mean of the first's error less the second's, as a share of the target's side, where both point.
+    /// Mean of the first's error less the second's, as a fraction of the target's side, where both point.
     pub error_sides: Option<f64>,
     /// Sign-flip test of it, after Holm's correction.
     pub error_p_holm: Option<f64>,
@@ -82,7 +82,7 @@ pub struct Comparison {
 /// Everything about a dataset and those who were asked.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Pictures.
+    /// Images.
     pub items: usize,
     /// Of those, with a target that can be hit or missed.
     pub with_target: usize,
@@ -148,10 +148,10 @@ pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow], avoid:
     Ok(Grades { by_answerer, expected: expectations.iter().map(|chances| mean(chances)).collect() })
 }
 
-/// The target's outline in its picture.
+/// The target's outline in its image.
 pub(super) fn outline(item: &Item) -> Result<Option<Outline>, TruthError> {
     let Truth::Target(target) = &item.truth else { return Ok(None) };
-    // A picture that cannot be read fails where it is asked about; here only its shape matters.
+    // An image that cannot be read fails where it is asked about; here only its shape matters.
     let size = photo::size(&item.picture).unwrap_or((1, 1));
     target.outline(size).map(Some)
 }
@@ -190,7 +190,7 @@ fn measure(answerer: &Answerer, graded: &[Graded], hits_expected: Option<f64>) -
     let ranked = Bootstrap { draws: RANK_DRAWS, ..boot };
     let absent = |grade: &Grade| grade.says_absent.zip(grade.is_absent);
     let model = answerer.is_model();
-    // The middle of the picture takes no time, and no tokens.
+    // The middle of the image takes no time, and no tokens.
     let answered: Vec<&Graded> = graded.iter().filter(|graded| !matches!(graded.row.said, Said::Nothing(..))).collect();
     let latencies: Vec<f64> = answered.iter().map(|graded| graded.row.latency_s).filter(|latency| *latency > 0.0).collect();
     let tokens = |count: fn(&Tokens) -> u64| {

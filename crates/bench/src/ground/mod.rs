@@ -1,6 +1,6 @@
 //! Pointing, measured: pictures and instructions, who points where, and how well (docs/guide/grounding.md).
 //!
-//! [`source`] reads pictures with their truth, [`ask`] asks [`Answerer`]s about them, [`grade`] compares an answer with the truth,
+//! [`source`] reads images with their truth, [`ask`] asks [`Answerer`]s about them, [`grade`] compares an answer with the truth,
 //! [`measure`] sums up with intervals, [`page`] shows it. Where there is no truth there are no grades, and no rate is made up.
 
 mod answer;
@@ -23,14 +23,14 @@ use std::path::PathBuf;
 
 use source::SimExample;
 
-/// One picture, what is said about it, and what that means in it.
+/// One image, what is said about it, and what that means in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Item {
     /// What it is called in `answers.jsonl`; no two of one source share it.
     pub key: String,
     /// What is said.
     pub instruction: String,
-    /// The picture's file.
+    /// The image's file.
     pub picture: PathBuf,
     /// What is meant.
     pub truth: Truth,

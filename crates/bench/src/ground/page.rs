@@ -1,4 +1,4 @@
-//! What a person looks at: one picture with everybody's points, and one page that needs nothing else.
+//! What a person looks at: one image with everybody's points, and one page that needs nothing else.
 
 use std::fmt::Write as _;
 
@@ -15,9 +15,9 @@ use super::{AnswerRow, Item, Outline, Said, photo, table};
 
 /// Most misses that a page shows; the rest are counted.
 const MOST: usize = 60;
-/// Width of a miss's picture, pixels.
+/// Width of a miss's image, pixels.
 const WIDTH: u32 = 480;
-/// Height of one panel of a picture with panels side by side.
+/// Height of one panel of an image with panels side by side.
 const PANEL: u32 = 480;
 const QUALITY: u8 = 80;
 /// The target.
@@ -67,7 +67,7 @@ pub fn account(row: &AnswerRow) -> String {
     text
 }
 
-/// A picture once for each answer, side by side, with what each points at.
+/// An image once for each answer, side by side, with what each points at.
 #[must_use]
 pub fn side_by_side(picture: &Rgb, instruction: &str, rows: &[AnswerRow]) -> Rgb {
     let width = |of: &Rgb| {
@@ -101,7 +101,7 @@ fn panel(picture: &Rgb, instruction: &str, row: &AnswerRow) -> Rgb {
     panel
 }
 
-/// A whole page: figures, comparisons, and the misses with their pictures.
+/// A whole page: figures, comparisons, and the misses with their images.
 #[must_use]
 pub fn page(title: &str, note: &str, items: &[Item], report: &Report, grades: &Grades) -> String {
     let mut html = String::from(HEAD);
@@ -135,7 +135,7 @@ fn legend(misses: usize) -> String {
     }
 }
 
-/// Items on which somebody erred who looked.
+/// Items on which someone erred who looked.
 fn misses(items: &[Item], grades: &Grades) -> Vec<usize> {
     let mut missed = vec![false; items.len()];
     for graded in grades.by_answerer.iter().flatten().filter(|graded| graded.row.answerer != CENTRE) {
@@ -184,7 +184,7 @@ fn card(item: usize, items: &[Item], report: &Report, grades: &Grades) -> String
     html
 }
 
-/// An item's picture with its target and everybody's points.
+/// An item's image with its target and everybody's points.
 fn drawn(item: &Item, points: &[(usize, ImagePoint)]) -> Option<Jpeg> {
     let picture = photo::decode(&std::fs::read(&item.picture).ok()?).ok()?;
     let height = (u64::from(picture.height()) * u64::from(WIDTH) / u64::from(picture.width().max(1))).clamp(1, 4096) as u32;

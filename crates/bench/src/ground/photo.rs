@@ -1,4 +1,4 @@
-//! Pictures from files, from standard input and from video, upright and of bounded size; and the same as a VLM is shown them.
+//! Images from files, from standard input and from video, upright and of bounded size; and the same as a VLM is shown them.
 
 use std::io::{Cursor, Seek};
 use std::path::Path;
@@ -10,20 +10,20 @@ use spf_media::h264::Decoder;
 use spf_media::{Jpeg, Rgb, resize};
 use spf_vlm::{Picture, VlmError};
 
-/// Longest side of a picture that is read, pixels.
+/// Longest side of an image that is read, pixels.
 const LONGEST_SIDE: u32 = 16_384;
 /// A side bounds the memory too.
 const LIMITS: Limits = Limits { side: LONGEST_SIDE, memory: u64::MAX };
-/// Longest side of a picture that is kept: no model is sent more, and a phone's fifty megapixels would fill the memory.
+/// Longest side of an image that is kept: no model is sent more, and a phone's fifty megapixels would fill the memory.
 const KEPT_SIDE: u32 = 2_576;
 /// Most samples of a video that are looked through: six hours at sixty a second.
 const MOST_SAMPLES: usize = 1_300_000;
 
-/// Why a picture or a video cannot be read.
+/// Why an image or a video cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PhotoError {
-    /// No picture of a known format, damaged, or too large.
+    /// No image of a known format, damaged, or too large.
     #[error("no PNG or JPEG picture of at most {LONGEST_SIDE} pixels a side")]
     Picture(#[from] FileError),
     /// No MP4 file.
@@ -54,7 +54,7 @@ pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
     Ok(resize(&rgb, side(width), side(height)))
 }
 
-/// Width and height of a picture file as [`decode`] would turn it, from its head alone.
+/// Width and height of an image file as [`decode`] would turn it, from its head alone.
 ///
 /// # Errors
 /// [`PhotoError::Picture`].
@@ -69,7 +69,7 @@ pub fn size(path: &Path) -> Result<(u32, u32), PhotoError> {
 pub struct VideoFrame {
     /// When it is shown, seconds from the beginning; for a bare stream its number.
     pub at: f64,
-    /// The picture.
+    /// The image.
     pub picture: Rgb,
 }
 
@@ -81,7 +81,7 @@ pub struct VideoFrame {
 pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, PhotoError> {
     let units = if bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]) { bare(bytes) } else { demux(bytes)? };
     let mut decoder = Decoder::new().map_err(|error| PhotoError::Stream(error.to_string()))?;
-    // Pictures come in the order in which they are shown; the n-th is taken to be shown when the n-th unit is due.
+    // Images come in the order in which they are shown; the n-th is taken to be shown when the n-th unit is due.
     let times: Vec<f64> = units.iter().map(|(at, _)| *at).collect();
     let (mut frames, mut shown, mut last_error) = (Vec::new(), 0, None);
     let mut next = 0.0;
@@ -116,7 +116,7 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
     match last_error {
         Some(error) if frames.is_empty() => Err(PhotoError::Stream(error)),
         _ if frames.is_empty() => Err(PhotoError::Stream("there is no picture in it".to_owned())),
-        // A stream that hides most of its pictures is not passed off for the few that it shows.
+        // A stream that hides most of its images is not passed off for the few that it shows.
         Some(error) if !enough && 2 * shown < times.len() => {
             Err(PhotoError::Stream(format!("{} of its {} pictures: {error}", times.len() - shown, times.len())))
         }
@@ -124,7 +124,7 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
     }
 }
 
-/// Pictures of a bare stream: a new one begins with each slice whose first macroblock is the first.
+/// Images of a bare stream: a new one begins with each slice whose first macroblock is the first.
 fn bare(bytes: &[u8]) -> Vec<(f64, Vec<u8>)> {
     let mut units: Vec<Vec<u8>> = Vec::new();
     let mut open = Vec::new();
@@ -246,10 +246,10 @@ fn start_codes(mut data: &[u8], length_size: usize) -> Vec<u8> {
     units
 }
 
-/// A picture's size, its quality, and its bytes.
+/// An image's size, its quality, and its bytes.
 type Encoded = ((u32, u32), u8, Arc<[u8]>);
 
-/// A picture as a VLM is shown it; encoded once for a size.
+/// An image as a VLM is shown it; encoded once for a size.
 #[derive(Clone, Debug)]
 pub struct Photograph {
     picture: Arc<Rgb>,
@@ -257,7 +257,7 @@ pub struct Photograph {
 }
 
 impl Photograph {
-    /// A picture.
+    /// An image.
     #[must_use]
     pub fn new(picture: Arc<Rgb>) -> Self {
         Self { picture, encoded: None }

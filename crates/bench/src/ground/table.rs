@@ -68,7 +68,7 @@ pub fn comparisons(report: &Report) -> Vec<Vec<String>> {
     std::iter::once(head.map(str::to_owned).to_vec()).chain(report.comparisons.iter().map(row)).collect()
 }
 
-/// What the pictures are.
+/// What the images are.
 #[must_use]
 pub fn about(report: &Report) -> String {
     let Report { items, with_target, absent, without_truth, .. } = report;

@@ -1,4 +1,4 @@
-//! What an instruction means in a picture, as far as somebody said so.
+//! What an instruction means in an image, as far as someone said so.
 
 use std::path::{Path, PathBuf};
 
@@ -13,13 +13,13 @@ const LONGEST_SIDE: u32 = 8192;
 pub enum Truth {
     /// Nothing: no grade can be given.
     Unknown,
-    /// It is not in the picture.
+    /// It is not in the image.
     Absent,
     /// It is there.
     Target(Box<Target>),
 }
 
-/// Something that is meant, in a picture.
+/// Something that is meant, in an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     /// Its shape.
@@ -28,14 +28,14 @@ pub struct Target {
     pub point: Option<ImagePoint>,
     /// How far it is from the lens, metres.
     pub distance_m: Option<f64>,
-    /// True boxes of the things in the picture, the target's among them, for grading boxes.
+    /// True boxes of the things in the image, the target's among them, for grading boxes.
     pub boxes: Vec<ImageBox>,
 }
 
 /// A shape, as it stands in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
-    /// A picture of the same proportions; everything that is not black is inside.
+    /// An image of the same proportions; everything that is not black is inside.
     MaskFile(PathBuf),
     /// The same in memory.
     Mask(Mask),
@@ -43,7 +43,7 @@ pub enum Shape {
     Boxes(Vec<ImageBox>),
     /// Outlines, each closed by itself; a point in any of them is inside.
     Polygons(Vec<Vec<ImagePoint>>),
-    /// Points, with the distance up to which one counts as hit, as a share of the picture's width; none: nothing is said about
+    /// Points, with the distance up to which one counts as hit, as a fraction of the image's width; none: nothing is said about
     /// hits, only about distances.
     Points(Vec<ImagePoint>, Option<f64>),
 }
@@ -80,15 +80,15 @@ pub enum TruthError {
     },
 }
 
-/// A shape that points can be tried on, for a picture of a size.
+/// A shape that points can be tried on, for an image of a size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
     shape: Shape,
-    /// Width and height of the picture, pixels.
+    /// Width and height of the image, pixels.
     size: (f64, f64),
     /// The points that errors are measured from, the nearest of several; the first is that of the largest.
     middles: Vec<ImagePoint>,
-    /// Pixels of the picture inside, of several the largest; none for points.
+    /// Pixels of the image inside, of several the largest; none for points.
     area: Option<f64>,
 }
 
@@ -132,7 +132,7 @@ impl Mask {
 }
 
 impl Target {
-    /// The target in a picture of `size` pixels, its mask read.
+    /// The target in an image of `size` pixels, its mask read.
     ///
     /// # Errors
     /// [`TruthError`].
@@ -190,7 +190,7 @@ impl Outline {
         self.area.filter(|area| *area > 0.0).map(f64::sqrt)
     }
 
-    /// Width of the picture, pixels.
+    /// Width of the image, pixels.
     #[must_use]
     pub fn width_px(&self) -> f64 {
         self.size.0

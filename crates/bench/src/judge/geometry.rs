@@ -23,7 +23,7 @@ pub(super) fn crossing(loaded: &LoadedScene, object: ObjectId, from: EnuPosition
     shares.min_by(f64::total_cmp).map(|share| from + (to - from) * share)
 }
 
-/// The share of the way at which it goes through a triangle (Möller and Trumbore 1997); either side counts.
+/// The fraction of the way at which it goes through a triangle (Möller and Trumbore 1997); either side counts.
 fn meets(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (way, ab, ac) = (to - from, b - a, c - a);
     let normal = way.cross(ac);

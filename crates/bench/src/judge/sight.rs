@@ -7,7 +7,7 @@ use spf_render::surroundings::Surroundings;
 use spf_render::{Channels, Picture};
 use spf_scene::geometry::ObjectId;
 
-/// A target is clearly visible when it is at least this share of the frame high and a quarter of it is inside, or when it fills
+/// A target is clearly visible when it is at least this fraction of the frame high and a quarter of it is inside, or when it fills
 /// a tenth of the frame (the paper's appendix).
 pub const CLEAR_HEIGHT: f64 = 0.015;
 

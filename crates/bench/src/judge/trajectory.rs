@@ -69,7 +69,7 @@ pub fn judge_trajectory(task: &Task, loaded: &Arc<LoadedScene>, trajectory: &Tra
 
 /// The pose on the path every time the judge looks, to its end and through the rest there.
 fn samples(trajectory: &Trajectory) -> Vec<(Time, Pose)> {
-    /// Turning on the spot takes time too: radians a second.
+    /// Turning on the spot takes time too: radians per second.
     const TURN: f64 = 1.0;
     let mut samples = Vec::new();
     let mut at = Time::ZERO;

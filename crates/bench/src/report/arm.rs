@@ -1,10 +1,10 @@
-//! Who is compared: a method with somebody who points.
+//! Who is compared: a method with someone who points.
 
 use crate::stats::{Rate, median, percentile};
 use crate::table::vlm_of;
 use crate::trial::{NOBODY, Record};
 
-/// A method with somebody who points.
+/// A method with someone who points.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Arm {
     /// The method.

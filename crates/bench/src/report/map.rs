@@ -40,7 +40,7 @@ pub(super) struct Draw {
 struct View {
     east: Scale,
     north: Scale,
-    /// Picture units a metre.
+    /// Image units a metre.
     scale: f64,
 }
 
@@ -93,7 +93,7 @@ impl View {
 }
 
 impl Draw {
-    /// The draws of which somebody's way is known, tasks and seeds in the order in which they come.
+    /// The draws of which someone's way is known, tasks and seeds in the order in which they come.
     pub(super) fn all(source: &Source) -> Vec<Self> {
         let mut groups: Vec<(Key<'_>, Vec<usize>)> = Vec::new();
         let mut places: BTreeMap<Key<'_>, usize> = BTreeMap::new();

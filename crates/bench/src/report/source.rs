@@ -103,7 +103,7 @@ impl Source {
         tasks
     }
 
-    /// Plans that are not complete. Shares of one plan are counted together.
+    /// Plans that are not complete. Fractions of one plan are counted together.
     #[must_use]
     pub fn missing(&self) -> Vec<Missing> {
         let there: BTreeSet<&str> = self.records.iter().map(|record| record.run_id.as_str()).collect();
@@ -125,7 +125,7 @@ impl Source {
     /// How each folder's rows were made, a line a folder.
     pub(super) fn commands(&self) -> Vec<String> {
         let mut lines: Vec<String> = self.runs.iter().map(Run::command).collect();
-        // Shares of one plan have one command.
+        // Fractions of one plan have one command.
         lines.dedup();
         lines
     }

@@ -1,4 +1,4 @@
-//! One share of the trials for each of several machines.
+//! One fraction of the trials for each of several machines.
 
 use std::str::FromStr;
 

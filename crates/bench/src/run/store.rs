@@ -199,7 +199,7 @@ fn no_row(path: &Path, line: usize) -> StoreError {
     StoreError::Row { path: path.to_owned(), line }
 }
 
-/// Joins the shares of one plan: the rows, byte for byte those of a run in one piece.
+/// Joins the fractions of one plan: the rows, byte for byte those of a run in one piece.
 ///
 /// # Errors
 /// [`StoreError`] when a share is missing, not finished, or another plan's.

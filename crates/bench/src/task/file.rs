@@ -19,7 +19,7 @@ const MOST: usize = 16;
 const MOST_CORNERS: usize = 500;
 /// Longest word, characters.
 const LONGEST: usize = 300;
-/// Strongest wind, metres a second; no craft here holds against more than 15.
+/// Strongest wind, metres per second; no craft here holds against more than 15.
 const STRONGEST_M_S: f64 = 15.0;
 /// Most that an answer is delayed by, seconds: the pilot gives up a question after 20 s.
 const MOST_DELAY_S: f64 = 15.0;

@@ -142,9 +142,9 @@ pub struct Start {
 /// Wind that a trial is flown in: it blows from anywhere, by the trial's seed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Winds {
-    /// Least and most speed, metres a second.
+    /// Minimum and most speed, metres per second.
     pub speed: [f64; 2],
-    /// Standard deviation of the gusts along each axis, metres a second.
+    /// Standard deviation of the gusts along each axis, metres per second.
     pub gust: f64,
     /// Time constant of the gusts, seconds.
     pub gust_time: f64,
@@ -166,7 +166,7 @@ pub enum GoalKind {
     Reach {
         /// Another one than the goal before was met with.
         other: bool,
-        /// At least at this share of the target's height.
+        /// At least at this fraction of the target's height.
         up_share: f64,
     },
     /// The same with so many of them, one after another, in any order.
@@ -200,7 +200,7 @@ pub enum GoalKind {
         /// What turns and the field of view come to, radians.
         angle: f64,
     },
-    /// Near one of them and in view of it for a share of the time that has just gone by.
+    /// Near one of them and in view of it for a fraction of the time that has just gone by.
     Follow {
         /// Metres from its surface.
         within: f64,
@@ -227,7 +227,7 @@ pub struct Trajectory {
     pub why: String,
     /// Whether the judge must accept it.
     pub accepted: bool,
-    /// Metres a second.
+    /// Metres per second.
     pub speed: f64,
     /// Places are metres from this object, wherever it is by then.
     pub beside: Option<String>,
@@ -256,7 +256,7 @@ pub struct Task {
     pub conditions: SceneLook,
     /// Wind; none: still air.
     pub wind: Option<Winds>,
-    /// Least and most seconds by which every answer of the VLM comes later, drawn by question; none: it comes when it comes.
+    /// Minimum and most seconds by which every answer of the VLM comes later, drawn by question; none: it comes when it comes.
     pub vlm_delay: Option<[f64; 2]>,
     /// In what is flown.
     pub craft: CraftKind,

@@ -26,7 +26,7 @@ const FOOT_M: f64 = 2.0;
 const CEILING_M: f64 = 0.05;
 /// Beside the craft's body where it takes off, and on a way that is not blocked, metres.
 const ROOM_M: f64 = 0.3;
-/// Within this share of the half field of view the target lies from the middle, where it is to be in view.
+/// Within this fraction of the half field of view the target lies from the middle, where it is to be in view.
 const MIDDLE: f64 = 0.7;
 /// Beyond this it is behind, radians.
 const BEHIND: f64 = 1.6;
@@ -213,7 +213,7 @@ impl Place {
         loaded.beginning(Pose { position: self.aloft(task), ..self.start })
     }
 
-    /// What it sees there with the target in the middle of the picture.
+    /// What it sees there with the target in the middle of the image.
     fn turned_to_focus(&self, task: &Task, loaded: &LoadedScene) -> WorldSnapshot {
         let heading = self.start.attitude.heading - self.off;
         let turned =

@@ -25,7 +25,7 @@ pub(super) struct Timed {
     pub(super) vlm: Box<dyn Vlm>,
     /// Seconds that every answer takes; none: as it comes.
     pub(super) fixed: Option<f64>,
-    /// Least and most seconds by which it comes later still, drawn by question.
+    /// Minimum and most seconds by which it comes later still, drawn by question.
     pub(super) delay: Option<[f64; 2]>,
     pub(super) seed: u64,
 }

@@ -37,7 +37,7 @@ impl Method {
         Self::all().find(|method| method.name() == name)
     }
 
-    /// Whether somebody has to be asked; the blind control asks nobody.
+    /// Whether someone has to be asked; the blind control asks nobody.
     #[must_use]
     pub fn asks(self) -> bool {
         !self.manner.blind
@@ -83,7 +83,7 @@ const MOVES: usize = 5;
 /// What each of them takes to be answered, seconds: the median of the oracle's.
 const LATENCY_S: f64 = 1.5;
 
-/// Who answers the blind control: straight on by `metres` some times, then done. It looks at no picture and reads no
+/// Who answers the blind control: straight on by `metres` some times, then done. It looks at no image and reads no
 /// instruction.
 struct Blind {
     metres: f64,

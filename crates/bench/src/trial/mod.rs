@@ -64,7 +64,7 @@ const GIT_REV: &str = git_version::git_version!(args = ["--always", "--dirty=+",
 /// How it is asked who points.
 #[derive(Clone, Copy)]
 struct HowAsked {
-    /// Width and height of the pictures, pixels.
+    /// Width and height of the images, pixels.
     size: (u32, u32),
     temperature: Option<f64>,
 }

@@ -38,7 +38,7 @@ pub struct VlmDetails {
     pub provider: String,
     /// Models that answered.
     pub models: Vec<String>,
-    /// Width and height at which the camera's pictures are looked at.
+    /// Width and height at which the camera's images are looked at.
     pub image_px: Option<[u32; 2]>,
     /// Temperature that was asked for; none where it is left to whoever answers.
     #[serde(default)]
@@ -104,9 +104,9 @@ pub struct Record {
     pub goals_met: usize,
     /// Ever within the judge's radius of the last goal.
     pub osr: bool,
-    /// Least path length over the flown one, times self stop.
+    /// Minimum path length over the flown one, times self stop.
     pub spl: f64,
-    /// Least path length: straight from take-off past the goals to the judge's radius, metres.
+    /// Minimum path length: straight from take-off past the goals to the judge's radius, metres.
     pub shortest_m: f64,
     /// Nearness of the flown way to that straight one, 0 to 1.
     pub ndtw: f64,
@@ -114,7 +114,7 @@ pub struct Record {
     pub sdtw: f64,
     /// Seconds from the beginning to the first motion after take-off.
     pub ttfm_s: Option<f64>,
-    /// Least distance to anything solid while flying, metres.
+    /// Minimum distance to anything solid while flying, metres.
     pub min_clearance_m: Option<f64>,
     /// Questions put.
     pub n_vlm_calls: u32,

@@ -25,7 +25,7 @@ pub(super) struct Findings {
     pub(super) least_distance: Option<f64>,
     /// Whether a target of the last goal is clearly visible at `Finished`.
     pub(super) sees: Option<bool>,
-    /// Least distance to anything solid while flying, metres.
+    /// Minimum distance to anything solid while flying, metres.
     pub(super) clearance: Option<f64>,
     /// The true way flown, a place a look.
     pub(super) path: Vec<EnuPosition>,

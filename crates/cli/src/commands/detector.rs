@@ -1,4 +1,4 @@
-//! `--detector`: who lists what is in the picture, in obstacle mode.
+//! `--detector`: who lists what is in the image, in obstacle mode.
 
 use std::path::Path;
 

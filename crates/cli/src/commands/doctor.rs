@@ -42,7 +42,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     Ok(if bad { Exit::Failed } else { Exit::Success })
 }
 
-/// Who points, where that is somebody who can be asked.
+/// Who points, where that is someone who can be asked.
 fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
     if settings.fly.vlm.text().is_none_or(|name| name.starts_with("oracle") || name.starts_with("replay:")) {
         return Ok(None);
@@ -59,7 +59,7 @@ fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
     }
 }
 
-/// A detector that is a file: whether it can be used, and how long it looks at a picture.
+/// A detector that is a file: whether it can be used, and how long it looks at an image.
 fn watch(path: &str) -> Check {
     match detector::open(path) {
         Ok(model) => doctor::detector(&model),

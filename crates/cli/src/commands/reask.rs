@@ -19,7 +19,7 @@ use crate::exit::Exit;
 use crate::printer::Printer;
 use crate::settings::Settings;
 
-/// Quality of the pictures: captions stay sharp.
+/// Quality of the images: captions stay sharp.
 const QUALITY: u8 = 90;
 
 /// What `--json` prints.

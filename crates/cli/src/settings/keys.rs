@@ -51,7 +51,7 @@ settings! {
         detector: String = "", Text, "SPF_DETECTOR", "--detector";
         /// who points: NAME[#MODEL][@URL], auto, replay:FILE, oracle, oracle:NAME or oracle:FILE
         vlm: String = "oracle", Text, "SPF_VLM", "--vlm";
-        /// with a real drone, ask the VLM about pictures of a dot before take-off: true or false
+        /// with a real drone, ask the VLM about images of a dot before take-off: true or false
         vlm_check: bool = "true", Word, "SPF_VLM_CHECK", "--no-vlm-check" says "false";
         /// seed of all chance, a whole number
         seed: u64 = "0", Count(0, u64::MAX), "SPF_SEED", "--seed";
@@ -97,9 +97,9 @@ settings! {
         hedge_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_HEDGE_S", "--vlm-hedge";
         /// TOML file with rows for the table of models; empty: none
         models: String = "", Text, "SPF_VLM_MODELS", "--vlm-models";
-        /// longest side of pictures sent, pixels; empty: the model's, 768
+        /// longest side of images sent, pixels; empty: the model's, 768
         image_long_side: u32 = "", Count(64, 8192), "SPF_VLM_IMAGE_LONG_SIDE";
-        /// quality of pictures sent, 1 to 100
+        /// quality of images sent, 1 to 100
         jpeg_quality: u8 = "70", Count(1, 100), "SPF_VLM_JPEG_QUALITY";
     }
 
@@ -113,7 +113,7 @@ settings! {
         state_port: u16 = "8890", Parsed("a port, 1 to 65535"), "SPF_TELLO_STATE_PORT";
         /// UDP port that the Tello's video comes to
         video_port: u16 = "11111", Parsed("a port, 1 to 65535"), "SPF_TELLO_VIDEO_PORT";
-        /// from the Tello's shutter to the arrival of the picture, seconds
+        /// from the Tello's shutter to the arrival of the image, seconds
         video_latency_s: f64 = "0.15", Number(0.0, 2.0), "SPF_TELLO_VIDEO_LATENCY_S";
         /// horizontal speed of `rc 0 100 0 0`, m/s
         speed_m_s: f64 = "1.0", Number(0.1, 10.0), "SPF_TELLO_SPEED_M_S";
@@ -121,7 +121,7 @@ settings! {
         climb_m_s: f64 = "1.0", Number(0.1, 10.0), "SPF_TELLO_CLIMB_M_S";
         /// sink rate of `rc 0 0 -100 0`, m/s
         sink_m_s: f64 = "0.8", Number(0.1, 10.0), "SPF_TELLO_SINK_M_S";
-        /// yaw rate of `rc 0 0 0 100`, degrees a second
+        /// yaw rate of `rc 0 0 0 100`, degrees per second
         yaw_deg_s: f64 = "95", Number(10.0, 360.0), "SPF_TELLO_YAW_DEG_S";
     }
 
@@ -131,7 +131,7 @@ settings! {
         max_speed_m_s: f64 = "", Number(0.1, 30.0), "SPF_MAX_SPEED_M_S";
         /// climb and sink rate limit, m/s; empty: the craft's
         max_climb_m_s: f64 = "", Number(0.1, 10.0), "SPF_MAX_CLIMB_M_S";
-        /// yaw rate limit, degrees a second; empty: the craft's
+        /// yaw rate limit, degrees per second; empty: the craft's
         max_yaw_rate_deg_s: f64 = "", Number(1.0, 360.0), "SPF_MAX_YAW_RATE_DEG_S";
         /// lowest height that is sunk to, metres above take-off; empty: 0.3
         min_altitude_m: f64 = "", Number(0.0, 100.0), "SPF_MIN_ALTITUDE_M";

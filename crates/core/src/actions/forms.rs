@@ -1,4 +1,4 @@
-//! Other forms of the plain-text baseline: four numbers at once, and one of a few fixed moves.
+//! Alternative forms of the plain-text baseline: four numbers at once, or one of a few fixed moves.
 
 use schemars::JsonSchema;
 
@@ -7,12 +7,12 @@ use crate::primitives::Primitives;
 use crate::query::ActForm;
 use crate::reply::{Value, Verdict};
 
-/// What an answer in any form comes to: moves that are flown one after the other.
+/// An answer in any of the forms, as a sequence of moves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Moves {
-    /// Each in words, and as it is flown.
+    /// Each move in words and as primitives, in flight order.
     pub moves: Vec<(String, Primitives)>,
-    /// The instruction is fulfilled.
+    /// Whether the instruction is fulfilled.
     pub done: bool,
 }
 
@@ -27,10 +27,10 @@ const FIXED: [(&str, [f64; 4]); 7] = [
     ("right", [0.0, 5.0, 0.0, 0.0]),
 ];
 
-/// Reads an answer in a form.
+/// Parses an answer in the given form.
 ///
 /// # Errors
-/// [`ActionsError`]; every number of the moves is finite and in its range.
+/// [`ActionsError`]. Every number returned is finite and within its range.
 pub fn parse_moves(form: ActForm, text: &str) -> Result<Moves, ActionsError> {
     match form {
         ActForm::Commands => parse_actions(text).map(|reply| Moves {

@@ -129,7 +129,7 @@ fn a_sequential_path_is_checked_leg_by_leg() {
     let steep = PlannedStep { point: ImagePoint { u: 0.5, v: 0.0 }, ..sequential };
     assert_eq!(avoid(&PlannedStep { shape: PathShape::Straight, ..steep }, CLEARANCE, &balcony, None), Avoidance::Clear);
     assert_ne!(avoid(&steep, CLEARANCE, &balcony, None), Avoidance::Clear);
-    // A lens tilted down by 20°: the level leg runs through the picture where the horizon is, tan 20° above the middle.
+    // A lens tilted down by 20°: the level leg runs through the image where the horizon is, tan 20° above the middle.
     let tilted = Camera::from_fov(800, 800, PI / 2.0, PI / 2.0, 20.0_f64.to_radians());
     let horizon = 0.5 - 0.5 * 20.0_f64.to_radians().tan();
     let bar = [boxed(0.4, horizon - 0.02, 0.6, horizon + 0.02, 3, "bar")];

@@ -1,40 +1,40 @@
-//! Why the envelope changed, stopped or refused something, in types and in words for a person.
+//! Reasons for which the envelope changed, stopped or refused a command, as types and as messages.
 
 use core::fmt;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Why the envelope reacted, or changed a setpoint. Its `Display` is a sentence for the person flying.
+/// Why the envelope reacted or changed a setpoint. `Display` gives a sentence for the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Cause {
-    /// The setpoint was faster on the map than allowed, and is now as fast as allowed.
+    /// Horizontal speed above the limit; reduced to it.
     SpeedLimit,
-    /// The setpoint climbed or sank faster than allowed.
+    /// Climb or descent rate above the limit; reduced to it.
     ClimbLimit,
-    /// The setpoint turned faster than allowed.
+    /// Yaw rate above the limit; reduced to it.
     YawRateLimit,
-    /// The setpoint would have carried the craft below the least or above the greatest altitude.
+    /// The setpoint would have taken the craft below the minimum or above the maximum altitude.
     AltitudeLimit,
-    /// The setpoint would have carried the craft too far from its take-off point.
+    /// The setpoint would have taken the craft too far from its take-off point.
     DistanceLimit,
-    /// The setpoint would have carried the craft out of the geofence.
+    /// The setpoint would have taken the craft out of the geofence.
     GeofenceLimit,
     /// A component of the setpoint was not a finite number.
     NotFinite,
-    /// The craft is not in the air and taking setpoints.
+    /// The craft is not airborne, or does not accept setpoints.
     NotFlying,
     /// A VLM query failed.
     FailedReplies,
     /// No new frame for too long.
     StaleFrame,
-    /// Frames arrive, and are always the same capture.
+    /// Frames arrive, but all have the same capture counter.
     FrozenFrame,
-    /// Frames arrive, and none can be used (blank, placeholder, undecodable).
+    /// Frames arrive, but none is usable (blank, placeholder, undecodable).
     UnusableFrame,
-    /// The craft is above the greatest altitude.
+    /// The craft is above the maximum altitude.
     AltitudeBreach,
     /// The craft is farther from its take-off point than allowed.
     DistanceBreach,
@@ -42,9 +42,9 @@ pub enum Cause {
     GeofenceBreach,
     /// The battery is nearly empty.
     LowBattery,
-    /// No telemetry for too long, or none that tells the heading.
+    /// No telemetry for too long, or none with a heading.
     NoTelemetry,
-    /// The link to the craft is gone.
+    /// The link to the craft is lost.
     LinkLost,
     /// The craft touched something, or its motors were cut in the air.
     Crashed,
@@ -76,11 +76,11 @@ impl fmt::Display for Cause {
     }
 }
 
-/// What the envelope demands now. Greater is more severe; the most severe wins.
+/// The reaction the envelope requires. Greater is more severe; the most severe wins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Reaction {
-    /// Nothing: fly on.
+    /// No reaction: continue.
     Continue,
     /// Hold: zero velocity, stay in the air.
     Hold(Cause),
@@ -89,7 +89,7 @@ pub enum Reaction {
 }
 
 impl Reaction {
-    /// Why, if there is a reaction.
+    /// The cause of the reaction; `None` for [`Continue`](Self::Continue).
     #[must_use]
     pub fn cause(self) -> Option<Cause> {
         match self {
@@ -103,42 +103,42 @@ impl Reaction {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// The battery would not last.
+    /// The battery charge is too low.
     #[error("take-off refused: the battery is at {:.0} %, at least {:.0} % are needed; charge it", .charge * 100.0, .needed * 100.0)]
     LowBattery {
         /// Charge, 0..=1.
         charge: f64,
-        /// Least charge, 0..=1.
+        /// Required charge, 0..=1.
         needed: f64,
     },
-    /// The link is gone.
+    /// The link is lost.
     #[error("take-off refused: the link to the craft is lost")]
     LinkLost,
-    /// The craft has told nothing yet, or not for too long.
+    /// No telemetry yet, or none for too long.
     #[error("take-off refused: no telemetry from the craft")]
     NoTelemetry,
-    /// It is in the air.
+    /// The craft is airborne.
     #[error("take-off refused: the craft is already flying")]
     AlreadyFlying,
     /// It crashed, or its motors were cut in the air.
     #[error("take-off refused: the craft has crashed or stopped its motors; look at it first")]
     Crashed,
-    /// The take-off itself would break the ceiling.
+    /// The take-off height exceeds the ceiling.
     #[error("take-off refused: it climbs to {height:.1} m and the altitude limit is {limit:.1} m; raise `max_altitude`")]
     TooLow {
-        /// Height that take-off climbs to, m.
+        /// Take-off height, m.
         height: f64,
         /// Ceiling, m.
         limit: f64,
     },
-    /// It stands outside the geofence, or would climb above it.
+    /// The craft is outside the geofence, or would climb above it.
     #[error("take-off refused: east {east:.1} m, north {north:.1} m at a height of {height:.1} m is outside the geofence")]
     OutsideGeofence {
         /// Metres east.
         east: f64,
         /// Metres north.
         north: f64,
-        /// Height that take-off climbs to, m.
+        /// Take-off height, m.
         height: f64,
     },
 }

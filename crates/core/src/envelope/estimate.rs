@@ -1,47 +1,49 @@
-//! Where the envelope believes the craft to be: the last telemetry that made sense.
+//! The envelope's estimate of the craft's state, from the last plausible telemetry.
 
 use crate::geometry::{EnuPosition, EnuVelocity};
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::Time;
 
-/// Beyond this a position is nonsense, m.
+/// Positions beyond this are implausible, m.
 const MAX_POSITION: f64 = 1.0e6;
-/// Beyond this a velocity is nonsense, m/s.
+/// Velocities beyond this are implausible, m/s.
 const MAX_VELOCITY: f64 = 200.0;
 
-/// The envelope's belief. A craft that tells no position (a Tello) is reckoned from its velocity, from its take-off point as
-/// the origin; that drifts, and the limits on distance and geofence are then as good as the craft's velocity.
+/// The envelope's state estimate. A craft without a position sensor (a Tello) is dead-reckoned from its velocity, with
+/// the take-off point as origin. The estimate drifts, so distance and geofence limits are only as accurate as its
+/// velocity.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Estimate {
-    /// When the newest telemetry was measured.
+    /// Measurement time of the newest telemetry.
     pub(super) measured: Option<Time>,
-    /// When the newest telemetry that told the heading was measured: without it no setpoint of the body frame means anything.
+    /// Measurement time of the newest telemetry with a heading, without which a body-frame setpoint is undefined.
     pub(super) oriented: Option<Time>,
-    /// Position as told or reckoned, world frame.
+    /// Position as reported or dead-reckoned, world frame.
     pub(super) position: EnuPosition,
-    /// Velocity as told; absent when the craft does not tell it.
+    /// Velocity as reported; `None` if the craft does not report it.
     pub(super) velocity: Option<EnuVelocity>,
     /// Height above the take-off point.
     pub(super) height: f64,
-    /// Clockwise from north; absent when the last telemetry told none that makes sense.
+    /// Clockwise from north; `None` if the last telemetry had no plausible heading.
     pub(super) heading: Option<f64>,
-    /// Battery charge, 0..=1, as last told.
+    /// Battery charge, 0..=1, as last reported.
     pub(super) battery: Option<f64>,
-    /// Whether it flies.
+    /// Flight phase.
     pub(super) phase: FlightPhase,
-    /// Since when it is in this phase; a manoeuvre begins no phase of its own here, so that it makes no old frame new.
+    /// Start of the current phase. A manoeuvre does not start a new phase here, so that it does not make an old frame
+    /// fresh.
     pub(super) phase_since: Time,
-    /// Whether it crashed.
+    /// Whether the craft has crashed.
     pub(super) crashed: bool,
     /// The take-off point.
     pub(super) home: Option<EnuPosition>,
 }
 
 impl Estimate {
-    /// Takes a report. `reckoned` is the velocity to assume when the craft tells none. False when it is no news: measured no
-    /// later than the newest known one (a late, repeated or frozen report).
+    /// Takes a telemetry report. `reckoned` is the velocity to assume if the craft reports none. Returns false for a
+    /// report measured no later than the newest known one (late, repeated or frozen).
     pub(super) fn observe(&mut self, now: Time, telemetry: &Telemetry, reckoned: EnuVelocity) -> bool {
-        // A measurement from the future is a wrong clock: it must not make all later reports old.
+        // A measurement time in the future means a wrong clock; it must not make later reports look old.
         let measured = telemetry.time.min(now);
         if self.measured.is_some_and(|newest| measured <= newest) {
             return false;
@@ -71,7 +73,7 @@ impl Estimate {
         let height = telemetry.height.filter(|h| sane([*h, 0.0, 0.0], MAX_POSITION));
         let home = match self.home {
             Some(home) if !grounded => home,
-            // On the ground the take-off point is where it stands; first heard of in the air, it is below.
+            // On the ground, home is where the craft stands; if first heard of in the air, the point below it.
             _ if grounded => self.position,
             _ => EnuPosition { up: self.position.up - height.unwrap_or(0.0), ..self.position },
         };
@@ -80,13 +82,13 @@ impl Estimate {
         true
     }
 
-    /// In the air, or on the way into or out of it.
+    /// In the air, taking off or landing.
     pub(super) fn airborne(&self) -> bool {
         self.phase.is_flying() || matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Landing)
     }
 }
 
-/// True when all are finite and none is beyond `bound`.
+/// True if all values are finite and within `bound`.
 fn sane(values: [f64; 3], bound: f64) -> bool {
     values.iter().all(|x| x.abs() <= bound)
 }

@@ -1,4 +1,4 @@
-//! What the envelope allows: figures, their defaults, and their check.
+//! The envelope's limits: values, defaults and validation.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,65 +11,66 @@ use crate::geofence::Geofence;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Greatest horizontal speed of a setpoint, m/s.
+    /// Maximum horizontal speed of a setpoint, m/s.
     pub max_speed: f64,
-    /// Greatest climb and sink rate of a setpoint, m/s.
+    /// Maximum climb and descent rate of a setpoint, m/s.
     pub max_climb: f64,
-    /// Greatest yaw rate of a setpoint, rad/s.
+    /// Maximum yaw rate of a setpoint, rad/s.
     pub max_yaw_rate: f64,
-    /// Below this altitude nothing sinks except a landing, m. It only limits motion downwards and never makes a craft climb.
+    /// Minimum altitude except while landing, m. It only limits downward motion and never makes a craft climb.
     pub min_altitude: f64,
-    /// Greatest altitude, m.
+    /// Maximum altitude, m.
     pub max_altitude: f64,
-    /// Greatest distance on the map from the take-off point, m.
+    /// Maximum horizontal distance from the take-off point, m.
     pub max_distance: f64,
-    /// How far inside the ceiling, the distance limit and the geofence a setpoint may carry the craft, m: room for the error
-    /// of the position (0.3 m for a GPS-like one), so that a craft held at a limit does not count as outside it.
+    /// Distance inside the ceiling, the distance limit and the geofence at which setpoints stop the craft, m. It
+    /// absorbs the position error (0.3 m for a GPS-like source), so that a craft held at a limit does not count as
+    /// outside.
     pub margin: f64,
-    /// How long a setpoint holds without a fresh one, s; after that the craft is to hold.
+    /// How long a setpoint stays valid without a successor, s; after that the craft holds.
     pub setpoint_validity: f64,
-    /// Age of the newest frame, counted from its capture, from which the pilot no longer moves, s.
+    /// Age of the newest frame, from its capture, above which the pilot stops moving, s.
     pub max_frame_age: f64,
-    /// How long frames may arrive with an unchanged capture counter before the camera counts as frozen, s.
+    /// How long frames may arrive with an unchanged capture counter before the camera is considered frozen, s.
     pub frozen_after: f64,
-    /// From a camera that is stale, frozen or unusable to the landing, s.
+    /// Time from a stale, frozen or unusable camera to landing, s.
     pub camera_land_after: f64,
-    /// Age of the newest telemetry from which nothing moves, s.
+    /// Age of the newest telemetry above which the craft does not move, s.
     pub max_telemetry_age: f64,
-    /// From too old telemetry to the landing, s.
+    /// Time from stale telemetry to landing, s.
     pub telemetry_land_after: f64,
-    /// From the loss of the link to the hold, s.
+    /// Time from link loss to hold, s.
     pub link_hold_after: f64,
-    /// From the loss of the link to the landing, s.
+    /// Time from link loss to landing, s.
     pub link_land_after: f64,
     /// Battery charge (0..=1) below which take-off is refused.
     pub take_off_battery: f64,
     /// Battery charge (0..=1) below which the craft holds, then lands.
     pub low_battery: f64,
-    /// From the low battery to the landing, s.
+    /// Time from low battery to landing, s.
     pub battery_land_after: f64,
-    /// This many failed replies in a row land the craft; each of the earlier ones makes it hold.
+    /// Number of consecutive failed replies that lands the craft; each earlier one makes it hold.
     pub max_failed_replies: u32,
-    /// From a craft found outside the altitude, distance or geofence limit to the landing, s.
+    /// Time from a breach of the altitude, distance or geofence limit to landing, s.
     pub breach_land_after: f64,
-    /// Where the craft may fly; `None`: wherever the other limits allow.
+    /// Where the craft may fly; `None` for no geofence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub geofence: Option<Geofence>,
 }
 
-/// A limit that makes no sense.
+/// An invalid limit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LimitsError {
-    /// A figure is negative or not a number.
+    /// A value is negative or NaN.
     #[error("limit `{field}` is `{value}`: give a number that is not negative")]
     Negative {
-        /// Its name.
+        /// Field name.
         field: &'static str,
-        /// What it is.
+        /// Its value.
         value: f64,
     },
-    /// No room between floor and ceiling.
+    /// Less than 0.5 m between floor and ceiling.
     #[error("`min_altitude` is `{min}` m and `max_altitude` is `{max}` m: leave at least 0.5 m between them")]
     NoRoom {
         /// Floor, m.
@@ -80,7 +81,7 @@ pub enum LimitsError {
 }
 
 impl Default for Limits {
-    /// Those of [`Craft::quad`].
+    /// The limits for [`Craft::quad`].
     fn default() -> Self {
         Self::for_craft(&Craft::quad())
     }
@@ -116,7 +117,7 @@ impl Limits {
         }
     }
 
-    /// Every figure that must not be negative, by name.
+    /// Every limit that must not be negative, by name.
     fn figures(&mut self) -> [(&'static str, &mut f64); 18] {
         [
             ("max_speed", &mut self.max_speed),
@@ -140,11 +141,11 @@ impl Limits {
         ]
     }
 
-    /// Whether every figure makes sense; for configuration, where a person can still mend it.
+    /// Validates the limits, for use when reading a configuration.
     ///
     /// # Errors
-    /// [`LimitsError::Negative`] for the first figure that is negative or not a number (`min_altitude` alone may be negative),
-    /// [`LimitsError::NoRoom`] when floor and ceiling are less than 0.5 m apart.
+    /// [`LimitsError::Negative`] for the first value that is negative or NaN (only `min_altitude` may be negative),
+    /// [`LimitsError::NoRoom`] if floor and ceiling are less than 0.5 m apart.
     pub fn check(&self) -> Result<(), LimitsError> {
         let mut copy = self.clone();
         for (field, value) in copy.figures() {
@@ -158,7 +159,7 @@ impl Limits {
         Ok(())
     }
 
-    /// The strictest reading of figures that nobody checked: what is negative or not a number is zero.
+    /// The strictest reading of unvalidated limits: negative values and NaN become zero.
     pub(super) fn made_strict(mut self) -> Self {
         for (_, value) in self.figures() {
             *value = value.max(0.0);

@@ -1,4 +1,4 @@
-//! Manoeuvres: what the envelope leaves of a move that the craft will end by itself.
+//! Manoeuvres: limiting a move that the craft ends by itself.
 
 use super::reach::{self, Situation};
 use super::watch::Control;
@@ -6,16 +6,17 @@ use super::{Cause, Clearance, Cleared, Envelope, Reaction};
 use crate::command::{Command, Manoeuvre};
 use crate::time::{Time, duration_from_secs};
 
-/// Times what it takes at full speed, and seconds besides, after which a manoeuvre that has not ended is to be ended.
+/// Factor on the duration at full speed, and extra seconds, after which a manoeuvre that has not ended is stopped.
 const PATIENCE: (f64, f64) = (2.0, 8.0);
 
 impl Envelope {
-    /// Clears a manoeuvre of the pilot: as much of it as ends, and passes, inside of all limits, and a hold where nothing is left of
-    /// it or a setpoint would not move now. From outside a limit none begins. It is valid until it has to have ended.
+    /// Clears a manoeuvre of the pilot, shortened so that its path and end stay within all limits; a hold if nothing of
+    /// it is left or a setpoint would not be allowed to move now. No manoeuvre starts from outside a limit. The
+    /// clearance is valid until the manoeuvre must have ended.
     pub fn clear_manoeuvre(&mut self, now: Time, asked: Manoeuvre) -> Clearance {
         let now = self.advance(now);
         let velocity = asked.velocity(self.craft.yaw_rate);
-        // A manoeuvre is no way back in, which a setpoint may be: it would not be watched.
+        // A manoeuvre must not be used to fly back inside a limit, as a setpoint may: it would not be supervised.
         let reaction = match self.reaction(now) {
             Reaction::Continue => None,
             Reaction::Hold(cause) | Reaction::Land(cause) => Some(cause),
@@ -34,7 +35,7 @@ impl Envelope {
         Clearance { cleared: Cleared { what: Command::Manoeuvre(manoeuvre), valid_until }, changed }
     }
 
-    /// What the limits leave of a finite manoeuvre.
+    /// The part of a finite manoeuvre that stays within the limits.
     fn confined(&self, now: Time, asked: Manoeuvre) -> (Option<Manoeuvre>, Option<Cause>) {
         let limits = &self.limits;
         let Manoeuvre::Go { displacement: way, speed } = asked else { return (Some(asked), None) };

@@ -1,11 +1,13 @@
 //! The safety envelope: the last word before a driver (`docs/explanation/safety.md`).
 //!
-//! The envelope is a type: drivers accept only [`Cleared<Command>`](Cleared), and only [`Envelope`] can make one. It is told
-//! what happened ([`observe_telemetry`](Envelope::observe_telemetry), [`observe_frame`](Envelope::observe_frame), …), is asked
-//! what it demands ([`reaction`](Envelope::reaction)) and clears what the pilot or the operator wants. Whatever it was told,
-//! what it clears is finite and within the limits, and nothing moves without a fresh reason.
+//! It is enforced by types: drivers accept only [`Cleared<Command>`](Cleared), which only [`Envelope`] can create. The
+//! envelope takes observations ([`observe_telemetry`](Envelope::observe_telemetry),
+//! [`observe_frame`](Envelope::observe_frame), …), returns the reaction they require ([`reaction`](Envelope::reaction))
+//! and clears the commands of the pilot or the operator. Whatever the inputs, cleared commands are finite and within
+//! the limits, and the craft moves only on fresh data.
 //!
-//! It keeps no clock: every call says what time it is, and time that runs backwards is read as standing still.
+//! The envelope has no clock: every call passes the time, and a time earlier than the last one is treated as equal to
+//! it.
 
 mod cause;
 mod estimate;
@@ -27,7 +29,7 @@ use crate::geometry::{EnuPosition, EnuVelocity};
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Time, duration_from_secs};
 
-/// Something that the envelope has cleared. It cannot be made, read from a file or changed anywhere else.
+/// A value cleared by the envelope. It cannot be created, deserialised or modified anywhere else.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cleared<T> {
     what: T,
@@ -35,24 +37,24 @@ pub struct Cleared<T> {
 }
 
 impl<T> Cleared<T> {
-    /// What was cleared.
+    /// The cleared value.
     pub fn get(&self) -> &T {
         &self.what
     }
 
-    /// Until when it holds. A setpoint without a fresh successor by then is to be replaced by zero, by whoever applies it, and a
-    /// manoeuvre that has not ended by then is to be ended; [`Time::MAX`] for other commands.
+    /// Expiry of the clearance. Whoever applies it replaces a setpoint without a successor by zero at that time, and
+    /// stops a manoeuvre that has not ended. [`Time::MAX`] for other commands.
     pub fn valid_until(&self) -> Time {
         self.valid_until
     }
 }
 
-/// A cleared command, and what the envelope did to it.
+/// A cleared command, and why it differs from the requested one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
     /// For the driver.
     pub cleared: Cleared<Command>,
-    /// Why it is not what was asked for; `None` when it is.
+    /// Why it differs from the request; `None` if unchanged.
     pub changed: Option<Cause>,
 }
 
@@ -74,15 +76,15 @@ pub struct Envelope {
     craft: Craft,
     estimate: Estimate,
     watch: Watch,
-    /// Latest time heard.
+    /// Latest time passed in.
     now: Time,
-    /// What the last cleared setpoint makes the craft do in the world, and until when it is valid.
+    /// World velocity of the last cleared setpoint, and its expiry.
     commanded: Option<(EnuVelocity, Time)>,
 }
 
 impl Envelope {
-    /// An envelope for `craft`. Figures of `limits` that are negative or not a number are read as zero, the strictest;
-    /// [`Limits::check`] names them for people.
+    /// An envelope for `craft`. Limits that are negative or NaN are read as zero, the strictest value;
+    /// [`Limits::check`] reports them to the user.
     #[must_use]
     pub fn new(limits: Limits, craft: Craft) -> Self {
         Self {
@@ -101,18 +103,18 @@ impl Envelope {
         &self.limits
     }
 
-    /// The take-off point, once known: where the craft last reported to be on the ground, or below where it was first heard of
-    /// in the air.
+    /// The take-off point, once known: where the craft last reported being on the ground, or the point below where it
+    /// was first seen in the air.
     #[must_use]
     pub fn home(&self) -> Option<EnuPosition> {
         self.estimate.home
     }
 
-    /// Takes a telemetry report that arrived at `now`. A report that is no newer than the newest known one is ignored, and
-    /// values that are not finite or beyond all reason count as not told.
+    /// Takes a telemetry report that arrived at `now`. A report no newer than the newest known one is ignored;
+    /// non-finite or implausible values count as absent.
     pub fn observe_telemetry(&mut self, now: Time, telemetry: &Telemetry) {
         let now = self.advance(now);
-        // What was cleared may have been flown at any time since the last report.
+        // The last cleared command may have been flown at any time since the last report.
         let since = self.estimate.measured.unwrap_or(Time::ZERO);
         let reckoned = self.commanded.filter(|&(_, until)| since < until).map_or(EnuVelocity::default(), |(v, _)| v);
         if self.estimate.observe(now, telemetry, reckoned) {
@@ -121,46 +123,46 @@ impl Envelope {
         }
     }
 
-    /// Takes a camera frame that arrived at `now`, whether or not anyone looks at it: also an unusable one.
+    /// Takes a camera frame that arrived at `now`, including unusable ones.
     pub fn observe_frame(&mut self, now: Time, frame: &FrameMeta) {
         let now = self.advance(now);
         self.watch.frame(now, frame);
     }
 
-    /// Takes the outcome of a VLM query: `ok` only for a reply that was understood. A failed call, a timeout and a reply that
-    /// makes no sense are all failures.
+    /// Takes the outcome of a VLM query: `ok` only for a reply that was parsed. A failed call, a timeout and an invalid
+    /// reply all count as failures.
     pub fn observe_reply(&mut self, now: Time, ok: bool) {
         let now = self.advance(now);
         self.watch.reply(now, ok);
     }
 
-    /// The link to the craft is gone since `now`.
+    /// Records that the link to the craft was lost at `now`.
     pub fn link_lost(&mut self, now: Time) {
         let now = self.advance(now);
         self.watch.link_lost(now);
     }
 
-    /// The link to the craft is back.
+    /// Records that the link to the craft is back.
     pub fn link_restored(&mut self, now: Time) {
         self.advance(now);
         self.watch.link_restored();
     }
 
-    /// What the envelope demands while the pilot flies. The most severe wins. The pilot obeys it; if it does not, nothing
-    /// moves all the same.
+    /// The reaction required while the pilot flies; the most severe one wins. The pilot obeys it; if it did not, no
+    /// motion would be cleared anyway.
     #[must_use]
     pub fn reaction(&self, now: Time) -> Reaction {
         self.reaction_under(now, Control::Pilot)
     }
 
-    /// What the envelope demands while the operator flies or holds by hand: camera and VLM do not matter then, and a craft
-    /// outside a limit is not landed but waits to be flown back.
+    /// The reaction required while the operator flies manually or holds: camera and VLM do not matter, and a craft
+    /// outside a limit is not landed but may be flown back.
     #[must_use]
     pub fn manual_reaction(&self, now: Time) -> Reaction {
         self.reaction_under(now, Control::Operator)
     }
 
-    /// The next instant after `now` at which a reaction or the validity of the last setpoint changes by time alone.
+    /// The next instant after `now` at which a reaction or the validity of the last setpoint changes without new input.
     #[must_use]
     pub fn next_deadline(&self, now: Time) -> Option<Time> {
         let now = now.max(self.now);
@@ -171,11 +173,11 @@ impl Envelope {
         watch::next_change(now, conditions).into_iter().chain(validity).min()
     }
 
-    /// Clears a command of the pilot. Setpoints and manoeuvres are limited, to a hold at worst, and never refused; landing and
-    /// emergency stop always pass.
+    /// Clears a command of the pilot. Setpoints and manoeuvres are limited, at worst to a hold, and never refused;
+    /// landing and emergency stop always pass.
     ///
     /// # Errors
-    /// A [`Refusal`] of a take-off, with its reason; no other command is ever refused.
+    /// A [`Refusal`] of a take-off; no other command is ever refused.
     pub fn clear(&mut self, now: Time, command: Command) -> Result<Clearance, Refusal> {
         match command {
             Command::Setpoint(setpoint) => Ok(self.clear_setpoint(now, setpoint)),
@@ -194,8 +196,8 @@ impl Envelope {
         self.clear_under(now, setpoint, Control::Pilot)
     }
 
-    /// Clears a setpoint of the operator: the same limits, but neither camera nor VLM stops it, a low battery only once the
-    /// craft is to land.
+    /// Clears a setpoint of the operator: the same limits apply, but camera and VLM failures do not stop it, and a low
+    /// battery only stops it once the craft is about to land.
     pub fn clear_manual(&mut self, now: Time, setpoint: Setpoint) -> Clearance {
         self.clear_under(now, setpoint, Control::Operator)
     }
@@ -205,7 +207,7 @@ impl Envelope {
         self.clear_under(now, Setpoint::HOLD, Control::Pilot)
     }
 
-    /// Time never runs backwards here.
+    /// Advances the envelope's time, never backwards.
     fn advance(&mut self, now: Time) -> Time {
         self.now = self.now.max(now);
         self.now
@@ -214,13 +216,13 @@ impl Envelope {
     fn reaction_under(&self, now: Time, control: Control) -> Reaction {
         let reaction = Watch::reaction(now.max(self.now), self.watch.conditions(&self.estimate, &self.limits, control));
         match reaction {
-            // A landing is the more severe reaction already; nothing that asks for a hold interrupts it.
+            // A landing is already the more severe reaction; a hold must not interrupt it.
             Reaction::Hold(_) if self.estimate.phase == FlightPhase::Landing => Reaction::Continue,
             reaction => reaction,
         }
     }
 
-    /// Which limits the craft is outside of: altitude, distance, geofence.
+    /// Which limits the craft has breached: altitude, distance, geofence.
     fn breached(&self) -> [bool; 3] {
         let Some(home) = self.estimate.home else { return [false; 3] };
         let high = self.estimate.height > self.limits.max_altitude;
@@ -273,7 +275,7 @@ impl Envelope {
         Clearance { cleared: Cleared { what: Command::Setpoint(allowed), valid_until }, changed }
     }
 
-    /// Why nothing may move now, if so.
+    /// Why no motion is allowed now, if so.
     fn stopped_by(&self, now: Time, setpoint: Setpoint, control: Control) -> Option<Cause> {
         if !setpoint.is_finite() {
             return Some(Cause::NotFinite);
@@ -289,7 +291,7 @@ impl Envelope {
         stopping.max(conditions.filter(|c| now >= c.land_at || (now >= c.hold_at && !c.may_move)).map(|c| c.cause).max())
     }
 
-    /// What the limits leave of a finite setpoint.
+    /// A finite setpoint reduced to the limits.
     fn limit(&self, now: Time, asked: Setpoint) -> (Setpoint, Option<Cause>) {
         let limits = &self.limits;
         let mut setpoint = asked;
@@ -316,7 +318,7 @@ impl Envelope {
         (setpoint, confined.or(cause))
     }
 
-    /// Where the craft will be when a setpoint that is cleared now takes effect; `up` is its height above the take-off point.
+    /// Predicted position at the time a setpoint cleared now takes effect; `up` is the height above the take-off point.
     fn ahead(&self, now: Time) -> EnuPosition {
         let e = &self.estimate;
         let age = e.measured.map_or(0.0, |measured| now.since(measured).as_secs_f64());
@@ -326,7 +328,7 @@ impl Envelope {
     }
 }
 
-/// A command that is not a setpoint, cleared as it is.
+/// Clears a non-setpoint command unchanged.
 fn passed(command: Command) -> Clearance {
     Clearance { cleared: Cleared { what: command, valid_until: Time::MAX }, changed: None }
 }

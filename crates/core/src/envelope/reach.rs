@@ -1,9 +1,10 @@
-//! How far a setpoint carries the craft before it can be stopped, and how much of it the limits leave.
+//! How far a setpoint carries the craft before it can be stopped, and how much of it the limits allow.
 //!
-//! A setpoint that is cleared now moves the craft after the dead time, holds until its validity ends, and only the zero that
-//! follows, again after the dead time, brakes it: `reach(v) = v·(validity + dead time + lag) + v²/2a`, counted from where the
-//! craft will be when the setpoint takes effect. What would reach beyond a limit loses the part of it that points out
-//! (it slides along the limit), and what still would is scaled down, to zero at worst: never reversed.
+//! A setpoint cleared now moves the craft after the dead time and holds until its validity ends; only the zero that
+//! follows, again after the dead time, brakes it: `reach(v) = v·(validity + dead time + lag) + v²/2a`, measured from
+//! the position at which the setpoint takes effect. A velocity that would reach beyond a limit loses its outward
+//! component (the craft slides along the limit); if that is not enough it is scaled down, at worst to zero, but never
+//! reversed.
 
 use super::cause::Cause;
 use super::limits::Limits;
@@ -12,18 +13,18 @@ use crate::craft::Craft;
 use crate::geofence::{Geofence, MapPoint};
 use crate::geometry::{BodyDisplacement, EnuPosition, EnuVelocity};
 
-/// Speed below which a craft counts as standing still, m/s (the pilot's own figure for the next frame).
+/// Speed below which a craft counts as standing still, m/s (the pilot uses the same value for the next frame).
 const STANDSTILL: f64 = 0.1;
-/// Nearer than this to an edge is on it, m.
+/// Points closer to an edge than this are on it, m.
 const ON_EDGE: f64 = 1.0e-6;
-/// Cosine of the angle to the way back below which a ray may lead away from the geofence before it leads in: cos 45°.
+/// Cosine of the angle to the direction back inside below which a ray may first lead away from the geofence: cos 45°.
 const STRAIGHT_BACK: f64 = core::f64::consts::FRAC_1_SQRT_2;
-/// What a limit leaves below this speed is nothing, m/s.
+/// Limited speeds below this are set to zero, m/s.
 const CREEP: f64 = 1.0e-6;
 
 impl Craft {
-    /// From the zero setpoint to standstill (below 0.1 m/s) at `speed` m/s, s: the dead time plus v/a, and where the
-    /// first-order lag takes longer over its last part than the acceleration limit would, that time.
+    /// Time from a zero setpoint to standstill (below 0.1 m/s) from `speed` m/s, s: the dead time plus v/a, or the time
+    /// of the first-order lag where its tail takes longer than the acceleration limit.
     #[must_use]
     pub fn standstill_time(&self, speed: f64) -> f64 {
         let (speed, a) = (speed.abs(), self.acceleration.max(0.01));
@@ -34,7 +35,7 @@ impl Craft {
     }
 }
 
-/// Motion towards one limit: how long it goes on unbraked, and how hard it brakes.
+/// Motion towards one limit: delay before braking, and deceleration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Braking {
     /// Validity, dead time and lag, s.
@@ -48,12 +49,12 @@ impl Braking {
         Self { delay: limits.setpoint_validity + craft.dead_time + craft.lag, acceleration: acceleration.max(0.01) }
     }
 
-    /// How far `speed` carries the craft, m.
+    /// Distance that `speed` carries the craft, m.
     fn reach(self, speed: f64) -> f64 {
         speed * self.delay + speed * speed / (2.0 * self.acceleration)
     }
 
-    /// The greatest speed whose reach is no longer than `room` metres; zero without room.
+    /// Maximum speed whose reach is at most `room` metres; zero without room.
     pub(super) fn speed_within(self, room: f64) -> f64 {
         if room == f64::INFINITY {
             return room;
@@ -67,10 +68,10 @@ impl Braking {
     }
 }
 
-/// Where the craft will be when a setpoint that is cleared now takes effect.
+/// The predicted state of the craft when a setpoint cleared now takes effect.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Situation {
-    /// On the map, and `up` as height above the take-off point.
+    /// Position; `up` is the height above the take-off point.
     pub(super) at: EnuPosition,
     /// The take-off point.
     pub(super) home: EnuPosition,
@@ -78,17 +79,18 @@ pub(super) struct Situation {
     pub(super) heading: f64,
 }
 
-/// A limit on the map seen from one place along one direction.
+/// A horizontal limit as seen from one position along one direction.
 struct Wall {
     /// Metres along the direction.
     distance: f64,
-    /// Unit vector across the limit, pointing out.
+    /// Outward unit normal of the limit.
     out: MapPoint,
     /// Which limit.
     cause: Cause,
 }
 
-/// What `confine` leaves of `setpoint`, with the first limit that took something. Speeds are already within their limits.
+/// Reduces `setpoint` to the limits; also returns the first limit that applied. Speeds are already within their own
+/// limits.
 pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
     let (up, altitudes, mut cause) = confine_climb(limits, craft, is, setpoint.up);
     let mut limited = Setpoint { up, ..setpoint };
@@ -98,7 +100,8 @@ pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: 
     }
     let plane = Plane::new(limits, craft, is, altitudes, libm::hypot(asked.0, asked.1));
     let (mut v, mut changed) = plane.only_back(asked);
-    // A corner has two sides and a round limit may meet a straight one; what four corrections do not settle is scaled.
+    // A corner has two sides, and a circle may meet a straight edge; whatever four corrections do not resolve is
+    // scaled.
     for _ in 0..4 {
         let before = v;
         for wall in plane.walls(v).into_iter().flatten() {
@@ -113,7 +116,7 @@ pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: 
     if dot(v, asked) <= 0.0 {
         v = (0.0, 0.0);
     }
-    // The setpoint is in the body frame: while it holds, a turning craft flies every direction between the first and last.
+    // The setpoint is in the body frame: while it holds, a turning craft sweeps all directions between first and last.
     let turned = setpoint.yaw_rate * (limits.setpoint_validity + craft.dead_time);
     let directions: &[f64] = if turned == 0.0 { &[0.0] } else { &[0.0, 0.5, 1.0] };
     let speed = libm::hypot(v.0, v.1);
@@ -138,13 +141,13 @@ pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: 
     (limited, cause)
 }
 
-/// How much farther than it was told a craft that measures its way itself may go, as a share of it.
+/// Relative error of the distance flown by a craft that measures it itself, as a fraction.
 const WAY_ERROR: f64 = 0.1;
-/// The cosine between a way and a limit's normal below which the way counts as going along it.
+/// Cosine between a path and a limit's normal below which the path counts as parallel to the limit.
 const ALONG: f64 = 0.05;
 
-/// What is left of a straight way, told in the body frame, so that it ends, and passes, the margin inside the limits. From outside of
-/// one, nothing.
+/// Shortens a straight path, given in the body frame, so that it stays inside the limits by the margin. Returns nothing
+/// if it starts outside a limit.
 pub(super) fn confine_way(
     limits: &Limits,
     craft: &Craft,
@@ -184,7 +187,7 @@ pub(super) fn confine_way(
     (BodyDisplacement { right: way.right * share, forward: way.forward * share, up }, cause)
 }
 
-/// The climb rate between floor and ceiling, the altitudes it may sweep, and the limit that took something.
+/// The climb rate between floor and ceiling, the altitudes it may sweep, and the limit that applied.
 fn confine_climb(limits: &Limits, craft: &Craft, is: &Situation, up: f64) -> (f64, (f64, f64), Option<Cause>) {
     let braking = Braking::new(limits, craft, craft.climb_acceleration);
     let height = is.at.up;
@@ -202,11 +205,11 @@ fn confine_climb(limits: &Limits, craft: &Craft, is: &Situation, up: f64) -> (f6
         }
     }
     let swept = height + limited.signum() * braking.reach(limited.abs());
-    // A craft that holds at its floor sinks below it by the error of its height: that must not stop it from moving on.
+    // A craft holding at its floor may be below it by the height error; that must not stop it from moving on.
     (limited, (height.min(swept) + limits.margin, height.max(swept)), cause)
 }
 
-/// The limits on the map about one place at one moment.
+/// The horizontal limits around one position.
 struct Plane<'a> {
     at: MapPoint,
     home: MapPoint,
@@ -217,10 +220,10 @@ struct Plane<'a> {
     altitudes: (f64, f64),
     /// From outside the geofence: unit vector and distance back to it.
     back: Option<(MapPoint, f64)>,
-    /// No polygon is open at the altitudes.
+    /// True if no polygon is open at the altitudes.
     closed: bool,
     braking: Braking,
-    /// How far a geofence matters, m.
+    /// Distance up to which a geofence matters, m.
     reach: f64,
 }
 
@@ -246,7 +249,7 @@ impl<'a> Plane<'a> {
                 Some(to) => {
                     let (dx, dy) = (to.0 - at.0, to.1 - at.1);
                     let distance = libm::hypot(dx, dy);
-                    // On the very edge there is no way back to tell, and the ray finds out which side is free.
+                    // On the edge itself there is no direction back inside; the ray determines which side is free.
                     plane.back = (distance > ON_EDGE).then(|| ((dx / distance, dy / distance), distance));
                 }
             }
@@ -254,7 +257,7 @@ impl<'a> Plane<'a> {
         plane
     }
 
-    /// What leads back inside, from outside a limit; all of `v` from inside.
+    /// From outside a limit, the component that leads back inside; from inside, all of `v`.
     fn only_back(&self, v: MapPoint) -> (MapPoint, Option<Cause>) {
         let along = |v: MapPoint, unit: MapPoint| {
             let part = dot(v, unit).max(0.0);
@@ -283,8 +286,8 @@ impl<'a> Plane<'a> {
         [self.distance_wall(along), self.fence_wall(along)]
     }
 
-    /// Where the ray leaves the circle about the take-off point. From outside, a way back in is free up to the far side and
-    /// every other is blocked.
+    /// Where the ray leaves the circle around the take-off point. From outside, a ray leading back in is free up to the
+    /// far side; every other is blocked.
     fn distance_wall(&self, along: MapPoint) -> Option<Wall> {
         if self.max_distance == f64::INFINITY {
             return None;
@@ -312,23 +315,23 @@ impl<'a> Plane<'a> {
             let exit = fence.exit(self.at, along, self.altitudes, self.reach)?;
             return Some(Wall { distance: exit.distance, out: exit.out, cause });
         };
-        // Turning while coming back: half of it must still lead back.
+        // Turning while coming back: at least half of it must still lead back.
         let back = dot(along, unit);
         if back < 0.5 {
             return Some(Wall { distance: 0.0, out: along, cause });
         }
-        // A ray nearly straight back enters the fence and may leave it again on another side.
+        // A ray nearly straight back enters the fence and may leave it on another side.
         let within = gap / back + 2.0 * ON_EDGE;
         let entry = (self.at.0 + along.0 * within, self.at.1 + along.1 * within);
         if back > STRAIGHT_BACK && fence.allows(entry, self.altitudes) {
             let exit = fence.exit(entry, along, self.altitudes, self.reach)?;
             return Some(Wall { distance: within + exit.distance, out: exit.out, cause });
         }
-        // Any other may miss it: up to here it is at least no farther from the place on the edge that is nearest now.
+        // Any other ray may miss it: up to here it is at least no farther from the nearest edge point.
         Some(Wall { distance: 2.0 * gap * back, out: along, cause })
     }
 
-    /// `v` with the part that points out of the wall no faster than can be stopped the margin before it.
+    /// `v` with its outward component reduced so that it can stop the margin before the wall.
     fn slide(&self, v: MapPoint, wall: &Wall) -> MapPoint {
         let speed = libm::hypot(v.0, v.1);
         let outwards = dot(v, wall.out);
@@ -351,7 +354,7 @@ pub(super) fn map_velocity(setpoint: Setpoint, heading: f64) -> (f64, f64) {
     (setpoint.right * cos + setpoint.forward * sin, setpoint.forward * cos - setpoint.right * sin)
 }
 
-/// The setpoint in the world.
+/// The setpoint in the world frame.
 pub(super) fn world_velocity(setpoint: Setpoint, heading: f64) -> EnuVelocity {
     let (east, north) = map_velocity(setpoint, heading);
     EnuVelocity { east, north, up: setpoint.up }

@@ -1,4 +1,4 @@
-//! The conditions that make the craft hold or land, and since when each is true.
+//! Conditions that make the craft hold or land, and since when each is true.
 
 use super::cause::{Cause, Reaction};
 use super::estimate::Estimate;
@@ -10,36 +10,36 @@ use crate::time::{Duration, Time, duration_from_secs};
 /// Who moves the craft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Control {
-    /// The pilot, by what the camera shows.
+    /// The pilot, based on camera frames.
     Pilot,
-    /// The operator, by own eyes: neither camera nor VLM is needed.
+    /// The operator, by sight; camera and VLM are not needed.
     Operator,
 }
 
-/// A condition that is or will become true without further news.
+/// A condition that is or will become true without further input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Condition {
     pub(super) cause: Cause,
-    /// From here on: hold.
+    /// When it demands a hold.
     pub(super) hold_at: Time,
-    /// From here on: land.
+    /// When it demands a landing.
     pub(super) land_at: Time,
-    /// True when a motion that mends it is allowed while it holds.
+    /// True if motion that resolves the condition is allowed while it holds.
     pub(super) may_move: bool,
 }
 
-/// What was heard of the camera, the link, the replies and the limits, each with the time that counts.
+/// State of the camera, the link, the replies and the limits, with the relevant times.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Watch {
     /// Capture time of the newest usable frame.
     captured: Option<Time>,
     /// Capture counter of the newest frame.
     counter: Option<u64>,
-    /// When that counter was first captured.
+    /// First arrival of a frame with that counter.
     counter_since: Time,
-    /// Frames heard with that counter after the first.
+    /// Frames with that counter after the first.
     repeats: u32,
-    /// Unusable frames heard after the newest usable one.
+    /// Unusable frames after the newest usable one.
     unusable: u32,
     link_lost: Option<Time>,
     battery_low: Option<Time>,
@@ -47,14 +47,14 @@ pub(super) struct Watch {
     failed_replies: u32,
     first_failure: Time,
     last_failure: Time,
-    /// Since when each limit is broken: altitude, distance, geofence.
+    /// Start of each breach: altitude, distance, geofence.
     breaches: [Option<Time>; 3],
 }
 
 /// The causes of [`Watch::breaches`], in its order.
 const BREACHES: [Cause; 3] = [Cause::AltitudeBreach, Cause::DistanceBreach, Cause::GeofenceBreach];
 
-/// A battery that recovers when the motors rest is still empty: charge above the threshold that ends the condition.
+/// A battery's charge recovers when the motors rest, so the condition ends only this far above the threshold.
 const BATTERY_HYSTERESIS: f64 = 0.02;
 
 impl Watch {
@@ -69,7 +69,7 @@ impl Watch {
         } else if self.captured.is_none_or(|newest| captured >= newest) {
             (self.counter, self.counter_since, self.repeats) = (Some(frame.capture_counter), captured, 0);
         } else {
-            // An older picture that was overtaken is no news.
+            // An older frame that was overtaken carries no information.
             return;
         }
         self.unusable = 0;
@@ -100,7 +100,7 @@ impl Watch {
         self.link_lost.is_some()
     }
 
-    /// Takes what the estimate says after new telemetry. `breached`: altitude, distance, geofence.
+    /// Updates from the estimate after new telemetry. `breached`: altitude, distance, geofence.
     pub(super) fn estimate(&mut self, now: Time, estimate: &Estimate, limits: &Limits, breached: [bool; 3]) {
         let low = limits.low_battery + if self.battery_low.is_some() { BATTERY_HYSTERESIS } else { 0.0 };
         set(&mut self.battery_low, estimate.battery.is_some_and(|charge| charge < low), now);
@@ -109,12 +109,12 @@ impl Watch {
             set(since, breached, now);
         }
         if estimate.phase == FlightPhase::OnGround {
-            // A new flight is not answerable for the replies of the last one.
+            // A new flight starts with a clean reply count.
             self.failed_replies = 0;
         }
     }
 
-    /// Every condition that is true or will be without further news, for a craft in the air.
+    /// Every condition that is or will become true without further input, for an airborne craft.
     pub(super) fn conditions(&self, estimate: &Estimate, limits: &Limits, control: Control) -> impl Iterator<Item = Condition> {
         let at = |from: Time, secs: f64| from + duration_from_secs(secs);
         let condition = |cause, hold_at: Time, land_after: f64| Condition {
@@ -125,7 +125,7 @@ impl Watch {
         };
         let operator = control == Control::Operator;
         let airborne = estimate.airborne();
-        // The camera and the VLM matter once the pilot may move the craft.
+        // The camera and the VLM only matter while the pilot may move the craft.
         let piloted = estimate.phase.is_flying() && !operator;
 
         let crashed = self.crashed.map(|since| condition(Cause::Crashed, since, 0.0));
@@ -135,7 +135,7 @@ impl Watch {
             land_at: at(lost, limits.link_land_after),
             may_move: false,
         });
-        // A craft that has not told its heading yet has until the usual age since the flight began.
+        // A craft that has not reported its heading yet has the usual maximum age from the start of the flight.
         let oriented = estimate.oriented.unwrap_or(Time::ZERO);
         let telemetry =
             airborne.then(|| condition(Cause::NoTelemetry, at(oriented, limits.max_telemetry_age), limits.telemetry_land_after));
@@ -146,7 +146,7 @@ impl Watch {
         let breach = move |i: usize| {
             self.breaches[i].filter(|_| airborne).map(|since| Condition {
                 may_move: true,
-                // The operator may fly it back, for as long as that takes.
+                // The operator may take any time to fly it back.
                 land_at: if operator { Time::MAX } else { since + duration_from_secs(limits.breach_land_after) },
                 ..condition(BREACHES[i], since, 0.0)
             })
@@ -169,7 +169,7 @@ impl Watch {
         [crashed, link, telemetry, battery, breach(2), breach(1), breach(0), frozen, stale, failed].into_iter().flatten()
     }
 
-    /// The most severe of what `conditions` demand at `now`; among equals the more severe cause.
+    /// The most severe reaction that `conditions` demand at `now`; among equals the more severe cause.
     pub(super) fn reaction(now: Time, conditions: impl Iterator<Item = Condition>) -> Reaction {
         conditions
             .map(|c| {
@@ -186,7 +186,7 @@ impl Watch {
     }
 }
 
-/// Keeps the instant since when `is` has been true.
+/// Keeps the time since when `is` has been true.
 fn set(since: &mut Option<Time>, is: bool, now: Time) {
     if is {
         since.get_or_insert(now);
@@ -195,7 +195,7 @@ fn set(since: &mut Option<Time>, is: bool, now: Time) {
     }
 }
 
-/// The first instant after `now` at which one of `conditions` changes by time alone.
+/// The first instant after `now` at which one of `conditions` changes without new input.
 pub(super) fn next_change(now: Time, conditions: impl Iterator<Item = Condition>) -> Option<Time> {
     conditions.flat_map(|c| [c.hold_at, c.land_at]).filter(|&at| at > now && at < Time::MAX - Duration::from_secs(1)).min()
 }

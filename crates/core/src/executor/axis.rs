@@ -1,4 +1,4 @@
-//! One axis of a motion: its speed, its arrival, and the command that fits what is missing.
+//! One axis of a motion: its speed, its arrival, and the command that covers the remaining distance.
 
 use super::Ending;
 use super::response::AxisResponse;
@@ -6,7 +6,7 @@ use crate::craft::Craft;
 use crate::primitives::PrimitiveKind;
 use crate::time::{Duration, Time, duration_from_secs};
 
-/// What an axis needs to know of its executor.
+/// The parts of the executor that an axis needs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rules {
     pub(super) craft: Craft,
@@ -14,16 +14,17 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    /// Seconds after which a craft has answered, also one half again as slow as its figures say.
+    /// Time, s, after which a craft has responded, including one half again as slow as its parameters.
     pub(super) fn settling(&self) -> f64 {
         1.5 * (self.craft.dead_time + 3.0 * self.craft.lag)
     }
 }
 
-/// One axis of a motion: how fast, and when it has arrived.
+/// One axis of a motion: its speed, and whether it has arrived.
 ///
-/// It moves until a stop would end within `fine` of the goal, or beyond it. Then it waits until the craft has flown that, and
-/// only if it comes to rest farther than `coarse` away it moves again. Correcting at once would swing to and fro for a craft
+/// The axis moves until a stop would end within `fine` of the goal, or beyond it. It then waits until the craft has
+/// come to rest, and moves again only if it rests farther than `coarse` away. Correcting immediately would make a craft
+/// oscillate that responds later than its parameters say.
 /// that answers later than its figures say.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Axis {
@@ -33,13 +34,13 @@ pub(super) struct Axis {
     ending: Ending,
     fine: f64,
     coarse: f64,
-    /// How long what was commanded takes to be flown.
+    /// Time for a command to take full effect.
     settling: Duration,
-    /// Sign of the error that is being flown away.
+    /// Sign of the error being reduced.
     sign: f64,
-    /// Since when nothing is commanded any more.
+    /// When commands on this axis ended.
     pub(super) ended: Option<Time>,
-    /// Whether a stop ends within `coarse`.
+    /// Whether a stop would end within `coarse`.
     within: bool,
 }
 
@@ -56,19 +57,19 @@ impl Axis {
             acceleration: kind.acceleration(&rules.craft),
             magnitude,
             ending: rules.ending,
-            // However small the primitive, most of it is flown.
+            // Even a small primitive is flown for the most part.
             fine: fine.min((0.1 * magnitude).max(0.1 * fine)),
             coarse,
             settling: duration_from_secs(rules.settling()),
             sign: 0.0,
-            // What was not asked for only counts once it is off by more than noise.
+            // An axis that was not requested only counts once its error exceeds the noise.
             ended: (magnitude < 1e-9).then_some(Time::ZERO),
             within: false,
         }
     }
 
-    /// The speed of this axis: the preset one, and for measured endings at most `√(a·magnitude)`, which a craft with that
-    /// acceleration just reaches on the way.
+    /// The speed of this axis: the preset one; for measured endings at most `√(a·magnitude)`, which the acceleration
+    /// limit allows within the distance.
     pub(super) fn speed(&self, error: f64) -> f64 {
         match self.ending {
             Ending::Timed => self.preset,
@@ -76,7 +77,7 @@ impl Axis {
         }
     }
 
-    /// What is to be flown now of an error that a stop would leave: all of it while moving, else nothing.
+    /// The part of the error after a stop to be flown now: all of it while moving, else nothing.
     pub(super) fn open(&mut self, error: f64, now: Time) -> f64 {
         self.within = error.abs() <= self.coarse;
         match self.ended {
@@ -85,7 +86,8 @@ impl Axis {
                 if self.ended.take().is_some() || self.sign == 0.0 {
                     self.sign = 1.0_f64.copysign(error);
                 }
-                // Against an ideal craft an error beyond the goal is a tick that held too long, and flown back exactly.
+                // With an ideal craft, an error beyond the goal comes from a tick that held too long, and is flown back
+                // exactly.
                 let beyond = self.ending == Ending::Measured && error * self.sign < 0.0;
                 if error.abs() <= self.fine || beyond {
                     self.ended = Some(now);
@@ -96,21 +98,22 @@ impl Axis {
         }
     }
 
-    /// Nothing is commanded any more, and what was leads to the goal.
+    /// No command is active, and the previous ones lead to the goal.
     pub(super) fn arrived(&self) -> bool {
         self.ended.is_some() && self.within
     }
 }
 
-/// The speed, 0..=`limit`, whose command for one tick and zero after it end `error` metres further than zero at once.
-/// `gain(speed)` says how much further, and grows with the speed.
+/// The speed, 0..=`limit`, which commanded for one tick and followed by zero ends `error` metres further than an
+/// immediate zero. `gain(speed)` returns that extra distance and increases with speed.
 pub(super) fn fitting_speed(error: f64, limit: f64, interval: f64, gain: impl Fn(f64) -> f64) -> f64 {
     let tolerance = 1e-4 * error.min(1.0);
     let at_limit = gain(limit) - error;
     if at_limit <= tolerance {
         return limit;
     }
-    // Illinois method from a bracket. Below the acceleration limit the gain is speed times interval, so that is tried first.
+    // Illinois method from a bracket. Below the acceleration limit the gain is speed times interval, so that is tried
+    // first.
     let (mut low, mut low_error) = (0.0, -error);
     let (mut high, mut high_error) = (limit, at_limit);
     let mut speed = error / interval;
@@ -134,7 +137,7 @@ pub(super) fn fitting_speed(error: f64, limit: f64, interval: f64, gain: impl Fn
     speed
 }
 
-/// The signed command for one tick along one axis towards what is missing.
+/// The signed command for one tick along one axis towards the remaining error.
 pub(super) fn fitting_command(axis: &AxisResponse, velocity: f64, error: f64, limit: f64, interval: f64) -> f64 {
     let sign = if error < 0.0 { -1.0 } else { 1.0 };
     let rest = axis.stop(velocity);

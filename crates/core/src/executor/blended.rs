@@ -1,4 +1,4 @@
-//! Everything at once: straight to a goal in the world while the body turns, all axes arriving together.
+//! Blended motion: straight to a goal in the world while the body turns, with all axes arriving together.
 
 use super::axis::{Axis, Rules, fitting_command, fitting_speed};
 use super::response::{State, to_body};
@@ -7,17 +7,17 @@ use crate::command::Setpoint;
 use crate::geometry::EnuPosition;
 use crate::primitives::PrimitiveKind;
 
-/// With more than this left to turn, the craft turns first: it would fly where its camera has never looked.
+/// With more than this left to turn, the craft turns first: otherwise it would fly where its camera has not looked.
 const TURN_FIRST: f64 = core::f64::consts::FRAC_PI_3;
 
-/// A goal, and how far each axis has come to it.
+/// A goal, and the progress of each axis.
 #[derive(Clone, Debug)]
 pub(super) struct Blend {
     position: EnuPosition,
     /// Not wrapped, so that the turn keeps its direction.
     heading: f64,
     horizontal: Axis,
-    /// Direction on the map of the error that is being flown away, east and north.
+    /// Horizontal direction of the error being reduced, east and north.
     direction: [f64; 2],
     vertical: Axis,
     yaw: Axis,
@@ -42,7 +42,7 @@ impl Blend {
         let stop = response.horizontal.stop_2d(velocity);
         let missing = [self.position.east - state.position.east - stop[0], self.position.north - state.position.north - stop[1]];
         let off = (missing[0] * missing[0] + missing[1] * missing[1]).sqrt();
-        // Beyond the goal once it lies behind, as seen along the way that was taken up.
+        // The goal is passed once it lies behind, relative to the direction of motion.
         let beyond = missing[0] * self.direction[0] + missing[1] * self.direction[1] < 0.0;
         let was_ended = self.horizontal.ended.is_some();
         let distance = self.horizontal.open(if beyond { -off } else { off }, view.now).abs();
@@ -60,7 +60,7 @@ impl Blend {
 
         let limits = [self.horizontal.speed(distance), self.vertical.speed(climb), self.yaw.speed(turn)];
         let turn_first = turn.abs() > TURN_FIRST;
-        // The axis that needs longest sets the time of all, so that they arrive together.
+        // The slowest axis sets the time for all, so that they arrive together.
         let mut longest = f64::MIN_POSITIVE;
         for (missing, limit) in [distance, climb, turn].into_iter().zip(limits) {
             if missing != 0.0 && !turn_first {
@@ -89,7 +89,8 @@ impl Blend {
                 (moved[0] + rest[0] - stop[0]) * towards[0] + (moved[1] + rest[1] - stop[1]) * towards[1]
             };
             let speed = fitting_speed(distance, shared(distance, limits[0]), interval, gain);
-            // The setpoint turns with the body while it holds: it fits the heading in the middle of that time.
+            // The setpoint turns with the body while it holds, so it is computed for the heading at the middle of that
+            // time.
             let (turned, _) = response.yaw.follow(state.yaw_rate, yaw_rate, 0.5 * interval);
             [right, forward] = to_body([towards[0] * speed, towards[1] * speed], state.heading + turned);
         }

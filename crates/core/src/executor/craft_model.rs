@@ -1,6 +1,6 @@
-//! A craft for tests: dead time, first-order lag, acceleration limits, and thrust that has to overcome drag, integrated in
-//! steps of 1 ms, in still air. Written apart from the response that the executor looks ahead with (which knows no drag), so
-//! that one checks the other. The errors of coarse telemetry are those of the simulator's two models.
+//! A craft model for tests: dead time, first-order lag, acceleration limits, and thrust against drag, integrated in 1
+//! ms steps in still air. It is independent of the executor's response model (which has no drag), so that each checks
+//! the other. The telemetry errors are those of the simulator's two models.
 
 use crate::command::Setpoint;
 use crate::craft::Craft;
@@ -13,7 +13,7 @@ use crate::time::{Duration, Time};
 
 const STEP: Duration = Duration::from_millis(1);
 
-/// The craft as it truly moves.
+/// The true motion of the craft.
 pub(crate) struct CraftModel {
     pub(crate) craft: Craft,
     pub(crate) now: Time,
@@ -22,10 +22,10 @@ pub(crate) struct CraftModel {
     /// Not wrapped.
     pub(crate) heading: f64,
     pub(crate) yaw_rate: f64,
-    /// Drag per speed, 1/s, and the acceleration that the greatest tilt gives, m/s².
+    /// Drag per speed, 1/s, and the acceleration at maximum tilt, m/s².
     drag: f64,
     thrust: f64,
-    /// What it drifts by without knowing, m/s.
+    /// Unmeasured drift, m/s.
     pub(crate) creep: [f64; 2],
     sent: Vec<(Time, Setpoint)>,
     arrived: usize,
@@ -35,7 +35,7 @@ impl CraftModel {
     pub(crate) fn new(craft: Craft) -> Self {
         let position = EnuPosition { east: 12.0, north: -7.0, up: 3.0 };
         let start = Time::from_millis(5000);
-        // A Tello leans by 9° at most, which holds 4 m/s; the quad by 30°.
+        // A Tello tilts by at most 9°, which sustains 4 m/s; the quad by 30°.
         let (drag, thrust) = if craft.acceleration < 2.0 { (0.388, 1.553) } else { (0.3, 5.66) };
         Self {
             craft,
@@ -89,7 +89,7 @@ impl CraftModel {
         }
     }
 
-    /// Exactly what is so.
+    /// The exact state.
     pub(crate) fn known(&self) -> Known {
         Known {
             position: self.position,
@@ -99,7 +99,7 @@ impl CraftModel {
         }
     }
 
-    /// What a Tello tells of it: whole degrees, dm/s, 10 cm, no position, no yaw rate; otherwise without error.
+    /// Tello telemetry: whole degrees, dm/s, 10 cm, no position, no yaw rate; otherwise exact.
     pub(crate) fn tello_telemetry(&self) -> Telemetry {
         let tenth = |x: f64| (x * 10.0).round() / 10.0;
         let v = self.velocity;
@@ -118,15 +118,15 @@ impl CraftModel {
     }
 }
 
-/// What the executor is told of the craft.
+/// What the executor knows of the craft.
 pub(crate) trait Sense {
     /// Called every 10 ms of flight.
     fn look(&mut self, craft: &mut CraftModel);
-    /// What is known now.
+    /// The current estimate.
     fn known(&mut self, craft: &CraftModel) -> Known;
 }
 
-/// Everything exactly.
+/// Exact knowledge.
 pub(crate) struct Exact;
 
 impl Sense for Exact {
@@ -136,7 +136,7 @@ impl Sense for Exact {
     }
 }
 
-/// An error that wanders: an Ornstein-Uhlenbeck process.
+/// A drifting error: an Ornstein-Uhlenbeck process.
 struct Wander {
     spread: f64,
     time: f64,
@@ -155,7 +155,8 @@ impl Wander {
     }
 }
 
-/// Telemetry of one of the two models, through the estimator. Reports are taken between ticks and heard 20 ms later.
+/// Telemetry of one of the two models, through the estimator. Reports are measured between ticks and arrive 20 ms
+/// later.
 pub(crate) struct Coarse {
     pub(crate) estimator: MotionEstimator,
     quad: bool,
@@ -168,13 +169,13 @@ pub(crate) struct Coarse {
 }
 
 impl Coarse {
-    /// Velocity to 0.03 m/s, then rounded to dm/s; heading wanders by 2° over 60 s, height by 5 cm over 20 s; the craft creeps
-    /// at 2 cm/s, another way every 5 s.
+    /// Velocity to 0.03 m/s, then rounded to dm/s; heading drifts by 2° over 60 s, height by 5 cm over 20 s; the craft
+    /// creeps at 2 cm/s, in another direction every 5 s.
     pub(crate) fn tello(craft: &Craft, seed: u64) -> Self {
         Self::new(MotionEstimator::new(craft, Senses::tello()), false, seed)
     }
 
-    /// Position wanders by 0.3 m and heading by 1° over 30 s; velocity to 0.05 m/s, yaw rate to 0.5 °/s.
+    /// Position drifts by 0.3 m and heading by 1° over 30 s; velocity to 0.05 m/s, yaw rate to 0.5 °/s.
     pub(crate) fn quad(craft: &Craft, seed: u64) -> Self {
         Self::new(MotionEstimator::new(craft, Senses::quad()), true, seed)
     }
@@ -248,27 +249,27 @@ impl Sense for Coarse {
     }
 }
 
-/// How a flight of one motion went.
+/// Result of one flown motion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Flown {
-    /// When the craft has come to rest, in the level frame of the start.
+    /// At rest, in the level frame of the start.
     pub(crate) displacement: BodyDisplacement,
     pub(crate) turned: f64,
-    /// When finished was reported: a craft that creeps has no rest.
+    /// When `finished` was reported: a craft that creeps never rests.
     pub(crate) displacement_at_end: BodyDisplacement,
-    /// Seconds from the start to finished.
+    /// Seconds from the start to `finished`.
     pub(crate) seconds: f64,
-    /// True speed and distance from the later standstill at finished, m/s and m.
+    /// True speed, and distance from the later rest position, at `finished`, m/s and m.
     pub(crate) speed_at_end: f64,
     pub(crate) coasted: f64,
     pub(crate) timed_out: bool,
 }
 
-/// Lets the craft hold for `time` while it is looked at.
+/// Lets the craft hold for `time` while it is observed.
 pub(crate) fn pass(craft: &mut CraftModel, time: Duration, sense: &mut impl Sense) {
     let until = craft.now + time;
     while craft.now < until {
-        // In steps that end on whole 10 ms, so that reports come at their times whatever the tick.
+        // Steps end on multiples of 10 ms, so that reports arrive at their times whatever the tick.
         let next = Time::from_millis((craft.now.as_nanos() / 10_000_000 + 1) * 10);
         craft.fly_until(next.min(until));
         if craft.now == next {
@@ -277,7 +278,7 @@ pub(crate) fn pass(craft: &mut CraftModel, time: Duration, sense: &mut impl Sens
     }
 }
 
-/// Ticks the executor until it has finished and the craft has come to rest.
+/// Ticks the executor until it has finished and the craft is at rest.
 pub(crate) fn fly(executor: &mut Executor, craft: &mut CraftModel, period: Duration, sense: &mut impl Sense) -> Flown {
     let (start, heading, began) = (craft.position, craft.heading, craft.now);
     loop {

@@ -1,5 +1,5 @@
-//! Manoeuvres that the craft flies, and ends, by itself: a turn, then straight to the place. What is shorter than such can be is
-//! flown by setpoints.
+//! Manoeuvres that the craft flies and ends by itself: a turn, then straight to the position. Anything too short for a
+//! manoeuvre is flown by setpoints.
 
 use std::collections::VecDeque;
 
@@ -12,29 +12,29 @@ use crate::primitives::Primitives;
 use crate::telemetry::FlightPhase;
 use crate::time::{Duration, Time};
 
-/// A smaller turn cannot be told, radians.
+/// Smaller turns cannot be commanded, radians.
 const LEAST_TURN: f64 = 1.0 * core::f64::consts::PI / 180.0;
-/// A craft that does not tell within this of its beginning that it flies a manoeuvre flies none: it was refused.
+/// A craft that does not report within this time that it is flying a manoeuvre has refused it.
 const TOLD_WITHIN: Duration = Duration::from_millis(500);
-/// What a manoeuvre takes besides its way: to be told, begun, ended and answered, s.
+/// Overhead of a manoeuvre besides its flight time: command, start, end and acknowledgement, s.
 const OVERHEAD: f64 = 4.0;
 
 #[derive(Clone, Debug)]
 enum Leg {
     Manoeuvre(Manoeuvre),
-    /// What is left for setpoints.
+    /// The remainder for setpoints.
     Short(Primitives),
 }
 
-/// A manoeuvre that was begun.
+/// A manoeuvre in progress.
 #[derive(Clone, Copy, Debug)]
 struct UnderWay {
     since: Time,
-    /// The craft has said that it flies it.
+    /// Whether the craft has reported that it is flying it.
     told: bool,
 }
 
-/// The manoeuvres of one decision, one after the other.
+/// The manoeuvres of one decision, in order.
 #[derive(Clone, Debug)]
 pub(super) struct Manoeuvres {
     legs: VecDeque<Leg>,
@@ -52,7 +52,7 @@ impl Manoeuvres {
         let Primitives { right, forward, climb: up, .. } = primitives;
         let longest = BodyDisplacement { right, forward, up }.longest_part();
         if longest >= Manoeuvre::LEAST_WAY {
-            // Parts of one length, so that the last is no shorter than can be told. 20 is beyond all reason.
+            // Equal parts, so that the last is not too short to be commanded. 20 is far more than ever needed.
             let parts = libm::ceil(longest / Manoeuvre::MOST_WAY).min(20.0);
             let displacement = BodyDisplacement { right: right / parts, forward: forward / parts, up: up / parts };
             let speed = displacement.speed_within(rules.craft.cruise_speed, rules.craft.climb_speed);
@@ -64,12 +64,12 @@ impl Manoeuvres {
         Self { legs, under_way: None, short: None, rules }
     }
 
-    /// Seconds that what it takes beyond flying it at full speed may last.
+    /// Maximum extra time beyond the flight time at full speed, s.
     pub(super) fn overhead(&self) -> f64 {
         OVERHEAD * self.legs.len() as f64
     }
 
-    /// The craft's report, measured at `time`.
+    /// Takes the craft's report, measured at `time`.
     pub(super) fn observe(&mut self, time: Time, phase: FlightPhase) {
         let Some(under_way) = self.under_way.as_mut().filter(|under_way| time > under_way.since) else { return };
         if phase == FlightPhase::Manoeuvring {
@@ -86,7 +86,7 @@ impl Manoeuvres {
         if let Some(queue) = &mut self.short {
             return queue.tick(view);
         }
-        // Each begins where the one before has come to rest.
+        // Each starts where the previous one has come to rest.
         match if view.rest { self.legs.pop_front() } else { None } {
             Some(Leg::Manoeuvre(manoeuvre)) => {
                 self.under_way = Some(UnderWay { since: view.now, told: false });
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn hand_worked_manoeuvres() {
         assert_eq!(legs(0.5, 1.5, -0.1), ["turn 29", "go 1.50 -0.10 at 1.00"]);
-        // Too long for one: three of one length. At 45° the climb's 0.8 m/s along the way are 1.13.
+        // Too long for one: three of equal length. At 45° the climb's 0.8 m/s allow 1.13 m/s along the path.
         assert_eq!(legs(0.0, 11.4, 0.0), ["go 3.80 0.00 at 1.00"; 3]);
         assert_eq!(legs(0.0, 2.0, 2.0), ["go 2.00 2.00 at 1.13"]);
         // Within 20 cm on every axis, and a turn within a degree.

@@ -1,12 +1,12 @@
 //! The executor: from control primitives, or a goal in the world, to velocity setpoints (paper §3.4 and the appendix;
 //! `docs/explanation/method.md`).
 //!
-//! Every tick it asks where the craft will come to rest if it were told to hold now. What was commanded and has not been
-//! flown yet (dead time), the lag and the acceleration limit are all in that answer. What is then missing to the goal is
-//! commanded: at the axis' speed while that is too little, at the fitting fraction of it in the last tick. So no time is
-//! rounded away at any tick rate, and a step ends where it should although the craft answers late and slowly.
+//! At every tick it predicts where the craft would come to rest if commanded to hold now, including commands not yet
+//! flown (dead time), the lag and the acceleration limit. The remaining distance to the goal is commanded: at the axis
+//! speed while that does not suffice, at the matching fraction of it in the last tick. Time is therefore never rounded
+//! to ticks at any tick rate, and a step ends at its goal although the craft responds late and slowly.
 //!
-//! The paper's manner, ending by time alone, is the same law asked of an ideal craft that flies exactly what it is told.
+//! The paper's timed motion is the same law applied to an ideal craft that follows its commands exactly.
 
 mod axis;
 mod blended;
@@ -32,7 +32,7 @@ use crate::primitives::{PrimitiveKind, Primitives};
 use crate::telemetry::FlightPhase;
 use crate::time::{Duration, Time, duration_from_secs};
 
-/// How primitives follow each other.
+/// Order in which primitives are flown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Motion {
@@ -41,8 +41,9 @@ pub enum Motion {
     /// All at once, arriving together: straight to the goal while the body turns into the motion.
     #[default]
     Blended,
-    /// Turn, then straight to the place, as manoeuvres that the craft ends by itself ([`Manoeuvre`]): for a craft that would fly on
-    /// with its last setpoint when the link is cut. What is too short for one is flown as [`Sequential`](Self::Sequential).
+    /// Turn, then straight to the position, as manoeuvres that the craft ends by itself ([`Manoeuvre`]): for a craft
+    /// that would continue with its last setpoint if the link is lost. Moves too short for a manoeuvre are flown as
+    /// [`Sequential`](Self::Sequential).
     Manoeuvres,
 }
 
@@ -50,14 +51,14 @@ pub enum Motion {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
-    /// Time alone, at the full preset speed (the paper). A craft that has to accelerate flies short of it.
+    /// Time alone, at the full preset speed (the paper). A craft that must accelerate stops short of the goal.
     Timed,
-    /// What was flown, as telemetry tells, with a time limit behind it; the speed is at most `√(a·magnitude)`.
+    /// The distance flown according to telemetry, with a time limit as fallback; the speed is at most `√(a·magnitude)`.
     #[default]
     Measured,
 }
 
-/// Where to be, in the world.
+/// A goal pose in the world.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Goal {
     /// World position, metres.
@@ -67,14 +68,14 @@ pub struct Goal {
 }
 
 impl Goal {
-    /// Where a displacement leads from a pose, facing the way flown: the plan of a frame, anchored at the pose of its capture.
-    /// A purely vertical displacement keeps the heading.
+    /// The end of a displacement from a pose, facing the direction flown: the plan of a frame, anchored at the pose of
+    /// its capture. A purely vertical displacement keeps the heading.
     #[must_use]
     pub fn from_pose(pose: Pose, displacement: BodyDisplacement) -> Self {
         Self::of_primitives(pose, Primitives::from_displacement(displacement))
     }
 
-    /// Where primitives lead from a pose.
+    /// The end of primitives flown from a pose.
     #[must_use]
     pub fn of_primitives(pose: Pose, primitives: Primitives) -> Self {
         let heading = pose.attitude.heading;
@@ -84,8 +85,9 @@ impl Goal {
         }
     }
 
-    /// True when `at` lies beyond the goal as seen from `anchor`, the position of the goal's frame: it was passed, and the craft
-    /// must hold and never fly back. Judged on the map; a goal above or below its anchor (nearer than 1 mm) is never passed.
+    /// True if `at` lies beyond the goal as seen from `anchor`, the position of the goal's frame: the goal was passed,
+    /// and the craft must hold and never fly back. Evaluated horizontally; a goal above or below its anchor (nearer
+    /// than 1 mm) is never passed.
     #[must_use]
     pub fn is_passed(&self, anchor: EnuPosition, at: EnuPosition) -> bool {
         let (east, north) = (self.position.east - anchor.east, self.position.north - anchor.north);
@@ -94,55 +96,56 @@ impl Goal {
     }
 }
 
-/// What one tick gives.
+/// The output of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick {
-    /// To be held until the next tick. A hold that is not to be sent while there is a [`manoeuvre`](Self::manoeuvre), which it
-    /// would end.
+    /// To be held until the next tick. While there is a [`manoeuvre`](Self::manoeuvre) this hold must not be sent,
+    /// since it would end it.
     pub setpoint: Setpoint,
-    /// What the craft flies by itself.
+    /// The manoeuvre that the craft flies by itself, if any.
     pub manoeuvre: Option<OwnFlight>,
-    /// True when the motion has ended *and the craft is at rest there* as far as is known, or its time limit has passed: an
-    /// empty queue alone is no end, since its last item still flies. The setpoint is then a hold.
+    /// True if the motion has ended *and the craft is at rest* as far as is known, or its time limit has passed. An
+    /// empty queue alone is not the end, since its last item is still being flown. The setpoint is then a hold.
     pub finished: bool,
 }
 
-/// A manoeuvre at a tick.
+/// State of a manoeuvre at a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum OwnFlight {
-    /// To be begun.
+    /// Start this manoeuvre.
     Begin(Manoeuvre),
-    /// Begun, and not ended yet.
+    /// Started, not ended yet.
     UnderWay,
 }
 
-/// At most this speed counts as rest, m/s: the next frame of stop-and-think is one taken below it.
+/// Maximum speed that counts as rest, m/s: stop-and-think takes its next frame below it.
 const REST_SPEED: f64 = 0.1;
-/// At most this yaw rate counts as rest, rad/s: 3 °/s.
+/// Maximum yaw rate that counts as rest, rad/s: 3 °/s.
 const REST_YAW_RATE: f64 = 3.0 * core::f64::consts::PI / 180.0;
 
-/// A craft that has held for this long, s, or for as long as braking from its cruise speed takes, rests as well as it ever
-/// will: in the wind it drifts.
+/// A craft that has held for this long, s, or for its braking time from cruise speed, counts as at rest: in wind it
+/// keeps drifting.
 const REST_WAIT: f64 = 1.5;
 
-/// Turns motion plans into setpoints. Told what is known of the craft at each tick; never reads a clock.
+/// Converts motion plans to setpoints. Takes the motion estimate at each tick; never reads a clock.
 ///
-/// Between ticks the last setpoint is taken to hold. When something else reached the craft (the envelope cut a setpoint, an
-/// operator flew), tell it by [`commanded`](Self::commanded), so that looking ahead stays true.
+/// Between ticks the last setpoint is assumed to hold. If the craft received something else (the envelope reduced a
+/// setpoint, or an operator flew), report it through [`commanded`](Self::commanded), so that the prediction stays
+/// correct.
 #[derive(Clone, Debug)]
 pub struct Executor {
     craft: Craft,
     motion: Motion,
     ending: Ending,
     real: Response,
-    /// Of the craft, or of the ideal one for [`Ending::Timed`].
+    /// Response of the craft, or of the ideal craft for [`Ending::Timed`].
     response: Response,
     clock: TickClock,
     log: CommandLog,
     plan: Option<Plan>,
-    /// Heading, continued beyond half circles.
+    /// Heading, unwrapped.
     heading: f64,
-    /// What an ideal craft would have flown since the start; only for [`Ending::Timed`].
+    /// Motion of the ideal craft since the start; only for [`Ending::Timed`].
     ideal: State,
     deadline: Time,
     timed_out: bool,
@@ -156,7 +159,7 @@ enum Plan {
 }
 
 impl Executor {
-    /// An executor that holds until it is given a motion. It expects ticks at 10 Hz and measures their true interval.
+    /// An executor that holds until a motion starts. It assumes ticks at 10 Hz and measures their actual interval.
     #[must_use]
     pub fn new(craft: Craft, motion: Motion, ending: Ending) -> Self {
         let real = Response::of(&craft);
@@ -176,7 +179,7 @@ impl Executor {
         }
     }
 
-    /// Expects ticks this far apart until it has seen some. Zero is passed over.
+    /// Sets the tick interval to assume until ticks have been measured. Zero is ignored.
     #[must_use]
     pub fn with_period(mut self, period: Duration) -> Self {
         if !period.is_zero() {
@@ -185,8 +188,8 @@ impl Executor {
         self
     }
 
-    /// Begins a motion from the present pose, replacing any other, also in the middle of it: what was commanded before is
-    /// accounted for, and blended motion passes over without a stop. Primitives that are not finite are held instead.
+    /// Starts a motion from the current pose, replacing any other, even one in progress: earlier commands are accounted
+    /// for, and blended motion continues without a stop. Non-finite primitives result in a hold.
     pub fn start(&mut self, now: Time, known: Known, primitives: Primitives) {
         let from = self.begin(now, known);
         if !primitives.is_finite() || !known.is_finite() {
@@ -204,15 +207,15 @@ impl Executor {
         self.limit(now, primitives);
     }
 
-    /// Takes note of what the craft does, from a report that it measured at `time`: whether it flies a manoeuvre by itself.
+    /// Takes the flight phase from a report measured at `time`: whether the craft is flying a manoeuvre by itself.
     pub fn observe(&mut self, time: Time, phase: FlightPhase) {
         if let Some(Plan::Manoeuvres(manoeuvres)) = &mut self.plan {
             manoeuvres.observe(time, phase);
         }
     }
 
-    /// Begins a motion to a goal in the world, replacing any other as [`start`](Self::start) does. Always blended, whatever the
-    /// executor's motion; turns the shorter way. A goal that is not finite is held instead.
+    /// Starts a motion to a goal in the world, replacing any other as [`start`](Self::start) does. Always blended,
+    /// whatever the executor's motion; takes the shorter turn. A non-finite goal results in a hold.
     pub fn start_goal(&mut self, now: Time, known: Known, goal: Goal) {
         let from = self.begin(now, known);
         let finite = [goal.position.east, goal.position.north, goal.position.up, goal.heading].iter().all(|x| x.is_finite());
@@ -226,13 +229,13 @@ impl Executor {
         self.limit(now, Primitives { yaw, forward, right: 0.0, climb: goal.position.up - from.position.up });
     }
 
-    /// Ends any motion: from the next tick on the setpoint is a hold. `now` is when a hold is in force.
+    /// Ends any motion: from the next tick on the setpoint is a hold. `now` is when the hold takes effect.
     pub fn stop(&mut self, now: Time) {
         self.plan = None;
         self.log.push(now, Setpoint::HOLD);
     }
 
-    /// Notes what was truly commanded from `now` on, where that differs from what [`tick`](Self::tick) gave.
+    /// Records the actual command from `now` on, where it differs from what [`tick`](Self::tick) returned.
     pub fn commanded(&mut self, now: Time, setpoint: Setpoint) {
         if setpoint.is_finite() {
             self.advance_ideal(now);
@@ -240,8 +243,8 @@ impl Executor {
         }
     }
 
-    /// Where the craft comes to rest on the map when it is told to hold `now`: what was commanded is still flown for the dead
-    /// time, then it brakes. The height is that at the end of the dead time.
+    /// Horizontal rest position if the craft is commanded to hold `now`: pending commands are flown for the dead time,
+    /// then it brakes. The height is that at the end of the dead time.
     #[must_use]
     pub fn rest_position(&self, now: Time, known: Known) -> EnuPosition {
         let present = state_of(known, known.attitude.heading);
@@ -262,7 +265,7 @@ impl Executor {
             self.heading += wrap_angle(known.attitude.heading - self.heading);
         }
         let present = state_of(known, self.heading);
-        // What the craft will do with what it was told already: where a setpoint sent now finds it.
+        // The state in which a setpoint sent now will find the craft, given the commands already sent.
         let state = match self.ending {
             Ending::Timed => self.ideal,
             Ending::Measured => self.log.follow(&self.real, present, now, now + self.real.dead_time),
@@ -302,19 +305,19 @@ impl Executor {
         Tick { setpoint, manoeuvre, finished }
     }
 
-    /// True while there is a motion that has not finished.
+    /// True while a motion is in progress.
     #[must_use]
     pub fn is_active(&self) -> bool {
         self.plan.is_some()
     }
 
-    /// True when the last motion ended by its time limit and not where it should: something kept the craft from flying it.
+    /// True if the last motion ended by its time limit instead of at its goal: something kept the craft from flying it.
     #[must_use]
     pub fn timed_out(&self) -> bool {
         self.timed_out
     }
 
-    /// The longest that the present motion can still take; zero without one.
+    /// Maximum remaining time of the current motion; zero without one.
     #[must_use]
     pub fn remaining(&self, now: Time) -> Duration {
         if self.plan.is_some() { self.deadline.since(now) } else { Duration::ZERO }
@@ -325,12 +328,12 @@ impl Executor {
         self.timed_out = false;
         let from = state_of(known, self.heading);
         self.ideal = State { velocity: EnuVelocity::default(), yaw_rate: 0.0, ..from };
-        // The ideal craft of a timed motion starts from rest, whatever was commanded before.
+        // The ideal craft of a timed motion starts at rest, whatever was commanded before.
         if self.ending == Ending::Timed {
             self.log.push(now, Setpoint::HOLD);
         }
         self.clock.mark(now);
-        // The pause since the last motion is no tick interval.
+        // The pause since the last motion is not a tick interval.
         if self.plan.is_none() {
             self.clock.rest();
         }
@@ -341,8 +344,8 @@ impl Executor {
         Rules { craft: self.craft, ending: self.ending }
     }
 
-    /// Sets the time limit: twice the time that each axis takes at its speed, one after the other, with room for the craft to
-    /// answer and to correct once in each, and two seconds.
+    /// Sets the time limit: twice the sum of the axis times at their speeds, plus room for the craft to respond and to
+    /// correct once per axis, plus two seconds.
     fn limit(&mut self, now: Time, primitives: Primitives) {
         let each = 2.5 * self.rules().settling();
         let mut total = 2.0;
@@ -373,27 +376,27 @@ fn state_of(known: Known, heading: f64) -> State {
     State { position: known.position, velocity: known.velocity, heading, yaw_rate: known.yaw_rate }
 }
 
-/// What a plan is told at a tick.
+/// Input of a plan at a tick.
 struct View<'a> {
     now: Time,
-    /// Where the setpoint of this tick will find the craft.
+    /// State of the craft when the setpoint of this tick takes effect.
     state: State,
-    /// The craft rests, and nothing that was commanded is still to come.
+    /// The craft is at rest, and no command is pending.
     rest: bool,
     /// How long the setpoint of this tick will probably hold, s.
     interval: f64,
     response: &'a Response,
 }
 
-/// What a plan answers at a tick.
+/// Output of a plan at a tick.
 enum Outcome {
-    /// Command this; a hold is waiting for the craft to have flown it.
+    /// Command this setpoint; a hold waits until the craft has flown the previous ones.
     Fly(Setpoint),
-    /// The craft is to fly this by itself.
+    /// Start this manoeuvre.
     Begin(Manoeuvre),
-    /// It does.
+    /// Wait for the manoeuvre to end.
     Wait,
-    /// Nothing is left to command.
+    /// Nothing left to command.
     Arrived,
 }
 

@@ -1,7 +1,7 @@
-//! How a craft follows velocity setpoints: dead time, first-order lag, acceleration limit.
+//! Response of a craft to velocity setpoints: dead time, first-order lag, acceleration limit.
 //!
-//! The executor looks ahead with it (what was commanded and is not flown yet), and the motion estimator bridges the time
-//! between telemetry reports. Each setpoint is one closed-form step, so looking ahead costs no integration loop.
+//! The executor uses it to predict the effect of commands not yet flown, and the motion estimator to bridge the time
+//! between telemetry reports. Each setpoint is one closed-form step, so no integration loop is needed.
 
 use std::collections::VecDeque;
 
@@ -19,18 +19,18 @@ pub(crate) struct State {
     pub(crate) yaw_rate: f64,
 }
 
-/// Limits of one axis: how fast its velocity error goes away.
+/// Response limits of one axis: how fast its velocity error decays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AxisResponse {
     /// Time constant, s.
     pub(crate) lag: f64,
-    /// Greatest acceleration, m/s² (rad/s²).
+    /// Maximum acceleration, m/s² (rad/s²).
     pub(crate) acceleration: f64,
 }
 
 impl AxisResponse {
-    /// What is left of a velocity error of magnitude `error` after `time` seconds, and its integral over that time. The error
-    /// shrinks at the acceleration limit down to `acceleration · lag`, then exponentially.
+    /// The rest of a velocity error of magnitude `error` after `time` seconds, and its integral over that time. The
+    /// error decays at the acceleration limit down to `acceleration · lag`, then exponentially.
     fn decay(&self, mut error: f64, mut time: f64) -> (f64, f64) {
         let knee = self.acceleration * self.lag;
         let mut integral = 0.0;
@@ -50,7 +50,7 @@ impl AxisResponse {
         (left, integral + (error - left) * self.lag)
     }
 
-    /// Way that a craft still goes from `speed` after a zero setpoint has reached it: `v²/2a + a·lag²/2` above the knee,
+    /// Distance from `speed` to standstill after a zero setpoint takes effect: `v²/2a + a·lag²/2` above the knee,
     /// `v·lag` below.
     fn coast(&self, speed: f64) -> f64 {
         let knee = self.acceleration * self.lag;
@@ -64,7 +64,8 @@ impl AxisResponse {
         (command * time - integral.copysign(error), command - left.copysign(error))
     }
 
-    /// The same on the map, where the acceleration limit holds for the vector: the velocity error keeps its direction.
+    /// The same in the horizontal plane, where the acceleration limit applies to the vector: the velocity error keeps
+    /// its direction.
     pub(crate) fn follow_2d(&self, velocity: [f64; 2], command: [f64; 2], time: f64) -> ([f64; 2], [f64; 2]) {
         let error = [command[0] - velocity[0], command[1] - velocity[1]];
         let size = (error[0] * error[0] + error[1] * error[1]).sqrt();
@@ -79,12 +80,12 @@ impl AxisResponse {
         )
     }
 
-    /// Signed way to standstill under a zero setpoint.
+    /// Signed distance to standstill under a zero setpoint.
     pub(crate) fn stop(&self, velocity: f64) -> f64 {
         self.coast(velocity.abs()).copysign(velocity)
     }
 
-    /// The same on the map; a zero setpoint brakes along the velocity.
+    /// The same in the horizontal plane; a zero setpoint brakes along the velocity.
     pub(crate) fn stop_2d(&self, velocity: [f64; 2]) -> [f64; 2] {
         let speed = (velocity[0] * velocity[0] + velocity[1] * velocity[1]).sqrt();
         if speed == 0.0 {
@@ -95,7 +96,7 @@ impl AxisResponse {
     }
 }
 
-/// The whole craft.
+/// Response of the whole craft.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Response {
     pub(crate) horizontal: AxisResponse,
@@ -105,7 +106,7 @@ pub(crate) struct Response {
 }
 
 impl Response {
-    /// Of a craft, by its own figures.
+    /// The response given by a craft's parameters.
     pub(crate) fn of(craft: &Craft) -> Self {
         let axis = |acceleration| AxisResponse { lag: craft.lag, acceleration };
         Self {
@@ -116,16 +117,16 @@ impl Response {
         }
     }
 
-    /// Of a craft that does at once what it is told. Against it, a plan ends by time alone.
+    /// The response of a craft that follows its commands instantly. With it, a plan ends by time alone.
     pub(crate) const fn ideal() -> Self {
-        // The limit is finite, since an infinite one times the zero lag would be no number.
+        // The limit is finite, since infinity times zero lag would be NaN.
         let axis = AxisResponse { lag: 0.0, acceleration: 1e12 };
         Self { horizontal: axis, vertical: axis, yaw: axis, dead_time: Duration::ZERO }
     }
 
-    /// The state `time` seconds later, under a setpoint that has already reached the craft.
+    /// The state `time` seconds later, under a setpoint that is already in effect.
     pub(crate) fn follow(&self, mut state: State, setpoint: Setpoint, time: f64) -> State {
-        // The setpoint turns with the body; a piece turns by at most some 3°, over which the mean heading serves.
+        // The setpoint turns with the body; one piece turns by at most about 3°, so the mean heading suffices.
         let turn = state.yaw_rate.abs().max(setpoint.yaw_rate.abs()) * time;
         let pieces = libm::ceil(turn / 0.05).clamp(1.0, 16.0);
         let step = time / pieces;
@@ -157,14 +158,14 @@ pub(crate) fn to_body(vector: [f64; 2], heading: f64) -> [f64; 2] {
     [vector[0] * cos - vector[1] * sin, vector[0] * sin + vector[1] * cos]
 }
 
-/// What was commanded lately, oldest first. Bounded: 256 *changes* of setpoint, more than ten seconds at 20 Hz.
+/// Recent commands, oldest first. Bounded: 256 *changes* of setpoint, more than ten seconds at 20 Hz.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CommandLog(VecDeque<(Time, Setpoint)>);
 
 impl CommandLog {
     const CAPACITY: usize = 256;
 
-    /// Notes that `setpoint` holds from `now` on. What was noted for `now` or later is replaced.
+    /// Records that `setpoint` holds from `now` on. Entries for `now` or later are replaced.
     pub(crate) fn push(&mut self, now: Time, setpoint: Setpoint) {
         while self.0.back().is_some_and(|&(time, _)| time >= now) {
             self.0.pop_back();
@@ -178,7 +179,7 @@ impl CommandLog {
         self.0.push_back((now, setpoint));
     }
 
-    /// What holds now: nothing commanded yet is a hold.
+    /// The current setpoint; a hold if nothing has been commanded.
     pub(crate) fn last(&self) -> Setpoint {
         self.0.back().map_or(Setpoint::HOLD, |&(_, setpoint)| setpoint)
     }
@@ -188,10 +189,10 @@ impl CommandLog {
         self.0.back().map_or(Time::ZERO, |&(time, _)| time)
     }
 
-    /// Where `state`, of the time `from`, is at `to` when the craft answers these commands.
+    /// The state at `to`, given `state` at `from` and the craft's response to these commands.
     pub(crate) fn follow(&self, response: &Response, mut state: State, from: Time, to: Time) -> State {
         let mut at = from;
-        // Index of the command that has reached the craft at `from`.
+        // Index of the command in effect at `from`.
         let arrived = self.0.partition_point(|&(time, _)| time + response.dead_time <= from);
         let mut setpoint = arrived.checked_sub(1).map_or(Setpoint::HOLD, |i| self.0[i].1);
         for &(time, next) in self.0.range(arrived..) {

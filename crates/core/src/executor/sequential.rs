@@ -12,7 +12,7 @@ pub(super) struct Queue {
     from: State,
     primitives: Primitives,
     rules: Rules,
-    /// Index into [`PrimitiveKind::QUEUE`] of the primitive that is flown.
+    /// Index into [`PrimitiveKind::QUEUE`] of the current primitive.
     index: usize,
     axis: Axis,
 }
@@ -41,7 +41,8 @@ impl Queue {
             let speed = fitting_command(axis, velocity, missing, self.axis.speed(error), view.interval);
             return Outcome::Fly(kind.setpoint(speed));
         }
-        // The zero that ends a primitive: for one tick when time ends it, until the craft rests when what was flown does.
+        // The zero that ends a primitive: one tick if time ends it, until the craft rests if the measured distance
+        // does.
         if self.rules.ending == Ending::Timed || (self.axis.arrived() && view.rest) {
             self.index += 1;
             self.skip_empty();
@@ -49,11 +50,11 @@ impl Queue {
         if self.index < PrimitiveKind::QUEUE.len() { Outcome::Fly(Setpoint::HOLD) } else { Outcome::Arrived }
     }
 
-    /// What a stop now would leave of a primitive, and the velocity along it.
+    /// The error of a primitive after a stop now, and the velocity along it.
     fn missing(&self, kind: PrimitiveKind, view: &View<'_>) -> (f64, f64) {
         let (state, response) = (&view.state, view.response);
         let magnitude = self.primitives.magnitude(kind);
-        // Along and across the heading that the yaw should have reached: what counts is where the decision wanted to be.
+        // Along and across the heading that the yaw should have reached, towards where the decision wanted to be.
         let heading = self.from.heading + self.primitives.yaw;
         let (sin, cos) = (libm::sin(heading), libm::cos(heading));
         let (flown, velocity, axis) = match kind {

@@ -1,16 +1,16 @@
-//! From GeoJSON and back.
+//! Reading geofences from GeoJSON, and writing them.
 
 use serde_json::{Map, Value, json};
 
 use super::{Area, Geofence, MapPoint, ring_edges};
 
-/// Greatest size of a geofence document, bytes.
+/// Maximum size of a geofence document, bytes.
 pub const MAX_BYTES: usize = 1 << 20;
-/// Greatest number of vertices of all rings together.
+/// Maximum number of vertices of all rings together.
 pub const MAX_VERTICES: usize = 4096;
-/// Greatest coordinate, metres.
+/// Maximum coordinate, metres.
 const MAX_COORDINATE: f64 = 100_000.0;
-/// Smallest area of a ring, square metres.
+/// Minimum area of a ring, square metres.
 const MIN_AREA: f64 = 1.0;
 
 /// Why a geofence could not be read. `at` is the place in the document.
@@ -26,57 +26,57 @@ pub enum GeofenceError {
     /// The document is not JSON.
     #[error("the geofence is not JSON: {0}")]
     Json(String),
-    /// Something of another type was expected.
+    /// A value of an unexpected type.
     #[error("`{at}` must be {expected}, found {found}")]
     Type {
-        /// Where.
+        /// Place in the document.
         at: String,
-        /// What belongs there.
+        /// The expected type.
         expected: &'static str,
-        /// What is there.
+        /// The type found.
         found: String,
     },
-    /// There is no polygon in it.
+    /// The document has no polygon.
     #[error("the geofence has no polygon; without one nothing would be allowed")]
     Empty,
     /// More than [`MAX_VERTICES`].
     #[error("`{at}`: the geofence has more than `{MAX_VERTICES}` vertices; simplify it")]
     TooManyVertices {
-        /// Where the count ran out.
+        /// Place at which the limit was exceeded.
         at: String,
     },
     /// A ring with fewer than three corners.
     #[error("`{at}` has `{points}` points, a ring needs at least 4, the last equal to the first")]
     TooFewPoints {
-        /// Which ring.
+        /// The ring.
         at: String,
-        /// How many it has.
+        /// Number of points.
         points: usize,
     },
     /// A ring whose last point is not its first.
     #[error("`{at}` is not closed; repeat its first point at its end")]
     Open {
-        /// Which ring.
+        /// The ring.
         at: String,
     },
-    /// A coordinate that is no place near here.
+    /// A coordinate that is out of range.
     #[error("`{at}` is `{value}`, coordinates are metres within 100000 of the origin")]
     Coordinate {
-        /// Which coordinate.
+        /// The coordinate.
         at: String,
-        /// What it is.
+        /// Its value.
         value: f64,
     },
     /// The ring is tiny, and its coordinates could be degrees.
     #[error("`{at}` looks like longitude and latitude; a geofence is in metres east and north of the origin, give it in metres")]
     Degrees {
-        /// Which ring.
+        /// The ring.
         at: String,
     },
-    /// The ring encloses next to nothing.
+    /// The ring's area is nearly zero.
     #[error("`{at}` encloses `{area:.3}` m²; at least 1 m² is needed")]
     TooSmall {
-        /// Which ring.
+        /// The ring.
         at: String,
         /// Its area, m².
         area: f64,
@@ -84,27 +84,27 @@ pub enum GeofenceError {
     /// Two edges of a ring cross or touch.
     #[error("`{at}` crosses itself at its edges `{first}` and `{second}`; order its points along the outline")]
     Crossing {
-        /// Which ring.
+        /// The ring.
         at: String,
-        /// Edge from the point of this index.
+        /// Index of the first edge's start point.
         first: usize,
-        /// Edge from the point of this index.
+        /// Index of the second edge's start point.
         second: usize,
     },
     /// A band whose floor is not below its ceiling.
     #[error("`{at}`: `min_altitude_m` is `{min}` and `max_altitude_m` is `{max}`; the first must be the lesser")]
     Band {
-        /// Which properties.
+        /// The properties.
         at: String,
         /// Floor, m.
         min: f64,
         /// Ceiling, m.
         max: f64,
     },
-    /// A property that nearly names an altitude and would be ignored.
+    /// A property whose name resembles an altitude property and would be ignored.
     #[error("`{at}` has the unknown property `{name}`; the altitudes are `min_altitude_m` and `max_altitude_m`")]
     Property {
-        /// Which properties.
+        /// The properties.
         at: String,
         /// Its name.
         name: String,
@@ -226,7 +226,7 @@ impl Reader {
             return Err(GeofenceError::Open { at });
         }
         ring.pop();
-        // A corner given twice in a row says nothing new and would be an edge without a direction.
+        // A repeated corner adds nothing and would be an edge without a direction.
         ring.dedup();
         if ring.len() < 3 {
             return Err(GeofenceError::TooFewPoints { at, points: ring.len() + 1 });
@@ -282,7 +282,7 @@ fn position(value: &Value, at: String) -> Result<MapPoint, GeofenceError> {
             None => Err(wrong(at, "a number of metres", value)),
         }
     };
-    // A third number, an altitude, is allowed by RFC 7946 and says nothing here: bands are properties.
+    // RFC 7946 allows a third number, an altitude; it is ignored here, since bands are properties.
     Ok((number(0)?, number(1)?))
 }
 

@@ -1,4 +1,4 @@
-//! Frames in, queries out, replies in, steps carried out.
+//! Frames, queries, replies and the steps that follow.
 
 use super::{Action, Decision, Note, Outcome, Phase, Pilot, Think, Waiting};
 use crate::envelope::{Cause, Reaction};
@@ -7,16 +7,16 @@ use crate::policy::{FailReason, PolicyEvent, Step, View};
 use crate::query::{Query, QueryId, QueryKind};
 use crate::time::{Duration, Time};
 
-/// Steps a policy may take at one instant; more means a policy that never waits.
+/// Maximum number of steps of a policy at one instant; more means a policy that never waits.
 const STEPS_AT_ONCE: usize = 16;
-/// Queries out at a time; what a policy asks beyond is given up at once.
+/// Maximum number of open queries; further ones are cancelled at once.
 const QUERIES_AT_ONCE: usize = 8;
-/// The shortest time that an answer is waited for: a query that is given up as it is asked would be asked for ever.
+/// Minimum reply timeout: a query that expires as it is sent would be repeated forever.
 const LEAST_TIMEOUT: Duration = Duration::from_millis(100);
 
 impl Pilot {
     pub(super) fn frame(&mut self, now: Time, frame: FrameMeta) {
-        // A camera's clock that runs ahead must not make all its later frames old ones.
+        // A camera clock that runs ahead must not make all its later frames look old.
         let frame = FrameMeta { captured: frame.captured.min(now), ..frame };
         self.envelope.observe_frame(now, &frame);
         let newer = self
@@ -27,17 +27,17 @@ impl Pilot {
         }
     }
 
-    /// Shows the policy the newest frame when a decision is due.
+    /// Passes the newest frame to the policy when a decision is due.
     pub(super) fn decide(&mut self, now: Time) {
         if self.phase != Phase::Flying || self.link_lost || !self.waiting.is_empty() {
             return;
         }
-        // What ends a hold for failed replies is a good reply, so that one must be asked for.
+        // Only a good reply ends a hold for failed replies, so one must be requested.
         if !matches!(self.envelope.reaction(now), Reaction::Continue | Reaction::Hold(Cause::FailedReplies)) {
             return;
         }
         let Some(mut view) = self.view else { return };
-        // Judged now and not when the frame came: a rest that has been left since is no rest.
+        // Checked now and not when the frame arrived: the craft may have moved since.
         view.at_rest = self.settled.is_some_and(|settled| view.frame.captured >= settled);
         let from_rest = self.needs_rest || self.settings.think == Think::Stop;
         if self.used == Some(view.frame.id) || (from_rest && (self.executing || !view.at_rest)) {
@@ -89,7 +89,7 @@ impl Pilot {
         self.give_up(now, id, &waiting.view, reason);
     }
 
-    /// Gives up the queries whose deadline has passed; the VLM is told, and a late answer moves nothing.
+    /// Cancels queries whose deadline has passed. The VLM client is notified, and a late reply moves nothing.
     pub(super) fn expire_queries(&mut self, now: Time) {
         while let Some(id) = self.waiting.iter().find(|(_, waiting)| waiting.query.deadline <= now).map(|(id, _)| *id) {
             if let Some(waiting) = self.waiting.remove(&id) {
@@ -108,8 +108,8 @@ impl Pilot {
         self.carry_out(now, step, view);
     }
 
-    /// No answer is waited for any more. The policy hears of it, or it would wait for ever; what it wants to do about it is not
-    /// carried out, for the operator has the craft or the flight is over.
+    /// Cancels all open queries. The policy is notified, otherwise it would wait forever, but its answer is not carried
+    /// out: the operator has taken over or the flight is over.
     pub(super) fn cancel_queries(&mut self) {
         for (id, _) in core::mem::take(&mut self.waiting) {
             self.outbox.push_back(Action::Cancel(id));
@@ -117,7 +117,7 @@ impl Pilot {
         }
     }
 
-    /// Carries out what the policy wants, and asks it for more until it waits.
+    /// Carries out a step, and asks the policy for more until it waits.
     pub(super) fn carry_out(&mut self, now: Time, step: Step, view: &View) {
         let mut step = step;
         for _ in 0..STEPS_AT_ONCE {
@@ -197,7 +197,8 @@ impl Pilot {
     }
 }
 
-/// Whether a step ends a decision; asking more and waiting do not, and a list of detections is none: no model decided anything.
+/// Whether a step ends a decision. Further queries and waiting do not, and neither does a list of detections, on which
+/// no model decided.
 fn decides(step: &Step, query: &Query) -> bool {
     !matches!(step, Step::Ask(_) | Step::Wait) && !matches!(query.kind, QueryKind::Detect { .. })
 }

@@ -1,19 +1,20 @@
-//! Take-off, limits, landing: the phases around deciding.
+//! Take-off, limits and landing: the phases around deciding.
 
 use super::{Action, Ending, Outcome, Phase, Pilot};
 use crate::command::Command;
 use crate::telemetry::FlightPhase;
 use crate::time::{Duration, Time};
 
-/// A craft that does not report flying this long after take-off is given up.
+/// A craft that does not report flying this long after take-off is given up on.
 const TAKE_OFF_TIME: Duration = Duration::from_secs(30);
-/// `Land` is repeated this often until the craft reports the ground: a lost command must not leave it in the air.
+/// Interval at which `Land` is repeated until the craft reports being on the ground: a lost command must not leave it
+/// in the air.
 pub(super) const LAND_REPEAT: Duration = Duration::from_secs(1);
-/// A craft that does not report the ground this long after `Land` is no longer waited for.
+/// The flight ends if the craft does not report being on the ground this long after `Land`.
 const LANDING_TIME: Duration = Duration::from_secs(90);
 
 impl Pilot {
-    /// Follows what the craft itself says of its phase, which was another `before`, or the same.
+    /// Follows the phase the craft reports; `before` is the phase of its previous report.
     pub(super) fn follow_craft(&mut self, now: Time, before: FlightPhase, crashed: bool) {
         if crashed && self.phase != Phase::Ended {
             self.cancel_queries();
@@ -23,7 +24,7 @@ impl Pilot {
             return self.enter(now, Phase::Ended);
         }
         match (self.phase, self.craft_phase) {
-            // Also a craft that is in the air already when it is first heard of: it is flown from where it is.
+            // This includes a craft that is already in the air when first heard of: it is flown from where it is.
             (Phase::Ground | Phase::TakeOff, FlightPhase::Flying) => {
                 self.rest_from(now);
                 self.needs_rest = true;
@@ -31,12 +32,12 @@ impl Pilot {
                 let phase = if self.hold_after_take_off { Phase::Held } else { Phase::Flying };
                 self.enter(now, phase);
             }
-            // It began, and is where it was: the craft has given it up, and says why itself.
+            // Take-off began, and the craft is on the ground again: it has given up, and reports why itself.
             (Phase::TakeOff, FlightPhase::OnGround) if before == FlightPhase::TakingOff => {
                 self.finish(now, Outcome::Failed, "the craft refused to take off".to_owned());
             }
             (Phase::Landing, FlightPhase::OnGround | FlightPhase::Stopped) => self.enter(now, Phase::Ended),
-            // The craft lands or has stopped by itself (its own battery or link protection): follow, never fight it.
+            // The craft lands or has stopped by itself (its own battery or link protection): follow it, never fight it.
             (
                 Phase::Flying | Phase::Held | Phase::Manual,
                 FlightPhase::Landing | FlightPhase::OnGround | FlightPhase::Stopped,
@@ -48,7 +49,7 @@ impl Pilot {
         }
     }
 
-    /// What time alone brings: take-off, its end, the flight's limit, the end of landing.
+    /// Time-driven transitions: take-off, its timeout, the flight's time limit, the end of landing.
     pub(super) fn limits(&mut self, now: Time) {
         let waited = now.since(self.entered);
         match self.phase {
@@ -90,7 +91,7 @@ impl Pilot {
         }
     }
 
-    /// Ends a flight that has not begun. A craft that is on its way into the air by itself is landed.
+    /// Ends a flight before take-off. A craft that is already taking off by itself is landed.
     pub(super) fn end_before_take_off(&mut self, now: Time, outcome: Outcome, cause: String) {
         if self.craft_phase == FlightPhase::OnGround {
             self.settle_outcome(outcome, cause);
@@ -100,7 +101,7 @@ impl Pilot {
         }
     }
 
-    /// Ends the flight for want of something.
+    /// Ends the flight because a budget is exhausted.
     pub(super) fn spent(&mut self, now: Time, reason: String) {
         match self.phase {
             Phase::Ground => self.end_before_take_off(now, Outcome::Aborted, reason),
@@ -109,7 +110,7 @@ impl Pilot {
         }
     }
 
-    /// Settles the outcome and lands.
+    /// Sets the outcome and lands.
     pub(super) fn finish(&mut self, now: Time, outcome: Outcome, cause: String) {
         self.cancel_queries();
         self.stop_motion(now);
@@ -121,7 +122,7 @@ impl Pilot {
         }
     }
 
-    /// The first cause counts.
+    /// Sets the outcome; the first cause wins.
     pub(super) fn settle_outcome(&mut self, outcome: Outcome, cause: String) {
         if self.ending.is_none() {
             let ending = Ending { outcome, cause };
@@ -130,7 +131,7 @@ impl Pilot {
         }
     }
 
-    /// Sends a command that the envelope lets pass in every state: land, emergency stop.
+    /// Sends a command that the envelope always passes: land or emergency stop.
     pub(super) fn command(&mut self, now: Time, command: Command) {
         if let Ok(clearance) = self.envelope.clear(now, command) {
             self.outbox.push_back(Action::Command(clearance.cleared));

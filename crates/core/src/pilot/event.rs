@@ -1,4 +1,4 @@
-//! What the pilot is told, what it wants done, and what it reports.
+//! Inputs, actions and reports of the pilot.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,59 +12,60 @@ use crate::query::{Query, QueryId};
 use crate::telemetry::Telemetry;
 use crate::time::Time;
 
-/// Something that happened.
+/// An input of the pilot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Event {
     /// A camera frame arrived.
     Frame(FrameMeta),
-    /// The craft told about itself.
+    /// A telemetry report arrived.
     Telemetry(Telemetry),
-    /// A VLM answered, whole.
+    /// The complete reply of a VLM.
     Reply {
-        /// Which query.
+        /// The query that it answers.
         id: QueryId,
         /// The text.
         text: String,
     },
-    /// A part of an answer arrived.
+    /// The next part of a streamed reply.
     Chunk {
-        /// Which query.
+        /// The query that it answers.
         id: QueryId,
         /// The new part of the text.
         text: String,
     },
-    /// A VLM failed to answer.
+    /// A VLM query failed.
     ReplyFailed {
-        /// Which query.
+        /// The query.
         id: QueryId,
-        /// Why, in words for a person.
+        /// The reason, for a person.
         reason: String,
     },
-    /// The operator took a hand.
+    /// The operator intervened.
     Operator(OperatorEvent),
-    /// Something that the flight lives on is spent, such as money: hold and land.
+    /// A budget of the flight, such as money, is exhausted: hold and land.
     Spent {
-        /// What, in words for a person.
+        /// What is exhausted, for a person.
         reason: String,
     },
-    /// The link to the craft is gone.
+    /// The link to the craft is lost.
     LinkLost,
     /// The link to the craft is back.
     LinkRestored,
 }
 
-/// What an operator can do at any time.
+/// Operator inputs, possible at any time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OperatorEvent {
     /// Stop deciding and moving; stay in the air.
     Hold,
-    /// Go on deciding, from a fresh frame.
+    /// Resume deciding, from a fresh frame.
     Resume,
-    /// Fly by hand: hold this velocity for 0.4 s, or until the next one. Ends deciding until [`OperatorEvent::Resume`].
+    /// Manual flight: hold this velocity for 0.4 s, or until the next one. Suspends deciding until
+    /// [`OperatorEvent::Resume`].
     Setpoint(Setpoint),
-    /// Do something else instead.
+    /// Replace the instruction.
     Instruction(String),
     /// End the flight: land here.
     Land,
@@ -72,77 +73,77 @@ pub enum OperatorEvent {
     Stop,
 }
 
-/// Something the pilot wants done.
+/// An action for the caller to carry out.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// Put this to a VLM.
+    /// Send this query to a VLM.
     Ask(Box<Query>),
-    /// This answer is no longer waited for.
+    /// Cancel this query; its reply is no longer needed.
     Cancel(QueryId),
-    /// Pass this to the craft.
+    /// Send this command to the craft.
     Command(Cleared<Command>),
-    /// For progress and recording; nothing to be done.
+    /// A report for progress display and recording; no action needed.
     Note(Note),
-    /// The instruction's outcome is settled; the craft goes on to land. Truth is taken at this instant.
+    /// The outcome is settled; the craft goes on to land. Ground truth is evaluated at this instant.
     Finished(Ending),
 }
 
-/// How a flight went, in the pilot's belief.
+/// The outcome of a flight, as the pilot believes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// The instruction is fulfilled, as the policy believes.
+    /// The instruction is fulfilled, according to the policy.
     Reached,
-    /// The target was searched for everywhere and not found.
+    /// The search was exhausted without finding the target.
     NotFound,
-    /// Time or decisions were spent.
+    /// The time or decision limit was reached.
     Timeout,
-    /// The craft touched something.
+    /// The craft hit something.
     Collision,
-    /// Operator, envelope limit, geofence or battery ended it.
+    /// Ended by the operator, an envelope limit, the geofence or the battery.
     Aborted,
-    /// Replies, video, telemetry or link gave out beyond what is bridged.
+    /// Replies, video, telemetry or the link failed for too long.
     Failed,
 }
 
-/// The outcome with its cause.
+/// The outcome and its cause.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Ending {
-    /// How it went.
+    /// The outcome.
     pub outcome: Outcome,
-    /// Why, in words for a person.
+    /// The cause, for a person.
     pub cause: String,
 }
 
-/// Something worth telling or writing down.
+/// A report of the pilot, for display or recording.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Note {
-    /// The flight entered another phase.
+    /// The flight entered a new phase.
     Phase(Phase),
     /// A decision was made: one pass of see, point, fly.
     Decision(Box<Decision>),
-    /// The envelope changed what was asked of it, or stopped the craft.
+    /// The envelope changed a command, or stopped the craft.
     Envelope(Cause),
-    /// A reply arrived that nobody waits for any more; it moves nothing.
+    /// A reply to a cancelled query arrived; it is ignored.
     LateReply(QueryId),
-    /// A query was given up.
+    /// A query failed or was cancelled.
     QueryFailed {
-        /// Which.
+        /// The query.
         id: QueryId,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// The operator's event was taken up.
+    /// The operator's input took effect.
     Operator(OperatorEvent),
-    /// The operator's event changes nothing in this phase, and why.
+    /// The operator's input has no effect in this phase, and why.
     OperatorIgnored(OperatorEvent, &'static str),
 }
 
-/// Where the flight is.
+/// The phase of the flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
-    /// On the ground, not yet told to take off.
+    /// On the ground, before the take-off command.
     Ground,
     /// Climbing to the take-off height.
     TakeOff,
@@ -152,44 +153,45 @@ pub enum Phase {
     Held,
     /// Flown by the operator's setpoints.
     Manual,
-    /// Sinking to the ground; the outcome is settled.
+    /// Descending to the ground; the outcome is settled.
     Landing,
-    /// Over: on the ground, or motors cut.
+    /// Ended: on the ground, or motors cut.
     Ended,
 }
 
 /// One pass of see, point, fly, as it is recorded (docs/reference/flight-files.md).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Decision {
-    /// Number within the flight, from 1. Queries that only prepare a decision (`ask`, `wait`) carry the number of the coming one.
+    /// Number within the flight, from 1. Queries that only prepare a decision (`ask`, `wait`) carry the number of the
+    /// next one.
     pub number: u32,
     /// The query whose answer decided.
     pub query: Query,
-    /// The answer's text as it came.
+    /// The reply text as received.
     pub reply: String,
-    /// What was made of it.
+    /// The policy's interpretation of it.
     pub reading: Reading,
-    /// What the policy wanted next: `move`, `look`, `done`, `reject`, `fail` or `ask`.
+    /// The policy's next step: `move`, `look`, `done`, `reject`, `fail` or `ask`.
     pub step: String,
-    /// The frame decided on.
+    /// The frame the decision is based on.
     pub frame: FrameId,
     /// When that frame was captured.
     pub captured: Time,
-    /// When the query went out.
+    /// When the query was sent.
     pub asked: Time,
-    /// When the answer came.
+    /// When the reply arrived.
     pub answered: Time,
-    /// Age of the frame when the answer came, seconds.
+    /// Age of the frame when the reply arrived, seconds.
     pub frame_age_s: f64,
-    /// From query to answer, seconds.
+    /// From query to reply, seconds.
     pub latency_s: f64,
-    /// Pose at the frame's capture, as known.
+    /// Estimated pose at the frame's capture.
     pub pose: Pose,
-    /// Pose when the answer came, as known.
+    /// Estimated pose when the reply arrived.
     pub pose_at_reply: Pose,
-    /// Where the plan ends, as known, when it moves: from the pose of the frame when the move is anchored there, else from the
-    /// pose at the reply.
+    /// Estimated end pose of the plan, if it moves: from the pose of the frame if the move is anchored there, else from
+    /// the pose at the reply.
     pub goal: Option<Pose>,
-    /// True when the plan's end was already passed, so that the craft turns at most, and does not fly there.
+    /// True if the end of the plan was already passed, so that the craft turns at most and does not fly there.
     pub passed: bool,
 }

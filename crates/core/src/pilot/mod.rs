@@ -1,7 +1,7 @@
 //! The pilot: the state machine that flies an instruction (`docs/explanation/architecture.md`).
 //!
-//! It is *told* what happened ([`Pilot::handle`]) and *asked* what to do ([`Pilot::poll`], until it says nothing more) and by when
-//! it wants to be asked again ([`Pilot::next_deadline`]). It never sleeps, reads a clock or opens a socket.
+//! Callers pass in events with [`Pilot::handle`], fetch actions with [`Pilot::poll`] until it returns `None`, and call
+//! again by [`Pilot::next_deadline`] at the latest. The pilot never sleeps, reads a clock or opens a socket.
 //!
 //! ```text
 //! ground ──► take-off ──► flying ◄──► held, manual        (operator)
@@ -36,17 +36,17 @@ use crate::query::QueryId;
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Duration, Time, duration_from_secs};
 
-/// A query that is waited for.
+/// An open query.
 #[derive(Clone, Debug)]
 struct Waiting {
     query: Box<crate::query::Query>,
     view: View,
     asked: Time,
-    /// A part of its answer has already decided; the rest of it is no second decision.
+    /// Part of its streamed reply has already decided; the rest is not a second decision.
     decided: bool,
 }
 
-/// The state machine that flies.
+/// The state machine that flies an instruction. See the [module](self).
 pub struct Pilot {
     settings: PilotSettings,
     craft: Craft,
@@ -56,11 +56,11 @@ pub struct Pilot {
     estimator: MotionEstimator,
     executor: Executor,
 
-    /// Latest time heard: time that runs backwards is read as standing still.
+    /// Latest time passed in; earlier times are treated as equal to it.
     now: Time,
     phase: Phase,
     craft_phase: FlightPhase,
-    /// When the newest telemetry was measured.
+    /// Measurement time of the newest telemetry.
     heard: Option<Time>,
     link_lost: bool,
     entered: Time,
@@ -82,35 +82,35 @@ pub struct Pilot {
     hold_after_take_off: bool,
     first_motion: Option<Time>,
     next_tick: Time,
-    /// Since when a limit has left nothing of what the move asks for.
+    /// Since when a limit has left nothing of the requested motion.
     kept_since: Option<Time>,
-    /// What was asked of the envelope last.
+    /// The last setpoint requested from the envelope.
     wanted: Setpoint,
-    /// The envelope's reaction, and its change of a setpoint, that were told last.
+    /// The envelope's reaction and setpoint change that were last reported.
     told_reaction: Option<Cause>,
     told_change: Option<Cause>,
 }
 
-/// What a pilot is made of.
+/// The components of a pilot.
 pub struct PilotParts {
-    /// How it flies.
+    /// Flight settings.
     pub settings: PilotSettings,
-    /// The craft it flies.
+    /// The craft model.
     pub craft: Craft,
-    /// What its telemetry tells, and how exactly.
+    /// Accuracy of its telemetry.
     pub senses: Senses,
     /// The craft's camera.
     pub camera: Camera,
-    /// The envelope's limits.
+    /// The safety envelope's limits.
     pub limits: Limits,
-    /// The policy that decides.
+    /// The decision policy.
     pub policy: Box<dyn Policy>,
-    /// What the person said.
+    /// The user's instruction.
     pub instruction: String,
 }
 
 impl Pilot {
-    /// A pilot on the ground; it takes off once the craft's telemetry says that it stands there.
+    /// A pilot on the ground; it takes off once telemetry reports that the craft is on the ground.
     #[must_use]
     pub fn new(parts: PilotParts) -> Self {
         let PilotParts { settings, craft, senses, camera, limits, policy, instruction } = parts;
@@ -151,12 +151,12 @@ impl Pilot {
             told_change: None,
         };
         let text = pilot.instruction.clone();
-        // A policy answers an instruction with Look or Wait: on the ground there is nothing to see yet.
+        // A policy answers an instruction with Look or Wait; on the ground there is nothing to look at yet.
         pilot.policy.handle(PolicyEvent::Instruction(&text));
         pilot
     }
 
-    /// Takes note of something that happened at `now`.
+    /// Handles an event that occurred at `now`.
     pub fn handle(&mut self, now: Time, event: Event) {
         let now = self.clock(now);
         match event {
@@ -180,7 +180,7 @@ impl Pilot {
         }
     }
 
-    /// The next thing to be done at `now`; `None` when there is nothing until an event or [`Pilot::next_deadline`].
+    /// The next action at `now`; `None` if there is none until an event or [`Pilot::next_deadline`].
     pub fn poll(&mut self, now: Time) -> Option<Action> {
         let now = self.clock(now);
         if self.outbox.is_empty() {
@@ -189,7 +189,7 @@ impl Pilot {
         self.outbox.pop_front()
     }
 
-    /// When to be polled again though nothing happens; `None` once the flight is over.
+    /// When to poll again if no event arrives; `None` once the flight is over.
     #[must_use]
     pub fn next_deadline(&self) -> Option<Time> {
         if self.phase == Phase::Ended {
@@ -200,68 +200,68 @@ impl Pilot {
         queries.chain(manual).chain(self.envelope.next_deadline(self.now)).chain([self.next_tick]).min()
     }
 
-    /// What the pilot believes of the flight; `None` while it goes on.
+    /// The outcome; `None` while the flight continues.
     #[must_use]
     pub fn ending(&self) -> Option<&Ending> {
         self.ending.as_ref()
     }
 
-    /// Where the flight is.
+    /// The current phase.
     #[must_use]
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// Decisions made.
+    /// Number of decisions so far.
     #[must_use]
     pub fn decisions(&self) -> u32 {
         self.decisions
     }
 
-    /// Replies that arrived when nobody waited for them any more.
+    /// Number of replies that arrived for queries already cancelled.
     #[must_use]
     pub fn late_replies(&self) -> u32 {
         self.late_replies
     }
 
-    /// When the first setpoint that moves went out: the start of the completion time. Take-off is not motion.
+    /// When the first moving setpoint was sent: the start of the completion time. Take-off does not count as motion.
     #[must_use]
     pub fn first_motion(&self) -> Option<Time> {
         self.first_motion
     }
 
-    /// The setpoint that was asked of the envelope last, before it was cleared. For recording.
+    /// The last setpoint requested from the envelope, before clearing. For recording.
     #[must_use]
     pub fn wanted(&self) -> Setpoint {
         self.wanted
     }
 
-    /// The craft's pose at `now`, as known.
+    /// Estimated pose of the craft at `now`.
     #[must_use]
     pub fn known_pose(&self, now: Time) -> crate::geometry::Pose {
         self.known(now).pose()
     }
 
-    /// Standard deviation of the craft's position on the map as known, metres ([`MotionEstimator::position_error`]).
+    /// Standard deviation of the estimated horizontal position, metres ([`MotionEstimator::position_error`]).
     #[must_use]
     pub fn position_error(&self) -> f64 {
         self.estimator.position_error()
     }
 
-    /// Whether the craft tells no position of its own.
+    /// Whether the craft reports no position of its own.
     #[must_use]
     pub fn is_dead_reckoned(&self) -> bool {
         self.estimator.is_dead_reckoned()
     }
 
-    /// What is known of the craft's motion. Before the first telemetry nothing flies, so that nothing is decided on the default.
+    /// Estimated motion of the craft. Nothing flies before the first telemetry, so no decision is based on the default.
     fn known(&self, now: Time) -> Known {
         self.estimator.at(now).unwrap_or_default()
     }
 
-    /// A report older than the newest known, such as one that was overtaken on its way, is no news.
+    /// Handles telemetry. A report older than the newest one, for instance overtaken in transit, is ignored.
     fn telemetry(&mut self, now: Time, mut telemetry: Telemetry) {
-        // A craft's clock that runs ahead must not make all its later reports old ones.
+        // A craft clock that runs ahead must not make all its later reports look old.
         telemetry.time = telemetry.time.min(now);
         if self.heard.is_some_and(|heard| telemetry.time <= heard) {
             return;
@@ -300,16 +300,17 @@ impl Pilot {
         self.decide(now);
         if now >= self.next_tick {
             self.tick(now);
-            // From `now`, not from the last due time: a late caller gets one tick, not a burst of old ones.
+            // From `now`, not from the last due time: a late caller gets one tick, not a burst of missed ones.
             self.next_tick =
                 now + if self.phase == Phase::Landing { ending::LAND_REPEAT } else { tick_length(self.settings.rate_hz) };
         }
     }
 }
 
-/// Time between setpoints. A rate beyond [`PilotSettings::rate_hz`]'s range, or no number, counts as the nearest in it.
+/// Time between setpoints. A rate outside [`PilotSettings::rate_hz`]'s range, or NaN, is moved to the nearest valid
+/// one.
 fn tick_length(rate_hz: f64) -> Duration {
-    // Not `clamp`, which hands on a NaN: a tick without length would never let time pass.
+    // Not `clamp`, which passes NaN through: a tick of zero length would stop time.
     duration_from_secs(1.0 / if rate_hz >= 5.0 { rate_hz.min(100.0) } else { 5.0 })
 }
 

@@ -1,4 +1,4 @@
-//! Plans become setpoints, tick by tick, through the executor and the envelope.
+//! Converts plans to setpoints, tick by tick, through the executor and the envelope.
 
 use super::{Action, Phase, Pilot, Think};
 use crate::command::{Command, Manoeuvre, Setpoint};
@@ -9,28 +9,29 @@ use crate::policy::{Move, PolicyEvent, Step};
 use crate::primitives::Primitives;
 use crate::time::{Duration, Time, duration_from_secs};
 
-/// Standing still, for a frame to be one taken at rest (issue: 0.1 m/s and 3 °/s).
+/// Maximum speed at which a frame counts as taken at rest, m/s.
 const REST_SPEED: f64 = 0.1;
 const REST_YAW_RATE: f64 = 3.0 / 180.0 * core::f64::consts::PI;
-/// Longest wait for that; a craft that drifts in the wind never stands still.
+/// Maximum wait for that; in wind a craft never stands still.
 const REST_WAIT: Duration = Duration::from_millis(1500);
-/// A plan shorter than this, metres, is a turn on the spot: it has no direction to have been passed in.
+/// A plan shorter than this, metres, is a turn on the spot, with no direction in which it could be passed.
 const TURN_ONLY: f64 = 0.05;
-/// A move of which a limit leaves nothing for so long is over.
+/// A move that a limit blocks entirely for this long is over.
 const KEPT_STILL: Duration = Duration::from_secs(1);
-/// Up to this share of what is wanted counts as nothing: near a limit what is left comes and goes with the noise of the height.
+/// Up to this fraction of the requested speed counts as blocked: near a limit the remainder comes and goes with the
+/// height noise.
 const KEPT_SHARE: f64 = 0.3;
-/// A plan that was passed is not turned by less than this, radians: the next one turns as well.
+/// A passed plan is not turned by less than this, radians; the next one turns as well.
 const WORTH_TURNING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
-/// Flown back at most, metres: a craft that brakes for its goal stops within centimetres of it.
+/// Maximum distance flown backwards, metres: a craft that brakes for its goal stops within centimetres of it.
 const FLY_BACK: f64 = 0.1;
 
 impl Pilot {
-    /// Where a move from a frame ends in the world, and whether the craft is already past it.
+    /// The world pose at which a move from a frame ends, and whether the craft is already past it.
     pub(super) fn planned(&self, now: Time, step: &Step) -> (Option<Pose>, bool) {
         let Step::Move(motion) = step else { return (None, false) };
         let Some(from) = motion.anchor else {
-            // It begins where the craft is when it begins.
+            // An unanchored move starts at the craft's current pose.
             let from = self.known_pose(now);
             let goal = Goal::of_primitives(from, motion.primitives);
             return (Some(pose_of(goal)), false);
@@ -43,7 +44,7 @@ impl Pilot {
         (Some(pose_of(goal)), passed)
     }
 
-    /// Whether the craft is past a goal, or too fast to stop before it: either way it would have to fly back.
+    /// Whether the craft is past a goal, or too fast to stop before it; either way it would have to fly back.
     fn is_passed(&self, now: Time, goal: Goal, anchor: EnuPosition) -> bool {
         let known = self.known(now);
         let length = anchor.horizontal_distance(goal.position);
@@ -56,7 +57,8 @@ impl Pilot {
         beyond > FLY_BACK * length
     }
 
-    /// A queue that is always replaced, or stopped for what it has passed, never climbs: the next plan waits for its end.
+    /// Sequential motion that is always replaced, or stopped because its goal was passed, never climbs: the next plan
+    /// waits for its end.
     fn waits_for_queue(&self) -> bool {
         self.settings.motion != Motion::Blended && self.executing
     }
@@ -74,7 +76,7 @@ impl Pilot {
                     return;
                 }
                 let goal = Goal::of_primitives(from, motion.primitives);
-                // Flying back to it fails in up to half of the runs (closed-loop study, finding 6).
+                // In closed-loop tests, flying back to a passed goal failed in up to half of the runs.
                 if self.is_passed(now, goal, from.position) {
                     return self.turn_alone(now, goal.heading);
                 }
@@ -85,7 +87,7 @@ impl Pilot {
                 }
             }
             Some(from) if motion.then_rest => {
-                // A search turn is measured from the frame that asked for it; what was turned since counts.
+                // A search turn is measured from the frame that requested it, so what was turned since counts.
                 let turned = wrap_angle(known.attitude.heading - from.attitude.heading);
                 self.executor.start(now, known, relative(motion.primitives.yaw - turned));
             }
@@ -98,8 +100,8 @@ impl Pilot {
         self.next_tick = now;
     }
 
-    /// Of a plan that was passed the turn is still flown, where the craft comes to rest: what it points at, somebody who walks by say,
-    /// would leave the picture otherwise.
+    /// Turns to the heading of a passed plan where the craft comes to rest: otherwise its target, such as a person
+    /// walking by, would leave the frame.
     fn turn_alone(&mut self, now: Time, heading: f64) {
         let known = self.known(now);
         let yaw = wrap_angle(heading - known.attitude.heading);
@@ -118,7 +120,7 @@ impl Pilot {
         self.next_tick = now;
     }
 
-    /// A move that does not begin: the policy hears of it as of one that was cut short.
+    /// Refuses a move; the policy is notified as if it had been cut short.
     fn refuse_move(&mut self, now: Time) {
         if self.executing {
             self.stop_motion(now);
@@ -127,8 +129,8 @@ impl Pilot {
         }
     }
 
-    /// The reason to move has ended: zero goes out at once, and the policy is told that its move was cut short. What it wants to
-    /// do about that is not carried out: it is shown a frame once it may go on.
+    /// Stops motion because its reason has ended: zero is sent at once, and the policy is notified that its move was
+    /// cut short. The policy's answer is not carried out; it gets a frame once it may continue.
     pub(super) fn stop_motion(&mut self, now: Time) {
         self.pending = None;
         if self.executing {
@@ -144,13 +146,13 @@ impl Pilot {
         self.settled = None;
     }
 
-    /// Notes the instant from which the craft stands still, counted from the first zero commanded: an executor that has waited
-    /// for rest has not to be waited for twice.
+    /// Records the time from which the craft stands still, counted from the first zero command: rest that the executor
+    /// has already waited for is not waited for again.
     fn settle(&mut self, now: Time) {
         let (Some(since), None) = (self.hold_since, self.settled) else { return };
         let known = self.known(now);
         let waited = now.since(since);
-        // Dead time and lag first: a craft told to move a moment ago stands still just before it starts.
+        // Dead time and lag first: a craft commanded to move a moment ago stands still just before it starts.
         let answered = waited >= duration_from_secs(self.craft.dead_time + self.craft.lag);
         let still = known.velocity.speed() < REST_SPEED && known.yaw_rate.abs() < REST_YAW_RATE;
         if (answered && still) || waited >= REST_WAIT {
@@ -158,7 +160,7 @@ impl Pilot {
         }
     }
 
-    /// One setpoint. Zero is sent too, so that no craft lands for want of commands while a VLM thinks.
+    /// Sends one setpoint. Zero is sent too, so that no craft lands for lack of commands while a VLM thinks.
     pub(super) fn tick(&mut self, now: Time) {
         if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual) {
             return;
@@ -177,7 +179,8 @@ impl Pilot {
                 if self.executing {
                     let tick = self.executor.tick(now, known);
                     match tick.manoeuvre {
-                        // Nothing is said meanwhile: a hold would end it, and `stop_motion` says one when its reason ends.
+                        // Nothing is sent meanwhile: a hold would end the manoeuvre, and `stop_motion` sends one when
+                        // its reason ends.
                         Some(OwnFlight::UnderWay) => return,
                         Some(OwnFlight::Begin(manoeuvre)) => return self.begin_manoeuvre(now, manoeuvre),
                         None => (setpoint, finished) = (tick.setpoint, tick.finished),
@@ -198,8 +201,8 @@ impl Pilot {
         }
     }
 
-    /// Whether a limit has left nothing of what a move asks for, for so long that it will not come to its end: down at the floor, out
-    /// at the fence. Without this it would end by its time limit only.
+    /// Whether a limit has blocked a move for so long that it will not reach its end, such as downwards at the floor or
+    /// outwards at the fence. Without this check, only its time limit would end it.
     fn is_kept_still(&mut self, now: Time, clearance: &Clearance) -> bool {
         let wanted = self.wanted;
         let nothing_left = |cleared: Setpoint| {
@@ -213,7 +216,7 @@ impl Pilot {
         now.since(*self.kept_since.get_or_insert(now)) >= KEPT_STILL
     }
 
-    /// A manoeuvre as far as the envelope lets it go. One that it does not let begin is the end of the move.
+    /// Starts a manoeuvre as limited by the envelope. If the envelope does not allow it to start, the move ends.
     fn begin_manoeuvre(&mut self, now: Time, manoeuvre: Manoeuvre) {
         self.wanted = Setpoint::HOLD;
         let clearance = self.envelope.clear_manoeuvre(now, manoeuvre);
@@ -256,7 +259,7 @@ fn pose_of(goal: Goal) -> Pose {
     Pose { position: goal.position, attitude: Attitude { heading: goal.heading, ..Attitude::default() } }
 }
 
-/// The primitives from where the craft is to the end of an anchored plan: turn to it, fly to it, climb to it.
+/// The primitives from the craft's position to the end of an anchored plan: turn, fly, climb.
 fn rest_of_plan(position: EnuPosition, heading: f64, goal: Goal) -> Primitives {
     let ahead = position.displacement_to(goal.position, heading);
     if libm::hypot(ahead.right, ahead.forward) > TURN_ONLY {

@@ -1,11 +1,11 @@
-//! The operator can take over at any time; what each event does in each phase.
+//! Operator inputs: taking over at any time, and the effect of each input in each phase.
 
 use super::{Note, OperatorEvent, Outcome, Phase, Pilot};
 use crate::command::Command;
 use crate::policy::PolicyEvent;
 use crate::time::{Duration, Time};
 
-/// A manual setpoint is held this long without a new one: a released key stops the craft.
+/// How long a manual setpoint is held without a new one, so that a released key stops the craft.
 const MANUAL_VALIDITY: Duration = Duration::from_millis(400);
 
 impl Pilot {
@@ -37,7 +37,7 @@ impl Pilot {
         }
     }
 
-    /// Why an event changes nothing in this phase.
+    /// Why an input has no effect in this phase.
     fn ignored(&self, event: &OperatorEvent) -> Option<&'static str> {
         use OperatorEvent::{Hold, Instruction, Land, Resume, Setpoint, Stop};
         match (self.phase, event) {
@@ -52,7 +52,7 @@ impl Pilot {
         }
     }
 
-    /// Nothing is decided or flown any more; answers that are out are no longer waited for.
+    /// Stops deciding and flying; open queries are cancelled.
     fn hold(&mut self, now: Time, phase: Phase) {
         self.cancel_queries();
         self.stop_motion(now);
@@ -78,7 +78,7 @@ impl Pilot {
         self.cancel_queries();
         self.stop_motion(now);
         self.needs_rest = true;
-        // Decided afresh: the policy forgets what it knew of the old instruction.
+        // A fresh start: the policy forgets the previous instruction.
         self.policy.handle(PolicyEvent::Instruction(&text));
         self.instruction = text;
     }

@@ -1,4 +1,4 @@
-//! What the pilot does when the envelope demands something: hold, or land with an outcome.
+//! The pilot's reactions to the envelope: hold, or land with an outcome.
 //!
 //! Which condition demands what, and after how long, is the envelope's (`docs/explanation/safety.md`, "Reactions";
 //! `envelope/watch.rs`).
@@ -8,12 +8,12 @@ use crate::envelope::{Cause, Reaction};
 use crate::time::Time;
 
 impl Pilot {
-    /// The envelope's reaction to what it watches.
+    /// Obeys the envelope's current reaction.
     pub(super) fn react(&mut self, now: Time) {
         if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff) {
             return;
         }
-        // A hand on the sticks sees for itself: a frozen picture does not end manual flight.
+        // An operator in manual flight sees the craft: a frozen camera does not end it.
         let by_hand = matches!(self.phase, Phase::Manual | Phase::Held);
         let reaction = if by_hand { self.envelope.manual_reaction(now) } else { self.envelope.reaction(now) };
         let told = core::mem::replace(&mut self.told_reaction, reaction.cause());
@@ -32,7 +32,7 @@ impl Pilot {
         }
     }
 
-    /// Tells of a cause once, until another takes its place.
+    /// Reports a cause once, until another replaces it.
     pub(super) fn tell(&mut self, cause: Option<Cause>, told: Option<Cause>) {
         if let Some(cause) = cause.filter(|cause| told != Some(*cause)) {
             self.note(Note::Envelope(cause));

@@ -8,55 +8,55 @@ use crate::lift::Lifting;
 use crate::step::StepRule;
 use crate::time::Duration;
 
-/// When the next question is asked.
+/// When the next query is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Think {
-    /// Hold while the VLM thinks, and look only from rest.
+    /// Hold while the VLM thinks, and use only frames taken at rest.
     Stop,
-    /// Keep executing the last plan while the next answer is out.
+    /// Keep flying the last plan while the next query is open.
     Continuous,
 }
 
-/// A named set of choices about the method. Every result records which.
+/// A named set of method choices. Every result records which one was used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
-    /// The best we know: continuous, blended, anchored; a second look at `done`.
+    /// The recommended settings: continuous, blended, anchored, with `done` confirmed by a second query.
     Default,
-    /// The paper's manner: sequential, timed, stop-and-think, neither tilt nor attitude, `done` believed at once.
+    /// The paper's settings: sequential, timed, stop-and-think, neither tilt nor attitude, `done` accepted at once.
     Paper,
 }
 
-/// How the pilot flies.
+/// Pilot settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PilotSettings {
     /// Step length from the depth label.
     pub step: StepRule,
-    /// Whether tilt and attitude take part in lifting.
+    /// Whether lifting includes mount tilt and attitude.
     pub lifting: Lifting,
-    /// One primitive after the other, or all at once.
+    /// Sequential or blended motion, or manoeuvres.
     pub motion: Motion,
-    /// Whether a primitive ends by time or by what was flown.
+    /// Whether time or the measured distance ends a primitive.
     pub ending: MotionEnding,
     /// Whether the craft holds while the VLM thinks.
     pub think: Think,
-    /// Whether a `done` needs a second look while holding.
+    /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: bool,
-    /// Obstacle mode.
+    /// Whether obstacle mode is on.
     pub avoid: bool,
-    /// Setpoints a second, 5..=100: slower ones could not command zero within 0.2 s of the end of a reason to move.
+    /// Setpoints per second, 5..=100: a lower rate could not command zero within 0.2 s after the reason to move ends.
     pub rate_hz: f64,
-    /// Flight time after which the flight is a timeout.
+    /// Flight time limit.
     pub max_time: Duration,
-    /// Decisions after which the flight is a timeout.
+    /// Limit on the number of decisions.
     pub max_decisions: u32,
-    /// How long an answer is waited for; at least 0.1 s.
+    /// Reply timeout; at least 0.1 s.
     pub reply_timeout: Duration,
 }
 
 impl PilotSettings {
-    /// The settings of a preset, 180 s and 60 decisions.
+    /// The settings of a preset, with limits of 180 s and 60 decisions.
     #[must_use]
     pub fn preset(preset: Preset) -> Self {
         let paper = preset == Preset::Paper;

@@ -1,7 +1,7 @@
 //! Policies: state machines that turn frames and replies into steps.
 //!
-//! A policy never moves anything. It answers each event with one [`Step`]; the pilot carries the step out through executor and
-//! envelope, whatever the policy is, so that methods differ only in how they see and decide.
+//! A policy never moves the craft itself. It answers each event with one [`Step`], which the pilot carries out through
+//! executor and envelope, so that methods differ only in how they perceive and decide.
 
 pub mod search;
 pub mod spf;
@@ -17,69 +17,70 @@ use crate::primitives::Primitives;
 use crate::query::{ImagePoint, Query, QueryId};
 use crate::reply::Reply;
 
-/// A frame with what the pilot knows about the moment of its capture.
+/// A frame with the pilot's estimates for its capture time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// The frame.
     pub frame: FrameMeta,
     /// The camera that took it.
     pub camera: Camera,
-    /// The craft's pose at capture, as known.
+    /// Estimated pose at capture.
     pub pose: Pose,
-    /// True when the craft stood still at capture.
+    /// True if the craft was at rest at capture.
     pub at_rest: bool,
 }
 
-/// What a policy is told.
+/// Input of a policy.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PolicyEvent<'a> {
-    /// A (new) instruction; everything before it is void, and its queries are no longer waited for.
+    /// A new instruction; everything before it is void, and earlier queries are cancelled.
     Instruction(&'a str),
-    /// A fresh frame, and a decision is due: no query is out, and nothing that was wanted before is still to be carried out.
+    /// A fresh frame, with a decision due: no query is open, and no earlier step is pending.
     Frame(&'a View),
-    /// The whole answer to a query that is still waited for.
+    /// The complete reply to an open query.
     Reply {
-        /// Which query.
+        /// The query.
         id: QueryId,
-        /// The answer's text.
+        /// The reply text.
         text: &'a str,
     },
-    /// A part of the answer to a query that is still waited for; the whole comes as [`PolicyEvent::Reply`] at the end.
+    /// Part of the streamed reply to an open query; the complete text follows as [`PolicyEvent::Reply`].
     Chunk {
-        /// Which query.
+        /// The query.
         id: QueryId,
-        /// The new part.
+        /// The new part of the text.
         text: &'a str,
     },
-    /// A query will never be answered. When the pilot itself gave it up (operator, end of the flight, too many at a time) the
-    /// step returned is not carried out; the next [`PolicyEvent::Frame`] is when to go on.
+    /// A query failed. If the pilot itself cancelled it (operator, end of the flight, too many open queries), the
+    /// returned step is not carried out, and the policy continues at the next [`PolicyEvent::Frame`].
     ReplyFailed {
-        /// Which query.
+        /// The query.
         id: QueryId,
     },
-    /// The last move has ended, by being flown or by being cut short; in the second case the step returned is not carried out.
+    /// The last move has ended, either completed or cut short. In the latter case the returned step is not carried out.
     MoveEnded {
-        /// False when something stopped it before its end.
+        /// False if something stopped it before its end.
         completed: bool,
     },
-    /// The last step was carried out: is there more to do at this instant?
+    /// The last step was carried out; is there anything more to do at this instant?
     Continue,
 }
 
-/// What a policy wants.
+/// The output of a policy.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// Ask a VLM. The pilot sets the query's deadline, and answers with [`PolicyEvent::ReplyFailed`] when more than 8 are out.
+    /// Send a query to a VLM. The pilot sets its deadline, and answers with [`PolicyEvent::ReplyFailed`] if more than 8
+    /// are open.
     Ask(Box<Query>),
-    /// Move; replaces what is being flown.
+    /// Move, replacing the current motion.
     Move(Move),
-    /// Hold, come to rest and look again.
+    /// Hold, come to rest and wait for a new frame.
     Look,
-    /// Nothing now.
+    /// Do nothing now.
     Wait,
     /// The instruction is fulfilled.
     Done,
-    /// The reply cannot be used; the pilot counts it and asks again.
+    /// The reply is unusable; the pilot counts it and asks again.
     Reject(String),
     /// The flight cannot go on.
     Fail(FailReason),
@@ -89,52 +90,53 @@ pub enum Step {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FailReason {
-    /// Searched everywhere the search goes; the target is not there.
+    /// The search was exhausted without finding the target.
     NotFound,
-    /// No program led to an end (TypeFly).
+    /// No program reached an end (TypeFly).
     NoProgram,
 }
 
-/// A motion that a policy wants.
+/// A motion requested by a policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
     /// The motion, relative to `anchor`.
     pub primitives: Primitives,
-    /// The known pose of the frame it was decided on; `None` moves from wherever the craft is when the move begins.
+    /// Estimated pose of the frame the move is based on; `None` starts from wherever the craft is when the move begins.
     pub anchor: Option<Pose>,
-    /// True when the next frame must be one taken after the whole motion, at rest (a search turn: half a turn answers nothing).
+    /// True if the next frame must be taken at rest after the whole motion (a search turn: a frame taken halfway is of
+    /// no use).
     pub then_rest: bool,
 }
 
-/// What a policy understood of its last reply, for progress, recording and pictures.
+/// A policy's interpretation of its last reply, for progress display, recording and overlays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reading {
     /// The parsed reply of a `Point` query.
     pub reply: Option<Reply>,
-    /// What was understood of any other query, in words: text actions as commands and values, numbers chosen.
+    /// The content of any other reply in words: text actions as commands and values, numbers chosen.
     pub actions: Vec<String>,
-    /// The point flown to, which differs from the reply's when the way to it was blocked.
+    /// The point flown to, which differs from the reply's if the path to it was blocked.
     pub waypoint: Option<ImagePoint>,
     /// Adjusted step, metres (paper §3.2).
     pub step: Option<f64>,
     /// Displacement in the level body frame of the frame's heading (paper §3.3).
     pub displacement: Option<BodyDisplacement>,
-    /// The primitives made of it (paper §3.4).
+    /// The resulting primitives (paper §3.4).
     pub primitives: Option<Primitives>,
     /// What obstacle mode did to the waypoint.
     pub avoidance: Option<Avoidance>,
-    /// Why the reply was refused.
+    /// Why the reply was rejected.
     pub refused: Option<String>,
 }
 
-/// A way of flying by language.
+/// A language-guided flight method.
 pub trait Policy: Send {
     /// Its name on the command line.
     fn name(&self) -> &'static str;
 
-    /// Takes an event and answers with one step.
+    /// Handles an event and returns one step.
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step;
 
-    /// What was understood of the last reply handled.
+    /// The interpretation of the last reply handled.
     fn reading(&self) -> Reading;
 }

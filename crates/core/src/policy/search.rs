@@ -6,22 +6,22 @@ use crate::geometry::wrap_angle;
 use crate::primitives::Primitives;
 use crate::reply::Look;
 
-/// Share of the horizontal field turned at a time: a fifth of overlap, so that nothing hides at a seam.
+/// Fraction of the horizontal field of view per turn: one fifth overlaps, so that nothing is missed at a seam.
 const TURN_SHARE: f64 = 0.8;
-/// Looks up or down without seeing the target before turning goes on: ten times a metre is more than any field needs.
+/// Maximum looks up or down without seeing the target before turning continues.
 const VERTICAL_LOOKS: u32 = 10;
-/// Of these, looks down for which it goes back without sinking: somebody who comes near stays in the picture.
+/// Looks down that are answered by backing off before descending, which keeps a nearby person in the frame.
 const BACK_LOOKS: u32 = 3;
-/// Places gone to from which to look again. A target that is not there costs three turns about oneself.
+/// Number of excursions to other positions. A target that does not exist costs three full turns.
 const EXCURSIONS: u32 = 2;
-/// Moves of one excursion, each on a picture of its own.
+/// Moves per excursion, each based on its own frame.
 const EXCURSION_MOVES: u32 = 3;
-/// A way that leads back where the last excursion came from lies within this of that direction, radians.
+/// An open way within this angle of the direction back to the last excursion's start counts as leading back, radians.
 const BACK: f64 = 1.0;
-/// Already faced within this, radians.
+/// Heading difference below which a direction counts as faced, radians.
 const FACED: f64 = 0.1;
 
-/// An open way that an answer showed.
+/// An open way reported by a reply.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
     /// Its heading, radians.
@@ -30,33 +30,34 @@ pub struct Way {
     pub depth: u8,
 }
 
-/// What a search does next.
+/// The next action of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sought {
-    /// Turn or climb, and look again.
+    /// Turn or climb, then look again.
     Look(Primitives),
-    /// Fly the way that the answer showed, which was asked for in the direction it leads.
+    /// Fly along the open way of the reply, whose frame was taken in that direction.
     Fly,
-    /// The target is not there.
+    /// The search is exhausted.
     Exhausted,
 }
 
-/// Where the search is.
+/// Stage of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
-    /// Turns about itself.
+    /// Turning on the spot.
     Sweep,
-    /// Has turned to the most open of the ways seen, to look at it again.
+    /// Has turned to the most open way seen, to look at it again.
     Face,
-    /// Flies there; moves that are left.
+    /// Flying along it, with this many moves left.
     Excursion(u32),
 }
 
-/// The search: turn by 0.8 of the horizontal field; after a full turn climb once and turn again; then twice go along the most open
-/// way that the answers showed, and turn there; then give up. A way is flown only on a picture taken in its direction.
+/// The search: turn by 0.8 of the horizontal field of view; after a full turn climb once and turn again; then twice fly
+/// along the most open way reported and turn there; then give up. A way is flown only from a frame taken in its
+/// direction.
 #[derive(Clone, Debug)]
 pub struct Search {
-    /// One turn, radians, positive.
+    /// Angle per turn, radians, positive.
     turn: f64,
     /// Climb between the two full turns, metres.
     climb: f64,
@@ -66,7 +67,7 @@ pub struct Search {
     vertical: u32,
     climbed: bool,
     stage: Stage,
-    /// Turned in this sweep, as an amount.
+    /// Turned in this sweep, radians, absolute.
     swept: f64,
     /// The most open way seen in this sweep.
     open: Option<Way>,
@@ -76,7 +77,8 @@ pub struct Search {
 }
 
 impl Search {
-    /// A search with a camera of this horizontal field, radians, which climbs so far between its two turns, metres.
+    /// A search for a camera with this horizontal field of view, radians, that climbs by `climb` metres between its two
+    /// turns.
     #[must_use]
     pub fn new(horizontal_fov: f64, climb: f64) -> Self {
         Self {
@@ -93,7 +95,7 @@ impl Search {
         }
     }
 
-    /// The target was seen: a later search starts anew.
+    /// Resets the search, since the target was seen.
     pub fn reset(&mut self) {
         *self = Self { turn: self.turn, climb: self.climb, ..Self::new(0.0, 0.0) };
     }
@@ -104,7 +106,7 @@ impl Search {
         self.turned
     }
 
-    /// What to do after a look at `heading`, radians, that did not show the target but perhaps an open way.
+    /// The next action after a look at `heading`, radians, that did not show the target but may have shown an open way.
     pub fn next(&mut self, look: Look, heading: f64, way: Option<Way>) -> Sought {
         if let (Stage::Face | Stage::Excursion(1..), Some(way)) = (self.stage, way) {
             let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
@@ -124,7 +126,7 @@ impl Search {
                 self.vertical += 1;
                 return Sought::Look(Primitives { climb: 1.0, ..Primitives::default() });
             }
-            // The camera cannot nod: what is below comes into view from farther back, and then from lower down.
+            // The camera cannot tilt: what is below comes into view from farther back, then from lower down.
             Look::Down if self.vertical < VERTICAL_LOOKS => {
                 let climb = if self.vertical < BACK_LOOKS { 0.0 } else { -1.0 };
                 self.vertical += 1;
@@ -141,12 +143,12 @@ impl Search {
             Look::Behind => PI,
             _ => self.turn,
         };
-        // The last turn of a sweep closes the circle and does not look at the first view twice.
+        // The last turn of a sweep closes the circle without looking at the first view twice.
         self.swept += yaw.abs();
         self.turn_by(yaw)
     }
 
-    /// After a full turn: once higher, then elsewhere.
+    /// After a full turn: climb once, then move elsewhere.
     fn swept_all(&mut self, heading: f64, way: Option<Way>) -> Sought {
         if !self.climbed {
             (self.climbed, self.swept, self.open) = (true, 0.0, None);
@@ -172,7 +174,7 @@ impl Search {
 mod tests {
     use super::*;
 
-    /// A search that looks where it is told to, and what comes of it: degrees turned, `up`, `back`, `fly`; as long as it lasts.
+    /// The actions of a search whose replies always give `look`: degrees turned, `up`, `back`, `fly`; until it ends.
     fn flown(search: &mut Search, look: Look, way: impl Fn(f64) -> Option<Way>) -> Vec<String> {
         let (mut heading, mut out) = (0.0, Vec::new());
         while out.len() < 200 {

@@ -1,4 +1,4 @@
-//! SPF itself: one query a step, a point and a depth label become a displacement (paper §3.1–3.4).
+//! The SPF policy: one query per step; an image point and a depth label become a displacement (paper §3.1–3.4).
 
 use std::sync::Arc;
 
@@ -15,35 +15,35 @@ use crate::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use crate::reply::{Look, ObstacleBox, Reply, Status, one_line, parse_reply};
 use crate::step::StepRule;
 
-/// Earlier targets told to the VLM.
+/// Number of earlier targets included in the prompt.
 const REMEMBERED_TARGETS: usize = 8;
-/// Turns in a row to ways along the picture's edges; the second only to the other edge.
+/// Maximum consecutive turns towards paths along the image edges; the second only towards the other edge.
 const TURNS_FIRST: u32 = 2;
-/// Times in a row that a blocked way is answered by holding and asking again before the flight turns to look for another way.
+/// Number of times in a row that a blocked path is answered by holding and asking again before searching for another.
 const BLOCKED_LOOKS: u32 = 3;
 
-/// What the SPF policy can be set to.
+/// Settings of the SPF policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpfSettings {
     /// Step length from the depth label (paper §3.2).
     pub step: StepRule,
-    /// Whether tilt and attitude take part in lifting.
+    /// Whether lifting includes mount tilt and attitude.
     pub lifting: Lifting,
-    /// The way on which a displacement is flown, for the corridor that must be free.
+    /// Shape of the path, for the corridor that must be free.
     pub shape: PathShape,
-    /// Obstacle mode: boxes are asked for and kept clear of.
+    /// Obstacle mode: request obstacle boxes and keep clear of them.
     pub avoid: bool,
-    /// Whether a `done` needs a second look while holding.
+    /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: bool,
-    /// How the model family gives coordinates.
+    /// Coordinate convention of the model family.
     pub grounding: GroundingProfile,
-    /// Size at which pictures are sent, if not the camera's.
+    /// Size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
-    /// The craft: its radius sweeps the corridor, its take-off height is what a search climbs.
+    /// The craft: its radius determines the corridor, its take-off height the climb of a search.
     pub craft: Craft,
 }
 
-/// The query that is out, and the view it is about.
+/// The open query and the view it refers to.
 #[derive(Clone, Copy, Debug)]
 struct Asked {
     id: QueryId,
@@ -51,21 +51,21 @@ struct Asked {
     about: About,
 }
 
-/// Turns that were flown in place of the step itself.
+/// Turns flown instead of the step itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct TurnedFirst {
-    /// To the right, the last one.
+    /// Whether the last one was to the right.
     right: bool,
-    /// One after another.
+    /// Number in a row.
     turns: u32,
 }
 
-/// What is asked.
+/// Subject of the query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum About {
-    /// The detector, what is in the picture.
+    /// To the detector: the objects in the frame.
     List,
-    /// Where to fly; perhaps as the second look at a `done`.
+    /// To the VLM: where to fly; or the confirmation of a `done`.
     Point { confirming: bool },
 }
 
@@ -79,32 +79,32 @@ pub struct Spf {
     asked: Option<Asked>,
     confirming: bool,
     blocked: u32,
-    /// Turns to ways along an edge since anything else was done.
+    /// Turns towards paths along an edge since the last other step.
     turned_first: Option<TurnedFirst>,
     next_id: u64,
     reading: Reading,
     prompt: Arc<PromptText>,
-    /// Obstacle mode's boxes come from a detector.
+    /// Whether obstacle boxes come from a detector.
     detector: bool,
-    /// What it found in the frame that is asked about.
+    /// Its detections in the current frame.
     detections: Vec<Detection>,
 }
 
 impl Spf {
-    /// The same with another prompt than the shipped one.
+    /// Replaces the shipped prompt.
     #[must_use]
     pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
         Self { prompt, ..self }
     }
 
-    /// The same with a detector: in obstacle mode each decision begins with a list of detections ([`QueryKind::Detect`]), which the
-    /// VLM is told of and whose boxes are kept clear of in place of the reply's. The VLM is asked for the point and its depth alone.
+    /// Adds a detector: in obstacle mode each decision starts with a list of detections ([`QueryKind::Detect`]), which
+    /// goes into the prompt and provides the obstacle boxes. The VLM is then asked for the point and its depth only.
     #[must_use]
     pub fn with_detector(self) -> Self {
         Self { detector: true, ..self }
     }
 
-    /// A policy without an instruction; it waits until it has one.
+    /// A policy without an instruction; it waits for one.
     #[must_use]
     pub fn new(settings: SpfSettings) -> Self {
         Self {
@@ -124,13 +124,13 @@ impl Spf {
         }
     }
 
-    /// A decision begins: with the detector's list where obstacle mode has one, else with the VLM.
+    /// Starts a decision: with the detector's list in obstacle mode with a detector, else with the VLM.
     fn decide(&mut self, view: &View) -> Step {
         if !self.lists() {
             return self.ask(view);
         }
         self.detections.clear();
-        // A detector has neither prompt nor a size of its own: it sees the camera's picture.
+        // A detector has neither a prompt nor an image size of its own: it receives the camera's frame.
         let id = self.asking(view, About::List);
         Step::Ask(Box::new(Query {
             instruction: self.instruction.clone(),
@@ -142,7 +142,7 @@ impl Spf {
         self.detector && self.settings.avoid
     }
 
-    /// Notes what is out.
+    /// Records the open query.
     fn asking(&mut self, view: &View, about: About) -> QueryId {
         let id = QueryId(self.next_id);
         self.next_id += 1;
@@ -166,7 +166,7 @@ impl Spf {
         Step::Ask(Box::new(query))
     }
 
-    /// The detector's list came: the VLM is asked about the same frame.
+    /// Handles the detector's list: the VLM is asked about the same frame.
     fn listed(&mut self, view: &View, text: &str) -> Step {
         self.reading = Reading::default();
         match parse_detections(text) {
@@ -179,7 +179,7 @@ impl Spf {
         self.ask(view)
     }
 
-    /// What cannot be used; the pilot counts it.
+    /// Rejects an unusable reply; the pilot counts it.
     fn refuse(&mut self, error: &dyn std::error::Error) -> Step {
         self.turned_first = None;
         self.reading.refused = Some(error.to_string());
@@ -206,7 +206,8 @@ impl Spf {
         }
     }
 
-    /// What the detector's list stands for on the way to the reply's point, or along its open way; nothing where it leads nowhere.
+    /// The detections as obstacles for the path to the reply's point, or along its open way; empty if there is no such
+    /// path.
     fn obstacles(&self, reply: &Reply, view: &View) -> Vec<ObstacleBox> {
         let leads = reply.point.zip(reply.depth).or(reply.open_way.map(|way| (way.point, way.depth)));
         let Some((point, depth)) = leads else { return Vec::new() };
@@ -217,7 +218,8 @@ impl Spf {
 
     fn done(&mut self, confirming: bool) -> Step {
         self.turned_first = None;
-        // A belief formed in motion is often early: the craft drifts on, and the second look is from where it has come to rest.
+        // A belief formed in motion is often early: the craft drifts on, and the second query is made from where it has
+        // come to rest.
         if !self.settings.confirm_done || confirming {
             return Step::Done;
         }
@@ -227,7 +229,7 @@ impl Spf {
 
     fn not_visible(&mut self, asked: Asked, reply: &Reply) -> Step {
         self.confirming = false;
-        // Whatever it does now, it is no step to where it has turned.
+        // Whatever follows is not the step to which it has turned.
         self.turned_first = None;
         let View { camera, pose, .. } = asked.view;
         let heading = pose.attitude.heading;
@@ -248,7 +250,7 @@ impl Spf {
     fn navigate(&mut self, asked: Asked, reply: &Reply) -> Step {
         self.confirming = false;
         let (Some(point), Some(depth)) = (reply.point, reply.depth) else {
-            // The parser refuses such replies; a policy must not fly on its word alone.
+            // The parser refuses such replies; a policy must not rely on that alone.
             return Step::Reject("navigating without a point and a depth".to_owned());
         };
         if let Some(search) = &mut self.search {
@@ -258,7 +260,7 @@ impl Spf {
         self.fly_to(asked, reply, point, depth)
     }
 
-    /// A step towards a point of the picture, clear of the boxes of obstacles where these are asked for.
+    /// A step towards an image point, clear of the obstacle boxes in obstacle mode.
     fn fly_to(&mut self, asked: Asked, reply: &Reply, point: ImagePoint, depth: u8) -> Step {
         let view = asked.view;
         let mut step = self.settings.step.length(depth);
@@ -289,7 +291,7 @@ impl Spf {
                 Avoidance::Hold { .. } => return self.blocked(asked),
             }
             if avoid::leads_along_edge(&plan, waypoint, step, clearance) {
-                // What is pointed at beside the picture every time is flown to all the same.
+                // A target at the very edge of the frame every time is flown to anyway.
                 let right = view.camera.ray(waypoint).right > 0.0;
                 turn = match before {
                     None => Some(TurnedFirst { right, turns: 1 }),
@@ -321,7 +323,7 @@ impl Spf {
         Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible })
     }
 
-    /// No free direction: hold and ask again; a way that stays blocked is looked for from higher up.
+    /// No free direction: hold and ask again; if that repeats, the policy searches from higher up.
     fn blocked(&mut self, asked: Asked) -> Step {
         self.blocked += 1;
         if self.blocked < BLOCKED_LOOKS {

@@ -1,7 +1,7 @@
-//! What a VLM is told, in our own words (paper §3.1). The words stand in files, in `prompts/`.
+//! The prompts sent to a VLM (paper §3.1; the wording is our own). The texts are files in `prompts/`.
 //!
-//! Two things in a prompt come from outside: the person's instruction, which is an order, and the names that earlier replies
-//! gave to targets, which are not. Both are put on one line, so that neither can pass for a part of the prompt around it.
+//! A prompt contains two external inputs: the user's instruction, which is to be obeyed, and target names from earlier
+//! replies, which are not. Both are put on a single line, so that neither can pass for part of the surrounding prompt.
 
 mod template;
 
@@ -17,23 +17,23 @@ use crate::lift::range_of_label;
 use crate::query::{ImageBox, ImagePoint, Memory, Query, QueryKind};
 use crate::reply::{DEPTH_LABELS, Look, ObstacleBox, Reply, Status, one_line};
 
-/// Longest instruction that is sent, in characters; longer ones are cut.
+/// Maximum length of an instruction, characters; longer ones are truncated.
 pub const MAX_INSTRUCTION: usize = 2000;
 
-/// What a prompt is made of.
+/// The inputs of a prompt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PromptInput<'a> {
-    /// The person's words.
+    /// The user's instruction.
     pub instruction: &'a str,
-    /// What came before.
+    /// The history.
     pub memory: &'a Memory,
-    /// The coordinates that this family of models points in.
+    /// The coordinate convention of the model family.
     pub profile: &'a GroundingProfile,
-    /// Whether boxes of obstacles are wanted too.
+    /// Whether obstacle boxes are requested as well.
     pub avoid: bool,
 }
 
-/// The prompts that ship with the program.
+/// The built-in prompts.
 static POINT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/point-2.txt")));
 static PLAIN: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/plain-1.txt")));
 
@@ -50,7 +50,7 @@ fn shipped(file: &str) -> Arc<PromptText> {
 }
 
 impl PromptText {
-    /// The prompt of a kind that ships with the program.
+    /// The built-in prompt of a kind.
     #[must_use]
     pub fn shipped(kind: PromptKind) -> Arc<Self> {
         match kind {
@@ -66,26 +66,26 @@ impl PromptText {
         }
     }
 
-    /// The prompt for a query.
+    /// Renders the prompt for a query.
     #[must_use]
     pub fn write(&self, input: &PromptInput<'_>) -> String {
         self.write_with(input, |_| None)
     }
 
-    /// The prompt of a [`Point`](crate::query::QueryKind::Point) query in a model's coordinates, from what the query carries; for
-    /// any query's text in other coordinates than those that it was written in.
+    /// Renders the prompt of a [`Point`](crate::query::QueryKind::Point) query in a model's coordinates from the
+    /// query's contents; used to rewrite a query's text for a different coordinate convention.
     #[must_use]
     pub fn write_point(&self, query: &Query, profile: &GroundingProfile) -> String {
         let avoid = query.kind == QueryKind::Point { avoid: true };
         let input = PromptInput { instruction: &query.instruction, memory: &query.memory, profile, avoid };
         self.write_with(&input, |place| {
             let listed = place == "detected" && !query.detections.is_empty();
-            // Lines that are none were left out when the list came.
+            // Invalid lines were already dropped when the list arrived.
             listed.then(|| detection::told(&parse_detections(&query.detections.join("\n")).unwrap_or_default(), profile))
         })
     }
 
-    /// The prompt for a query, with the places that only its policy can fill.
+    /// Renders the prompt for a query, with the placeholders that only its policy can fill.
     #[must_use]
     pub fn write_with(&self, input: &PromptInput<'_>, own: impl Fn(&str) -> Option<String>) -> String {
         let said = |flag: bool| if flag { "yes".to_owned() } else { String::new() };
@@ -110,20 +110,20 @@ impl PromptText {
     }
 }
 
-/// The shipped prompt of a [`Point`](crate::query::QueryKind::Point) query: where to go, as a [`Reply`].
+/// The built-in prompt of a [`Point`](crate::query::QueryKind::Point) query, answered by a [`Reply`].
 #[must_use]
 pub fn point_prompt(input: &PromptInput<'_>) -> String {
     POINT.write(input)
 }
 
-/// The shipped prompt of an [`Act`](crate::query::QueryKind::Act) query: the plain-text baseline, which knows nothing of points,
-/// boxes and depth labels. With [`Memory::actions`] it is the variant with history.
+/// The built-in prompt of an [`Act`](crate::query::QueryKind::Act) query: the plain-text baseline, without points,
+/// boxes or depth labels. With [`Memory::actions`] it is the variant with history.
 #[must_use]
 pub fn plain_prompt(input: &PromptInput<'_>) -> String {
     PLAIN.write(input)
 }
 
-/// The instruction on one line, without the marks that it stands between.
+/// The instruction on one line, without the quotation marks around it.
 fn instruction(words: &str) -> String {
     let line = words.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty());
     let line = line.collect::<Vec<_>>().join(" ").replace(['«', '»'], "\"");
@@ -135,7 +135,7 @@ fn scale() -> String {
     let mut text = String::new();
     for label in 1..=DEPTH_LABELS {
         let range = range_of_label(f64::from(label));
-        // Two figures are what a model can judge.
+        // Models handle about two significant figures.
         let shown = if range < 9.95 { libm::round(range * 10.0) / 10.0 } else { libm::round(range) };
         let or_more = if label == DEPTH_LABELS { " or more" } else { ", " };
         let _ = write!(text, "{label} = {shown} m{or_more}");
@@ -143,14 +143,14 @@ fn scale() -> String {
     text
 }
 
-/// What came before, in sentences; empty at the beginning.
+/// The history in sentences; empty at the start.
 fn remembered(memory: &Memory) -> String {
     let mut facts = Vec::new();
     if memory.stage > 1 {
         facts.push(format!("Stage {} was reached.", memory.stage));
     }
     if !memory.targets.is_empty() {
-        // Names that a model gave: quoted, and never longer than one line.
+        // Names given by a model: quoted, and limited to one line.
         let names: Vec<String> = memory.targets.iter().map(|name| format!("\"{}\"", one_line(name).replace('"', "'"))).collect();
         facts.push(format!("Pointed at so far, oldest first: {}.", names.join(", ")));
     }
@@ -172,7 +172,7 @@ fn remembered(memory: &Memory) -> String {
     facts.join(" ")
 }
 
-/// An answer in the very form that is asked for, made by the writer that the parser is tested against.
+/// An example answer in the requested form, from the writer that the parser is tested against.
 fn example(input: &PromptInput<'_>) -> String {
     let boxes = vec![ObstacleBox {
         area: ImageBox { left: 0.36, top: 0.45, right: 0.48, bottom: 0.92 },
@@ -259,7 +259,7 @@ For example: {"status":"navigating","look":null,"stage":1,"point":[400,620],"dep
         let text = prompt.write_point(&query(&["car_1 x:0.5 y:0.5 width:0.5 height:0.5 score:0.875"]), &profile);
         assert!(text.contains("A detector found these things in the picture, one a line: name, box, how sure it is (0 to 1).\ncar, [160, 120, 480, 360], 0.88\n"), "{text}");
         assert!(prompt.write_point(&query(&["none"]), &profile).contains("(0 to 1).\nnone\n"));
-        // Without a detector it is the prompt that it always was.
+        // Without a detector the prompt is unchanged.
         let memory = Memory::default();
         assert_eq!(prompt.write_point(&query(&[]), &profile), point_prompt(&input("go", &memory, &profile, false)));
     }

@@ -1,16 +1,16 @@
-//! Prompts as texts with places to be filled in, so that a prompt is a file and not code.
+//! Prompt templates: texts with placeholders, so that a prompt is a file and not code.
 //!
-//! `{{name}}` is replaced by a value. Lines between `{{#name}}` and `{{/name}}`, each on a line of its own, stand only where the
-//! value is not empty. Nothing that is filled in is read again, so that an instruction cannot bring places of its own.
+//! `{{name}}` is replaced by a value. Text between the lines `{{#name}}` and `{{/name}}` is included only if the value
+//! is not empty. Substituted text is not expanded again, so an instruction cannot introduce placeholders.
 
 use core::fmt::Write as _;
 
-/// Longest prompt file, bytes.
+/// Maximum size of a prompt file, bytes.
 const LONGEST: usize = 64 * 1024;
-/// What the first line begins with.
+/// Start of the first line.
 const HEAD: &str = "spf-prompt ";
 
-/// What a prompt asks for.
+/// The kind of query a prompt is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PromptKind {
     /// A point.
@@ -19,9 +19,9 @@ pub enum PromptKind {
     Plain,
     /// Actions as four numbers.
     Numeric,
-    /// One of a few fixed moves.
+    /// One of several fixed moves.
     Discrete,
-    /// Which of the numbered marks.
+    /// A choice among the numbered marks.
     Choose,
     /// Whether the instruction is fulfilled.
     Done,
@@ -29,7 +29,7 @@ pub enum PromptKind {
     Program,
     /// A question about a list of detections.
     Question,
-    /// All objects of the picture.
+    /// All objects in the image.
     Detect,
 }
 
@@ -47,7 +47,7 @@ impl PromptKind {
         Self::Detect,
     ];
 
-    /// Its word in the first line of a file.
+    /// Its name in the first line of a file.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -63,7 +63,7 @@ impl PromptKind {
         }
     }
 
-    /// The places that a prompt of this kind may have.
+    /// The placeholders available in a prompt of this kind.
     fn places(self) -> &'static [&'static str] {
         match self {
             Self::Point => {
@@ -80,7 +80,7 @@ impl PromptKind {
         }
     }
 
-    /// The place that a prompt of this kind must have.
+    /// The placeholder required in a prompt of this kind.
     fn required(self) -> Option<&'static str> {
         match self {
             Self::Question => Some("question"),
@@ -90,54 +90,54 @@ impl PromptKind {
     }
 }
 
-/// Why a text is no prompt.
+/// Why a text is not a valid prompt.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PromptError {
-    /// The first line.
+    /// Invalid first line.
     #[error("line 1 is not `spf-prompt KIND VERSION` with a kind of {}", PromptKind::ALL.map(PromptKind::word).join(", "))]
     Head,
     /// Too long.
     #[error("a prompt has at most {LONGEST} bytes")]
     TooLong,
-    /// A place that nothing fills.
+    /// An unknown placeholder.
     #[error("line {line}: nothing fills `{{{{{name}}}}}`; a {kind} prompt has {}", known.join(", "))]
     Unknown {
-        /// The line.
+        /// Line number.
         line: usize,
-        /// The name.
+        /// The placeholder's name.
         name: String,
         /// Kind of the prompt.
         kind: &'static str,
-        /// Names that are filled.
+        /// Known placeholders.
         known: Vec<&'static str>,
     },
     /// A section that is not closed, or closed without being open.
     #[error("line {line}: the section `{name}` is not opened and closed on lines of their own, one within no other")]
     Section {
-        /// The line.
+        /// Line number.
         line: usize,
         /// Its name.
         name: String,
     },
-    /// A prompt that lacks what it is about.
+    /// A required placeholder is missing.
     #[error("the prompt has no `{{{{{0}}}}}`")]
     Lacks(&'static str),
 }
 
-/// A prompt with places to be filled in.
+/// A parsed prompt template.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PromptText {
     kind: PromptKind,
     version: String,
-    /// The file.
+    /// The file's text.
     source: String,
     pieces: Vec<Piece>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Piece {
-    /// Stands only if this value is not empty.
+    /// Included only if this value is not empty.
     only_if: Option<&'static str>,
     what: What,
 }
@@ -149,10 +149,10 @@ enum What {
 }
 
 impl PromptText {
-    /// Reads a prompt file.
+    /// Parses a prompt file.
     ///
     /// # Errors
-    /// [`PromptError`] with the line that is wrong.
+    /// [`PromptError`], with the line number where applicable.
     pub fn parse(file: &str) -> Result<Self, PromptError> {
         if file.len() > LONGEST {
             return Err(PromptError::TooLong);
@@ -220,7 +220,7 @@ impl PromptText {
         })
     }
 
-    /// What it asks for.
+    /// The kind of query it is for.
     #[must_use]
     pub fn kind(&self) -> PromptKind {
         self.kind
@@ -232,13 +232,13 @@ impl PromptText {
         format!("{}-{}", self.kind.word(), self.version)
     }
 
-    /// The file that it was read from, for records: [`PromptText::parse`] makes the same prompt of it.
+    /// The file's text, for records: [`PromptText::parse`] returns the same prompt from it.
     #[must_use]
     pub fn source(&self) -> &str {
         &self.source
     }
 
-    /// The text with its places filled in.
+    /// The text with its placeholders filled in.
     pub(super) fn fill(&self, value: impl Fn(&str) -> String) -> String {
         let mut text = String::with_capacity(4096);
         for piece in &self.pieces {

@@ -1,13 +1,13 @@
-//! A JSON reader that forgives what models do to JSON, and refuses everything else.
+//! A lenient JSON reader for the errors that models make, strict about everything else.
 //!
-//! Forgiven: trailing commas, single quotes, Python's `True`, `False` and `None`, a leading `+`, raw line breaks inside
-//! strings. Numbers that overflow are read as infinite and are left to the range checks of whoever asked. Nesting is bounded
-//! by [`MAX_DEPTH`], memory by the text's length.
+//! Accepted: trailing commas, single quotes, Python's `True`, `False` and `None`, a leading `+`, raw line breaks inside
+//! strings. Numbers that overflow are read as infinite and left to the caller's range checks. Nesting is bounded by
+//! [`MAX_DEPTH`], memory by the text's length.
 
-/// Deepest nesting of objects and arrays that is read.
+/// Maximum nesting of objects and arrays.
 pub(crate) const MAX_DEPTH: usize = 16;
 
-/// A JSON value. Objects keep the order and the repetitions of their keys.
+/// A JSON value. Objects keep the order and repetitions of their keys.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Value {
     Null,
@@ -19,7 +19,7 @@ pub(crate) enum Value {
 }
 
 impl Value {
-    /// The value of the first of `keys` that is present and not null; a repeated key counts with its last value.
+    /// The value of the first of `keys` that is present and not null; for a repeated key the last value counts.
     pub(crate) fn field(&self, keys: &[&str]) -> Option<&Self> {
         let Self::Object(fields) = self else { return None };
         keys.iter().find_map(|key| {
@@ -32,7 +32,7 @@ impl Value {
         })
     }
 
-    /// The number that this is or, as text, spells.
+    /// The value as a number, also if written as text.
     pub(crate) fn number(&self) -> Option<f64> {
         match self {
             Self::Number(n) => Some(*n),
@@ -41,7 +41,7 @@ impl Value {
         }
     }
 
-    /// The truth value that this is or, as text, spells.
+    /// The value as a boolean, also if written as text.
     pub(crate) fn truth(&self) -> Option<bool> {
         match self {
             Self::Bool(truth) => Some(*truth),
@@ -67,16 +67,16 @@ impl Value {
     }
 }
 
-/// Why a text is no value.
+/// Why a text is not a JSON value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Broken {
-    /// It ends too early, but is right so far.
+    /// The text ends too early but is valid so far.
     Truncated,
     /// It is not JSON.
     Invalid,
 }
 
-/// Reads one value that fills the whole of `text`.
+/// Reads a single value spanning all of `text`.
 pub(crate) fn read(text: &str) -> Result<Value, Broken> {
     let mut reader = Reader { text, at: 0 };
     let value = reader.value(0)?;
@@ -100,7 +100,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Skips space; the next byte, which must be there.
+    /// Skips white space and returns the next byte; an error if there is none.
     fn next(&mut self) -> Result<u8, Broken> {
         self.space();
         self.peek().ok_or(Broken::Truncated)
@@ -153,7 +153,7 @@ impl Reader<'_> {
         Ok(Value::Array(items))
     }
 
-    /// A comma, which is eaten, or `close`, which is not.
+    /// Consumes a comma, or stops at `close` without consuming it.
     fn separator(&mut self, close: u8) -> Result<(), Broken> {
         match self.next()? {
             b',' => self.at += 1,
@@ -200,7 +200,7 @@ impl Reader<'_> {
             while self.peek().is_some_and(|b| b != quote && b != b'\\') {
                 self.at += 1;
             }
-            // Both ends lie on an ASCII byte or the end of the text, hence on a boundary of characters.
+            // Both ends lie on an ASCII byte or the end of the text, hence on a character boundary.
             out.push_str(&self.text[start..self.at]);
             match self.peek() {
                 None => return Err(Broken::Truncated),
@@ -233,7 +233,7 @@ impl Reader<'_> {
         if !(0xd800..0xdc00).contains(&high) {
             return char::from_u32(high).ok_or(Broken::Invalid);
         }
-        // A surrogate pair; a lonely half is no character.
+        // A surrogate pair; a lone half is not a character.
         let rest = &self.text.as_bytes()[self.at..];
         if !rest.starts_with(b"\\u") {
             return Err(if rest.len() < 2 { Broken::Truncated } else { Broken::Invalid });

@@ -1,9 +1,9 @@
 //! The reply contract: what a VLM is asked to answer, and the types it becomes (paper §3.1; `docs/reference/reply.md`).
 //!
-//! [`parse_reply`] reads a whole answer and [`ReplyStream`] one that is still arriving; [`reply_schema`] is what a VLM that
-//! obeys schemas is given, and [`Reply::to_json`] writes the same form, so that the oracle answers through text like
-//! everybody else. Coordinates cross here from a model's own convention, its [`GroundingProfile`](crate::grounding), into
-//! shares of the picture.
+//! [`parse_reply`] reads a complete answer and [`ReplyStream`] one that is still arriving. [`reply_schema`] is the
+//! schema for VLMs that support structured output, and [`Reply::to_json`] writes the same form, so that the oracle also
+//! answers through text. Coordinates are converted here from a model's own convention, its
+//! [`GroundingProfile`](crate::grounding), to fractions of the image.
 
 mod json;
 mod parse;
@@ -30,55 +30,55 @@ use serde::{Deserialize, Serialize};
 pub use crate::query::Look;
 use crate::query::{ImageBox, ImagePoint};
 
-/// How far the instruction has come, in the model's judgement.
+/// Progress of the instruction, as judged by the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// The target is in view and not yet reached.
     Navigating,
-    /// The target is not in view; [`Reply::look`] says which way to look.
+    /// The target is not in view; [`Reply::look`] gives the direction in which to look.
     NotVisible,
     /// The instruction is fulfilled.
     Done,
 }
 
-/// An obstacle as the model reports it.
+/// An obstacle reported by the model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ObstacleBox {
-    /// Where in the picture.
+    /// Bounding box in the image.
     pub area: ImageBox,
-    /// Its depth label, 1..=L.
+    /// Depth label, 1..=L.
     pub depth: u8,
-    /// Its name in the model's words.
+    /// Name, in the model's words.
     pub name: String,
 }
 
-/// The most open way in a picture that does not show the target: where one could fly to look from.
+/// The most open way in a frame that does not show the target: where to fly to look from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OpenWay {
-    /// Where it leads in the picture.
+    /// The point in the image to which it leads.
     pub point: ImagePoint,
-    /// Depth label 1..=L of its end.
+    /// Depth label of its end, 1..=L.
     pub depth: u8,
 }
 
 /// One answer to a [`Point`](crate::query::QueryKind::Point) query, in normalised coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reply {
-    /// How far the instruction has come.
+    /// Progress of the instruction.
     pub status: Status,
-    /// Only with [`Status::NotVisible`].
+    /// Direction in which to look; only with [`Status::NotVisible`].
     pub look: Option<Look>,
-    /// Stage of an instruction of several stages that is being worked on, from 1.
+    /// Current stage of a multi-stage instruction, from 1.
     pub stage: Option<u32>,
-    /// The waypoint in the picture; always present with [`Status::Navigating`].
+    /// The waypoint in the image; always present with [`Status::Navigating`].
     pub point: Option<ImagePoint>,
     /// Depth label 1..=L; always present with [`Status::Navigating`].
     pub depth: Option<u8>,
-    /// Only with [`Status::NotVisible`], whose point and depth on the wire it is.
+    /// Only with [`Status::NotVisible`]; uses the point and depth fields on the wire.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub open_way: Option<OpenWay>,
-    /// What is pointed at, in the model's words.
+    /// The object at the point, in the model's words.
     pub target: Option<String>,
     /// Obstacles, in obstacle mode.
     pub boxes: Vec<ObstacleBox>,

@@ -1,25 +1,26 @@
-//! From a JSON value to a [`Reply`]: what is forgiven and what is refused.
+//! Converts a JSON value to a [`Reply`]: what is accepted and what is refused.
 
 use super::json::Value;
 use super::scan::Verdict;
 use super::{DEPTH_LABELS, Look, ObstacleBox, OpenWay, Reply, Status};
 use crate::grounding::{GroundingError, GroundingProfile};
 
-/// Most obstacle boxes that one reply may carry.
+/// Maximum number of obstacle boxes in a reply.
 pub const MAX_BOXES: usize = 64;
-/// Longest name of a target or an obstacle, in characters; longer ones are cut, for they come back in the next prompt.
+/// Maximum length of a target or obstacle name, characters; longer ones are truncated, since they return in the next
+/// prompt.
 pub const MAX_NAME: usize = 80;
-/// Greatest stage number.
+/// Maximum stage number.
 pub const MAX_STAGE: u32 = 99;
 
-/// Why an answer is no reply. Nothing may be flown on it: the pilot holds and asks again, and counts it as a failure.
+/// Why an answer is not a reply. Nothing may be flown on it: the pilot holds, asks again and counts a failure.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReplyError {
     /// No JSON anywhere in the answer.
     #[error("the answer holds no JSON object; ask again, or for a model that obeys schemas")]
     NoJson,
-    /// JSON, but none that answers: neither `status` nor `point` in it.
+    /// JSON without `status` and `point`.
     #[error("the answer's JSON has neither `status` nor `point`")]
     NoReply,
     /// The answer ends inside its JSON.
@@ -31,20 +32,20 @@ pub enum ReplyError {
         /// The limit, bytes.
         limit: usize,
     },
-    /// A field holds something of the wrong kind.
+    /// A field has the wrong type.
     #[error("`{field}` should be {wanted}, but is `{found}`")]
     WrongType {
-        /// Which field, such as `boxes[2].depth`.
+        /// The field, such as `boxes[2].depth`.
         field: String,
-        /// What belongs there.
+        /// What was expected.
         wanted: &'static str,
-        /// What stands there, shortened.
+        /// What was found, shortened.
         found: String,
     },
-    /// A field that must be there is not.
+    /// A required field is missing.
     #[error("`{field}` is missing")]
     Missing {
-        /// Which field.
+        /// The field.
         field: String,
     },
     /// `navigating` without a point to go to.
@@ -53,19 +54,19 @@ pub enum ReplyError {
     /// `navigating` without a depth label.
     #[error("`status` is `navigating`, but there is no `depth` label")]
     MissingDepth,
-    /// A point or box that is not in the picture.
+    /// A point or box outside the image.
     #[error("`{field}`: {source}")]
     PointOutside {
-        /// Which field.
+        /// The field.
         field: String,
-        /// What is wrong with it.
+        /// The grounding error.
         source: GroundingError,
     },
-    /// A depth label that is not on the scale. It is not clamped: a model that leaves the scale means something else by it,
-    /// and the step it would give is the longest there is.
+    /// A depth label outside the scale. It is not clamped: a model that leaves the scale means something else by it,
+    /// and clamping would give the longest possible step.
     #[error("`{field}` is {found}, but depth labels run from 1 to {DEPTH_LABELS}")]
     DepthOutside {
-        /// Which field.
+        /// The field.
         field: String,
         /// The number found.
         found: f64,
@@ -79,13 +80,13 @@ pub enum ReplyError {
     /// More than [`MAX_BOXES`] obstacles.
     #[error("{found} boxes are more than the {MAX_BOXES} that a reply may hold")]
     TooManyBoxes {
-        /// How many there are.
+        /// Number of boxes.
         found: usize,
     },
 }
 
 impl ReplyError {
-    /// A short name of the reason, for logs and counters; stable across versions.
+    /// A short, stable identifier of the error, for logs and counters.
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
@@ -113,8 +114,8 @@ const BOXES: [&str; 2] = ["boxes", "obstacles"];
 const BOX: [&str; 4] = ["box", "box_2d", "bbox", "bbox_2d"];
 const NAME: [&str; 2] = ["name", "label"];
 
-/// Reads `value` as a reply: an object, or an array whose first readable element counts. `nested`: the value was found inside
-/// a larger one that could not be read, and so must say its own `status` to be taken for more than a part of it.
+/// Interprets `value` as a reply: an object, or an array whose first valid element counts. `nested`: the value was
+/// found inside a larger one that failed to parse, and so needs its own `status` to be accepted.
 pub(super) fn interpret(value: &Value, profile: &GroundingProfile, nested: bool) -> Verdict<Reply, ReplyError> {
     match value {
         Value::Array(items) => {
@@ -141,7 +142,7 @@ fn object(value: &Value, profile: &GroundingProfile, nested: bool) -> Verdict<Re
 }
 
 fn reply(value: &Value, profile: &GroundingProfile) -> Result<Reply, ReplyError> {
-    // A bare point with its label is the habit of models trained to point, and it can only mean "go there".
+    // Models trained to point often return a bare point with its label, which can only mean "go there".
     let status = value.field(&STATUS).map_or(Ok(Status::Navigating), status)?;
     let point = value.field(&POINT).map(|v| point(v, profile)).transpose();
     let depth = value.field(&DEPTH).map(|v| depth(v, "depth")).transpose();
@@ -150,7 +151,7 @@ fn reply(value: &Value, profile: &GroundingProfile) -> Result<Reply, ReplyError>
         let (point, depth) = (point?.ok_or(ReplyError::MissingPoint)?, depth?.ok_or(ReplyError::MissingDepth)?);
         (Some(point), Some(depth), boxes?)
     } else {
-        // Models that must fill every field fill these with zeros: what cannot be read of them is left out.
+        // Models that must fill every field fill these with zeros; what cannot be parsed is omitted.
         (point.unwrap_or(None), depth.unwrap_or(None), boxes.unwrap_or_default())
     };
     let (point, depth, open_way) = match (status, point, depth) {
@@ -167,7 +168,7 @@ fn reply(value: &Value, profile: &GroundingProfile) -> Result<Reply, ReplyError>
     Ok(Reply { status, look, stage, point, depth, open_way, target, boxes })
 }
 
-/// The word without case, spaces, hyphens and underscores.
+/// The word in normalised form, without case, spaces, hyphens and underscores.
 fn plain_word(value: &Value, field: &str, wanted: &'static str) -> Result<String, ReplyError> {
     match value {
         Value::Text(text) => Ok(text.chars().filter(|c| c.is_alphanumeric()).take(40).flat_map(char::to_lowercase).collect()),
@@ -202,7 +203,7 @@ fn look(value: &Value) -> Result<Option<Look>, ReplyError> {
     }))
 }
 
-/// `None` for 0, which models write where there is only one stage.
+/// `None` for 0, which models write if there is only one stage.
 fn stage(value: &Value) -> Result<Option<u32>, ReplyError> {
     let number = value.number().ok_or_else(|| wrong("stage", "a whole number", value))?;
     if !(0.0..=f64::from(MAX_STAGE)).contains(&number) {
@@ -219,20 +220,21 @@ fn depth(value: &Value, field: &str) -> Result<u8, ReplyError> {
     Ok(libm::round(number) as u8)
 }
 
-/// A text on one line, of at most [`MAX_NAME`] characters: it comes back in the next prompt, so that line breaks and control
-/// characters with which a model (or what it read in the picture) could shape that prompt are taken out.
+/// A name on one line, of at most [`MAX_NAME`] characters. It returns in the next prompt, so line breaks and control
+/// characters, with which a model (or text it read in the image) could alter that prompt, are removed.
 fn name(value: &Value, field: &str) -> Result<Option<String>, ReplyError> {
     let Value::Text(text) = value else { return Err(wrong(field, "a text", value)) };
     Ok(Some(one_line(text)).filter(|name| !name.is_empty()))
 }
 
-/// `text` with every run of white space and control characters as one space, trimmed, at most [`MAX_NAME`] characters.
+/// `text` with each run of white space and control characters replaced by a space, trimmed, at most [`MAX_NAME`]
+/// characters.
 #[must_use]
 pub fn one_line(text: &str) -> String {
     one_line_within(text, MAX_NAME)
 }
 
-/// The same with at most so many characters.
+/// The same with a limit of `most` characters.
 #[must_use]
 pub fn one_line_within(text: &str, most: usize) -> String {
     let mut out = String::new();
@@ -250,7 +252,7 @@ pub fn one_line_within(text: &str, most: usize) -> String {
     out
 }
 
-/// The numbers of a flat or once nested array, or of a text like `500, 500`; none if there are more than four.
+/// The numbers of a flat or once nested array, or of a text such as `500, 500`; `None` if there are more than four.
 fn numbers(value: &Value) -> Option<Vec<f64>> {
     match value {
         Value::Array(items) if items.iter().any(|item| matches!(item, Value::Array(_))) => {
@@ -271,7 +273,7 @@ fn numbers(value: &Value) -> Option<Vec<f64>> {
     }
 }
 
-/// The numbers of an object with named edges, one name of each row, in the order of the rows.
+/// The numbers of an object with named edges, one name of each row, in row order.
 fn named<const N: usize>(value: &Value, names: [&[&str]; N]) -> Option<[f64; N]> {
     let mut out = [0.0; N];
     for (number, keys) in out.iter_mut().zip(names) {

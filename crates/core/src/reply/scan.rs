@@ -1,52 +1,52 @@
-//! Finding the JSON in an answer, whole or still arriving, with prose, fences and thoughts around it.
+//! Finds the JSON in an answer, complete or still arriving, surrounded by prose, code fences and reasoning.
 //!
-//! The search is a machine over bytes that never looks ahead of what has arrived, so that how an answer is cut into chunks
-//! cannot change what is read from it.
+//! The scanner is a byte-wise state machine without look-ahead, so the way an answer is split into chunks cannot change
+//! the result.
 
 use super::json::{Broken, MAX_DEPTH, Value, read};
 
-/// Longest answer that is read, bytes.
+/// Maximum length of an answer, bytes.
 pub const MAX_TEXT: usize = 64 * 1024;
 
-/// What a JSON value turned out to be.
+/// The verdict on a JSON value.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Verdict<T, E> {
-    /// What was looked for.
+    /// The value searched for.
     Accepted(T),
-    /// Meant to be what was looked for, but not to be used.
+    /// Intended as the value searched for, but invalid.
     Refused(E),
-    /// Something else, inside which may yet be what is looked for.
+    /// Something else, which may contain the value searched for.
     Other,
 }
 
-/// What the search found, besides an accepted value.
+/// State and results of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Scan<T, E> {
     at: usize,
     mode: Mode,
-    /// Values that begin before this offset lie inside a larger one that was given up.
+    /// Values that start before this offset lie inside a larger one that failed to parse.
     nested_until: usize,
     /// The first accepted value.
     pub(crate) accepted: Option<T>,
     /// The first refusal.
     pub(crate) refused: Option<E>,
-    /// Some JSON was read, though none that was looked for.
+    /// Whether any JSON was read.
     pub(crate) any_json: bool,
-    /// The text ended inside a value that was right so far.
+    /// Whether the text ended inside a value that was valid so far.
     pub(crate) truncated: bool,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum Mode {
     Prose,
-    /// Between `<think>` and `</think>`: a draft there is not the answer.
+    /// Between `<think>` and `</think>`: drafts there are not the answer.
     Thought,
     Value {
         start: usize,
         open: Vec<u8>,
         quote: Option<u8>,
         escaped: bool,
-        /// The last byte outside strings that was no space.
+        /// The last byte outside strings that was not white space.
         last: u8,
     },
 }
@@ -54,22 +54,22 @@ enum Mode {
 const THINK: &[u8] = b"<think>";
 const THOUGHT: &[u8] = b"</think>";
 
-/// Why nothing was accepted in an answer that has ended.
+/// Why nothing was accepted in a complete answer.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Unfound<E> {
-    /// Longer than [`MAX_TEXT`]: not looked at.
+    /// Longer than [`MAX_TEXT`]: not parsed.
     TooLong,
-    /// Meant to be it, but not to be used.
+    /// Intended as the value searched for, but invalid.
     Refused(E),
-    /// It ends inside its JSON.
+    /// The text ends inside its JSON.
     Truncated,
-    /// There is JSON, but none that was looked for.
+    /// There is JSON, but not the value searched for.
     NoReply,
     /// There is no JSON.
     NoJson,
 }
 
-/// What `judge` accepts first in the JSON of a whole answer.
+/// The first value that `judge` accepts in the JSON of a complete answer.
 pub(crate) fn search<T, E>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, E>) -> Result<T, Unfound<E>> {
     if text.len() > MAX_TEXT {
         return Err(Unfound::TooLong);
@@ -80,7 +80,7 @@ pub(crate) fn search<T, E>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T
 }
 
 impl<T, E> Scan<T, E> {
-    /// What was found, once the answer has ended.
+    /// The result, once the answer is complete.
     pub(super) fn outcome(self) -> Result<T, Unfound<E>> {
         match (self.accepted, self.refused) {
             (Some(found), _) => Ok(found),
@@ -95,11 +95,11 @@ impl<T, E> Scan<T, E> {
         Self { at: 0, mode: Mode::Prose, nested_until: 0, accepted: None, refused: None, any_json: false, truncated: false }
     }
 
-    /// Goes on through `text`, which must begin with what was given before. `ended`: no more will come. `judge` is given each
-    /// value and whether it lies inside a larger one that was given up.
+    /// Continues through `text`, which must start with the text of the previous call. `ended`: the text is complete.
+    /// `judge` receives each value and whether it lies inside a larger one that failed to parse.
     ///
-    /// Time is linear in the text but for values that are given up, inside which the search starts again: at most once for
-    /// each level of nesting, which is bounded.
+    /// Time is linear in the text except for values that failed to parse, inside which the scan restarts: at most once
+    /// per level of nesting, which is bounded.
     pub(crate) fn advance(&mut self, text: &str, ended: bool, judge: impl Fn(&Value, bool) -> Verdict<T, E>) {
         let bytes = text.as_bytes();
         while self.accepted.is_none() {
@@ -108,7 +108,7 @@ impl<T, E> Scan<T, E> {
                     return;
                 }
                 let Mode::Value { start, .. } = self.mode else {
-                    // Thoughts that never ended have used up what was to be the answer.
+                    // Reasoning that never ended has consumed what should have been the answer.
                     self.truncated |= self.mode == Mode::Thought;
                     return;
                 };
@@ -162,7 +162,7 @@ impl<T, E> Scan<T, E> {
         }
     }
 
-    /// Searches again behind the bracket at `start`, inside the text that ends at `end`.
+    /// Restarts the scan after the bracket at `start`, inside the text that ends at `end`.
     fn give_up(&mut self, start: usize, end: usize) {
         self.mode = Mode::Prose;
         self.at = start + 1;
@@ -176,7 +176,7 @@ enum Step {
     Broken,
 }
 
-/// One byte of a value: keeps the stack of open brackets, and knows strings.
+/// Processes one byte of a value: tracks open brackets and strings.
 fn step(byte: u8, open: &mut Vec<u8>, quote: &mut Option<u8>, escaped: &mut bool, last: &mut u8) -> Step {
     if let Some(closing) = *quote {
         if *escaped {
@@ -191,7 +191,7 @@ fn step(byte: u8, open: &mut Vec<u8>, quote: &mut Option<u8>, escaped: &mut bool
     match byte {
         b' ' | b'\t' | b'\r' | b'\n' => return Step::Inside,
         b'"' | b'\'' => {
-            // Anywhere else a quote is an apostrophe of prose.
+            // Elsewhere a quote is an apostrophe in prose.
             if !matches!(*last, b'{' | b'[' | b',' | b':') {
                 return Step::Broken;
             }

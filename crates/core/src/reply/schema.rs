@@ -48,7 +48,7 @@ struct WireBox<'a> {
     name: &'a str,
 }
 
-/// A number, written without decimals where it has none, as models do.
+/// A number, written without decimals if it is whole, as models do.
 struct Number(f64);
 
 impl Serialize for Number {
@@ -57,7 +57,7 @@ impl Serialize for Number {
     }
 }
 
-// The portable subset: no `minimum`, `minItems` or `$ref`, which one vendor or another refuses; a label is an enumeration.
+// The portable subset: no `minimum`, `minItems` or `$ref`, which some vendors reject; a label is an enumeration.
 fn status(_: &mut SchemaGenerator) -> Schema {
     json_schema!({ "type": "string", "enum": [Status::Navigating, Status::NotVisible, Status::Done] })
 }
@@ -85,9 +85,9 @@ fn nullable_label(_: &mut SchemaGenerator) -> Schema {
     json_schema!({ "type": ["integer", "null"], "enum": labels })
 }
 
-/// The JSON schema of a reply, properties in the order `status`, `look`, `stage`, `point`, `depth`, `target` and, if `avoid`,
-/// `boxes`. Every property is required and what is absent is null, since that is all that the strictest vendors allow;
-/// which numbers a point holds is for the prompt to say, since it differs by model.
+/// The JSON schema of a reply, properties in the order `status`, `look`, `stage`, `point`, `depth`, `target` and, if
+/// `avoid`, `boxes`. Every property is required and absent values are null, which is all that the strictest vendors
+/// support. The prompt defines the coordinates of a point, since they differ by model.
 #[must_use]
 pub fn reply_schema(avoid: bool) -> Value {
     let mut schema = inlined::<WireReply<'_>>();
@@ -95,7 +95,7 @@ pub fn reply_schema(avoid: bool) -> Value {
         if !avoid {
             properties.shift_remove("boxes");
         } else if let Some(boxes) = properties.get_mut("boxes").and_then(Value::as_object_mut) {
-            // The option only lets the writer leave the list out; a model in obstacle mode writes one, empty or not.
+            // The option only lets the writer omit the list; in obstacle mode a model writes it, empty or not.
             boxes.insert("type".to_owned(), Value::from("array"));
         }
     }
@@ -103,7 +103,7 @@ pub fn reply_schema(avoid: bool) -> Value {
     schema
 }
 
-/// The schema of a type, in one piece.
+/// The schema of a type, with all subschemas inlined.
 fn inlined<T: JsonSchema>() -> Value {
     let settings = SchemaSettings::draft2020_12().with(|s| {
         s.inline_subschemas = true;
@@ -119,7 +119,8 @@ pub(crate) fn closed_schema<T: JsonSchema>() -> Value {
     schema
 }
 
-/// Makes every object of a schema closed, all its properties required, and takes out what only Rust means.
+/// Closes every object of a schema, makes all its properties required, and removes keywords that only apply to Rust
+/// types.
 fn close(schema: &mut Value) {
     match schema {
         Value::Object(map) => {
@@ -141,14 +142,15 @@ fn close(schema: &mut Value) {
 }
 
 impl Reply {
-    /// The reply as JSON, in the coordinates of `profile`: what a model that obeys [`reply_schema`] writes. `boxes` are
-    /// written only if `avoid`. Coordinates are rounded as models of that family do ([`GroundingProfile::point_numbers`]).
+    /// Serialises the reply as JSON in the coordinates of `profile`, as a model that follows [`reply_schema`] would.
+    /// `boxes` are written only if `avoid`. Coordinates are rounded as models of that family do
+    /// ([`GroundingProfile::point_numbers`]).
     #[must_use]
     pub fn to_json(&self, profile: &GroundingProfile, avoid: bool) -> String {
         self.written(avoid, |point| profile.point_numbers(point), |area| profile.area_numbers(area))
     }
 
-    /// The same with every decimal: what one model said, told in another's coordinates.
+    /// The same without rounding: for converting a reply from one model's coordinates to another's.
     #[must_use]
     pub fn to_json_exact(&self, profile: &GroundingProfile, avoid: bool) -> String {
         self.written(avoid, |point| profile.exact_point(point), |area| profile.exact_area(area))

@@ -8,13 +8,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{MAX_STAGE, MAX_TEXT, Unfound, Value, Verdict, closed_schema, search};
 
-/// Most numbers of one answer that are read; further ones are left out unread.
+/// Maximum number of choices parsed from an answer; further ones are ignored.
 pub const MAX_CHOSEN: usize = 64;
 
 /// The answer to a [`Choose`](crate::query::QueryKind::Choose) query.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Choice {
-    /// Numbers of the marks, best first, each once; empty when none of them will do. They need not be on the picture.
+    /// Numbers of the chosen marks, best first, each once; empty if none is suitable. They need not exist in the image.
     pub points: Vec<u32>,
 }
 
@@ -23,18 +23,18 @@ pub struct Choice {
 pub struct Completion {
     /// Whether the whole instruction is fulfilled.
     pub done: bool,
-    /// Number of the stage being worked on, from 1.
+    /// Number of the current stage, from 1.
     pub stage: Option<u32>,
 }
 
-/// Why an answer is neither. Nothing may be flown on it.
+/// Why an answer is neither a choice nor a completion. Nothing may be flown on it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShortReplyError {
-    /// Nothing in it that answers.
+    /// No answer found in the text.
     #[error("the answer holds no JSON with `{wanted}`; ask again, or for a model that obeys schemas")]
     NoReply {
-        /// The key.
+        /// The expected key.
         wanted: &'static str,
     },
     /// The answer ends inside its JSON.
@@ -46,14 +46,14 @@ pub enum ShortReplyError {
         /// The limit, bytes.
         limit: usize,
     },
-    /// A field holds something of the wrong kind.
+    /// A field has the wrong type.
     #[error("`{field}` should be {wanted}, but is `{found}`")]
     WrongType {
-        /// Which field.
+        /// The field.
         field: &'static str,
-        /// What belongs there.
+        /// What was expected.
         wanted: &'static str,
-        /// What stands there, shortened.
+        /// What was found, shortened.
         found: String,
     },
 }
@@ -61,11 +61,11 @@ pub enum ShortReplyError {
 const POINTS: [&str; 4] = ["points", "choices", "candidates", "numbers"];
 const DONE: [&str; 2] = ["done", "completed"];
 
-/// Reads the numbers chosen in `text`: the first JSON object that names them, else the first list of whole numbers. Fences,
-/// prose, a single number for a list and numbers as text are forgiven; a number that comes again counts once.
+/// Parses the numbers chosen in `text`: the first JSON object that names them, else the first list of whole numbers.
+/// Accepts code fences, prose, a single number instead of a list and numbers as text; a repeated number counts once.
 ///
 /// # Errors
-/// [`ShortReplyError`]; a list with anything but whole numbers of 0 to 4 294 967 295 in it is refused.
+/// [`ShortReplyError`]; a list with anything but whole numbers from 0 to 4 294 967 295 is refused.
 pub fn parse_choice(text: &str) -> Result<Choice, ShortReplyError> {
     let object = |value: &Value, _| match value.field(&POINTS) {
         Some(found) => numbers(found).map_or_else(Verdict::Refused, Verdict::Accepted),
@@ -82,10 +82,10 @@ pub fn parse_choice(text: &str) -> Result<Choice, ShortReplyError> {
     find(text, "points", list)
 }
 
-/// Reads `{"done":…}` in `text`, with an optional `stage`; fences and prose are forgiven.
+/// Parses `{"done":…}` in `text`, with an optional `stage`; accepts code fences and prose.
 ///
 /// # Errors
-/// [`ShortReplyError`].
+/// [`ShortReplyError`] if there is no valid answer.
 pub fn parse_completion(text: &str) -> Result<Completion, ShortReplyError> {
     find(text, "done", |value, _| match value.field(&DONE) {
         Some(said) => completion(value, said).map_or_else(Verdict::Refused, Verdict::Accepted),
@@ -135,7 +135,7 @@ fn completion(value: &Value, said: &Value) -> Result<Completion, ShortReplyError
         None => None,
         Some(stage) => {
             let number = whole(stage).filter(|n| *n <= MAX_STAGE);
-            // 0 is what models write where there is only one stage.
+            // Models write 0 if there is only one stage.
             Some(number.ok_or_else(|| wrong("stage", "a number from 1 to 99", stage))?).filter(|n| *n > 0)
         }
     };
@@ -162,7 +162,7 @@ struct WireCompletion {
     stage: u32,
 }
 
-/// The JSON schema of a [`Choice`], with a reason before it, in the same portable subset as
+/// The JSON schema of a [`Choice`], preceded by a reason, in the same portable subset as
 /// [`reply_schema`](super::reply_schema).
 #[must_use]
 pub fn choice_schema() -> serde_json::Value {
@@ -175,7 +175,7 @@ pub fn completion_schema() -> serde_json::Value {
     plain_numbers(closed_schema::<WireCompletion>())
 }
 
-/// Without `format` and `minimum` of Rust's numbers, which one vendor or another refuses.
+/// Removes `format` and `minimum` of Rust's numbers, which some vendors reject.
 pub(crate) fn plain_numbers(mut schema: serde_json::Value) -> serde_json::Value {
     match &mut schema {
         serde_json::Value::Object(map) => {

@@ -1,26 +1,26 @@
-//! Reading a reply, whole or while it still arrives.
+//! Parsing a reply, complete or still arriving.
 
 use super::Reply;
 use super::parse::{ReplyError, interpret};
 use super::scan::{MAX_TEXT, Scan, Unfound};
 use crate::grounding::GroundingProfile;
 
-/// Reads the reply in `text`, in the coordinates of `profile`.
+/// Parses the reply in `text`, in the coordinates of `profile`.
 ///
 /// `docs/reference/reply.md` lists what is forgiven: fences and prose around the JSON, an array for the object, numbers as text,
 /// other keys and spellings, coordinates up to 1 % outside. Of several objects the first that reads as a reply counts.
 ///
 /// # Errors
-/// [`ReplyError`], the first refusal of an object that was meant as a reply. Every number of a reply that is returned is
-/// finite and in its range.
+/// [`ReplyError`] of the first object that was intended as a reply. Every number of a returned reply is finite and
+/// within its range.
 pub fn parse_reply(text: &str, profile: &GroundingProfile) -> Result<Reply, ReplyError> {
     let mut stream = ReplyStream::new(*profile);
     stream.push(text);
     stream.finish()
 }
 
-/// A reply that is still arriving. However the text is cut into chunks, [`finish`](Self::finish) returns what
-/// [`parse_reply`] returns for the whole of it.
+/// A reply that is still arriving. However the text is split into chunks, [`finish`](Self::finish) returns what
+/// [`parse_reply`] returns for the complete text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplyStream {
     profile: GroundingProfile,
@@ -30,13 +30,13 @@ pub struct ReplyStream {
 }
 
 impl ReplyStream {
-    /// A reply of which nothing has arrived yet.
+    /// An empty stream.
     #[must_use]
     pub fn new(profile: GroundingProfile) -> Self {
         Self { profile, text: String::new(), too_long: false, scan: Scan::new() }
     }
 
-    /// Takes the next chunk of the text. Beyond [`MAX_TEXT`] nothing more is kept.
+    /// Appends the next chunk. Text beyond [`MAX_TEXT`] is dropped.
     pub fn push(&mut self, chunk: &str) {
         if self.too_long || self.text.len() + chunk.len() > MAX_TEXT {
             self.too_long = true;
@@ -46,22 +46,22 @@ impl ReplyStream {
         self.scan_to(false);
     }
 
-    /// The reply, as soon as its JSON is closed: no need to wait for the rest of the answer, which cannot change it.
+    /// The reply, as soon as its JSON is complete; the rest of the answer cannot change it.
     #[must_use]
     pub fn early(&self) -> Option<&Reply> {
         self.scan.accepted.as_ref()
     }
 
-    /// What has arrived so far.
+    /// The text so far.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// The reply, now that the answer has ended.
+    /// Finishes the stream and returns the reply.
     ///
     /// # Errors
-    /// As [`parse_reply`].
+    /// Same as [`parse_reply`].
     pub fn finish(mut self) -> Result<Reply, ReplyError> {
         if self.too_long {
             return Err(ReplyError::TooLong { limit: MAX_TEXT });

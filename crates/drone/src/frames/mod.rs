@@ -1,4 +1,4 @@
-//! A camera's frames as pixels, on demand: received already, or drawn when somebody looks.
+//! Camera frames as pixels, on demand: already received, or rendered when requested.
 
 mod store;
 
@@ -9,25 +9,25 @@ use spf_media::{Rgb, Scaler};
 
 pub use store::FrameStore;
 
-/// A craft's camera, as far as its pictures go. What the pilot is told of a frame is its [`FrameMeta`]; whoever wants to see it asks
-/// here, by its number.
+/// The images of a craft's camera. The pilot only gets a frame's [`FrameMeta`]; its pixels are available here by its
+/// id.
 pub trait Frames: Send + Sync {
-    /// A frame, while it is kept.
+    /// A frame; `None` if it is no longer kept.
     fn photo(&self, id: FrameId) -> Option<Photo>;
 
     /// The newest frame.
     fn newest(&self) -> Option<(FrameMeta, Photo)>;
 
-    /// What became of the pictures on their way; all zero where they have no way to go.
+    /// Statistics of the video transmission; all zero if there is none.
     fn tally(&self) -> FrameTally {
         FrameTally::default()
     }
 }
 
-/// Draws a picture at a width and height, pixels.
+/// Renders an image with a width and height, pixels.
 type Draw = dyn Fn((u32, u32)) -> Rgb + Send + Sync;
 
-/// A frame that is held: it stays at hand as long as this lives, however soon the camera forgets it.
+/// A frame that is held: it stays available as long as this value lives, even if the camera has dropped it.
 #[derive(Clone)]
 pub struct Photo {
     size: (u32, u32),
@@ -41,13 +41,13 @@ enum Source {
 }
 
 impl Photo {
-    /// Pixels that were received. Another size is scaled from them.
+    /// A frame of received pixels. Other sizes are scaled from them.
     #[must_use]
     pub fn received(pixels: Arc<Rgb>) -> Self {
         Self { size: (pixels.width(), pixels.height()), source: Source::Received(pixels) }
     }
 
-    /// A picture that is drawn when somebody looks, at the size that is asked for. `size`: the camera's own.
+    /// A frame rendered on demand at the requested size. `size`: the camera's own.
     #[must_use]
     pub fn drawn(size: (u32, u32), draw: impl Fn((u32, u32)) -> Rgb + Send + Sync + 'static) -> Self {
         Self { size, source: Source::Drawn(Arc::new(draw)) }
@@ -68,7 +68,7 @@ impl Photo {
         }
     }
 
-    /// Its pixels at a width and height, for whoever draws on them. `scaler` lends the memory.
+    /// Its pixels scaled to a width and height, for drawing on. `scaler` provides the buffers.
     #[must_use]
     pub fn at(&self, (width, height): (u32, u32), scaler: &mut Scaler) -> Rgb {
         match &self.source {
@@ -78,33 +78,33 @@ impl Photo {
     }
 }
 
-/// What became of a camera's pictures on their way here.
+/// Statistics of a camera's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameTally {
-    /// On the way.
+    /// Transmission.
     pub video: VideoTally,
-    /// Pictures decoded.
+    /// Images decoded.
     pub decoded: u64,
-    /// Pictures that the decoder refused.
+    /// Images that the decoder rejected.
     pub refused: u64,
-    /// Changes of the picture's size.
+    /// Changes of the image's size.
     pub sizes: u64,
-    /// Pictures that showed what an earlier one had shown already.
+    /// Images identical to an earlier one.
     pub repeated: u64,
-    /// Pictures left out because newer ones had come.
+    /// Images dropped because newer ones had arrived.
     pub overtaken: u64,
 }
 
-/// What a video lost on its way.
+/// Transmission losses of a video.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct VideoTally {
-    /// Pictures put together whole.
+    /// Complete images.
     pub units: u64,
-    /// Places where a picture was missing or damaged, by the numbers that pictures carry.
+    /// Gaps detected from frame numbers.
     pub gaps: u64,
-    /// Pictures thrown away until the next at which decoding can begin.
+    /// Images dropped until the next key frame.
     pub skipped: u64,
-    /// NAL units that were too long or of no use.
+    /// NAL units that were too long or invalid.
     pub damaged: u64,
 }
 

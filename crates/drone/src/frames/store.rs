@@ -1,4 +1,4 @@
-//! The newest frames of a camera that sends them, for drivers with a real one.
+//! The newest frames of a real camera, for drivers.
 
 use std::collections::VecDeque;
 use std::hash::Hasher as _;
@@ -11,39 +11,39 @@ use spf_media::Rgb;
 
 use super::{FrameTally, Frames, Photo};
 
-/// Frames that are kept for whoever asks for their pixels: a second's.
+/// Number of frames kept: about one second.
 const KEPT: usize = 24;
-/// Digests of earlier pictures. A camera never shows the same picture twice, bit for bit; a frozen one shows the same few again,
-/// one for each place in the group of pictures.
+/// Number of image digests kept. A live camera never produces the same image twice, bit for bit; a frozen one repeats a
+/// few, one for each position in the group of pictures.
 const DIGESTS: usize = 128;
-/// Every so many rows go into the digest.
+/// Only every n-th row is included in the digest.
 const DIGEST_ROWS: usize = 8;
 
 #[derive(Default)]
 struct Kept {
     frames: VecDeque<(FrameMeta, Arc<Rgb>)>,
-    /// Not yet told to the pilot.
+    /// Frame not yet reported to the pilot.
     news: Option<FrameMeta>,
     next: u64,
-    /// The camera's capture counter, as far as it can be told: it counts pictures that differ.
+    /// The estimated capture counter of the camera: it counts images that differ.
     counter: u64,
     size: Option<(u32, u32)>,
     digests: VecDeque<u64>,
     tally: FrameTally,
 }
 
-/// The newest frames of a camera, shared by who receives them and who looks at them. It numbers them, and tells a frozen picture from
-/// a fresh one.
+/// The newest frames of a camera, shared by receiver and readers. It numbers them, and distinguishes a frozen image
+/// from a new one.
 #[derive(Clone, Default)]
 pub struct FrameStore(Arc<Mutex<Kept>>);
 
 impl FrameStore {
     fn kept(&self) -> MutexGuard<'_, Kept> {
-        // Whole between calls.
+        // The value is consistent between calls.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes a picture, captured and received at these flight times, for the newest frame.
+    /// Adds an image, captured and received at these flight times, as the newest frame.
     pub fn receive(&self, captured: Time, received: Time, picture: Rgb) {
         let digest = digest(&picture);
         let size = (picture.width(), picture.height());
@@ -78,13 +78,13 @@ impl FrameStore {
         kept.news = Some(meta);
     }
 
-    /// The newest frame, if nobody was told of it.
+    /// The newest frame, if it was not taken yet.
     #[must_use]
     pub fn take_news(&self) -> Option<FrameMeta> {
         self.kept().news.take()
     }
 
-    /// Counts what became of the pictures before they were frames.
+    /// Updates the statistics.
     pub fn count(&self, count: impl FnOnce(&mut FrameTally)) {
         count(&mut self.kept().tally);
     }

@@ -1,25 +1,25 @@
-//! What a Tello answers, and what that means for the person who flies. The set of strings is open: firmware differs.
+//! A Tello's responses, and explanations of its errors. The set of strings is open, as it depends on the firmware.
 
-/// What an answer says.
+/// A response.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// Done.
     Ok,
-    /// A value that was asked for.
+    /// A requested value.
     Value(String),
-    /// Refused or given up, in the drone's words.
+    /// Refused or aborted, in the drone's words.
     Refused(String),
-    /// The late answer of a manoeuvre that `stop` ended. Belongs to nobody.
+    /// The late response of a manoeuvre that `stop` ended; belongs to no command.
     ForcedStop,
-    /// Bytes that are no answer: the binary protocol of the app, or damage.
+    /// Not a response: the binary protocol of the app, or damaged data.
     Noise,
 }
 
-/// Longest answer that is looked at, bytes.
+/// Maximum length of a response, bytes.
 const LONGEST: usize = 256;
 
 impl Answer {
-    /// Reads a datagram from the command port.
+    /// Parses a datagram from the command port.
     #[must_use]
     pub fn read(datagram: &[u8]) -> Self {
         let text = core::str::from_utf8(datagram).ok().filter(|text| text.len() <= LONGEST && text.is_ascii());
@@ -44,7 +44,7 @@ impl Answer {
 
 const REFUSALS: [&str; 5] = ["error", "out of range", "unknown command", "unactive", "false"];
 
-/// Beginnings of refusals, longest first where one contains another, and what to do about them.
+/// Prefixes of error responses, longest first if one contains another, and what to do about them.
 const EXPLAINED: [(&str, &str); 10] = [
     ("error motor stop", "its motors are off: it believes that it stands on the ground, or the battery is flat"),
     (
@@ -61,7 +61,7 @@ const EXPLAINED: [(&str, &str); 10] = [
     ("unactive", "a new Tello must be activated once in the app"),
 ];
 
-/// What a refusal means, for people.
+/// Explains an error response to a user.
 #[must_use]
 pub fn explain(refusal: &str) -> &'static str {
     let lower = refusal.trim().to_ascii_lowercase();

@@ -1,4 +1,4 @@
-//! Frames from the video: decoded, the newest wins, the age of each known.
+//! Camera frames from the video stream: decodes it, keeps the newest frame and tracks its age.
 
 use std::net::{IpAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,25 +10,25 @@ use spf_media::h264::Decoder;
 use super::inlet::{Inlet, Unit};
 use crate::frames::FrameStore;
 
-/// How long is waited for pictures at most before it is looked whether the end has come.
+/// Maximum wait for images before checking whether to stop.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
-/// Without a picture for so long the video is asked for again. A Tello sends a key picture every one or two seconds.
+/// After this long without an image, the stream is requested again. A Tello sends a key frame every one or two seconds.
 const MISSING: Duration = Duration::from_secs(3);
 
-/// Makes frames of what came.
+/// Decodes access units to frames.
 pub(super) struct Eye {
     decoder: Decoder,
     latency: Duration,
 }
 
 impl Eye {
-    /// `latency`: from the shutter to the last datagram, as far as known.
+    /// `latency`: estimated time from the shutter to the last datagram.
     pub(super) fn new(decoder: Decoder, latency: Duration) -> Self {
         Self { decoder, latency }
     }
 
-    /// Decodes what came; the newest becomes a frame, the others only lead to it. False when one of them could not be decoded:
-    /// then those after it are left alone.
+    /// Decodes `units`; only the newest becomes a frame. Returns false if one could not be decoded: those after it are
+    /// skipped.
     pub(super) fn see(&mut self, units: &[Unit], frames: &FrameStore) -> bool {
         let mut newest = None;
         let (mut decoded, mut whole) = (0, true);
@@ -59,7 +59,7 @@ impl Eye {
 pub(super) fn gather(socket: &UdpSocket, from: IpAddr, inlet: &Inlet, start: Instant, stopped: &AtomicBool) {
     let mut buffer = [0; 2048];
     while !stopped.load(Ordering::Relaxed) {
-        // Errors are the timeout.
+        // The only expected error is the timeout.
         if let Ok((length, peer)) = socket.recv_from(&mut buffer)
             && peer.ip() == from
         {
@@ -68,7 +68,7 @@ pub(super) fn gather(socket: &UdpSocket, from: IpAddr, inlet: &Inlet, start: Ins
     }
 }
 
-/// Decodes what was received until stopped. While nothing comes that can be decoded, `missing` is called every [`MISSING`].
+/// Decodes received video until stopped. While nothing decodable arrives, `missing` is called every [`MISSING`].
 pub(super) fn watch(inlet: &Inlet, mut eye: Eye, frames: &FrameStore, stopped: &AtomicBool, mut missing: impl FnMut()) {
     let mut last = Instant::now();
     while !stopped.load(Ordering::Relaxed) {
@@ -127,13 +127,13 @@ mod tests {
         let units: Vec<Unit> = (0..3).map(|n| unit(800 + 100 * n, &mut encoder, &red(96, 64, n as u32))).collect();
         assert!(eye.see(&units, &frames));
         let meta = frames.take_news().unwrap();
-        // When it came, not when it was decoded.
+        // Time of arrival, not of decoding.
         assert_eq!((meta.id, meta.captured, meta.received), (FrameId(0), Time::from_millis(850), Time::from_millis(1000)));
         assert_eq!((frames.take_news(), frames.tally().decoded), (None, 3));
         assert!(frames.photo(FrameId(0)).is_some());
     }
 
-    /// Failing 3 of such programs: a frozen picture is sent to the VLM as if it were live.
+    /// Known failure 3 of similar programs: a frozen image is sent to the VLM as if it were live.
     #[test]
     fn failing_3_a_frozen_video_is_told_by_its_counter_though_pictures_keep_coming() {
         let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));
@@ -144,11 +144,11 @@ mod tests {
             counters.push(frames.take_news().unwrap().capture_counter);
         }
         assert!(counters[..21].windows(2).all(|pair| pair[1] == pair[0] + 1), "{counters:?}");
-        // The encoder refines a still picture for a while, and its next key picture looks a little different once more.
+        // The encoder refines a still image for a while, and its next key frame differs slightly once more.
         assert!(counters[45..].windows(2).all(|pair| pair[1] == pair[0]), "{counters:?}");
     }
 
-    /// Failing 13: red and blue swapped between decoder and what is looked at.
+    /// Known failure 13: red and blue are swapped between decoder and viewer.
     #[test]
     fn failing_13_red_is_red() {
         let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));

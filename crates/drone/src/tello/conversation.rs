@@ -1,9 +1,10 @@
-//! Whose answer is this? A Tello numbers nothing: an answer is known by having been waited for.
+//! Matching responses to commands. The Tello protocol has no sequence numbers, so responses are matched by order and
+//! timing.
 //!
-//! One order is in flight at a time. An answer is credited to it only if it is of the kind that the order can have and comes
-//! neither before the order can have been carried out nor after it was given up. After an order the next one whose answers look
-//! alike waits until a copy of the last answer can no longer come ([`ECHO`]); after one that was given up, until its late answer
-//! can no longer come ([`GRACE`]). Motion is never sent a second time.
+//! Only one order is in flight at a time. A response is matched to it only if it is of the expected kind, and arrives
+//! neither before the order can have been carried out nor after it timed out. The next order with the same kind of
+//! response waits until a duplicate of the last response can no longer arrive ([`ECHO`]), or after a timeout until the
+//! late response can no longer arrive ([`GRACE`]). Motion commands are never sent twice.
 
 use std::collections::VecDeque;
 
@@ -11,58 +12,58 @@ use spf_core::time::{Duration, Time};
 
 use super::answer::Answer;
 
-/// A copy of an answer comes within this time of it.
+/// Duplicates of a response arrive within this time.
 pub const ECHO: Duration = Duration::from_millis(500);
-/// The answer of an order that was given up comes within this time of that.
+/// The response to an order that timed out arrives within this time after the timeout.
 pub const GRACE: Duration = Duration::from_secs(10);
-/// Between two orders, as the drone needs it.
+/// Minimum interval between two orders, as the drone requires.
 pub const SPACING: Duration = Duration::from_millis(100);
 
-/// What answers an order can have.
+/// The kind of response an order has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// `ok` or a refusal.
+    /// `ok` or an error.
     Act,
     /// A value.
     Read,
 }
 
-/// Something to be said to the drone, and its answer waited for.
+/// A command to send, with the response to wait for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Order {
-    /// The words.
+    /// Command text.
     pub text: String,
-    /// What it can be answered.
+    /// Kind of response.
     pub kind: Kind,
-    /// An `ok` before this is not its own: no take-off is over in a tenth of a second.
+    /// An `ok` earlier than this belongs to another order: no take-off completes in a tenth of a second.
     pub earliest: Duration,
-    /// It is given up after so long.
+    /// Response timeout.
     pub timeout: Duration,
-    /// How often it may be said again when no answer comes. Always 0 for motion.
+    /// Number of retries without a response. Always 0 for motion.
     pub repeats: u32,
 }
 
 impl Order {
-    /// Something that may be said twice and takes no time.
+    /// A command that may be repeated and completes at once.
     #[must_use]
     pub fn quick(text: &str) -> Self {
         let kind = if text.ends_with('?') { Kind::Read } else { Kind::Act };
         Self { text: text.to_owned(), kind, earliest: Duration::ZERO, timeout: Duration::from_secs(2), repeats: 2 }
     }
 
-    /// A motion: said once, whatever happens.
+    /// A motion command: never sent twice.
     #[must_use]
     pub fn motion(text: &str, earliest: Duration, timeout: Duration) -> Self {
         Self { text: text.to_owned(), kind: Kind::Act, earliest, timeout, repeats: 0 }
     }
 
-    /// Whether `answer` can be this order's, `after` it was said. None when it cannot.
+    /// Whether `answer` can belong to this order, `after` it was sent; `None` if not.
     fn accepts(&self, answer: &Answer, after: Duration) -> bool {
         match (answer, self.kind) {
             (Answer::Ok, Kind::Act) => after >= self.earliest,
             (Answer::Value(_), Kind::Read) => true,
             (Answer::Refused(text), kind) => match text.to_ascii_lowercase().strip_prefix("unknown command: ") {
-                // This one names its order.
+                // This response names its order.
                 Some(verb) => self.text.split(' ').next().is_some_and(|own| own.eq_ignore_ascii_case(verb)),
                 None => kind == Kind::Act,
             },
@@ -71,12 +72,12 @@ impl Order {
     }
 }
 
-/// What became of an order.
+/// The result of an order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Fate {
     /// Answered.
     Answered(Answer),
-    /// No answer came.
+    /// No response arrived.
     TimedOut,
 }
 
@@ -85,38 +86,38 @@ struct InFlight {
     order: Order,
     said: Time,
     repeats_left: u32,
-    /// Answers to an earlier saying of it can come until then.
+    /// Until when responses to an earlier transmission can arrive.
     echoes_until: Time,
 }
 
-/// The conversation with one drone. Sans-IO.
+/// The command channel of one drone. Sans-IO.
 #[derive(Clone, Debug, Default)]
 pub struct Conversation {
     waiting: VecDeque<Order>,
     flight: Option<InFlight>,
-    /// Nothing is said before.
+    /// Nothing is sent before this time.
     quiet_until: Time,
-    /// No order of the kind is said before: acts, reads.
+    /// No order of the kind is sent before these times: acts, reads.
     tombs: [Time; 2],
     ended: VecDeque<(Order, Fate)>,
     strays: u64,
-    /// What was put in the place of everything else and was not said yet.
+    /// An urgent order that replaces all others and has not been sent yet.
     urgent: Option<String>,
 }
 
 impl Conversation {
-    /// Puts an order at the end of those that wait.
+    /// Appends an order to the queue.
     pub fn submit(&mut self, order: Order) {
         self.waiting.push_back(order);
     }
 
-    /// Forgets the orders that were not said yet.
+    /// Drops the orders not sent yet.
     pub fn clear(&mut self) {
         self.waiting.clear();
     }
 
-    /// Puts an order in the place of the one in flight and of all that wait, and says it at once: `stop`. A late answer of what was
-    /// in flight may be taken for this one's; then what it was to end has ended.
+    /// Replaces the order in flight and all queued ones by this one, and sends it at once: `stop`. A late response to
+    /// the order in flight may be matched to this one; in that case the manoeuvre to be stopped has ended anyway.
     pub fn interrupt(&mut self, now: Time, order: Order) {
         self.waiting.clear();
         self.urgent = Some(order.text.clone());
@@ -124,32 +125,32 @@ impl Conversation {
         self.flight = Some(InFlight { order, said: now, repeats_left, echoes_until: now + ECHO });
     }
 
-    /// Takes an order back that was not said yet; false when it was.
+    /// Removes an order from the queue; false if it was already sent.
     pub fn withdraw(&mut self, text: &str) -> bool {
         let before = self.waiting.len();
         self.waiting.retain(|order| order.text != text);
         self.waiting.len() < before
     }
 
-    /// Whether nothing waits and nothing is in flight.
+    /// Whether nothing is queued or in flight.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.waiting.is_empty() && self.flight.is_none()
     }
 
-    /// Something that is answered like an act was said past this conversation (`land` on the way down): its answer belongs to
-    /// nobody, and until it can no longer come no act begins.
+    /// Records that a command with an act response was sent outside of this channel (`land` while descending): its
+    /// response belongs to no order, and no act starts until it can no longer arrive.
     pub fn said_past(&mut self, now: Time) {
         self.tombs[0] = self.tombs[0].max(now + GRACE);
     }
 
-    /// Answers that were credited to nobody so far.
+    /// Number of unmatched responses so far.
     #[must_use]
     pub fn strays(&self) -> u64 {
         self.strays
     }
 
-    /// A datagram came from the command port.
+    /// Handles a datagram from the command port.
     pub fn handle(&mut self, now: Time, datagram: &[u8]) {
         let answer = Answer::read(datagram);
         let credited = self.flight.take_if(|flight| flight.order.accepts(&answer, now.since(flight.said)));
@@ -163,7 +164,7 @@ impl Conversation {
         self.ended.push_back((order, Fate::Answered(answer)));
     }
 
-    /// What to say now.
+    /// The next datagram to send.
     pub fn poll(&mut self, now: Time) -> Option<String> {
         if let Some(text) = self.urgent.take() {
             return Some(text);
@@ -173,7 +174,7 @@ impl Conversation {
                 return None;
             }
             if flight.repeats_left > 0 {
-                // Whichever of the sayings is answered: it is the same order.
+                // A response to any of the transmissions is valid: it is the same order.
                 flight.repeats_left -= 1;
                 flight.echoes_until = now + GRACE;
                 flight.said = now;
@@ -196,7 +197,7 @@ impl Conversation {
         Some(text)
     }
 
-    /// The next order that ended, and how.
+    /// The next completed order, and its result.
     pub fn take_ended(&mut self) -> Option<(Order, Fate)> {
         self.ended.pop_front()
     }
@@ -210,11 +211,11 @@ mod tests {
 
     const STEP: Duration = Duration::from_millis(5);
 
-    /// An order's words carry its number, and a drone of the test answers with that number hidden in the letter case, so that the
-    /// test, not the conversation, knows whose answer an answer is.
+    /// Order texts carry a number, and the test's drone encodes that number in the letter case of its response, so that
+    /// the test knows which order a response belongs to independently of the channel.
     struct Schedule {
         draw: Draw,
-        /// When, what, whose.
+        /// Time, datagram and order number.
         under_way: Vec<(Time, Vec<u8>, usize)>,
     }
 
@@ -223,7 +224,7 @@ mod tests {
             Duration::from_secs_f64(0.02 + 0.1 * self.draw.uniform())
         }
 
-        /// The drone hears order `number` and answers, over a bad link.
+        /// The drone receives order `number` and responds, over an unreliable link.
         fn hear(&mut self, now: Time, text: &str, number: usize, motion: bool) {
             let answer = if text.ends_with('?') {
                 format!("{}\r\n", number % 100)
@@ -238,7 +239,7 @@ mod tests {
             if self.draw.chance(0.15) {
                 return;
             }
-            // Late: after the order's timeout, within the grace.
+            // Late: after the order's timeout, within the grace period.
             if self.draw.chance(0.1) {
                 at += Duration::from_secs_f64(2.0 + 7.0 * self.draw.uniform());
             }
@@ -252,7 +253,8 @@ mod tests {
         }
     }
 
-    /// Lost, late, doubled and overtaking answers: each that is credited belongs to its order, and no motion is said twice.
+    /// With lost, late, duplicated and reordered responses, each matched response belongs to its order, and no motion
+    /// is sent twice.
     #[test]
     fn ten_thousand_schedules_credit_no_answer_to_another_order() {
         for seed in 0..10_000 {

@@ -1,4 +1,4 @@
-//! A Tello with its sockets.
+//! A Tello with its sockets and threads.
 
 use std::net::{IpAddr, SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,26 +24,26 @@ use super::state::State;
 use crate::frames::{FrameStore, Frames};
 use crate::{Capabilities, Drone, DroneError, DroneEvent};
 
-/// Sockets are looked at this often even when nothing comes.
+/// Maximum blocking time of the command and state sockets.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
-/// The video socket's.
+/// Maximum blocking time of the video socket.
 const VIDEO_NAP: Duration = Duration::from_millis(50);
-/// Room for the video of half a second and more, bytes.
+/// Receive buffer for more than half a second of video, bytes.
 const VIDEO_BUFFER: usize = 4 << 20;
-/// What is urgent is said within this time.
+/// Time allowed for urgent commands at shutdown.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
-/// A drone that answers.
+/// A connected drone.
 pub struct Connected {
     /// The drone.
     pub drone: Tello,
-    /// What it told of itself.
+    /// Its first state.
     pub state: State,
-    /// What it says of its make.
+    /// Its firmware.
     pub firmware: Firmware,
 }
 
-/// What the threads share.
+/// State shared by the threads.
 struct Shared {
     link: Mutex<Link>,
     command: UdpSocket,
@@ -57,11 +57,11 @@ impl Shared {
     }
 
     fn link(&self) -> MutexGuard<'_, Link> {
-        // The link is whole between its calls.
+        // The link is consistent between calls.
         self.link.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sends what is due.
+    /// Sends pending commands.
     fn flush(&self) {
         let mut link = self.link();
         while let Some(text) = link.poll(self.now()) {
@@ -95,10 +95,10 @@ pub struct Tello {
 }
 
 impl Tello {
-    /// Connects with the one whose command port is at `drone`: SDK mode, state, video. `start` is when flight time was zero.
+    /// Connects to the Tello whose command port is at `drone`: SDK mode, state, video. `start` is flight time zero.
     ///
     /// # Errors
-    /// [`ConnectError`].
+    /// [`ConnectError`] if a port cannot be bound, the drone does not answer or refuses, or no state arrives.
     pub fn connect(drone: SocketAddr, settings: &TelloSettings, start: Instant) -> Result<Connected, ConnectError> {
         let TelloSettings { local, state_port, video_port, calibration, video_latency, .. } = *settings;
         let command = command_socket(local)?;
@@ -106,7 +106,7 @@ impl Tello {
         command.connect(drone).map_err(reach)?;
         let state = bind(local, state_port, "state")?;
         let video = bind(local, video_port, "video")?;
-        // A small buffer loses video whenever this machine is busy; a system that gives less is told of nowhere else.
+        // A small buffer loses video when this machine is busy; a system that grants less reports it nowhere else.
         if let Err(error) = socket2::SockRef::from(&video).set_recv_buffer_size(VIDEO_BUFFER) {
             tracing::debug!(%error, "the video's buffer stays small");
         }
@@ -143,7 +143,7 @@ impl Tello {
         Ok(())
     }
 
-    /// How many `rc` were sent.
+    /// Number of `rc` commands sent.
     #[must_use]
     pub fn rc_sent(&self) -> u64 {
         self.shared.link().rc_sent()
@@ -152,7 +152,7 @@ impl Tello {
 
 impl Drop for Tello {
     fn drop(&mut self) {
-        // A flight ends with the first `emergency`; the others may be the ones that arrive.
+        // A flight ends with the first `emergency`; the repetitions may be the ones that arrive.
         let begun = Instant::now();
         while self.shared.link().is_urgent() && begun.elapsed() < LAST_WORDS {
             self.shared.flush();
@@ -162,7 +162,7 @@ impl Drop for Tello {
         for thread in self.threads.drain(..) {
             drop(thread.join());
         }
-        // Nobody listens any more.
+        // Nobody is listening any more.
         drop(self.shared.command.send(b"streamoff"));
     }
 }
@@ -173,7 +173,7 @@ impl Drone for Tello {
     }
 
     fn capabilities(&self) -> Capabilities {
-        // Only from the second SDK on there is a word that ends a move.
+        // Only SDK 2.0 and later have a command that ends a move.
         let manoeuvres = self.firmware.sdk.is_some();
         Capabilities { manoeuvres, ..Capabilities::of(Craft::tello(), Camera::tello(), Senses::tello()) }
     }
@@ -183,7 +183,7 @@ impl Drone for Tello {
     }
 
     fn apply(&mut self, _now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
-        // The link's clock, not the loop's: a setpoint's validity ends on time however late it comes here.
+        // Use the link's clock, not the loop's: a setpoint expires on time however late it arrives here.
         self.shared.link().apply(self.shared.now(), command);
         self.shared.flush();
         Ok(())
@@ -198,7 +198,7 @@ impl Drone for Tello {
         Some((meta.received, DroneEvent::Frame(meta)))
     }
 
-    /// What it tells comes when it comes; it is looked at this often.
+    /// Unknown for a real craft; it is polled at this interval.
     fn next_event_at(&self) -> Option<Time> {
         Some(self.polled + POLL_INTERVAL)
     }
@@ -207,7 +207,7 @@ impl Drone for Tello {
 fn answers(shared: &Shared) {
     let mut buffer = [0; 2048];
     while !shared.stopped.load(Ordering::Relaxed) {
-        // Errors are those of earlier sendings, or the timeout.
+        // Errors are from earlier sends, or the timeout.
         if let Ok(length) = shared.command.recv(&mut buffer) {
             shared.link().handle_answer(shared.now(), &buffer[..length]);
         }

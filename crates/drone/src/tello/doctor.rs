@@ -1,4 +1,4 @@
-//! A look at a Tello before a flight: the way to it, its state, its video.
+//! Checks of a Tello before a flight: network path, state, video.
 
 use std::net::SocketAddr;
 use std::time::Instant;
@@ -9,12 +9,12 @@ use super::opening::ConnectError;
 use super::settings::TelloSettings;
 use crate::examine::{Check, FIRST_PICTURE, Finding, Watched, battery, light};
 
-/// It switches itself off somewhat above, °C.
+/// The drone shuts down slightly above this temperature, °C.
 const HOT: i32 = 80;
-/// State lines a second.
+/// Expected state lines per second.
 const STATES: f64 = 10.0;
 
-/// Looks at the Tello at an address.
+/// Checks the Tello at an address.
 pub(super) fn examine(address: SocketAddr, settings: &TelloSettings) -> Vec<Check> {
     let Connected { mut drone, state, firmware } = match Tello::connect(address, settings, Instant::now()) {
         Ok(connected) => connected,

@@ -1,4 +1,4 @@
-//! The registry's row of the Tello: how one is named, reached, flown and looked at.
+//! The Tello's driver registration.
 
 use std::net::{IpAddr, SocketAddr};
 use std::time::Instant;
@@ -14,18 +14,18 @@ use crate::driver::{self, Driver, Target};
 use crate::examine::Check;
 use crate::options::Options;
 
-/// Where a Tello is that is its own access point, as it comes out of the box.
+/// Address of a Tello in its factory setting, as its own access point.
 const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(std::net::Ipv4Addr::new(192, 168, 10, 1)), COMMAND_PORT);
 
-/// What the person must know before a Tello takes off.
+/// Warning before take-off with `rc` motion.
 const WARNING: &str = "A Tello holds its last velocity: when the link is cut nothing can stop it before it lands by itself, 15 s \
                        after the last command. Ctrl-C lands, a second one ends the program.";
 
-/// The same, when it ends each step by itself.
+/// Warning before take-off with `go` motion.
 const OWN_WARNING: &str = "Each step ends by itself: when the link is cut the Tello flies the rest of it, at most 5 m, hovers, and lands 15 s after the \
                            last command. Steps within 20 cm are flown by rc. Ctrl-C lands, a second one ends the program.";
 
-/// The row.
+/// The driver.
 pub const DRIVER: Driver = Driver {
     scheme: "tello",
     about: "a DJI Tello",

@@ -1,5 +1,5 @@
-//! Where the video waits between the thread that receives it and the one that decodes it. The socket is emptied all the time, so
-//! that nothing is lost while a picture is decoded, and each picture knows when it came, however busy the machine is.
+//! The video queue between the receiving and the decoding thread. The socket is drained continuously, so that nothing
+//! is lost while an image is decoded and each image has its exact time of arrival, however busy the machine is.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -10,15 +10,15 @@ use spf_media::h264::AccessUnit;
 use super::video::Joiner;
 use crate::frames::VideoTally;
 
-/// Pictures that may wait: two seconds of them. More are thrown away, for a decoder that is so far behind never catches up.
+/// Maximum number of queued images: two seconds. More are dropped, since a decoder that far behind never catches up.
 const WAITING: usize = 60;
 
-/// A picture that came.
+/// A received image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Unit {
-    /// When its last datagram came.
+    /// Arrival of its last datagram.
     pub(super) at: Time,
-    /// Encoded.
+    /// Encoded data.
     pub(super) unit: AccessUnit,
 }
 
@@ -30,7 +30,7 @@ struct Waiting {
     overtaken: u64,
 }
 
-/// Shared by both threads.
+/// The queue, shared by both threads.
 #[derive(Debug, Default)]
 pub(super) struct Inlet {
     waiting: Mutex<Waiting>,
@@ -39,17 +39,17 @@ pub(super) struct Inlet {
 
 impl Inlet {
     fn waiting(&self) -> MutexGuard<'_, Waiting> {
-        // Whole between calls.
+        // The value is consistent between calls.
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A datagram came.
+    /// Adds a datagram.
     pub(super) fn put(&self, at: Time, datagram: &[u8]) {
         let mut guard = self.waiting();
         let waiting = &mut *guard;
         waiting.joiner.push(datagram, &mut waiting.joined);
         for unit in waiting.joined.drain(..) {
-            // What came before a key picture is not needed for it, nor for any after it: only the newest chain waits.
+            // A key frame and its successors do not need what came before, so only the newest chain is queued.
             if unit.key {
                 waiting.overtaken += waiting.units.len() as u64;
                 waiting.units.clear();
@@ -66,7 +66,7 @@ impl Inlet {
         }
     }
 
-    /// All that waits, oldest first; waits for the first at most so long.
+    /// All queued images, oldest first; waits at most this long for the first.
     pub(super) fn take(&self, wait: Duration) -> Vec<Unit> {
         let guard = self.waiting();
         let waited = self.came.wait_timeout_while(guard, wait, |waiting| waiting.units.is_empty());
@@ -74,17 +74,17 @@ impl Inlet {
         guard.units.drain(..).collect()
     }
 
-    /// What was taken cannot be decoded: what follows it up to the next key picture cannot be either.
+    /// Reports that an image could not be decoded: its successors up to the next key frame cannot be either.
     pub(super) fn refuse(&self) {
         let mut waiting = self.waiting();
         waiting.joiner.refuse();
-        // Whatever waits begins with a key picture or follows what was refused.
+        // Whatever is queued starts with a key frame or follows the rejected image.
         if waiting.units.front().is_some_and(|unit| !unit.unit.key) {
             waiting.units.clear();
         }
     }
 
-    /// What the video lost on its way, and how many pictures were left out because newer ones had come.
+    /// Transmission losses, and the number of images dropped because newer ones had arrived.
     pub(super) fn tally(&self) -> (VideoTally, u64) {
         let waiting = self.waiting();
         (waiting.joiner.tally(), waiting.overtaken)
@@ -98,7 +98,7 @@ mod tests {
 
     use super::*;
 
-    /// Datagrams of pictures, a key picture every tenth.
+    /// Datagrams of images, with a key frame every ten.
     fn datagrams(pictures: u64) -> Vec<Vec<Vec<u8>>> {
         let settings = EncoderSettings { key_interval: 1.0, ..EncoderSettings::for_size(96, 64, 10.0) };
         let mut encoder = Encoder::new(settings).unwrap();
@@ -138,7 +138,7 @@ mod tests {
         inlet.refuse();
         put(&inlet, &stream[6..14], 6);
         assert_eq!(times(&inlet.take(Duration::ZERO)), (10..14).collect::<Vec<_>>());
-        // A key picture that waits is no child of what was refused.
+        // A queued key frame does not depend on the rejected image.
         put(&inlet, &stream[14..22], 14);
         inlet.refuse();
         assert_eq!(times(&inlet.take(Duration::ZERO)), [20, 21]);

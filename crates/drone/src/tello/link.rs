@@ -1,4 +1,4 @@
-//! The driver's heart: commands and state of one Tello, without sockets and clocks.
+//! The driver's protocol logic: commands and state of one Tello, without sockets and clocks.
 
 use std::collections::VecDeque;
 
@@ -15,56 +15,56 @@ use super::state::State;
 use super::sticks::{Calibration, Sticks};
 use crate::DroneEvent;
 
-/// State older than this: the link is lost.
+/// Age of the state above which the link is lost.
 const LOST: Duration = Duration::from_secs(2);
-/// `land` is said again after so long without ground.
+/// `land` is repeated after this long without reaching the ground.
 const LAND_AGAIN: Duration = Duration::from_secs(1);
-/// While the state is missing, `command` is said this often: the drone may have restarted.
+/// While no state arrives, `command` is repeated at this interval: the drone may have restarted.
 const CALL_AGAIN: Duration = Duration::from_secs(1);
-/// `emergency` is said so often, this far apart.
+/// Number of `emergency` repetitions, and their interval.
 const EMERGENCIES: u32 = 3;
 const EMERGENCY_SPACING: Duration = Duration::from_millis(20);
-/// Motors whose time does not rise for so long are off.
+/// If the motor time does not increase for this long, the motors are off.
 const MOTORS_OFF: Duration = Duration::from_millis(1800);
-/// A take-off has left the ground at this height, centimetres.
+/// Height that a take-off has left the ground at, centimetres.
 const LIFTED: i32 = 30;
-/// A take-off whose answer is missing is over when it has been so high for so long.
+/// A take-off without a response is complete once the drone has been at that height for this long.
 const TAKEN_OFF: Duration = Duration::from_secs(3);
-/// Dead time and lag of the craft, for telling which way a speed without sign points, s.
+/// Dead time and lag of the craft, for determining the direction of unsigned speeds, s.
 const DEAD_TIME: f64 = 0.35;
 const LAG: f64 = 0.3;
-/// A modelled speed below this tells no direction, m/s.
+/// Below this modelled speed the direction is unknown, m/s.
 const SIGN: f64 = 0.03;
-/// Between the zeros that go before `land` and `land`.
+/// Interval between the zero setpoints before `land`, and `land`.
 const ZEROS_FIRST: Duration = Duration::from_millis(80);
 
-/// What the driver has to say to a person.
+/// A message of the driver for the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Notice {
     /// A command was refused.
     Refused {
-        /// Which.
+        /// The command.
         command: String,
-        /// In whose words.
+        /// The drone's response.
         answer: String,
-        /// What that means.
+        /// Explanation of the response.
         meaning: &'static str,
     },
-    /// No answer came.
+    /// No response arrived.
     Unanswered {
-        /// To which command.
+        /// The command.
         command: String,
     },
-    /// A manoeuvre was not said: what was said before could still be answered, and the answers are not to be mixed up.
+    /// A manoeuvre was not sent: an earlier command might still be answered, and the responses could be confused.
     Unsaid {
-        /// Which.
+        /// The command.
         command: String,
     },
     /// The drone landed or stopped its motors by itself.
     MotorsOff,
 }
 
-/// One Tello's link. Sans-IO.
+/// The link to one Tello. Sans-IO.
 #[derive(Debug)]
 pub struct Link {
     calibration: Calibration,
@@ -74,26 +74,26 @@ pub struct Link {
     events: VecDeque<(Time, DroneEvent)>,
     notices: VecDeque<Notice>,
     state: State,
-    /// When the last state came.
+    /// Time of the last state.
     heard: Option<Time>,
     lost: bool,
     called: Time,
     land_again: Option<Time>,
     emergencies: VecDeque<Time>,
-    /// Motor time as last told, and since when it is so.
+    /// Motor time as last reported, and since when it has that value.
     motors: Option<(u32, Time)>,
-    /// Since when it is as high as a take-off.
+    /// Since when the drone is at take-off height.
     high_since: Option<Time>,
-    /// Setpoints that were told, with their time, for the direction of speeds.
+    /// Setpoints sent, with their times, for the direction of speeds.
     told: VecDeque<(Time, Setpoint)>,
     modelled: [f64; 3],
     rc_sent: u64,
-    /// What the drone flies by itself.
+    /// The manoeuvre being flown.
     manoeuvre: Option<Move>,
 }
 
 impl Link {
-    /// A link to a drone that is in SDK mode and on the ground, or to one that is found so.
+    /// A link to a drone in SDK mode, on the ground or in the air.
     #[must_use]
     pub fn new(calibration: Calibration) -> Self {
         Self {
@@ -118,13 +118,13 @@ impl Link {
         }
     }
 
-    /// Something that is said when its turn comes, such as `streamon`.
+    /// Queues a command, such as `streamon`.
     pub fn order(&mut self, order: Order) {
         self.conversation.submit(order);
     }
 
-    /// No video comes, or none that can be decoded: asks for it again, where there is time for that. To a drone that sends it
-    /// already this changes nothing.
+    /// Requests the video again, because nothing decodable arrives, if there is time for it. This has no effect on a
+    /// drone that already sends it.
     pub fn ask_for_video(&mut self) {
         let busy = self.lost || !self.conversation.is_idle() || self.land_again.is_some() || self.phase == FlightPhase::Stopped;
         if !busy {
@@ -138,35 +138,35 @@ impl Link {
         &self.state
     }
 
-    /// Whether something is still to be said that nothing may cut off: an `emergency` that could get lost once.
+    /// Whether something urgent is still to be sent: repetitions of `emergency`.
     #[must_use]
     pub fn is_urgent(&self) -> bool {
         !self.emergencies.is_empty()
     }
 
-    /// How many `rc` were sent.
+    /// Number of `rc` commands sent.
     #[must_use]
     pub fn rc_sent(&self) -> u64 {
         self.rc_sent
     }
 
-    /// The next thing for the pilot.
+    /// The next event for the pilot.
     pub fn take_event(&mut self) -> Option<(Time, DroneEvent)> {
         self.events.pop_front()
     }
 
-    /// The next thing for a person.
+    /// The next message for the user.
     pub fn take_notice(&mut self) -> Option<Notice> {
         self.notices.pop_front()
     }
 
-    /// Does what the envelope cleared.
+    /// Carries out a cleared command.
     pub fn apply(&mut self, now: Time, command: &Cleared<Command>) {
         match *command.get() {
             Command::TakeOff => {
                 self.phase = FlightPhase::TakingOff;
                 (self.high_since, self.motors) = (None, None);
-                // Never said twice: an answer can take longer than 7 s, and the state tells.
+                // Never repeated: a response can take longer than 7 s, and the state shows the result.
                 self.conversation.submit(Order::motion("takeoff", Duration::from_millis(1500), Duration::from_secs(20)));
             }
             Command::Setpoint(setpoint) => {
@@ -184,14 +184,15 @@ impl Link {
                 self.manoeuvre = Some(begun);
             }
             Command::Manoeuvre(_) => {}
-            // Said again by the pilot it is the same landing.
+            // A repeated `Land` of the pilot is the same landing.
             Command::Land if self.land_again.is_some() => {}
             Command::Land => {
-                // Under way, a manoeuvre would refuse it. Said once, for a later `stop` would end the landing; `land` is said again.
+                // A manoeuvre in progress would refuse it. Sent once, since a later `stop` would end the landing;
+                // `land` is repeated.
                 if self.manoeuvre.take().is_some_and(|flown| flown.stage != Stage::Resting) {
                     self.conversation.interrupt(now, Order { repeats: 0, ..manoeuvre::stop() });
                 }
-                // Sticks hold until something replaces them, also when `land` gets lost.
+                // Stick positions hold until replaced, even if `land` gets lost.
                 self.sticks.set([0; 4], now);
                 self.conversation.clear();
                 if self.phase != FlightPhase::OnGround {
@@ -210,7 +211,7 @@ impl Link {
         }
     }
 
-    /// A datagram came from the drone's command port.
+    /// Handles a datagram from the drone's command port.
     pub fn handle_answer(&mut self, now: Time, datagram: &[u8]) {
         if let Answer::Refused(text) = Answer::read(datagram)
             && text.to_ascii_lowercase().starts_with("error motor stop")
@@ -222,7 +223,7 @@ impl Link {
         self.settle(now);
     }
 
-    /// What became of orders.
+    /// Handles completed orders.
     fn settle(&mut self, now: Time) {
         while let Some((order, fate)) = self.conversation.take_ended() {
             let command = order.text.clone();
@@ -249,7 +250,7 @@ impl Link {
         }
     }
 
-    /// Ends the manoeuvre that is flown, if one is: what was not said yet is not, and what was is stopped.
+    /// Ends the current manoeuvre, if any: removed if not sent yet, stopped otherwise.
     fn end_manoeuvre(&mut self, now: Time) {
         let Some(flown) = &mut self.manoeuvre else { return };
         match flown.stage {
@@ -258,7 +259,7 @@ impl Link {
             Stage::Submitted => {
                 flown.stage = Stage::Stopping;
                 self.conversation.interrupt(now, manoeuvre::stop());
-                // Besides, for a drone whose sticks end a manoeuvre too.
+                // In addition, for a drone on which stick input also ends a manoeuvre.
                 self.sticks.set([0; 4], now);
                 self.told.push_back((now, Setpoint::HOLD));
             }
@@ -266,7 +267,7 @@ impl Link {
         }
     }
 
-    /// An order has ended: if it is the manoeuvre that is flown, or what stops it, setpoints count again.
+    /// An order has completed: if it is the current manoeuvre, or its `stop`, setpoints apply again.
     fn manoeuvre_over(&mut self, now: Time, command: &str) {
         let is = |flown: &Move| if flown.stage == Stage::Stopping { command == manoeuvre::STOP } else { command == flown.text };
         if self.manoeuvre.as_ref().is_some_and(is) {
@@ -274,7 +275,7 @@ impl Link {
         }
     }
 
-    /// After a manoeuvre: sticks at rest, until a setpoint comes.
+    /// After a manoeuvre: sticks at rest, until a setpoint arrives.
     fn hover(&mut self, now: Time) {
         self.manoeuvre = None;
         self.sticks.set([0; 4], now);
@@ -284,14 +285,14 @@ impl Link {
         }
     }
 
-    /// Goes on with the manoeuvre that was cleared.
+    /// Continues the cleared manoeuvre.
     fn fly_manoeuvre(&mut self, now: Time) {
         let Some(flown) = &mut self.manoeuvre else { return };
         if flown.stage == Stage::Resting && now >= flown.due() {
             flown.stage = Stage::Submitted;
             self.conversation.submit(flown.order());
         }
-        // Whatever keeps it from being said, it is not to begin at some later time.
+        // Whatever delayed it, it must not start at some later time.
         if flown.is_stale(now) && self.conversation.withdraw(&flown.text) {
             let command = flown.text.clone();
             self.notices.push_back(Notice::Unsaid { command });
@@ -313,11 +314,11 @@ impl Link {
     fn begin_flying(&mut self, now: Time) {
         self.phase = FlightPhase::Flying;
         self.motors = self.motors.map(|(time, _)| (time, now));
-        // From here on something is said all the time.
+        // From here on something is sent continuously.
         self.sticks.set([0; 4], now);
     }
 
-    /// A datagram came to the state port.
+    /// Handles a datagram from the state port.
     pub fn handle_state(&mut self, now: Time, datagram: &[u8]) {
         let Some(state) = State::read(datagram) else { return };
         let before = self.heard.replace(now);
@@ -330,7 +331,7 @@ impl Link {
         self.events.push_back((now, DroneEvent::Telemetry(self.telemetry(now))));
     }
 
-    /// What the state tells about the phase, against what was commanded.
+    /// Determines the flight phase from the state and the commands sent.
     fn judge_phase(&mut self, now: Time) {
         let height = self.state.height.unwrap_or(0).max(self.state.tof.unwrap_or(0));
         if let Some(time) = self.state.motor_time
@@ -357,7 +358,7 @@ impl Link {
         }
     }
 
-    /// Which way the craft goes by what it was told: the state's speeds have no sign to rely on.
+    /// Models the direction of flight from the commands: the sign of the reported speeds is unreliable.
     fn model(&mut self, now: Time, before: Time) {
         let effective = now - duration_from_secs(DEAD_TIME);
         while self.told.get(1).is_some_and(|(at, _)| *at <= effective) {
@@ -377,12 +378,13 @@ impl Link {
         wrap_angle(f64::from(self.state.yaw.unwrap_or(0)).to_radians())
     }
 
-    /// The state as the pilot reads it. North is where the drone faced when it was switched on.
+    /// The state as telemetry. North is the drone's heading at power-on.
     fn telemetry(&self, now: Time) -> Telemetry {
         let state = &self.state;
         let angle = |degrees: Option<i32>| f64::from(degrees.unwrap_or(0)).to_radians();
         let velocity = state.speed.map(|[x, y, z]| {
-            // The length is the drone's, the direction what it was told: the signs of these numbers differ between firmwares.
+            // Magnitude from the drone, direction from the commands: the signs of these values differ between firmware
+            // versions.
             let length = 0.1 * libm::hypot(f64::from(x), f64::from(y));
             let [east, north, up] = self.modelled;
             let expected = libm::hypot(east, north);
@@ -399,7 +401,7 @@ impl Link {
         Telemetry {
             time: now,
             position: None,
-            // Also on the way down: a position that is reckoned must not go on as it went before.
+            // Also while descending: a dead-reckoned position must not continue at the earlier velocity.
             velocity: velocity.filter(|_| self.phase != FlightPhase::OnGround),
             attitude: Attitude {
                 heading: state.yaw.map_or(f64::NAN, |_| self.heading()),
@@ -414,7 +416,7 @@ impl Link {
         }
     }
 
-    /// What to send to the drone's command port now.
+    /// The next datagram to send to the drone's command port.
     pub fn poll(&mut self, now: Time) -> Option<String> {
         if self.emergencies.front().is_some_and(|at| *at <= now) {
             self.emergencies.pop_front();

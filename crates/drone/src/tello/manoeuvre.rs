@@ -5,54 +5,54 @@ use spf_core::time::{Duration, Time};
 
 use super::conversation::Order;
 
-/// The drone refuses a move as long as sticks were told a moment ago (`error Not joystick`).
+/// The drone refuses a move within this time after an `rc` command (`error Not joystick`).
 const STICKS_REST: Duration = Duration::from_millis(500);
-/// A move that was not said by then after it was cleared is no longer wanted.
+/// A move not sent within this time after it was cleared is dropped.
 const STALE: Duration = Duration::from_millis(2500);
-/// No move is over sooner.
+/// Minimum duration of a move.
 const EARLIEST: Duration = Duration::from_millis(300);
-/// The drone gives a move up after 15 s and more by its own clock.
+/// Response timeout: the drone aborts a move after 15 s or more of its own.
 const ANSWERED: Duration = Duration::from_secs(22);
-/// `stop` is said so often, this far apart, until it is answered.
+/// Number of times `stop` is sent until it is answered, and their interval.
 const STOPS: u32 = 5;
 const STOP_AGAIN: Duration = Duration::from_millis(250);
 
-/// Where a move is.
+/// Stage of a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
-    /// Until the sticks have rested.
+    /// Waiting until the sticks have rested.
     Resting,
-    /// Among what is to be said.
+    /// Queued or sent.
     Submitted,
-    /// `stop` was said.
+    /// `stop` was sent.
     Stopping,
 }
 
-/// A move under way.
+/// A move in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Move {
     pub(super) text: String,
     pub(super) stage: Stage,
     pub(super) cleared: Time,
-    /// When it has to have ended.
+    /// When it must have ended.
     pub(super) valid_until: Time,
-    /// What its velocity is, as a setpoint.
+    /// Its velocity as a setpoint.
     pub(super) velocity: Setpoint,
 }
 
 impl Move {
-    /// None of one that the drone could not be told, within 20 cm on every axis or under a degree.
+    /// Creates a move; `None` if it is too small for the drone: within 20 cm on every axis, or under a degree.
     pub(super) fn new(manoeuvre: Manoeuvre, now: Time, valid_until: Time, turn_rate: f64) -> Option<Self> {
         let text = words(manoeuvre)?;
         Some(Self { text, stage: Stage::Resting, cleared: now, valid_until, velocity: manoeuvre.velocity(turn_rate) })
     }
 
-    /// When it may be said.
+    /// When it may be sent.
     pub(super) fn due(&self) -> Time {
         self.cleared + STICKS_REST
     }
 
-    /// Whether it waited too long to be said.
+    /// Whether it has waited too long to be sent.
     pub(super) fn is_stale(&self, now: Time) -> bool {
         now.since(self.cleared) > STALE
     }
@@ -68,7 +68,7 @@ pub(super) fn stop() -> Order {
     Order { repeats: STOPS - 1, timeout: STOP_AGAIN, ..Order::quick(STOP) }
 }
 
-/// The SDK's words: whole degrees, and centimetres ahead, to the left and up.
+/// The SDK command: whole degrees; centimetres forward, left and up.
 fn words(manoeuvre: Manoeuvre) -> Option<String> {
     match manoeuvre {
         Manoeuvre::Turn { angle } => {
@@ -82,7 +82,7 @@ fn words(manoeuvre: Manoeuvre) -> Option<String> {
             let (x, y, z) = (cm(displacement.forward), cm(-displacement.right), cm(displacement.up));
             let least = cm(Manoeuvre::LEAST_WAY);
             let told = [x, y, z].iter().any(|part| part.abs() >= least);
-            // Rounded down: no faster than was cleared, where that can be told.
+            // Rounded down, so that it is no faster than cleared.
             let speed = libm::floor(100.0 * speed + 1e-6).clamp(10.0, 100.0) as i32;
             told.then(|| format!("go {x} {y} {z} {speed}"))
         }
@@ -99,7 +99,7 @@ mod tests {
     fn hand_worked_words() {
         let go =
             |right, forward, up, speed| words(Manoeuvre::Go { displacement: BodyDisplacement { right, forward, up }, speed });
-        // Ahead, to the left, up.
+        // Forward, left, up.
         assert_eq!(go(0.3, 1.5, -0.25, 0.8).as_deref(), Some("go 150 -30 -25 80"));
         assert_eq!(go(0.0, 9.0, 0.0, 3.0).as_deref(), Some("go 500 0 0 100"));
         assert_eq!(go(0.0, 0.2, 0.0, 0.01).as_deref(), Some("go 20 0 0 10"));

@@ -1,4 +1,4 @@
-//! The first words with a Tello: its sockets, SDK mode, its make and its first state, before the conversation begins.
+//! Connecting to a Tello: sockets, SDK mode, firmware and first state.
 
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
@@ -15,68 +15,68 @@ const COMMAND_TRIES: u32 = 5;
 const ANSWER_WAIT: Duration = Duration::from_secs(1);
 const STATE_WAIT: Duration = Duration::from_secs(2);
 
-/// Why there is no connection. Each says what to do.
+/// Why the connection failed. Each message says what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConnectError {
-    /// A port of ours is taken.
+    /// A local port cannot be bound.
     #[error("UDP port {port} of this machine cannot be had for the drone's {what}")]
     Port {
-        /// Which.
+        /// The port.
         port: u16,
-        /// What comes there.
+        /// Its purpose.
         what: &'static str,
-        /// Why.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
-    /// Nothing can be sent there.
+    /// The drone's address cannot be reached.
     #[error("{drone} cannot be reached")]
     Unreachable {
         /// The drone.
         drone: SocketAddr,
-        /// Why.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
-    /// Nobody answers.
+    /// The drone does not answer.
     #[error("{drone} does not answer `command`")]
     NoAnswer {
         /// The drone.
         drone: SocketAddr,
     },
-    /// It refuses.
+    /// The drone refuses a command.
     #[error("the drone answers `{answer}` to `{command}`: {meaning}")]
     Refused {
-        /// What was said.
+        /// The command.
         command: &'static str,
-        /// Its words.
+        /// Its response.
         answer: String,
-        /// What they mean.
+        /// Explanation of the response.
         meaning: &'static str,
     },
-    /// It answers commands, and its state does not arrive.
+    /// The drone answers commands, but its state does not arrive.
     #[error("the drone answers, but no state arrives on UDP port {port}")]
     NoState {
-        /// Where it was waited for.
+        /// The state port.
         port: u16,
     },
-    /// No thread or decoder.
+    /// A thread could not be started.
     #[error("the driver cannot be started")]
     Start(#[source] std::io::Error),
-    /// No decoder.
+    /// The video decoder could not be created.
     #[error(transparent)]
     Decoder(#[from] spf_media::h264::DecoderError),
 }
 
-/// What a Tello says of its make. What a firmware does not know the question of is none.
+/// Identification of a Tello. Values that its firmware does not provide are `None`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Firmware {
-    /// The SDK that it speaks (`sdk?`); none for 1.3, which does not know the question.
+    /// SDK version (`sdk?`); `None` for 1.3, which lacks the command.
     pub sdk: Option<String>,
-    /// Its serial number (`sn?`).
+    /// Serial number (`sn?`).
     pub serial: Option<String>,
-    /// Its kind (`hardware?`), since SDK 3.0.
+    /// Hardware model (`hardware?`), since SDK 3.0.
     pub hardware: Option<String>,
 }
 
@@ -93,7 +93,7 @@ impl core::fmt::Display for Firmware {
     }
 }
 
-/// Our end of the command port, or any port where that is taken.
+/// The local command socket, on any port if the usual one is taken.
 pub(super) fn command_socket(local: IpAddr) -> Result<UdpSocket, ConnectError> {
     match UdpSocket::bind((local, COMMAND_PORT)) {
         Err(error) if error.kind() == ErrorKind::AddrInUse => bind(local, 0, "answers"),
@@ -102,12 +102,12 @@ pub(super) fn command_socket(local: IpAddr) -> Result<UdpSocket, ConnectError> {
     }
 }
 
-/// A port of ours.
+/// Binds a local port.
 pub(super) fn bind(local: IpAddr, port: u16, what: &'static str) -> Result<UdpSocket, ConnectError> {
     UdpSocket::bind((local, port)).map_err(|source| ConnectError::Port { port, what, source })
 }
 
-/// Waits for a datagram for at most `wait`.
+/// Waits up to `wait` for a datagram.
 fn receive(socket: &UdpSocket, wait: Duration, mut accept: impl FnMut(&[u8], SocketAddr) -> bool) -> bool {
     let (begun, mut buffer) = (Instant::now(), [0; 2048]);
     while begun.elapsed() < wait {
@@ -120,7 +120,7 @@ fn receive(socket: &UdpSocket, wait: Duration, mut accept: impl FnMut(&[u8], Soc
     false
 }
 
-/// Enters SDK mode; who it is.
+/// Enters SDK mode and identifies the drone.
 pub(super) fn enter(socket: &UdpSocket, drone: SocketAddr) -> Result<Firmware, ConnectError> {
     for _ in 0..COMMAND_TRIES {
         socket.send(b"command").map_err(|source| ConnectError::Unreachable { drone, source })?;
@@ -135,14 +135,14 @@ pub(super) fn enter(socket: &UdpSocket, drone: SocketAddr) -> Result<Firmware, C
                 let meaning = explain(&answer);
                 return Err(ConnectError::Refused { command: "command", answer, meaning });
             }
-            // The app's binary protocol, or silence: once more.
+            // The app's binary protocol, or silence: try again.
             _ => {}
         }
     }
     Err(ConnectError::NoAnswer { drone })
 }
 
-/// The first SDK knows none of these questions, and only the third the last.
+/// SDK 1.3 supports none of these commands, and only SDK 3.0 the last.
 fn ask_firmware(socket: &UdpSocket) -> Firmware {
     let sdk = ask(socket, "sdk?");
     let serial = sdk.as_ref().and_then(|_| ask(socket, "sn?"));
@@ -151,9 +151,9 @@ fn ask_firmware(socket: &UdpSocket) -> Firmware {
     Firmware { sdk, serial, hardware }
 }
 
-/// The answer to a question, before the conversation begins.
+/// The response to a read command, before the command channel is started.
 fn ask(socket: &UdpSocket, question: &str) -> Option<String> {
-    // Second answers to what was said before pass by.
+    // Discard late responses to earlier commands.
     receive(socket, SPACING, |_, _| false);
     socket.send(question.as_bytes()).ok()?;
     let mut told = None;

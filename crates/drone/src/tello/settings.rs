@@ -1,4 +1,4 @@
-//! How a Tello is reached and flown.
+//! Tello settings.
 
 use std::net::{IpAddr, Ipv4Addr};
 
@@ -6,38 +6,39 @@ use spf_core::time::Duration;
 
 use super::sticks::Calibration;
 
-/// The drone's command port, which clients bind too where they can: some firewalls let answers pass only there.
+/// The drone's command port. Clients bind the same local port if possible: some firewalls only let responses through to
+/// it.
 pub const COMMAND_PORT: u16 = 8889;
 
-/// How a Tello moves.
+/// How a Tello is moved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TelloMotion {
-    /// By velocities (`rc`), which it holds when the link is cut.
+    /// By velocities (`rc`), which it holds when the link is lost.
     #[default]
     Rc,
-    /// Each step as moves that it ends by itself (`go`).
+    /// By moves that it ends by itself (`go`).
     Go,
 }
 
-/// How a Tello is reached and flown.
+/// Tello settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TelloSettings {
-    /// Our address; unspecified for any.
+    /// Local address; unspecified for any.
     pub local: IpAddr,
-    /// Where its state comes to.
+    /// Local port for its state.
     pub state_port: u16,
-    /// Where its video comes to.
+    /// Local port for its video.
     pub video_port: u16,
-    /// What full stick does.
+    /// Velocities at full stick.
     pub calibration: Calibration,
-    /// From the shutter to the last datagram.
+    /// Time from the shutter to the last datagram.
     pub video_latency: Duration,
-    /// How it moves.
+    /// How it is moved.
     pub motion: TelloMotion,
 }
 
 impl Default for TelloSettings {
-    /// As it comes out of the box.
+    /// Factory settings.
     fn default() -> Self {
         Self {
             local: IpAddr::V4(Ipv4Addr::UNSPECIFIED),

@@ -1,30 +1,30 @@
-//! The state line: everything a Tello tells of itself, ten times a second.
+//! The state line that a Tello sends ten times per second.
 
-/// Longest line that is looked at, bytes; a real one has some 250.
+/// Maximum length of a line, bytes; real ones have about 250.
 const LONGEST: usize = 1024;
 
-/// A state line. What a firmware does not send is none; nothing is ever assumed to be zero.
+/// A state line. Values that a firmware does not send are `None`, never zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State {
     /// The mission pad in view, 1 to 8.
     pub pad: Option<u8>,
-    /// Place over that pad, centimetres.
+    /// Position relative to that pad, centimetres.
     pub over_pad: Option<[i32; 3]>,
-    /// Nose up, degrees.
+    /// Pitch, positive nose up, degrees.
     pub pitch: Option<i32>,
-    /// Right side down, degrees.
+    /// Roll, positive right side down, degrees.
     pub roll: Option<i32>,
-    /// Clockwise from the heading at power-on, degrees.
+    /// Yaw, clockwise from the heading at power-on, degrees.
     pub yaw: Option<i32>,
-    /// Speeds, dm/s, in a frame of the firmware's own.
+    /// Speeds, dm/s, in a firmware-specific frame.
     pub speed: Option<[i32; 3]>,
     /// Lowest and highest temperature, °C.
     pub temperature: Option<[i32; 2]>,
-    /// Distance to the ground, centimetres; none out of reach.
+    /// Distance to the ground, centimetres; `None` if out of range.
     pub tof: Option<i32>,
     /// Height above the take-off point, centimetres, in steps of 10.
     pub height: Option<i32>,
-    /// Charge, per cent.
+    /// Battery charge, per cent.
     pub battery: Option<u8>,
     /// Barometric altitude, metres.
     pub barometer: Option<f64>,
@@ -34,12 +34,12 @@ pub struct State {
     pub acceleration: Option<[f64; 3]>,
 }
 
-/// What the sensor below tells when nothing is near enough.
+/// Value of the distance sensor when nothing is in range.
 const NO_ECHO: i32 = 6553;
 
 impl State {
-    /// Reads a datagram from the state port; none for what is no state line. Unknown fields are skipped, and a field that makes no
-    /// sense is as if it were not there.
+    /// Parses a datagram from the state port; `None` if it is not a state line. Unknown fields are skipped, and invalid
+    /// values count as missing.
     #[must_use]
     pub fn read(datagram: &[u8]) -> Option<Self> {
         let text = core::str::from_utf8(datagram).ok().filter(|text| text.len() <= LONGEST && text.is_ascii())?;
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Lines of real drones, as published.
+    /// Published state lines of real drones.
     const OLD: &str = "pitch:1;roll:5;yaw:0;vgx:0;vgy:0;vgz:0;templ:43;temph:46;tof:10;h:0;bat:83;baro:150.12;time:0;agx:15.00;agy:-97.00;agz:-988.00;\r\n";
     const FLYING: &str = "mid:-1;x:-100;y:-100;z:-100;mpry:-1,-1,-1;pitch:0;roll:0;yaw:-3;vgx:0;vgy:0;vgz:1;templ:58;temph:60;tof:71;h:50;bat:82;baro:-57.14;time:14;agx:17.00;agy:-4.00;agz:-956.00;\r\n";
     const PAD: &str = "mid:3;x:-4;y:-3;z:74;mpry:0,0,12;pitch:0;roll:0;yaw:-3;vgx:0;vgy:0;vgz:1;templ:58;temph:60;tof:6553;h:50;bat:82;baro:-57.14;time:14;agx:17.00;agy:-4.00;agz:-956.00;";

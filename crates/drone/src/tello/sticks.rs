@@ -1,35 +1,37 @@
-//! `rc`: what the sticks are told, and how often.
+//! `rc` commands: stick positions, and when to send them.
 //!
-//! A Tello holds what it was told last until it is told something else, so a zero must not get lost: it is sent three times, and
-//! while it flies something is sent at least every [`PERIOD`], which also keeps its own landing after 15 s away.
+//! A Tello holds the last stick positions until it gets new ones, so a zero must not get lost: it is sent three times.
+//! In flight something is sent at least every [`PERIOD`], which also prevents the drone's own landing after 15 s of
+//! silence.
 
 use spf_core::command::Setpoint;
 use spf_core::time::{Duration, Time};
 
-/// Between two `rc` at most.
+/// Maximum interval between two `rc` commands.
 pub const PERIOD: Duration = Duration::from_millis(80);
-/// Between two `rc` at least.
+/// Minimum interval between two `rc` commands.
 const LEAST: Duration = Duration::from_millis(20);
-/// Between the copies of a zero.
+/// Interval between the copies of a zero.
 const COPIES: Duration = Duration::from_millis(30);
-/// How often a zero is sent before it is only repeated every [`PERIOD`].
+/// Number of copies of a zero before it is only repeated every [`PERIOD`].
 const ZEROS: u32 = 3;
 
-/// What full stick does. SI units and radians.
+/// Velocities at full stick. SI units and radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration {
-    /// On the map.
+    /// Horizontal speed, m/s.
     pub speed: f64,
-    /// Upwards.
+    /// Climb rate, m/s.
     pub climb: f64,
-    /// Downwards.
+    /// Descent rate, m/s.
     pub sink: f64,
-    /// Round.
+    /// Yaw rate, rad/s.
     pub yaw_rate: f64,
 }
 
 impl Default for Calibration {
-    /// Clients' common reading that `rc` is in cm/s, and the yaw rate that most timings give; no measurement of the vendor's exists.
+    /// The common interpretation that `rc` is in cm/s, with the yaw rate found by most measurements; the vendor
+    /// publishes none.
     fn default() -> Self {
         Self { speed: 1.0, climb: 1.0, sink: 0.8, yaw_rate: 95.0_f64.to_radians() }
     }
@@ -42,7 +44,7 @@ impl Calibration {
         let vertical = if setpoint.up > 0.0 { self.climb } else { self.sink };
         let share = |value: f64, full: f64| {
             let share = 100.0 * value / full;
-            // What is not a number must not become full stick.
+            // NaN must not become full stick.
             if share.is_finite() { libm::round(share.clamp(-100.0, 100.0)) as i8 } else { 0 }
         };
         [
@@ -54,7 +56,7 @@ impl Calibration {
     }
 }
 
-/// What the sticks are to be, over time. Sans-IO.
+/// The stick positions over time. Sans-IO.
 #[derive(Clone, Debug, Default)]
 pub struct Sticks {
     wanted: Option<([i8; 4], Time)>,
@@ -63,12 +65,12 @@ pub struct Sticks {
 }
 
 impl Sticks {
-    /// Holds these from `now` on, until `valid_until`; then zero.
+    /// Holds these positions from `now` until `valid_until`; then zero.
     pub fn set(&mut self, sticks: [i8; 4], valid_until: Time) {
         self.wanted = Some((sticks, valid_until));
     }
 
-    /// Nothing is said any more.
+    /// Stops sending.
     pub fn release(&mut self) {
         *self = Self::default();
     }
@@ -87,7 +89,7 @@ impl Sticks {
         Some((sticks, at + after))
     }
 
-    /// What to say now.
+    /// The next command to send, if due.
     pub fn poll(&mut self, now: Time) -> Option<String> {
         let (sticks, _) = self.due(now).filter(|(_, at)| *at <= now)?;
         self.zeros = if sticks == [0; 4] { self.zeros + 1 } else { 0 };
@@ -96,7 +98,7 @@ impl Sticks {
         Some(format!("rc {right} {forward} {up} {clockwise}"))
     }
 
-    /// When there is something to say.
+    /// When the next command is due.
     #[must_use]
     pub fn next_at(&self, now: Time) -> Option<Time> {
         let (_, at) = self.due(now)?;

@@ -1,41 +1,43 @@
-//! Putting the video together: datagrams without header or number, in which only lengths and start codes tell where a NAL unit ends.
+//! Reassembles the video: its datagrams have no header or number, so only lengths and start codes mark the end of a NAL
+//! unit.
 
 use spf_media::h264::{AccessUnit, NalKind};
 
 use crate::frames::VideoTally;
 
-/// A datagram of this length is followed by more of its NAL unit, unless that one ends with it.
+/// A datagram of this length is followed by more of its NAL unit, unless the unit ends with it.
 const FULL: usize = 1460;
 const START: [u8; 4] = [0, 0, 0, 1];
-/// A NAL unit longer than this is damage: real ones have some 35 kB.
+/// Maximum length of a NAL unit; real ones have about 35 kB, so a longer one is damaged.
 const LONGEST: usize = 1 << 20;
 
-/// Puts access units together from datagrams.
+/// Reassembles access units from datagrams.
 #[derive(Clone, Debug, Default)]
 pub struct Joiner {
     nal: Vec<u8>,
-    /// Parameter sets and the like that go before the next picture.
+    /// Parameter sets and similar units that precede the next image.
     head: Vec<u8>,
     /// Bits of `frame_num`, from the sequence parameter set.
     number_bits: Option<u32>,
     last_number: Option<u32>,
-    /// Decoding may go on: nothing was lost since the last key picture.
+    /// Whether decoding can continue: nothing was lost since the last key frame.
     whole: bool,
     tally: VideoTally,
 }
 
 impl Joiner {
-    /// What was lost so far.
+    /// Losses so far.
     #[must_use]
     pub fn tally(&self) -> VideoTally {
         self.tally
     }
 
-    /// The next datagram; the access units that it completes are put at the end of `units`. A unit that
-    /// follows a loss is left out, and all after it up to the next key picture: they cannot be decoded rightly.
+    /// Adds a datagram; access units that it completes are appended to `units`. A unit that follows a loss is dropped,
+    /// and so are all after it up to the next key frame, since they cannot be decoded correctly.
     pub fn push(&mut self, datagram: &[u8], units: &mut Vec<AccessUnit>) {
-        // What was begun has not ended in a shorter datagram: its end is lost. A whole unit whose length is a multiple of a
-        // datagram's looks the same, one in 1460; it goes too, for a picture without its end must not pass for whole.
+        // The current unit did not end in a shorter datagram, so its end is lost. A complete unit whose length is a
+        // multiple of a datagram's looks the same (one in 1460); it is dropped too, since a truncated image must not
+        // pass for complete.
         if datagram.starts_with(&START) && !self.nal.is_empty() {
             self.nal.clear();
             self.tally.damaged += 1;
@@ -52,7 +54,7 @@ impl Joiner {
         }
     }
 
-    /// A unit that came out could not be decoded: those after it up to the next key picture cannot be either.
+    /// Reports that a unit could not be decoded: its successors up to the next key frame cannot be either.
     pub fn refuse(&mut self) {
         self.lost();
     }
@@ -62,7 +64,7 @@ impl Joiner {
             return;
         }
         let nal = std::mem::take(&mut self.nal);
-        // The rest of a unit whose beginning was lost has no start code.
+        // The remainder of a unit whose start was lost has no start code.
         let Some(payload) = nal.strip_prefix(&START) else {
             self.tally.damaged += 1;
             self.lost();
@@ -71,7 +73,7 @@ impl Joiner {
         match NalKind::of(payload) {
             Some(NalKind::Sps) => {
                 self.number_bits = number_bits(payload);
-                // A new sequence: nothing from before goes before its first picture.
+                // A new sequence: earlier parameter sets do not apply to it.
                 self.head = nal;
             }
             Some(NalKind::Pps | NalKind::Other(6..=9)) => {
@@ -92,7 +94,7 @@ impl Joiner {
         }
     }
 
-    /// A picture refers to the one before it: a number left out is a picture lost.
+    /// Checks the frame number: an image refers to its predecessor, so a missing number is a lost image.
     fn count(&mut self, slice: &[u8]) {
         let Some(bits) = self.number_bits else { return self.lost() };
         let number = frame_number(slice, bits);
@@ -120,7 +122,7 @@ impl Joiner {
     }
 }
 
-/// Bits of a NAL unit's payload, emulation prevention bytes left out.
+/// Bits of a NAL unit's payload, without emulation prevention bytes.
 struct Bits<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -130,7 +132,7 @@ struct Bits<'a> {
 }
 
 impl<'a> Bits<'a> {
-    /// Of a NAL unit without start code; its first byte is skipped.
+    /// Reads a NAL unit without start code; its first byte is skipped.
     fn of(nal: &'a [u8]) -> Self {
         Self { bytes: nal, at: 1, zeros: 0, byte: 0, left: 0 }
     }
@@ -185,7 +187,7 @@ fn number_bits(sps: &[u8]) -> Option<u32> {
         bits.number()?;
         bits.number()?;
         bits.bit()?;
-        // Scaling matrices: no drone's, and long to read.
+        // Scaling matrices: not used by any drone, and long to parse.
         if bits.bit()? == 1 {
             return None;
         }
@@ -211,7 +213,7 @@ mod tests {
 
     use super::*;
 
-    /// Datagrams of each of some pictures of noise, cut as a Tello cuts them.
+    /// Datagrams of several noise images, split as a Tello splits them.
     fn stream(frames: u32) -> Vec<Vec<Vec<u8>>> {
         let settings = EncoderSettings { key_interval: 1.0, quantiser: 20, ..EncoderSettings::for_size(192, 144, 10.0) };
         let mut encoder = Encoder::new(settings).unwrap();
@@ -276,7 +278,7 @@ mod tests {
                     }
                 }
             }
-            // A loss inside of the unit shows when it is decoded, or when the one after it is.
+            // A loss inside a unit shows when it, or the unit after it, is decoded.
             let expected: Vec<usize> = (0..4).chain(10..25).collect();
             came.retain(|frame| !(4..6).contains(frame));
             assert_eq!(came, expected, "datagram {lost} of {}", stream[4].len());
@@ -284,7 +286,7 @@ mod tests {
         }
     }
 
-    /// The sequence parameter set of a real Tello, as several projects carry it in their code.
+    /// The sequence parameter set of a real Tello, as found in several projects.
     #[test]
     fn a_real_tello_s_numbers_have_eight_bits() {
         assert_eq!(number_bits(&[0x67, 0x4d, 0x40, 0x28, 0x95, 0xa0, 0x3c, 0x05, 0xb9]), Some(8));

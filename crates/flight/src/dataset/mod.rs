@@ -1,9 +1,9 @@
 //! Labelled pointing data: pictures of a scene with an instruction each, what it means in the picture, and all that the oracle
 //! reads (docs/guide/dataset.md).
 //!
-//! An example follows from the scene, the recipe and its number alone, so that examples can be made in any order and a folder
-//! that was cut short can be gone on with. What an instruction means is decided by the language of the truth, over the objects
-//! that the picture shows: an example whose words are not clear to it is not made.
+//! An example depends only on the scene, the recipe and its number, so examples can be generated in any order and an
+//! interrupted run can be resumed. The judge's language parser resolves each instruction over the objects visible in
+//! the image; examples that are ambiguous to it are discarded.
 
 mod place;
 pub mod record;
@@ -34,60 +34,60 @@ use views::Views;
 pub use wording::Wording;
 use wording::{PLACES, instructions, shuffle};
 
-/// Views that are drawn for one example before it is given up.
+/// Number of views tried for one example before giving up.
 const ATTEMPTS: u64 = 3000;
-/// Hidden things whose names are tried for one absent target.
+/// Number of hidden objects whose names are tried for one absent target.
 const HIDDEN: usize = 40;
-/// A look-alike has at least this many pixels at [`SIZE_SENT`]: even odds of being noticed.
+/// Minimum pixels of a look-alike at [`SIZE_SENT`]: the size at which it is noticed half of the time.
 const LOOK_ALIKE_PIXELS: f64 = 64.0;
-/// A first glance is this many times coarser than the picture.
+/// Downscaling factor of the preview render.
 const GLANCE: u32 = 3;
-/// Actors have moved for up to this long, seconds.
+/// Maximum time for which actors have moved, seconds.
 const TRAFFIC: f64 = 60.0;
-/// Kinds that are everywhere in a room: nobody is sent to them.
+/// Kinds present everywhere in a room, which are no useful targets.
 const BACKDROPS: [&str; 2] = ["wall", "ceiling"];
-/// A target fills at most this share of the picture, for a picture of one surface is a picture of nothing …
+/// Maximum fraction of the image that a target fills, since an image of a single surface is uninformative …
 const FILLS: f64 = 0.6;
-/// … at least this share of its silhouette is inside the frame unless it fills a tenth of it (as the oracle counts a thing as in
-/// view) …
+/// … minimum fraction of its silhouette inside the frame unless it fills a tenth of it (the oracle's criterion for "in
+/// view") …
 const IN_FRAME: f32 = 0.25;
-/// … and at most this share of what is inside the frame is hidden.
+/// … and maximum fraction of the silhouette inside the frame that is hidden.
 const HIDDEN_SHARE: f64 = 0.85;
-/// At most this share of the picture may be something nearer than half of the scene's `near` that is not the target.
+/// Maximum fraction of the image covered by other objects nearer than half of the scene's `near`.
 const BLOCKED: f64 = 0.4;
 
-/// What is to be made.
+/// Parameters of a dataset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recipe {
-    /// Seed of everything.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// The bare camera, at the size of the pictures.
+    /// The camera without lens distortion, at the size of the images.
     pub camera: Camera,
-    /// What the camera does to its pictures.
+    /// Simulated camera effects.
     pub effects: Effects,
-    /// Share of examples whose target is not in the picture.
+    /// Fraction of examples whose target is not in the image.
     pub absent: f64,
-    /// Share of examples whose picture holds something of the target's name in another colour or of another quality.
+    /// Fraction of examples whose image contains an object with the target's name but another colour or quality.
     pub look_alikes: f64,
-    /// A target has at least this many pixels at [`SIZE_SENT`].
+    /// Minimum pixels of a target at [`SIZE_SENT`].
     pub min_pixels: u32,
 }
 
-/// What an example asks of who points.
+/// Kind of an example.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// The target is in the picture.
+    /// The target is in the image.
     Present,
-    /// The target is in the picture, and so is something of its name that is not meant.
+    /// The target is in the image, together with an object of the same name that is not meant.
     LookAlike,
-    /// The target is not in the picture.
+    /// The target is not in the image.
     Absent,
 }
 
 impl Recipe {
-    /// The kind of an example. Shares hold for any stretch of numbers, to within two examples: the fractional parts of multiples
-    /// of the golden ratio lie evenly.
+    /// The kind of example `number`. The requested fractions hold for any range of numbers to within two examples,
+    /// since the fractional parts of multiples of the golden ratio are evenly distributed.
     #[must_use]
     pub fn kind(&self, number: u64) -> Kind {
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
@@ -104,27 +104,27 @@ impl Recipe {
     }
 }
 
-/// An object with a pixel in the picture.
+/// An object visible in the image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Visible {
-    /// Its number in the id picture, or in that of openings.
+    /// Its id in the id image, or in the id image of openings.
     pub id: ObjectId,
     /// Its key in the scene.
     pub key: String,
     /// Whether it is an opening.
     pub opening: bool,
-    /// Its pixels.
+    /// Number of visible pixels.
     pub pixels: u64,
-    /// Share of its silhouette inside the frame, 0..=1.
+    /// Fraction of its silhouette inside the frame, 0..=1.
     pub in_frame: f32,
     /// Light on it, 0 dark ..= 1 daylight.
     pub light: f32,
 }
 
-/// What the instruction means in the picture.
+/// The target of the instruction in the image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Target {
-    /// Its number.
+    /// Object id.
     pub id: ObjectId,
     /// Its key in the scene.
     pub key: String,
@@ -132,44 +132,44 @@ pub struct Target {
     pub opening: bool,
     /// The pixel deepest inside its mask, `[x, y]` from the upper left.
     pub point: [u32; 2],
-    /// `[x0, y0, x1, y1]`: the smallest box around the mask, from `x0` and `y0` up to, not with, `x1` and `y1`.
+    /// `[x0, y0, x1, y1]`: bounding box of the mask; `x1` and `y1` are exclusive.
     #[serde(rename = "box")]
     pub bounds: [u32; 4],
-    /// Pixels of the mask.
+    /// Number of pixels of the mask.
     pub pixels: u64,
-    /// From the lens to the surface seen at `point`, metres.
+    /// Distance from the lens to the surface visible at `point`, metres.
     pub distance_m: f64,
-    /// From the lens to the nearest surface of the object, metres.
+    /// Distance from the lens to the nearest surface of the object, metres.
     pub nearest_m: f64,
-    /// Share of its silhouette inside the frame that something hides, 0..=1.
+    /// Occluded fraction of its silhouette inside the frame, 0..=1.
     pub occlusion: f64,
 }
 
 /// One example.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Example {
-    /// What it asks.
+    /// Kind of the example.
     pub kind: Kind,
-    /// What is said.
+    /// The instruction.
     pub instruction: String,
-    /// In which manner.
+    /// How the instruction describes its target.
     pub wording: Wording,
-    /// What is meant; none when it is not in the picture.
+    /// The target; `None` if it is not in the image.
     pub target: Option<Target>,
-    /// Things in the picture of the target's name that are not meant; also those of an absent target's.
+    /// Visible objects with the target's name that are not meant; also for an absent target.
     pub look_alikes: Vec<ObjectId>,
-    /// Where the camera was.
+    /// Camera pose.
     pub pose: Pose,
-    /// The photograph.
+    /// The camera image.
     pub photograph: Rgb,
-    /// Ids, depth, openings and their depth, as the oracle reads them.
+    /// Ground truth images: ids, depth, openings and their depth, as the oracle reads them.
     pub truth: Picture,
-    /// Everything with a pixel in it, ascending by number.
+    /// All visible objects, by ascending id.
     pub visible: Vec<Visible>,
 }
 
 impl Example {
-    /// The target's mask, row by row; none without a target.
+    /// The target's mask in row order; `None` without a target.
     #[must_use]
     pub fn mask(&self) -> Option<Vec<bool>> {
         let target = self.target.as_ref()?;
@@ -178,24 +178,24 @@ impl Example {
     }
 }
 
-/// Makes examples in one scene.
+/// Generates the examples of one scene.
 pub struct Generator<'a> {
     loaded: &'a LoadedScene,
     recipe: Recipe,
     eye: Eye,
     around: Surroundings,
-    /// Things by first name: each name has the same chance, however many bear it.
+    /// Objects by first name: each name has the same probability, however many objects share it.
     groups: Vec<Vec<ObjectId>>,
-    /// Those with a look-alike somewhere.
+    /// The groups that contain a look-alike.
     alike: Vec<Vec<ObjectId>>,
-    /// Objects drawn alone, for their whole silhouettes.
+    /// Renderers of single objects, for their complete silhouettes.
     alone: BTreeMap<ObjectId, Renderer>,
     glance: Picture,
     scratch: Picture,
 }
 
 impl<'a> Generator<'a> {
-    /// A generator of examples in a scene.
+    /// A generator for a scene.
     #[must_use]
     pub fn new(loaded: &'a LoadedScene, recipe: Recipe) -> Self {
         let tags = &loaded.tags;
@@ -220,19 +220,19 @@ impl<'a> Generator<'a> {
         }
     }
 
-    /// The camera of the pictures, with its lens.
+    /// The camera of the images, including lens distortion.
     #[must_use]
     pub fn camera(&self) -> &Camera {
         self.eye.camera()
     }
 
-    /// Whether the scene holds what examples of this kind need.
+    /// Whether the scene has the objects needed for this kind of example.
     #[must_use]
     pub fn can_make(&self, kind: Kind) -> bool {
         !if kind == Kind::LookAlike { &self.alike } else { &self.groups }.is_empty()
     }
 
-    /// The example of that number; none when no view was found, which happens where a scene holds nothing of the kind.
+    /// Generates example `number`; `None` if no suitable view was found.
     pub fn example(&mut self, number: u64) -> Option<Example> {
         let kind = self.recipe.kind(number);
         let at = Time::from_secs_f64(TRAFFIC * Draw::new(self.recipe.seed, "dataset traffic", &[number]).uniform());
@@ -282,7 +282,7 @@ impl<'a> Generator<'a> {
         Some(Example { kind, instruction, wording, target, look_alikes, pose, photograph, truth, visible })
     }
 
-    /// Whether a coarse look finds what the example is about.
+    /// Whether a coarse preview shows the objects that the example needs.
     fn glance_shows(&mut self, snapshot: &WorldSnapshot, kind: Kind, focus: ObjectId) -> bool {
         let camera = self.eye.camera();
         let camera = camera.resized((camera.width / GLANCE).max(1), (camera.height / GLANCE).max(1));
@@ -295,17 +295,17 @@ impl<'a> Generator<'a> {
             let mut others = self.loaded.tags.iter().filter(|other| is_look_alike(&self.loaded.tags, focus, other));
             others.any(|other| shows(other.id, LOOK_ALIKE_PIXELS))
         };
-        // Somewhat less will do: the picture itself decides.
+        // A slightly lower threshold: the full image decides.
         shows(focus, 0.7 * f64::from(self.recipe.min_pixels)) && (kind != Kind::LookAlike || alike())
     }
 
-    /// Whether pixels of a picture would be `least` at [`SIZE_SENT`].
+    /// Whether `pixels` in `picture` correspond to at least `least` at [`SIZE_SENT`].
     fn is_large(&self, pixels: u64, least: f64, picture: &Picture) -> bool {
         let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
         pixels as f64 * sent >= least * f64::from(picture.width) * f64::from(picture.height)
     }
 
-    /// Whether something else right before the lens hides the view.
+    /// Whether another object close to the lens blocks the view.
     fn is_blocked(&self, truth: &Picture, focus: ObjectId) -> bool {
         let (Some(ids), Some(depth)) = (&truth.ids, &truth.depth) else { return true };
         let close = (0.5 * self.loaded.scene.near) as f32;
@@ -326,14 +326,14 @@ impl<'a> Generator<'a> {
                 opening: tags.opening,
                 pixels: mask.area,
                 in_frame: shares.get(&mask.id).copied().unwrap_or(1.0),
-                // What is not listed is clear.
+                // Objects not listed are fully lit.
                 light: light.get(&mask.id).copied().unwrap_or(1.0),
             })
         };
         seen.iter().filter_map(visible).collect()
     }
 
-    /// Words for the object in focus that mean it alone among what is visible.
+    /// An instruction for the object in focus that is unambiguous among the visible objects.
     fn present(
         &self,
         kind: Kind,
@@ -350,7 +350,7 @@ impl<'a> Generator<'a> {
         let shown = self.placed(snapshot, |id| visible.iter().any(|thing| thing.id == id));
         let clear = |(wording, instruction): &(Wording, String)| {
             let meant = resolve_truth(instruction, &shown, Some(snapshot.pose));
-            // "The leftmost chair" is the leftmost of what "the chair" may mean.
+            // "The leftmost chair" is the leftmost of the objects that "the chair" may mean.
             let plain = PLACES.iter().filter(|_| *wording == Wording::Place).all(|place| {
                 let without = instruction.replacen(&format!("{place} "), "", 1);
                 without == *instruction || plainly.holds(place, focus, &resolve_truth(&without, &shown, None).objects)
@@ -361,7 +361,8 @@ impl<'a> Generator<'a> {
         Some((wording, instruction, focus))
     }
 
-    /// Words for something in the scene that mean nothing of what is visible; half of the time something whose like is visible.
+    /// An instruction for an object of the scene that matches nothing visible; in half of the cases a similar object is
+    /// visible.
     fn absent(&self, visible: &[Visible], snapshot: &WorldSnapshot, draw: &mut Draw) -> Option<(Wording, String, ObjectId)> {
         let is_shown = |id: ObjectId| visible.iter().any(|thing| thing.id == id);
         let (shown, all) = (self.placed(snapshot, is_shown), self.placed(snapshot, |_| true));
@@ -376,7 +377,7 @@ impl<'a> Generator<'a> {
         }
         for id in hidden.into_iter().take(HIDDEN) {
             let tags = self.tags_of(id)?;
-            // What is leftmost, or of use, in a picture is so whatever stands elsewhere.
+            // "Leftmost" or a use depends on what is in the image, not on objects elsewhere.
             let plain = |(wording, _): &(Wording, String)| !matches!(wording, Wording::Place | Wording::Use);
             let means_nothing = |(_, instruction): &(Wording, String)| {
                 let here = resolve_truth(instruction, &shown, Some(snapshot.pose));
@@ -389,7 +390,7 @@ impl<'a> Generator<'a> {
         None
     }
 
-    /// What is visible and of the same name as an object, but of another colour or quality.
+    /// Visible objects with the same name as `of` but another colour or quality.
     fn look_alikes(&self, of: ObjectId, visible: &[Visible]) -> Vec<ObjectId> {
         let alike = |thing: &&Visible| self.tags_of(thing.id).is_some_and(|other| is_look_alike(&self.loaded.tags, of, other));
         visible.iter().filter(alike).map(|thing| thing.id).collect()
@@ -430,7 +431,7 @@ impl<'a> Generator<'a> {
         })
     }
 
-    /// Pixels of an object inside the frame if nothing stood before it.
+    /// Pixels of an object inside the frame without occlusion.
     fn silhouette(&mut self, id: ObjectId, opening: bool, snapshot: &WorldSnapshot) -> Option<u64> {
         let LoadedScene { scene, cast, .. } = self.loaded;
         let moving: Vec<Part> = cast.parts(&snapshot.actors, |_, _| true).into_iter().filter(|part| part.object == id).collect();
@@ -447,7 +448,7 @@ impl<'a> Generator<'a> {
     }
 }
 
-/// Objects by first name, in the order of the names.
+/// Objects by first name, sorted by name.
 fn groups<'t>(tags: impl Iterator<Item = &'t Tagged>) -> Vec<Vec<ObjectId>> {
     let mut named: BTreeMap<&str, Vec<ObjectId>> = BTreeMap::new();
     for tags in tags {
@@ -463,7 +464,7 @@ fn is_look_alike(tags: &[Tagged], of: ObjectId, other: &Tagged) -> bool {
     other.id != of && named && (other.colour != tags.colour || other.qualities != tags.qualities)
 }
 
-/// Masks of both id pictures, ascending by number. An object is drawn into one of the two.
+/// Masks of both id images, by ascending id. Each object is in one of the two.
 fn seen(truth: &Picture) -> Vec<Mask> {
     let channels = [truth.ids.as_deref(), truth.opening_ids.as_deref()];
     let mut all: Vec<Mask> = channels.into_iter().flatten().flat_map(|ids| masks(ids, truth.width as usize)).collect();
@@ -471,7 +472,7 @@ fn seen(truth: &Picture) -> Vec<Mask> {
     all
 }
 
-/// Pixels of each object in both id pictures.
+/// Number of pixels per object in both id images.
 fn counts(picture: &Picture) -> BTreeMap<ObjectId, u64> {
     let mut counts = BTreeMap::new();
     for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {

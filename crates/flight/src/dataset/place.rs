@@ -1,25 +1,26 @@
-//! Whether words of place are plainly true of a picture.
+//! Whether descriptions such as "leftmost" hold clearly in an image.
 
 use spf_oracle::Mask;
 use spf_render::Picture;
 use spf_scene::geometry::ObjectId;
 
-/// By so much of the picture's width the leftmost must lie left of the next.
+/// Minimum distance of the leftmost object from the next, as a fraction of the image width.
 const APART: f64 = 0.03;
-/// The nearest must be nearer by this share.
+/// Maximum range of the nearest object relative to the next.
 const NEARER: f64 = 0.85;
 
-/// What is the leftmost, the rightmost or the nearest of several things is so by the middle of what is seen of them, and by the
-/// range of their surfaces where they are seen best: not only by where their middles stand, which no picture tells.
+/// Decides whether an object is clearly the leftmost, rightmost or nearest of several, based on the centre of its
+/// visible part and the range at its mask's deepest point, not only on object centres, which are not visible in an
+/// image.
 pub(super) struct Plainly<'a> {
-    /// The masks of the picture.
+    /// The masks of the image.
     pub(super) masks: &'a [Mask],
-    /// Ids and depth, also of openings.
+    /// Ids and depth, including openings.
     pub(super) truth: &'a Picture,
 }
 
 impl Plainly<'_> {
-    /// Whether `place` is plainly true of one thing among others like it.
+    /// Whether `place` holds clearly for `of` among `others`.
     pub(super) fn holds(&self, place: &str, of: ObjectId, others: &[ObjectId]) -> bool {
         let others: Vec<&Mask> = others.iter().filter(|id| **id != of).filter_map(|id| self.mask(*id)).collect();
         let Some(own) = self.mask(of) else { return false };
@@ -38,7 +39,7 @@ impl Plainly<'_> {
         self.masks.iter().find(|mask| mask.id == id)
     }
 
-    /// Depth where the mask is deepest, metres.
+    /// Depth at the mask's deepest point, metres.
     fn range(&self, mask: &Mask) -> Option<f64> {
         let at = mask.deepest.1 * self.truth.width as usize + mask.deepest.0;
         let is_solid = self.truth.ids.as_ref().and_then(|ids| ids.get(at)).is_some_and(|id| *id == mask.id);
@@ -54,7 +55,7 @@ mod tests {
 
     #[test]
     fn what_lies_close_beside_or_hardly_nearer_is_not_plain() {
-        // Three things side by side, the left two hardly apart in depth.
+        // Three objects side by side, the left two hardly apart in depth.
         let ids: Vec<u16> = (0..2).flat_map(|_| (0..100).map(|x| [1, 2, 3][(x / 34) as usize])).collect();
         let depth: Vec<f32> = ids.iter().map(|id| [5.0, 5.5, 20.0][usize::from(*id) - 1]).collect();
         let truth = Picture { width: 100, height: 2, ids: Some(ids.clone()), depth: Some(depth), ..Picture::default() };

@@ -10,49 +10,49 @@ use spf_scene::geometry::ObjectId;
 /// Version of the format.
 pub const FORMAT: u32 = 1;
 
-/// `dataset.json`: what all examples share.
+/// `dataset.json`: the data common to all examples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Head {
     /// Version of the format.
     pub format: u32,
-    /// Seed of everything.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// Examples that were asked for; a folder that was cut short holds fewer.
+    /// Number of examples requested; an interrupted run has fewer.
     pub examples: u64,
-    /// Scenes; example `n` shows that of index `n` modulo their number.
+    /// Scenes; example `n` uses the scene with index `n` modulo their number.
     pub scenes: Vec<SceneHead>,
-    /// The craft whose camera looks.
+    /// Craft model whose camera is used.
     pub drone_model: String,
-    /// The camera of every picture, its lens included.
+    /// The camera of all images, including lens distortion.
     pub camera: Camera,
-    /// What the camera did to the pictures, as `--camera-effects` takes it.
+    /// Camera effects, in the syntax of `--camera-effects`.
     pub camera_effects: String,
-    /// Share of examples whose target is not in the picture.
+    /// Fraction of examples whose target is not in the image.
     pub absent: f64,
-    /// Share of examples with a look-alike.
+    /// Fraction of examples with a look-alike.
     pub look_alikes: f64,
-    /// Least pixels of a target, at 960×720.
+    /// Minimum pixels of a target, at 960×720.
     pub min_pixels: u32,
-    /// How pictures are kept: `png` or `jpeg:QUALITY`.
+    /// Image format: `png` or `jpeg:QUALITY`.
     pub pictures: String,
 }
 
 /// One scene of a dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneHead {
-    /// As it was asked for.
+    /// The name as requested.
     pub name: String,
-    /// Its legend: every object with its tags.
+    /// Path of its legend: every object with its tags.
     pub legend: String,
-    /// The light.
+    /// Lighting.
     pub light: String,
-    /// The weather.
+    /// Weather.
     pub weather: String,
-    /// The range at which the oracle believes a goal reached, metres.
+    /// Range at which the oracle considers a goal reached, metres.
     pub near_m: f64,
 }
 
-/// Where the camera was: the body's centre, metres and degrees.
+/// Pose of the body's centre, metres and degrees.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RecordedPose {
     /// Metres east.
@@ -61,11 +61,11 @@ pub struct RecordedPose {
     pub north: f64,
     /// Metres up.
     pub up: f64,
-    /// Clockwise from north.
+    /// Heading, clockwise from north.
     pub heading_deg: f64,
-    /// Nose up.
+    /// Pitch, positive nose up.
     pub pitch_deg: f64,
-    /// Right side down.
+    /// Roll, positive right side down.
     pub roll_deg: f64,
 }
 
@@ -83,18 +83,18 @@ impl From<Pose> for RecordedPose {
     }
 }
 
-/// Paths of an example's pictures, from the dataset's folder.
+/// Paths of an example's images, relative to the dataset's folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Files {
-    /// The photograph.
+    /// The camera image.
     pub picture: String,
-    /// Object of each pixel: 16-bit grey PNG, 0 for none.
+    /// Object id per pixel: 16-bit grey PNG, 0 for none.
     pub ids: String,
-    /// Metres along the optical axis: 16-bit grey PNG in centimetres, 0 for none or beyond 655 m.
+    /// Depth along the optical axis: 16-bit grey PNG in centimetres, 0 for none or beyond 655 m.
     pub depth: String,
-    /// The nearest opening at each pixel, as `ids`; null where no opening is seen.
+    /// The nearest opening per pixel, in the format of `ids`; null if no opening is visible.
     pub opening_ids: Option<String>,
-    /// Its depth, as `depth`; null as above.
+    /// Its depth, in the format of `depth`; null as above.
     pub opening_depth: Option<String>,
     /// The target's mask: 8-bit grey PNG, 255 inside; null without a target.
     pub mask: Option<String>,
@@ -103,33 +103,33 @@ pub struct Files {
 /// A row of `examples.jsonl`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Number of the example, from 0; also the row's number in the file.
+    /// Number of the example, from 0; also its row in the file.
     pub number: u64,
     /// The scene's name, as in `dataset.json`.
     pub scene: String,
-    /// What the example asks of who points.
+    /// Kind of the example.
     pub kind: Kind,
-    /// What is said.
+    /// The instruction.
     pub instruction: String,
-    /// In which manner.
+    /// How the instruction describes its target.
     pub wording: Wording,
-    /// What is meant; null when it is not in the picture.
+    /// The target; null if it is not in the image.
     pub target: Option<Target>,
-    /// Numbers of visible objects with the target's name in another colour or quality.
+    /// Ids of visible objects with the target's name but another colour or quality.
     pub look_alikes: Vec<ObjectId>,
-    /// The pictures.
+    /// Image paths.
     #[serde(flatten)]
     pub files: Files,
     /// The scene's `near`, metres.
     pub near_m: f64,
-    /// Where the camera was. The oracle never reads it.
+    /// Camera pose, which the oracle never reads.
     pub pose: RecordedPose,
-    /// Every object with a pixel in the picture.
+    /// All visible objects.
     pub visible: Vec<Visible>,
 }
 
 impl Row {
-    /// The row of an example.
+    /// The row for an example.
     #[must_use]
     pub fn of(number: u64, scene: &SceneHead, example: &Example, files: Files) -> Self {
         Self {

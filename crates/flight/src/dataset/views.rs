@@ -1,4 +1,4 @@
-//! Where a picture is taken from: poses at flying heights in free space, with something to see.
+//! Camera poses for dataset images: at flying heights in free space, with an object in view.
 
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
@@ -9,18 +9,18 @@ use spf_scene::actors::ActorPlace;
 
 use crate::sim::LoadedScene;
 
-/// Farthest that a thing is looked at from, metres.
+/// Maximum viewing distance, metres.
 const FARTHEST: f64 = 120.0;
-/// Least and greatest height above the start, metres.
+/// Minimum and maximum height above the start, metres.
 const HEIGHTS: (f64, f64) = (0.4, 25.0);
-/// A craft with this radius would fit, metres.
+/// Radius that must be free around the camera, metres.
 const ROOM: f64 = 0.4;
-/// Standard deviation of pitch and roll: a hovering craft in a breeze, radians.
+/// Standard deviation of pitch and roll of a craft hovering in light wind, radians.
 const TILT: f64 = 0.026;
-/// How far from the middle of the picture the thing may be, of half the field of view.
+/// Maximum offset of the object from the image centre, as a fraction of half the field of view.
 const ASIDE: f64 = 0.8;
 
-/// Poses in one scene, with its actors at these places.
+/// Samples poses in one scene, with the actors at the given places.
 pub(super) struct Views<'a> {
     pub(super) loaded: &'a LoadedScene,
     pub(super) actors: &'a [ActorPlace],
@@ -28,16 +28,15 @@ pub(super) struct Views<'a> {
 }
 
 impl Views<'_> {
-    /// A pose that looks towards an object from a distance drawn log-uniformly, and from any side; none where that place is not
-    /// free.
+    /// A pose looking towards `object` from any side, at a log-uniform distance; `None` if that position is not free.
     pub(super) fn of(&self, object: &Object, draw: &mut Draw) -> Option<Pose> {
         let scene = &self.loaded.scene;
         let bounds = self.loaded.bounds(object, self.actors);
         let (min, max) = (bounds.min, bounds.max);
-        // Towards any part of it: from the middle of something large one is always far away.
+        // Aim at any part of it: the centre of a large object is always far away.
         let mut part = |low: f64, high: f64| low + draw.uniform() * (high - low);
         let (east, north) = (part(min.east, max.east), part(min.north, max.north));
-        // Near enough for the last decisions of a flight, or as far as the scene reaches.
+        // Close enough for the last decisions of a flight, or as far as the scene reaches.
         let away = log_uniform(draw, 0.7 * scene.near, FARTHEST);
         let bearing = core::f64::consts::TAU * draw.uniform();
         let position = EnuPosition {
@@ -54,7 +53,7 @@ impl Views<'_> {
         Some(Pose { position, attitude })
     }
 
-    /// Whether a craft can hover there: within the scene's bounds, above ground, clear of everything and inside of nothing.
+    /// Whether a craft can hover there: within the scene's bounds, above ground, and clear of all objects.
     fn is_free(&self, position: EnuPosition) -> bool {
         let LoadedScene { scene, collider, cast, .. } = self.loaded;
         let touched = |(actor, place)| cast.distance(actor, place, position).is_some_and(|distance| distance < ROOM);
@@ -65,8 +64,8 @@ impl Views<'_> {
             && !scene.objects.iter().any(|object| self.is_inside(object, position))
     }
 
-    /// Whether a position lies inside an object's outline and height. What the start lies inside of too (a room, a roof overhead) is
-    /// no obstacle.
+    /// Whether a position is inside an object's outline and height. An object that also contains the start (a room, a
+    /// roof overhead) does not count.
     fn is_inside(&self, object: &Object, position: EnuPosition) -> bool {
         let inside = |p: EnuPosition| {
             let outline = || self.loaded.outline(object, self.actors);
@@ -83,7 +82,7 @@ fn log_uniform(draw: &mut Draw, low: f64, high: f64) -> f64 {
     low * libm::exp(draw.uniform() * libm::log(high / low))
 }
 
-/// Whether a polygon, east and north, surrounds a position on the map: a line from it to the west crosses an odd number of sides.
+/// Whether a polygon, east and north, contains a position: a line from it to the west crosses an odd number of sides.
 fn surrounds(polygon: &[[f64; 2]], p: EnuPosition) -> bool {
     let mut inside = false;
     for (i, a) in polygon.iter().enumerate() {

@@ -1,10 +1,10 @@
-//! Instructions from tags, in a variety of words. Whether one says what it should is for the language's resolver to tell.
+//! Generates instructions from tags in varied wording. The language resolver checks whether each is unambiguous.
 
 use spf_core::rng::Draw;
 
 use spf_core::tags::Tagged;
 
-/// Ways to tell somebody to go somewhere; `{}` is the thing, without an article.
+/// Phrasings of an instruction; `{}` is the target without an article.
 const ORDERS: [&str; 16] = [
     "Fly to the {}",
     "Go to the {}",
@@ -24,40 +24,40 @@ const ORDERS: [&str; 16] = [
     "Search for the {}",
 ];
 
-/// Ways to name a thing by what it serves for; `{}` is the use.
+/// Phrasings of a target by its use; `{}` is the use.
 const USES: [&str; 4] =
     ["Find something I can use to {}", "Fly to something that can {}", "Go to a thing to {}", "Fly to where people {}"];
 
-/// By what the instruction tells its target from the rest.
+/// The attribute by which an instruction describes its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Wording {
-    /// By a name alone.
+    /// Its name alone.
     Name,
-    /// By another name.
+    /// A synonym.
     Synonym,
-    /// By colour and name.
+    /// Colour and name.
     Colour,
-    /// By an adjective and a name.
+    /// An adjective and a name.
     Quality,
-    /// By adjective, colour and name.
+    /// Adjective, colour and name.
     QualityColour,
-    /// By its place among its like in the picture: leftmost, rightmost, nearest.
+    /// Position among similar objects in the image: leftmost, rightmost, nearest.
     Place,
-    /// By what it serves for.
+    /// Its use.
     Use,
 }
 
 impl Wording {
-    /// Whether it tells one thing from another of the same name by colour or quality.
+    /// Whether it distinguishes objects of the same name by colour or quality.
     #[must_use]
     pub fn by_look(self) -> bool {
         matches!(self, Self::Colour | Self::Quality | Self::QualityColour)
     }
 }
 
-/// Every way to name an object that its tags give, in an order drawn by `draw`, as whole instructions. Ways differ in kind
-/// before they differ in word: each kind has the same chance to come first, however many names there are.
+/// All instructions that the tags of an object allow, shuffled by `draw`. Each kind of wording has the same probability
+/// of coming first, however many names there are.
 pub(super) fn instructions(tags: &Tagged, draw: &mut Draw) -> Vec<(Wording, String)> {
     let mut kinds: Vec<(Wording, Vec<String>)> = [
         (Wording::Name, names(tags, &tags.names)),
@@ -88,9 +88,9 @@ pub(super) fn instructions(tags: &Tagged, draw: &mut Draw) -> Vec<(Wording, Stri
     told
 }
 
-/// Names that fit behind an article.
+/// Names that can follow an article.
 fn names(tags: &Tagged, list: &[String]) -> Vec<String> {
-    // A plural such as "stairs" or a phrase is as good as any; only the colour's own word would stand twice.
+    // Plurals such as "stairs" and phrases are fine; only the kind itself would appear twice.
     list.iter().filter(|name| !name.is_empty() && **name != tags.kind || list.len() == 1).cloned().collect()
 }
 
@@ -98,7 +98,7 @@ fn coloured(tags: &Tagged) -> Vec<String> {
     let Some(colour) = &tags.colour else { return Vec::new() };
     let all = names(tags, &tags.names).into_iter().chain(names(tags, &tags.synonyms));
     let plain = all.filter(|name| !name.contains(colour.as_str()));
-    // A person's colour is that of the clothes.
+    // A person's colour is that of their clothes.
     let clothes = tags.kind == "person";
     plain.map(|name| if clothes { format!("{name} in {colour}") } else { format!("{colour} {name}") }).collect()
 }
@@ -111,7 +111,7 @@ fn with_qualities(tags: &Tagged, names: &[String]) -> Vec<String> {
     tags.qualities.iter().flat_map(pair).collect()
 }
 
-/// Words of place.
+/// Words for positions.
 pub(super) const PLACES: [&str; 3] = ["leftmost", "rightmost", "nearest"];
 
 fn placed(tags: &Tagged) -> Vec<String> {
@@ -119,7 +119,7 @@ fn placed(tags: &Tagged) -> Vec<String> {
     PLACES.iter().flat_map(|place| names.iter().map(move |name| format!("{place} {name}"))).collect()
 }
 
-/// Fisher and Yates.
+/// Fisher-Yates shuffle.
 pub(super) fn shuffle<T>(list: &mut [T], draw: &mut Draw) {
     for last in (1..list.len()).rev() {
         list.swap(last, draw.below(last + 1));
@@ -145,7 +145,8 @@ mod tests {
         }
     }
 
-    /// Every order is understood: among two things of one name the right one is meant whenever the words can tell.
+    /// Every phrasing is understood: among two objects of one name, the right one is chosen whenever the wording can
+    /// distinguish them.
     #[test]
     fn every_order_is_understood() {
         let (red, blue) = (tags(1, "chair", "red", "tall"), tags(2, "chair", "blue", "low"));

@@ -29,25 +29,25 @@ use crate::frame_source::FrameSource;
 use crate::summary::Summary;
 use crate::words;
 
-/// Poses are told this often, flight time.
+/// Interval of pose messages, flight time.
 const POSE_EVERY: Duration = Duration::from_millis(50);
-/// Queries whose times are remembered; a pilot has at most eight out.
+/// Number of queries whose times are remembered; a pilot has at most eight open.
 const REMEMBERED: usize = 64;
 
-/// The log of a flight in the making.
+/// A flight log being written.
 pub(crate) struct FlightLog {
     log: Option<Log>,
     out: Outlet,
     frame_source: Arc<dyn FrameSource>,
-    /// The pilot was woken at this time, and nothing has been told of it yet.
+    /// The pilot was woken at this time, and nothing has been logged for it yet.
     woken: Option<Time>,
     posed: Option<Time>,
     asked: BTreeMap<QueryId, Time>,
-    /// Messages that the disk was too slow for, and that the log has not been told of.
+    /// Dropped messages (the disk was too slow) that the log does not mention yet.
     missing: u64,
 }
 
-/// Where messages of a flight go; any number of threads may hold one.
+/// Sends the messages of a flight; can be shared by several threads.
 #[derive(Clone)]
 pub(crate) struct Outlet {
     log: Option<LogSender>,
@@ -55,9 +55,9 @@ pub(crate) struct Outlet {
 }
 
 impl Outlet {
-    /// A message of one of our own forms. False when the log left it out.
+    /// Writes a message in one of our own formats. Returns false if the log dropped it.
     fn row<T: Serialize>(&self, channel: Channel, at: Time, row: &T) -> bool {
-        // Our rows are structures of plain values: they always have a JSON form.
+        // Rows are structs of plain values and always have a JSON form.
         serde_json::to_vec(row).is_ok_and(|data| self.put(channel, at, data.into()))
     }
 
@@ -69,7 +69,7 @@ impl Outlet {
         self.log.as_ref().is_none_or(|log| log.send(message))
     }
 
-    /// A camera picture, and what is to be drawn on it.
+    /// Writes a camera image and its annotations.
     pub(crate) fn picture(&self, at: Time, jpeg: Bytes, size: (u32, u32), marks: &Marks) {
         self.put(Channel::Image, at, foxglove::encode(&foxglove::image(at, jpeg)));
         self.put(Channel::Annotations, at, foxglove::encode(&foxglove::annotations(at, size, marks)));
@@ -77,7 +77,7 @@ impl Outlet {
 }
 
 impl FlightLog {
-    /// Starts with the flight's head and the scene's outline. What is told goes to the log and to live views, where there are any.
+    /// Starts with the flight's head and the scene's outline. Messages go to the log and to live views, if any.
     pub(crate) fn start(
         log: Option<Log>,
         live: Option<LiveSender>,
@@ -91,33 +91,33 @@ impl FlightLog {
         Self { log, out, frame_source, woken: None, posed: None, asked: BTreeMap::new(), missing: 0 }
     }
 
-    /// For pictures, which come from another thread; and the camera that they are taken by, at their size.
+    /// An outlet for images, which come from another thread; also writes the calibration of the camera at their size.
     pub(crate) fn pictures(&self, size: (u32, u32)) -> Outlet {
         let camera = self.frame_source.camera().resized(size.0, size.1);
         self.out.put(Channel::Calibration, Time::ZERO, foxglove::encode(&foxglove::calibration(Time::ZERO, &camera)));
         self.out.clone()
     }
 
-    /// A message of one of our own forms.
+    /// Writes a message in one of our own formats.
     fn row<T: Serialize>(&mut self, channel: Channel, at: Time, row: &T) {
         self.tell_gap(at);
         self.missing += u64::from(!self.out.row(channel, at, row));
     }
 
-    /// One of Foxglove's.
+    /// Writes a Foxglove message.
     fn put<M: foxglove::Encode>(&mut self, channel: Channel, at: Time, message: &M) {
         self.tell_gap(at);
         self.missing += u64::from(!self.out.put(channel, at, foxglove::encode(message)));
     }
 
-    /// A log with something left out says where: a replay cannot go on from there.
+    /// Logs the position of dropped messages, since a replay cannot continue past it.
     fn tell_gap(&mut self, at: Time) {
         if self.missing > 0 && self.out.row(Channel::Gap, at, &GapRow { messages: self.missing }) {
             self.missing = 0;
         }
     }
 
-    /// The pilot was woken.
+    /// Records that the pilot was woken.
     pub(crate) fn time(&mut self, now: Time, pilot: &Pilot) {
         self.wake();
         self.woken = Some(now);
@@ -137,14 +137,14 @@ impl FlightLog {
         }
     }
 
-    /// Tells of a time at which the pilot was woken and nothing happened.
+    /// Writes a wake-up at which nothing happened.
     fn wake(&mut self) {
         if let Some(at) = self.woken.take() {
             self.row(Channel::Wake, at, &Wake { at });
         }
     }
 
-    /// The pilot was told this.
+    /// Logs an input of the pilot.
     pub(crate) fn event(&mut self, now: Time, event: &Event) {
         self.woken = None;
         match event {
@@ -154,7 +154,7 @@ impl FlightLog {
             Event::Chunk { id, text } => self.reply(now, *id, Some(text), None, true),
             Event::ReplyFailed { id, reason } => self.reply(now, *id, None, Some(reason), false),
             Event::Spent { reason } => {
-                // The question that was not put is the newest that is out.
+                // The query that was not sent is the newest one open.
                 let id = self.asked.pop_last().map(|(id, _)| id).unwrap_or_default();
                 let (failed, text, latency_s) = (Some(reason.clone()), None, None);
                 self.row(Channel::Reply, now, &ReplyRow { id, text, failed, spent: true, part: false, latency_s });
@@ -175,7 +175,7 @@ impl FlightLog {
         );
     }
 
-    /// The pilot wanted this.
+    /// Logs an action of the pilot.
     pub(crate) fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
         self.wake();
         if let Some((channel, data)) = output(action, pilot) {
@@ -198,7 +198,7 @@ impl FlightLog {
             self.asked.pop_first();
         }
         self.asked.insert(query.id, now);
-        // The truth about the frame, from which its ids and depth can be drawn again.
+        // Ground truth of the frame, from which its ids and depth can be rendered again.
         if let Some(pose) = self.frame_source.true_pose_of(query.frame) {
             self.row(Channel::Truth, now, &TruthRow { frame: query.frame, pose });
         }
@@ -232,7 +232,7 @@ impl FlightLog {
         self.put(Channel::Log, now, &foxglove::log_line(now, level, line));
     }
 
-    /// Ends the log with the flight's summary. Returns how many messages the disk was too slow for.
+    /// Ends the log with the flight's summary. Returns the number of dropped messages.
     pub(crate) fn finish(mut self, summary: &Summary) -> Result<u64, LogError> {
         self.wake();
         let at = Time::from_secs_f64(summary.finished_at_s).max(self.posed.unwrap_or_default());
@@ -243,18 +243,18 @@ impl FlightLog {
     }
 }
 
-/// Opens the file of a log. A `live` flight waits for no disk.
+/// Opens the log file. A `live` flight never waits for the disk.
 pub(crate) fn open(path: &Path, live: bool) -> Result<Log, LogError> {
     Log::create(path, &topics(), !live)
 }
 
-/// The topics of a flight's log and of its live view, in the order of [`Channel::ALL`].
+/// The topics of a flight's log and live view, in the order of [`Channel::ALL`].
 #[must_use]
 pub fn topics() -> Vec<Topic> {
     Channel::ALL.into_iter().map(Channel::form).collect()
 }
 
-/// What of the pilot's outputs is compared when a flight is replayed: its channel and its bytes.
+/// The channel and bytes of an action, if a replay compares it.
 pub(crate) fn output(action: &Action, pilot: &Pilot) -> Option<(Channel, Bytes)> {
     let (channel, data) = match action {
         Action::Ask(query) => (Channel::Query, serde_json::to_vec(query)),

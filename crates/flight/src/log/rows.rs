@@ -1,4 +1,4 @@
-//! The log's own messages, beside Foxglove's: what they say, not when (that is the log's part).
+//! The log's own messages, beside Foxglove's. Timestamps are part of the log, not of the messages.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,118 +14,118 @@ use spf_core::pilot::{Note, OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::Time;
 
-/// The flight's head, once, at time zero: all that a pilot is made of, and where it flew.
+/// The flight's head, once, at time zero: everything needed to recreate the pilot, and where it flew.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Head {
-    /// Version of the log's topics and messages.
+    /// Version of the log format.
     pub format: u32,
-    /// Version of the program that wrote it.
+    /// Version of the program.
     pub program: String,
-    /// What the person said.
+    /// The user's instruction.
     pub instruction: String,
-    /// The policy.
+    /// Name of the policy.
     pub policy: String,
-    /// The named preset that the settings began as.
+    /// The named preset that the settings are based on.
     pub preset: Preset,
-    /// The pilot's settings in force.
+    /// Effective pilot settings.
     pub settings: PilotSettings,
-    /// The craft's figures.
+    /// Craft parameters.
     pub craft: Craft,
-    /// How coarse its telemetry is.
+    /// Accuracy of its telemetry.
     pub senses: Senses,
     /// Its camera.
     pub camera: Camera,
     /// The envelope's limits.
     pub limits: Limits,
-    /// Who pointed. The oracle is no VLM.
+    /// Name of the VLM or oracle.
     pub vlm: String,
-    /// Who detected, in obstacle mode with a detector; absent without one.
+    /// Name of the detector, in obstacle mode with a detector; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detector: Option<String>,
-    /// The coordinates that it was asked for and answered in.
+    /// The coordinate convention of queries and replies.
     #[serde(default)]
     pub grounding: GroundingProfile,
-    /// The size at which pictures were sent; absent when it was the camera's.
+    /// Size at which images were sent; absent if it was the camera's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_size: Option<(u32, u32)>,
-    /// The prompt file, whole; absent when it was the shipped one.
+    /// The complete prompt file; absent for the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prompt: Option<String>,
-    /// The drone.
+    /// Name of the drone.
     pub drone: String,
-    /// The simulated world; absent with a real drone.
+    /// The simulated world; absent for a real drone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sim: Option<SimHead>,
 }
 
-/// What a simulated flight is drawn again from.
+/// Everything needed to render a simulated flight again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SimHead {
-    /// The scene, as it was named on the command line.
+    /// The scene, as named on the command line.
     pub scene: String,
-    /// Its light.
+    /// Lighting.
     pub light: String,
-    /// Its weather.
+    /// Weather.
     pub weather: String,
-    /// The craft simulated.
+    /// Craft model.
     pub drone_model: String,
-    /// The seed of all chance.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// Where the craft started.
+    /// Start pose.
     pub start: Pose,
-    /// The wind, as `--wind` takes it; absent in still air.
+    /// Wind, in the syntax of `--wind`; absent in still air.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wind: Option<String>,
-    /// The charge at the start, 0 to 1.
+    /// Battery charge at the start, 0 to 1.
     pub battery: f64,
-    /// What the camera did to its pictures, as `--camera-effects` takes it; absent when nothing.
+    /// Camera effects, in the syntax of `--camera-effects`; absent if none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_effects: Option<String>,
 }
 
-/// The pilot was woken and nothing had happened.
+/// The pilot was woken without an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Wake {
     /// Flight time, nanoseconds.
     pub at: Time,
 }
 
-/// An answer, a part of one, or none.
+/// A reply, part of one, or a failure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ReplyRow {
-    /// Which query it answers.
+    /// The query that it answers.
     pub id: QueryId,
-    /// The text as it came.
+    /// The text as received.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub text: Option<String>,
-    /// Why there is none.
+    /// Why the query failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
-    /// Whether it was not put at all, since the money is spent (`--max-cost`).
+    /// Whether the query was not sent because the cost limit (`--max-cost`) was reached.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub spent: bool,
-    /// Whether the text is only the next part of the answer.
+    /// Whether the text is only part of a streamed reply.
     pub part: bool,
-    /// From the query to this, seconds.
+    /// Time from the query to this message, seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency_s: Option<f64>,
 }
 
-/// The operator took a hand.
+/// The operator intervened.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OperatorRow {
-    /// What was done.
+    /// The input.
     pub event: OperatorEvent,
 }
 
-/// The link to the craft.
+/// State of the link to the craft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct LinkRow {
-    /// True when it was lost, false when it was restored.
+    /// True if it was lost, false if it was restored.
     pub lost: bool,
 }
 
-/// Which command.
+/// Kind of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CommandName {
@@ -133,55 +133,55 @@ pub enum CommandName {
     TakeOff,
     /// Hold a velocity.
     Setpoint,
-    /// Fly this way by itself.
+    /// Fly a manoeuvre.
     Manoeuvre,
-    /// Sink to the ground.
+    /// Descend to the ground.
     Land,
     /// Cut the motors.
     EmergencyStop,
 }
 
-/// A command as it left the envelope; a setpoint also as it came to it.
+/// A command as cleared by the envelope; for a setpoint also as requested.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CommandRow {
-    /// Which.
+    /// Kind of the command.
     pub command: CommandName,
-    /// The setpoint before the envelope.
+    /// The setpoint requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wanted: Option<Setpoint>,
-    /// The setpoint after the envelope: what the craft was told.
+    /// The setpoint cleared, which is what the craft received.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cleared: Option<Setpoint>,
-    /// What is flown by the craft itself, after the envelope.
+    /// The manoeuvre cleared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub manoeuvre: Option<Manoeuvre>,
-    /// Until when it holds, or has to have ended; flight time, nanoseconds.
+    /// Expiry; flight time, nanoseconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub valid_until: Option<Time>,
 }
 
-/// How well the position is known.
+/// Accuracy of the estimated position.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PoseDeviationRow {
-    /// Standard deviation on the map, metres; it grows while the position is dead-reckoned.
+    /// Horizontal standard deviation, metres; grows while the position is dead-reckoned.
     pub horizontal_m: f64,
 }
 
-/// Messages are missing before this one: the disk was too slow for them.
+/// Messages before this one were dropped because the disk was too slow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GapRow {
-    /// How many.
+    /// Number of messages.
     pub messages: u64,
 }
 
-/// An answer is no longer waited for.
+/// A query was cancelled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Cancelled {
-    /// Which query.
+    /// The query.
     pub id: QueryId,
 }
 
-/// Ground truth about a frame that was asked about. Nobody who flies has it.
+/// Ground truth for the frame of a query. Not available to the pilot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TruthRow {
     /// The frame.
@@ -190,28 +190,28 @@ pub struct TruthRow {
     pub pose: Pose,
 }
 
-/// Which note.
+/// Kind of a note.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NoteKind {
-    /// Another phase was entered.
+    /// The flight entered a new phase.
     Phase,
-    /// The envelope changed what was asked of it, or stopped the craft.
+    /// The envelope changed a command, or stopped the craft.
     Envelope,
-    /// A reply came that nobody waits for.
+    /// A reply to a cancelled query arrived.
     LateReply,
-    /// A query was given up.
+    /// A query failed or was cancelled.
     QueryFailed,
-    /// An operator's event was taken up.
+    /// An operator's input took effect.
     Operator,
-    /// An operator's event changes nothing.
+    /// An operator's input had no effect.
     OperatorIgnored,
 }
 
-/// Something worth writing down that is no decision.
+/// A note of the pilot other than a decision.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NoteRow {
-    /// Which.
+    /// Kind of the note.
     pub note: NoteKind,
     /// The phase.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -222,16 +222,16 @@ pub struct NoteRow {
     /// The query.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub query: Option<QueryId>,
-    /// The operator's event.
+    /// The operator's input.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub event: Option<OperatorEvent>,
-    /// Why.
+    /// The reason.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
 }
 
 impl NoteRow {
-    /// The row of a note; `None` for a decision, which has a topic of its own.
+    /// The row for a note; `None` for a decision, which has its own topic.
     pub(super) fn of(note: &Note) -> Option<Self> {
         let row = |note| Self { note, phase: None, cause: None, query: None, event: None, reason: None };
         Some(match note {

@@ -1,4 +1,4 @@
-//! The topics of a flight log, in one list.
+//! The topics of a flight log.
 
 use schemars::JsonSchema;
 use spf_core::frame::FrameMeta;
@@ -17,25 +17,25 @@ use crate::summary::Summary;
 pub enum Channel {
     /// The flight's head.
     Flight,
-    /// Input: woken, and nothing had happened.
+    /// Input: woken without an event.
     Wake,
     /// Input: telemetry.
     Telemetry,
-    /// Input: a camera frame arrived.
+    /// Input: a reply or a failure.
     Frame,
-    /// Input: an answer, or none.
+    /// Input: an operator input.
     Reply,
-    /// Input: the operator.
+    /// Input: the state of the link.
     Operator,
-    /// Input: the link.
+    /// Messages were dropped here.
     Link,
-    /// Messages are missing here.
+    /// Output: a query.
     Gap,
-    /// Output: a question.
+    /// Output: a cancelled query.
     Query,
-    /// Output: a question is given up.
+    /// Output: a command, requested and cleared.
     Cancel,
-    /// Output: a command, before and after the envelope.
+    /// Output: a decision.
     Command,
     /// Output: a decision.
     Decision,
@@ -43,34 +43,34 @@ pub enum Channel {
     Note,
     /// Output: the outcome.
     Finished,
-    /// Ground truth about the frames asked about.
+    /// Ground truth for the frames of queries.
     Truth,
     /// The summary.
     Summary,
-    /// Camera pictures.
+    /// Camera images.
     Image,
-    /// What is to be drawn on them.
+    /// Image annotations.
     Annotations,
-    /// The camera that they were taken by.
+    /// Calibration of the camera.
     Calibration,
-    /// World, body, camera.
+    /// Transforms of world, body and camera.
     Transforms,
-    /// Pose as known.
+    /// Estimated pose.
     PoseKnown,
-    /// Pose in truth.
+    /// True pose.
     PoseTrue,
-    /// How well the position is known.
+    /// Accuracy of the estimated position.
     PoseDeviation,
     /// The scene in outline.
     Scene,
-    /// The plan in force.
+    /// The current plan.
     Plan,
-    /// Lines for people.
+    /// Text messages.
     Log,
 }
 
 impl Channel {
-    /// Every channel, in the order of their numbers.
+    /// Every channel, by number.
     pub const ALL: [Self; 26] = [
         Self::Flight,
         Self::Wake,
@@ -100,19 +100,19 @@ impl Channel {
         Self::Log,
     ];
 
-    /// The channel of a topic; `None` for one that no flight log has.
+    /// The channel of a topic; `None` if unknown.
     #[must_use]
     pub fn of_topic(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|channel| channel.name() == name)
     }
 
-    /// Whether the pilot was told this.
+    /// Whether this is an input of the pilot.
     #[must_use]
     pub fn is_input(self) -> bool {
         (Self::Wake..=Self::Link).contains(&self)
     }
 
-    /// Whether the pilot gave this out, so that a replay compares it.
+    /// Whether this is an output of the pilot, which a replay compares.
     #[must_use]
     pub fn is_output(self) -> bool {
         (Self::Query..=Self::Finished).contains(&self)
@@ -151,7 +151,7 @@ impl Channel {
         }
     }
 
-    /// What its messages are like.
+    /// Topic definition of its messages.
     pub(super) fn form(self) -> Topic {
         fn json<T: JsonSchema>(channel: Channel, schema: &'static str) -> Topic {
             Topic::of_json::<T>(channel.name(), schema)

@@ -8,7 +8,7 @@ fn row(name: &str, policy: &str, bench: &str) -> String {
     format!("[[method]]\nname = \"{name}\"\nabout = \"a row\"\npolicy = {{ {policy} }}\nfly = \"words\"\nbench = {{ {bench} }}\n")
 }
 
-/// What is said of a table that is refused.
+/// The error message for an invalid table.
 fn refused(text: &str) -> String {
     read(text).unwrap_err().to_string()
 }
@@ -83,7 +83,7 @@ fn a_variant_changes_what_it_says_and_nothing_else() {
     }
 }
 
-/// Name and words of each row, without links.
+/// Name and description of each row, without links.
 #[test]
 fn the_document_lists_the_methods_of_the_bench() {
     let document = include_str!("../../../../docs/guide/bench.md");

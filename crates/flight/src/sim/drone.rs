@@ -16,7 +16,7 @@ use spf_sim::model::Model;
 use super::frames::SimFrames;
 use super::world::SimWorld;
 
-/// The driver of the simulated craft.
+/// Driver of the simulated craft.
 pub struct SimDrone {
     world: SimWorld,
     clock: FrameClock,
@@ -25,7 +25,7 @@ pub struct SimDrone {
 }
 
 impl SimDrone {
-    /// Drives the craft of a world.
+    /// A driver for the craft of a world.
     #[must_use]
     pub fn new(world: SimWorld) -> Self {
         Self { world, clock: FrameClock::default(), telemetry_at: Time::ZERO, frame: FrameId(0) }
@@ -72,7 +72,7 @@ impl Drone for SimDrone {
         }
         let mut craft = self.world.craft();
         craft.advance_to(at);
-        // At one instant telemetry comes first: the pilot then knows the pose of the frame.
+        // At equal times telemetry comes first, so that the pilot knows the pose of the frame.
         if self.telemetry_at <= frame_at {
             let telemetry = craft.telemetry();
             self.telemetry_at = craft.next_telemetry(at);

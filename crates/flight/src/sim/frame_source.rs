@@ -1,4 +1,4 @@
-//! Who sees all of a simulated world, truth included.
+//! A recorder's access to a simulated world, including ground truth.
 
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
@@ -13,7 +13,7 @@ use super::outline;
 use super::world::SimWorld;
 use crate::frame_source::FrameSource;
 
-/// Sees all of a world.
+/// Frames and ground truth of a world.
 pub(super) struct SimFrameSource(pub(super) SimWorld);
 
 impl FrameSource for SimFrameSource {

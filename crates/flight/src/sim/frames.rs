@@ -1,4 +1,4 @@
-//! The simulated camera's frames, drawn when somebody looks.
+//! The simulated camera's frames, rendered on demand.
 
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_drone::frames::{Frames, Photo};
@@ -12,7 +12,7 @@ use super::world::SimWorld;
 pub struct SimFrames(SimWorld);
 
 impl SimFrames {
-    /// Those of this world.
+    /// The camera frames of this world.
     #[must_use]
     pub fn new(world: SimWorld) -> Self {
         Self(world)
@@ -31,7 +31,7 @@ impl Frames for SimFrames {
     }
 }
 
-/// What a world's camera makes of the light that fell into it, at the size that is asked for.
+/// The camera image for the light that reached the sensor, at the requested size.
 pub(crate) fn photo(world: &SimWorld, shot: Shot<WorldSnapshot>) -> Photo {
     let (world, size) = (world.clone(), (world.camera().width, world.camera().height));
     Photo::drawn(size, move |wanted| world.photograph(&shot, Some(wanted).filter(|wanted| *wanted != size)))

@@ -1,4 +1,4 @@
-//! A scene made ready to fly in; shared by every flight in it.
+//! A scene loaded for flying; shared by all flights in it.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -17,35 +17,37 @@ use spf_scene::geometry::ObjectId;
 use spf_scene::{Aabb, Object, Scene, SceneError, SceneLook};
 use spf_sim::model::Model;
 
-/// Scene, renderer, collider, actors and tags.
+/// A loaded scene: geometry, renderer, collider, actors and tags.
+///
+/// Loading takes most of the start-up time, so load once and share it through an [`Arc`].
 pub struct LoadedScene {
     /// The scene.
     pub scene: Scene,
-    /// Draws it.
+    /// Its renderer.
     pub renderer: Renderer,
-    /// Touches it.
+    /// Its collision geometry.
     pub collider: Arc<Collider>,
-    /// Who moves in it.
+    /// Its moving actors.
     pub cast: Arc<Cast>,
-    /// What its objects are called.
+    /// Names and properties of its objects.
     pub tags: Vec<Tagged>,
-    /// Eyes that nobody looks through now. So memory goes by how many look at once, not by how many fly.
+    /// Unused render buffers. Memory thus grows with the number of concurrent queries, not of flights.
     eyes: Mutex<Vec<Eyes>>,
 }
 
-/// What an oracle looks at while it forms a percept: eight megabytes, lent and given back.
+/// Render buffers for one percept of the oracle: eight megabytes, reused.
 #[derive(Default)]
 pub(super) struct Eyes {
     pub(super) sight: Picture,
     pub(super) wide: Picture,
 }
 
-/// What there is to see at an instant: where the camera is, and where the actors are.
+/// The state of the world at an instant: camera pose and actor positions.
 #[derive(Clone, Debug)]
 pub struct WorldSnapshot {
     /// The camera's true pose.
     pub pose: Pose,
-    /// The actors' places, in the order of the cast.
+    /// Actor positions, in the order of the cast.
     pub actors: Vec<ActorPlace>,
 }
 
@@ -55,38 +57,38 @@ impl Posed for WorldSnapshot {
     }
 }
 
-/// Why a scene cannot be flown in.
+/// Why a scene could not be loaded.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneLoadError {
-    /// The scene file.
+    /// The scene file is invalid.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// Its meshes.
+    /// Its meshes are invalid.
     #[error("the scene's meshes cannot be touched: {0}")]
     Collider(#[from] ColliderError),
 }
 
 impl LoadedScene {
-    /// Loads a built-in scene by name, or a scene file by path.
+    /// Loads a built-in scene by name, or a scene file by path, with the light and weather given in it.
     ///
     /// # Errors
-    /// [`SceneLoadError`] when there is no such scene or it is not sound.
+    /// [`SceneLoadError`] if there is no such scene or it is invalid.
     pub fn load(scene: &str) -> Result<Self, SceneLoadError> {
         Self::load_with(scene, &SceneLook::default())
     }
 
-    /// The same under other light and weather than the file's own.
+    /// Loads a scene with different light and weather.
     ///
     /// # Errors
-    /// As [`LoadedScene::load`].
+    /// Same as [`LoadedScene::load`].
     pub fn load_with(scene: &str, conditions: &SceneLook) -> Result<Self, SceneLoadError> {
         let mut scene = Scene::load_with(scene, conditions)?;
         let collider = Arc::new(Collider::new(&scene.geometry)?);
         let renderer = Renderer::new(&scene.geometry);
         let tags = scene.tagged();
         let cast = Arc::new(Cast::new(&scene.actors, &collider)?);
-        // The scene alone does not know on what its actors stand.
+        // The scene alone does not know the ground height under its actors.
         for (actor, place) in cast.starts().iter().enumerate() {
             let object = scene.objects.get_mut(usize::from(cast.object(actor)).wrapping_sub(1));
             if let Some((object, bounds)) = object.zip(cast.bounds(actor, place)) {
@@ -96,30 +98,30 @@ impl LoadedScene {
         Ok(Self { scene, renderer, collider, cast, tags, eyes: Mutex::default() })
     }
 
-    /// The envelope's default figures for a craft that flies here: as everywhere, but no higher than the scene says.
+    /// Default envelope limits for a craft in this scene: the usual ones, with the scene's maximum altitude.
     #[must_use]
     pub fn limits(&self, kind: CraftKind) -> Limits {
         let limits = Limits::for_craft(&Model::of(kind).craft);
         Limits { max_altitude: self.scene.max_altitude.unwrap_or(limits.max_altitude), ..limits }
     }
 
-    /// An object's key in the scene; its number where it has none.
+    /// An object's key in the scene; its id if it has none.
     #[must_use]
     pub fn key(&self, id: ObjectId) -> String {
         self.tags.iter().find(|tags| tags.id == id).map_or_else(|| id.to_string(), |tags| tags.key.clone())
     }
 
-    /// Eyes to look through; they come back by [`LoadedScene::give_back`].
+    /// Takes render buffers; return them with [`LoadedScene::give_back`].
     pub(super) fn eyes(&self) -> Eyes {
         self.eyes.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
 
-    /// For whoever looks next.
+    /// Returns render buffers.
     pub(super) fn give_back(&self, eyes: Eyes) {
         self.eyes.lock().unwrap_or_else(PoisonError::into_inner).push(eyes);
     }
 
-    /// What there is to see from a pose at a time of the flight with that seed.
+    /// The world seen from `pose` at time `at` of the flight with this seed.
     #[must_use]
     pub fn snapshot(&self, pose: Pose, seed: u64, at: Time) -> WorldSnapshot {
         let mut traffic = Traffic::new(self.cast.clone(), seed);
@@ -127,13 +129,13 @@ impl LoadedScene {
         WorldSnapshot { pose, actors: traffic.places_at(at).unwrap_or_default() }
     }
 
-    /// What there is to see from a pose when a flight begins.
+    /// The world seen from `pose` at the start of a flight.
     #[must_use]
     pub fn beginning(&self, pose: Pose) -> WorldSnapshot {
         WorldSnapshot { pose, actors: self.cast.starts() }
     }
 
-    /// A picture of a moment.
+    /// Renders an image of a snapshot.
     #[must_use]
     pub fn render(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels) -> Picture {
         let mut picture = Picture::default();
@@ -141,28 +143,28 @@ impl LoadedScene {
         picture
     }
 
-    /// Draws a moment into the buffers of a picture.
+    /// Renders a snapshot into existing buffers.
     pub fn render_into(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels, picture: &mut Picture) {
         let frustum = Frustum::new(camera, &snapshot.pose);
         let actors = self.cast.parts(&snapshot.actors, |centre, radius| frustum.sees(centre, radius));
         self.renderer.render_into(camera, &snapshot.pose, channels, &actors, picture);
     }
 
-    /// Extent of an object when the actors are at these places.
+    /// Bounding box of an object with the actors at the given places.
     #[must_use]
     pub fn bounds(&self, object: &Object, actors: &[ActorPlace]) -> Aabb {
         let moved = self.cast.of_object(object.id).and_then(|actor| self.cast.bounds(actor, actors.get(actor)?));
         moved.unwrap_or(object.bounds)
     }
 
-    /// Footprint of an object when the actors are at these places.
+    /// Footprint of an object with the actors at the given places.
     #[must_use]
     pub fn outline(&self, object: &Object, actors: &[ActorPlace]) -> Vec<Vec<[f64; 2]>> {
         let moved = self.cast.of_object(object.id).and_then(|actor| Some(self.cast.outline(actor, actors.get(actor)?)));
         moved.unwrap_or_else(|| object.outline.clone())
     }
 
-    /// Metres from a point to the nearest surface of an object when the actors are at these places.
+    /// Distance from a point to the nearest surface of an object, metres, with the actors at the given places.
     #[must_use]
     pub fn distance_to(&self, object: ObjectId, actors: &[ActorPlace], point: EnuPosition) -> Option<f64> {
         match self.cast.of_object(object) {
@@ -171,7 +173,7 @@ impl LoadedScene {
         }
     }
 
-    /// Tags and places of all objects when the actors are at these places, as the truth reads them.
+    /// Tags and positions of all objects with the actors at the given places, for evaluation.
     #[must_use]
     pub fn placed(&self, actors: &[ActorPlace]) -> Vec<Placed<'_>> {
         let placed = |(object, tags)| Placed { tags, place: Some(place(&self.bounds(object, actors))) };

@@ -1,5 +1,5 @@
-//! Flying in the embedded simulator: the adapters that put its craft behind `Drone` and its oracle behind `Vlm`, the truth about
-//! a flight, and what they give to one as its site.
+//! Flying in the embedded simulator: adapters that put its craft behind `Drone` and its oracle behind `Vlm`, and ground
+//! truth for evaluating a flight.
 
 mod drone;
 mod frame_source;

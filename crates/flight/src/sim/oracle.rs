@@ -1,4 +1,5 @@
-//! The oracle behind the `Vlm` interface: it looks at the id and depth pictures of the query's frame, never at its pose or task.
+//! The oracle behind the `Vlm` interface: it reads the id and depth images of the query's frame, never its pose or
+//! task.
 
 use spf_core::frame::FrameId;
 use spf_core::query::Query;
@@ -10,12 +11,12 @@ use spf_vlm::{Account, Answer, Asked, Picture, Vlm, VlmError};
 use super::loaded_scene::{Eyes, WorldSnapshot};
 use super::world::SimWorld;
 
-/// The oracle of a world.
+/// The oracle of a simulated world.
 pub struct OracleVlm {
     name: String,
     world: SimWorld,
     oracle: Oracle,
-    /// All queries on one frame share its percept.
+    /// The percept of the last frame, shared by all queries on it.
     percept: Option<(FrameId, Percept)>,
 }
 
@@ -27,7 +28,7 @@ impl OracleVlm {
         Self { name, oracle: Oracle::new(errors, near, seed), world, percept: None }
     }
 
-    /// Answers a query about what there was to see at a moment, whatever the world is at now.
+    /// Answers a query for the given snapshot, whatever the current state of the world.
     pub fn answer_at(&self, query: &Query, snapshot: &WorldSnapshot) -> Answer {
         let percept = self.look(query.frame, snapshot);
         self.answer_from(query, &percept)
@@ -39,7 +40,7 @@ impl OracleVlm {
         Answer { text: Ok(answer.text), latency, model, account: Account::default() }
     }
 
-    /// What is seen in a frame.
+    /// The percept of a frame.
     fn percept(&mut self, frame: FrameId) -> Result<Percept, VlmError> {
         if let Some((_, percept)) = self.percept.as_ref().filter(|(of, _)| *of == frame) {
             return Ok(percept.clone());
@@ -54,11 +55,11 @@ impl OracleVlm {
     fn look(&self, frame: FrameId, snapshot: &WorldSnapshot) -> Percept {
         let mut eyes = self.world.loaded().eyes();
         let Eyes { sight, wide } = &mut eyes;
-        // Two pictures at once: much of drawing one without colours goes on in one thread.
+        // Two images in parallel: much of rendering without colours is single-threaded.
         let ((), in_frame) =
             rayon::join(|| self.world.look_into(snapshot, Channels::TRUTH, sight), || self.world.in_frame(snapshot, wide));
-        // Not within: whoever first asks for the light waits while it is worked out, and must not take up another flight's looking
-        // meanwhile, which would wait for itself.
+        // Outside of the parallel section: the first request for light waits for its computation, and must not run
+        // another flight's percept in the meantime, which would wait for itself.
         let light = self.world.light_on(snapshot, &eyes.sight);
         let picture = &eyes.sight;
         let sight = Sight {

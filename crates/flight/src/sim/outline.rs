@@ -1,4 +1,4 @@
-//! The scene in outline: for the map of a flight and for its log.
+//! Outlines of the scene, for a flight's map and log.
 
 use spf_core::geometry::EnuPosition;
 use spf_record::log::foxglove::Prism;
@@ -8,10 +8,10 @@ use spf_scene::{Object, Tags};
 
 use super::loaded_scene::LoadedScene;
 
-/// Things flatter than this, metres, are ground: their outlines would only hide what stands on it.
+/// Objects flatter than this, metres, count as ground: their outlines would only hide those on top.
 const FLAT: f64 = 0.2;
 
-/// The scene seen from above with the actors at these places, lowest things first.
+/// The scene from above with the actors at the given places, lowest objects first.
 pub(super) fn outlines(loaded: &LoadedScene, actors: &[ActorPlace]) -> Vec<Outline> {
     let outline = |object: &Object| Outline {
         name: object.key.clone(),
@@ -21,7 +21,7 @@ pub(super) fn outlines(loaded: &LoadedScene, actors: &[ActorPlace]) -> Vec<Outli
     lowest_first(loaded).into_iter().map(outline).collect()
 }
 
-/// What stands in the scene, from its foot to its top, when it begins.
+/// The scene's objects as prisms, at the start of a flight.
 pub(super) fn prisms(loaded: &LoadedScene) -> Vec<Prism> {
     let actors = loaded.cast.starts();
     let prism = |object: &Object| {
@@ -40,7 +40,7 @@ fn lowest_first(loaded: &LoadedScene) -> Vec<&Object> {
     objects
 }
 
-/// The middle of an object's extent.
+/// Centre of an object's bounding box.
 pub(super) fn centre(loaded: &LoadedScene, actors: &[ActorPlace], key: &str) -> Option<EnuPosition> {
     let bounds = loaded.bounds(loaded.scene.by_key(key)?, actors);
     let middle = |low: f64, high: f64| 0.5 * (low + high);
@@ -51,7 +51,7 @@ pub(super) fn centre(loaded: &LoadedScene, actors: &[ActorPlace], key: &str) -> 
     })
 }
 
-/// A colour on the map: ground by what it is, everything else by its colour in words.
+/// Map colour: ground by its kind, everything else by its named colour.
 fn colour(tags: &Tags) -> [u8; 3] {
     let named = |words: &[&str]| words.iter().any(|word| tags.names.iter().chain(&tags.synonyms).any(|name| name.contains(word)));
     match (tags.kind.as_str(), tags.colour.as_deref()) {

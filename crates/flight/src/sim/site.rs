@@ -1,4 +1,4 @@
-//! A craft simulated in a scene, and the truth about its flight.
+//! A simulated craft in a scene, and the evaluation of its flight.
 
 use std::sync::Arc;
 
@@ -20,30 +20,30 @@ use crate::run::Observer;
 use crate::site::{Clock, Judge, Parts};
 use crate::summary::{Summary, Touch};
 
-/// A craft simulated in a scene.
+/// A simulated craft in a scene.
 #[derive(Clone)]
 pub struct Simulated {
-    /// Where.
+    /// The scene.
     pub loaded: Arc<LoadedScene>,
-    /// What the person called the scene: a built-in name or a path.
+    /// The scene as named by the user: a built-in name or a path.
     pub scene: String,
-    /// From where; `None`: the scene's start.
+    /// Start pose; `None` for the scene's start.
     pub start: Option<Pose>,
-    /// In what.
+    /// Craft model.
     pub kind: CraftKind,
-    /// Under what conditions.
+    /// Wind, battery and camera effects.
     pub flight_conditions: FlightConditions,
-    /// The seed of all chance.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// On the wall clock instead of as fast as the machine can.
+    /// Whether to run on the wall clock instead of as fast as possible.
     pub realtime: bool,
 }
 
-/// Why a flight cannot begin where it is to.
+/// Why a flight cannot start at its start pose.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StartError {
-    /// The start is inside something.
+    /// The start is inside an object.
     #[error("the start at east {east}, north {north}, up {up} is inside `{object}`")]
     Blocked {
         /// Metres east.
@@ -55,7 +55,7 @@ pub enum StartError {
         /// Key of the object.
         object: String,
     },
-    /// The start is off the scene or below its ground.
+    /// The start is outside the scene or below its ground.
     #[error("the start at east {east}, north {north}, up {up} is not above the ground of the scene `{scene}`")]
     Outside {
         /// Metres east.
@@ -70,8 +70,8 @@ pub enum StartError {
 }
 
 impl Simulated {
-    /// The craft that a scene is made for, at the scene's start, in virtual time and still air, with seed 0. `scene` is what the
-    /// person called it.
+    /// The scene's own craft at its start, in virtual time and still air, with seed 0. `scene` is the name given by the
+    /// user.
     #[must_use]
     pub fn new(loaded: Arc<LoadedScene>, scene: &str) -> Self {
         let kind = loaded.scene.default_craft;
@@ -79,10 +79,10 @@ impl Simulated {
         Self { loaded, scene: scene.to_owned(), start: None, kind, flight_conditions, seed: 0, realtime: false }
     }
 
-    /// What it gives to a flight, and the world that it is flown in.
+    /// Opens the site: the parts needed by a flight, and its simulated world.
     ///
     /// # Errors
-    /// [`StartError`].
+    /// [`StartError`] if the start pose is blocked or outside the scene.
     pub(crate) fn open(self) -> Result<(Parts, SimWorld), StartError> {
         let start = self.start.unwrap_or(self.loaded.scene.start);
         let world = SimWorld::under(&self.flight_conditions, self.loaded.clone(), self.kind, start, self.seed);
@@ -115,23 +115,23 @@ impl Simulated {
         }
     }
 
-    /// The wind, as `--wind` takes it; `None` in still air.
+    /// The wind, in the syntax of `--wind`; `None` in still air.
     fn wind(&self) -> Option<String> {
         Some(self.flight_conditions.wind).filter(|wind| *wind != Wind::default()).map(|wind| wind.to_string())
     }
 
-    /// What the camera does to its pictures, as `--camera-effects` takes it; `None` when nothing.
+    /// Camera effects, in the syntax of `--camera-effects`; `None` if there are none.
     fn effects(&self) -> Option<String> {
         Some(&self.flight_conditions.effects).filter(|effects| !effects.is_none()).map(Effects::to_string)
     }
 }
 
-/// Within the scene's bounds on the map, and not below its ground.
+/// Checks that a position is within the scene's horizontal bounds and not below its ground.
 fn check_place(loaded: &LoadedScene, at: EnuPosition) -> Result<(), StartError> {
     let bounds = loaded.scene.bounds;
     let inside =
         (bounds.min.east..=bounds.max.east).contains(&at.east) && (bounds.min.north..=bounds.max.north).contains(&at.north);
-    // Ground exactly at the height asked for is found from a hand above it.
+    // Start slightly above, so that ground exactly at the requested height is found.
     let above = loaded.collider.ground_below(EnuPosition { up: at.up + 0.1, ..at }).is_some();
     if inside && above {
         return Ok(());
@@ -142,7 +142,7 @@ fn check_place(loaded: &LoadedScene, at: EnuPosition) -> Result<(), StartError> 
 
 fn check_start(loaded: &LoadedScene, world: &SimWorld, radius: f64) -> Result<(), StartError> {
     let mut at = world.truth().pose.position;
-    // The craft stands on the ground, which it touches; just above it must be free.
+    // The craft touches the ground it stands on; the space just above must be free.
     at.up += 0.1;
     match loaded.collider.contact(at, 0.9 * radius) {
         None => Ok(()),
@@ -150,7 +150,7 @@ fn check_start(loaded: &LoadedScene, world: &SimWorld, radius: f64) -> Result<()
     }
 }
 
-/// Judges by the scene itself.
+/// Evaluates a flight by the scene's ground truth.
 struct Judging {
     world: SimWorld,
     site: Simulated,
@@ -158,7 +158,7 @@ struct Judging {
     found: Found,
 }
 
-/// What was true when the outcome was settled.
+/// Ground truth when the outcome was settled.
 #[derive(Default)]
 struct Found {
     verdict: Verdict,

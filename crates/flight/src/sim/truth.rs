@@ -1,4 +1,5 @@
-//! The truth about a flight, from the scene itself, taken at `Finished` and before landing. Policies never see it.
+//! Ground truth of a flight, from the scene itself, evaluated at `Finished` and before landing. Policies have no access
+//! to it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,28 +13,28 @@ use spf_scene::geometry::ObjectId;
 use super::loaded_scene::WorldSnapshot;
 use super::world::SimWorld;
 
-/// An object fills at least this share of the frame's height to be in view …
+/// Minimum height of an object in view, as a fraction of the frame height …
 const VIEW_HEIGHT: f64 = 0.008;
-/// … with this share of its silhouette inside the frame …
+/// … with at least this fraction of its silhouette inside the frame …
 const VIEW_SHARE: f32 = 0.25;
-/// … or it fills this share of the frame.
+/// … or the fraction of the frame it fills otherwise.
 const VIEW_FILL: f64 = 0.1;
 
-/// What ground truth says of a flight.
+/// Evaluation of a flight by ground truth.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Verdict {
-    /// Whether one of the objects that the last stage may mean is within the scene's success radius and in view, without a
-    /// collision; `None` where the verb needs a predicate that only the benchmark has.
+    /// Whether one of the objects matching the last stage is within the scene's success radius and in view, without a
+    /// collision; `None` if the verb needs a predicate that only the benchmark has.
     pub verified: Option<bool>,
-    /// Distance to the nearest surface of those objects, metres; `None` when nothing in the scene fits.
+    /// Distance to the nearest surface of those objects, metres; `None` if nothing in the scene matches.
     pub final_distance_m: Option<f64>,
-    /// Keys of the objects that the last stage may mean.
+    /// Keys of the objects matching the last stage.
     pub targets: Vec<String>,
     /// Whether the nearest of them is in view.
     pub in_view: Option<bool>,
 }
 
-/// Judges the present state of a world by the instruction. `start` is where the person who spoke looked from.
+/// Evaluates the current state of a world against the instruction. `start` is the pose from which the user gave it.
 #[must_use]
 pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
     let loaded = world.loaded();
@@ -57,15 +58,16 @@ pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
     }
 }
 
-/// Those of `objects` that count as in view.
+/// The subset of `objects` in view.
 fn in_view(world: &SimWorld, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> Vec<ObjectId> {
     let picture = world.look(snapshot, Channels { ids: true, openings: true, ..Channels::default() });
     sighted(&picture, objects, VIEW_HEIGHT, || world.in_frame(snapshot, &mut Picture::default()))
 }
 
-/// Those of `objects`, openings among them, that a picture with ids and openings shows well: at least `height` of the frame
-/// high with a quarter of the silhouette inside the frame (`shares`; those not listed are beside no edge), or filling a tenth of
-/// the frame. Only pixels that nothing hides count. `shares`, another picture, is asked for only when it decides.
+/// The subset of `objects`, openings included, that an image with ids and openings shows well: at least `height` of the
+/// frame high with a quarter of the silhouette inside the frame (`shares`; objects not listed touch no edge), or
+/// filling a tenth of the frame. Only visible pixels count. `shares`, which needs another render, is called only if it
+/// decides.
 pub fn sighted(
     picture: &Picture,
     objects: &[ObjectId],
@@ -80,7 +82,7 @@ pub fn sighted(
     shown.map(|(id, _)| id).collect()
 }
 
-/// What an object covers of a picture.
+/// The extent of an object in an image.
 #[derive(Clone, Copy)]
 struct Extent {
     top: usize,
@@ -98,7 +100,7 @@ impl Extent {
     }
 }
 
-/// What those of `objects` that a picture shows cover of it: first things, then openings, each ascending by id.
+/// The extents of `objects` in an image: first objects, then openings, each by ascending id.
 fn extents(picture: &Picture, objects: &[ObjectId]) -> Vec<(ObjectId, Extent)> {
     let w = picture.width as usize;
     let objects = BTreeSet::from_iter(objects.iter().copied().filter(|id| *id != 0));
@@ -106,11 +108,11 @@ fn extents(picture: &Picture, objects: &[ObjectId]) -> Vec<(ObjectId, Extent)> {
     channels.flat_map(|ids| objects.iter().filter_map(move |id| Some((*id, extent(ids, w, *id)?)))).collect()
 }
 
-/// What one object covers of an id picture of this width, at most 65 535; none where it has no pixel.
+/// The extent of one object in an id image at most 65 535 wide; `None` if it has no pixel.
 fn extent(ids: &[ObjectId], width: usize, id: ObjectId) -> Option<Extent> {
     let mut found: Option<Extent> = None;
     for (y, row) in ids.chunks_exact(width).enumerate() {
-        // A sum as wide as an id, so that as many pixels are compared at once as vectors hold.
+        // The sum has the width of an id, so that vector instructions compare as many pixels as possible.
         let pixels = row.iter().fold(0_u16, |sum, of| sum + u16::from(*of == id));
         if pixels > 0 {
             let extent = found.get_or_insert(Extent { top: y, bottom: y, pixels: 0 });

@@ -1,4 +1,4 @@
-//! One simulated craft in its scene, and the camera that the oracle and the recorder look through.
+//! A simulated craft in its scene, and the camera used by the oracle and the recorder.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -20,25 +20,25 @@ use spf_sim::wind::Wind;
 
 use super::loaded_scene::{LoadedScene, WorldSnapshot};
 
-/// What a flight meets besides its scene.
+/// Conditions of a simulated flight besides its scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlightConditions {
     /// The wind.
     pub wind: Wind,
     /// Battery charge at the start, 0..=1.
     pub battery: f64,
-    /// What the camera does to its pictures.
+    /// Camera effects.
     pub effects: Effects,
 }
 
 impl Default for FlightConditions {
-    /// Still air, a full battery, a perfect camera.
+    /// Still air, a full battery, an ideal camera.
     fn default() -> Self {
         Self { wind: Wind::default(), battery: 1.0, effects: Effects::default() }
     }
 }
 
-/// One simulated craft in its scene, shared by the driver, the oracle's eye, the recorder and the judge.
+/// A simulated craft in its scene, shared by the driver, the oracle, the recorder and the judge.
 #[derive(Clone)]
 pub struct SimWorld {
     loaded: Arc<LoadedScene>,
@@ -48,13 +48,13 @@ pub struct SimWorld {
 }
 
 impl SimWorld {
-    /// A craft on the ground below `start`, in still air, with a full battery and a perfect camera.
+    /// A craft on the ground below `start`, in still air, with a full battery and an ideal camera.
     #[must_use]
     pub fn new(loaded: Arc<LoadedScene>, kind: CraftKind, start: Pose, seed: u64) -> Self {
         Self::under(&FlightConditions::default(), loaded, kind, start, seed)
     }
 
-    /// A craft on the ground below `start`, under other conditions.
+    /// A craft on the ground below `start`, with the given conditions.
     #[must_use]
     pub fn under(
         flight_conditions: &FlightConditions,
@@ -73,79 +73,79 @@ impl SimWorld {
 
     /// The craft, for its driver.
     pub(super) fn craft(&self) -> MutexGuard<'_, SimCraft> {
-        // A panic elsewhere leaves the craft where it was; its state is whole between calls.
+        // A panic elsewhere leaves the craft in a consistent state: it is valid between calls.
         self.craft.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The craft itself, for whoever serves its protocol and advances it in place of this world.
+    /// The craft itself, for a server that speaks its protocol and advances it in place of this world.
     #[must_use]
     pub fn shared_craft(&self) -> Arc<Mutex<SimCraft>> {
         self.craft.clone()
     }
 
-    /// The scene it is in.
+    /// The scene.
     #[must_use]
     pub fn loaded(&self) -> &Arc<LoadedScene> {
         &self.loaded
     }
 
-    /// Its camera, with its lens.
+    /// The camera, including its lens.
     #[must_use]
     pub fn camera(&self) -> &Camera {
         self.eye.camera()
     }
 
-    /// Moves the world on to `now`.
+    /// Advances the world to `now`.
     pub fn advance_to(&self, now: Time) {
         self.craft().advance_to(now);
     }
 
-    /// The truth now. For the judge and the recorder alone.
+    /// Current ground truth, for the judge and the recorder only.
     #[must_use]
     pub fn truth(&self) -> Truth {
         self.craft().truth()
     }
 
-    /// What there was to see at a time not longer ago than the simulator remembers. For the camera, the judge and the recorder
-    /// alone.
+    /// The state of the world at a recent time; `None` if the simulator no longer has it. For the camera, the judge and
+    /// the recorder only.
     #[must_use]
     pub fn snapshot_at(&self, at: Time) -> Option<WorldSnapshot> {
         let craft = self.craft();
         craft.true_pose_at(at).zip(craft.actors_at(at)).map(|(pose, actors)| WorldSnapshot { pose, actors })
     }
 
-    /// What there is to see now.
+    /// The current state of the world.
     #[must_use]
     pub fn now(&self) -> WorldSnapshot {
         let craft = self.craft();
         WorldSnapshot { pose: craft.dynamics().pose(), actors: craft.actors_at(craft.time()).unwrap_or_default() }
     }
 
-    /// What there was to see when a frame was captured.
+    /// The state of the world at the capture of a frame.
     #[must_use]
     pub fn capture(&self, frame: FrameId) -> Option<WorldSnapshot> {
         self.snapshot_at(FrameClock::default().captured(frame))
     }
 
-    /// What a photograph captured at `at` takes its light from; none while its shutter is open, and when it is too long ago.
+    /// The light for an image captured at `at`; `None` while its shutter is open, or if it is too long ago.
     #[must_use]
     pub fn shot(&self, at: Time) -> Option<Shot<WorldSnapshot>> {
         self.eye.shot(at, |at| self.snapshot_at(at))
     }
 
-    /// The same for a frame.
+    /// The light for the image of a frame.
     #[must_use]
     pub fn capture_shot(&self, frame: FrameId) -> Option<Shot<WorldSnapshot>> {
         self.shot(FrameClock::default().captured(frame))
     }
 
-    /// The same of a world in which nothing moves.
+    /// The light for an image of a static world.
     #[must_use]
     pub fn still(&self, at: Time, snapshot: &WorldSnapshot) -> Option<Shot<WorldSnapshot>> {
         self.eye.shot(at, |_| Some(snapshot.clone()))
     }
 
-    /// What the camera sees at a moment.
+    /// Renders what the camera sees in a snapshot.
     #[must_use]
     pub fn look(&self, snapshot: &WorldSnapshot, channels: Channels) -> Picture {
         let mut picture = Picture::default();
@@ -153,26 +153,26 @@ impl SimWorld {
         picture
     }
 
-    /// A photograph, at the camera's size or another.
+    /// Renders a camera image, at the camera's size or another.
     #[must_use]
     pub fn photograph(&self, shot: &Shot<WorldSnapshot>, size: Option<(u32, u32)>) -> Rgb {
         self.photograph_with(shot, size, Channels::RGB)
     }
 
-    /// A photograph as fine as `channels` says.
+    /// Renders a camera image with the quality given by `channels`.
     #[must_use]
     pub fn photograph_with(&self, shot: &Shot<WorldSnapshot>, size: Option<(u32, u32)>, channels: Channels) -> Rgb {
         self.eye.photograph(shot, size, |camera, snapshot, picture| self.loaded.render_into(camera, snapshot, channels, picture))
     }
 
-    /// What the camera sees at a moment, into the buffers of an earlier picture: fresh pages cost a fifth of a decision.
+    /// Renders a snapshot into existing buffers: allocating new ones takes a fifth of a decision's time.
     pub fn look_into(&self, snapshot: &WorldSnapshot, channels: Channels, picture: &mut Picture) {
         self.eye.look(self.camera(), picture, |camera, picture| {
             self.loaded.render_into(camera, snapshot, channels, picture);
         });
     }
 
-    /// Light on each thing of a picture with ids and depth of a moment, as in [`Renderer::light_on`].
+    /// Light on each object in an image with ids and depth, as in [`Renderer::light_on`].
     ///
     /// [`Renderer::light_on`]: spf_render::Renderer::light_on
     #[must_use]
@@ -180,8 +180,8 @@ impl SimWorld {
         self.loaded.renderer.light_on(self.camera(), &snapshot.pose, picture)
     }
 
-    /// Share of each object's silhouette that lies inside the frame; openings by their own. The view in which they are counted is
-    /// drawn into `picture`.
+    /// Fraction of each object's silhouette inside the frame, openings separately. The wider view in which they are
+    /// counted is rendered into `picture`.
     #[must_use]
     pub fn in_frame(&self, snapshot: &WorldSnapshot, picture: &mut Picture) -> BTreeMap<u16, f32> {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };

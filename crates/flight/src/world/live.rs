@@ -1,4 +1,4 @@
-//! The wall clock: events come when they come.
+//! A world on the wall clock.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -15,17 +15,17 @@ use super::{Script, answer_event, pilot_event};
 use crate::picture::Pictures;
 use crate::run::World;
 
-/// Ctrl-C is noticed within this time even when nothing else happens.
+/// Maximum reaction time to Ctrl-C when nothing else happens.
 const LONGEST_NAP: Duration = Duration::from_millis(50);
 
-/// A world on the wall clock. The VLM answers in a thread of its own, so that setpoints go out while it thinks; everything that
-/// happens comes through one channel.
+/// A world on the wall clock. The VLM runs in its own thread, so that setpoints are sent while it thinks; all events
+/// arrive through one channel.
 pub struct Live {
     start: Instant,
     now: Time,
     drone: Box<dyn Drone>,
     queries: Sender<(Query, Cancel)>,
-    /// Queries that are out, to be taken back.
+    /// Open queries, with their cancel handles.
     out: Vec<(QueryId, Cancel)>,
     events: Receiver<(Time, Event)>,
     later: Vec<(Time, Event)>,
@@ -36,10 +36,10 @@ pub struct Live {
 }
 
 impl Live {
-    /// A world whose flight time zero was at `start`, which its drone goes by too.
+    /// A world whose flight time zero is `start`, as for its drone.
     ///
     /// # Errors
-    /// The operating system's, when no thread can be started.
+    /// The operating system's error if a thread cannot be started.
     pub fn new(
         start: Instant,
         drone: Box<dyn Drone>,
@@ -61,7 +61,7 @@ impl Live {
                     (answer.latency, answer.text)
                 };
                 let event = answer_event(query.id, text);
-                // The oracle tells a latency that it did not spend; a real model has spent it already.
+                // The oracle reports a latency without spending it; a real model has already spent it.
                 if answered.send((Time::ZERO + begun + latency, event)).is_err() {
                     return;
                 }
@@ -72,7 +72,7 @@ impl Live {
         Ok(Self { start, now, drone, queries, out, events, later, script, interrupts, interrupted: false, operator: None })
     }
 
-    /// Lets a person fly by hand, at any time.
+    /// Adds manual operator inputs.
     #[must_use]
     pub fn with_operator(mut self, operator: Option<Receiver<OperatorEvent>>) -> Self {
         self.operator = operator;
@@ -99,7 +99,7 @@ impl Live {
 }
 
 impl Drop for Live {
-    /// What is still asked is asked for nobody.
+    /// Cancels all open queries.
     fn drop(&mut self) {
         for (_, cancel) in &self.out {
             cancel.cancel();
@@ -131,7 +131,7 @@ impl World for Live {
                     self.later.push((at, event));
                 }
                 Err(RecvTimeoutError::Timeout) => {}
-                // The answering thread is gone; its queries run into their deadlines and the pilot holds.
+                // The reply thread is gone; its queries time out and the pilot holds.
                 Err(RecvTimeoutError::Disconnected) => std::thread::sleep(next.since(self.now).min(LONGEST_NAP)),
             }
         }

@@ -1,4 +1,4 @@
-//! Virtual time: nothing waits, and the result follows from the seed alone.
+//! A world in virtual time: nothing waits, and the result depends only on the seed.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -14,9 +14,11 @@ use super::{Script, answer_event, pilot_event};
 use crate::picture::Pictures;
 use crate::run::World;
 
-/// A world in virtual time: the craft is advanced to whatever comes next, and a VLM's answer arrives its latency after the question.
+/// A world in virtual time: the craft is advanced to the next event, and a VLM reply arrives its latency after the
+/// query.
 ///
-/// A real VLM is waited for in wall time while virtual time stands still; then virtual time goes on by the latency measured.
+/// A real VLM is awaited in wall time while virtual time stands still; then virtual time advances by the measured
+/// latency.
 pub struct Lockstep {
     now: Time,
     drone: Box<dyn Drone>,
@@ -30,7 +32,7 @@ pub struct Lockstep {
 }
 
 impl Lockstep {
-    /// A world at flight time zero. `interrupts` counts Ctrl-C: the first one lands.
+    /// A world at flight time zero. `interrupts` counts Ctrl-C presses: the first one lands.
     #[must_use]
     pub fn new(drone: Box<dyn Drone>, vlm: Box<dyn Vlm>, script: Script, interrupts: Arc<AtomicU32>) -> Self {
         let pictures = Pictures::of(drone.as_ref());
@@ -47,7 +49,7 @@ impl Lockstep {
         }
     }
 
-    /// Lets somebody else say what an operator does; what was said by then comes before anything else.
+    /// Adds manual operator inputs, which are delivered before any other event.
     #[must_use]
     pub fn with_operator(mut self, operator: Option<Receiver<OperatorEvent>>) -> Self {
         self.operator = operator;
@@ -60,7 +62,7 @@ impl Lockstep {
         self.answers.push((self.now + answer.latency, query.id, answer_event(query.id, answer.text)));
     }
 
-    /// The earliest answer due at `at` or before; equal times in order of query.
+    /// The earliest reply due by `at`; equal times in order of query.
     fn take_answer(&mut self, at: Time) -> Option<Event> {
         let index = (0..self.answers.len())
             .filter(|&i| self.answers[i].0 <= at)
@@ -85,7 +87,7 @@ impl World for Lockstep {
         let answer = self.answers.iter().map(|(at, ..)| *at).min();
         let due = [self.drone.next_event_at(), answer, self.script.next_at()].into_iter().flatten().fold(deadline, Time::min);
         self.now = self.now.max(due);
-        // At one instant: the operator first, then what the craft tells, then answers.
+        // At equal times: the operator first, then the craft, then replies.
         if let Some(event) = self.script.take(self.now) {
             return Some(Event::Operator(event));
         }
@@ -98,7 +100,7 @@ impl World for Lockstep {
     fn apply(&mut self, action: &Action) {
         match action {
             Action::Ask(query) => self.ask(query),
-            // An answer that is no longer waited for still arrives, as it would from a real model; the pilot counts it.
+            // The reply to a cancelled query still arrives, as from a real model; the pilot counts it.
             Action::Cancel(_) | Action::Note(_) | Action::Finished(_) => {}
             Action::Command(command) => {
                 if let Err(error) = self.drone.apply(self.now, command) {

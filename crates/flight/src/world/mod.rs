@@ -1,4 +1,4 @@
-//! The two worlds a pilot can fly in; the only two places that know what time it is.
+//! The two worlds that a pilot can fly in, and the only places that read a clock.
 
 mod live;
 mod lockstep;
@@ -15,12 +15,12 @@ use spf_core::time::Time;
 use spf_drone::DroneEvent;
 use spf_vlm::VlmError;
 
-/// Operator events at given flight times, for virtual time and for tests.
+/// Operator inputs at given flight times, for virtual time and tests.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Script(VecDeque<(Time, OperatorEvent)>);
 
 impl Script {
-    /// A script; events are put in order of time, those of equal time stay in the order given.
+    /// A script; events are sorted by time, keeping the given order for equal times.
     #[must_use]
     pub fn new(mut events: Vec<(Time, OperatorEvent)>) -> Self {
         events.sort_by_key(|(at, _)| *at);
@@ -36,7 +36,7 @@ impl Script {
     }
 }
 
-/// What the pilot is told of an answer.
+/// The event for a VLM reply.
 fn answer_event(id: QueryId, text: Result<String, VlmError>) -> Event {
     match text {
         Ok(text) => Event::Reply { id, text },

@@ -1,11 +1,11 @@
-//! How a camera was held: the orientation of EXIF (tag 0x112), and pictures turned by it.
+//! How a camera was held: the orientation of EXIF (tag 0x112), and images turned by it.
 
 use crate::frame::Rgb;
 
-/// How the rows and columns of a file lie in the picture that is meant.
+/// How the rows and columns of a file lie in the image that is meant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Orientation {
-    /// Rows of the file are columns of the picture; the mirrors apply to the file.
+    /// Rows of the file are columns of the image; the mirrors apply to the file.
     swapped: bool,
     /// The file's columns run from the right.
     from_right: bool,
@@ -40,13 +40,13 @@ impl Orientation {
         Some(Self { swapped, from_right, from_bottom })
     }
 
-    /// Width and height of the picture that is meant, of a file's.
+    /// Width and height of the image that is meant, of a file's.
     #[must_use]
     pub const fn turned_size(self, (width, height): (u32, u32)) -> (u32, u32) {
         if self.swapped { (height, width) } else { (width, height) }
     }
 
-    /// The picture that is meant.
+    /// The image that is meant.
     #[must_use]
     pub fn turned(self, picture: Rgb) -> Rgb {
         if self == Self::default() {

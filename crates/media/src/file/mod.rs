@@ -1,4 +1,4 @@
-//! Picture files as other programs write them, PNG and JPEG: told apart, measured before they are decoded, decoded within limits.
+//! Image files as other programs write them, PNG and JPEG: told apart, measured before they are decoded, decoded within limits.
 //!
 //! Colours are taken as they stand: no profile, no gamma. Greys and colours of 16 bits are rounded where 8 are wanted.
 
@@ -43,7 +43,7 @@ impl Format {
     }
 }
 
-/// What a picture may have at most, so that no file takes the memory.
+/// What an image may have at most, so that no file takes the memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Longest side, pixels.
@@ -119,7 +119,7 @@ impl From<DecodeErrors> for FileError {
     }
 }
 
-/// A picture file whose head has been read.
+/// An image file whose head has been read.
 pub struct PictureFile<'a> {
     limits: Limits,
     size: (u32, u32),

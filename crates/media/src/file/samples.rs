@@ -1,8 +1,8 @@
-//! What a picture file holds, and the same as greys or colours.
+//! What an image file holds, and the same as greys or colours.
 
 use crate::frame::Rgb;
 
-/// A decoded picture: one to four channels of 8 or 16 bits, rows from the top, pixels from the left.
+/// A decoded image: one to four channels of 8 or 16 bits, rows from the top, pixels from the left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Samples {
     pub(super) width: u32,
@@ -66,7 +66,7 @@ impl Samples {
         self.channels.is_multiple_of(2)
     }
 
-    /// The picture in colour of 8 bits, without alpha.
+    /// The image in colour of 8 bits, without alpha.
     #[must_use]
     pub fn into_rgb(self) -> Rgb {
         let (width, height, channels) = (self.width, self.height, self.channels);

@@ -1,4 +1,4 @@
-//! Decoding H.264 into pictures.
+//! Decoding H.264 into images.
 
 use openh264::OpenH264API;
 use openh264::decoder::{DecodeOptions, DecodedYUV, DecoderConfig, Flush};
@@ -10,7 +10,7 @@ use crate::frame::Rgb;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DecoderError {
-    /// The codec refused. After damage the next key picture is decoded again.
+    /// The codec refused. After damage the next key image is decoded again.
     #[error("the H.264 decoder failed: the stream is damaged or begins without a key picture")]
     Codec(#[from] openh264::Error),
 }
@@ -33,7 +33,7 @@ impl Decoder {
         Ok(Self(openh264::decoder::Decoder::with_api_config(OpenH264API::from_source(), DecoderConfig::new())?))
     }
 
-    /// Decodes NAL units behind start codes (ITU-T H.264, annex B); the picture that they complete, if they do. The colours are
+    /// Decodes NAL units behind start codes (ITU-T H.264, annex B); the image that they complete, if they do. The colours are
     /// taken for BT.709 of limited range, which is what [`Encoder`](super::Encoder) makes.
     ///
     /// # Errors
@@ -42,7 +42,7 @@ impl Decoder {
         Ok(self.0.decode(annex_b)?.map(|planes| colours(&planes)))
     }
 
-    /// Decodes a unit of a file: pictures come in the order in which they are shown, which for a stream with B-frames is
+    /// Decodes a unit of a file: images come in the order in which they are shown, which for a stream with B-frames is
     /// another than that of the units, and later; the last ones by [`Decoder::rest`]. Not for live video, which waits for nothing.
     ///
     /// # Errors
@@ -52,7 +52,7 @@ impl Decoder {
         Ok(self.0.decode_with_options(annex_b, options)?.map(|planes| colours(&planes)))
     }
 
-    /// The pictures that [`Decoder::decode_in_order`] still holds at the end of a file.
+    /// The images that [`Decoder::decode_in_order`] still holds at the end of a file.
     ///
     /// # Errors
     /// [`DecoderError::Codec`].
@@ -60,7 +60,7 @@ impl Decoder {
         Ok(self.0.flush_remaining()?.iter().map(colours).collect())
     }
 
-    /// [`Decoder::decode`] without looking at the picture: for those that only lead to a newer one.
+    /// [`Decoder::decode`] without looking at the image: for those that only lead to a newer one.
     ///
     /// # Errors
     /// [`DecoderError::Codec`].

@@ -1,6 +1,6 @@
-//! Encoding pictures as H.264.
+//! Encoding images as H.264.
 //!
-//! One thread, no frame dropping, timestamps from the caller: the same pictures at the same times give the same bytes.
+//! One thread, no frame dropping, timestamps from the caller: the same images at the same times give the same bytes.
 
 use openh264::OpenH264API;
 use openh264::encoder::{
@@ -11,7 +11,7 @@ use spf_core::time::Time;
 
 use crate::frame::Rgb;
 
-/// Why a picture could not be encoded.
+/// Why an image could not be encoded.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EncoderError {
@@ -23,25 +23,25 @@ pub enum EncoderError {
         /// Height, pixels.
         height: u32,
     },
-    /// A picture has another size than the video.
+    /// An image has another size than the video.
     #[error("the video is {expected_width}×{expected_height}, this picture is {width}×{height}: resize it first")]
     SizeChanged {
         /// Width of the video, pixels.
         expected_width: u32,
         /// Height of the video, pixels.
         expected_height: u32,
-        /// Width of the picture, pixels.
+        /// Width of the image, pixels.
         width: u32,
-        /// Height of the picture, pixels.
+        /// Height of the image, pixels.
         height: u32,
     },
     /// The codec refused.
     #[error("the H.264 encoder failed")]
     Codec(#[from] openh264::Error),
-    /// The codec returned no picture although it was told never to drop one.
+    /// The codec returned no image although it was told never to drop one.
     #[error("the H.264 encoder gave no picture for the one at {time}")]
     Dropped {
-        /// Flight time of the picture.
+        /// Flight time of the image.
         time: Time,
     },
 }
@@ -55,22 +55,22 @@ pub struct EncoderSettings {
     pub height: u32,
     /// Nominal frames a second; frames may come at other times.
     pub fps: f64,
-    /// The quantiser, 10 (nearly lossless) to 40 (coarse), the same for every picture: quality is constant, size follows from
+    /// The quantiser, 10 (nearly lossless) to 40 (coarse), the same for every image: quality is constant, size follows from
     /// what is seen.
     pub quantiser: u8,
-    /// Seconds between pictures at which playback can start.
+    /// Seconds between images at which playback can start.
     pub key_interval: f64,
 }
 
 impl EncoderSettings {
-    /// Settings that give a readable picture of a flight: quantiser 30, a key picture every 5 s.
+    /// Settings that give a readable image of a flight: quantiser 30, a key image every 5 s.
     #[must_use]
     pub const fn for_size(width: u32, height: u32, fps: f64) -> Self {
         Self { width, height, fps, quantiser: 30, key_interval: 5.0 }
     }
 }
 
-/// One encoded picture.
+/// One encoded image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AccessUnit {
     /// Whether playback can start here; such a unit carries the parameter sets.
@@ -79,7 +79,7 @@ pub struct AccessUnit {
     pub annex_b: Vec<u8>,
 }
 
-/// An H.264 encoder for pictures of one size.
+/// An H.264 encoder for images of one size.
 pub struct Encoder {
     codec: openh264::encoder::Encoder,
     width: u32,
@@ -111,7 +111,7 @@ impl Encoder {
             .usage_type(UsageType::CameraVideoRealTime)
             .complexity(Complexity::Low)
             .profile(Profile::High)
-            // The modes that aim at a bit rate drop pictures, or complain on standard error when forbidden to. This one keeps
+            // The modes that aim at a bit rate drop images, or complain on standard error when forbidden to. This one keeps
             // the quantiser at the lower end of its range.
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QpRange::new(quantiser, quantiser))
@@ -124,15 +124,15 @@ impl Encoder {
         Ok(Self { codec, width, height, planes: Planes::new(width as usize, height as usize) })
     }
 
-    /// The next picture is one at which playback can start.
+    /// The next image is one at which playback can start.
     pub fn force_key(&mut self) {
         self.codec.force_intra_frame();
     }
 
-    /// Encodes the next picture, shown at flight time `time`.
+    /// Encodes the next image, shown at flight time `time`.
     ///
     /// # Errors
-    /// [`EncoderError::SizeChanged`] if the picture has another size, [`EncoderError::Codec`] and [`EncoderError::Dropped`] if
+    /// [`EncoderError::SizeChanged`] if the image has another size, [`EncoderError::Codec`] and [`EncoderError::Dropped`] if
     /// the codec fails.
     pub fn encode(&mut self, time: Time, picture: &Rgb) -> Result<AccessUnit, EncoderError> {
         if (picture.width(), picture.height()) != (self.width, self.height) {
@@ -155,7 +155,7 @@ impl Encoder {
     }
 }
 
-/// A picture as 4:2:0 luma and chroma, BT.709, limited range.
+/// An image as 4:2:0 luma and chroma, BT.709, limited range.
 struct Planes {
     width: usize,
     height: usize,
@@ -217,7 +217,7 @@ mod tests {
     use crate::h264::split::{NalKind, nal_units};
     use openh264::formats::YUVSource;
 
-    /// A picture that changes from frame to frame: a bar that wanders over a gradient.
+    /// An image that changes from frame to frame: a bar that wanders over a gradient.
     fn picture(frame: u32) -> Rgb {
         let mut picture = Rgb::new(96, 64);
         for y in 0..64 {

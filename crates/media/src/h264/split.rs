@@ -3,13 +3,13 @@
 /// What a NAL unit holds, as far as this project cares (ITU-T H.264, table 7-1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NalKind {
-    /// A slice of a picture that refers to others.
+    /// A slice of an image that refers to others.
     Slice,
-    /// A slice of a picture at which decoding can start.
+    /// A slice of an image at which decoding can start.
     IdrSlice,
     /// A sequence parameter set.
     Sps,
-    /// A picture parameter set.
+    /// An image parameter set.
     Pps,
     /// Anything else, by its `nal_unit_type`.
     Other(u8),

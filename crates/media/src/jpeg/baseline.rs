@@ -1,4 +1,4 @@
-//! A baseline JPEG file (ITU-T T.81, JFIF 1.02): headers, then the picture tile by tile.
+//! A baseline JPEG file (ITU-T T.81, JFIF 1.02): headers, then the image tile by tile.
 
 use fearless_simd::{Level, Simd};
 
@@ -40,11 +40,11 @@ const LONGEST_TILE: usize = 16;
 /// Bytes of headers.
 const HEADERS: usize = 640;
 
-/// Encodes a picture of `sides` pixels, none of them zero; `level` says with which of the machine's instructions, which is of no
+/// Encodes an image of `sides` pixels, none of them zero; `level` says with which of the machine's instructions, which is of no
 /// consequence for the bytes.
 pub(super) fn encode(picture: &Rgb, sides: (u16, u16), quality: u8, sampling: Sampling, level: Level) -> Vec<u8> {
     let steps = Steps::of(quality);
-    // What common pictures take at common qualities; others grow.
+    // What common images take at common qualities; others grow.
     let mut file = Vec::with_capacity(HEADERS + picture.data().len() / 12);
     headers(&mut file, sides, &steps, sampling);
     let mut file = scanned(picture, &steps, sampling, level, file);
@@ -131,7 +131,7 @@ fn scan<S: Simd>(simd: S, picture: &Rgb, steps: &Steps, sampling: Sampling, file
     bits.finish()
 }
 
-/// A tile that reaches over the picture's right or lower edge, whose last pixels are repeated: that costs the fewest bits.
+/// A tile that reaches over the image's right or lower edge, whose last pixels are repeated: that costs the fewest bits.
 fn pad(picture: &Rgb, (x, y): (usize, usize), tile: usize, into: &mut [u8]) {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let inside = tile.min(width - x) * 3;

@@ -9,7 +9,7 @@ use super::transform::Lanes;
 /// Bytes of eight pixels.
 const EIGHT: usize = 24;
 
-/// Shares of red, green and blue, times 2¹⁶: each row adds up to 1 or 0.
+/// Fractions of red, green and blue, times 2¹⁶: each row adds up to 1 or 0.
 const LUMA: [i32; 3] = [19595, 38470, 7471];
 const BLUE: [i32; 3] = [-11059, -21709, 32768];
 const RED: [i32; 3] = [32768, -27439, -5329];

@@ -1,4 +1,4 @@
-//! JPEG: encoded once, shared by everybody who sends or stores the picture.
+//! JPEG: encoded once, shared by everybody who sends or stores the image.
 //!
 //! The encoder is written here because of two wants that no library meets together: the same bytes on every machine, since
 //! recordings are compared, and little time, since a decision waits for it. Its vectors hold whole numbers only.
@@ -17,11 +17,11 @@ use crate::file::{FileError, Format, Limits, PictureFile};
 use crate::frame::Rgb;
 use baseline::Sampling;
 
-/// Why a picture could not be encoded.
+/// Why an image could not be encoded.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EncodeError {
-    /// The format does not hold a picture of this size (JPEG: 1 to 65535 pixels a side).
+    /// The format does not hold an image of this size (JPEG: 1 to 65535 pixels a side).
     #[error("cannot encode a picture of {width}×{height} as {format}")]
     Picture {
         /// Name of the format.
@@ -38,10 +38,10 @@ pub enum EncodeError {
 
 /// From this quality on colours are kept for each pixel, below it for two by two, as cameras do.
 const FULL_COLOUR: u8 = 90;
-/// Longest side of a picture that is decoded, pixels.
+/// Longest side of an image that is decoded, pixels.
 const LONGEST_SIDE: u32 = 8192;
 
-/// Why a picture could not be decoded.
+/// Why an image could not be decoded.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot decode the picture: it is no JPEG or PNG, damaged, or a side is longer than {LONGEST_SIDE} pixels")]
 pub struct DecodeError(#[from] FileError);
@@ -49,7 +49,7 @@ pub struct DecodeError(#[from] FileError);
 /// Decodes a JPEG file of at most 8192 pixels a side; grey becomes colour.
 ///
 /// # Errors
-/// [`DecodeError`] if it is damaged or too large. Memory is bounded by the largest picture.
+/// [`DecodeError`] if it is damaged or too large. Memory is bounded by the largest image.
 pub fn decode(bytes: &[u8]) -> Result<Rgb, DecodeError> {
     decode_as(Format::Jpeg, bytes)
 }
@@ -67,7 +67,7 @@ fn decode_as(format: Format, bytes: &[u8]) -> Result<Rgb, DecodeError> {
     Ok(PictureFile::open_as(format, bytes, limits)?.decode()?.into_rgb())
 }
 
-/// A JPEG picture. Cloning shares the bytes.
+/// A JPEG image. Cloning shares the bytes.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Jpeg {
     width: u32,
@@ -82,7 +82,7 @@ impl core::fmt::Debug for Jpeg {
 }
 
 impl Jpeg {
-    /// Encodes a picture. `quality` is the usual 1..=100, clamped; from 90 on each pixel keeps its own colour (4:4:4), below it two
+    /// Encodes an image. `quality` is the usual 1..=100, clamped; from 90 on each pixel keeps its own colour (4:4:4), below it two
     /// by two pixels share one (4:2:0). The same bytes on every machine.
     ///
     /// # Errors
@@ -123,7 +123,7 @@ impl Jpeg {
     }
 }
 
-/// A picture has no pixel, or more of them than a frame header can tell.
+/// An image has no pixel, or more of them than a frame header can tell.
 #[derive(Debug, thiserror::Error)]
 #[error("the sides of a JPEG are 1 to 65535 pixels long")]
 struct Sides;

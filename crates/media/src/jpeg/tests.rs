@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::tables::{BLOCK, Steps};
 use super::*;
 
-/// Blocks, a slope and grain: something of all that pictures are made of.
+/// Blocks, a slope and grain: something of all that images are made of.
 fn picture(width: u32, height: u32, grain: u32, seed: u32) -> Rgb {
     let mut picture = Rgb::new(width, height);
     let mut state = seed;
@@ -55,7 +55,7 @@ fn every_kind_of_instructions_gives_the_same_bytes() {
     }
 }
 
-/// Qualities, and what the encoder of the crate `image` 0.25.10, which shares no colours either and is slow, made of the pictures
+/// Qualities, and what the encoder of the crate `image` 0.25.10, which shares no colours either and is slow, made of the images
 /// below at each: dB and bytes.
 const QUALITIES: [u8; 6] = [20, 50, 70, 85, 95, 100];
 type Figures = [(f64, usize); QUALITIES.len()];
@@ -68,7 +68,7 @@ const OTHER_ENCODER: [((u32, u32, u32), Figures); 3] = [
     ),
 ];
 
-/// The same tables must give as good a picture and as small a file.
+/// The same tables must give as good an image and as small a file.
 #[test]
 fn is_as_good_as_another_encoder() {
     for ((width, height, grain), figures) in OTHER_ENCODER {

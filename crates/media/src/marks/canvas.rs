@@ -1,6 +1,6 @@
 //! Anti-aliased shapes, drawn by signed distance.
 //!
-//! A pixel's share of a shape is `0.5 − distance` to its outline, clamped to 0..=1: a box filter one pixel wide, exact for
+//! A pixel's fraction of a shape is `0.5 − distance` to its outline, clamped to 0..=1: a box filter one pixel wide, exact for
 //! straight edges along the axes. Only the four operations and square roots, so the same bits everywhere.
 
 use crate::frame::Rgb;
@@ -76,7 +76,7 @@ impl Point {
     }
 }
 
-/// Ten times the largest picture that a codec of ours takes.
+/// Ten times the largest image that a codec of ours takes.
 const FAR: f64 = 40_000.0;
 
 /// An axis-aligned rectangle in pixels.
@@ -103,14 +103,14 @@ impl Rect {
     }
 }
 
-/// Draws on a picture. Shapes are cut at its edges; coordinates may be anything, and a NaN draws nothing.
+/// Draws on an image. Shapes are cut at its edges; coordinates may be anything, and a NaN draws nothing.
 #[derive(Debug)]
 pub struct Canvas<'a> {
     picture: &'a mut Rgb,
 }
 
 impl<'a> Canvas<'a> {
-    /// A canvas over a picture.
+    /// A canvas over an image.
     #[must_use]
     pub fn new(picture: &'a mut Rgb) -> Self {
         Self { picture }
@@ -128,7 +128,7 @@ impl<'a> Canvas<'a> {
         f64::from(self.picture.height())
     }
 
-    /// The unit that strokes and text scale with: 1 px for a picture 480 px high, never less than 1.
+    /// The unit that strokes and text scale with: 1 px for an image 480 px high, never less than 1.
     #[must_use]
     pub fn unit(&self) -> f64 {
         (self.height() / 480.0).max(1.0)
@@ -213,7 +213,7 @@ impl<'a> Canvas<'a> {
     /// Blends every pixel within half a pixel of `area` by its distance from the shape.
     fn cover(&mut self, area: Rect, colour: Colour, distance: impl Fn(Point) -> f64) {
         let area = area.grown(1.0);
-        // `as` saturates: what lies left of or above the picture starts at its first pixel.
+        // `as` saturates: what lies left of or above the image starts at its first pixel.
         let (left, right) = (area.left.floor() as u32, (area.right.ceil() as u32).min(self.picture.width()));
         let (top, bottom) = (area.top.floor() as u32, (area.bottom.ceil() as u32).min(self.picture.height()));
         for y in top..bottom {

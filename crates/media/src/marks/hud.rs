@@ -15,7 +15,7 @@ pub struct Hud<'a> {
     pub lines: &'a [&'a str],
 }
 
-/// Draws a [`Hud`] on a picture.
+/// Draws a [`Hud`] on an image.
 pub fn draw_hud(picture: &mut Rgb, hud: &Hud<'_>) {
     let mut canvas = Canvas::new(picture);
     let style = TextStyle::outlined(16.0 * canvas.unit());

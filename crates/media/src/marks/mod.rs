@@ -1,6 +1,6 @@
-//! What is drawn on a picture: the marks a query asks for, and what the annotated video shows.
+//! What is drawn on an image: the marks a query asks for, and what the annotated video shows.
 //!
-//! Sizes follow the picture's height, colours stand out from ground and sky, and every stroke has a dark edge, so that a mark
+//! Sizes follow the image's height, colours stand out from ground and sky, and every stroke has a dark edge, so that a mark
 //! is read on any ground, by people and by a VLM.
 
 mod canvas;
@@ -55,7 +55,7 @@ impl Canvas<'_> {
         }
     }
 
-    /// A ring with a cross hair that leaves the centre free, and a label to its lower right (kept inside the picture).
+    /// A ring with a cross hair that leaves the centre free, and a label to its lower right (kept inside the image).
     pub fn waypoint(&mut self, at: ImagePoint, label: &str, colour: Colour) {
         let (centre, unit) = (self.place(at), self.unit());
         let (radius, width) = (11.0 * unit, 2.2 * unit);
@@ -70,7 +70,7 @@ impl Canvas<'_> {
         if !label.is_empty() && centre.x.is_finite() && centre.y.is_finite() {
             let style = TextStyle::plain(16.0 * unit, Colour::WHITE);
             let (width, height) = style.measure(label);
-            // Beside the ring; on the other side where the picture ends.
+            // Beside the ring; on the other side where the image ends.
             let x =
                 if centre.x + radius * 1.8 + width + 6.0 > self.width() { -(radius * 1.8 + width + 6.0) } else { radius * 1.8 };
             let y = if centre.y + radius + height > self.height() { -(radius + height) } else { radius * 0.4 };

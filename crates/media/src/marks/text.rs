@@ -188,7 +188,7 @@ impl Canvas<'_> {
         self.line_of_text(x, y, text, size, style.colour);
     }
 
-    /// Text on a plate of `plate` colour, its upper left corner at `at`, kept inside the picture where it fits; returns the
+    /// Text on a plate of `plate` colour, its upper left corner at `at`, kept inside the image where it fits; returns the
     /// plate's area.
     pub fn label(&mut self, at: Point, text: &str, style: TextStyle, plate: Colour) -> Rect {
         let pad = (style.height / 6.0).round().max(2.0);

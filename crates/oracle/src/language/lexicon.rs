@@ -135,7 +135,7 @@ pub(crate) struct Joints {
     pub(crate) question_ends: Vec<String>,
     /// One object to another.
     pub(super) relations: Phrases<Relation>,
-    /// Places in the picture.
+    /// Places in the image.
     pub(super) sides: Phrases<Side>,
     /// The side that one counts from.
     pub(super) counted_from: Phrases<Side>,

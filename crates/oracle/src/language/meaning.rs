@@ -24,7 +24,7 @@ pub enum Verb {
     Follow,
 }
 
-/// How an object stands to another, in the picture.
+/// How an object stands to another, in the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Relation {
@@ -42,7 +42,7 @@ pub enum Relation {
     InFrontOf,
     /// Between two.
     Between,
-    /// Lower in the picture and close.
+    /// Lower in the image and close.
     Under,
     /// On, in or above it.
     On,
@@ -52,7 +52,7 @@ pub enum Relation {
     ShorterThan,
 }
 
-/// A side of the picture.
+/// A side of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Side {

@@ -28,7 +28,7 @@ pub struct Phrase {
     pub soft: Vec<String>,
     /// Ordinal.
     pub ordinal: Option<Ordinal>,
-    /// Side of the picture.
+    /// Side of the image.
     pub side: Option<Side>,
     /// Relations, each with its anchors (two for *between*).
     pub relations: Vec<(Relation, Vec<Self>)>,
@@ -310,7 +310,7 @@ fn has_noun(words: &[String]) -> bool {
     })
 }
 
-/// Whether the words say no more than "the city", "the picture".
+/// Whether the words say no more than "the city", "the image".
 fn surroundings(words: &[String]) -> bool {
     words
         .iter()

@@ -1,7 +1,7 @@
 //! The live view: the log's messages over Foxglove's WebSocket protocol while the flight goes on (docs/reference/flight-log.md).
 //!
-//! Whoever sends never waits: each viewer has a bounded queue, and what a slow one cannot take is left out and told to it. A viewer that
-//! takes nothing for some seconds is let go.
+//! Sending never blocks: each viewer has a bounded queue, and a slow one loses messages and gets a status about it. A
+//! viewer that accepts nothing for some seconds is disconnected.
 
 mod protocol;
 mod viewer;
@@ -17,16 +17,16 @@ use std::time::Duration;
 
 use crate::log::{Message, Topic};
 
-/// Messages that may wait for a viewer.
+/// Maximum number of messages queued for a viewer.
 const WAITING: usize = 256;
-/// Viewers at a time; further ones are turned away.
+/// Maximum number of viewers; further ones are rejected.
 const VIEWERS: usize = 8;
 
-/// How long viewers' threads are waited for at the end: so many glances.
+/// Maximum wait for the viewers' threads at the end, in polling intervals.
 const LAST_WORDS: u32 = 100;
 const GLANCE: Duration = Duration::from_millis(10);
 
-/// A server of live views.
+/// The live view server.
 #[derive(Debug)]
 pub struct Live {
     address: SocketAddr,
@@ -34,7 +34,7 @@ pub struct Live {
     door: Option<JoinHandle<()>>,
 }
 
-/// Where messages go in. Any number of threads may hold one; it never waits.
+/// Sends messages to the viewers; can be shared by several threads. It never blocks.
 #[derive(Clone, Debug)]
 pub struct LiveSender(Arc<Shared>);
 
@@ -43,7 +43,7 @@ struct Shared {
     name: String,
     topics: Vec<Topic>,
     closed: AtomicBool,
-    /// Viewers' threads.
+    /// Number of viewer threads.
     serving: AtomicUsize,
     state: Mutex<State>,
 }
@@ -52,11 +52,11 @@ struct Shared {
 struct State {
     next: u64,
     viewers: BTreeMap<u64, Subscriber>,
-    /// The latest message of each topic, with which a viewer begins.
+    /// The latest message of each topic, sent first to a new subscriber.
     latest: BTreeMap<usize, Message>,
 }
 
-/// What the flight knows of a viewer.
+/// The sending side of a viewer.
 #[derive(Debug)]
 struct Subscriber {
     queue: SyncSender<Message>,
@@ -64,7 +64,7 @@ struct Subscriber {
     left_out: Arc<AtomicU64>,
 }
 
-/// What a viewer's thread has of its subscriber; the subscriber is given up when it is dropped.
+/// The receiving side of a viewer; dropping it removes the subscriber.
 struct Subscription<'a> {
     shared: &'a Shared,
     id: u64,
@@ -73,10 +73,10 @@ struct Subscription<'a> {
 }
 
 impl Live {
-    /// Answers at `address` (port 0: one that is free); `name` is what viewers are told.
+    /// Serves at `address` (port 0: any free port); `name` is the server name sent to viewers.
     ///
     /// # Errors
-    /// The system's, when the address cannot be had or no thread be started.
+    /// The operating system's error if the address cannot be bound or no thread can be started.
     pub fn bind(address: SocketAddr, name: &str, topics: Vec<Topic>) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         let address = listener.local_addr()?;
@@ -92,13 +92,13 @@ impl Live {
         Ok(Self { address, shared, door: Some(door) })
     }
 
-    /// Where it answers.
+    /// The address served.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Where messages go in.
+    /// A sender for messages.
     #[must_use]
     pub fn sender(&self) -> LiveSender {
         LiveSender(self.shared.clone())
@@ -108,13 +108,13 @@ impl Live {
 impl Drop for Live {
     fn drop(&mut self) {
         self.shared.closed.store(true, Ordering::Relaxed);
-        // Viewers' queues end; the door wakes up from waiting for one more.
+        // Close the viewers' queues, and wake the accepting thread with one more connection.
         self.shared.state().viewers.clear();
         drop(TcpStream::connect_timeout(&self.address, Duration::from_secs(1)));
         if let Some(door) = self.door.take() {
             door.join().ok();
         }
-        // The last messages of the flight go out; a viewer that takes none is not waited for.
+        // The last messages of the flight are sent; a viewer that accepts none is not awaited.
         for _ in 0..LAST_WORDS {
             if self.shared.serving.load(Ordering::Relaxed) == 0 {
                 break;
@@ -125,7 +125,7 @@ impl Drop for Live {
 }
 
 impl LiveSender {
-    /// Shows a message to whoever wants its topic.
+    /// Sends a message to the subscribers of its topic.
     pub fn send(&self, message: &Message) {
         let mut state = self.0.state();
         for subscriber in state.viewers.values().filter(|subscriber| subscriber.topics.contains(&message.topic)) {
@@ -139,11 +139,11 @@ impl LiveSender {
 
 impl Shared {
     fn state(&self) -> MutexGuard<'_, State> {
-        // A panic elsewhere leaves the lists whole.
+        // After a panic elsewhere the lists are still consistent.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A subscriber for one more viewer; none when all are taken.
+    /// Adds a subscriber; `None` if the maximum is reached.
     fn subscriber(&self) -> Option<Subscription<'_>> {
         let (queue, messages) = sync_channel(WAITING);
         let left_out = Arc::new(AtomicU64::new(0));
@@ -160,7 +160,7 @@ impl Shared {
 }
 
 impl Subscription<'_> {
-    /// The viewer wants a topic, of which it is shown the latest message at once.
+    /// Subscribes to a topic and sends its latest message.
     fn subscribe(&self, topic: usize) {
         let mut state = self.shared.state();
         let latest = state.latest.get(&topic).cloned();
@@ -172,7 +172,7 @@ impl Subscription<'_> {
         }
     }
 
-    /// The viewer wants a topic no longer.
+    /// Unsubscribes from a topic.
     fn unsubscribe(&self, topic: usize) {
         if let Some(subscriber) = self.shared.state().viewers.get_mut(&self.id) {
             subscriber.topics.remove(&topic);
@@ -187,14 +187,14 @@ impl Drop for Subscription<'_> {
     }
 }
 
-/// Lets viewers in until the server is closed.
+/// Accepts viewers until the server is closed.
 fn answer(listener: &TcpListener, shared: &Arc<Shared>) {
     for stream in listener.incoming() {
         if shared.closed.load(Ordering::Relaxed) {
             return;
         }
         let Ok(stream) = stream else {
-            // Too many files open, most often: better later than in a circle.
+            // Usually too many open files: wait instead of spinning.
             std::thread::sleep(Duration::from_millis(100));
             continue;
         };

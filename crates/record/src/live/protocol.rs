@@ -1,5 +1,6 @@
-//! Foxglove's WebSocket protocol, the part that shows topics: subprotocols `foxglove.sdk.v1` and `foxglove.websocket.v1`, which are
-//! the same in it (the protocol's `spec.md`, "server info", "advertise", "subscribe", "message data", "status").
+//! The part of Foxglove's WebSocket protocol for publishing topics: subprotocols `foxglove.sdk.v1` and
+//! `foxglove.websocket.v1`, which do not differ in it (the protocol's `spec.md`, "server info", "advertise",
+//! "subscribe", "message data", "status").
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -8,35 +9,35 @@ use serde::{Deserialize, Serialize};
 
 use crate::log::{Message, Topic};
 
-/// Subprotocols spoken, best first.
+/// Supported subprotocols, best first.
 pub(super) const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 
 /// First byte of a message of a topic.
 const MESSAGE_DATA: u8 = 1;
-/// A status that is a warning.
+/// Status level of a warning.
 const WARNING: u8 = 1;
 
-/// What a viewer asks for.
+/// A viewer's request.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(tag = "op", rename_all = "camelCase")]
 pub(super) enum Request {
-    /// Wants channels.
+    /// Subscribe to channels.
     Subscribe {
-        /// Which.
+        /// The subscriptions.
         subscriptions: Vec<Subscription>,
     },
-    /// Wants them no longer.
+    /// Cancel subscriptions.
     #[serde(rename_all = "camelCase")]
     Unsubscribe {
-        /// Which.
+        /// Their ids.
         subscription_ids: Vec<u32>,
     },
-    /// What this server has no use for.
+    /// A request that this server ignores.
     #[serde(other)]
     Other,
 }
 
-/// A viewer's wish for a channel, under a number of its own.
+/// A subscription to a channel, with an id chosen by the viewer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Subscription {
@@ -73,13 +74,13 @@ struct Channel<'a> {
     schema: String,
 }
 
-/// The first words of the server.
+/// The server's first message.
 pub(super) fn greeting(name: &str) -> String {
-    // One flight, one session: a viewer that comes back to another process begins anew.
+    // One session per flight: a viewer that reconnects to another process starts anew.
     text(&Told::ServerInfo { name, capabilities: [], session_id: std::process::id().to_string() })
 }
 
-/// The topics, each a channel of its place's number.
+/// The topics as channels, each with its index as id.
 pub(super) fn advertisement(topics: &[Topic]) -> String {
     let channel = |(id, topic): (usize, &'_ Topic)| {
         let schema = match topic.schema_encoding {
@@ -100,7 +101,7 @@ pub(super) fn advertisement(topics: &[Topic]) -> String {
     text(&Told::Advertise { channels: channels.collect() })
 }
 
-/// That messages were left out.
+/// A status about dropped messages.
 pub(super) fn left_out(messages: u64) -> String {
     text(&Told::Status {
         level: WARNING,
@@ -119,7 +120,7 @@ pub(super) fn message(subscription: u32, message: &Message) -> Bytes {
 }
 
 fn text(told: &Told<'_>) -> String {
-    // Plain structures always have a JSON form.
+    // Plain structs always have a JSON form.
     serde_json::to_string(told).unwrap_or_default()
 }
 

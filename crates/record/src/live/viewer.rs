@@ -1,4 +1,4 @@
-//! One viewer, in a thread of its own.
+//! One viewer, in its own thread.
 
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind};
@@ -15,14 +15,14 @@ use tungstenite::{Error, Message as Frame, WebSocket, accept_hdr_with_config};
 use super::protocol::{self, Request, SUBPROTOCOLS};
 use super::{GLANCE, Shared, Subscription};
 
-/// How long a viewer may take over its first words, or take nothing: then it is let go.
+/// Time limit for a viewer's handshake, and for accepting data: then it is disconnected.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Longest word of a viewer, bytes: a list of subscriptions.
+/// Maximum size of a viewer's request, bytes.
 const LONGEST: usize = 64 * 1024;
-/// Subscriptions of one viewer.
+/// Maximum number of subscriptions of one viewer.
 const SUBSCRIPTIONS: usize = 256;
 
-/// Serves a viewer until it goes, is too slow, or the flight is over.
+/// Serves a viewer until it disconnects, is too slow, or the flight is over.
 pub(super) fn serve(stream: TcpStream, shared: &Shared) {
     let Some(subscription) = shared.subscriber() else { return };
     match greet(stream, shared).and_then(|socket| show(socket, &subscription)) {
@@ -44,7 +44,7 @@ fn greet(stream: TcpStream, shared: &Shared) -> Result<WebSocket<TcpStream>, Err
     Ok(socket)
 }
 
-/// The first of our subprotocols that the viewer offers; without one it speaks something else.
+/// The first supported subprotocol that the viewer offers; an error if there is none.
 #[allow(clippy::result_large_err, reason = "the handshake's own type")]
 fn choose(hello: &Hello, mut response: Response) -> Result<Response, ErrorResponse> {
     let offered: Vec<&str> = hello
@@ -68,9 +68,9 @@ fn choose(hello: &Hello, mut response: Response) -> Result<Response, ErrorRespon
     }
 }
 
-/// Hears the viewer and shows it messages, in turns.
+/// Alternates between reading requests and sending messages.
 fn show(mut socket: WebSocket<TcpStream>, subscription: &Subscription<'_>) -> Result<(), Error> {
-    // The viewer's own numbers for topics.
+    // The viewer's own ids for topics.
     let mut subscriptions: BTreeMap<u32, usize> = BTreeMap::new();
     loop {
         match socket.read() {
@@ -87,7 +87,7 @@ fn show(mut socket: WebSocket<TcpStream>, subscription: &Subscription<'_>) -> Re
         if left_out > 0 {
             socket.send(Frame::text(protocol::left_out(left_out)))?;
         }
-        // No more than what waits now: a flight that tells more than can be sent must not keep the viewer from being heard.
+        // At most what is queued now: a continuous stream of messages must not prevent reading the viewer's requests.
         for _ in 0..super::WAITING {
             match subscription.queue.try_recv() {
                 Ok(message) => {

@@ -1,7 +1,8 @@
-//! Foxglove's own message types, made from ours, so that its tools and others that know them show a flight.
+//! Conversion to Foxglove's message types, which its tools and others can display.
 //!
-//! Reference frames: `world` is ENU (x east, y north, z up, metres from the scene's origin). `body` is FLU (x forward, y left,
-//! z up, tilted with the craft) at the pose *as known*. `camera` is the optical frame: x right in the picture, y down, z into it.
+//! Reference frames: `world` is ENU (x east, y north, z up, metres from the scene's origin). `body` is FLU (x forward,
+//! y left, z up, tilted with the craft) at the *estimated* pose. `camera` is the optical frame: x right in the image, y
+//! down, z forward.
 
 pub use foxglove::Encode;
 pub use foxglove::messages::{
@@ -23,59 +24,59 @@ use spf_core::time::Time;
 
 /// The reference frame of the world.
 const WORLD: &str = "world";
-/// The reference frame of the craft as known.
+/// The reference frame of the craft at its estimated pose.
 const BODY: &str = "body";
-/// The reference frame of the picture.
+/// The reference frame of the image.
 const CAMERA: &str = "camera";
 
-/// Side of the cross drawn where the craft flies to, and thickness of lines, pixels of the picture.
+/// Size of the waypoint cross, and line thickness, pixels.
 const RING: f64 = 24.0;
 const LINE: f64 = 2.0;
 
-/// The names of the types that a video is made from.
+/// Names of the message types used for a video.
 pub(super) const IMAGE: &str = "foxglove.CompressedImage";
 pub(super) const ANNOTATIONS: &str = "foxglove.ImageAnnotations";
 pub(super) const LOG: &str = "foxglove.Log";
 
-/// What is drawn on a picture.
+/// Annotations of an image.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Marks {
-    /// Where the craft flies to, and a caption.
+    /// The waypoint and its caption.
     pub waypoint: Option<(ImagePoint, String)>,
-    /// Obstacles that the VLM reported, each with a caption.
+    /// Obstacles reported by the VLM, each with a caption.
     pub boxes: Vec<(ImageBox, String)>,
 }
 
 impl Marks {
-    /// The boxes, to be drawn.
+    /// The boxes as marks.
     #[must_use]
     pub fn as_marks(&self) -> Vec<Mark> {
         self.boxes.iter().map(|(area, label)| Mark::Box { area: *area, label: label.clone() }).collect()
     }
 }
 
-/// How much a line of the log matters.
+/// Severity of a log message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// What happens in every flight.
+    /// A normal event.
     Info,
-    /// Done, but not as asked.
+    /// A deviation from what was requested.
     Warning,
-    /// Something was lost.
+    /// A loss.
     Error,
 }
 
-/// A message's bytes.
+/// Encodes a message.
 #[must_use]
 pub fn encode<M: Encode>(message: &M) -> Bytes {
     let mut buffer = BytesMut::with_capacity(message.encoded_len().unwrap_or(256));
-    // The only error is a buffer that cannot grow; this one can.
+    // The only possible error is a buffer that cannot grow; this one can.
     message.encode(&mut buffer).ok();
     buffer.freeze()
 }
 
-/// A message of one of the types that a flight log has, as JSON; `None` for other types and for bytes that are none of it. Bytes in it
-/// become base64.
+/// Converts a message of one of the types in a flight log to JSON, with bytes as base64; `None` for other types and for
+/// invalid data.
 #[must_use]
 pub fn to_json(schema: &str, data: &[u8]) -> Option<Value> {
     fn read<M: Decode + Serialize>(data: &[u8]) -> Option<Value> {
@@ -93,23 +94,23 @@ pub fn to_json(schema: &str, data: &[u8]) -> Option<Value> {
     }
 }
 
-/// A camera picture as JPEG, captured at `at`.
+/// A camera image as JPEG, captured at `at`.
 #[must_use]
 pub fn image(at: Time, jpeg: Bytes) -> CompressedImage {
     CompressedImage { timestamp: Some(stamp(at)), frame_id: CAMERA.to_owned(), data: jpeg, format: "jpeg".to_owned() }
 }
 
-/// The picture in a message; `None` when it is no JPEG.
+/// The image in a message; `None` if it is not a JPEG.
 pub(super) fn jpeg_of(data: &[u8]) -> Option<Bytes> {
     CompressedImage::decode(data).ok().filter(|image| image.format == "jpeg").map(|image| image.data)
 }
 
-/// The words of a line of the log.
+/// The text of a log message.
 pub(super) fn line_of(data: &[u8]) -> Option<String> {
     Log::decode(data).ok().map(|line| line.message)
 }
 
-/// What [`annotations`] drew on a picture of that size.
+/// The marks in a message created by [`annotations`] for an image of this size.
 pub(super) fn marks_of(data: &[u8], size: (u32, u32)) -> Option<Marks> {
     let drawn = ImageAnnotations::decode(data).ok()?;
     let share = |at: &Point2| ImagePoint { u: at.x / f64::from(size.0), v: at.y / f64::from(size.1) };
@@ -122,7 +123,7 @@ pub(super) fn marks_of(data: &[u8], size: (u32, u32)) -> Option<Marks> {
     Some(Marks { waypoint, boxes: areas.map(|area| (area, captions.next().unwrap_or_default())).collect() })
 }
 
-/// What is to be drawn on the picture of that size captured at `at`.
+/// The annotations for the image of this size captured at `at`.
 #[must_use]
 pub fn annotations(at: Time, size: (u32, u32), marks: &Marks) -> ImageAnnotations {
     let timestamp = Some(stamp(at));
@@ -167,7 +168,7 @@ pub fn annotations(at: Time, size: (u32, u32), marks: &Marks) -> ImageAnnotation
     drawn
 }
 
-/// The camera with its lens.
+/// The calibration of the camera, including lens distortion.
 #[must_use]
 pub fn calibration(at: Time, camera: &Camera) -> CameraCalibration {
     let Camera { width, height, fx, fy, cx, cy, distortion, .. } = *camera;
@@ -184,7 +185,7 @@ pub fn calibration(at: Time, camera: &Camera) -> CameraCalibration {
     }
 }
 
-/// World to body, and body to camera, whose mount tilts by `tilt` radians below the body's forward axis.
+/// The transforms from world to body, and from body to the camera, which is tilted down by `tilt` radians.
 #[must_use]
 pub fn transforms(at: Time, body: &Pose, tilt: f64) -> FrameTransforms {
     let link = |parent: &str, child: &str, translation: Vector3, rotation: Quaternion| FrameTransform {
@@ -214,22 +215,22 @@ pub fn pose(at: Time, pose: &Pose) -> PoseInFrame {
     PoseInFrame { timestamp: Some(stamp(at)), frame_id: WORLD.to_owned(), pose: Some(pose) }
 }
 
-/// A thing of the scene as its outline at two heights: closed polygons of east and north, and edges between them.
+/// An object of the scene as a prism: closed polygons of east and north, from one height to another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prism {
-    /// What it is called.
+    /// Name of the object.
     pub name: String,
     /// Closed polygons of east and north, metres.
     pub polygons: Vec<Vec<[f64; 2]>>,
-    /// From which height, metres.
+    /// Lower height, metres.
     pub bottom: f64,
-    /// To which height, metres.
+    /// Upper height, metres.
     pub top: f64,
     /// Red, green, blue.
     pub colour: [u8; 3],
 }
 
-/// The scene in outline.
+/// The scene as outlines.
 #[must_use]
 pub fn scene(at: Time, things: &[Prism]) -> SceneUpdate {
     let entities = things.iter().map(|thing| {
@@ -239,7 +240,7 @@ pub fn scene(at: Time, things: &[Prism]) -> SceneUpdate {
     SceneUpdate { deletions: Vec::new(), entities: entities.collect() }
 }
 
-/// The plan of a decision: from where it was made to where it ends. A plan replaces the one before.
+/// The plan of a decision, from its start to its end. It replaces the previous plan.
 #[must_use]
 pub fn plan(at: Time, from: EnuPosition, to: EnuPosition) -> SceneUpdate {
     let magenta = Color { r: 1.0, g: 0.2, b: 0.9, a: 1.0 };
@@ -247,7 +248,7 @@ pub fn plan(at: Time, from: EnuPosition, to: EnuPosition) -> SceneUpdate {
     SceneUpdate { deletions: Vec::new(), entities: vec![entity] }
 }
 
-/// A line for a person.
+/// A text message.
 #[must_use]
 pub fn log_line(at: Time, level: Level, message: String) -> Log {
     let level = match level {
@@ -258,7 +259,7 @@ pub fn log_line(at: Time, level: Level, message: String) -> Log {
     Log { timestamp: Some(stamp(at)), level: level.into(), message, name: "spf".to_owned(), ..Log::default() }
 }
 
-/// Flight time as a time stamp: seconds since the flight began. A flight of 136 years would not fit.
+/// Converts flight time to a time stamp in seconds since the start. It overflows after 136 years.
 fn stamp(at: Time) -> Timestamp {
     let nanos = at.as_nanos();
     Timestamp::new(u32::try_from(nanos / 1_000_000_000).unwrap_or(u32::MAX), (nanos % 1_000_000_000) as u32)
@@ -276,7 +277,7 @@ fn entity(at: Time, id: String, points: Vec<Point3>, color: Color) -> SceneEntit
     SceneEntity { timestamp: Some(stamp(at)), frame_id: WORLD.to_owned(), id, lines: vec![line], ..SceneEntity::default() }
 }
 
-/// Pairs of ends: both outlines, and an upright at each corner.
+/// Edges as pairs of points: both outlines, and a vertical at each corner.
 fn edges(thing: &Prism) -> Vec<Point3> {
     let mut ends = Vec::new();
     for polygon in &thing.polygons {
@@ -296,14 +297,14 @@ fn corner(at: EnuPosition) -> Point3 {
     Point3 { x: at.east, y: at.north, z: at.up }
 }
 
-/// From FLU to ENU: roll (right side down), then pitch (nose up), then heading (clockwise from north).
+/// Rotation from FLU to ENU: roll (right side down), then pitch (nose up), then heading (clockwise from north).
 fn flu_rotation(attitude: Attitude) -> Quaternion {
     let yaw = core::f64::consts::FRAC_PI_2 - attitude.heading;
-    // A nose that rises turns about the left axis the other way round.
+    // Positive pitch is a negative rotation about the left axis.
     turn_z(yaw, turn_y(-attitude.pitch, turn_x(attitude.roll)))
 }
 
-/// From the optical frame to FLU, tilted downwards.
+/// Rotation from the optical frame to FLU, tilted downwards.
 fn optical_rotation(tilt: f64) -> Quaternion {
     let level = Quaternion { x: -0.5, y: 0.5, z: -0.5, w: 0.5 };
     turn_y(tilt, level)
@@ -313,13 +314,13 @@ fn turn_x(angle: f64) -> Quaternion {
     Quaternion { x: libm::sin(0.5 * angle), y: 0.0, z: 0.0, w: libm::cos(0.5 * angle) }
 }
 
-/// Turns by `q`, then about y.
+/// `q` followed by a rotation about y.
 fn turn_y(angle: f64, q: Quaternion) -> Quaternion {
     let (s, c) = (libm::sin(0.5 * angle), libm::cos(0.5 * angle));
     Quaternion { x: c * q.x + s * q.z, y: c * q.y + s * q.w, z: c * q.z - s * q.x, w: c * q.w - s * q.y }
 }
 
-/// Turns by `q`, then about z.
+/// `q` followed by a rotation about z.
 fn turn_z(angle: f64, q: Quaternion) -> Quaternion {
     let (s, c) = (libm::sin(0.5 * angle), libm::cos(0.5 * angle));
     Quaternion { x: c * q.x - s * q.y, y: c * q.y + s * q.x, z: c * q.z + s * q.w, w: c * q.w - s * q.z }
@@ -329,7 +330,7 @@ fn turn_z(angle: f64, q: Quaternion) -> Quaternion {
 mod tests {
     use super::*;
 
-    /// A vector turned by a quaternion: v + 2w(q×v) + 2q×(q×v).
+    /// Rotates a vector by a quaternion: v + 2w(q×v) + 2q×(q×v).
     fn turned(q: Quaternion, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
         let axis = [q.x, q.y, q.z];
@@ -359,11 +360,11 @@ mod tests {
     #[test]
     fn the_picture_is_upright_and_the_lens_looks_down_by_its_tilt() {
         let tilt = 30f64.to_radians();
-        // Into the picture: forward and half a metre down. Right in the picture: the body's right.
+        // Optical axis: forward and half a metre down. Right in the image: the body's right.
         let into = turned(optical_rotation(tilt), [0.0, 0.0, 1.0]);
         close(into, [libm::cos(tilt), 0.0, -0.5]);
         close(turned(optical_rotation(tilt), [1.0, 0.0, 0.0]), [0.0, -1.0, 0.0]);
-        // Down in the picture: down, and back by the tilt.
+        // Down in the image: down, and backwards because of the tilt.
         close(turned(optical_rotation(tilt), [0.0, 1.0, 0.0]), [-0.5, 0.0, -libm::cos(tilt)]);
     }
 

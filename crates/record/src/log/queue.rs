@@ -1,4 +1,4 @@
-//! The log's own thread, and the queue before it.
+//! The log's thread and its queue.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,21 +12,21 @@ use mcap::McapError;
 use super::writer::{LogError, LogWriter};
 use super::{Message, Topic};
 
-/// Messages that may wait for the disk: half a minute of a flight's inputs and outputs.
+/// Maximum number of queued messages: half a minute of a flight's inputs and outputs.
 const WAITING: usize = 4096;
-/// Large messages (pictures) that may be among them: at some 100 KiB each, they are what fills the memory.
+/// Maximum number of large messages (images) among them: at some 100 KiB each, they use most of the memory.
 const LARGE_WAITING: usize = 64;
-/// From this size on a message is large, bytes.
+/// Minimum size of a large message, bytes.
 const LARGE: usize = 16 * 1024;
-/// A chunk is closed at this age, wall time.
+/// Maximum age of an open chunk, wall time.
 const CHUNK_AGE: Duration = Duration::from_millis(500);
 
-/// What a log holds.
+/// Facts about a finished log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LogFacts {
-    /// Size of the file.
+    /// Size of the file, bytes.
     pub bytes: u64,
-    /// Messages for which the disk was too slow.
+    /// Number of messages dropped because the disk was too slow.
     pub lost: u64,
 }
 
@@ -38,7 +38,7 @@ pub struct Log {
     writer: JoinHandle<Result<u64, LogError>>,
 }
 
-/// Where messages go in. Any number of threads may hold one.
+/// Sends messages to the log; can be shared by several threads.
 #[derive(Clone, Debug)]
 pub struct LogSender {
     queue: SyncSender<Message>,
@@ -48,10 +48,11 @@ pub struct LogSender {
 }
 
 impl Log {
-    /// Starts a log with these topics at `path`. A `patient` one waits for a slow disk, for flights in virtual time; otherwise what
-    /// the disk cannot take is left out and counted, large messages first.
+    /// Creates a log with these topics at `path`. A `patient` log waits for a slow disk, for flights in virtual time;
+    /// otherwise messages are dropped and counted if the disk is too slow, large ones first.
     ///
     /// # Errors
+    /// [`LogError`] if the file cannot be created, or no thread can be started.
     /// [`LogError`] when the file cannot be made, or no thread be started.
     pub fn create(path: &Path, topics: &[Topic], patient: bool) -> Result<Self, LogError> {
         let writer = LogWriter::create(path, topics)?;
@@ -64,26 +65,26 @@ impl Log {
         Ok(Self { sender: LogSender { queue, patient, large, lost }, path: path.to_owned(), writer })
     }
 
-    /// Where messages go in.
+    /// A sender for messages.
     #[must_use]
     pub fn sender(&self) -> LogSender {
         self.sender.clone()
     }
 
-    /// Ends the file; every other [`LogSender`] has to be gone by now, for it waits for them.
+    /// Finishes the file. Waits until every other [`LogSender`] has been dropped.
     ///
     /// # Errors
-    /// [`LogError`]: what was written until then can be read, or repaired.
+    /// [`LogError`]: everything written before can be read, or repaired.
     pub fn finish(self) -> Result<LogFacts, LogError> {
         let Self { sender, writer, .. } = self;
         let lost = sender.lost.clone();
         drop(sender);
-        // A panic of the writer is a bug and goes on here.
+        // A panic of the writer is a bug and is propagated.
         let bytes = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
         Ok(LogFacts { bytes, lost: lost.load(Ordering::Relaxed) })
     }
 
-    /// The file.
+    /// Path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -91,8 +92,8 @@ impl Log {
 }
 
 impl LogSender {
-    /// Puts a message into the log. False when the disk is too slow and it was left out; after a failure of the log nothing
-    /// happens: [`Log::finish`] tells.
+    /// Sends a message. Returns false if it was dropped because the disk is too slow. After a failure of the log
+    /// nothing happens: [`Log::finish`] reports it.
     pub fn send(&self, message: Message) -> bool {
         let large = message.data.len() >= LARGE;
         if large && self.large.fetch_add(1, Ordering::Relaxed) >= LARGE_WAITING && !self.patient {

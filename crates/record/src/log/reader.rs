@@ -1,4 +1,4 @@
-//! Reading a log message by message, in the order in which they were written.
+//! Reads a log message by message, in the order of the file.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -15,23 +15,23 @@ use spf_core::time::Time;
 
 use super::{FORMAT, FORMAT_KEY, HEAD, STARTED_KEY};
 
-/// Longest record or chunk that is read, bytes: a crafted file must not take all memory.
+/// Maximum size of a record or chunk, bytes, so that a crafted file cannot exhaust the memory.
 const LONGEST_RECORD: usize = 64 * 1024 * 1024;
 
-/// Why a log cannot be read, or not to its end.
+/// Why a log could not be read completely.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
-    /// The file cannot be opened or read.
+    /// The file could not be opened or read.
     #[error("the file cannot be read")]
     Read(#[source] io::Error),
-    /// The file ends in the middle: the process that wrote it was killed, or the disk was full.
+    /// The file is truncated: the writing process was killed, or the disk was full.
     #[error("the log ends in the middle")]
     Torn,
-    /// It is no MCAP file, or a broken one.
+    /// The file is not a valid MCAP file.
     #[error("the file is no MCAP file, or it is broken")]
     Broken(#[source] McapError),
-    /// It was written by a later version.
+    /// The file was written by a later version.
     #[error("the log has format {0}, and this program reads formats up to {FORMAT}")]
     Format(u32),
 }
@@ -50,30 +50,30 @@ impl From<McapError> for ReadError {
 /// A message of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// Its topic.
+    /// Name of its topic.
     pub topic: String,
-    /// How it is encoded: `protobuf` or `json`.
+    /// Encoding: `protobuf` or `json`.
     pub encoding: String,
-    /// What its form is called.
+    /// Name of its schema.
     pub schema: String,
     /// Flight time.
     pub time: Time,
-    /// Its place among all messages of the log, counted from 0.
+    /// Number of the message in the log, from 0.
     pub sequence: u32,
     /// The message.
     pub data: Bytes,
 }
 
-/// What a log tells of itself.
+/// A log's metadata.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LogHead {
     /// Version of its topics and messages.
     pub format: u32,
-    /// Wall clock at its begin, Unix nanoseconds.
+    /// Wall clock at the start, Unix nanoseconds.
     pub started_at_ns: u64,
 }
 
-/// The messages of a log in the order of the file. After the first error there is nothing more.
+/// The messages of a log in the order of the file. It ends after the first error.
 pub struct LogReader<R> {
     pieces: Pieces<R>,
     head: Option<LogHead>,
@@ -84,19 +84,20 @@ impl LogReader<BufReader<File>> {
     /// Opens a file.
     ///
     /// # Errors
-    /// [`ReadError::Read`].
+    /// [`ReadError::Read`] if it cannot be opened.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         File::open(path).map(|file| Self::new(BufReader::new(file))).map_err(ReadError::Read)
     }
 }
 
 impl<R: Read> LogReader<R> {
-    /// Reads from anywhere. Chunks with a wrong checksum are errors; memory is bounded by the longest chunk, at most 64 MiB.
+    /// Reads from any source. Chunks with a wrong checksum are errors; memory is bounded by the longest chunk, at most
+    /// 64 MiB.
     pub fn new(source: R) -> Self {
         Self { pieces: Pieces::new(source), head: None, failed: false }
     }
 
-    /// What the log told of itself; known once the first message was read. None in an MCAP file that is no flight log.
+    /// The log's metadata, known once the first message was read. `None` for an MCAP file that is not a flight log.
     #[must_use]
     pub fn head(&self) -> Option<LogHead> {
         self.head
@@ -152,26 +153,26 @@ fn entry_of(message: mcap::Message<'static>) -> Entry {
     }
 }
 
-/// What is read of a file.
+/// A part of a file.
 pub(super) enum Piece {
-    /// A record of metadata.
+    /// A metadata record.
     Metadata(Metadata),
     /// A message with its channel and schema.
     Message(mcap::Message<'static>),
 }
 
-/// The pieces of a file, one after the other, to its proper end or an error.
+/// The parts of a file, in order, to its regular end or an error.
 pub(super) struct Pieces<R> {
     source: R,
     reader: LinearReader,
     channels: ChannelAccumulator<'static>,
-    /// Behind the data come index and summary, which repeat what is known.
+    /// Index and summary follow the data, and repeat what is known.
     past_data: bool,
 }
 
 impl<R: Read> Pieces<R> {
     pub(super) fn new(source: R) -> Self {
-        // Whole chunks or nothing: their checksum is looked at before their messages.
+        // Complete chunks only: the checksum is verified before the messages are read.
         let options = LinearReaderOptions::default().with_prevalidate_chunk_crcs(true).with_record_length_limit(LONGEST_RECORD);
         let reader = LinearReader::new_with_options(options);
         Self { source, reader, channels: ChannelAccumulator::default(), past_data: false }
@@ -224,7 +225,7 @@ impl<R: Read> Iterator for Pieces<R> {
 fn read_some(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     loop {
         match source.read(buffer) {
-            // A signal came in between; nothing read would mean the end.
+            // Interrupted by a signal; returning here would mean the end of the file.
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             read => return read,
         }

@@ -1,4 +1,4 @@
-//! A log that was torn becomes a whole one again.
+//! Repairs a truncated log.
 
 use std::fs::{File, TryLockError};
 use std::io::{self, BufReader, BufWriter, Read, Write};
@@ -12,51 +12,52 @@ use spf_core::time::Time;
 use super::reader::{Piece, Pieces, ReadError};
 use super::writer;
 
-/// Why a log cannot be repaired.
+/// Why a log could not be repaired.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RepairError {
-    /// Nothing in it can be read.
+    /// The log contains nothing readable.
     #[error("nothing can be read from `{path}`")]
     Nothing {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: ReadError,
     },
-    /// A flight writes it.
+    /// The log is being written by a flight.
     #[error("`{path}` is still being written: it is repaired when its flight is over")]
     Busy {
         /// The file.
         path: PathBuf,
     },
-    /// The repaired log cannot be written.
+    /// The repaired log could not be written.
     #[error("cannot write the repaired log `{path}`")]
     Write {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: io::Error,
     },
 }
 
-/// What a repair found.
+/// The result of a repair.
 #[derive(Debug)]
 pub struct Repaired {
-    /// Messages kept.
+    /// Number of messages kept.
     pub messages: u64,
-    /// Flight time of the latest of them.
+    /// Flight time of the last message.
     pub until: Time,
-    /// What ended the reading; `None` when the log was whole.
+    /// The error that ended the reading; `None` if the log was complete.
     pub trouble: Option<ReadError>,
 }
 
-/// Reads a log as far as it goes and puts a whole one in its place; one that is whole stays as it is. The old file is there until
-/// the new one is complete.
+/// Replaces a log by a complete one with all readable messages; a complete log is not changed. The old file is kept
+/// until the new one is complete.
 ///
 /// # Errors
+/// [`RepairError`]; the file is then unchanged.
 /// [`RepairError`]; the file is then as it was.
 pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
     let nothing = |source| RepairError::Nothing { path: path.to_owned(), source };
@@ -78,22 +79,22 @@ pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
         Err(Rewrite::Write(source)) => Err(failed(source)),
         Err(Rewrite::Form(source)) => Err(nothing(source.into())),
     };
-    // The part is of no use; that it cannot be taken away adds nothing.
+    // The partial copy is useless; a failure to remove it adds nothing to the error.
     std::fs::remove_file(&beside).ok();
     outcome
 }
 
-/// Whether somebody holds a log open for writing. Where files cannot be locked, nobody is known to.
+/// Whether another process has a log open for writing. False where file locks are not supported.
 fn being_written(file: &File) -> bool {
     matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
 }
 
-/// Why rewriting stopped, apart from the source's own end.
+/// Why rewriting failed, except for errors of the source.
 #[derive(Debug)]
 pub enum Rewrite {
-    /// The copy cannot be written.
+    /// The copy could not be written.
     Write(io::Error),
-    /// What was read cannot be put into a log's form.
+    /// The messages could not be encoded.
     Form(McapError),
 }
 
@@ -106,10 +107,10 @@ impl From<McapError> for Rewrite {
     }
 }
 
-/// Copies what can be read of `source` into a whole log. For [`repair`] and for tests that have no files.
+/// Copies the readable part of `source` into a complete log. Used by [`repair`], and by tests without files.
 ///
 /// # Errors
-/// [`Rewrite`]: trouble of the copy. Trouble of the source is part of what was [found](Repaired).
+/// [`Rewrite`] for errors of the copy. Errors of the source are part of the [result](Repaired).
 pub fn rewrite<R: Read, W: Write>(source: R, copy: W) -> Result<(Repaired, W), Rewrite> {
     let mut writer = writer::options().create(NoSeek::new(copy))?;
     let mut found = Repaired { messages: 0, until: Time::ZERO, trouble: None };

@@ -1,4 +1,4 @@
-//! A video from the pictures of a log.
+//! Creates a video from the images of a log.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -11,39 +11,39 @@ use super::foxglove::{self, Marks};
 use super::{LogReader, ReadError};
 use crate::video::{VideoError, VideoFacts, VideoWriter};
 
-/// Nominal rate; a picture is shown until the next one, whatever the rate.
+/// Nominal frame rate; each image is shown until the next one, whatever the rate.
 const FPS: f64 = 10.0;
-/// Lines of the log that may be ahead of the pictures.
+/// Maximum number of text messages ahead of the images.
 const LINES: usize = 256;
 
-/// Why there is no video.
+/// Why a video could not be created.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LogVideoError {
-    /// The log cannot be read.
+    /// The log could not be read.
     #[error("the log cannot be read")]
     Read(#[from] ReadError),
-    /// There is no picture in it.
+    /// The log contains no images.
     #[error("the log has no pictures: the flight was recorded with `--no-video`")]
     NoPictures,
-    /// A picture is none.
+    /// An image is invalid.
     #[error("the picture at {at} cannot be read")]
     Picture {
         /// Flight time.
         at: Time,
-        /// What is wrong with it.
+        /// The cause.
         #[source]
         source: jpeg::DecodeError,
     },
-    /// The video cannot be written.
+    /// The video could not be written.
     #[error(transparent)]
     Video(#[from] VideoError),
 }
 
-/// Makes a video of the pictures of a log, with what was decided drawn on them. Of a torn log, as far as it goes.
+/// Creates a video from the images of a log, with decisions drawn on them. A truncated log is used as far as it goes.
 ///
 /// # Errors
-/// [`LogVideoError`].
+/// [`LogVideoError`] if the log cannot be read or has no images, or the video cannot be written.
 pub fn video(log: &Path, out: &Path) -> Result<VideoFacts, LogVideoError> {
     let mut reel = Reel { out, writer: None, picture: None, lines: VecDeque::new(), line: String::new() };
     for entry in LogReader::open(log)? {
@@ -64,13 +64,13 @@ pub fn video(log: &Path, out: &Path) -> Result<VideoFacts, LogVideoError> {
     Ok(writer.finish()?)
 }
 
-/// A video in the making.
+/// A video being created.
 struct Reel<'a> {
     out: &'a Path,
     writer: Option<VideoWriter>,
-    /// A picture whose marks have not come yet.
+    /// An image whose marks have not been read yet.
     picture: Option<(Time, Rgb)>,
-    /// Lines that are later than the latest picture.
+    /// Text messages later than the last image.
     lines: VecDeque<(Time, String)>,
     line: String,
 }
@@ -94,7 +94,7 @@ impl Reel<'_> {
         Ok(())
     }
 
-    /// Marks belong to the picture of the same time.
+    /// Handles marks, which belong to the image of the same time.
     fn marks(&mut self, at: Time, data: &[u8]) -> Result<(), LogVideoError> {
         match &self.picture {
             Some((of, picture)) if *of == at => {
@@ -105,7 +105,7 @@ impl Reel<'_> {
         }
     }
 
-    /// Draws and writes the picture that waits.
+    /// Draws and writes the pending image.
     fn flush(&mut self, marks: &Marks) -> Result<(), LogVideoError> {
         let Some((at, mut picture)) = self.picture.take() else { return Ok(()) };
         while let Some((_, line)) = self.lines.pop_front_if(|(of, _)| *of <= at) {

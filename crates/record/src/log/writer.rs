@@ -1,4 +1,4 @@
-//! The file of a log, chunk by chunk.
+//! Writes the file of a log in chunks.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -12,37 +12,37 @@ use mcap::{Compression, McapError, WriteOptions, Writer};
 
 use super::{FORMAT, FORMAT_KEY, HEAD, Message, STARTED_KEY, Topic};
 
-/// Uncompressed size at which a chunk is closed whatever its age; it is what the writer holds in memory.
+/// Uncompressed size at which a chunk is closed whatever its age; the writer buffers this much.
 const CHUNK_SIZE: u64 = 128 * 1024;
 
-/// Why the log cannot be written. Whatever it is, a flight goes on without.
+/// Why the log could not be written. A flight continues without it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LogError {
-    /// The file cannot be made or written.
+    /// The file could not be created or written.
     #[error("cannot write the flight log `{path}`: check the space on the disk and the rights of its folder")]
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// The messages could not be put into the file's form.
+    /// The messages could not be encoded.
     #[error("cannot form the flight log `{path}`")]
     Form {
         /// The file.
         path: PathBuf,
-        /// What was wrong.
+        /// The cause.
         #[source]
         source: McapError,
     },
-    /// No thread could be started to write it.
+    /// The writing thread could not be started.
     #[error("no thread could be started to write the flight log `{path}`")]
     Thread {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The cause.
         #[source]
         source: io::Error,
     },
@@ -58,16 +58,16 @@ impl LogError {
     }
 }
 
-/// Writes messages; each chunk goes out in one piece.
+/// Writes messages; each chunk is written as a whole.
 pub(super) struct LogWriter {
     path: PathBuf,
     writer: Writer<NoSeek<BufWriter<File>>>,
     file: File,
     channels: Vec<u16>,
     sequence: u32,
-    /// Messages since the last chunk was closed.
+    /// Whether there are messages since the last chunk was closed.
     open: bool,
-    /// Where the last whole chunk ends.
+    /// End of the last complete chunk.
     whole: u64,
 }
 
@@ -78,7 +78,8 @@ impl LogWriter {
 
     fn begin(path: &Path, topics: &[Topic]) -> Result<Self, McapError> {
         let file = File::create(path)?;
-        // Told to whoever would repair it meanwhile. A file system without locks does without; Windows' locks would keep readers out.
+        // Prevents a repair at the same time. Not all file systems support locks, and Windows' locks would exclude
+        // readers.
         if cfg!(unix) {
             file.try_lock().ok();
         }
@@ -95,23 +96,23 @@ impl LogWriter {
         Ok(log)
     }
 
-    /// Adds a message to the chunk that is open.
+    /// Adds a message to the open chunk.
     pub(super) fn push(&mut self, message: &Message) -> Result<(), McapError> {
         let time = message.time.as_nanos();
         let Some(&channel_id) = self.channels.get(message.topic) else { return Ok(()) };
-        // One count over all topics, so that whoever reads topic by topic can put them in order again.
+        // Numbered across all topics, so that readers of single topics can restore the order.
         let header = MessageHeader { channel_id, sequence: self.sequence, log_time: time, publish_time: time };
         self.sequence = self.sequence.wrapping_add(1);
         self.open = true;
         self.writer.write_to_known_channel(&header, &message.data)
     }
 
-    /// Whether there are messages that no closed chunk holds.
+    /// Whether there are messages outside of closed chunks.
     pub(super) fn is_open(&self) -> bool {
         self.open
     }
 
-    /// Hands everything so far to the system.
+    /// Writes everything so far.
     pub(super) fn close_chunk(&mut self) -> Result<(), McapError> {
         self.writer.flush()?;
         self.open = false;
@@ -119,31 +120,31 @@ impl LogWriter {
         Ok(())
     }
 
-    /// Writes index and summary. Returns the size of the file.
+    /// Writes index and summary. Returns the size of the file, bytes.
     pub(super) fn finish(mut self) -> Result<u64, LogError> {
         if let Err(error) = self.close_chunk().and_then(|()| self.writer.finish()) {
             return Err(self.fail(error));
         }
         let Self { path, writer, file, whole, .. } = self;
         let ended = writer.into_inner().into_inner().flush().and_then(|()| file.metadata());
-        // Half an index is none.
+        // A partial index is useless.
         let ended = ended.inspect_err(|_| drop(file.set_len(whole)));
         ended.map(|data| data.len()).map_err(|source| LogError::Write { path, source })
     }
 
-    /// Gives up after a failure: the file is cut behind its last whole chunk, so that what is there can be read.
+    /// Ends the log after a failure: the file is truncated after its last complete chunk, so that it remains readable.
     pub(super) fn fail(self, error: McapError) -> LogError {
         let Self { path, writer, mut file, whole, .. } = self;
-        // It tries to end the file when it is dropped, which may write some of it.
+        // Dropping it tries to finish the file, and may write part of that.
         drop(writer);
-        // What cannot be cut off stays: a reader stops there, and the error to come matters more.
+        // If truncating fails, a reader stops there; the original error matters more.
         file.set_len(whole).and_then(|()| file.flush()).ok();
         LogError::of(&path, error)
     }
 }
 
-/// How a log is written. Chunks are put together in memory and written whole: an unfinished one would have to be guessed at after
-/// a crash.
+/// Options of the MCAP writer. Chunks are assembled in memory and written as a whole: after a crash, the contents of an
+/// incomplete one would be uncertain.
 pub(super) fn options() -> WriteOptions {
     WriteOptions::new()
         .compression(Some(Compression::Lz4))

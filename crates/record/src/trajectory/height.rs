@@ -1,4 +1,4 @@
-//! Height over time.
+//! Plot of height over time.
 
 use spf_core::geometry::EnuPosition;
 use spf_core::time::Time;
@@ -7,7 +7,7 @@ use super::map::decision_sign;
 use super::svg::Svg;
 use super::{TrajectoryInput, colours, figure, round_step};
 
-/// Draws the curve into `[left, top, width, height]`; nothing without a path.
+/// Draws the plot into `[left, top, width, height]`; draws nothing without a path.
 pub(super) fn draw(svg: &mut Svg, input: &TrajectoryInput, [left, top, width, height]: [f64; 4]) {
     let points = || input.path.iter().chain(&input.known_path);
     if points().next().is_none() {

@@ -5,23 +5,23 @@ use spf_core::geometry::EnuPosition;
 use super::svg::{Svg, escaped};
 use super::{Outline, TrajectoryInput, colours, figure, round_step};
 
-/// How metres become places on the picture.
+/// Transforms metres to image coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
     left: f64,
     top: f64,
     width: f64,
     height: f64,
-    /// Picture units a metre.
+    /// Image units per metre.
     scale: f64,
-    /// The world's point in the middle.
+    /// World coordinates of the centre.
     east: f64,
     north: f64,
 }
 
 impl View {
-    /// A view `width` wide that shows path, decisions, waypoints and target with room around, at least 12 m of the world; the
-    /// whole scene when there is nothing else.
+    /// A view of width `width` that shows path, decisions, waypoints and target with a margin, at least 12 m wide; the
+    /// whole scene if there is nothing else.
     pub(super) fn fitting(input: &TrajectoryInput, left: f64, top: f64, width: f64) -> Self {
         let flown = input.path.iter().chain(&input.known_path).map(|(_, at)| *at);
         let decided = input.decisions.iter().filter_map(|decision| decision.waypoint).chain(input.target);
@@ -36,7 +36,7 @@ impl View {
         };
         let ((west, east), (south, north)) = (range(0), range(1));
         let (wide, high) = ((east - west).max(12.0) * 1.3, (north - south).max(12.0) * 1.3);
-        // From a letter box to a square: what is longer than that gets empty sides.
+        // The aspect ratio is limited; longer extents get empty margins.
         let height = width * (high / wide).clamp(0.5, 0.95);
         Self {
             left,
@@ -49,7 +49,7 @@ impl View {
         }
     }
 
-    /// Lower edge on the picture.
+    /// Lower edge in the image.
     pub(super) fn bottom(&self) -> f64 {
         self.top + self.height
     }
@@ -107,7 +107,7 @@ pub(super) fn draw(svg: &mut Svg, input: &TrajectoryInput, view: &View) {
         start_sign(svg, first[0], first[1]);
         end_sign(svg, last[0], last[1]);
     }
-    // The first decisions are the telling ones where many crowd: they come last, on top.
+    // Earlier decisions are more informative where many overlap, so they are drawn last, on top.
     for (number, decision) in (1..).zip(&input.decisions).collect::<Vec<_>>().into_iter().rev() {
         let [x, y] = view.position(decision.position);
         if x.is_finite() && y.is_finite() {
@@ -137,7 +137,7 @@ fn draw_outline(svg: &mut Svg, outline: &Outline, view: &View) {
         }
     }
     if !shape.is_empty() {
-        // The edge is the fill's colour, darker by a third, so that pale things on pale ground are seen.
+        // The stroke is the fill colour, darker by a third, so that pale objects on pale ground are visible.
         let dark = |channel: u8| u16::from(channel) * 2 / 3;
         svg.raw(&format!(
             "<path d=\"{shape}\" fill=\"rgb({red},{green},{blue})\" fill-opacity=\"0.55\" stroke=\"rgb({},{},{})\" \
@@ -150,7 +150,7 @@ fn draw_outline(svg: &mut Svg, outline: &Outline, view: &View) {
     }
 }
 
-/// Names things that are large enough on the map for their name.
+/// Labels objects that are large enough on the map.
 fn draw_name(svg: &mut Svg, outline: &Outline, view: &View) {
     let Some((low, high)) = bounds(outline.polygons.iter().flatten().map(|&point| view.place(point))) else { return };
     let needed = outline.name.chars().count() as f64 * 6.4 + 6.0;
@@ -163,7 +163,7 @@ fn draw_name(svg: &mut Svg, outline: &Outline, view: &View) {
     }
 }
 
-/// Least and greatest coordinates; `None` without points.
+/// Minimum and maximum coordinates; `None` without points.
 fn bounds(points: impl Iterator<Item = [f64; 2]>) -> Option<([f64; 2], [f64; 2])> {
     points.fold(None, |known, [x, y]| {
         let ([low_x, low_y], [high_x, high_y]) = known.unwrap_or(([x, y], [x, y]));

@@ -1,4 +1,4 @@
-//! The picture of a flight for eyes: `trajectory.svg`, a map over the scene's outline, and below it height over time.
+//! The trajectory image of a flight, `trajectory.svg`: a map over the scene's outlines, and a plot of height over time.
 
 mod height;
 mod map;
@@ -10,10 +10,10 @@ use spf_core::time::Time;
 use crate::drawing::shortened;
 use svg::Svg;
 
-/// Something of the scene seen from above.
+/// Outline of an object seen from above.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
-    /// What it is, shown where there is room and when pointed at.
+    /// Name, shown where there is room, and as a tooltip.
     pub name: String,
     /// Fill colour: red, green, blue.
     pub colour: [u8; 3],
@@ -21,46 +21,46 @@ pub struct Outline {
     pub polygons: Vec<Vec<[f64; 2]>>,
 }
 
-/// A decision to be shown on the map and on the height curve; numbered from 1 in the order given.
+/// A decision on the map and in the height plot; numbered from 1 in the order given.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecisionMark {
-    /// When it was made.
+    /// Time of the decision.
     pub time: Time,
-    /// Where the craft was.
+    /// Position of the craft.
     pub position: EnuPosition,
-    /// Where it pointed, if it pointed anywhere.
+    /// Its waypoint, if any.
     pub waypoint: Option<EnuPosition>,
-    /// What it was about, shown when pointed at.
+    /// Tooltip text.
     pub label: String,
 }
 
-/// All that the picture shows. Points with coordinates that are not finite are left out.
+/// The contents of the trajectory image. Points with non-finite coordinates are omitted.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrajectoryInput {
-    /// Heading, such as the instruction.
+    /// Title, such as the instruction.
     pub title: String,
-    /// Line below it, such as outcome, time and distance.
+    /// Line below the title, such as outcome, time and distance.
     pub outcome: String,
-    /// The scene, lowest things first.
+    /// The scene, lowest objects first.
     pub outlines: Vec<Outline>,
-    /// Where the craft was, in order of time: the true path where there is one, else as known.
+    /// Path of the craft, in order of time: the true path if available, else the estimated one.
     pub path: Vec<(Time, EnuPosition)>,
-    /// Where the craft believed to be, if that is another path; drawn dashed.
+    /// The estimated path, if different; drawn dashed.
     pub known_path: Vec<(Time, EnuPosition)>,
     /// The decisions.
     pub decisions: Vec<DecisionMark>,
-    /// What the instruction meant, where there is truth.
+    /// Position of the instruction's target, if ground truth is available.
     pub target: Option<EnuPosition>,
 }
 
-/// Width of the picture, in its own units (pixels at normal size).
+/// Width of the image, in its own units (pixels at normal size).
 const WIDTH: f64 = 1000.0;
-/// Margin left of, right of and below the drawings.
+/// Margin left, right and below the drawings.
 const MARGIN: f64 = 46.0;
-/// Height of the drawing of height over time.
+/// Height of the height plot.
 const HEIGHT_PLOT: f64 = 170.0;
 
-/// Colours, told apart also by people who see red and green alike.
+/// Colours, distinguishable with red-green colour blindness.
 mod colours {
     pub(super) const PATH: &str = "#0b62d6";
     pub(super) const KNOWN: &str = "#6d7f99";
@@ -73,7 +73,7 @@ mod colours {
     pub(super) const GRID: &str = "#dfe4ea";
 }
 
-/// Draws the picture. Equal inputs give equal bytes.
+/// Draws the image. Equal inputs give equal bytes.
 #[must_use]
 pub fn trajectory_svg(input: &TrajectoryInput) -> String {
     let input = finite(input);
@@ -95,16 +95,16 @@ pub fn trajectory_svg(input: &TrajectoryInput) -> String {
     svg.finish()
 }
 
-/// The input without what cannot be placed.
+/// The input without points that cannot be drawn.
 fn finite(input: &TrajectoryInput) -> TrajectoryInput {
-    // 100 km is beyond any flight of ours, and keeps every figure of the picture short.
+    // 100 km exceeds any flight, and keeps all numbers in the image short.
     let placed = |at: &EnuPosition| [at.east, at.north, at.up].iter().all(|metres| metres.abs() < 1e5);
     let mut input = input.clone();
     input.path.retain(|(_, at)| placed(at));
     input.known_path.retain(|(_, at)| placed(at));
     for decision in &mut input.decisions {
         if !placed(&decision.position) {
-            // Kept, for its number, but drawn nowhere.
+            // Kept for its number, but not drawn.
             decision.position = EnuPosition { east: f64::NAN, north: f64::NAN, up: f64::NAN };
             decision.waypoint = None;
         }
@@ -119,7 +119,7 @@ fn finite(input: &TrajectoryInput) -> TrajectoryInput {
     input
 }
 
-/// One row that names the signs that occur.
+/// One row that explains the symbols used.
 fn legend(svg: &mut Svg, input: &TrajectoryInput, y: f64) {
     let mut x = MARGIN;
     let mut entry = |svg: &mut Svg, name: &str, sign: &dyn Fn(&mut Svg, f64)| {
@@ -160,7 +160,7 @@ fn round_step(extent: f64, most: f64) -> f64 {
     step
 }
 
-/// A length or time with as many decimals as the step between such figures needs.
+/// Formats a length or time with as many decimals as the step needs.
 fn figure(value: f64, step: f64) -> String {
     if step < 0.1 {
         format!("{value:.2}")

@@ -1,10 +1,10 @@
-//! A minimal SVG writer: what it writes is always well-formed.
+//! A minimal SVG writer whose output is always well-formed.
 
 use core::fmt::Write;
 
 use crate::drawing::thinned;
 
-/// An SVG document in the making.
+/// An SVG document being written.
 #[derive(Debug)]
 pub(super) struct Svg {
     text: String,
@@ -23,7 +23,7 @@ impl Svg {
         svg
     }
 
-    /// Writes markup as it stands; texts of others go through [`Svg::text`] or [`escaped`].
+    /// Writes markup unchanged; external text must go through [`Svg::text`] or [`escaped`].
     pub(super) fn raw(&mut self, markup: &str) {
         self.text.push_str(markup);
     }
@@ -55,7 +55,7 @@ impl Svg {
         ));
     }
 
-    /// A line through points; those nearer than half a unit to the one before are left out, but for the last.
+    /// A polyline; points closer than half a unit to the previous one are omitted, except for the last.
     pub(super) fn polyline(&mut self, points: &[[f64; 2]], attributes: &str) {
         let mut drawn = String::new();
         for [x, y] in thinned(points.iter().copied()) {
@@ -75,7 +75,7 @@ impl Svg {
     }
 }
 
-/// `text` as it may stand between tags and in attributes; characters that XML 1.0 has no place for are left out.
+/// `text` escaped for content and attributes; characters not allowed in XML 1.0 are omitted.
 pub(super) fn escaped(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for character in text.chars() {

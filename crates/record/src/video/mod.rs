@@ -1,4 +1,4 @@
-//! The video of a flight: `video.mp4`, H.264 in MP4, played in flight time.
+//! The video of a flight: `video.mp4`, H.264 in MP4, in flight time.
 
 mod mp4;
 
@@ -12,46 +12,46 @@ use spf_media::{Rgb, resize};
 
 use mp4::{MuxError, Muxer};
 
-/// Why the video cannot be written. Whatever it is, a flight goes on without.
+/// Why the video could not be written. A flight continues without it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum VideoError {
-    /// The file cannot be made or written.
+    /// The file could not be created or written.
     #[error(
         "cannot write the video `{path}`: check the space on the disk and the rights of its folder, or fly with `--no-video`"
     )]
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// The encoder refused.
+    /// The encoder failed.
     #[error("cannot encode the video `{path}`")]
     Encode {
         /// The file.
         path: PathBuf,
-        /// What the encoder said.
+        /// The cause.
         #[source]
         source: EncoderError,
     },
-    /// The encoder's output or the index could not be put into the file's form.
+    /// The encoder's output or the index could not be stored in the file format.
     #[error("cannot form the video `{path}`: {reason}")]
     Form {
         /// The file.
         path: PathBuf,
-        /// What was wrong.
+        /// The cause.
         reason: String,
     },
-    /// The picture is not later than the one before, at the file's resolution of 1/90000 s.
+    /// The image is not later than the previous one, at the file's resolution of 1/90000 s.
     #[error("the picture at {time} does not follow the one at {last} in the video `{path}`")]
     Order {
         /// The file.
         path: PathBuf,
-        /// Flight time of the picture before.
+        /// Flight time of the previous image.
         last: Time,
-        /// Flight time of this picture.
+        /// Flight time of this image.
         time: Time,
     },
     /// Writing failed before; what was written until then can still be finished.
@@ -62,21 +62,21 @@ pub enum VideoError {
     },
 }
 
-/// What a finished video holds.
+/// Facts about a finished video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VideoFacts {
-    /// Pictures. Zero means that no file was left.
+    /// Number of images. Zero means that the file was removed.
     pub frames: u64,
-    /// From flight time zero to the end of the last picture.
+    /// From flight time zero to the end of the last image.
     pub duration: Duration,
-    /// Size of the file.
+    /// Size of the file, bytes.
     pub bytes: u64,
 }
 
-/// Writes a video picture by picture, each at its flight time; memory does not grow but for some 20 bytes a picture.
+/// Writes a video image by image, each at its flight time; memory grows only by some 20 bytes per image.
 ///
-/// The first picture is shown from flight time zero, so a player's clock is the flight's. The same pictures at the same times
-/// give the same bytes. The file plays once [`VideoWriter::finish`] has written its index.
+/// The first image is shown from flight time zero, so a player's clock shows flight time. Equal images at equal times
+/// give equal bytes. The file can be played once [`VideoWriter::finish`] has written its index.
 #[derive(Debug)]
 pub struct VideoWriter {
     path: PathBuf,
@@ -89,18 +89,19 @@ pub struct VideoWriter {
 }
 
 impl VideoWriter {
-    /// Starts a video of `width × height` pixels (even, within 16 and 3840 × 2160) with nominally `fps` pictures a second.
+    /// Creates a video of `width × height` pixels (even, within 16 and 3840 × 2160) with nominally `fps` images per
+    /// second.
     ///
     /// # Errors
-    /// [`VideoError::Write`] if the file cannot be made, [`VideoError::Encode`] for a size that video cannot have.
+    /// [`VideoError::Write`] if the file cannot be created, [`VideoError::Encode`] for an unsupported size.
     pub fn create(path: &Path, width: u32, height: u32, fps: f64) -> Result<Self, VideoError> {
         Self::with_settings(path, EncoderSettings::for_size(width, height, fps))
     }
 
-    /// Starts a video with an encoder's settings.
+    /// Creates a video with the given encoder settings.
     ///
     /// # Errors
-    /// As [`VideoWriter::create`].
+    /// Same as [`VideoWriter::create`].
     pub fn with_settings(path: &Path, settings: EncoderSettings) -> Result<Self, VideoError> {
         let encoder = Encoder::new(settings).map_err(|source| VideoError::Encode { path: path.to_owned(), source })?;
         let written = File::create(path).and_then(|file| Muxer::new(file, settings.width, settings.height));
@@ -116,11 +117,11 @@ impl VideoWriter {
         })
     }
 
-    /// Adds the picture shown from flight time `time` on; one of another size is scaled to the video's.
+    /// Adds the image shown from flight time `time` on; other sizes are scaled to the video's.
     ///
     /// # Errors
-    /// [`VideoError::Order`] leaves the video as it was, and later pictures are welcome. After any other error it takes no more
-    /// pictures ([`VideoError::Stopped`]), but what was written until then can be finished.
+    /// After [`VideoError::Order`] the video is unchanged and accepts later images. After any other error it accepts no
+    /// more images ([`VideoError::Stopped`]), but what was written until then can be finished.
     pub fn push(&mut self, time: Time, picture: &Rgb) -> Result<(), VideoError> {
         if self.stopped {
             return Err(VideoError::Stopped { path: self.path.clone() });
@@ -151,13 +152,13 @@ impl VideoWriter {
         Ok(())
     }
 
-    /// Writes the index, without which nothing plays the file. The last picture lasts one nominal interval.
+    /// Writes the index, without which the file cannot be played. The last image lasts one nominal interval.
     ///
-    /// After a failure (a full disk) the video ends with the last picture for which there is room. Without any picture the file
-    /// is removed.
+    /// After a failure (a full disk) the video ends with the last image for which there is room. Without any image the
+    /// file is removed.
     ///
     /// # Errors
-    /// [`VideoError::Write`], [`VideoError::Form`].
+    /// [`VideoError::Write`] or [`VideoError::Form`] if the index cannot be written.
     pub fn finish(self) -> Result<VideoFacts, VideoError> {
         let Self { path, muxer, last, interval, .. } = self;
         let Some(last) = last else {
@@ -180,7 +181,7 @@ fn failure(path: &Path, error: MuxError) -> VideoError {
     }
 }
 
-/// Flight time in units of the file, 1/90000 s, rounded down.
+/// Flight time in the file's unit of 1/90000 s, rounded down.
 fn ticks(time: Time) -> u64 {
     let nanos = u128::from(time.as_nanos());
     u64::try_from(nanos * u128::from(mp4::TIMESCALE) / 1_000_000_000).unwrap_or(u64::MAX)

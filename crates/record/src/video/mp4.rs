@@ -1,7 +1,7 @@
 //! One H.264 track in an MP4 file (ISO/IEC 14496-12 and -15), samples first, index last.
 //!
-//! Muxers on offer keep all samples in memory until the end or are no longer looked after, so the boxes come from `mp4-atom`
-//! and their order from here. The file has no creation time: equal pictures give equal bytes.
+//! Available muxers keep all samples in memory until the end or are unmaintained, so the boxes come from `mp4-atom` and
+//! are arranged here. The file has no creation time: equal images give equal bytes.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
@@ -12,12 +12,12 @@ use mp4_atom::{
 };
 use spf_media::h264::{AccessUnit, NalKind, nal_units};
 
-/// Units of time in a second.
+/// Time units per second.
 pub(super) const TIMESCALE: u32 = 90_000;
 
-/// What the file is written to.
+/// The destination of the file.
 pub(super) trait Sink: Write + Seek {
-    /// Cuts the file off after `length` bytes.
+    /// Truncates the file to `length` bytes.
     fn cut(&mut self, length: u64) -> io::Result<()>;
 }
 
@@ -27,12 +27,12 @@ impl Sink for File {
     }
 }
 
-/// Why a sample or the index was not written.
+/// Why a sample or the index could not be written.
 #[derive(Debug)]
 pub(super) enum MuxError {
-    /// The sink refused.
+    /// The destination failed.
     Io(io::Error),
-    /// The sample or the index is not what the format can hold.
+    /// The format cannot represent the sample or the index.
     Form(String),
 }
 
@@ -42,7 +42,7 @@ impl From<io::Error> for MuxError {
     }
 }
 
-/// What a finished file holds.
+/// Facts about a finished file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Written {
     pub(super) samples: u64,
@@ -64,20 +64,20 @@ pub(super) struct Muxer<S> {
     sink: S,
     width: u16,
     height: u16,
-    /// Where the box of the samples begins.
+    /// Start of the sample box.
     mdat: u64,
-    /// End of the last whole sample, from the start of the file.
+    /// End of the last complete sample, from the start of the file.
     end: u64,
     samples: Vec<Sample>,
     parameters: Option<(Vec<u8>, Vec<u8>)>,
     buffer: Vec<u8>,
 }
 
-/// Size 1 means that a 64-bit size follows the name; it is filled in at the end.
+/// Size 1 means that a 64-bit size follows the type; it is filled in at the end.
 const MDAT_HEADER: [u8; 16] = [0, 0, 0, 1, b'm', b'd', b'a', b't', 0, 0, 0, 0, 0, 0, 0, 0];
 
 impl<S: Sink> Muxer<S> {
-    /// Starts the file. Sides are at most 65535 pixels, which the encoder sees to.
+    /// Starts the file. Sides are at most 65535 pixels, which the encoder ensures.
     pub(super) fn new(mut sink: S, width: u32, height: u32) -> io::Result<Self> {
         let mut head = Vec::new();
         let brands = vec![b"isom".into(), b"iso2".into(), b"avc1".into(), b"mp41".into()];
@@ -92,7 +92,7 @@ impl<S: Sink> Muxer<S> {
         Ok(Self { sink, width, height, mdat, end: head.len() as u64, samples: Vec::new(), parameters: None, buffer: Vec::new() })
     }
 
-    /// Appends a picture shown from `start` on, later than the one before. After an error the file is as it was.
+    /// Appends an image shown from `start` on, later than the previous one. After an error the file is unchanged.
     pub(super) fn push(&mut self, start: u64, unit: &AccessUnit) -> Result<(), MuxError> {
         self.buffer.clear();
         let (mut sps, mut pps) = (None, None);
@@ -126,7 +126,8 @@ impl<S: Sink> Muxer<S> {
         Ok(())
     }
 
-    /// Writes the index; the last sample lasts until `end`. On a disk that is full, the last samples make room for it.
+    /// Writes the index; the last sample lasts until `end`. If the disk is full, the last samples are removed to make
+    /// room.
     pub(super) fn finish(mut self, end: u64) -> Result<Written, MuxError> {
         let mut end = end;
         loop {
@@ -135,7 +136,7 @@ impl<S: Sink> Muxer<S> {
             match self.close(&index) {
                 Ok(bytes) => return Ok(Written { samples: self.samples.len() as u64, end, bytes }),
                 Err(error) if self.samples.len() > 1 => {
-                    // Blocks that hold samples now will hold the index: give up as many as it needs.
+                    // Space used by samples will hold the index: free as much as it needs.
                     let mut freed = 0;
                     while freed < index.len() as u64 && self.samples.len() > 1 {
                         let Some(sample) = self.samples.pop() else { return Err(error.into()) };
@@ -149,7 +150,7 @@ impl<S: Sink> Muxer<S> {
         }
     }
 
-    /// Writes `index` behind the last sample, cuts the file there, and fills in the size of the samples' box.
+    /// Writes `index` after the last sample, truncates the file there, and fills in the size of the sample box.
     fn close(&mut self, index: &[u8]) -> io::Result<u64> {
         self.sink.seek(SeekFrom::Start(self.end))?;
         self.sink.write_all(index)?;
@@ -164,7 +165,8 @@ impl<S: Sink> Muxer<S> {
     fn index(&self, end: u64) -> Result<Moov, MuxError> {
         let Some((sps, pps)) = &self.parameters else { return Err(MuxError::Form("no picture".into())) };
         let mut avcc = Avcc::new(sps, pps).map_err(|error| MuxError::Form(error.to_string()))?;
-        // ISO/IEC 14496-15, 5.3.3.1.2: the High profiles also tell chroma format and bit depth; the default is 4:2:0 in 8 bits.
+        // ISO/IEC 14496-15, 5.3.3.1.2: the High profiles also contain chroma format and bit depth; the default is 4:2:0
+        // in 8 bits.
         if [100, 110, 122, 144].contains(&avcc.avc_profile_indication) {
             avcc.ext = Some(AvccExt::default());
         }
@@ -218,7 +220,7 @@ impl<S: Sink> Muxer<S> {
         Ok(Moov { mvhd, trak: vec![Trak { tkhd, mdia, ..Trak::default() }], ..Moov::default() })
     }
 
-    /// How long each sample lasts, equal neighbours together.
+    /// Sample durations, with equal neighbours merged.
     fn durations(&self, end: u64) -> Vec<SttsEntry> {
         let ends = self.samples.iter().skip(1).map(|sample| sample.start).chain([end]);
         let mut entries: Vec<SttsEntry> = Vec::new();
@@ -232,7 +234,7 @@ impl<S: Sink> Muxer<S> {
         entries
     }
 
-    /// A chunk begins at every key picture, so that a player fetches no more than it shows.
+    /// A chunk starts at every key frame, so that a player fetches no more than it shows.
     fn chunks(&self) -> (Vec<StscEntry>, Vec<u64>) {
         let (mut runs, mut offsets): (Vec<StscEntry>, Vec<u64>) = (Vec::new(), Vec::new());
         let mut at = self.mdat + MDAT_HEADER.len() as u64;
@@ -262,7 +264,7 @@ mod tests {
     use mp4_atom::{Decode, Mdat};
     use std::io::Cursor;
 
-    /// A disk with room for so many bytes.
+    /// A disk with limited space, bytes.
     #[derive(Debug)]
     struct Disk {
         file: Cursor<Vec<u8>>,
@@ -302,7 +304,7 @@ mod tests {
         AccessUnit { key, annex_b: [head, &body].concat() }
     }
 
-    /// Pushes pictures until the disk is full or `count` are written, finishes, and decodes what is on the disk.
+    /// Pushes images until the disk is full or `count` are written, finishes, and decodes what is on the disk.
     fn film(count: u8, room: usize) -> (usize, Written, Moov, Vec<u8>) {
         let mut disk = Disk { file: Cursor::new(Vec::new()), room };
         let mut muxer = Muxer::new(&mut disk, 96, 64).unwrap();

@@ -1,7 +1,7 @@
 //! Motion blur: the light of several moments while the shutter is open, drawn one by one and added up.
 //!
 //! Drawing each moment is the dear way and the right one: what moves by itself, what comes out from behind a corner and every edge
-//! are right. Few moments are needed, since the number follows from how far the picture moves, and a craft at rest needs one.
+//! are right. Few moments are needed, since the number follows from how far the image moves, and a craft at rest needs one.
 
 use rayon::prelude::*;
 use spf_core::camera::Camera;
@@ -11,11 +11,11 @@ use spf_core::time::{Duration, Time};
 use super::light::Curve;
 use crate::Picture;
 
-/// Pixels that the picture may move from one moment to the next: anti-aliased edges then leave no steps.
+/// Pixels that the image may move from one moment to the next: anti-aliased edges then leave no steps.
 const STEP: f64 = 1.5;
 /// Moments at most; beyond 24 pixels of blur steps begin to show.
 const MOST: usize = 16;
-/// What is nearest in most pictures, metres: translation blurs as if everything were this near.
+/// What is nearest in most images, metres: translation blurs as if everything were this near.
 const NEAR: f64 = 3.0;
 
 /// An instant that can be drawn: where the camera is, and whatever else moves.
@@ -30,7 +30,7 @@ impl Posed for Pose {
     }
 }
 
-/// What a picture takes its light from: one moment `M`, or several while the shutter is open.
+/// What an image takes its light from: one moment `M`, or several while the shutter is open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot<M> {
     at: Time,
@@ -39,7 +39,7 @@ pub struct Shot<M> {
 }
 
 impl<M> Shot<M> {
-    /// A picture of one moment, of whatever is at rest.
+    /// An image of one moment, of whatever is at rest.
     #[must_use]
     pub fn still(at: Time, moment: M) -> Self {
         Self { at, moments: vec![moment] }

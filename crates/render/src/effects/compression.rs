@@ -1,21 +1,21 @@
-//! The compressed link: a picture encoded and decoded again, by real codecs.
+//! The compressed link: an image encoded and decoded again, by real codecs.
 
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
 use spf_media::h264::{Decoder, Encoder, EncoderSettings};
 use spf_media::jpeg::{self, Jpeg};
 
-/// How pictures are compressed on their way.
+/// How images are compressed on their way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compression {
     /// JPEG of this quality, 1..=100.
     Jpeg(u8),
-    /// A key picture of an H.264 stream with this quantiser, 10 (nearly lossless) ..= 40 (coarse).
+    /// A key image of an H.264 stream with this quantiser, 10 (nearly lossless) ..= 40 (coarse).
     H264(u8),
 }
 
 impl Compression {
-    /// The picture after the way. A picture that the codec does not hold stays as it is: those of less than 16 or more than 3840
+    /// The image after the way. An image that the codec does not hold stays as it is: those of less than 16 or more than 3840
     /// pixels a side, of H.264.
     pub(super) fn round_trip(self, picture: Rgb) -> Rgb {
         let back = match self {
@@ -35,7 +35,7 @@ impl std::fmt::Display for Compression {
     }
 }
 
-/// Through an encoder and a decoder of its own, so that a picture does not depend on those before it.
+/// Through an encoder and a decoder of its own, so that an image does not depend on those before it.
 fn key_picture(picture: &Rgb, quantiser: u8) -> Option<Rgb> {
     let (width, height) = (picture.width(), picture.height());
     let even = padded(picture);
@@ -55,7 +55,7 @@ fn cut(picture: &Rgb, width: u32, height: u32) -> Rgb {
     fitted(picture, width, height)
 }
 
-/// The upper left part of that size; beyond the picture its last pixels are repeated.
+/// The upper left part of that size; beyond the image its last pixels are repeated.
 fn fitted(picture: &Rgb, width: u32, height: u32) -> Rgb {
     let mut out = Rgb::new(width, height);
     for y in 0..height {
@@ -98,7 +98,7 @@ mod tests {
         ] {
             assert!(errors[0] > 0.0 && errors.is_sorted_by(|fine, coarse| fine < coarse), "{errors:?}");
         }
-        // The chroma of either is halved both ways, which alone costs this picture some; luma is nearly kept.
+        // The chroma of either is halved both ways, which alone costs this image some; luma is nearly kept.
         assert!(error(Compression::H264(12), &picture) < 1000.0);
     }
 

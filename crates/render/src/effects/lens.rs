@@ -1,4 +1,4 @@
-//! Lens distortion: pictures of a perfect pinhole, drawn a little wider, bent into those of the lens.
+//! Lens distortion: images of a perfect pinhole, drawn a little wider, bent into those of the lens.
 //!
 //! The map from one to the other is made once a camera. Colour is sampled between four pixels; ids and depth take the nearest,
 //! for an id between two objects belongs to neither. Depth along the optical axis is the same before and behind the lens.
@@ -19,12 +19,12 @@ const CALIBRATED: [(&str, [f64; 8]); 3] = [
     ("tello_course", [897.1, 902.3, 453.9, 355.0, -0.013, -0.019, 0.001, -0.005]),
 ];
 
-/// Barrel distortion as strong as a cheap wide-angle lens has: a line along the edge of the `quad` picture bows by a tenth.
+/// Barrel distortion as strong as a cheap wide-angle lens has: a line along the edge of the `quad` image bows by a tenth.
 const WIDE: Distortion = Distortion { k1: -0.1, k2: 0.01, p1: 0.0, p2: 0.0 };
 
 /// Tangent of the farthest angle off the axis that is drawn.
 const FARTHEST: f64 = 5.0;
-/// The pinhole picture is at most this many times as wide and high as the lens's.
+/// The pinhole image is at most this many times as wide and high as the lens's.
 const LARGEST: f64 = 3.0;
 
 /// What is put in front of a craft's camera.
@@ -81,10 +81,10 @@ impl std::fmt::Display for Lens {
     }
 }
 
-/// Where one pixel of the lens's picture comes from.
+/// Where one pixel of the lens's image comes from.
 #[derive(Clone, Copy, Debug)]
 struct Source {
-    /// Index of the upper left of four pixels of the pinhole's picture; [`NOWHERE`] where the lens shows nothing.
+    /// Index of the upper left of four pixels of the pinhole's image; [`NOWHERE`] where the lens shows nothing.
     upper_left: u32,
     /// How far beyond its centre, 1/256 pixel.
     right: u8,
@@ -96,9 +96,9 @@ const NOWHERE: u32 = u32::MAX;
 /// The map of one camera.
 #[derive(Debug)]
 pub(super) struct Remap {
-    /// The camera whose pictures it makes.
+    /// The camera whose images it makes.
     pub(super) camera: Camera,
-    /// The pinhole whose pictures it is made from.
+    /// The pinhole whose images it is made from.
     pub(super) pinhole: Camera,
     sources: Vec<Source>,
 }
@@ -114,7 +114,7 @@ impl Remap {
         Self { camera, pinhole, sources }
     }
 
-    /// Bends every channel of the pinhole's picture that is there.
+    /// Bends every channel of the pinhole's image that is there.
     pub(super) fn bend(&self, from: &Picture, to: &mut Picture) {
         (to.width, to.height) = (self.camera.width, self.camera.height);
         to.depth = from.depth.as_ref().map(|channel| self.nearest(channel, to.depth.take()));
@@ -178,7 +178,7 @@ fn ray(camera: &Camera, x: usize, y: usize) -> Option<(f64, f64)> {
     (off < 0.01).then_some((ray.right, -ray.up))
 }
 
-/// The undistorted camera whose picture holds all of these directions, as fine as the lens in its middle unless that would be
+/// The undistorted camera whose image holds all of these directions, as fine as the lens in its middle unless that would be
 /// too large.
 fn pinhole(camera: &Camera, rays: &[Option<(f64, f64)>]) -> Camera {
     let seen = || rays.iter().flatten();
@@ -213,7 +213,7 @@ fn source(pinhole: &Camera, ray: Option<(f64, f64)>) -> Source {
 mod tests {
     use super::*;
 
-    /// A picture of the pinhole that says at each pixel where it is: red across, green down, ids and depth in steps.
+    /// An image of the pinhole that says at each pixel where it is: red across, green down, ids and depth in steps.
     fn ruler(camera: &Camera) -> Picture {
         let (w, h) = (camera.width, camera.height);
         let pixels = || (0..h).flat_map(move |y| (0..w).map(move |x| (x, y)));
@@ -263,7 +263,7 @@ mod tests {
         assert_eq!((remap.pinhole.fx, remap.pinhole.fy), (plain.fx, plain.fy));
     }
 
-    /// A lens whose polynomial folds back within the picture shows nothing beyond, rather than the same things twice.
+    /// A lens whose polynomial folds back within the image shows nothing beyond, rather than the same things twice.
     #[test]
     fn beyond_the_fold_there_is_nothing() {
         let fold = Distortion { k1: -0.4, ..Distortion::default() };

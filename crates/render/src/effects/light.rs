@@ -1,4 +1,4 @@
-//! From the bytes of a picture to light and back (sRGB, IEC 61966-2-1), and how much of it the film gets.
+//! From the bytes of an image to light and back (sRGB, IEC 61966-2-1), and how much of it the film gets.
 
 use std::sync::OnceLock;
 
@@ -52,7 +52,7 @@ impl Curve {
         self.byte[(light.clamp(0.0, 1.0) * (STEPS - 1) as f32 + 0.5) as usize]
     }
 
-    /// The light of a picture.
+    /// The light of an image.
     pub(super) fn lit(&self, rgb: &[u8]) -> Vec<f32> {
         rgb.par_iter().map(|byte| self.light(*byte)).collect()
     }

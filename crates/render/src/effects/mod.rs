@@ -2,8 +2,8 @@
 //! compressed link. Everything is off unless asked for (docs/reference/camera-effects.md).
 //!
 //! They come in the order of a camera: light is added up while the shutter is open, bent by the lens, exposed, disturbed by the
-//! sensor, and compressed. The lens bends ids and depth too, since those tell what stands where in the picture; the rest is
-//! colour's alone. One picture follows from the poses while its shutter was open, its capture time and the flight's seed.
+//! sensor, and compressed. The lens bends ids and depth too, since those tell what stands where in the image; the rest is
+//! colour's alone. One image follows from the poses while its shutter was open, its capture time and the flight's seed.
 
 mod blur;
 mod compression;
@@ -30,14 +30,14 @@ pub use settings::{Effects, EffectsError, Exposure};
 /// Sizes whose maps through the lens are kept: the camera's, the film's, and what a VLM is sent.
 const SIZES: usize = 4;
 
-/// A craft's camera and what it does to its pictures. Share it by reference.
+/// A craft's camera and what it does to its images. Share it by reference.
 #[derive(Debug)]
 pub struct Eye {
     camera: Camera,
     effects: Effects,
     seed: u64,
     remaps: Mutex<Vec<Arc<Remap>>>,
-    /// Pictures of the pinhole, whose memory is used again.
+    /// Images of the pinhole, whose memory is used again.
     scratch: Mutex<Vec<Picture>>,
 }
 
@@ -49,13 +49,13 @@ impl Eye {
         Self { camera, effects, seed, remaps: Mutex::default(), scratch: Mutex::default() }
     }
 
-    /// The camera with its lens: what a calibration of it would say, and what its pictures are lifted by.
+    /// The camera with its lens: what a calibration of it would say, and what its images are lifted by.
     #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// What it does to pictures.
+    /// What it does to images.
     #[must_use]
     pub fn effects(&self) -> &Effects {
         &self.effects
@@ -75,13 +75,13 @@ impl Eye {
         self.keep_scratch(straight);
     }
 
-    /// What a picture captured at `at` takes its light from: the moments around it while the shutter is open, as many as the
+    /// What an image captured at `at` takes its light from: the moments around it while the shutter is open, as many as the
     /// motion needs. `snapshot_at` tells what there is to see at a time; none when it does not know one of them (yet, or any more).
     pub fn shot<M: Posed>(&self, at: Time, snapshot_at: impl Fn(Time) -> Option<M>) -> Option<Shot<M>> {
         blur::shot(&self.camera, self.effects.shutter, at, snapshot_at)
     }
 
-    /// A photograph at another size than the camera's or at its own. `draw` draws the colour picture of a pinhole at one moment.
+    /// A photograph at another size than the camera's or at its own. `draw` draws the colour image of a pinhole at one moment.
     pub fn photograph<M>(
         &self,
         shot: &Shot<M>,

@@ -1,14 +1,14 @@
 //! The sensor's noise: shot noise of the light and noise of reading it out.
 //!
-//! A draw is named by seed, picture, pixel and channel and mixed from them directly: two million normal deviates a picture from a
-//! stream cipher would take longer than the picture.
+//! A draw is named by seed, image, pixel and channel and mixed from them directly: two million normal deviates an image from a
+//! stream cipher would take longer than the image.
 
 use rayon::prelude::*;
 use spf_core::rng::{Draw, finalise};
 
 use super::light::Curve;
 
-/// Share of the variance at middle grey that the read-out makes; the rest is the light's own and grows with it.
+/// Fraction of the variance at middle grey that the read-out makes; the rest is the light's own and grows with it.
 const READ_OUT: f32 = 0.2;
 /// A middle grey, as a byte.
 const MIDDLE: u8 = 128;
@@ -16,7 +16,7 @@ const MIDDLE: u8 = 128;
 const PIECE: usize = 4096;
 
 /// Adds noise to light that was brightened by `gain`. `grey_levels` is the standard deviation at middle grey without gain, in
-/// steps of a byte; `picture` names the picture.
+/// steps of a byte; `picture` names the image.
 pub(super) fn add(light: &mut [f32], gain: f32, grey_levels: f64, seed: u64, picture: u64) {
     let curve = Curve::get();
     let middle = curve.light(MIDDLE);

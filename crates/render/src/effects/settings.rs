@@ -11,7 +11,7 @@ use super::lens::Lens;
 /// Longest list that is read, bytes.
 const LONGEST: usize = 400;
 
-/// How much light the picture gets.
+/// How much light the image gets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exposure {
     /// Brighter by this many stops; darker where negative.
@@ -20,7 +20,7 @@ pub enum Exposure {
     Automatic,
 }
 
-/// What a camera does to its pictures; nothing by default.
+/// What a camera does to its images; nothing by default.
 ///
 /// As text: words joined by commas, each with a strength behind `=` or its usual one. `none` is nothing, `all` every effect.
 ///
@@ -37,7 +37,7 @@ pub struct Effects {
     pub lens: Option<Lens>,
     /// How long the shutter is open; none for an instant.
     pub shutter: Option<Duration>,
-    /// Exposure; none leaves the picture as it was drawn.
+    /// Exposure; none leaves the image as it was drawn.
     pub exposure: Option<Exposure>,
     /// Standard deviation of the noise at middle grey, steps of 255.
     pub noise: Option<f64>,
@@ -74,7 +74,7 @@ pub enum EffectsError {
 const WORDS: [&str; 5] = ["lens", "blur", "exposure", "noise", "compression"];
 
 impl Effects {
-    /// Whether pictures are left as they are.
+    /// Whether images are left as they are.
     #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::default()

@@ -84,7 +84,7 @@ pub(super) struct Claim {
     reach: f64,
     up: f64,
     radius: f64,
-    /// Empty until somebody comes near.
+    /// Empty until someone comes near.
     discs: Vec<DVec2>,
 }
 
@@ -112,7 +112,7 @@ impl Course {
         self.place(&self.begin(0, 0))
     }
 
-    /// Lets it begin elsewhere, at a share of its path.
+    /// Lets it begin elsewhere, at a fraction of its path.
     pub(crate) fn set_start(&mut self, start: f64) {
         self.motion.start = start;
     }

@@ -47,11 +47,11 @@ pub struct Motion {
     pub speed: f64,
     /// Mean pause at the ends of the path (on a circle: at its first corner), seconds.
     pub wait: f64,
-    /// Where it begins, as a share of the path's length, 0..=1.
+    /// Where it begins, as a fraction of the path's length, 0..=1.
     pub start: f64,
     /// Radius that corners are rounded with, metres.
     pub turn_radius: f64,
-    /// How far it may step aside from its path to let somebody pass, metres.
+    /// How far it may step aside from its path to let someone pass, metres.
     pub aside: f64,
 }
 

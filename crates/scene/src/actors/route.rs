@@ -33,7 +33,7 @@ struct Knot {
     along: f64,
     /// Unit vector, the mean of the pieces before and after.
     direction: DVec2,
-    /// Greatest speed there, going on and going back, m/s.
+    /// Maximum speed there, going on and going back, m/s.
     limit: [f64; 2],
 }
 
@@ -95,7 +95,7 @@ impl Route {
         Spot { at: before.at.lerp(after.at, share), up, direction }
     }
 
-    /// Greatest speed at a point, m/s.
+    /// Maximum speed at a point, m/s.
     pub(crate) fn speed_limit(&self, along: f64, back: bool) -> f64 {
         let side = usize::from(back);
         let [before, after] = self.around(self.wrapped(along));

@@ -22,7 +22,7 @@ use crate::mesh::{Generator, Sketch, Surface, convex_hull};
 use crate::pose::{above, parse_pose};
 use crate::world::{Object, Scene};
 
-/// Postures of one double step: about as many a second as a flight's video has pictures.
+/// Postures of one double step: about as many a second as a flight's video has images.
 const GAIT: u32 = 12;
 
 /// Most triangles of all postures of all who walk.
@@ -162,7 +162,7 @@ fn parts(sketch: &Sketch, slots: &[(&'static str, u16)], to_world: &Frame, objec
     sketch.surfaces.iter().map(part).collect()
 }
 
-/// The meshes of a model, whose materials' numbers grow by `more`. Its texture coordinates count repetitions of a picture, and do
+/// The meshes of a model, whose materials' numbers grow by `more`. Its texture coordinates count repetitions of an image, and do
 /// not grow with it.
 fn model_parts(parts: &[Part], more: u16, to_world: &Frame, object: ObjectId) -> Vec<Part> {
     let vertex = |v: &Vertex| Vertex { uv: v.uv, ..to_world.vertex(v) };
@@ -301,7 +301,7 @@ impl Actors {
         Ok(())
     }
 
-    /// Nobody begins on somebody else.
+    /// Nobody begins on someone else.
     fn check(&self, placed: &[Placed], source: &Source<'_>) -> Result<(), SceneError> {
         let Some((first, second)) = first_clash(&self.courses) else { return Ok(()) };
         let of = |actor: usize| &placed[usize::from(self.list[actor].object) - 1];

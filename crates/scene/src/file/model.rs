@@ -22,7 +22,7 @@ const SLOT: &str = "model";
 /// Most different models in a scene.
 const MAX_MODELS: usize = 100;
 
-/// Most memory that the pictures of all models may take, bytes: as much as those of one world.
+/// Most memory that the images of all models may take, bytes: as much as those of one world.
 const MAX_PICTURES: usize = 256 << 20;
 
 /// The keys of such a mesh.
@@ -39,7 +39,7 @@ struct RawModel {
 #[derive(Debug, Default)]
 pub(super) struct Models {
     list: Vec<(RawModel, Arc<Model>)>,
-    /// Memory that their pictures take, bytes.
+    /// Memory that their images take, bytes.
     pictures: usize,
 }
 
@@ -92,7 +92,7 @@ impl Models {
         Box::new(Drawn(self.list[number].1.clone()))
     }
 
-    /// Adds the materials and pictures of all models to those of the scene; for each model, what its materials' numbers grow by.
+    /// Adds the materials and images of all models to those of the scene; for each model, what its materials' numbers grow by.
     /// None where there are more than fit.
     pub(super) fn add_looks(&self, materials: &mut Vec<Material>, textures: &mut Vec<Texture>) -> Option<Vec<u16>> {
         let mut grown = Vec::with_capacity(self.list.len());

@@ -50,7 +50,7 @@ pub(super) struct RawMaterial {
     pattern: PatternName,
     /// Window cell, metres.
     cell: Option<[f32; 2]>,
-    /// Share of a cell that is glass.
+    /// Fraction of a cell that is glass.
     glass: Option<f32>,
     /// Marked road width, metres.
     width: Option<f32>,

@@ -1,4 +1,4 @@
-//! Pictures of a file: PNG and JPEG, looked at before they are decoded, made smaller until all fit.
+//! Images of a file: PNG and JPEG, looked at before they are decoded, made smaller until all fit.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,12 +14,12 @@ use crate::texture::{MAX_SIDE, Texture};
 const MAX_MEMORY: u64 = 256 << 20;
 /// Longest side that is kept, texels.
 const KEPT_SIDE: u32 = 4096;
-/// Most pixels that are decoded, of all pictures together.
+/// Most pixels that are decoded, of all images together.
 const MAX_PIXELS: u64 = 1 << 29;
-/// What decoding one picture may take: 256 MiB.
+/// What decoding one image may take: 256 MiB.
 const LIMITS: Limits = Limits { side: u32::MAX, memory: 256 << 20 };
 
-/// The pictures that are used.
+/// The images that are used.
 #[derive(Debug, Default)]
 pub(super) struct Images {
     pub(super) textures: Vec<Texture>,
@@ -33,7 +33,7 @@ struct Encoded<'a> {
 }
 
 impl Images {
-    /// Reads the pictures of these materials: those on their surfaces and those that glow.
+    /// Reads the images of these materials: those on their surfaces and those that glow.
     pub(super) fn load(
         root: &Root,
         used: &BTreeSet<usize>,
@@ -80,7 +80,7 @@ fn source(root: &Root, info: &texture::Info) -> Option<usize> {
     root.textures.get(info.index.value()).map(|texture| texture.source.value())
 }
 
-/// How often each picture is halved so that all fit the memory.
+/// How often each image is halved so that all fit the memory.
 fn halvings(sizes: &[(u32, u32)]) -> Vec<usize> {
     let own = |(w, h): (u32, u32)| (0..).find(|&n| w.max(h) >> n <= KEPT_SIDE).unwrap_or(0);
     // Four bytes a texel, and a third more for the smaller copies.
@@ -144,7 +144,7 @@ mod tests {
     fn pictures_are_halved_until_all_fit() {
         assert_eq!(halvings(&[(4096, 4096), (16, 16)]), [0, 0]);
         assert_eq!(halvings(&[(8192, 64), (1, 1)]), [1, 0]);
-        // Four pictures of 4096 take 341 MiB.
+        // Four images of 4096 take 341 MiB.
         assert_eq!(halvings(&[(4096, 4096); 4]), [1; 4]);
         assert_eq!(halvings(&[(4096, 2048); 5]), [0; 5]);
         assert!(halvings(&[(8192, 8192); 65_000]).iter().all(|&n| n == 9));

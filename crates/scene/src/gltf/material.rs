@@ -26,7 +26,7 @@ pub(super) struct Look {
     pub(super) material: u16,
     /// Mean colour, linear RGB.
     pub(super) mean: Vec3,
-    /// The picture on it.
+    /// The image on it.
     pub(super) picture: Option<Picture>,
     /// Whether its corners bring the colours.
     pub(super) by_corner: bool,
@@ -34,7 +34,7 @@ pub(super) struct Look {
     pub(super) invisible: bool,
 }
 
-/// How a picture lies on a primitive.
+/// How an image lies on a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Picture {
     /// Which texture coordinates.
@@ -142,7 +142,7 @@ impl<'a> Looks<'a> {
         given * mean
     }
 
-    /// The picture that holds all colours that corners may have.
+    /// The image that holds all colours that corners may have.
     fn palette(&mut self) -> Result<u16, Problem> {
         if let Some(palette) = self.palette {
             return Ok(palette);

@@ -173,7 +173,7 @@ fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look:
             let uv = match (own, &look.picture, &from.uv) {
                 (Some(shade), _, _) => shade,
                 (None, Some(picture), Some(uv)) => picture.at(uv[i as usize]),
-                // What no picture covers has metres, slanted so that no upright or level plane is seen edge-on.
+                // What no image covers has metres, slanted so that no upright or level plane is seen edge-on.
                 _ => Vec2::new(position.x + 0.31 * position.z, position.y + 0.47 * position.z),
             };
             (i, Vertex { position, normal: normals[k], uv })

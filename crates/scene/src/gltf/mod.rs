@@ -1,6 +1,6 @@
 //! glTF 2.0 files as worlds (`docs/guide/gltf.md`): meshes to draw and to touch, tags, and a place to start from.
 //!
-//! A file is somebody else's: every number in it is checked before it is followed, and what reading can allocate is bounded by
+//! A file is someone else's: every number in it is checked before it is followed, and what reading can allocate is bounded by
 //! the limits of [`container`], [`accessor`], [`mesh`] and [`images`] before it is allocated.
 
 mod accessor;

@@ -14,7 +14,7 @@ pub(crate) struct Model {
     pub(crate) parts: Vec<Part>,
     /// Its materials.
     pub(crate) materials: Vec<Material>,
-    /// The pictures of its materials.
+    /// The images of its materials.
     pub(crate) textures: Vec<Texture>,
 }
 

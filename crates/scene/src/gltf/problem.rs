@@ -17,7 +17,7 @@ impl Problem {
     }
 }
 
-/// The start of somebody's text, short enough for a message.
+/// The start of someone's text, short enough for a message.
 pub(super) fn short(text: &str) -> String {
     text.chars().take(60).collect()
 }

@@ -115,7 +115,7 @@ impl Generator for HotAirBalloon {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let h = self.height.0;
-        // Envelope in shares of the height: the mouth, out to the equator, over the crown.
+        // Envelope in fractions of the height: the mouth, out to the equator, over the crown.
         let shape = [
             (0.062, 0.2),
             (0.13, 0.29),

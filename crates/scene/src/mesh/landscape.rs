@@ -17,7 +17,7 @@ const CORNERS: u32 = 72;
 /// A closed line about the origin that every ray from there meets once: an ellipse within the size, dented by waves.
 struct Shore {
     half: Vec2,
-    /// Height of each wave over its base, and its phase as a share of a turn.
+    /// Height of each wave over its base, and its phase as a fraction of a turn.
     waves: [(f32, f64); 4],
 }
 
@@ -27,7 +27,7 @@ impl Shore {
         Self { half: plan(size) * 0.5, waves }
     }
 
-    /// The outline's reach towards a share of the full turn, in shares of the ellipse: 0.5..=1.
+    /// The outline's reach towards a fraction of the full turn, in fractions of the ellipse: 0.5..=1.
     fn reach(&self, share: f32) -> f32 {
         let most: f32 = 1.0 + self.waves.iter().map(|w| w.0).sum::<f32>();
         let waves = self
@@ -38,7 +38,7 @@ impl Shore {
         (1.0 + waves.sum::<f32>()) / most
     }
 
-    /// The point at a share of the full turn, `scale` times as far out as the line and `beyond` metres more.
+    /// The point at a fraction of the full turn, `scale` times as far out as the line and `beyond` metres more.
     fn at(&self, share: f32, scale: f32, beyond: f32) -> Vec2 {
         let unit = on_circle(share, 1.0, 0.0).truncate();
         let line = self.half * unit * (self.reach(share) * scale);
@@ -154,7 +154,7 @@ pub(crate) struct Knoll {
 }
 
 impl Knoll {
-    /// Height at a share of the turn and of the way from the middle to the foot; smooth at both.
+    /// Height at a fraction of the turn and of the way from the middle to the foot; smooth at both.
     fn height_at(&self, share: f32, out: f32, phase: f64) -> f32 {
         let fall = 0.5 + 0.5 * cos_sin(PI * f64::from(out.powi(2) * 0.35 + out * 0.65)).0;
         let swell = cos_sin(TAU * (f64::from(share) * 3.0 + phase) + 4.0 * f64::from(out)).0 * out * (1.0 - out);

@@ -125,7 +125,7 @@ impl<'de> Deserialize<'de> for Degrees {
     }
 }
 
-/// A share of a whole, 0..=1.
+/// A fraction of a whole, 0..=1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Share(pub(crate) f32);
 

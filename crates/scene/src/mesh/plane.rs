@@ -93,7 +93,7 @@ fn fuselage(sketch: &mut Sketch) {
 
 /// A surface across: rings of an aerofoil at (x, leading edge, trailing edge, height, thickness), from left to right.
 fn aerofoil(sketch: &mut Sketch, ribs: &[(f32, f32, f32, f32, f32)], slot: impl Fn(usize) -> &'static str) {
-    // In shares of the chord from the leading edge and of the thickness; about +x the turn from y (forward) is to z (up).
+    // In fractions of the chord from the leading edge and of the thickness; about +x the turn from y (forward) is to z (up).
     let shape = [(0.0, 0.0), (0.08, 0.42), (0.3, 0.62), (0.65, 0.4), (1.0, 0.05), (0.65, -0.2), (0.3, -0.36), (0.08, -0.3)];
     let ring = |&(x, lead, trail, z, thick): &(f32, f32, f32, f32, f32)| {
         shape.iter().map(|&(c, t)| Vec3::new(x, lead + (trail - lead) * c, z + t * thick)).collect::<Vec<Vec3>>()

@@ -253,7 +253,7 @@ fn pane(sketch: &mut Sketch, foot: Vec3, size: Vec2) {
 pub(crate) struct Window {
     width: Metres,
     height: Metres,
-    /// Height of the bar across, as a share of the height; none without.
+    /// Height of the bar across, as a fraction of the height; none without.
     #[serde(default)]
     transom: Share,
 }

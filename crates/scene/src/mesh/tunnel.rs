@@ -187,7 +187,7 @@ pub(crate) enum Shape {
     Arch,
 }
 
-/// An opening: an upright surface across the heading, drawn into the second id and depth picture only.
+/// An opening: an upright surface across the heading, drawn into the second id and depth image only.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Opening {

@@ -62,7 +62,7 @@ pub struct Figures {
     pub stick_yaw: f64,
     /// Yaw rate of `cw` and `ccw`.
     pub turn_rate: f64,
-    /// Spread of a move's length, as a share of it.
+    /// Spread of a move's length, as a fraction of it.
     pub move_share: f64,
     /// Spread of a move's length that is there however short it is.
     pub move_fixed: f64,

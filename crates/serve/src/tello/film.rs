@@ -1,4 +1,4 @@
-//! The camera of a virtual Tello: pictures, taken and encoded when there is time for them.
+//! The camera of a virtual Tello: images, taken and encoded when there is time for them.
 
 use std::net::SocketAddr;
 use std::sync::Mutex;
@@ -17,21 +17,21 @@ use super::pace::{Fineness, Pace, VideoQuality};
 use super::shared::{POLL_INTERVAL, Shared, lock};
 use super::video::datagrams;
 
-/// From one picture at which decoding can begin to the next. By time, not by number: however few pictures there are, what a lost
+/// From one image at which decoding can begin to the next. By time, not by number: however few images there are, what a lost
 /// datagram spoils is over after this.
 const KEY_INTERVAL: Duration = Duration::from_secs(1);
 /// Of the video: some 2 Mbit/s in a furnished room.
 const QUANTISER: u8 = 30;
-/// A picture is taken so long ago that all of the time its shutter was open has been flown.
+/// An image is taken so long ago that all of the time its shutter was open has been flown.
 const SHUTTER: Duration = Duration::from_millis(25);
 
-/// Takes the picture that the camera had at a flight time; none while that lies in the future.
+/// Takes the image that the camera had at a flight time; none while that lies in the future.
 pub type Photographer = Box<dyn FnMut(Time, &VideoWish, Fineness) -> Option<Rgb> + Send>;
 
 /// An access unit's datagrams, to whom, and when they are due.
 pub(super) type Due = (Time, SocketAddr, Vec<Vec<u8>>);
 
-/// Takes pictures and encodes them. A picture is taken only when there is time for it, so none is ever queued: on a slow machine
+/// Takes images and encodes them. An image is taken only when there is time for it, so none is ever queued: on a slow machine
 /// there are fewer, not older ones.
 pub(super) fn film(
     shared: &Shared,
@@ -77,7 +77,7 @@ pub(super) fn film(
         }
         last = Some(picture);
         pace.took(begun.elapsed());
-        // Missed pictures are not made up for.
+        // Missed images are not made up for.
         next = (next + period).max(shared.now());
     }
 }

@@ -62,7 +62,7 @@ pub struct VideoWish {
     pub low_resolution: bool,
     /// The camera that looks down.
     pub downwards: bool,
-    /// How often `streamon` was said: each begins with a key picture.
+    /// How often `streamon` was said: each begins with a key image.
     pub asked: u32,
 }
 

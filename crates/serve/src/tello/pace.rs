@@ -1,8 +1,8 @@
-//! How finely, and how often, the camera of a virtual Tello takes pictures: coarser and fewer rather than late.
+//! How finely, and how often, the camera of a virtual Tello takes images: coarser and fewer rather than late.
 
 use spf_core::time::Duration;
 
-/// How finely a picture is drawn.
+/// How finely an image is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fineness {
     /// With smooth edges.
@@ -13,7 +13,7 @@ pub enum Fineness {
     Draft,
 }
 
-/// What is asked of the camera's pictures.
+/// What is asked of the camera's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VideoQuality {
     /// `Live` while there is time for it, else `Draft`.
@@ -40,7 +40,7 @@ impl VideoQuality {
     }
 }
 
-/// A picture that takes longer than this, drawn and encoded, leaves too little of the time to its sending.
+/// An image that takes longer than this, drawn and encoded, leaves too little of the time to its sending.
 const SLOW: Duration = Duration::from_millis(70);
 /// One alone may have been an accident.
 const SLOW_IN_A_ROW: u32 = 2;
@@ -48,15 +48,15 @@ const SLOW_IN_A_ROW: u32 = 2;
 const QUICK: Duration = Duration::from_millis(25);
 /// Drafts that must be quick before more is tried, at first; each time in vain it is twice as many, up to the second figure.
 const QUICK_IN_A_ROW: (u32, u32) = (45, 1440);
-/// Pictures a second while drafts are needed: somebody else needs the machine, most often who looks at them.
+/// Images a second while drafts are needed: someone else needs the machine, most often who looks at them.
 const BUSY_RATE: u32 = 15;
 
-/// Chooses from how long pictures took.
+/// Chooses from how long images took.
 #[derive(Clone, Debug)]
 pub(super) struct Pace {
     quality: VideoQuality,
     draft: bool,
-    /// Pictures in a row that speak for the other fineness.
+    /// Images in a row that speak for the other fineness.
     row: u32,
     patience: u32,
 }
@@ -66,7 +66,7 @@ impl Pace {
         Self { quality, draft: false, row: 0, patience: QUICK_IN_A_ROW.0 }
     }
 
-    /// Of the next picture.
+    /// Of the next image.
     pub(super) fn fineness(&self) -> Fineness {
         match self.quality {
             VideoQuality::Always(fineness) => fineness,
@@ -75,13 +75,13 @@ impl Pace {
         }
     }
 
-    /// From picture to picture, when `fps` are wanted.
+    /// From image to image, when `fps` are wanted.
     pub(super) fn period(&self, fps: u32) -> Duration {
         let most = if self.draft { BUSY_RATE } else { u32::MAX };
         Duration::from_secs(1) / fps.clamp(1, most)
     }
 
-    /// A picture took so long to draw and encode.
+    /// An image took so long to draw and encode.
     pub(super) fn took(&mut self, time: Duration) {
         if self.quality != VideoQuality::Auto {
             return;
@@ -122,7 +122,7 @@ mod tests {
     fn what_was_tried_in_vain_is_tried_more_seldom() {
         let mut pace = Pace::new(VideoQuality::Auto);
         let mut tried = 0;
-        // Live pictures are always slow here and drafts always quick: ten minutes of drafts at most.
+        // Live images are always slow here and drafts always quick: ten minutes of drafts at most.
         for _ in 0..9000 {
             let live = pace.fineness() == Fineness::Live;
             tried += u32::from(live);

@@ -28,7 +28,7 @@ pub(super) fn photograph(world: &SimWorld, at: Time, wish: &VideoWish, fineness:
     Some(if drawn == (width, height) { picture } else { resize(&picture, width, height) })
 }
 
-/// The grey picture of the camera that looks down.
+/// The grey image of the camera that looks down.
 fn below(world: &SimWorld, at: Time, channels: Channels) -> Option<Rgb> {
     let moment = world.snapshot_at(at)?;
     let camera = Camera::from_fov(320, 240, 1.0, 0.79, core::f64::consts::FRAC_PI_2);

@@ -1,6 +1,6 @@
 //! Sockets, a clock and a camera for a [`VirtualTello`].
 //!
-//! Three threads: one receives commands and flies, one takes and encodes pictures ([`film`](super::film)), one sends them when they
+//! Three threads: one receives commands and flies, one takes and encodes images ([`film`](super::film)), one sends them when they
 //! are due.
 
 use std::net::{SocketAddr, UdpSocket};
@@ -23,9 +23,9 @@ use super::machine::{Output, VirtualTello};
 use super::pace::VideoQuality;
 use super::shared::{Counters, POLL_INTERVAL, Shared, Tally, lock};
 
-/// Pictures that wait for their time of sending.
+/// Images that wait for their time of sending.
 const WAITING: usize = 16;
-/// A picture sent later than this after its time is counted as late.
+/// An image sent later than this after its time is counted as late.
 const LATE: Duration = Duration::from_millis(50);
 
 /// What is served.
@@ -36,7 +36,7 @@ pub struct Setup {
     pub craft: Arc<Mutex<SimCraft>>,
     /// Its camera.
     pub photographer: Photographer,
-    /// How fine its pictures are.
+    /// How fine its images are.
     pub quality: VideoQuality,
     /// Times and limits.
     pub figures: Figures,
@@ -46,7 +46,7 @@ pub struct Setup {
     pub faults: FaultSource,
     /// Of all chance.
     pub seed: u64,
-    /// From a picture's capture to its sending: the camera's, the encoder's and the radio's.
+    /// From an image's capture to its sending: the camera's, the encoder's and the radio's.
     pub latency: Duration,
     /// When the craft's time was zero.
     pub start: Instant,
@@ -165,7 +165,7 @@ fn fly(
     }
 }
 
-/// Sends pictures when they are due, over the link with its faults.
+/// Sends images when they are due, over the link with its faults.
 fn send(shared: &Shared, due: &Receiver<Due>, video: &UdpSocket) {
     let mut link = Link::new(shared.faults());
     let mut waiting: Option<Due> = None;

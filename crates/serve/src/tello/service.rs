@@ -21,7 +21,7 @@ use super::shared::Tally;
 use crate::truth::{Heard, Judge};
 use crate::vlm::OnboardCamera;
 
-/// From a picture's capture to its sending.
+/// From an image's capture to its sending.
 const LATENCY: Duration = Duration::from_millis(120);
 
 /// What is served.
@@ -38,7 +38,7 @@ pub struct TelloPlan {
     pub listen: SocketAddr,
     /// SDK.
     pub firmware: Firmware,
-    /// How fine its pictures are.
+    /// How fine its images are.
     pub quality: VideoQuality,
     /// What goes wrong.
     pub faults: FaultSource,
@@ -69,7 +69,7 @@ impl TelloService {
         let start = start.unwrap_or(loaded.scene.start);
         let world = SimWorld::under(&flight_conditions, loaded, CraftKind::Tello, start, seed);
         let camera = world.clone();
-        // The first picture in a scene prepares its shadows and lamps: seconds, on a slow machine, in which nobody flies yet.
+        // The first image in a scene prepares its shadows and lamps: seconds, on a slow machine, in which nobody flies yet.
         drop(world.look(&world.now(), channels(Fineness::Draft)));
         let setup = Setup {
             listen,

@@ -15,18 +15,18 @@ pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// What was sent so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Pictures.
+    /// Images.
     pub frames: u64,
     /// Bytes of video.
     pub bytes: u64,
-    /// Pictures that went out more than 50 ms after their time.
+    /// Images that went out more than 50 ms after their time.
     pub late: u64,
     /// Nanoseconds for which video was wanted.
     pub wanted_ns: u64,
 }
 
 impl Tally {
-    /// Pictures a second while video was wanted.
+    /// Images a second while video was wanted.
     #[must_use]
     pub fn rate(&self) -> f64 {
         if self.wanted_ns == 0 { 0.0 } else { self.frames as f64 / (self.wanted_ns as f64 * 1e-9) }

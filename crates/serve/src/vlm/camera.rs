@@ -50,7 +50,7 @@ impl Camera {
         Time::ZERO + self.began.elapsed()
     }
 
-    /// Takes a picture and remembers it. None where the camera's shutter shows nothing.
+    /// Takes an image and remembers it. None where the camera's shutter shows nothing.
     pub fn take(&self) -> Option<(FrameId, Rgb)> {
         let now = self.now();
         let nanos = (now.as_nanos() as u128 % SCENE_TIME.as_nanos()) as u64;

@@ -1,4 +1,4 @@
-//! What a camera saw in the last seconds, and which of it a picture shows.
+//! What a camera saw in the last seconds, and which of it an image shows.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -20,7 +20,7 @@ const VALUES: usize = (WIDTH * HEIGHT) as usize * 3;
 /// A picture is one of the remembered frames when it differs from it by no more than this, in root mean squares of 0..=255:
 /// docs/guide/grounding.md has how many frames it tells apart after H.264, another size and JPEG at quality 60.
 const MOST_DIFFERENT: f64 = 7.0;
-/// Shapes of pictures may differ by this much: sizes are rounded to a model's multiples.
+/// Shapes of images may differ by this much: sizes are rounded to a model's multiples.
 const SHAPE: f64 = 0.06;
 
 /// A frame that is remembered.
@@ -32,7 +32,7 @@ pub struct Remembered {
     pub snapshot: WorldSnapshot,
 }
 
-/// Why a picture was not recognised.
+/// Why an image was not recognised.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Unrecognised {
@@ -93,7 +93,7 @@ impl Memory {
         film.forget(at);
     }
 
-    /// Which frame a picture shows, as of now. Of frames that differ equally the newest.
+    /// Which frame an image shows, as of now. Of frames that differ equally the newest.
     ///
     /// # Errors
     /// [`Unrecognised`].
@@ -132,7 +132,7 @@ impl Film {
     }
 }
 
-/// The picture made small: means over its pixels.
+/// The image made small: means over its pixels.
 fn thumbnail(picture: &Rgb) -> Vec<u8> {
     let (width, height) = (picture.width().max(1) as usize, picture.height().max(1) as usize);
     let data = picture.data();
@@ -159,7 +159,7 @@ fn thumbnail(picture: &Rgb) -> Vec<u8> {
     small
 }
 
-/// Sum of the squares of the differences, the mean difference of each colour taken out: a codec may shift all of a picture.
+/// Sum of the squares of the differences, the mean difference of each colour taken out: a codec may shift all of an image.
 fn difference(a: &[u8], b: &[u8]) -> u64 {
     let mut squares = 0_i64;
     for colour in 0..3 {

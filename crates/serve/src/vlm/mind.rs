@@ -42,7 +42,7 @@ pub struct Thought {
     pub latency: Duration,
 }
 
-/// The oracle of a world, asked by picture and prompt.
+/// The oracle of a world, asked by image and prompt.
 pub struct Mind {
     oracle: OracleVlm,
     memory: Arc<Memory>,
@@ -64,10 +64,10 @@ impl Mind {
         Self { heard: Some(heard), ..self }
     }
 
-    /// Answers a prompt about a picture; `number` is the question's, by which errors of one answer are drawn.
+    /// Answers a prompt about an image; `number` is the question's, by which errors of one answer are drawn.
     ///
     /// # Errors
-    /// [`Unrecognised`] when the picture is no frame of the last ten seconds.
+    /// [`Unrecognised`] when the image is no frame of the last ten seconds.
     pub fn answer(&self, now: Time, number: u64, prompt: &str, picture: &Rgb) -> Result<Thought, Unrecognised> {
         let Remembered { frame, snapshot } = self.memory.recognise(now, picture)?;
         let avoid = prompt.contains("\"boxes\"") || prompt.contains("- boxes:");

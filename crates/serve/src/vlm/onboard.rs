@@ -1,4 +1,4 @@
-//! The camera aboard a served drone, whose pictures somebody else takes.
+//! The camera aboard a served drone, whose images someone else takes.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -34,7 +34,7 @@ impl OnboardCamera {
         &self.memory
     }
 
-    /// Remembers a picture that it took, with what there was to see.
+    /// Remembers an image that it took, with what there was to see.
     pub(crate) fn keep(&self, snapshot: WorldSnapshot, picture: &Rgb) {
         let frame = FrameId(self.next.fetch_add(1, Ordering::Relaxed));
         self.memory.push(self.now(), Remembered { frame, snapshot }, picture);

@@ -1,4 +1,4 @@
-//! The table of models: data that ships with the program (`models.toml`) and that users extend.
+//! The table of models: a built-in file (`models.toml`) that users can extend.
 
 mod rows;
 mod select;
@@ -22,53 +22,53 @@ pub struct Table {
     models: Vec<ModelRow>,
 }
 
-/// A model with everything that is needed to ask it.
+/// A model with everything needed to query it.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// Its id at the vendor.
     pub id: String,
     /// The vendor's row.
     pub vendor: VendorRow,
-    /// Form of its requests.
+    /// Request format.
     pub wire: WireKind,
-    /// Which coordinate comes first.
+    /// Order of its coordinates.
     pub order: AxisOrder,
-    /// What the numbers count.
+    /// Unit of its coordinates.
     pub scale: ScaleWord,
-    /// At which size pictures are sent.
+    /// Limits on image sizes.
     pub image: ImageRule,
-    /// The vendor's word for how finely a picture is looked at.
+    /// The vendor's image detail setting.
     pub detail: Option<String>,
-    /// In which dialect the schema is told.
+    /// How a reply schema is sent.
     pub schema: SchemaDialect,
-    /// Whether the answer is streamed.
+    /// Whether replies are streamed.
     pub stream: bool,
-    /// Most tokens of an answer, thinking included.
+    /// Maximum number of tokens in a reply, including reasoning.
     pub max_output_tokens: u32,
-    /// Merged into every request's body.
+    /// Merged into the body of every request.
     pub request: Value,
-    /// Prices, the first that is still in force counts.
+    /// Prices; the first one still in force applies.
     pub price: Vec<Price>,
-    /// Its row, when it has one.
+    /// Its row in the table, if any.
     pub row: Option<ModelRow>,
-    /// The family, when it was only guessed from the id.
+    /// Whether the family was inferred from the id.
     pub assumed: bool,
 }
 
 impl Table {
-    /// The table that ships with the program.
+    /// The built-in table.
     ///
     /// # Panics
-    /// Never: a test reads it.
+    /// Never: a test parses it.
     #[must_use]
     pub fn shipped() -> Self {
         Self::from_toml(SHIPPED).expect("the shipped table is part of the program")
     }
 
-    /// Reads a table of its own.
+    /// Parses a complete table.
     ///
     /// # Errors
-    /// [`TableError`] with what is wrong and where.
+    /// [`TableError`] with the problem and its position.
     pub fn from_toml(text: &str) -> Result<Self, TableError> {
         let file: rows::File = rows::read(text)?;
         let table =
@@ -77,10 +77,10 @@ impl Table {
         Ok(table)
     }
 
-    /// The table with the rows of `text` added; a row of the same name (models: of the same vendor) replaces the older one.
+    /// Adds the rows of `text`; a row with the same name (for models: and vendor) replaces the earlier one.
     ///
     /// # Errors
-    /// [`TableError`] with what is wrong and where.
+    /// [`TableError`] with the problem and its position.
     pub fn extended(mut self, text: &str) -> Result<Self, TableError> {
         let file: rows::File = rows::read(text)?;
         for row in file.vendor {
@@ -89,7 +89,7 @@ impl Table {
         }
         for row in file.family {
             self.families.retain(|old| old.name != row.name);
-            // Before the shipped ones, so that its pieces of names are tried first.
+            // Before the built-in ones, so that its id patterns are tried first.
             self.families.insert(0, row);
         }
         for row in file.model {
@@ -100,7 +100,7 @@ impl Table {
         Ok(self)
     }
 
-    /// The day that the shipped rows are true of.
+    /// The date at which the built-in rows were checked.
     #[must_use]
     pub fn as_of(&self) -> &str {
         &self.as_of
@@ -118,7 +118,7 @@ impl Table {
         &self.models
     }
 
-    /// Everything about the model of a row, whether it can still be had or not.
+    /// The model of a row, whether or not it is still available.
     #[must_use]
     pub fn row_model(&self, row: &ModelRow) -> Option<Model> {
         Some(self.model(self.vendor(&row.vendor)?, &row.id))
@@ -132,7 +132,7 @@ impl Table {
         self.families.iter().find(|row| row.name == name)
     }
 
-    /// Every name that a row uses stands for a row, and no row asks for what its model refuses.
+    /// Checks that every reference between rows is valid, and that no row requests settings its model rejects.
     fn check(&self) -> Result<(), TableError> {
         for vendor in &self.vendors {
             if self.family(&vendor.family).is_none() {
@@ -158,7 +158,7 @@ impl Table {
         Ok(())
     }
 
-    /// Everything about one model at one vendor; a model without a row is taken for one of the family that its id tells of.
+    /// The model with this id at a vendor; without a row, its family is inferred from the id.
     pub(crate) fn model(&self, vendor: &VendorRow, id: &str) -> Model {
         let row = self.models.iter().find(|row| row.vendor == vendor.name && row.id == id);
         let lower = id.to_lowercase();
@@ -190,7 +190,7 @@ impl Table {
 }
 
 impl Model {
-    /// The coordinates it is asked for in a picture of this size *as sent*.
+    /// Its coordinate convention for an image of this size *as sent*.
     #[must_use]
     pub fn grounding(&self, (width, height): (u32, u32)) -> GroundingProfile {
         let scale = match self.scale {
@@ -202,20 +202,20 @@ impl Model {
         GroundingProfile { order: self.order, scale }
     }
 
-    /// The temperature that its row or its vendor's asks for; none where that is left to the vendor.
+    /// The temperature set by its row or its vendor; `None` for the vendor's default.
     #[must_use]
     pub fn temperature(&self) -> Option<f64> {
         rows::temperature(&self.request)
     }
 
-    /// The price in force on a day, `YYYY-MM-DD`.
+    /// The price in force on a date, `YYYY-MM-DD`.
     #[must_use]
     pub fn price_on(&self, day: &str) -> Option<&Price> {
         self.price.iter().find(|price| price.until.as_deref().is_none_or(|until| until >= day))
     }
 }
 
-/// Puts the values of `over` into `base`, tables into tables.
+/// Merges `over` into `base`, recursively.
 pub(crate) fn merge(base: &mut Value, over: &Value) {
     match (base, over) {
         (Value::Object(base), Value::Object(over)) => {

@@ -1,4 +1,4 @@
-//! The rows as they stand in a file.
+//! The rows of the table, as in the file.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use spf_core::grounding::AxisOrder;
 use crate::account::Tokens;
 use crate::image::ImageRule;
 
-/// Longest file that is read, bytes.
+/// Maximum size of a file, bytes.
 const LONGEST: usize = 1 << 20;
 
 #[derive(Deserialize)]
@@ -24,78 +24,78 @@ pub(super) struct File {
     pub(super) model: Vec<ModelRow>,
 }
 
-/// Who serves models.
+/// A vendor.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VendorRow {
     /// Its name on the command line.
     pub name: String,
-    /// Its name for people.
+    /// Its display name.
     pub title: String,
-    /// Form of its requests.
+    /// Request format.
     pub wire: WireKind,
-    /// Where it is, version included, without a slash at the end.
+    /// Base URL, including the version, without trailing slash.
     pub base_url: String,
-    /// Variable that names another place.
+    /// Variable that overrides the base URL.
     pub base_url_env: Option<String>,
     /// How the key is sent.
     pub auth: Auth,
-    /// Further headers.
+    /// Additional headers.
     #[serde(default)]
     pub headers: BTreeMap<String, String>,
-    /// Variables that may hold the key; the first that is set counts.
+    /// Variables that can hold the key; the first one set is used.
     #[serde(default)]
     pub keys: Vec<String>,
-    /// Whether it answers without a key.
+    /// Whether a key is required.
     #[serde(default = "yes")]
     pub key_needed: bool,
-    /// Where a person gets a key.
+    /// Web page for obtaining a key.
     pub key_page: Option<String>,
-    /// The model when none is named.
+    /// The default model.
     pub default: Option<String>,
-    /// The family of models that tell of none.
+    /// The family of models whose id matches none.
     pub family: String,
-    /// In which dialect a schema is told.
+    /// How a reply schema is sent.
     #[serde(default)]
     pub schema: SchemaDialect,
-    /// Whether answers are streamed.
+    /// Whether replies are streamed.
     #[serde(default = "yes")]
     pub stream: bool,
-    /// Merged into every request's body.
+    /// Merged into the body of every request.
     #[serde(default = "nothing")]
     pub request: Value,
 }
 
-/// The forms of requests there are.
+/// Request formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WireKind {
     /// Gemini's `generateContent`.
     Gemini,
-    /// OpenAI's chat completions, which many servers speak.
+    /// OpenAI's chat completions, supported by many servers.
     OpenaiChat,
-    /// OpenAI's responses.
+    /// OpenAI's responses API.
     OpenaiResponses,
-    /// Anthropic's messages.
+    /// Anthropic's messages API.
     Anthropic,
 }
 
-/// How a schema is told to a vendor.
+/// How a reply schema is sent to a vendor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SchemaDialect {
     /// As JSON schema.
     #[default]
     JsonSchema,
-    /// As OpenAPI has it: types in capitals, `nullable`, enumerations of texts only (Gemini's older `responseSchema`).
+    /// In OpenAPI form: upper-case types, `nullable`, enumerations of strings only (Gemini's older `responseSchema`).
     OpenApi,
-    /// Only that an object is wanted; the prompt tells which.
+    /// Only as a request for a JSON object; the prompt describes it.
     JsonObject,
     /// Not at all.
     None,
 }
 
-/// How a key is sent.
+/// How the key is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Auth {
@@ -107,36 +107,36 @@ pub enum Auth {
     XGoogApiKey,
 }
 
-/// Models taught to point in the same way.
+/// Models with the same coordinate convention.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FamilyRow {
-    /// Its name in other rows.
+    /// Its name, used in other rows.
     pub name: String,
-    /// Pieces of ids, in lower case, that belong to it.
+    /// Lower-case substrings of the ids that belong to it.
     #[serde(rename = "match")]
     pub pieces: Vec<String>,
-    /// Which coordinate comes first.
+    /// Order of its coordinates.
     pub order: AxisOrder,
-    /// What the numbers count.
+    /// Unit of its coordinates.
     pub scale: ScaleWord,
-    /// The vendor's word for how finely a picture is looked at.
+    /// The vendor's image detail setting.
     pub detail: Option<String>,
-    /// At which size pictures are sent.
+    /// Limits on image sizes.
     pub image: Option<ImageRule>,
 }
 
-/// What coordinates count, in a file.
+/// Unit of coordinates, as in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ScaleWord {
-    /// Thousandths of a side.
+    /// Thousandths of the image size.
     Thousand,
-    /// Percent of a side.
+    /// Percent of the image size.
     Hundred,
-    /// Shares of a side.
+    /// Fractions of the image size.
     Unit,
-    /// Pixels of the picture as sent.
+    /// Pixels of the image as sent.
     Pixels,
 }
 
@@ -146,56 +146,56 @@ pub enum ScaleWord {
 pub struct ModelRow {
     /// Its id at the vendor.
     pub id: String,
-    /// The vendor's name.
+    /// Name of the vendor.
     pub vendor: String,
-    /// Its family, when the id does not tell.
+    /// Its family, if not inferred from the id.
     pub family: Option<String>,
-    /// Whether it can still be had.
+    /// Availability.
     pub status: Status,
-    /// Whether it is one of the paper's six (table 4).
+    /// Whether it is one of the six models in the paper (table 4).
     #[serde(default)]
     pub paper: bool,
-    /// A word to people.
+    /// A note for users.
     pub note: Option<String>,
-    /// The day it is switched off, `YYYY-MM-DD`.
+    /// Retirement date, `YYYY-MM-DD`.
     pub retires: Option<String>,
-    /// The model to ask instead.
+    /// The model to use instead.
     pub successor: Option<String>,
-    /// Whether temperature and the like may be sent.
+    /// Whether sampling parameters such as temperature may be sent.
     #[serde(default)]
     pub sampling: bool,
-    /// Most tokens of an answer, thinking included.
+    /// Maximum number of tokens in a reply, including reasoning.
     pub max_output_tokens: Option<u32>,
-    /// At which size pictures are sent, when not as the family.
+    /// Limits on image sizes, if different from the family.
     pub image: Option<ImageRule>,
-    /// In which dialect a schema is told, when not as the vendor.
+    /// How a reply schema is sent, if different from the vendor.
     pub schema: Option<SchemaDialect>,
-    /// Whether answers are streamed, when not as the vendor.
+    /// Whether replies are streamed, if different from the vendor.
     pub stream: Option<bool>,
-    /// Merged into every request's body.
+    /// Merged into the body of every request.
     #[serde(default = "nothing")]
     pub request: Value,
-    /// Prices; the first that is still in force counts.
+    /// Prices; the first one still in force applies.
     #[serde(default)]
     pub price: Vec<Price>,
 }
 
-/// Whether a model can still be had.
+/// Availability of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Yes.
+    /// Available.
     Current,
-    /// Yes, and it may change or go at any time.
+    /// Available, but may change or be removed at any time.
     Preview,
-    /// For a while yet.
+    /// Still available, but retired soon.
     Deprecated,
-    /// No.
+    /// No longer available.
     Retired,
 }
 
 impl Status {
-    /// The word.
+    /// The word used in files.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -207,24 +207,24 @@ impl Status {
     }
 }
 
-/// US dollars for a million tokens.
+/// Prices in US dollars per million tokens.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Price {
-    /// Tokens read.
+    /// Input tokens.
     pub input: f64,
-    /// Tokens read from a cache; as other ones when not told.
+    /// Cached input tokens; the input price if not given.
     pub cached: Option<f64>,
-    /// Tokens written, thinking included.
+    /// Output tokens, including reasoning.
     pub output: f64,
-    /// The day it was read.
+    /// Date at which the price was checked.
     pub as_of: String,
-    /// The last day it holds.
+    /// Last day of validity.
     pub until: Option<String>,
 }
 
 impl Price {
-    /// What these tokens cost, US dollars.
+    /// Cost of these tokens, US dollars.
     #[must_use]
     pub fn of(&self, tokens: &Tokens) -> f64 {
         let cached = tokens.cached.min(tokens.input);
@@ -236,26 +236,26 @@ impl Price {
     }
 }
 
-/// What is wrong with a table.
+/// Why a table is invalid.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
-    /// No TOML, or an unknown key, or a value of the wrong kind.
+    /// Invalid TOML, an unknown key, or a value of the wrong type.
     #[error("the table of models is refused: {0}")]
     Toml(String),
-    /// A row names a row that is not there.
+    /// A reference to a row that does not exist.
     #[error("{row} `{name}` is of the {what} `{other}`, of which there is no row")]
     Unknown {
         /// Kind of the row.
         row: &'static str,
         /// Its name.
         name: String,
-        /// Kind of the missing one.
+        /// Kind of the missing row.
         what: &'static str,
         /// Its name.
         other: String,
     },
-    /// A request that the vendor would refuse.
+    /// A request that the vendor would reject.
     #[error("`{model}` takes no `{key}` in `request`, says its row; set `sampling = true` if it does")]
     Sampling {
         /// The model.
@@ -263,7 +263,7 @@ pub enum TableError {
         /// The key.
         key: &'static str,
     },
-    /// Nobody could be told what to ask instead.
+    /// A retired model without a successor.
     #[error("`{model}` is retired and has no `successor`")]
     NoSuccessor {
         /// The model.
@@ -284,14 +284,14 @@ pub(super) fn read(text: &str) -> Result<File, TableError> {
     toml::from_str(text).map_err(|error| TableError::Toml(error.to_string().trim().to_owned()))
 }
 
-/// A parameter of sampling anywhere in a request.
+/// The name of a sampling parameter in a request, if any.
 pub(super) fn sampling(request: &Value) -> Option<&'static str> {
     const KEYS: [&str; 6] = ["temperature", "top_p", "top_k", "topP", "topK", "logprobs"];
     let map = request.as_object()?;
     KEYS.into_iter().find(|key| map.contains_key(*key)).or_else(|| map.values().find_map(sampling))
 }
 
-/// The temperature anywhere in a request.
+/// The temperature in a request, if any.
 pub(super) fn temperature(request: &Value) -> Option<f64> {
     let map = request.as_object()?;
     map.get("temperature").and_then(Value::as_f64).or_else(|| map.values().find_map(temperature))

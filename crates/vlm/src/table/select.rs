@@ -1,58 +1,58 @@
-//! From `NAME[#MODEL][@URL]` to a model.
+//! Selects a model by `NAME[#MODEL][@URL]`.
 
 use super::{Model, Status, Table};
 
-/// A model as it was named.
+/// A selected model.
 #[derive(Clone, Debug)]
 pub struct Choice {
-    /// The name as it was given, for records.
+    /// The name as given, for records.
     pub name: String,
     /// The model.
     pub model: Model,
-    /// Where it is, when not where the table says.
+    /// Its address, if different from the table's.
     pub url: Option<String>,
 }
 
-/// Why a name stands for no model.
+/// Why a name selects no model.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SelectError {
-    /// No such vendor.
+    /// Unknown vendor.
     #[error("`{name}` is no VLM")]
     Unknown {
         /// The name.
         name: String,
-        /// Names that there are.
+        /// Known names.
         known: Vec<String>,
     },
-    /// The vendor has no default.
+    /// The vendor has no default model.
     #[error("`{vendor}` serves many models, and none is named")]
     NoModel {
         /// The vendor.
         vendor: String,
     },
-    /// Switched off.
+    /// The model was retired.
     #[error("`{model}` was retired by {vendor} on {day}; its successor is `{successor}`")]
     Retired {
         /// The model.
         model: String,
         /// The vendor's title.
         vendor: String,
-        /// When.
+        /// Retirement date.
         day: String,
-        /// What to ask instead.
+        /// The model to use instead.
         successor: String,
     },
-    /// No address.
+    /// Invalid address.
     #[error("`{0}` is no address of a server: it begins with http:// or https://")]
     Url(String),
 }
 
 impl Table {
-    /// The model that `NAME[#MODEL][@URL]` or `URL[#MODEL]` names, on a day `YYYY-MM-DD`.
+    /// Selects the model `NAME[#MODEL][@URL]` or `URL[#MODEL]`, on a date `YYYY-MM-DD`.
     ///
     /// # Errors
-    /// [`SelectError`] when there is none, or it can no longer be had.
+    /// [`SelectError`] if there is none, or it was retired.
     pub fn select(&self, name: &str, today: &str) -> Result<Choice, SelectError> {
         let (vendor, id, url) = parts(name)?;
         let vendor_row = self.vendor(vendor).ok_or_else(|| SelectError::Unknown {
@@ -70,7 +70,7 @@ impl Table {
         if let Some(row) = &model.row {
             let day = row.retires.as_deref().unwrap_or_default();
             let gone = row.status == Status::Retired || (!day.is_empty() && day <= today);
-            // At another address somebody else may well serve it still.
+            // At another address it may still be available.
             if let Some(successor) = row.successor.clone().filter(|_| gone && url.is_none()) {
                 let vendor = vendor_row.title.clone();
                 return Err(SelectError::Retired { model: id, vendor, day: day.to_owned(), successor });
@@ -80,17 +80,17 @@ impl Table {
     }
 }
 
-/// The vendor that stands for any server of OpenAI's chat.
+/// The vendor for any server with OpenAI's chat API.
 const COMPATIBLE: &str = "compatible";
 
-/// Vendor, model and address of a name.
+/// Splits a name into vendor, model and address.
 fn parts(name: &str) -> Result<(&str, Option<&str>, Option<&str>), SelectError> {
     let some = |text| Some(text).filter(|text: &&str| !text.is_empty());
     if name.starts_with("http://") || name.starts_with("https://") {
         let (url, id) = name.split_once('#').map_or((name, None), |(url, id)| (url, some(id)));
         return Ok((COMPATIBLE, id, Some(url)));
     }
-    // A model's id may hold an `@`, an address begins with http.
+    // A model's id may contain an `@`; an address starts with http.
     let (rest, url) = match name.find("@http") {
         Some(at) => (&name[..at], Some(&name[at + 1..])),
         None => (name, None),

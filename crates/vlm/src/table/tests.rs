@@ -31,8 +31,9 @@ fn every_row_can_be_asked_or_names_its_successor() {
 
 #[test]
 fn each_family_is_asked_in_its_own_coordinates() {
-    // A camera of 1280×720, and a thing a quarter from the left and five eighths down, as each family writes it. The sizes sent:
-    // 768×432; in multiples of 28: 27.4 → 27·28 = 756 and 15.4 → 15·28 = 420; of 32: 24·32 = 768 and 13.5 → 14·32 = 448.
+    // A camera of 1280×720, and an object a quarter from the left and five eighths down, as each family writes it. The
+    // sizes sent: 768×432; in multiples of 28: 27.4 → 27·28 = 756 and 15.4 → 15·28 = 420; of 32: 24·32 = 768 and 13.5 →
+    // 14·32 = 448.
     let camera = (1280, 720);
     for (name, size, order, written) in [
         ("gemini", (768, 432), AxisOrder::Yx, "[625,250]"),
@@ -78,7 +79,7 @@ fn a_retired_model_names_its_successor_unless_somebody_else_serves_it() {
         "`gemini-2.0-flash` was retired by Google Gemini on 2026-06-01; its successor is `gemini-3.5-flash-lite`"
     );
     assert!(table.select("gemini#gemini-2.0-flash@http://localhost:1/v1", DAY).is_ok());
-    // One that is still to go goes on its day.
+    // A model is retired on its retirement date.
     assert!(table.select("gemini#gemini-2.5-pro", "2026-11-30").is_ok());
     assert!(table.select("gemini#gemini-2.5-pro", "2026-12-01").is_err());
 }

@@ -1,4 +1,4 @@
-//! Anthropic's messages.
+//! Anthropic's messages API.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -72,7 +72,7 @@ enum Event {
     Other,
 }
 
-/// A whole answer, or the beginning of one.
+/// A complete response, or the start of one.
 #[derive(Deserialize, Default)]
 #[serde(default)]
 struct Answered {
@@ -139,11 +139,11 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
     Ok(())
 }
 
-/// What a message begins with is overtaken by what it ends with; thinking is within the output.
+/// Counts from the end of a message replace those from its start; reasoning is included in the output.
 fn count(usage: Option<Usage>, into: &mut Gathered) {
     let Some(usage) = usage else { return };
     let tokens = into.tokens.get_or_insert_default();
-    // What was read from a cache, or written to one, is not in `input_tokens`.
+    // Cached tokens, read or written, are not included in `input_tokens`.
     let cached = usage.cache_read_input_tokens.unwrap_or(0);
     if let Some(input) = usage.input_tokens {
         tokens.input = input + cached + usage.cache_creation_input_tokens.unwrap_or(0);
@@ -156,7 +156,7 @@ fn stop(reason: Option<String>, into: &mut Gathered) {
     let Some(reason) = reason else { return };
     into.end = Some(match reason.as_str() {
         "max_tokens" | "model_context_window_exceeded" => End::CutOff(reason),
-        // The words that came before it, if any, are the model's own.
+        // Any text before it is the model's own.
         "refusal" => End::Declined(if into.text.trim().is_empty() { reason } else { into.text.clone() }),
         _ => End::Whole,
     });

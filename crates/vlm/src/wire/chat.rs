@@ -1,4 +1,4 @@
-//! OpenAI's chat completions, as many servers speak them, each with its liberties.
+//! OpenAI's chat completions, as implemented by many servers, each with deviations.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -65,9 +65,9 @@ struct Response {
 #[derive(Deserialize, Default)]
 #[serde(default)]
 struct Choice {
-    /// Of a stream.
+    /// Part of a stream.
     delta: Option<Answered>,
-    /// Of a whole answer.
+    /// A complete reply.
     message: Option<Answered>,
     finish_reason: Option<String>,
 }
@@ -128,7 +128,7 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
     Ok(())
 }
 
-/// Takes in a piece of a refusal, which comes in the place of text.
+/// Adds part of a refusal, which replaces the text.
 pub(super) fn decline(into: &mut Gathered, words: &str) {
     if words.is_empty() {
         return;

@@ -128,7 +128,7 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
             into.end = Some(end(&reason, candidate.finish_message.as_deref()));
         }
     }
-    // Every piece of a stream may tell them; the last is right.
+    // Every part of a stream may report them; the last is correct.
     if let Some(usage) = response.usage_metadata {
         into.tokens = Some(Tokens {
             input: usage.prompt_token_count.unwrap_or(0),
@@ -153,7 +153,7 @@ fn end(reason: &str, message: Option<&str>) -> End {
         | "UNEXPECTED_TOOL_CALL"
         | "TOO_MANY_TOOL_CALLS"
         | "MISSING_THOUGHT_SIGNATURE" => End::Fault(told()),
-        // Safety in its kinds, and whatever is added to them.
+        // The kinds of safety blocks, including future ones.
         _ => End::Blocked(told()),
     }
 }

@@ -1,4 +1,4 @@
-//! What goes over the wire, by vendor: requests from a question, and text, tokens and endings from what comes back.
+//! Vendor formats: creates requests, and reads text, tokens and the end of a reply from responses.
 
 mod anthropic;
 mod chat;
@@ -21,56 +21,56 @@ use crate::table::{Model, merge};
 
 pub use crate::table::{SchemaDialect, WireKind};
 
-/// A question as it is sent.
+/// A request.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {
-    /// Path and query behind the base address.
+    /// Path and query, relative to the base URL.
     pub path: String,
     /// The body.
     pub body: Value,
 }
 
-/// What a question is made of.
+/// The contents of a query.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
-    /// The text.
+    /// The prompt.
     pub prompt: &'a str,
-    /// The picture, a JPEG.
+    /// The image, a JPEG.
     pub jpeg: &'a [u8],
-    /// What kind of answer is wanted.
+    /// The kind of answer requested.
     pub kind: &'a QueryKind,
 }
 
-/// What has come of an answer so far.
+/// The reply received so far.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gathered {
     /// The text.
     pub text: String,
-    /// Who answers, as it calls itself.
+    /// The model, as it names itself.
     pub served: Option<String>,
-    /// Tokens, once told.
+    /// Token counts, once reported.
     pub tokens: Option<Tokens>,
-    /// How it ended, once told.
+    /// How the reply ended, once known.
     pub end: Option<End>,
 }
 
-/// How an answer ended.
+/// How a reply ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum End {
-    /// As it should.
+    /// Complete.
     Whole,
-    /// At the limit of tokens.
+    /// At the token limit.
     CutOff(String),
-    /// By the vendor's rules.
+    /// Blocked by the vendor.
     Blocked(String),
-    /// By the model's will.
+    /// Declined by the model.
     Declined(String),
-    /// By a fault.
+    /// By an error.
     Fault(String),
 }
 
 impl WireKind {
-    /// The request that puts a question to a model.
+    /// Creates the request for a query.
     #[must_use]
     pub fn request(self, model: &Model, question: &Question<'_>) -> Request {
         let schema = schema::of(question.kind).filter(|_| model.schema != SchemaDialect::None);
@@ -85,10 +85,10 @@ impl WireKind {
         request
     }
 
-    /// Takes in one object: an event of a stream, or a whole answer.
+    /// Reads one JSON object: an event of a stream, or a complete response.
     ///
     /// # Errors
-    /// [`VlmError`] when it is an error of the vendor's, or no object of this wire at all.
+    /// [`VlmError`] if it is an error of the vendor, or does not match this format.
     pub fn read(self, host: &str, object: &Value, into: &mut Gathered) -> Result<(), VlmError> {
         if let Value::Array(objects) = object {
             return objects.iter().try_for_each(|object| self.read(host, object, into));
@@ -113,10 +113,10 @@ impl WireKind {
 }
 
 impl Gathered {
-    /// The text of an answer that has ended.
+    /// The text of a complete reply.
     ///
     /// # Errors
-    /// [`VlmError`] when it ended otherwise than it should, or without text.
+    /// [`VlmError`] if it ended abnormally, or without text.
     pub fn finish(&self, host: &str) -> Result<String, VlmError> {
         let host = || host.to_owned();
         match &self.end {
@@ -139,7 +139,7 @@ impl Gathered {
     }
 }
 
-/// A question ready to be written in one of the forms.
+/// A query with everything needed to write it in one of the formats.
 struct Ask<'a> {
     model: &'a Model,
     prompt: &'a str,
@@ -148,7 +148,7 @@ struct Ask<'a> {
 }
 
 impl Ask<'_> {
-    /// The picture in base64, behind a prefix.
+    /// The image in base64, with a prefix.
     fn picture(&self, prefix: &str) -> String {
         let mut text = String::with_capacity(prefix.len() + self.jpeg.len().div_ceil(3) * 4);
         text.push_str(prefix);
@@ -157,23 +157,24 @@ impl Ask<'_> {
     }
 }
 
-/// What stands before a picture that is told as an address.
+/// Prefix of an image given as a data URL.
 const DATA_URL: &str = "data:image/jpeg;base64,";
 
 fn malformed(host: &str, reason: impl Into<String>) -> VlmError {
     VlmError::Malformed { host: host.to_owned(), reason: reason.into() }
 }
 
-/// The object as a `T`.
+/// Deserialises the object as a `T`.
 fn typed<T: for<'a> Deserialize<'a>>(host: &str, object: &Value) -> Result<T, VlmError> {
     T::deserialize(object).map_err(|error| malformed(host, quote(&error.to_string())))
 }
 
-/// The error that an object tells of, in any vendor's form; none when it tells of none.
+/// The error in an object, in any vendor's format; `None` if there is none.
 #[must_use]
 pub fn error_of(host: &str, status: u16, object: &Value) -> Option<VlmError> {
     let object = object.as_array().map_or(object, |objects| objects.first().unwrap_or(object));
-    // `{"error": {…}}`, `{"error": "…"}`, and of older vLLM and of streams `{"object"|"type": "error", "message": …}`.
+    // `{"error": {…}}`, `{"error": "…"}`, and from older vLLM and in streams `{"object"|"type": "error", "message":
+    // …}`.
     let bare = || {
         let says = |key: &str| object.get(key).and_then(Value::as_str) == Some("error");
         (says("object") || says("type")).then_some(object)
@@ -187,7 +188,7 @@ pub fn error_of(host: &str, status: u16, object: &Value) -> Option<VlmError> {
     let number = error.get("code").and_then(Value::as_u64).and_then(|code| u16::try_from(code).ok());
     let status = if status == 200 { number.filter(|code| (400..600).contains(code)).unwrap_or(status) } else { status };
     let message = text("message").or_else(|| error.as_str().map(str::to_owned)).unwrap_or_else(|| error.to_string());
-    // Gemini's name stands in `status`, the others' in `code` or `type`.
+    // Gemini's error code is in `status`, the others' in `code` or `type`.
     let code = text("status")
         .or_else(|| text("code").filter(|_| number.is_none()))
         .or_else(|| text("type").filter(|word| word != "error"));
@@ -200,7 +201,7 @@ pub fn error_of(host: &str, status: u16, object: &Value) -> Option<VlmError> {
     })
 }
 
-/// The status that an error inside a good answer would have had.
+/// The HTTP status corresponding to an error in a successful response.
 fn status_of(status: u16, code: Option<&str>) -> u16 {
     match (status, code) {
         (200, Some("overloaded_error")) => 529,
@@ -210,7 +211,7 @@ fn status_of(status: u16, code: Option<&str>) -> u16 {
     }
 }
 
-/// Google tells the time to wait in a detail of the error, as `"46s"`.
+/// Google gives the waiting time in a detail of the error, as `"46s"`.
 fn retry_info(error: &Value) -> Option<Duration> {
     let details = error.get("details")?.as_array()?;
     let delay = details.iter().find_map(|detail| detail.get("retryDelay"))?.as_str()?;

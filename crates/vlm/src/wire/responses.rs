@@ -1,4 +1,4 @@
-//! OpenAI's responses.
+//! OpenAI's responses API.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -48,7 +48,7 @@ pub(super) fn request(ask: &Ask<'_>) -> Request {
     Request { path: "/responses".to_owned(), body: json!(body) }
 }
 
-/// An event of a stream, of which those that matter here are told apart; or a whole answer.
+/// An event of a stream, limited to the relevant kinds; or a complete response.
 #[derive(Deserialize)]
 #[serde(tag = "type")]
 enum Event {
@@ -128,7 +128,7 @@ fn ended(host: &str, response: Response, object: &Value, into: &mut Gathered) ->
     if let Some(error) = super::error_of(host, 200, object) {
         return Err(error);
     }
-    // A stream has told its text before.
+    // A stream has already delivered its text.
     if into.text.is_empty() && into.end.is_none() {
         for content in
             response.output.into_iter().flatten().filter(|item| item.r#type == "message").flat_map(|item| item.content).flatten()

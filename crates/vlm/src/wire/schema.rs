@@ -1,4 +1,4 @@
-//! The schema of answers, in the dialects of vendors. It is generated from the Rust types of the replies.
+//! Reply schemas in the vendors' dialects, generated from the Rust types of the replies.
 
 use std::sync::LazyLock;
 
@@ -7,11 +7,11 @@ use spf_core::actions::moves_schema;
 use spf_core::query::QueryKind;
 use spf_core::reply::{choice_schema, completion_schema, reply_schema};
 
-// Asked for with every decision.
+// Needed for every decision.
 static POINT: LazyLock<Value> = LazyLock::new(|| reply_schema(false));
 static POINT_AND_BOXES: LazyLock<Value> = LazyLock::new(|| reply_schema(true));
 
-/// The schema of the answers to a kind of question; none where any text will do.
+/// The reply schema for a kind of query; `None` if any text is allowed.
 pub(super) fn of(kind: &QueryKind) -> Option<Value> {
     match kind {
         QueryKind::Point { avoid: false } => Some(POINT.clone()),
@@ -23,7 +23,7 @@ pub(super) fn of(kind: &QueryKind) -> Option<Value> {
     }
 }
 
-/// A JSON schema as OpenAPI has it.
+/// Converts a JSON schema to OpenAPI form.
 pub(super) fn open_api(schema: &Value) -> Value {
     let Some(map) = schema.as_object() else { return schema.clone() };
     let mut out = Map::new();
@@ -34,7 +34,7 @@ pub(super) fn open_api(schema: &Value) -> Value {
     };
     let mut word = words.iter().find(|word| **word != "null").copied().unwrap_or("string");
     if let Some(values) = map.get("enum").and_then(Value::as_array) {
-        // Only texts can be enumerated; the reply's parser reads numbers written as text.
+        // Only strings can be enumerated; the reply parser accepts numbers written as text.
         word = "string";
         let texts = values.iter().filter(|value| !value.is_null());
         out.insert(

@@ -1,22 +1,22 @@
-//! Server-sent events, as far as vendors use them: the `data` of each event, in pieces however they are cut.
+//! Server-sent events as used by the vendors: the `data` of each event, however the stream is split.
 
-/// Longest event that is kept, bytes.
+/// Maximum size of an event, bytes.
 pub const MAX_EVENT: usize = 1 << 20;
 
-/// Reads a stream of events from pieces of it. It keeps at most one event, and at most [`MAX_EVENT`] bytes of that.
+/// Parses a stream of events incrementally. It buffers at most one event, of at most [`MAX_EVENT`] bytes.
 #[derive(Debug, Default)]
 pub struct Events {
-    /// Of the line that is not yet complete.
+    /// The current incomplete line.
     line: Vec<u8>,
-    /// The data of the event that is not yet complete.
+    /// The data of the current incomplete event.
     data: String,
-    /// The last byte was a carriage return, whose line feed may come in the next piece.
+    /// Whether the last byte was a carriage return, whose line feed may follow in the next part.
     returned: bool,
     overflow: bool,
 }
 
 impl Events {
-    /// Takes in a piece; returns the data of every event that it completes.
+    /// Adds a part of the stream; returns the data of every event completed by it.
     pub fn push(&mut self, piece: &[u8]) -> Vec<String> {
         let mut events = Vec::new();
         for &byte in piece {
@@ -39,7 +39,8 @@ impl Events {
         events
     }
 
-    /// The stream has ended: what it owes. An event without its empty line counts all the same, for some servers forget it.
+    /// Ends the stream and returns the remaining events. An event without its final empty line counts too, since some
+    /// servers omit it.
     pub fn finish(&mut self) -> Vec<String> {
         let mut events = Vec::new();
         self.end_line(&mut events);
@@ -47,7 +48,7 @@ impl Events {
         events
     }
 
-    /// Whether an event was longer than is kept.
+    /// Whether an event exceeded the maximum size.
     #[must_use]
     pub fn overflowed(&self) -> bool {
         self.overflow
@@ -58,7 +59,7 @@ impl Events {
         if line.is_empty() {
             return self.end_event(events);
         }
-        // Names of events stand in the data too; comments and other fields matter to nobody here.
+        // The data repeats the event name; comments and other fields are not needed.
         if let Some(data) = line.strip_prefix(b"data:") {
             let data = data.strip_prefix(b" ").unwrap_or(data);
             if !self.data.is_empty() {

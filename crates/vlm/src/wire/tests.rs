@@ -12,7 +12,7 @@ fn request(name: &str) -> Request {
     model.wire.request(&model, &Question { prompt: "Where?", jpeg: b"\xff\xd8", kind: &kind })
 }
 
-/// The schema is the core's affair.
+/// The schema is tested in the core.
 fn without_schema(mut request: Request, pointer: &str) -> Request {
     let schema = request.body.pointer_mut(pointer).unwrap_or_else(|| panic!("no {pointer}"));
     assert_eq!(schema["type"], "object");
@@ -85,7 +85,7 @@ fn an_unstructured_model_is_told_no_schema() {
     assert_eq!(request("moondream").body.get("response_format"), None);
 }
 
-/// All objects read one after the other.
+/// Reads objects one after the other.
 fn read(wire: WireKind, objects: &[Value]) -> Result<Gathered, VlmError> {
     let mut gathered = Gathered::default();
     objects.iter().try_for_each(|object| wire.read("h", object, &mut gathered))?;

@@ -67,7 +67,7 @@ impl FreeCamera {
         self.pose
     }
 
-    /// Metres a second.
+    /// Metres per second.
     pub(super) fn speed(&self) -> f64 {
         let BodyDisplacement { right, forward, up } = self.velocity;
         (right * right + forward * forward + up * up).sqrt()

@@ -1,4 +1,4 @@
-//! A picture of a channel, ready to be sent.
+//! An image of a channel, ready to be sent.
 
 use spf_media::frame::Rgb;
 use spf_media::jpeg::{EncodeError, Jpeg};
@@ -6,7 +6,7 @@ use spf_render::{Channels, Picture};
 
 use super::message::Channel;
 
-/// Quality of JPEG pictures.
+/// Quality of JPEG images.
 const JPEG: u8 = 85;
 /// Depth is coloured by its logarithm from here to here, metres.
 const NEAREST: f32 = 0.5;
@@ -21,7 +21,7 @@ pub(super) fn channels(channel: Channel) -> Channels {
     Channels { rgb: channel == Channel::Colour, ..Channels::TRUTH }
 }
 
-/// Encodes a channel of a picture, with a line about the object that the pointer is on.
+/// Encodes a channel of an image, with a line about the object that the pointer is on.
 ///
 /// # Errors
 /// When the encoder refuses the size.

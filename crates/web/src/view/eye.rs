@@ -19,15 +19,15 @@ use super::message::{Channel, FromPage, Head, ToPage, Under};
 use super::quality::{Budget, Manner};
 use super::{Beginning, Library, draw, sight};
 
-/// Pictures that may be on their way to a page that has not shown them.
+/// Images that may be on their way to a page that has not shown them.
 const AHEAD: u64 = 2;
-/// At most 30 pictures a second.
+/// At most 30 images a second.
 const PERIOD: Duration = Duration::from_millis(33);
 /// What a page said of its keys holds so long: a page that fell silent does not fly on.
 const KEYS_HOLD: Duration = Duration::from_millis(500);
-/// The camera rests when nothing moved it for so long; the picture is then drawn whole.
+/// The camera rests when nothing moved it for so long; the image is then drawn whole.
 const REST: Duration = Duration::from_millis(250);
-/// Longest step of motion: a slow picture makes the camera late, not a leap.
+/// Longest step of motion: a slow image makes the camera late, not a leap.
 const LONGEST_STEP: Duration = Duration::from_millis(250);
 /// How often a resting camera looks about.
 const IDLE: Duration = Duration::from_millis(200);
@@ -68,9 +68,9 @@ pub(super) struct Eye {
     picture: Picture,
     /// The camera that `picture` was drawn with.
     lens: Camera,
-    /// The picture is not what the camera would see now.
+    /// The image is not what the camera would see now.
     stale: bool,
-    /// The picture is right, but for the line about what the pointer is on.
+    /// The image is right, but for the line about what the pointer is on.
     marked_anew: bool,
     drawn_at: Option<Instant>,
     draw_ms: f64,
@@ -266,7 +266,7 @@ impl Eye {
         self.tell_scene()
     }
 
-    /// The pointer moved over a picture that stands.
+    /// The pointer moved over an image that stands.
     fn point(&mut self, at: Option<[f64; 2]>) -> Result<(), Gone> {
         self.pointer = at;
         let before = self.under.take();

@@ -1,5 +1,5 @@
-//! What page and server say to each other. Text is JSON; a picture is binary: the length of its JSON head (four bytes, little
-//! endian), the head, and the picture as JPEG.
+//! What page and server say to each other. Text is JSON; an image is binary: the length of its JSON head (four bytes, little
+//! endian), the head, and the image as JPEG.
 
 use serde::{Deserialize, Serialize};
 use spf_core::craft::CraftKind;
@@ -19,13 +19,13 @@ pub(super) enum FromPage {
     Fly { right: f64, forward: f64, up: f64, yaw: f64, pitch: f64, fast: bool },
     /// Turns by so much, clockwise and nose up.
     Turn { yaw_deg: f64, pitch_deg: f64 },
-    /// Where the pointer is, as a share of width and height from the upper left corner; none when it left the picture.
+    /// Where the pointer is, as a fraction of width and height from the upper left corner; none when it left the image.
     Point { at: Option<[f64; 2]> },
-    /// This picture has been shown, or cannot be.
+    /// This image has been shown, or cannot be.
     Shown { frame: u64 },
-    /// What the picture shows.
+    /// What the image shows.
     Channel { channel: Channel },
-    /// How large pictures are.
+    /// How large images are.
     Detail { detail: Detail },
     /// Another scene, one of those that the server listed.
     Scene { name: String },
@@ -41,7 +41,7 @@ pub(super) enum FromPage {
     Go { pose: Option<PagePose> },
 }
 
-/// What a picture shows.
+/// What an image shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Channel {
@@ -54,7 +54,7 @@ pub(super) enum Channel {
     Depth,
 }
 
-/// How large pictures are.
+/// How large images are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Detail {
@@ -142,9 +142,9 @@ impl FromPage {
 pub(super) enum ToPage {
     /// First of all.
     Hello { version: &'static str, scenes: Vec<String>, lights: Vec<&'static str>, weathers: Vec<&'static str> },
-    /// A scene is being loaded; pictures stand still meanwhile.
+    /// A scene is being loaded; images stand still meanwhile.
     Loading { name: String },
-    /// The scene that pictures show from now on.
+    /// The scene that images show from now on.
     Scene {
         name: String,
         title: String,
@@ -157,7 +157,7 @@ pub(super) enum ToPage {
         light: Lighting,
         weather: Weather,
     },
-    /// What is under the pointer, without a new picture.
+    /// What is under the pointer, without a new image.
     Under { under: Option<Under> },
     /// A message could not be followed.
     Refused { reason: String },
@@ -180,7 +180,7 @@ pub(super) struct Under {
     pub(super) through: Option<String>,
 }
 
-/// The head of a picture.
+/// The head of an image.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Head {
     /// Counts from 1 in each session.
@@ -189,7 +189,7 @@ pub(super) struct Head {
     pub(super) height: u32,
     #[serde(flatten)]
     pub(super) pose: PagePose,
-    /// Metres a second.
+    /// Metres per second.
     pub(super) speed_m_s: f64,
     /// What the camera touches; none in free air, or when it flies through things.
     pub(super) touching: Option<String>,
@@ -201,7 +201,7 @@ pub(super) struct Head {
 }
 
 impl Head {
-    /// The message of a picture.
+    /// The message of an image.
     pub(super) fn with(&self, jpeg: &[u8]) -> Vec<u8> {
         // A head is numbers and short texts: it is always JSON, and far shorter than 4 GiB.
         let head = serde_json::to_vec(self).unwrap_or_default();

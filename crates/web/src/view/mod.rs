@@ -1,7 +1,7 @@
 //! Flying around in a scene from a browser's page.
 //!
 //! The page tells which keys are held and where the pointer is; the camera is moved here, where the scene can be touched, and
-//! pictures go back over a WebSocket. Each page has a camera of its own. Pictures never queue up: the next is drawn only when
+//! images go back over a WebSocket. Each page has a camera of its own. Images never queue up: the next is drawn only when
 //! the page has shown an earlier one, so that a slow page sees the newest.
 
 mod camera;

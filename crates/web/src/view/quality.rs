@@ -1,4 +1,4 @@
-//! How large and how smooth pictures are: as good as can be drawn fluently while the camera moves, whole at rest.
+//! How large and how smooth images are: as good as can be drawn fluently while the camera moves, whole at rest.
 
 use std::time::Duration;
 
@@ -6,14 +6,14 @@ use spf_render::Quality;
 
 use super::message::Detail;
 
-/// Widths that a moving picture may have, as shares of the camera's in sixths.
+/// Widths that a moving image may have, as fractions of the camera's in sixths.
 const SIXTHS: [u32; 4] = [6, 4, 3, 2];
-/// A moving picture may take this long to draw and encode.
+/// A moving image may take this long to draw and encode.
 const FLUENT: Duration = Duration::from_millis(42);
-/// Share of a new measurement in the mean.
+/// Fraction of a new measurement in the mean.
 const WEIGHT: f64 = 0.2;
 
-/// How a picture is drawn.
+/// How an image is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Manner {
     /// Width and height, pixels.
@@ -21,17 +21,17 @@ pub(super) struct Manner {
     pub(super) quality: Quality,
 }
 
-/// Chooses from what pictures cost so far.
+/// Chooses from what images cost so far.
 #[derive(Debug, Default)]
 pub(super) struct Budget {
     pub(super) detail: Detail,
-    /// Nanoseconds a pixel with smooth and with jagged edges; none before the first such picture.
+    /// Nanoseconds a pixel with smooth and with jagged edges; none before the first such image.
     smooth: Option<f64>,
     jagged: Option<f64>,
 }
 
 impl Budget {
-    /// How the next picture is drawn, for a camera of this size.
+    /// How the next image is drawn, for a camera of this size.
     pub(super) fn manner(&self, (width, height): (u32, u32), moving: bool) -> Manner {
         let manner = |sixths: u32, quality| Manner { size: (width * sixths / 6, height * sixths / 6), quality };
         match self.detail {
@@ -56,7 +56,7 @@ impl Budget {
         cost.is_none_or(|cost| cost * pixels(manner.size) <= FLUENT.as_nanos() as f64)
     }
 
-    /// A picture took so long.
+    /// An image took so long.
     pub(super) fn took(&mut self, manner: &Manner, time: Duration) {
         let cost = time.as_nanos() as f64 / pixels(manner.size).max(1.0);
         let mean = match manner.quality {

@@ -1,4 +1,4 @@
-//! One page's connection: messages in, pictures out.
+//! One page's connection: messages in, images out.
 
 use std::sync::Arc;
 use std::sync::mpsc::{TrySendError, sync_channel};
@@ -12,9 +12,9 @@ use super::eye::{Eye, Out};
 use super::message::{FromPage, ToPage};
 use super::{Beginning, Library};
 
-/// Messages that may wait for the eye, which reads them all between two pictures.
+/// Messages that may wait for the eye, which reads them all between two images.
 const INBOX: usize = 256;
-/// Messages that may wait for the socket: pictures are bounded by what the page has shown.
+/// Messages that may wait for the socket: images are bounded by what the page has shown.
 const OUTBOX: usize = 4;
 /// A page that takes nothing for so long is gone.
 const SEND_TIMEOUT: Duration = Duration::from_secs(20);
@@ -99,7 +99,7 @@ async fn farewell(socket: &mut WebSocket, frame: CloseFrame) {
 fn hand_over(text: &str, give: impl FnOnce(FromPage) -> Result<(), TrySendError<FromPage>>) -> Result<(), String> {
     match give(FromPage::read(text)?) {
         Err(TrySendError::Full(_)) => Err("too many messages at once".to_owned()),
-        // The eye is gone; its end of the pictures tells the same.
+        // The eye is gone; its end of the images tells the same.
         Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
     }
 }

@@ -1,4 +1,4 @@
-//! What is under the pointer, read from the id and depth pictures.
+//! What is under the pointer, read from the id and depth images.
 
 use spf_core::camera::Camera;
 use spf_core::query::ImagePoint;

@@ -1,4 +1,4 @@
-//! COCO's annotations of instances: each kind of thing in each picture is one question.
+//! COCO's annotations of instances: each kind of thing in each image is one question.
 
 use std::collections::BTreeMap;
 use std::path::Path;

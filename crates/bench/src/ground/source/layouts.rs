@@ -17,7 +17,7 @@ struct RefSpatial {
     prompt: String,
 }
 
-/// Point-Bench: a mask in a file, pictures and masks in folders by category.
+/// Point-Bench: a mask in a file, images and masks in folders by category.
 #[derive(Deserialize)]
 struct PointBench {
     image_filename: String,

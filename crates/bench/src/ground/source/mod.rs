@@ -51,7 +51,7 @@ pub enum SourceError {
     },
 }
 
-/// Pictures with instructions.
+/// Images with instructions.
 #[derive(Clone, Debug)]
 pub struct Source {
     /// Which form it has, in words.
@@ -62,7 +62,7 @@ pub struct Source {
     pub digest: u64,
 }
 
-/// Reads a dataset: a folder, or the file in it that names the pictures.
+/// Reads a dataset: a folder, or the file in it that names the images.
 ///
 /// # Errors
 /// [`SourceError`].
@@ -109,7 +109,7 @@ impl Source {
     }
 }
 
-/// The file that names the pictures of a folder.
+/// The file that names the images of a folder.
 fn find(folder: &Path) -> Result<PathBuf, SourceError> {
     for name in ["dataset.json", "question.json", "data.json"] {
         if folder.join(name).is_file() {
@@ -154,7 +154,7 @@ fn stays(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, std::path::Component::Normal(_) | std::path::Component::CurDir))
 }
 
-/// Turns pixels into shares of a picture.
+/// Turns pixels into fractions of an image.
 #[derive(Clone, Copy, Debug)]
 struct Pixels {
     width: f64,

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::{Pixels, SourceError, beside, form};
 use crate::ground::{Item, Shape, Target, Truth};
 
-/// A row. Places are pixels of the upright picture from its upper left, unless `units` says `shares`.
+/// A row. Places are pixels of the upright image from its upper left, unless `units` says `shares`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Row {
@@ -23,7 +23,7 @@ struct Row {
     point: Option<[f64; 2]>,
     #[serde(default)]
     points: Vec<[f64; 2]>,
-    /// A share of the width, whatever the units.
+    /// A fraction of the width, whatever the units.
     #[serde(default)]
     radius: Option<f64>,
     #[serde(default, rename = "box")]

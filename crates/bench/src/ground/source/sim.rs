@@ -27,7 +27,7 @@ pub struct SimExample {
     pub tags: Arc<Vec<Tagged>>,
 }
 
-/// The pictures of truth of an example.
+/// The images of truth of an example.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layers {
     pub(crate) ids: Vec<u16>,
@@ -37,7 +37,7 @@ pub(crate) struct Layers {
 }
 
 impl SimExample {
-    /// Reads the pictures of truth.
+    /// Reads the images of truth.
     pub(crate) fn layers(&self) -> Result<Layers, FileError> {
         let files = &self.row.files;
         let grey = |name: &str| {
@@ -118,7 +118,7 @@ fn item(example: SimExample) -> Item {
 }
 
 impl SimExample {
-    /// True boxes of all things in the picture, of the openings too.
+    /// True boxes of all things in the image, of the openings too.
     pub(crate) fn boxes(&self, layers: &Layers) -> Vec<ImageBox> {
         let (width, height) = (self.head.camera.width as usize, self.head.camera.height as usize);
         let shares = |x: usize, y: usize| (x as f64 / width as f64, y as f64 / height as f64);

@@ -14,7 +14,7 @@ impl Manual {
         (Self(None), None)
     }
 
-    /// Whether somebody can fly by hand.
+    /// Whether someone can fly by hand.
     pub(super) fn is_on(&self) -> bool {
         self.0.is_some()
     }

@@ -11,7 +11,7 @@ use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction};
 use crate::error::CliError;
 use crate::printer::one_line;
 
-/// How many of a scene's objects are named to somebody whose words fit none.
+/// How many of a scene's objects are named to someone whose words fit none.
 const EXAMPLES: usize = 8;
 
 /// The lines that say how the instruction is read. `start` is the pose the flight starts from, if not the scene's own.

@@ -93,7 +93,7 @@ pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, pr
 
 /// A VLM that points astray is found out on the ground.
 fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Result<(), CliError> {
-    // A recording and the oracle have no answer to pictures of a dot.
+    // A recording and the oracle have no answer to images of a dot.
     let answers =
         !(pointing.name.starts_with("oracle") || settings.fly.vlm.text().is_some_and(|name| name.starts_with("replay:")));
     if !answers || !settings.fly.vlm_check.is_on()? {

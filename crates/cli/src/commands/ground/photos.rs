@@ -24,7 +24,7 @@ use crate::settings::Settings;
 const LONGEST: u64 = 2 << 30;
 const QUALITY: u8 = 90;
 
-/// A picture to ask about.
+/// An image to ask about.
 struct Shown {
     name: String,
     picture: Arc<Rgb>,
@@ -84,7 +84,7 @@ pub(super) fn ask(args: &Ground, settings: &Settings, manner: Manner, printer: &
     Err(CliError::failed("nobody answered").hint("`spf vlm check NAME` tells why, and what to do"))
 }
 
-/// Everybody at once about one picture.
+/// Everybody at once about one image.
 fn put(answerers: &[Answerer], shown: &Shown, instruction: &str, number: u64, manner: Manner) -> Vec<AnswerRow> {
     let ask = |answerer: &Answerer| match &answerer.mind {
         Mind::Model(make, prompt) => {
@@ -128,7 +128,7 @@ fn free_name(folder: &Path, name: &str) -> PathBuf {
     (1..).map(of).find(|path| !path.exists()).unwrap_or_else(|| of(0))
 }
 
-/// The pictures that an argument names.
+/// The images that an argument names.
 fn open(image: &str, args: &Ground) -> Result<Vec<Shown>, CliError> {
     let path = Path::new(image);
     if image == "-" {
@@ -168,7 +168,7 @@ fn bytes(from: impl Read, name: &str) -> Result<Vec<u8>, CliError> {
     Ok(bytes)
 }
 
-/// One picture, or the frames of a video; told apart by their first bytes.
+/// One image, or the frames of a video; told apart by their first bytes.
 fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<Shown>, CliError> {
     let is_picture = bytes.starts_with(&[0xff, 0xd8]) || bytes.starts_with(b"\x89PNG");
     let is_video = bytes.get(4..8) == Some(b"ftyp") || bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]);

@@ -1,4 +1,4 @@
-//! `spf log video`: a video from the pictures of a log.
+//! `spf log video`: a video from the images of a log.
 
 use spf_record::log::{LogVideoError, video as make};
 

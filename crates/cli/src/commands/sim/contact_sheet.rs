@@ -1,4 +1,4 @@
-//! The contact sheet: scenes under every light and weather, and variants of scenes, small, on one picture.
+//! The contact sheet: scenes under every light and weather, and variants of scenes, small, on one image.
 
 use spf_media::frame::Rgb;
 use spf_media::marks::{Canvas, Colour, Point, TextStyle};
@@ -9,11 +9,11 @@ use spf_scene::{Lighting, SceneLook, Weather};
 use crate::commands::load_scene;
 use crate::error::CliError;
 
-/// A small picture.
+/// A small image.
 const THUMB: (u32, u32) = (240, 180);
 /// Drawn this many times as large and scaled down.
 const FINER: u32 = 2;
-/// Between small pictures, and about a scene's block.
+/// Between small images, and about a scene's block.
 const GAP: u32 = 4;
 const MARGIN: u32 = 16;
 /// Height of a block's title.
@@ -27,7 +27,7 @@ const SINGLE: (u32, u32) = (288, 216);
 /// Variants side by side where there is nothing else on the sheet.
 const SINGLES: u32 = 4;
 
-/// One block a scene, a row a weather, a column a light; below them one picture a variant (`city@17`). `progress` is told each
+/// One block a scene, a row a weather, a column a light; below them one image a variant (`city@17`). `progress` is told each
 /// name before it is drawn.
 pub(super) fn draw(names: &[String], mut progress: impl FnMut(&str)) -> Result<Rgb, CliError> {
     let (variants, scenes): (Vec<&String>, Vec<&String>) = names.iter().partition(|name| is_variant(name));
@@ -99,7 +99,7 @@ fn thumb(name: &str, conditions: &SceneLook, (width, height): (u32, u32)) -> Res
     Ok((title, resize(&rgb, width, height)))
 }
 
-/// Copies a picture that fits into another, its upper left corner at a place.
+/// Copies an image that fits into another, its upper left corner at a place.
 fn paste(sheet: &mut Rgb, picture: &Rgb, (left, top): (u32, u32)) {
     let (width, row) = (sheet.width() as usize * 3, picture.width() as usize * 3);
     let data = sheet.data_mut();

@@ -23,7 +23,7 @@ use crate::error::{CliError, nearest};
 use crate::exit::Exit;
 use crate::printer::Printer;
 
-/// Sides of a picture, pixels.
+/// Sides of an image, pixels.
 const SIZES: std::ops::RangeInclusive<u32> = 16..=8192;
 
 /// Runs one of the simulator's own commands.
@@ -37,13 +37,13 @@ pub(crate) fn sim(command: &Sim, printer: &mut Printer) -> Result<Exit, CliError
     }
 }
 
-/// The start is on the ground; a picture from there shows mostly ground.
+/// The start is on the ground; an image from there shows mostly ground.
 pub(super) fn above_start(mut start: Pose, kind: CraftKind) -> Pose {
     start.position.up += Model::of(kind).craft.take_off_height;
     start
 }
 
-/// The colour picture as a PNG file.
+/// The colour image as a PNG file.
 pub(super) fn colour(picture: &Picture) -> Result<Vec<u8>, CliError> {
     let data = picture.rgb.clone().unwrap_or_default();
     let rgb = Rgb::from_raw(picture.width, picture.height, data)

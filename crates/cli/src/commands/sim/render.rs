@@ -1,4 +1,4 @@
-//! `spf sim render`: a picture of a scene from a pose.
+//! `spf sim render`: an image of a scene from a pose.
 
 use std::path::PathBuf;
 
@@ -63,7 +63,7 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     Ok(Exit::Success)
 }
 
-/// No picture is to overwrite another.
+/// No image is to overwrite another.
 fn distinct(args: &Render, legend: Option<&PathBuf>) -> Result<(), CliError> {
     let paths: Vec<&PathBuf> =
         [Some(&args.output), args.depth.as_ref(), args.ids.as_ref(), legend].into_iter().flatten().collect();
@@ -88,9 +88,9 @@ const CAPTURE: Time = Time::from_millis(1000);
 /// A steady motion, for motion blur.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Motion {
-    /// Metres a second along the body.
+    /// Metres per second along the body.
     along: BodyDisplacement,
-    /// Radians a second, clockwise.
+    /// Radians per second, clockwise.
     yaw: f64,
 }
 

@@ -64,7 +64,7 @@ struct Stats {
     actors: usize,
     /// Reading and checking the file, building meshes and collider.
     load_s: f64,
-    /// Drawing the first colour picture, which makes shadow maps and tables.
+    /// Drawing the first colour image, which makes shadow maps and tables.
     first_picture_s: f64,
     /// What the process grew by over both; none where the system does not tell.
     memory_bytes: Option<u64>,
@@ -102,10 +102,10 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
     Ok(Exit::Success)
 }
 
-/// Makes the bytes of a picture file.
+/// Makes the bytes of an image file.
 type Encoder = fn(&Rgb) -> Result<Vec<u8>, EncodeError>;
 
-/// How a picture is written into a file of that name.
+/// How an image is written into a file of that name.
 fn encoder(path: &Path) -> Result<Encoder, CliError> {
     let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {

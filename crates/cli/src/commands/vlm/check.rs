@@ -12,7 +12,7 @@ use crate::exit::Exit;
 use crate::printer::Printer;
 use crate::settings::{Settings, variables};
 
-/// Asks a model about the calibration pictures.
+/// Asks a model about the calibration images.
 pub(crate) fn check(args: &VlmCheck, printer: &Printer) -> Result<Exit, CliError> {
     let settings = Settings::of(args, printer)?;
     let (table, variables) = (table(&settings)?, variables()?);

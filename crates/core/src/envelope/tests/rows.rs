@@ -59,7 +59,7 @@ fn the_age_of_a_frame_counts_from_its_capture() {
     rig.envelope.observe_frame(ms(2400), &frame);
     moves(&mut rig, ms(2499));
     moves_not(&mut rig, ms(2500), Cause::StaleFrame);
-    // An older picture that was overtaken is no news.
+    // An older image that was overtaken is no news.
     let mut late = rig.frame(ms(1400));
     late.received = ms(2500);
     rig.envelope.observe_frame(ms(2500), &late);

@@ -52,7 +52,7 @@ fn failing_03_a_frozen_or_blank_frame_is_never_asked_about() {
                 *at < Time::from_secs_f64(13.0) && flight.frames[query.frame.0 as usize].captured < Time::from_secs_f64(12.0)
             );
         }
-        // The newest picture is of 11.95 s; from 1 s after its capture nothing moves.
+        // The newest image is of 11.95 s; from 1 s after its capture nothing moves.
         flight.assert_stopped_since(Time::from_secs_f64(12.95));
         assert_eq!(flight.end(), Outcome::Failed, "{fault:?}");
         assert!(flight.finished[0].0 < Time::from_secs_f64(24.0), "{:?}", flight.finished);

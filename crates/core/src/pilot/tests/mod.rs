@@ -234,7 +234,7 @@ impl Flight {
         let last_before = move |flight: &Self, since: Time| {
             let index = flight.frames.iter().rposition(|seen| seen.captured < since)?;
             let (captured, capture_counter) = (flight.frames[index].captured, index as u64 + 1);
-            // A frozen source counts on and repeats the picture.
+            // A frozen source counts on and repeats the image.
             Some(Event::Frame(FrameMeta { captured, capture_counter, ..frame }))
         };
         let blank = Event::Frame(FrameMeta { unusable: Some(crate::frame::Unusable::Blank), ..frame });

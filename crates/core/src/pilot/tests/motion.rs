@@ -120,7 +120,7 @@ fn an_anchor_already_passed_means_hold_and_never_flying_back() {
     assert!(flight.model.velocity.speed() < 0.05);
 }
 
-/// Somebody who walks past at arm's length leaves the picture at its side, where a plan's step is short and its turn is not.
+/// Somebody who walks past at arm's length leaves the image at its side, where a plan's step is short and its turn is not.
 #[test]
 fn of_a_plan_already_passed_the_turn_is_flown() {
     for motion in [Motion::Blended, Motion::Sequential] {

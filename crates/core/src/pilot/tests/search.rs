@@ -31,11 +31,11 @@ fn a_target_out_of_view_is_searched_by_turns_a_climb_and_turns_again_until_not_f
     }
 }
 
-/// The last stage of the search: along the most open way that the answers showed, on pictures taken in its direction.
+/// The last stage of the search: along the most open way that the answers showed, on images taken in its direction.
 #[test]
 fn what_is_hidden_is_looked_for_from_elsewhere() {
     for preset in PRESETS {
-        // Open to the east only; the picture's middle looks there within a turn of 72°.
+        // Open to the east only; the image's middle looks there within a turn of 72°.
         let mut flight = Setup::preset(preset).fly(|_, seen| {
             let off = wrap_angle(seen.pose.attitude.heading - 90.0_f64.to_radians()).abs();
             let depth = if off < 0.7 { 7 } else { 1 };

@@ -132,7 +132,7 @@ fn a_search_keeps_clear_of_the_list_too() {
     assert!(matches!(spf.reading().avoidance, Some(Avoidance::Shifted { by: 0, .. })), "{:?}", spf.reading().avoidance);
 }
 
-/// Half of a way along the picture's edge is beside the picture, where no box is reported.
+/// Half of a way along the image's edge is beside the image, where no box is reported.
 #[test]
 fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
     let aside = r#"{"status":"navigating","point":[500,970],"depth":5,"target":"crane"}"#;

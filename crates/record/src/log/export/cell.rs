@@ -1,8 +1,8 @@
-//! Cells of a table, and messages flattened to them.
+//! Table cells, and flattening of messages.
 
 use serde_json::Value;
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Bool,
@@ -12,7 +12,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// The kind that holds cells of both.
+    /// The type that can hold cells of both types.
     pub(super) fn with(self, other: Self) -> Self {
         match (self, other) {
             (a, b) if a == b => a,
@@ -22,7 +22,7 @@ impl Kind {
     }
 }
 
-/// A cell that is not empty.
+/// A non-empty cell.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Cell {
     Bool(bool),
@@ -41,7 +41,7 @@ impl Cell {
         }
     }
 
-    /// The same in a column of another kind, which must hold it ([`Kind::with`]).
+    /// Converts to a column of another type, which must be able to hold it ([`Kind::with`]).
     pub(super) fn into_kind(self, kind: Kind) -> Self {
         match (self, kind) {
             (Self::Int(number), Kind::Real) => Self::Real(number as f64),
@@ -50,7 +50,7 @@ impl Cell {
         }
     }
 
-    /// As a person writes it.
+    /// The text of the cell.
     pub(super) fn text(&self) -> String {
         match self {
             Self::Bool(value) => value.to_string(),
@@ -61,8 +61,8 @@ impl Cell {
     }
 }
 
-/// The leaves of a message, each named by its way through the objects, joined by dots. A list is one leaf, as JSON; what is null is not
-/// there.
+/// The leaves of a message, each named by its path of keys joined by dots. A list is a single leaf, as JSON; nulls are
+/// omitted.
 pub(super) fn flatten(name: &str, value: &Value, cells: &mut Vec<(String, Cell)>) {
     let cell = match value {
         Value::Null => return,

@@ -1,4 +1,4 @@
-//! The three kinds of files that a table can be.
+//! The file formats of a table.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -11,19 +11,19 @@ use super::cell::{Cell, Kind};
 #[cfg(feature = "parquet")]
 use super::parquet::ParquetFile;
 
-/// The form of a table.
+/// Format of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// Comma-separated values (RFC 4180) with a line of names.
+    /// Comma-separated values (RFC 4180) with a header line.
     Csv,
-    /// JSON lines: an object a row, without what is empty.
+    /// JSON Lines: one object per row, without empty cells.
     JsonLines,
-    /// Apache Parquet, where the feature `parquet` was built.
+    /// Apache Parquet, if built with the feature `parquet`.
     Parquet,
 }
 
 impl Format {
-    /// The form that a file's ending means: `csv`, `jsonl` or `parquet`.
+    /// The format for a file extension: `csv`, `jsonl` or `parquet`.
     #[must_use]
     pub fn of_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()? {

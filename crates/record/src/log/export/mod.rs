@@ -1,4 +1,5 @@
-//! Messages of a topic as one table: CSV, JSON lines or, where it was built, Parquet; of one log or of a whole folder of them.
+//! Exports the messages of a topic as one table: CSV, JSON Lines or, if built with it, Parquet; from one log or a
+//! folder of logs.
 
 mod cell;
 mod files;
@@ -16,80 +17,82 @@ use cell::{Cell, Kind, flatten};
 pub use files::Format;
 use files::TableFile;
 
-/// Why there is no table.
+/// Why a table could not be exported.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExportError {
-    /// A log cannot be read.
+    /// A log could not be read.
     #[error("the log `{path}` cannot be read")]
     Read {
         /// The log.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: ReadError,
     },
-    /// The program was built without the feature.
+    /// Built without the feature `parquet`.
     #[error("this program was built without Parquet: build it with `--features parquet`")]
     NotBuilt,
-    /// None of the logs has a message on the topic.
+    /// No log has a message on the topic.
     #[error("no message on the topic `{0}`")]
     Empty(String),
-    /// The table cannot be written.
+    /// The table could not be written.
     #[error("cannot write the table `{path}`")]
     Write {
         /// The table.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// The table cannot be put into its form.
+    /// The table could not be encoded.
     #[error("cannot form the table `{path}`")]
     Form {
         /// The table.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: Box<dyn std::error::Error + Send + Sync>,
     },
 }
 
-/// What becomes a table.
+/// An export.
 #[derive(Clone, Debug)]
 pub struct Export<'a> {
-    /// Logs, each with what it is called in the column `log`.
+    /// The logs, each with its name in the column `log`.
     pub logs: &'a [(String, PathBuf)],
     /// The topic.
     pub topic: &'a str,
-    /// Columns that every row of a log gets from the log's first message on a topic: its name there, and a JSON pointer into it.
+    /// Additional columns for every row of a log, from the log's first message on `context_topic`: column name, and
+    /// JSON pointer into that message.
     pub context: &'a [(&'a str, &'a str)],
-    /// The topic of that message.
+    /// The topic of the additional columns.
     pub context_topic: &'a str,
 }
 
-/// What a table holds.
+/// Facts about an exported table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Table {
-    /// Rows.
+    /// Number of rows.
     pub rows: u64,
     /// Columns, in order.
     pub columns: Vec<String>,
-    /// Logs that end in the middle; what came before is in the table.
+    /// Truncated logs, exported as far as they go.
     pub torn: Vec<PathBuf>,
 }
 
-/// Columns of every table: which log a row is from, and its flight time.
+/// Columns of every table: the log's name and the flight time.
 const LOG: &str = "log";
 const TIME: &str = "time_s";
 
 impl Export<'_> {
-    /// Writes the table. The logs are read twice, for their columns and for their rows, so that memory goes by the width of the table.
+    /// Writes the table. The logs are read twice, for columns and for rows, so that memory use depends only on the
+    /// number of columns.
     ///
     /// # Errors
-    /// [`ExportError`].
+    /// [`ExportError`] if a log cannot be read, or the table not be written.
     pub fn write(&self, format: Format, path: &Path) -> Result<Table, ExportError> {
-        // Before many logs are read for nothing, and before there is a file.
+        // Checked before reading the logs and creating the file.
         if format == Format::Parquet && cfg!(not(feature = "parquet")) {
             return Err(ExportError::NotBuilt);
         }
@@ -162,7 +165,7 @@ fn value_of(entry: &Entry) -> Value {
     value.unwrap_or_default()
 }
 
-/// Columns as they are met, each of the kind that holds all its cells.
+/// The columns found so far, each of the type that holds all its cells.
 #[derive(Debug, Default)]
 struct Columns {
     order: Vec<String>,
@@ -188,7 +191,7 @@ impl Columns {
         self.order.iter().filter_map(|name| Some((name.clone(), self.kinds.get(name)?.1))).collect()
     }
 
-    /// The cells of a row at their columns.
+    /// The cells of a row in column order.
     fn place(&self, row: Vec<(String, Cell)>) -> Vec<Option<Cell>> {
         let mut cells = vec![None; self.order.len()];
         for (name, cell) in row {

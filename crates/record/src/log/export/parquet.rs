@@ -12,7 +12,7 @@ use ::parquet::schema::types::Type;
 
 use super::cell::{Cell, Kind};
 
-/// Rows held in memory, since columns are written one after the other.
+/// Number of rows buffered, since columns are written one after the other.
 const GROUP: usize = 4096;
 
 /// A file being written.
@@ -88,7 +88,7 @@ fn write_group(
     Ok(())
 }
 
-/// The values that are there, and which are (definition level 1).
+/// The values present, and the definition levels (1 if present).
 fn write_column<'a, T: DataType>(
     column: &mut SerializedColumnWriter<'_>,
     cells: impl Iterator<Item = Option<&'a Cell>> + Clone,

@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::super::sketch::cos_sin;
 use super::{Held, Posture};
 
-/// Lengths between joints (shares of stature after Winter, Biomechanics and Motor Control of Human Movement, 2009).
+/// Lengths between joints (fractions of stature after Winter, Biomechanics and Motor Control of Human Movement, 2009).
 const UPPER_ARM: f32 = 0.30;
 const FOREARM: f32 = 0.255;
 const THIGH: f32 = 0.43;
@@ -67,12 +67,12 @@ pub(super) struct Gait;
 impl Gait {
     /// Metres walked in a cycle of two steps (Murray, Drought & Kory 1964: 0.86 of the height).
     pub(super) const STRIDE: f32 = 1.505;
-    /// Share of the cycle that a foot is on the ground.
+    /// Fraction of the cycle that a foot is on the ground.
     const STANCE: f32 = 0.6;
     /// How far the ankle goes forward and up while the foot rolls off over its toes.
     const ROLL: [f32; 2] = [0.09, 0.11];
 
-    /// Ankle, from below the hip, and pitch of the foot (toes down positive, radians) at a share of that leg's own cycle.
+    /// Ankle, from below the hip, and pitch of the foot (toes down positive, radians) at a fraction of that leg's own cycle.
     fn foot(share: f32) -> (Vec3, f64) {
         let half = 0.5 * Self::STANCE * Self::STRIDE;
         if share < Self::STANCE {

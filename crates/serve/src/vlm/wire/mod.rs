@@ -1,4 +1,4 @@
-//! What vendors' clients send, and what they are answered, as far as a question about a picture goes.
+//! What vendors' clients send, and what they are answered, as far as a question about an image goes.
 
 mod anthropic;
 mod chat;
@@ -13,7 +13,7 @@ use serde_json::Value;
 
 /// Letters of a piece of a streamed answer.
 const PIECE: usize = 12;
-/// Characters to a token, and tokens of a picture: nobody counts them here, and clients want numbers.
+/// Characters to a token, and tokens of an image: nobody counts them here, and clients want numbers.
 const CHARACTERS_A_TOKEN: usize = 4;
 const PICTURE_TOKENS: usize = 1000;
 
@@ -33,7 +33,7 @@ pub(super) struct Question {
     pub(super) model: String,
     /// All text.
     pub(super) prompt: String,
-    /// The last picture.
+    /// The last image.
     pub(super) picture: Option<Vec<u8>>,
     /// Whether the answer is to be streamed.
     pub(super) stream: bool,

@@ -1,4 +1,4 @@
-//! The pictures of an example as files.
+//! The images of an example as files.
 
 use spf_flight::dataset::Example;
 use spf_flight::dataset::record::Files;
@@ -29,7 +29,7 @@ impl PictureFormat {
     }
 }
 
-/// Writes the pictures of an example; where they are.
+/// Writes the images of an example; where they are.
 pub(super) fn write_example(folder: &Folder, number: u64, example: &Example, format: PictureFormat) -> Result<Files, CliError> {
     let (width, height) = (example.truth.width, example.truth.height);
     let grey = |pixels: &[u16]| encoded(png::encode_grey16(width, height, pixels));

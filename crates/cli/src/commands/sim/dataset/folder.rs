@@ -76,7 +76,7 @@ impl Folder {
         write(&self.path.join(name), bytes).map_err(with_way_on)
     }
 
-    /// Appends a row, whole or not at all. Its pictures must be there already.
+    /// Appends a row, whole or not at all. Its images must be there already.
     pub(super) fn push(&mut self, row: &Row) -> Result<(), CliError> {
         let text = serde_json::to_string(row)
             .map_err(|error| CliError::internal("an example cannot be written as JSON").because(&error))?;
