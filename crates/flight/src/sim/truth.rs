@@ -11,6 +11,7 @@ use spf_scene::geometry::ObjectId;
 
 use super::loaded_scene::WorldSnapshot;
 use super::world::SimWorld;
+use crate::summary::VerifiedBy;
 
 /// An object fills at least this share of the frame's height to be in view …
 const VIEW_HEIGHT: f64 = 0.008;
@@ -25,6 +26,9 @@ pub struct Verdict {
     /// Whether one of the objects that the last stage may mean is within the scene's success radius and in view, without a
     /// collision; `None` where the verb needs a predicate that only the benchmark has.
     pub verified: Option<bool>,
+    /// Who resolved those objects, where `verified` is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verified_by: Option<VerifiedBy>,
     /// Distance to the nearest surface of those objects, metres; `None` when nothing in the scene fits.
     pub final_distance_m: Option<f64>,
     /// Keys of the objects that the last stage may mean.
@@ -51,6 +55,7 @@ pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
     let verified = meant.checkable.then(|| truth.collided_with.is_empty() && near.iter().any(within));
     Verdict {
         verified,
+        verified_by: verified.map(|_| VerifiedBy::Parser),
         final_distance_m: nearest.map(|(_, distance)| distance),
         targets,
         in_view: nearest.map(|(id, _)| seen.contains(&id)),
