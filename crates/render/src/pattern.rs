@@ -197,7 +197,7 @@ fn windows<S: Simd>(paint: &Paint, cell: Vec2, glass: f32, at: &Spot<S>, noise: 
     let (none, one) = (F::splat(simd, 0.0), F::splat(simd, 1.0));
     let (x, y) = (at.u * paint.cells.x, at.v * paint.cells.y);
     let (fx, fy) = (at.foot_u * paint.cells.x, at.foot_v * paint.cells.y);
-    // FrameAge stands in the middle of its cell.
+    // Glass stands in the middle of its cell.
     let edge = 0.5 * (1.0 - glass);
     let share = pulse(x - edge, fx, glass) * pulse(y - edge, fy, glass);
     let near = clamp(1.5 - fx.max(fy) * 2.0, 0.0, 1.0);

@@ -74,7 +74,7 @@ impl Soup {
 
     fn with(parts: &[Part], materials: &[Material], painted: bool) -> Self {
         let mut soup = Self::default();
-        for part in parts.iter().filter(|part| part.role != Role::FrameAge) {
+        for part in parts.iter().filter(|part| part.role != Role::Glass) {
             soup.add(part, materials, painted);
         }
         soup

@@ -1,6 +1,6 @@
 //! True geometry as it is touched: distances, sweeps and rays over the solid parts of a scene.
 //!
-//! Only [`Role::Solid`] and [`Role::FrameAge`] parts take part; what is merely drawn and the openings touch nothing. Two levels: one triangle mesh an
+//! Only [`Role::Solid`] and [`Role::Glass`] parts take part; what is merely drawn and the openings touch nothing. Two levels: one triangle mesh an
 //! object, and a tree over the objects. Geometry is `f32` inside (parry's precision), which at 200 m from the origin is good
 //! to 0.02 mm; answers are metres in the world frame. Nothing here changes after construction, so that trials on any number
 //! of threads share one collider behind an `Arc`. It lives with the scene, for loaders (is the start free?), actors (what ground do
@@ -127,7 +127,7 @@ impl Collider {
     /// # Errors
     /// As [`Collider::new`].
     pub(crate) fn of_parts(parts: &[Part]) -> Result<Self, ColliderError> {
-        let bodies = bodies(parts, &[Role::Solid, Role::FrameAge])?;
+        let bodies = bodies(parts, &[Role::Solid, Role::Glass])?;
         let boxes: Vec<Aabb> = bodies.iter().map(|body| body.mesh.local_aabb()).collect();
         let tree = Bvh::from_leaves(BvhBuildStrategy::default(), &boxes);
         Ok(Self { tree, bodies, openings: self::bodies(parts, &[Role::Opening])? })

@@ -44,7 +44,7 @@ pub enum Role {
     /// Drawn only.
     Visual,
     /// Touched only: clear glass.
-    FrameAge,
+    Glass,
     /// An opening (gate, tunnel mouth, hollow): drawn into the second id and depth picture only; hides nothing, touches nothing.
     Opening,
 }

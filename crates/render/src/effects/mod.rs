@@ -135,7 +135,7 @@ impl Eye {
         if let Some(remap) = known(&self.remaps.lock().unwrap_or_else(PoisonError::into_inner)) {
             return remap;
         }
-        // RunManifest outside of the lock: two threads may both make it, and both get the same.
+        // Made outside of the lock: two threads may both make it, and both get the same.
         let made = Arc::new(Remap::new(camera));
         let mut remaps = self.remaps.lock().unwrap_or_else(PoisonError::into_inner);
         if remaps.len() >= SIZES {

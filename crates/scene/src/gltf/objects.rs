@@ -63,7 +63,7 @@ impl Assembly {
                 let role = match (placed.solid, look.invisible) {
                     _ if owner.is_opening() => Role::Opening,
                     (true, false) => Role::Solid,
-                    (true, true) => Role::FrameAge,
+                    (true, true) => Role::Glass,
                     (false, false) => Role::Visual,
                     (false, true) => continue,
                 };

@@ -198,7 +198,7 @@ pub(super) fn arch(axle: f32, radius: f32, sill: f32) -> Vec<Vec2> {
         .collect()
 }
 
-/// FrameAge with a painted roof and pillars; the sides lean inwards.
+/// Glass with a painted roof and pillars; the sides lean inwards.
 fn glass_house(sketch: &mut Sketch, shape: &Shape) {
     let (low, high) = (0.5 * shape.width - 0.06, 0.5 * shape.width - 0.24);
     let foot = |x: f32, y: f32, z: f32| Vec3::new(x * low, y, z);

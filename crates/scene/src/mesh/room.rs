@@ -168,7 +168,7 @@ pub(crate) struct Door {
 enum DoorStyle {
     #[default]
     Panel,
-    FrameAge,
+    Glass,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -218,7 +218,7 @@ impl Door {
                     leaf.on("panel").block(base, Vec3::new(0.62 * wide, thick + 0.016, (up - low) * high));
                 }
             }
-            DoorStyle::FrameAge => {
+            DoorStyle::Glass => {
                 let stile = 0.09;
                 for share in [0.5 * stile / wide, 1.0 - 0.5 * stile / wide] {
                     leaf.on("leaf").block(centre(share), Vec3::new(stile, thick, high));
@@ -244,7 +244,7 @@ impl Door {
 fn pane(sketch: &mut Sketch, foot: Vec3, size: Vec2) {
     let half = Vec3::X * (0.5 * size.x);
     let up = Vec3::Z * size.y;
-    sketch.with_role("leaf", Role::FrameAge).face(&[foot - half, foot + half, foot + half + up, foot - half + up]);
+    sketch.with_role("leaf", Role::Glass).face(&[foot - half, foot + half, foot + half + up, foot - half + up]);
 }
 
 /// A glazed window across its heading; stands on its sill, which juts out forward.

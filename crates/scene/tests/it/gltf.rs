@@ -192,11 +192,11 @@ fn materials_are_kept_as_far_as_they_can_be_drawn() {
         (material.colour, material.pattern),
         (Vec3::new(0.5, 0.02, 0.02), Pattern::Image { texture: u16::MAX, mirror: 1.0 })
     );
-    // FrameAge that lets everything through is touched and not drawn.
+    // Glass that lets everything through is touched and not drawn.
     model.json["materials"][1]["alphaMode"] = json!("BLEND");
     model.json["materials"][1]["pbrMetallicRoughness"]["baseColorFactor"] = json!([1.0, 1.0, 1.0, 0.0]);
     let scene = model.scene();
-    assert_eq!(parts(&scene, object(&scene, "car_001"))[0].role, Role::FrameAge);
+    assert_eq!(parts(&scene, object(&scene, "car_001"))[0].role, Role::Glass);
 }
 
 #[test]

@@ -109,7 +109,7 @@ fn windows_look_open_and_stop_what_flies_into_them() {
     let (inside, outside) = (EnuPosition { east, north: 1.9, up }, EnuPosition { east, north: -2.0, up });
     let met = collider.sweep(inside, outside, 0.05).expect("the pane holds");
     assert!(scene.object(met.object).is_some_and(|o| o.mesh == "window") && met.centre.north < 0.2, "{met:?}");
-    assert!(scene.geometry.parts.iter().any(|p| p.role == Role::FrameAge));
+    assert!(scene.geometry.parts.iter().any(|p| p.role == Role::Glass));
 }
 
 #[test]

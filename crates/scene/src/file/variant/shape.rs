@@ -108,7 +108,7 @@ struct Slice {
 impl Shape {
     /// The shape of a sketch, scaled.
     pub(super) fn of(sketch: &Sketch, placed: &Placed, opening: bool) -> Self {
-        let wanted: &[Role] = if opening { &[Role::Opening] } else { &[Role::Solid, Role::FrameAge] };
+        let wanted: &[Role] = if opening { &[Role::Opening] } else { &[Role::Solid, Role::Glass] };
         let parts: Vec<Part> = sketch
             .surfaces
             .iter()
