@@ -254,6 +254,7 @@ impl Course {
             outcome: ending.outcome,
             cause: ending.cause,
             verified: None,
+            verified_by: None,
             completion_time_s: pilot.first_motion().map(|first| at.since(first).as_secs_f64()),
             finished_at_s: at.as_secs_f64(),
             path_length_m: 0.0,

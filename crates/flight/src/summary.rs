@@ -15,6 +15,16 @@ pub struct Touch {
     pub at_s: f64,
 }
 
+/// Who resolved the objects that `verified` is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum VerifiedBy {
+    /// The oracle's own parser of the instruction, run without errors: a misreading that the oracle shares counts as success.
+    Parser,
+    /// A task file that names target ids, judged by the bench.
+    Task,
+}
+
 /// The result of one flight. It contains neither folder nor wall time, so it depends on the seed alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
@@ -28,6 +38,9 @@ pub struct Summary {
     pub cause: String,
     /// Success by ground truth; null without ground truth.
     pub verified: Option<bool>,
+    /// Who resolved the objects that `verified` is about; left out where that is null, and by versions that did not record it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verified_by: Option<VerifiedBy>,
     /// Time from the first motion after take-off to `Finished`, seconds; null if nothing moved.
     pub completion_time_s: Option<f64>,
     /// Flight time at `Finished`, seconds.

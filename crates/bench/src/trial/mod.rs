@@ -18,7 +18,7 @@ use spf_flight::detector::with_detector;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::recorder::RecordPlan;
 use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, oracle_factory};
-use spf_flight::summary::Summary;
+use spf_flight::summary::{Summary, VerifiedBy};
 use spf_oracle::ErrorFile;
 use spf_scene::geometry::ObjectId;
 use spf_sim::model::Model;
@@ -292,6 +292,7 @@ impl Trial {
             },
             flight: Some(Summary {
                 verified: Some(found.holds_at_end && !scores.collided),
+                verified_by: Some(VerifiedBy::Task),
                 final_distance_m: found.distance,
                 target_in_view: found.sees,
                 targets: goal.clone(),

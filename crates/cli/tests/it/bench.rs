@@ -106,6 +106,7 @@ fn a_trial_is_shown_as_it_was_flown() {
     assert_eq!(run(&lab, &["--seed", "7", "-o", "out"]).code, Some(0));
     let row = rows(&lab.path("out/results.jsonl")).remove(0);
     assert_eq!(row["run_id"], "drink/spf/oracle-default/7");
+    assert_eq!(row["verified_by"], "task");
     assert!(row["scores"]["self_stop"].is_boolean() && row["outcome"].is_string() && row["vlm"] == "oracle:default");
     let shown = lab.spf(&["bench", "show", "drink/spf/oracle-default/7", "--task", "./drink.toml", "--no-video", "-o", "again"]);
     assert_eq!(shown.code, Some(0), "{}", shown.stderr);

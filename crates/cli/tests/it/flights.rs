@@ -67,6 +67,7 @@ fn what_is_touched_is_a_collision() {
     let (code, summary) = Lab::new().fly("mine", &args);
     assert_eq!((code, summary["outcome"].as_str()), (4, Some("collision")), "{summary}");
     assert_eq!((&summary["verified"], summary["collisions"].as_u64()), (&Value::Bool(false), Some(1)));
+    assert_eq!(summary["verified_by"], "parser");
     // It says of what: the wall between.
     let touched = summary["touched"].as_array().unwrap();
     assert_eq!(touched.len(), 1, "{summary}");

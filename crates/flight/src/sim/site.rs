@@ -185,6 +185,7 @@ impl Judge for Judging {
         let (site, scene) = (&self.site, &self.site.loaded.scene);
         *summary = Summary {
             verified: verdict.verified,
+            verified_by: verdict.verified_by,
             path_length_m: *path_length,
             final_distance_m: verdict.final_distance_m,
             collisions: u32::try_from(touched.len()).unwrap_or(u32::MAX),

@@ -12,6 +12,7 @@ use spf_scene::geometry::ObjectId;
 
 use super::loaded_scene::WorldSnapshot;
 use super::world::SimWorld;
+use crate::summary::VerifiedBy;
 
 /// Minimum height of an object in view, as a fraction of the frame height …
 const VIEW_HEIGHT: f64 = 0.008;
@@ -26,6 +27,9 @@ pub struct Verdict {
     /// Whether one of the objects matching the last stage is within the scene's success radius and in view, without a
     /// collision; `None` if the verb needs a predicate that only the benchmark has.
     pub verified: Option<bool>,
+    /// Who resolved those objects, where `verified` is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verified_by: Option<VerifiedBy>,
     /// Distance to the nearest surface of those objects, metres; `None` if nothing in the scene matches.
     pub final_distance_m: Option<f64>,
     /// Keys of the objects matching the last stage.
@@ -52,6 +56,7 @@ pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
     let verified = meant.checkable.then(|| truth.collided_with.is_empty() && near.iter().any(within));
     Verdict {
         verified,
+        verified_by: verified.map(|_| VerifiedBy::Parser),
         final_distance_m: nearest.map(|(_, distance)| distance),
         targets,
         in_view: nearest.map(|(id, _)| seen.contains(&id)),

@@ -6,7 +6,7 @@ use serde::Serialize;
 use spf_core::pilot::Outcome;
 use spf_core::time::Time;
 use spf_flight::log::{Channel, Head};
-use spf_flight::summary::Summary;
+use spf_flight::summary::{Summary, VerifiedBy};
 use spf_flight::words;
 use spf_record::log::{LogReader, ReadError};
 
@@ -32,6 +32,7 @@ struct Content {
     seed: Option<u64>,
     outcome: Option<Outcome>,
     verified: Option<bool>,
+    verified_by: Option<VerifiedBy>,
     topics: BTreeMap<String, TopicContent>,
 }
 
@@ -114,7 +115,7 @@ impl Content {
 
     fn summary(&mut self, data: &[u8]) {
         if let Ok(summary) = serde_json::from_slice::<Summary>(data) {
-            (self.outcome, self.verified) = (Some(summary.outcome), summary.verified);
+            (self.outcome, self.verified, self.verified_by) = (Some(summary.outcome), summary.verified, summary.verified_by);
         }
     }
 }

@@ -52,7 +52,7 @@ fn djitellopy_flies_every_movement_and_reads_frames() {
     assert_eq!(truth.len(), 1, "{truth:?}");
     let line = &truth[0];
     assert_eq!((&line["ended_by"], &line["collisions"], &line["flight"]), (&"landing".into(), &0.into(), &1.into()));
-    assert!(line["verified"].is_boolean() && line["final_distance_m"].is_number(), "{line}");
+    assert!(line["verified"].is_boolean() && line["verified_by"] == "parser" && line["final_distance_m"].is_number(), "{line}");
 }
 
 #[test]

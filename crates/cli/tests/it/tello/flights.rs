@@ -71,6 +71,7 @@ fn a_flight_over_real_sockets_sees_flies_and_lands() {
     let (run, summary) = fly(&lab, "127.0.0.41", "127.0.0.42", &server, &["--max-time", "90"]);
     assert_eq!((&summary["outcome"], &summary["verified"]), (&"reached".into(), &Value::Null), "{}\n{}", run.stdout, run.stderr);
     assert_eq!((run.code, &summary["drone"]), (Some(0), &"tello".into()));
+    assert_eq!(summary.get("verified_by"), None);
     assert!(summary["path_length_m"].as_f64().unwrap() > 0.2, "{summary}");
     assert!(
         run.stderr.contains("SDK 20, serial number 0TQSIM00000001, battery 100 %")
