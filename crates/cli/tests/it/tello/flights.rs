@@ -125,7 +125,7 @@ fn the_oracle_needs_the_simulator() {
     let mut command = lab.command(&["fly", "go", "--drone", "tello@127.0.0.47", "--vlm", "oracle"]);
     let run = Run::of(&command.env("SPF_TELLO_LOCAL", "127.0.0.48").output().unwrap());
     assert_eq!(run.code, Some(2), "{}", run.stderr);
-    assert!(run.stderr.contains("with a real drone a VLM is needed"), "{}", run.stderr);
+    assert!(run.stderr.contains("a real drone needs a VLM"), "{}", run.stderr);
     served.end();
 }
 
