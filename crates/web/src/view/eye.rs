@@ -243,7 +243,7 @@ impl Eye {
                 self.stale = true;
             }
             FromPage::Scene { name } => return self.enter(name, SceneLook::default()),
-            FromPage::SceneLook { light, weather } => {
+            FromPage::Conditions { light, weather } => {
                 return self.enter(self.name.clone(), SceneLook { lighting: light, weather });
             }
         }

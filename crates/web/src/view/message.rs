@@ -30,7 +30,7 @@ pub(super) enum FromPage {
     /// Another scene, one of those that the server listed.
     Scene { name: String },
     /// Another light and weather; none: the scene's own.
-    SceneLook { light: Option<Lighting>, weather: Option<Weather> },
+    Conditions { light: Option<Lighting>, weather: Option<Weather> },
     /// Another craft's camera.
     Craft { craft: CraftKind },
     /// Whether things can be flown through.
