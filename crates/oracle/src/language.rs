@@ -4,11 +4,13 @@
 //! their words right by those of the scene; `resolve` says which objects a phrase means. Up to there no object is known: how many
 //! stages an instruction has never depends on what is in view. The words themselves are data, which `lexicon` reads.
 
+mod compounds;
 pub(crate) mod grammar;
 pub(crate) mod item;
 pub(crate) mod lex;
 pub(crate) mod lexicon;
 mod meaning;
+mod motion;
 pub(crate) mod order;
 mod phrase;
 mod pieces;
@@ -17,9 +19,10 @@ pub(crate) mod resolve;
 pub(crate) mod score;
 mod settle;
 pub(crate) mod spelling;
-mod table;
+pub(crate) mod table;
+mod turns;
 mod verbs;
 
 pub use grammar::{Clause, Instruction, parse};
-pub use meaning::{Relation, Side, Size, Verb};
+pub use meaning::{Order, Relation, Side, Size, Verb};
 pub use phrase::{Ordinal, Phrase};

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use super::language::lex::{is_known, raw_tokens, tokens};
-use super::language::resolve::meant;
+use super::language::lex::{is_known, is_thing, raw_tokens, tokens};
+use super::language::lexicon::{ADJECTIVES, NOUNS};
+use super::language::resolve::meant_by;
 use super::language::score::vocabulary;
-use super::language::{Clause, Phrase, Verb, parse, spelling};
+use super::language::table::Words;
+use super::language::{Clause, Instruction, Order, Phrase, Verb, parse, spelling};
 use super::place::{Placed, Viewpoint};
 
 /// An instruction as the oracle reads it in a scene.
@@ -17,6 +19,8 @@ pub struct InstructionReading {
     pub corrections: Vec<Correction>,
     /// Words that nobody knows, beside others that name a thing: they were passed over.
     pub ignored: Vec<UnknownWord>,
+    /// Motions without a thing to fly to ("forward 20 metres"), as said: no image shows where they end, and they are not flown.
+    pub directions: Vec<String>,
 }
 
 /// One thing to do, as read.
@@ -30,6 +34,10 @@ pub struct ReadStep {
     pub candidates: Vec<u16>,
     /// Nouns that neither the language nor the scene has.
     pub unknown: Vec<UnknownWord>,
+    /// Where nothing fits: what the scene has that is nearest in meaning, by name.
+    pub alike: Vec<String>,
+    /// Whether it names something that may be searched for where nothing fits.
+    names_something: bool,
 }
 
 /// A word that was read as another.
@@ -54,7 +62,7 @@ impl ReadStep {
     /// Whether it can be flown or at least searched for: something fits, or every word is known.
     #[must_use]
     pub fn is_understood(&self) -> bool {
-        !self.candidates.is_empty() || (self.unknown.is_empty() && (!self.target.is_empty() || self.verb == Verb::Scan))
+        !self.candidates.is_empty() || (self.unknown.is_empty() && self.names_something)
     }
 }
 
@@ -82,8 +90,10 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
     for (said, read) in raw_tokens(instruction).into_iter().zip(tokens(instruction, &scene)) {
         reading.correct(said, read);
     }
-    for Clause { verb, target } in parse(instruction, &scene).clauses {
-        let candidates = meant(&target, &items).into_iter().map(|at| items[at].tags.id).collect();
+    let Instruction { clauses, motions } = parse(instruction, &scene);
+    reading.directions = motions;
+    for Clause { verb, target, order } in clauses {
+        let candidates: Vec<u16> = meant_by(verb, &target, &items).into_iter().map(|at| items[at].tags.id).collect();
         let unknown = target.nouns.iter().filter(|noun| !is_known(noun) && !scene.contains(*noun)).map(unknown_word).collect();
         each_within(&target, &mut |phrase| {
             // The grammar's words were put right first, and the nouns then, by the scene.
@@ -94,10 +104,45 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
                 }
             }
         });
-        reading.steps.push(ReadStep { verb, target: in_few_words(&target), candidates, unknown });
+        let alike = if candidates.is_empty() { alike(&target, objects) } else { Vec::new() };
+        let names_something = match () {
+            () if verb == Verb::Scan => true,
+            // "Play some music" asks for nothing to fly to, "fly to the music" does.
+            () if order == Order::Other => false,
+            () if !target.nouns.is_empty() => {
+                order == Order::Flight || target.nouns.iter().any(|noun| is_thing(noun) || scene.contains(noun))
+            }
+            // "What should I cook" does not either, "somewhere to cook" does.
+            () if !target.uses.is_empty() => target.said.iter().any(|word| NOUNS.vague.contains(word)),
+            () => !target.is_empty(),
+        };
+        reading.steps.push(ReadStep { verb, target: in_few_words(&target), candidates, unknown, alike, names_something });
     }
     reading
 }
+
+/// Names of what the scene has that one general word takes in together with what is meant, each once: a bus for a tram.
+fn alike(target: &Phrase, objects: &[Placed<'_>]) -> Vec<String> {
+    let Some(head) = target.nouns.last() else { return Vec::new() };
+    let same = |word: &str| word == head || NOUNS.synonyms.iter().any(|group| group.contains(word) && group.contains(head));
+    let together = NOUNS.hypernyms.values().filter(|below| below.iter().any(same));
+    let general: Vec<&Words> = together.collect();
+    let mut names: Vec<String> = Vec::new();
+    for tags in objects.iter().map(|object| object.tags).filter(|tags| !tags.opening) {
+        let alike = tags
+            .names
+            .iter()
+            .flat_map(|name| name.split([' ', '_']))
+            .any(|word| general.iter().any(|below| below.contains(word)));
+        if alike && names.len() < ALIKE && !names.contains(&tags.words()) {
+            names.push(tags.words());
+        }
+    }
+    names
+}
+
+/// How many things of a like meaning are named.
+const ALIKE: usize = 3;
 
 /// A phrase, and all that it is related to or is not.
 fn each_within(phrase: &Phrase, note: &mut impl FnMut(&Phrase)) {
@@ -118,8 +163,10 @@ fn in_few_words(phrase: &Phrase) -> String {
         words.push("other");
     }
     // "Silver" asks for grey, and rather for silver: it stands among both, and the person said the latter.
-    let looks = if phrase.soft.is_empty() { &phrase.colours } else { &phrase.soft };
-    words.extend(looks.iter().chain(&phrase.nouns).map(String::as_str));
+    let own = |colour: &&String| !phrase.soft.iter().any(|word| ADJECTIVES.colours.plain(word) == Some(colour.as_str()));
+    words.extend(phrase.soft.iter().chain(phrase.colours.iter().filter(own)).chain(&phrase.nouns).map(String::as_str));
+    let number = phrase.number.map(|number| number.to_string());
+    words.extend(number.as_deref());
     match words.is_empty() {
         false => words.join(" "),
         true if !phrase.uses.is_empty() => format!("something for \"{}\"", phrase.uses.join(" ")),
@@ -129,115 +176,4 @@ fn in_few_words(phrase: &Phrase) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use spf_core::tags::Tagged;
-
-    use super::*;
-
-    fn tagged(id: u16, names: &[&str], colour: Option<&str>, kind: &str) -> Tagged {
-        Tagged {
-            id,
-            key: format!("object_{id}"),
-            names: names.iter().map(|name| (*name).to_owned()).collect(),
-            colour: colour.map(str::to_owned),
-            kind: kind.to_owned(),
-            ..Tagged::default()
-        }
-    }
-
-    fn read(instruction: &str) -> InstructionReading {
-        let tags = [
-            tagged(1, &["tower crane"], Some("red"), "crane"),
-            tagged(2, &["car"], Some("blue"), "car"),
-            tagged(3, &["church"], None, "building"),
-            tagged(4, &["bus_green"], None, "object"),
-            tagged(5, &["bus_red"], None, "object"),
-        ];
-        let objects: Vec<Placed<'_>> = tags.iter().map(|tags| Placed { tags, place: None }).collect();
-        read_instruction(instruction, &objects, None)
-    }
-
-    fn corrections(reading: &InstructionReading) -> Vec<(&str, &str)> {
-        reading.corrections.iter().map(|c| (c.said.as_str(), c.read.as_str())).collect()
-    }
-
-    #[test]
-    fn slips_of_people_in_a_hurry_are_put_right_and_shown() {
-        for (said, target, object, shown) in [
-            ("GO TO TEH RED CRAN", "red crane", 1, vec![("teh", "the"), ("cran", "crane")]),
-            ("flyy to the bleu car pls", "blue car", 2, vec![("flyy", "fly"), ("bleu", "blue")]),
-            ("hed for the churhc", "church", 3, vec![("hed", "head"), ("churhc", "church")]),
-        ] {
-            let reading = read(said);
-            assert_eq!(reading.steps.len(), 1, "{said}: {reading:?}");
-            assert_eq!((reading.steps[0].target.as_str(), &reading.steps[0].candidates), (target, &vec![object]), "{said}");
-            for pair in shown {
-                assert!(corrections(&reading).contains(&pair), "{said}: {reading:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn names_of_models_are_read_head_first_too() {
-        assert_eq!(read("fly to the green bus").steps[0].candidates, [4]);
-        assert_eq!(read("fly to the bus").steps[0].candidates, [4, 5]);
-    }
-
-    #[test]
-    fn what_is_known_but_absent_is_understood_and_what_is_not_is_named() {
-        let absent = read("fly to the elephant");
-        assert!(absent.is_understood() && absent.steps[0].candidates.is_empty() && absent.corrections.is_empty(), "{absent:?}");
-        let nonsense = read("fly to the qwertzuiop");
-        assert!(!nonsense.is_understood() && nonsense.steps[0].unknown[0].word == "qwertzuiop", "{nonsense:?}");
-        assert!(!read("???").is_understood() && !read("blarg").is_understood());
-        let both = read("fly to the church, then to the zzgrmpf");
-        assert!(both.is_understood() && both.steps[0].is_understood() && !both.steps[1].is_understood(), "{both:?}");
-    }
-
-    #[test]
-    fn a_word_that_nobody_knows_is_passed_over_beside_a_thing_and_named() {
-        let ignored = |reading: &InstructionReading| -> Vec<String> { reading.ignored.iter().map(|w| w.word.clone()).collect() };
-        for (said, object, passed_over) in [
-            ("fly to the wonky crane", 1, "wonky"),
-            ("go to 2j the red crane", 1, "2j"),
-            ("the blue car zzgrmpf", 2, "zzgrmpf"),
-            ("fly to the church next to the blorb", 3, "blorb"),
-        ] {
-            let reading = read(said);
-            assert!(reading.is_understood(), "{said}: {reading:?}");
-            assert_eq!(
-                (&reading.steps[0].candidates, ignored(&reading)),
-                (&vec![object], vec![passed_over.to_owned()]),
-                "{said}"
-            );
-        }
-        // What excludes is not passed over: a colour, a name, and what is known to be something else.
-        for said in ["fly to the wonky green crane", "fly to the Hilton church", "go to the police car"] {
-            assert!(read(said).steps[0].candidates.is_empty(), "{said}: {:?}", read(said));
-        }
-        assert_eq!(read("fly to the chuurrcch crane").ignored[0].nearest.as_deref(), Some("church"));
-    }
-
-    #[test]
-    fn what_is_right_as_it_stands_is_put_right_to_nothing() {
-        for said in ["go to the lady", "go to the shirt", "go to the printer", "would you mind going to the vending machine"] {
-            assert!(read(said).corrections.is_empty(), "{said}: {:?}", read(said));
-        }
-    }
-
-    #[test]
-    fn a_look_around_needs_no_target() {
-        let reading = read("look around");
-        assert!(reading.is_understood() && reading.steps[0].verb == Verb::Scan && reading.steps[0].target.is_empty());
-    }
-
-    proptest::proptest! {
-        #[test]
-        fn any_text_is_read(text in "\\PC{0,120}") {
-            let reading = read(&text);
-            for step in &reading.steps {
-                proptest::prop_assert!(step.candidates.iter().all(|id| (1..=5).contains(id)));
-            }
-        }
-    }
-}
+mod tests;

@@ -7,6 +7,7 @@ use spf_core::reply::Look;
 use super::Oracle;
 use super::corridor::Found;
 use super::language::lexicon::NOUNS;
+use super::language::resolve::entrances;
 use super::language::score::knows;
 use super::language::{Clause, Instruction, Phrase, Verb};
 use super::percept::{Percept, Thing};
@@ -359,7 +360,10 @@ fn is_within(found: Option<&Thing>, view: &View<'_>) -> bool {
 
 /// The nearest or the farthest opening in view that the phrase names, by itself or by what it belongs to.
 fn opening<'v>(phrase: &Phrase, view: &'v View<'_>, farthest: bool) -> Option<&'v Thing> {
-    let named = view.find_among(phrase, |thing| thing.tags.opening)?;
+    let belongs = |named: &Thing| view.seen.iter().any(|thing| thing.tags.opening && whole_key(thing) == whole_key(named));
+    let named = view.find_among(phrase, |thing| thing.tags.opening).filter(|named| belongs(named)).or_else(|| {
+        entrances(phrase).find_map(|entrance| view.find_among(&entrance, |thing| thing.tags.opening).filter(|of| of.tags.opening))
+    })?;
     let family = |thing: &&&Thing| {
         thing.tags.opening && (thing.tags.key == named.tags.key || thing.tags.opening_of.as_deref() == Some(whole_key(named)))
     };

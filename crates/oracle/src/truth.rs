@@ -1,8 +1,8 @@
 //! The truth behind `verified`: what the last stage may mean, without errors, over all objects.
 
-use super::language::resolve::meant;
+use super::language::resolve::meant_by;
 use super::language::score::vocabulary;
-use super::language::{Phrase, Verb, parse};
+use super::language::{Clause, Verb, parse};
 use super::place::{Placed, Viewpoint};
 
 /// Every object that the last stage of an instruction may mean.
@@ -24,12 +24,12 @@ pub struct TruthTarget {
 pub fn resolve_truth(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint>) -> TruthTarget {
     let parsed = parse(instruction, &vocabulary(objects.iter().map(|o| o.tags)));
     let Some(last) = parsed.clauses.last() else { return TruthTarget { checkable: true, ..TruthTarget::default() } };
-    let found = resolve_phrase(&last.target, objects, from);
+    let found = resolve_clause(last, objects, from);
     TruthTarget { fits: !found.is_empty(), objects: found, checkable: last.verb == Verb::GoTo }
 }
 
-/// The objects a phrase may mean, by number.
-pub(super) fn resolve_phrase(phrase: &Phrase, objects: &[Placed<'_>], from: Option<Viewpoint>) -> Vec<u16> {
+/// The objects a clause may mean, by number.
+fn resolve_clause(clause: &Clause, objects: &[Placed<'_>], from: Option<Viewpoint>) -> Vec<u16> {
     let items: Vec<_> = objects.iter().map(|object| object.seen_from(from)).collect();
-    meant(phrase, &items).into_iter().map(|i| items[i].tags.id).collect()
+    meant_by(clause.verb, &clause.target, &items).into_iter().map(|i| items[i].tags.id).collect()
 }

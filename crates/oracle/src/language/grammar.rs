@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use super::compounds::compounded;
 use super::lex::{names, tokens};
 use super::lexicon::{NOUNS, PHRASES, SPELLING, VERBS};
-use super::meaning::Verb;
+use super::meaning::{Order, Verb};
+use super::motion::is_motion;
 use super::phrase::{Ordinal, Phrase};
 use super::pieces::{filler, in_order, pieces};
 use super::settle::Words;
@@ -17,6 +19,8 @@ pub struct Clause {
     pub verb: Verb,
     /// With what; empty for a scan of the surroundings.
     pub target: Phrase,
+    /// How it was asked for.
+    pub order: Order,
 }
 
 /// An instruction as understood. Without clauses nothing was understood.
@@ -24,6 +28,8 @@ pub struct Clause {
 pub struct Instruction {
     /// In order.
     pub clauses: Vec<Clause>,
+    /// Motions without a thing to fly to ("forward 20 metres"), as said: they are not carried out.
+    pub motions: Vec<String>,
 }
 
 /// Reads an instruction. Never fails: what names no target gives an instruction whose phrases are empty and fit nothing.
@@ -32,7 +38,7 @@ pub struct Instruction {
 /// right to them. With the same words an instruction is always read alike, whatever is in view.
 #[must_use]
 pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
-    let mut instruction = parse_tokens(&tokens(text, tags));
+    let mut instruction = parse_tokens(&compounded(&tokens(text, tags), tags));
     let words = Words { scene: tags, names: &names(text) };
     instruction.clauses.iter_mut().for_each(|clause| words.settle(&mut clause.target));
     instruction
@@ -43,6 +49,7 @@ fn parse_tokens(words: &[String]) -> Instruction {
     let mut clauses: Vec<Clause> = Vec::new();
     let mut excluded: Vec<Phrase> = Vec::new();
     let mut context: Vec<Phrase> = Vec::new();
+    let mut motions = Vec::new();
     for piece in in_order(&pieces(words)) {
         let Some(read) = clause(&piece, clauses.last().map(|c| c.verb)) else { continue };
         match read {
@@ -61,6 +68,7 @@ fn parse_tokens(words: &[String]) -> Instruction {
             Read::Excluded(phrase) if (Phrase { pronoun: false, ..phrase.clone() }).is_empty() => {}
             Read::Excluded(phrase) => excluded.push(phrase),
             Read::Context(phrase) => context.push(phrase),
+            Read::Motion(words) => motions.push(words),
         }
     }
     // "Don't go to the crane, go to the tower" leaves the tower; a sentence of exclusions alone leaves nothing.
@@ -71,7 +79,11 @@ fn parse_tokens(words: &[String]) -> Instruction {
             }
         }
     }
-    Instruction { clauses }
+    // "Go and visit the church": going nowhere is no stage of its own.
+    if clauses.iter().any(|clause| !clause.target.is_empty()) {
+        clauses.retain(|clause| clause.verb != Verb::GoTo || !clause.target.is_empty());
+    }
+    Instruction { clauses, motions }
 }
 
 /// Fills in what "it", "one", "the other" and "the next" refer to.
@@ -91,6 +103,22 @@ fn refer(target: &mut Phrase, clauses: &[Clause], context: &[Phrase], excluded: 
         && let Some(need) = context.iter().rev().find(|p| !p.uses.is_empty())
     {
         target.uses.extend(need.uses.iter().cloned());
+    }
+    // "Stop in front of it": of what was meant before.
+    if let ([(_, anchors)], true) = (target.relations.as_slice(), target.nouns.is_empty())
+        && anchors.iter().all(|anchor| anchor.pronoun && Phrase { pronoun: false, ..anchor.clone() }.is_empty())
+    {
+        *target = Phrase { pronoun: true, ..Phrase::default() };
+    }
+    // "The car behind the white one": another car.
+    for anchor in target.relations.iter_mut().flat_map(|(_, anchors)| anchors).filter(|anchor| anchor.pronoun) {
+        let alone = Phrase { pronoun: false, ..anchor.clone() }.is_empty();
+        if anchor.nouns.is_empty() && !alone && !target.nouns.is_empty() {
+            anchor.nouns.clone_from(&target.nouns);
+        } else if let (true, Some(earlier)) = (alone, before()) {
+            *anchor = earlier.clone();
+        }
+        anchor.pronoun = false;
     }
     let elliptic = target.pronoun || target.other || target.ordinal.is_some();
     if target.nouns.is_empty()
@@ -123,6 +151,7 @@ enum Read {
     Clause(Clause),
     Excluded(Phrase),
     Context(Phrase),
+    Motion(String),
 }
 
 /// Reads one piece.
@@ -143,10 +172,21 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     if let Some(phrase) = context(&words) {
         return Some(Read::Context(phrase));
     }
+    if is_motion(&words) {
+        return Some(Read::Motion(words.join(" ")));
+    }
+    // "Where can I get a drink": a place by its use.
+    if words[0] == "where" && words.get(1).is_some_and(|w| matches!(w.as_str(), "can" | "could" | "do" | "should" | "might")) {
+        return bare(&words, previous);
+    }
     let verb = (0..words.len()).find_map(|at| {
         let subordinate = at > 0 && PHRASES.subordinating.contains(&words[at - 1]) && !leads_in(&words[..at]);
         let noun = at > 0 && (words[at - 1] == "the" || words[at - 1] == "a");
-        if subordinate || noun { None } else { starts_verb(&words[at..]).map(|(n, verb)| (at, n, verb)) }
+        // "The car *parked* behind the van" is not told to park.
+        let word = words[at].as_str();
+        let form = word.ends_with("ing") || word.ends_with("ed") || NOUNS.participles.contains(word);
+        let described = at > 0 && form && !leads_in(&words[..at]);
+        if subordinate || noun || described { None } else { starts_verb(&words[at..]).map(|(n, verb)| (at, n, verb)) }
     });
     let Some((at, n, verb)) = verb else {
         return bare(&words, previous);
@@ -154,7 +194,13 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     // "Navigate fly through": of two verbs of motion the second leads on.
     let moves = |words: &[String]| words.first().is_some_and(|w| matches!(w.as_str(), "fly" | "go" | "move" | "head"));
     let n = if verb == Verb::GoTo && moves(&words[at + n..]) { n + 1 } else { n };
-    let said = &words[at + n..];
+    // "Go have a look at", "come take a photo of".
+    let (n, verb) = match starts_verb(&words[at + n..]) {
+        Some((more, second)) if moves(&words[at..]) || words[at] == "come" => (n + more, second),
+        _ => (n, verb),
+    };
+    let asks_who = matches!(words[at].as_str(), "who" | "whos") || words[at..at + n].iter().any(|w| w == "who");
+    let said: &[String] = &if asks_who { [&["person".to_owned()], &words[at + n..]].concat() } else { words[at + n..].to_vec() };
     let (verb, rest) = refine(verb, said);
     let mut target = Phrase::read(rest);
     let mut verb = verb;
@@ -175,8 +221,13 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
         let looks = PHRASES.looking.contains(&words[at]);
         if verb == Verb::Scan || (looks && !target.nouns.is_empty()) {
             let near = target.relations.into_iter().next().and_then(|(_, anchors)| anchors.into_iter().next());
-            return Some(Read::Clause(Clause { verb: Verb::Scan, target: near.unwrap_or_default() }));
+            return Some(Read::Clause(Clause { verb: Verb::Scan, target: near.unwrap_or_default(), order: Order::Flight }));
         }
+    }
+    // "Go to the shed, is there somebody inside": asked by the way.
+    let asks = [["is", "there"], ["are", "there"], ["do", "you"], ["do", "we"], ["have", "you"]];
+    if previous.is_some() && asks.iter().any(|ask| words[at..].starts_with(&ask.map(str::to_owned))) {
+        return Some(Read::Context(target));
     }
     // "Look around the plane": with a target of its own, looking around is going around.
     if verb == Verb::Scan && !target.is_empty() && words[at].starts_with("look") {
@@ -190,7 +241,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
             target = Phrase::default();
         }
     }
-    Some(Read::Clause(Clause { verb, target }))
+    Some(Read::Clause(Clause { verb, target, order: Order::Flight }))
 }
 
 /// Whether words before a "to" only lead in to the verb: "I want you to fly", "you need to go".
@@ -260,11 +311,12 @@ fn forbidden(words: &[String]) -> Read {
 /// A piece without a verb: a noun phrase, with the verb of the clause before.
 fn bare(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let (verb, rest) = refine(previous.unwrap_or(Verb::GoTo), words);
+    let order = if PHRASES.other_orders.contains(&words[0]) { Order::Other } else { Order::Unsaid };
     let target = Phrase::read(rest);
     if target.is_empty() {
         None
     } else {
-        Some(Read::Clause(Clause { verb: if verb == Verb::Scan { Verb::GoTo } else { verb }, target }))
+        Some(Read::Clause(Clause { verb: if verb == Verb::Scan { Verb::GoTo } else { verb }, target, order }))
     }
 }
 
@@ -274,6 +326,10 @@ fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
     let mut verb = verb;
     loop {
         let Some(word) = rest.first().map(String::as_str) else { return (verb, rest) };
+        // "The way out" is a thing for all its adverbs.
+        if starts(rest, "the way out") || starts(rest, "way out") {
+            return (verb, rest);
+        }
         let next = rest.get(1).map(String::as_str);
         // "in front of", "on the left", "next to" belong to the target; "over to" and "up to" are going.
         let leads_to =

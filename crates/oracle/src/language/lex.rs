@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
 
+use super::compounds::apart;
 use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING, VERBS};
 use super::spelling;
 use super::table::Words;
@@ -11,7 +12,7 @@ use super::table::Words;
 const LONGEST: usize = 4096;
 
 /// Words of an instruction; `,` and `.` stand for soft and hard breaks. Misspelt words are put right where one known word is
-/// clearly nearest.
+/// clearly nearest, and two that were run together are one token with a space between them.
 ///
 /// Words near to one of `tags` are left as they are: the tags put them right later.
 pub(crate) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
@@ -26,8 +27,14 @@ pub(crate) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
     let right = |word: String| {
         // A slip that everybody makes is no word of a scene, however near: "hed" is not "red".
         let tag = |word: &String| !is_known(word) && SPELLING.slips.plain(word).is_none() && near(word);
-        let leave = tags.contains(&word) || tags.contains(&singular(&word)) || tag(&word);
-        if leave { word } else { corrected(&word) }
+        let known = |word: &str| tags.contains(word) || tags.contains(&singular(word));
+        if known(&word) || is_known(&word) || is_right(&word) && SPELLING.slips.plain(&word).is_none() {
+            return word;
+        }
+        if let Some(apart) = apart(&word, |second| known(second) || is_thing(&singular(second))) {
+            return apart;
+        }
+        if tag(&word) { word } else { corrected(&word) }
     };
     raw_tokens(text).into_iter().map(right).collect()
 }
@@ -39,6 +46,8 @@ pub(crate) fn raw_tokens(text: &str) -> Vec<String> {
     for c in text.chars().take(LONGEST).flat_map(char::to_lowercase).chain([' ']) {
         match c {
             'a'..='z' | '0'..='9' => word.push(c),
+            'à' | 'á' | 'â' | 'ä' => word.push('a'),
+            'è' | 'é' | 'ê' | 'ë' => word.push('e'),
             '\'' | '’' | '`' => {}
             c if c.is_alphanumeric() => word.push(c),
             c => {
@@ -81,7 +90,8 @@ pub(super) fn singular(word: &str) -> String {
             }
         }
         if let Some(base) = word.strip_suffix('s') {
-            return base.to_owned();
+            // "Children's" stands here without its mark.
+            return SPELLING.irregular.plain(base).unwrap_or(base).to_owned();
         }
     }
     word.to_owned()
@@ -140,12 +150,31 @@ static GENERAL_NOUNS: LazyLock<BTreeSet<&'static str>> = LazyLock::new(|| {
 
 /// Whether the parser knows the word or its stem.
 pub(crate) fn is_known(word: &str) -> bool {
-    let everyday = |w: &str| SPELLING.everyday_nouns.contains(w) || SPELLING.everyday_words.contains(w);
-    let has = |w: &str| KNOWN.contains(w) || everyday(w);
-    has(word)
-        || has(&singular(word))
-        || stems(word).iter().any(|stem| has(stem))
+    is_listed(word)
+        || stems(word).iter().any(|stem| is_listed(stem))
         || word.chars().all(|c| c.is_ascii_digit() || c == ',' || c == '.')
+}
+
+/// Whether the word stands in one of the lists, as it is or in the plural.
+pub(super) fn is_listed(word: &str) -> bool {
+    let lists = [
+        &SPELLING.everyday_nouns,
+        &SPELLING.everyday_words,
+        &NOUNS.features,
+        &NOUNS.participles,
+        &NOUNS.people,
+        &NOUNS.clothes,
+        &PHRASES.directions,
+        &PHRASES.turning,
+        &PHRASES.measures,
+        &PHRASES.numbering,
+        &PHRASES.somebody,
+        &PHRASES.fillers,
+        &PHRASES.lead_in,
+    ];
+    let everyday = |w: &str| lists.iter().any(|list| list.contains(w)) || PHRASES.asking.begin_with(w);
+    let has = |w: &str| KNOWN.contains(w) || everyday(w);
+    has(word) || has(&singular(word))
 }
 
 /// Whether the word or its stem is English, known or not: nothing to put right.
@@ -159,7 +188,7 @@ static ENGLISH: LazyLock<Vec<&'static str>> =
     LazyLock::new(|| include_str!("../../data/english.txt").lines().filter(|line| !line.starts_with('#')).collect());
 
 /// Whether the word names a thing: what may be looked for, whatever is said of it besides.
-pub(super) fn is_thing(word: &str) -> bool {
+pub(crate) fn is_thing(word: &str) -> bool {
     let general = NOUNS.synonyms.iter().any(|group| group.iter().flat_map(|term| term.split(' ')).any(|part| part == word));
     general || NOUNS.hypernyms.contains_key(word) || SPELLING.everyday_nouns.contains(word)
 }

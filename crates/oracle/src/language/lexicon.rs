@@ -9,12 +9,12 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::meaning::{Relation, Side, Size, Verb};
-use super::table::{Forms, Phrases, Words, list};
+use super::table::{Compounds, Forms, Phrases, Words, list};
 
 /// Words for what is to be done.
 pub(super) static VERBS: LazyLock<Verbs> = LazyLock::new(|| embedded(include_str!("../../data/verbs.toml")));
 /// Words that tell one thing from another of its kind.
-pub(super) static ADJECTIVES: LazyLock<Adjectives> = LazyLock::new(|| embedded(include_str!("../../data/adjectives.toml")));
+pub(crate) static ADJECTIVES: LazyLock<Adjectives> = LazyLock::new(|| embedded(include_str!("../../data/adjectives.toml")));
 /// Words for things.
 pub(crate) static NOUNS: LazyLock<Nouns> = LazyLock::new(|| embedded(include_str!("../../data/nouns.toml")));
 /// Words and phrases that join, place and bar.
@@ -43,7 +43,7 @@ pub(super) struct Verbs {
 /// `adjectives.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Adjectives {
+pub(crate) struct Adjectives {
     /// They say little.
     pub(super) fluff: Words,
     /// Shape and matter.
@@ -53,7 +53,7 @@ pub(super) struct Adjectives {
     /// Which one of several; −1 is the last.
     pub(super) ordinals: BTreeMap<String, i32>,
     /// The plain colour of each.
-    pub(super) colours: Forms,
+    pub(crate) colours: Forms,
     /// Size, height and distance.
     pub(super) sizes: Phrases<Size>,
     /// What an object's tags say of it that is of a size.
@@ -65,7 +65,7 @@ pub(super) struct Adjectives {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Nouns {
     /// Heads that name nothing by themselves.
-    pub(super) vague: Words,
+    pub(crate) vague: Words,
     /// Parts and collections.
     pub(super) parts: Words,
     /// What is around one.
@@ -76,6 +76,10 @@ pub(crate) struct Nouns {
     pub(super) people: Words,
     /// What people wear.
     pub(super) clothes: Words,
+    /// Parts that a thing has and that a scene does not list.
+    pub(super) features: Words,
+    /// Verbs in a form that describes what stands before, besides all that end in "ing".
+    pub(super) participles: Words,
     /// What is flown through.
     pub(crate) openings: Words,
     /// What is higher than a house.
@@ -83,9 +87,9 @@ pub(crate) struct Nouns {
     /// In a name, what no head follows.
     pub(super) placing: Words,
     /// Groups for the same thing.
-    pub(super) synonyms: Vec<Words>,
+    pub(crate) synonyms: Vec<Words>,
     /// What a general word takes in.
-    pub(super) hypernyms: BTreeMap<String, Words>,
+    pub(crate) hypernyms: BTreeMap<String, Words>,
     /// What things serve for, as stems.
     pub(super) uses: BTreeMap<String, Words>,
 }
@@ -133,6 +137,21 @@ pub(crate) struct Joints {
     pub(crate) question_starts: Vec<String>,
     /// Ends of questions, in the order in which they are taken off.
     pub(crate) question_ends: Vec<String>,
+    /// Where one may fly or turn without a thing to fly to.
+    pub(super) directions: Words,
+    /// Verbs of moving and turning that name no thing to go to.
+    pub(super) turning: Words,
+    /// Measures of such a motion.
+    pub(super) measures: Words,
+    /// A question or another order begins so after a comma.
+    #[serde(deserialize_with = "list")]
+    pub(super) asking: Phrases,
+    /// Between a noun and its number.
+    pub(super) numbering: Words,
+    /// Verbs of what is not flown.
+    pub(super) other_orders: Words,
+    /// Of persons: a noun, and not any thing.
+    pub(super) somebody: Words,
     /// One object to another.
     pub(super) relations: Phrases<Relation>,
     /// Places in the image.
@@ -159,6 +178,8 @@ pub(super) struct Spelling {
     pub(super) slips: Forms,
     /// Irregular forms to their stems.
     pub(super) irregular: Forms,
+    /// Words of several parts, and the one word that is meant.
+    pub(super) compounds: Compounds,
 }
 
 #[cfg(test)]

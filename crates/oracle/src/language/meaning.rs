@@ -24,6 +24,17 @@ pub enum Verb {
     Follow,
 }
 
+/// How a thing is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// With a verb of flying or looking: "go to the bus".
+    Flight,
+    /// Without a verb: "bus". It is gone to.
+    Unsaid,
+    /// With a verb for something else: "make me a sandwich". It is gone to if it is there, and not searched for.
+    Other,
+}
+
 /// How an object stands to another, in the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -18,6 +18,16 @@ pub(super) fn on_side(side: Side, found: Vec<usize>, items: &[Item<'_>]) -> Vec<
     rank(size, &found, items).map_or(found, |i| vec![i])
 }
 
+/// Those whose tags say that they are of the size asked for; all where none says so.
+pub(super) fn of_size(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
+    let words = phrase.sizes.iter().filter(|_| !phrase.superlative).filter_map(|size| ADJECTIVES.qualities.get(size));
+    words.fold(found, |found, words| {
+        let said: Vec<usize> =
+            found.iter().copied().filter(|&i| items[i].tags.qualities.iter().any(|q| words.contains(q))).collect();
+        if said.is_empty() { found } else { said }
+    })
+}
+
 /// Narrows by size and place. A superlative and words of place take the one that has most of it; "tall" by itself takes
 /// those whose tags say so, and all where none says so.
 pub(super) fn ranked(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {

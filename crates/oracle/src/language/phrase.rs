@@ -1,8 +1,12 @@
 //! Noun phrases: what kind of thing is meant, and by what it is told from others.
 
-use super::lex::singular;
-use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING};
+use super::lex::{is_thing, singular};
+use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING, VERBS};
 use super::meaning::{Relation, Side, Size};
+use super::turns::{
+    ARTICLES, apposition, beside_it, clothes, ends_description, ends_phrase, has_noun, is_adjective, is_colour, number, place,
+    surroundings, tells_of_somebody,
+};
 
 /// "Second from the left".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +38,12 @@ pub struct Phrase {
     pub relations: Vec<(Relation, Vec<Self>)>,
     /// Words that say what it serves for.
     pub uses: Vec<String>,
+    /// Words that its tags must hold, if the scene has them at all: "the man *waving*".
+    pub musts: Vec<String>,
+    /// "Gate 2".
+    pub number: Option<u32>,
+    /// What it has with it, if that is a thing of its own: the tables with chairs.
+    pub with: Vec<Self>,
     /// Whether `uses` tell what it has with it by its colour ("with the red cone"): what lacks it is not meant.
     pub having: bool,
     /// What it is not.
@@ -54,7 +64,7 @@ impl Phrase {
     /// Whether the phrase says nothing at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        let Self { nouns, colours, sizes, soft, ordinal, side, relations, uses, not, other, pronoun, .. } = self;
+        let Self { nouns, colours, sizes, soft, ordinal, side, relations, uses, not, other, pronoun, number, .. } = self;
         nouns.is_empty()
             && colours.is_empty()
             && sizes.is_empty()
@@ -66,14 +76,35 @@ impl Phrase {
             && not.is_empty()
             && !other
             && !pronoun
+            && number.is_none()
     }
 
     /// Reads a noun phrase from the words after a verb and its preposition.
     pub(super) fn read(words: &[String]) -> Self {
         let said = words.iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an" | "," | ".")).map(|w| singular(w)).collect();
         let mut phrase = Self { said, ..Self::default() };
-        phrase.take(words, 0);
+        let (main, apposed) = apposition(words);
+        phrase.take(main, 0);
+        if let Some(words) = apposed {
+            let mut apposed = Self::default();
+            apposed.take(words, 1);
+            phrase.narrow(apposed);
+        }
         phrase
+    }
+
+    /// Takes on what an apposition says: "the second cone, *the one further away*".
+    fn narrow(&mut self, of: Self) {
+        if !of.sizes.is_empty() || of.ordinal.is_some() {
+            (self.ordinal, self.sizes, self.superlative) = (of.ordinal, of.sizes, of.superlative);
+        }
+        self.colours.extend(of.colours);
+        self.soft.extend(of.soft);
+        self.relations.extend(of.relations);
+        self.uses.extend(of.uses);
+        self.musts.extend(of.musts);
+        self.not.extend(of.not);
+        self.side = of.side.or(self.side);
     }
 
     fn take(&mut self, words: &[String], depth: usize) {
@@ -114,6 +145,16 @@ impl Phrase {
             } else if let Some((n, colour)) = clothes(rest) {
                 self.colours.push(colour.to_owned());
                 i += n;
+            } else if let Some((n, number)) = number(rest, self.nouns.is_empty()) {
+                self.number = Some(number);
+                i += n;
+            } else if word == "with"
+                && !self.nouns.is_empty()
+                && let Some(end) = beside_it(rest)
+            {
+                // "The table with the bottle on it".
+                self.relate(Relation::Near, &rest[1..end], depth);
+                i += end + 2;
             } else if let Some((n, relation)) = PHRASES.relations.longest(rest)
                 && (has_noun(&rest[n..]))
                 && !(matches!(word, "in" | "on" | "at" | "by" | "around" | "along" | "inside") && surroundings(&rest[n..]))
@@ -129,6 +170,27 @@ impl Phrase {
             {
                 self.relative(rest, depth);
                 return;
+            } else if word == "over"
+                && !self.nouns.is_empty()
+                && rest.get(1).is_some_and(|next| ARTICLES.contains(&next.as_str()))
+            {
+                // "The bridge over the creek".
+                self.relate(Relation::On, &rest[1..], depth);
+                return;
+            } else if (matches!(word, "is" | "are" | "was") && !self.nouns.is_empty() && rest.len() > 1)
+                || (self.nouns == ["person"] && tells_of_somebody(words, i))
+            {
+                self.relative(rest, depth);
+                return;
+            } else if self.is_described_by(rest) {
+                let transitive = rest.get(1).is_some_and(|next| ARTICLES.contains(&next.as_str()) || !ends_description(next));
+                if transitive {
+                    self.relative(rest, depth);
+                    return;
+                }
+                let person = self.nouns.iter().any(|noun| NOUNS.people.contains(noun));
+                if person { &mut self.musts } else { &mut self.uses }.push(singular(word));
+                i += 1;
             } else if word == "of" && self.nouns.last().is_some_and(|n| !NOUNS.parts.contains(n)) && has_noun(&rest[1..]) {
                 self.relate(Relation::Near, &rest[1..], depth);
                 return;
@@ -147,6 +209,17 @@ impl Phrase {
         }
     }
 
+    /// Whether the words go on with what the thing does: "*waving* at me", "*sat* on the bench". Before another noun such a word is
+    /// part of a name: "swimming pool".
+    fn is_described_by(&self, words: &[String]) -> bool {
+        let word = words[0].as_str();
+        let form = NOUNS.participles.contains(word) || (word.len() > 4 && word.ends_with("ing") && !is_thing(&singular(word)));
+        let person = || self.nouns.iter().any(|noun| NOUNS.people.contains(noun));
+        form && !self.nouns.is_empty()
+            && !ADJECTIVES.fluff.contains(word)
+            && (person() || words.get(1).is_none_or(|next| ends_description(next) || ARTICLES.contains(&next.as_str())))
+    }
+
     /// Takes in one word; true when it is a head that names nothing.
     fn word(&mut self, rest: &[String]) -> bool {
         let word = rest[0].as_str();
@@ -159,6 +232,10 @@ impl Phrase {
             // "that one of the trees" keeps its noun for later.
             self.pronoun = true;
             return word == "one" || word == "ones";
+        } else if matches!(word, "him" | "he" | "she") || (word == "her" && next.is_none_or(|n| matches!(n, "," | "." | "and"))) {
+            self.pronoun = true;
+        } else if PHRASES.somebody.contains(word) && self.nouns.is_empty() {
+            self.nouns.push("person".to_owned());
         } else if matches!(word, "other" | "another" | "different" | "else") {
             self.other = true;
         } else if word == "next" {
@@ -193,19 +270,26 @@ impl Phrase {
             // After a part or a collection: "the top of the crane".
             self.nouns.clear();
             self.pronoun = false;
-        } else if PHRASES.determiners.contains(word)
+        } else if (PHRASES.determiners.contains(word) && !(self.nouns == ["way"] && word == "out"))
             // The last word of a compound is its head: "traffic light".
             || (ADJECTIVES.fluff.contains(word) && (self.nouns.is_empty() || !ends_phrase(next)))
             || matches!(word, "most" | "more" | "jet")
             || (matches!(word, "dark" | "light" | "pale" | "deep") && (self.nouns.is_empty() || !ends_phrase(next)))
             || word.chars().all(|c| c.is_ascii_digit())
         {
+        } else if ends_phrase(next) && (VERBS.prepositions.contains(word) || VERBS.plain_prepositions.contains(word)) {
+            // "The man walking *around*". "The way out" is a name.
+            if self.nouns == ["way"] && word == "out" {
+                self.nouns.push(plain);
+            }
         } else if ADJECTIVES.soft.contains(word) && next.is_some_and(|n| !matches!(n, "of" | "," | "." | "and")) {
             self.soft.push(word.to_owned());
         } else if NOUNS.vague.contains(&plain) && next != Some("of") {
-            return true;
+            // "The cone thing" is the cone.
+            return self.nouns.is_empty();
         } else if SPELLING.grammar.contains(word)
             && !matches!(word, "people" | "person" | "top" | "park" | "parking" | "cross" | "climbing" | "help" | "sit")
+            && (word != "stand" || self.nouns.is_empty())
         {
         } else {
             self.nouns.push(plain);
@@ -254,67 +338,28 @@ impl Phrase {
         } else if descriptive && !matches!(first, "with" | "used" | "for" | "has" | "having" | "made" | "to") {
             self.take(rest, depth + 1);
         } else {
+            // "Somewhere to sit near the fountain": the place is no use.
+            let beside = (1..rest.len()).find(|&at| place(&rest[at..]).is_some());
+            let (rest, place) = (&rest[..beside.unwrap_or(rest.len())], beside.and_then(|at| place(&rest[at..])));
+            if let Some((relation, anchor)) = place {
+                self.relate(relation, anchor, depth);
+            }
             let empty = |w: &str| SPELLING.empty.contains(w) || w.strip_suffix('s').is_some_and(|w| SPELLING.empty.contains(w));
             let telling = rest.iter().filter(|w| w.len() > 1 && !empty(w));
             let before = self.uses.len();
             self.uses.extend(telling.cloned());
-            self.having |= first == "with" && rest.iter().any(|w| is_colour(w));
+            if first == "with" && rest.len() > 1 && depth < 2 {
+                let mut with = Self::default();
+                with.take(&rest[1..], depth + 1);
+                self.with.push(with);
+            }
+            let listed = self.uses.last().is_some_and(|word| !NOUNS.features.contains(word));
+            let holds = matches!(first, "with" | "carrying" | "holding" | "wearing" | "pushing");
+            self.having |= holds && listed && rest.iter().any(|w| is_colour(w));
             // "The person who needs help": words that say little elsewhere are all there is to tell one by.
             if self.uses.len() == before && !self.nouns.is_empty() {
                 self.uses.extend(rest.iter().filter(|w| w.len() > 1).cloned());
             }
         }
     }
-}
-
-/// "in the blue coat", "wearing red": how many words, and the plain colour.
-fn clothes(words: &[String]) -> Option<(usize, &'static str)> {
-    if !matches!(words[0].as_str(), "in" | "wearing" | "with" | "dressed") {
-        return None;
-    }
-    let lead =
-        words.iter().take_while(|w| matches!(w.as_str(), "in" | "wearing" | "with" | "dressed" | "a" | "the" | "all")).count();
-    let colour = ADJECTIVES.colours.plain(words.get(lead)?)?;
-    let garment = words.get(lead + 1).is_some_and(|w| NOUNS.clothes.contains(w));
-    let ends = words.get(lead + 1).is_none_or(|w| matches!(w.as_str(), "," | "." | "and"));
-    (garment || ends).then_some((lead + 1 + usize::from(garment), colour))
-}
-
-/// Whether a noun phrase is over before this word.
-fn ends_phrase(next: Option<&str>) -> bool {
-    next.is_none_or(|w| {
-        matches!(w, "," | "." | "and" | "that" | "which" | "with" | "from" | "for" | "please" | "but" | "there")
-            || PHRASES.relations.begin_with(w)
-    })
-}
-
-fn is_colour(word: &str) -> bool {
-    ADJECTIVES.colours.plain(word).is_some()
-}
-
-fn is_adjective(word: &str) -> bool {
-    is_colour(word)
-        || ADJECTIVES.sizes.contains(word)
-        || ADJECTIVES.ordinals.contains_key(word)
-        || ADJECTIVES.soft.contains(word)
-        || ADJECTIVES.fluff.contains(word)
-}
-
-/// Whether some word may be a noun.
-fn has_noun(words: &[String]) -> bool {
-    words.iter().any(|w| {
-        let w = w.as_str();
-        !matches!(w, "," | "." | "you" | "me" | "us" | "your" | "the" | "a" | "an" | "left" | "right" | "side" | "hand")
-            && (!is_adjective(w) || ADJECTIVES.soft.contains(w))
-            && (!PHRASES.determiners.contains(w) || w == "it" || w == "one")
-    })
-}
-
-/// Whether the words say no more than "the city", "the image".
-fn surroundings(words: &[String]) -> bool {
-    words
-        .iter()
-        .map(String::as_str)
-        .filter(|w| !matches!(*w, "the" | "this" | "," | "." | "a" | "whole" | "entire"))
-        .all(|w| NOUNS.surroundings.contains(w) || matches!(w, "picture" | "image" | "frame" | "sight" | "distance" | "sky"))
 }

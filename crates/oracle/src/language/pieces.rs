@@ -67,6 +67,7 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
                     starts_verb(next).is_some()
                         && !matches!(out.last().and_then(|p| p.words.last()).map(String::as_str), Some("the" | "a"))
                         || PHRASES.forbidding.length(next).is_some()
+                        || PHRASES.asking.length(next).is_some()
                         || ((word == "and" || word == ",") && lists(next, &out))
                         || (word == "and" && w == "next")
                 }) || (word == "and" && rest.get(1).is_some_and(|w| w == "the") && rest.get(2).is_some_and(|w| w == "next"))

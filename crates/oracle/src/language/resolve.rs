@@ -4,11 +4,11 @@ use spf_core::tags::Tagged;
 
 use super::item::Item;
 use super::lexicon::NOUNS;
-use super::meaning::Size;
-use super::order::{numbered, on_side, ordered, ranked};
+use super::meaning::{Relation, Size, Verb};
+use super::order::{numbered, of_size, on_side, ordered, ranked};
 use super::phrase::Phrase;
 use super::relations::related;
-use super::score::{knows, named, score, split};
+use super::score::{knows, named, numbers, score, split};
 
 /// Indices of the items that the phrase may mean, all of the best score, in the order of `items`. With words of order or
 /// superlatives a single one, where the items tell; empty when nothing fits.
@@ -21,8 +21,15 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
         return Vec::new();
     }
     let nouns = &phrase.nouns;
-    let scored: Vec<(usize, u32)> =
+    let mut scored: Vec<(usize, u32)> =
         items.iter().enumerate().map(|(i, item)| (i, score(phrase, nouns, item.tags))).filter(|(_, score)| *score > 0).collect();
+    if let Some(number) = phrase.number {
+        let borne = |(i, _): &(usize, u32)| numbers(items[*i].tags);
+        // "Gate 7" of four is none of them; where nothing bears a number it says nothing.
+        if scored.iter().any(|of| !borne(of).is_empty()) {
+            scored.retain(|of| borne(of).contains(&number));
+        }
+    }
     let best = scored.iter().map(|(_, score)| *score).max().unwrap_or(0);
     let mut found: Vec<usize> = scored.into_iter().filter(|(_, score)| *score == best).map(|(i, _)| i).collect();
     for not in &phrase.not {
@@ -35,7 +42,8 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
         found = related(*relation, &anchors, found, items, phrase.ordinal.is_some() || !phrase.sizes.is_empty());
     }
     if let Some(side) = phrase.side {
-        found = on_side(side, found, items);
+        // "The huge tree on the left" is the leftmost of those that are huge.
+        found = on_side(side, of_size(phrase, found, items), items);
     }
     let merely_tall = phrase.sizes.contains(&Size::Tall) && !phrase.superlative && phrase.ordinal.is_none();
     if found.len() > 1 || merely_tall {
@@ -49,10 +57,40 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
             None => ordered(ordinal.number, ordinal.from, found, items),
         };
     }
+    if found.is_empty() && !phrase.with.is_empty() {
+        // "The table with the white chairs": what it has with it is a thing of its own.
+        let near = phrase.with.iter().map(|with| (Relation::Near, vec![with.clone()]));
+        let relations = phrase.relations.iter().cloned().chain(near).collect();
+        let beside = Phrase { with: Vec::new(), uses: Vec::new(), having: false, relations, ..phrase.clone() };
+        if !beside.nouns.iter().any(|noun| NOUNS.people.contains(noun)) {
+            found = meant_within(&beside, items, depth + 1);
+        }
+    }
     if found.is_empty() {
         found = (0..items.len()).filter(|&i| described(&phrase.said, items[i].tags)).collect();
     }
     found
+}
+
+/// What is flown into where the thing itself is: its entrances, if some are known by its name, else itself.
+pub(crate) fn meant_by(verb: Verb, phrase: &Phrase, items: &[Item<'_>]) -> Vec<usize> {
+    let found = meant(phrase, items);
+    let opens = |found: &[usize]| found.iter().any(|&i| items[i].tags.opening);
+    let is_through = |i: &usize| items.iter().any(|item| item.tags.opening_of.as_deref() == Some(&items[*i].tags.key));
+    if verb != Verb::Through || opens(&found) || found.iter().any(is_through) {
+        return found;
+    }
+    entrances(phrase).map(|entrance| meant(&entrance, items)).find(|entrance| opens(entrance)).unwrap_or(found)
+}
+
+/// The phrase for the openings that one goes into it by: "the entrance of the cafe".
+pub(crate) fn entrances(phrase: &Phrase) -> impl Iterator<Item = Phrase> {
+    let by = |opening: &&str| {
+        let nouns = phrase.nouns.iter().cloned().chain([(*opening).to_owned()]).collect();
+        Phrase { nouns, ..phrase.clone() }
+    };
+    let named = !phrase.nouns.is_empty();
+    ["entrance", "doorway", "mouth", "opening"].iter().filter(move |_| named).map(by)
 }
 
 /// Whether the words hold a name of the object that is a whole description: "person in the dark", "engine of the train". Taken

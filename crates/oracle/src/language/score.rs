@@ -4,14 +4,20 @@ use std::collections::BTreeSet;
 
 use spf_core::tags::Tagged;
 
+use super::compounds::compounded;
 use super::lex::{raw_tokens, singular, stem, stems};
 use super::lexicon::{ADJECTIVES, NOUNS, SPELLING};
 use super::phrase::Phrase;
 use super::table::Words;
+use super::turns::CARDINALS;
 
-/// Words of the tags at hand, for [`parse`](super::parse).
+/// Words of the names, colours and qualities of the tags at hand, for [`parse`](super::parse).
 pub(crate) fn vocabulary<'a>(tags: impl Iterator<Item = &'a Tagged>) -> BTreeSet<String> {
-    tags.flat_map(words_of).collect()
+    let named = |tags: &'a Tagged| {
+        let looks = tags.colour.iter().chain(&tags.qualities).flat_map(|text| split(text));
+        terms(tags).into_iter().flatten().chain(looks).collect::<Vec<String>>()
+    };
+    tags.flat_map(named).collect()
 }
 
 /// Singular words of all names, synonyms, kind, colour and uses of an object.
@@ -44,12 +50,23 @@ fn head_last(text: &str) -> Vec<String> {
 }
 
 pub(super) fn split(text: &str) -> Vec<String> {
-    raw_tokens(&text.replace('_', " ")).iter().filter(|w| *w != "," && *w != ".").map(|w| singular(w)).collect()
+    compounded(&raw_tokens(&text.replace('_', " ")), &BTreeSet::new())
+        .iter()
+        .filter(|w| *w != "," && *w != ".")
+        .map(|w| singular(w))
+        .collect()
 }
 
 /// How well an object's tags meet the phrase; 0 when they do not.
 pub(super) fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
     if !coloured(&phrase.colours, tags) {
+        return 0;
+    }
+    let holds = |must: &String| {
+        let forms = stems(must);
+        words_of(tags).iter().any(|word| stems(word).iter().any(|form| forms.contains(form)))
+    };
+    if !phrase.musts.iter().all(holds) {
         return 0;
     }
     // "A glass tower": matter may be part of the name.
@@ -58,14 +75,14 @@ pub(super) fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
     // A red and white mast is no white needle, whatever the likeness of mast and needle.
     let second = phrase.colours.len() == 1 && colours_of(tags).first().is_some_and(|main| *main != phrase.colours[0]);
     let named = if second && named <= 3 { 0 } else { named };
-    let used = used(&phrase.uses, tags);
+    let used = used(&phrase.uses, tags, !nouns.is_empty());
     match (nouns.is_empty(), phrase.uses.is_empty()) {
         (false, true) => named,
         // "A vehicle that carries goods": the use chooses among the named, and does not refuse them.
         (false, false) => {
             // "Who needs help": said of nobody in sight, it is nobody in sight.
             let only = phrase.uses.iter().all(|w| SPELLING.empty.contains(&stem(w)));
-            let has = |word: &String| self::used(core::slice::from_ref(word), tags) > 0;
+            let has = |word: &String| self::used(core::slice::from_ref(word), tags, true) > 0;
             let lacks = phrase.having && phrase.uses.last().is_some_and(|word| !has(word));
             if named == 0 || lacks || (only && used == 0) { 0 } else { used * 10 + named }
         }
@@ -110,7 +127,10 @@ pub(super) fn named(nouns: &[String], tags: &Tagged) -> u32 {
         vocabulary.contains(word)
             || NOUNS.synonyms.iter().any(|group| group.contains(word) && vocabulary.iter().any(|v| group.contains(v)))
     };
-    let modifiers = others.iter().all(known);
+    // "The coffee shop sign" is the sign of a cafe.
+    let together = others.join(" ");
+    let whole = || NOUNS.synonyms.iter().any(|group| group.contains(&together) && vocabulary.iter().any(|v| group.contains(v)));
+    let modifiers = others.iter().all(known) || (others.len() > 1 && whole());
     let exact = |list: &[Vec<String>]| list.iter().any(|term| term == nouns || joined(term) == joined(nouns));
     let headed = |list: &[Vec<String>]| modifiers && list.iter().any(|term| term.last() == Some(head));
     if exact(&names) {
@@ -150,13 +170,14 @@ fn joined(words: &[String]) -> String {
     words.concat()
 }
 
-/// How many of the words say what the object serves for.
-fn used(uses: &[String], tags: &Tagged) -> u32 {
+/// How many of the words say what the object serves for; with `named`, or what it is like: "somebody who is hurt".
+fn used(uses: &[String], tags: &Tagged, named: bool) -> u32 {
     let mut own: Vec<String> = tags
         .uses
         .iter()
         .chain(&tags.names)
         .chain(&tags.synonyms)
+        .chain(tags.qualities.iter().filter(|_| named))
         .chain([&tags.kind])
         .flat_map(|text| split(text))
         .flat_map(|w| stems(&w))
@@ -181,4 +202,14 @@ fn used(uses: &[String], tags: &Tagged) -> u32 {
 /// Whether an object's tags hold the word.
 pub(crate) fn knows(tags: &Tagged, word: &String) -> bool {
     words_of(tags).contains(word)
+}
+
+/// The numbers that an object bears in its names: "room 102", "gate two", "first gate".
+pub(super) fn numbers(tags: &Tagged) -> Vec<u32> {
+    let number = |word: String| {
+        let cardinal = CARDINALS.iter().position(|c| *c == word).map(|at| at + 1);
+        let ordinal = ADJECTIVES.ordinals.get(&word).and_then(|number| usize::try_from(*number).ok());
+        word.parse().ok().or_else(|| cardinal.or(ordinal).and_then(|number| u32::try_from(number).ok()))
+    };
+    tags.names.iter().chain(&tags.synonyms).flat_map(|name| raw_tokens(name)).filter_map(number).collect()
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::lex::{general_noun, is_known, is_right, is_thing};
+use super::lex::{general_noun, is_known, is_listed, is_right, is_thing, stems};
 use super::lexicon::{ADJECTIVES, NOUNS};
 use super::phrase::Phrase;
 use super::spelling;
@@ -27,11 +27,20 @@ impl Words<'_> {
     }
 
     fn spelt(&self, noun: &str) -> String {
-        if self.knows(noun) || is_right(noun) || self.names.contains(noun) {
+        if is_listed(noun) || self.scene.contains(noun) || self.names.contains(noun) {
             return noun.to_owned();
         }
-        match spelling::nearest(noun, self.scene.iter().map(String::as_str)) {
+        let near = spelling::nearest(noun, self.scene.iter().map(String::as_str).filter(|word| word.len() > 2));
+        // "The hanger" where there is a hangar, for all that it is a word.
+        if is_known(noun) || is_right(noun) {
+            let one_letter =
+                |near: &&str| noun.len() > 5 && near.as_bytes()[0] == noun.as_bytes()[0] && spelling::distance(noun, near) == 1;
+            return near.filter(one_letter).unwrap_or(noun).to_owned();
+        }
+        match near {
             Some(near) if spelling::distance(noun, near) <= slips(noun, near) => near.to_owned(),
+            // "Glas" lost its last letter for a plural.
+            Some(near) if spelling::distance(&format!("{noun}s"), near) <= slips(&format!("{noun}s"), near) => near.to_owned(),
             _ => general_noun(noun),
         }
     }
@@ -69,12 +78,19 @@ impl Words<'_> {
                 phrase.relations.push((relation, anchors));
             }
         }
+        // What nothing here is said to do tells nothing of anything here.
+        let forms: BTreeSet<String> = match phrase.musts.is_empty() {
+            true => BTreeSet::new(),
+            false => self.scene.iter().flat_map(|word| stems(word)).collect(),
+        };
+        phrase.musts.retain(|must| stems(must).iter().any(|form| forms.contains(form)));
+        phrase.with.iter_mut().for_each(|with| self.settle(with));
         phrase.not.iter_mut().for_each(|not| self.settle(not));
     }
 }
 
-/// Edits forgiven between a word nobody knows and a tag: one more than elsewhere when it starts alike and is not short.
+/// Edits forgiven between a word nobody knows and a tag: one more than elsewhere when it starts alike and neither is short.
 fn slips(word: &str, tag: &str) -> usize {
-    let alike = (5..7).contains(&word.len()) && word.bytes().next() == tag.bytes().next();
+    let alike = tag.len() > 4 && (5..7).contains(&word.len()) && word.bytes().next() == tag.bytes().next();
     spelling::forgiven(word.len()) + usize::from(alike)
 }

@@ -18,7 +18,7 @@ impl Words {
     }
 
     /// All of them, in alphabetical order.
-    pub(super) fn iter(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &str> {
         self.0.iter().map(String::as_str)
     }
 }
@@ -115,11 +115,11 @@ pub(super) fn list<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Phrases
 
 /// Words and the plain word that each counts as.
 #[derive(Debug)]
-pub(super) struct Forms(BTreeMap<String, String>);
+pub(crate) struct Forms(BTreeMap<String, String>);
 
 impl Forms {
     /// The plain word that this one counts as.
-    pub(super) fn plain(&self, word: &str) -> Option<&str> {
+    pub(crate) fn plain(&self, word: &str) -> Option<&str> {
         self.0.get(word).map(String::as_str)
     }
 
@@ -149,6 +149,39 @@ impl<'de> Deserialize<'de> for Forms {
             }
         }
         Ok(Self(forms))
+    }
+}
+
+/// Phrases and the one word that each counts as.
+#[derive(Debug)]
+pub(super) struct Compounds(Vec<(Vec<String>, String)>);
+
+impl Compounds {
+    /// The longest phrase that `words` start with: how many words it has, and the word it counts as.
+    pub(super) fn longest(&self, words: &[&str]) -> Option<(usize, &str)> {
+        let starts = |phrase: &[String]| phrase.len() <= words.len() && phrase.iter().zip(words).all(|(part, word)| part == word);
+        let longest = self.0.iter().filter(|(phrase, _)| starts(phrase)).max_by_key(|(phrase, _)| phrase.len());
+        longest.map(|(phrase, plain)| (phrase.len(), plain.as_str()))
+    }
+}
+
+/// From lists of phrases by the plain word.
+impl<'de> Deserialize<'de> for Compounds {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut known = BTreeMap::new();
+        for (plain, phrases) in BTreeMap::<String, Vec<String>>::deserialize(deserializer)? {
+            for phrase in phrases {
+                check(&phrase).map_err(Error::custom)?;
+                let words: Vec<String> = phrase.split(' ').map(str::to_owned).collect();
+                if words.len() < 2 {
+                    return Err(Error::custom(format!("`{phrase}` is one word already")));
+                }
+                if known.insert(words, plain.clone()).is_some() {
+                    return Err(Error::custom(format!("`{phrase}` stands twice in a table")));
+                }
+            }
+        }
+        Ok(Self(known.into_iter().collect()))
     }
 }
 

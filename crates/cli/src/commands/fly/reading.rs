@@ -30,12 +30,15 @@ pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>
         let read = reading.corrections.iter().map(|word| format!("\"{}\" as \"{}\"", one_line(&word.said), one_line(&word.read)));
         lines.push(format!("spelling: {}", read.collect::<Vec<_>>().join(", ")));
     }
-    if !reading.ignored.is_empty() {
-        let ignored = reading.ignored.iter().map(|unknown| {
-            let near = unknown.nearest.as_ref().map_or(String::new(), |near| format!(" (did you mean \"{near}\"?)"));
-            format!("\"{}\"{near}", one_line(&unknown.word))
-        });
-        lines.push(format!("ignored: {}", ignored.collect::<Vec<_>>().join(", ")));
+    let words = reading.ignored.iter().map(|unknown| {
+        let near = unknown.nearest.as_ref().map_or(String::new(), |near| format!(" (did you mean \"{near}\"?)"));
+        format!("\"{}\"{near}", one_line(&unknown.word))
+    });
+    let directions =
+        reading.directions.iter().map(|words| format!("\"{}\" (a direction, not a thing to fly to)", one_line(words)));
+    let ignored: Vec<String> = words.chain(directions).collect();
+    if !ignored.is_empty() {
+        lines.push(format!("ignored: {}", ignored.join(", ")));
     }
     Ok(lines)
 }
@@ -49,7 +52,12 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
         .filter(|unknown| named.insert(&unknown.word))
         .map(unknown_word)
         .collect();
-    let why = if unknown.is_empty() { "it names nothing to fly to".to_owned() } else { unknown.join(", ") };
+    let directions: Vec<String> = reading.directions.iter().map(|words| format!("`{}`", one_line(words))).collect();
+    let why = match (unknown.is_empty(), directions.is_empty()) {
+        (false, _) => unknown.join(", "),
+        (true, false) => format!("{} names a direction, not a thing to fly to", directions.join(", ")),
+        (true, true) => "it names nothing to fly to".to_owned(),
+    };
     let mut seen = BTreeSet::new();
     let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
@@ -93,7 +101,13 @@ fn described(step: &ReadStep, tags: &[Tagged]) -> String {
         (None, _) if target.is_empty() => verb.to_owned(),
         (None, _) => match step.unknown.first() {
             Some(unknown) => format!("{verb} → {target} ({})", unknown_word(unknown)),
-            None => format!("{verb} → {target} (nothing like it in this scene; it will be searched for)"),
+            None if step.alike.is_empty() => {
+                format!("{verb} → {target} (nothing like it in this scene; it will be searched for)")
+            }
+            None => format!(
+                "{verb} → {target} (nothing like it in this scene, the nearest in meaning is {}; it will be searched for)",
+                step.alike.join(" or ")
+            ),
         },
     }
 }

@@ -1,0 +1,45 @@
+//! Words of several parts: "way out", "white board", "flyto".
+
+use std::collections::BTreeSet;
+
+use super::lexicon::{ADJECTIVES, PHRASES, SPELLING, VERBS};
+
+/// Tokens with words of several parts as the one word that is meant, and those run together as several. `scene` holds the words of
+/// the scene's tags: what is one word there is one word.
+pub(super) fn compounded(tokens: &[String], scene: &BTreeSet<String>) -> Vec<String> {
+    let words: Vec<&str> = tokens.iter().flat_map(|token| token.split(' ')).collect();
+    let mut out: Vec<String> = Vec::with_capacity(words.len());
+    let mut rest = &words[..];
+    while let Some((first, others)) = rest.split_first() {
+        if let Some((length, plain)) = SPELLING.compounds.longest(rest) {
+            out.push(plain.to_owned());
+            rest = &rest[length..];
+            continue;
+        }
+        let joined =
+            others.first().map(|second| format!("{first}{second}")).filter(|joined| first.len() > 1 && scene.contains(joined));
+        rest = match joined {
+            Some(_) => &others[1..],
+            None => others,
+        };
+        out.push(joined.unwrap_or_else(|| (*first).to_owned()));
+    }
+    out
+}
+
+/// A word of two that were run together, with a space between them: "flyto", "thechurch", "redcar". `known` says of the second what
+/// may stand there.
+pub(super) fn apart(word: &str, known: impl Fn(&str) -> bool) -> Option<String> {
+    let leads = |first: &str| {
+        matches!(first, "the" | "to" | "a")
+            || ADJECTIVES.colours.plain(first).is_some()
+            || VERBS.prepositions.contains(first)
+            || VERBS.verbs.contains(first)
+    };
+    let follows = |second: &str| PHRASES.determiners.contains(second) || known(second);
+    (2..word.len().saturating_sub(1))
+        .filter(|at| word.is_char_boundary(*at))
+        .map(|at| word.split_at(at))
+        .find(|(first, second)| leads(first) && follows(second))
+        .map(|(first, second)| format!("{first} {second}"))
+}

@@ -1,0 +1,235 @@
+use spf_core::tags::Tagged;
+
+use super::*;
+
+fn tagged(id: u16, names: &[&str], colour: Option<&str>, kind: &str) -> Tagged {
+    Tagged {
+        id,
+        key: format!("object_{id}"),
+        names: names.iter().map(|name| (*name).to_owned()).collect(),
+        colour: colour.map(str::to_owned),
+        kind: kind.to_owned(),
+        ..Tagged::default()
+    }
+}
+
+fn read(instruction: &str) -> InstructionReading {
+    let tags = [
+        tagged(1, &["tower crane"], Some("red"), "crane"),
+        tagged(2, &["car"], Some("blue"), "car"),
+        tagged(3, &["church"], None, "building"),
+        tagged(4, &["bus_green"], None, "object"),
+        tagged(5, &["bus_red"], None, "object"),
+    ];
+    let objects: Vec<Placed<'_>> = tags.iter().map(|tags| Placed { tags, place: None }).collect();
+    read_instruction(instruction, &objects, None)
+}
+
+fn corrections(reading: &InstructionReading) -> Vec<(&str, &str)> {
+    reading.corrections.iter().map(|c| (c.said.as_str(), c.read.as_str())).collect()
+}
+
+#[test]
+fn slips_of_people_in_a_hurry_are_put_right_and_shown() {
+    for (said, target, object, shown) in [
+        ("GO TO TEH RED CRAN", "red crane", 1, vec![("teh", "the"), ("cran", "crane")]),
+        ("flyy to the bleu car pls", "blue car", 2, vec![("flyy", "fly"), ("bleu", "blue")]),
+        ("hed for the churhc", "church", 3, vec![("hed", "head"), ("churhc", "church")]),
+    ] {
+        let reading = read(said);
+        assert_eq!(reading.steps.len(), 1, "{said}: {reading:?}");
+        assert_eq!((reading.steps[0].target.as_str(), &reading.steps[0].candidates), (target, &vec![object]), "{said}");
+        for pair in shown {
+            assert!(corrections(&reading).contains(&pair), "{said}: {reading:?}");
+        }
+    }
+}
+
+#[test]
+fn names_of_models_are_read_head_first_too() {
+    assert_eq!(read("fly to the green bus").steps[0].candidates, [4]);
+    assert_eq!(read("fly to the bus").steps[0].candidates, [4, 5]);
+}
+
+#[test]
+fn what_is_known_but_absent_is_understood_and_what_is_not_is_named() {
+    let absent = read("fly to the elephant");
+    assert!(absent.is_understood() && absent.steps[0].candidates.is_empty() && absent.corrections.is_empty(), "{absent:?}");
+    let nonsense = read("fly to the qwertzuiop");
+    assert!(!nonsense.is_understood() && nonsense.steps[0].unknown[0].word == "qwertzuiop", "{nonsense:?}");
+    assert!(!read("???").is_understood() && !read("blarg").is_understood());
+    let both = read("fly to the church, then to the zzgrmpf");
+    assert!(both.is_understood() && both.steps[0].is_understood() && !both.steps[1].is_understood(), "{both:?}");
+}
+
+#[test]
+fn a_word_that_nobody_knows_is_passed_over_beside_a_thing_and_named() {
+    let ignored = |reading: &InstructionReading| -> Vec<String> { reading.ignored.iter().map(|w| w.word.clone()).collect() };
+    for (said, object, passed_over) in [
+        ("fly to the wonky crane", 1, "wonky"),
+        ("go to 2j the red crane", 1, "2j"),
+        ("the blue car zzgrmpf", 2, "zzgrmpf"),
+        ("fly to the church next to the blorb", 3, "blorb"),
+    ] {
+        let reading = read(said);
+        assert!(reading.is_understood(), "{said}: {reading:?}");
+        assert_eq!((&reading.steps[0].candidates, ignored(&reading)), (&vec![object], vec![passed_over.to_owned()]), "{said}");
+    }
+    // What excludes is not passed over: a colour, a name, and what is known to be something else.
+    for said in ["fly to the wonky green crane", "fly to the Hilton church", "go to the police car"] {
+        assert!(read(said).steps[0].candidates.is_empty(), "{said}: {:?}", read(said));
+    }
+    assert_eq!(read("fly to the chuurrcch crane").ignored[0].nearest.as_deref(), Some("church"));
+}
+
+#[test]
+fn what_is_right_as_it_stands_is_put_right_to_nothing() {
+    for said in ["go to the lady", "go to the shirt", "go to the printer", "would you mind going to the vending machine"] {
+        assert!(read(said).corrections.is_empty(), "{said}: {:?}", read(said));
+    }
+}
+
+#[test]
+fn a_look_around_needs_no_target() {
+    let reading = read("look around");
+    assert!(reading.is_understood() && reading.steps[0].verb == Verb::Scan && reading.steps[0].target.is_empty());
+}
+
+/// What is read in a scene with persons and with things that bear numbers: steps as verb and candidates.
+fn steps(instruction: &str) -> Vec<(Verb, Vec<u16>)> {
+    let mut tags = vec![
+        tagged(1, &["person", "man"], Some("red"), "person"),
+        tagged(2, &["person", "woman"], Some("yellow"), "person"),
+        tagged(3, &["person", "man"], Some("white"), "person"),
+        tagged(4, &["gate", "first gate", "gate 1"], Some("red"), "gate"),
+        tagged(5, &["gate", "second gate", "gate 2"], Some("blue"), "gate"),
+        tagged(6, &["whiteboard", "board"], Some("white"), "furniture"),
+        tagged(7, &["kiosk", "stall"], Some("green"), "building"),
+        tagged(8, &["bin"], Some("blue"), "bin"),
+        tagged(9, &["tree"], None, "tree"),
+        tagged(10, &["fountain"], None, "structure"),
+        tagged(11, &["bench"], None, "furniture"),
+    ];
+    tags[1].qualities = vec!["walking".to_owned()];
+    tags[2].synonyms = vec!["man with a cone".to_owned()];
+    tags[10].uses = vec!["sit".to_owned()];
+    let objects: Vec<Placed<'_>> = tags.iter().map(|tags| Placed { tags, place: None }).collect();
+    read_instruction(instruction, &objects, None).steps.into_iter().map(|step| (step.verb, step.candidates)).collect()
+}
+
+#[test]
+fn people_in_a_hurry_say_it_in_many_ways() {
+    use Verb::{Follow, GoTo, Through};
+    type Case = (&'static str, &'static [(Verb, &'static [u16])]);
+    let cases: &[Case] = &[
+        ("show me the stall up close", &[(GoTo, &[7])]),
+        ("whats that green stall doing over there, go have a look", &[(GoTo, &[7])]),
+        ("get a shot of the fountain plz", &[(GoTo, &[10])]),
+        ("go to the fountain and take a photo of it", &[(GoTo, &[10]), (GoTo, &[10])]),
+        ("can u take me to the bin pls mate", &[(GoTo, &[8])]),
+        ("i need to get to the fountain, quick", &[(GoTo, &[10])]),
+        ("i wanna see the tree", &[(GoTo, &[9])]),
+        ("wheres the fountain", &[(GoTo, &[10])]),
+        ("bin", &[(GoTo, &[8])]),
+        ("blue trash can", &[(GoTo, &[8])]),
+        ("flyto thefountain", &[(GoTo, &[10])]),
+        ("the little snack stand with the stripy roof", &[(GoTo, &[7])]),
+        ("go to the bloke in white carrying a cone", &[(GoTo, &[3])]),
+        ("the lady in the yellow top walking around", &[(GoTo, &[2])]),
+        ("who is that in the red jumper? follow him", &[(GoTo, &[1]), (Follow, &[1])]),
+        ("somebody in a red jumper", &[(GoTo, &[1])]),
+        ("fly thru gate nr 2", &[(Through, &[5])]),
+        ("through gate 1 then gate two", &[(Through, &[4]), (Through, &[5])]),
+        ("go through gate 7", &[(Through, &[])]),
+        ("fly to the white board", &[(GoTo, &[6])]),
+        ("somewhere to sit near the fountain", &[(GoTo, &[11])]),
+        ("fly to the bin, is there somebody in there", &[(GoTo, &[8])]),
+        ("lets go and have a look at the tree", &[(GoTo, &[9])]),
+        ("would you mind going to the bin and stopping in front of it", &[(GoTo, &[8]), (GoTo, &[8])]),
+        ("the fountain thingy", &[(GoTo, &[10])]),
+        ("i dont mean the tree, i mean the fountain", &[(GoTo, &[10])]),
+    ];
+    let read: Vec<String> = cases
+        .iter()
+        .filter(|(said, right)| !steps(said).iter().map(|(verb, of)| (*verb, of.as_slice())).eq(right.iter().copied()))
+        .map(|(said, right)| format!("{said}: {:?}, not {right:?}", steps(said)))
+        .collect();
+    assert!(read.is_empty(), "{}", read.join("\n"));
+}
+
+#[test]
+fn a_direction_is_no_thing_to_fly_to() {
+    for said in [
+        "fly north 20 metres",
+        "fly forward 20m",
+        "go up a bit",
+        "turn left 90 degrees",
+        "please move back two metres",
+        "ascend 5 m",
+        "fly to the left",
+    ] {
+        let reading = read(said);
+        assert!(!reading.is_understood() && reading.directions.len() == 1, "{said}: {reading:?}");
+    }
+    for said in ["go up to the church", "turn around", "fly left of the church", "fly forward to the crane"] {
+        assert!(read(said).directions.is_empty() && read(said).is_understood(), "{said}: {:?}", read(said));
+    }
+    let both = read("fly forward 10 metres, then go to the church");
+    assert!(both.is_understood() && both.directions == ["fly forward 10 metres"], "{both:?}");
+    assert_eq!(both.steps[0].candidates, [3]);
+}
+
+#[test]
+fn what_asks_for_no_flight_ends_at_once() {
+    for said in [
+        "what should i cook tonight",
+        "play some music",
+        "make me a sandwich",
+        "tell me a joke",
+        "divide 17 by 4",
+        "what is the capital of france",
+        "do my maths homework pls",
+        "blah blah blubb",
+        "asdf jkl hhhh",
+    ] {
+        assert!(!read(said).is_understood(), "{said}: {:?}", read(said));
+    }
+    // What is not here is searched for all the same.
+    for said in
+        ["is there a bicycle anywhere? go to it", "fly to the windmill", "find me a printer", "somewhere to pray", "hotel"]
+    {
+        assert!(read(said).is_understood(), "{said}: {:?}", read(said));
+    }
+}
+
+#[test]
+fn where_a_thing_is_not_here_the_nearest_in_meaning_is_named() {
+    assert_eq!(read("fly to the ambulance").steps[0].alike, ["blue car", "bus_green", "bus_red"]);
+    assert!(read("fly to the elephant").steps[0].alike.is_empty());
+}
+
+proptest::proptest! {
+    #[test]
+    fn any_order_of_what_people_say_is_read(words in proptest::collection::vec(proptest::sample::select(vec![
+        "whats", "who", "is", "that", "the", "red", "crane", "church", "doing", "parked", "sat", "with", "on", "it", "him",
+        "somebody", "in", "a", "jumper", "go", "have", "look", "2", "nr", "two", "wonky", "north", "20m", ",", ".", "one", "way",
+        "out", "near", "somewhere", "to", "sit", "flyto", "w/", "inside", "where", "can", "i", "over", "carrying", "then",
+    ]), 0..24)) {
+        let reading = read(&words.join(" "));
+        for step in &reading.steps {
+            proptest::prop_assert!(step.candidates.iter().all(|id| (1..=5).contains(id)));
+        }
+        // It is the same however often it is read.
+        proptest::prop_assert_eq!(&reading, &read(&words.join(" ")));
+    }
+}
+
+proptest::proptest! {
+    #[test]
+    fn any_text_is_read(text in "\\PC{0,120}") {
+        let reading = read(&text);
+        for step in &reading.steps {
+            proptest::prop_assert!(step.candidates.iter().all(|id| (1..=5).contains(id)));
+        }
+    }
+}
