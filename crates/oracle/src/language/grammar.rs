@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::compounds::compounded;
-use super::lex::{names, tokens};
+use super::lex::{is_listed, is_thing, names, singular, tokens};
 use super::lexicon::{NOUNS, PHRASES, SPELLING, VERBS};
 use super::meaning::{Order, Verb};
 use super::motion::is_motion;
@@ -78,6 +78,13 @@ fn parse_tokens(words: &[String]) -> Instruction {
                 clause.target.not.push(phrase.clone());
             }
         }
+    }
+    // "There is somebody on the roof": said alone, it asks to go there.
+    if clauses.is_empty()
+        && motions.is_empty()
+        && let Some(target) = context.into_iter().rfind(|phrase| !phrase.nouns.is_empty())
+    {
+        clauses.push(Clause { verb: Verb::GoTo, target: Phrase { uses: Vec::new(), ..target }, order: Order::Unsaid });
     }
     // "Go and visit the church": going nowhere is no stage of its own.
     if clauses.iter().any(|clause| !clause.target.is_empty()) {
@@ -185,7 +192,9 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
         // "The car *parked* behind the van" is not told to park.
         let word = words[at].as_str();
         let form = word.ends_with("ing") || word.ends_with("ed") || NOUNS.participles.contains(word);
-        let described = at > 0 && form && !leads_in(&words[..at]);
+        // Nor is "the meeting room" to meet: a verb has an article or a preposition after it.
+        let name = word.ends_with("ing") && words.get(at + 1).is_some_and(|next| is_listed(next) && is_thing(&singular(next)));
+        let described = form && ((at > 0 && !leads_in(&words[..at])) || name);
         if subordinate || noun || described { None } else { starts_verb(&words[at..]).map(|(n, verb)| (at, n, verb)) }
     });
     let Some((at, n, verb)) = verb else {
@@ -196,7 +205,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let n = if verb == Verb::GoTo && moves(&words[at + n..]) { n + 1 } else { n };
     // "Go have a look at", "come take a photo of".
     let (n, verb) = match starts_verb(&words[at + n..]) {
-        Some((more, second)) if moves(&words[at..]) || words[at] == "come" => (n + more, second),
+        Some((more, second)) if moves(&words[at..]) || words[at] == "come" || words[at + n] == "a" => (n + more, second),
         _ => (n, verb),
     };
     let asks_who = matches!(words[at].as_str(), "who" | "whos") || words[at..at + n].iter().any(|w| w == "who");
@@ -283,7 +292,7 @@ fn context(words: &[String]) -> Option<Phrase> {
     if starts(words, "its the")
         || starts(words, "it is the")
         || (words[0] == "im" && words.iter().any(|w| w == "looking" || w == "searching"))
-        || words.iter().any(|w| matches!(w.as_str(), "looking" | "searching"))
+        || words.iter().any(|w| matches!(w.as_str(), "looking" | "searching" | "wondering"))
     {
         return None;
     }

@@ -177,11 +177,16 @@ impl Phrase {
                 // "The bridge over the creek".
                 self.relate(Relation::On, &rest[1..], depth);
                 return;
-            } else if (matches!(word, "is" | "are" | "was") && !self.nouns.is_empty() && rest.len() > 1)
+            } else if (matches!(word, "is" | "are" | "was" | "looks" | "seems") && !self.nouns.is_empty() && rest.len() > 1)
                 || (self.nouns == ["person"] && tells_of_somebody(words, i))
             {
                 self.relative(rest, depth);
                 return;
+            } else if matches!(word, "standing" | "parked")
+                && !self.nouns.is_empty()
+                && rest.get(1).is_some_and(|n| ends_description(n))
+            {
+                i += 1;
             } else if self.is_described_by(rest) {
                 let transitive = rest.get(1).is_some_and(|next| ARTICLES.contains(&next.as_str()) || !ends_description(next));
                 if transitive {
@@ -290,6 +295,7 @@ impl Phrase {
         } else if SPELLING.grammar.contains(word)
             && !matches!(word, "people" | "person" | "top" | "park" | "parking" | "cross" | "climbing" | "help" | "sit")
             && (word != "stand" || self.nouns.is_empty())
+            && (word != "hot" || ends_phrase(next))
         {
         } else {
             self.nouns.push(plain);
@@ -345,16 +351,19 @@ impl Phrase {
                 self.relate(relation, anchor, depth);
             }
             let empty = |w: &str| SPELLING.empty.contains(w) || w.strip_suffix('s').is_some_and(|w| SPELLING.empty.contains(w));
-            let telling = rest.iter().filter(|w| w.len() > 1 && !empty(w));
+            let holds = matches!(first, "with" | "carrying" | "holding" | "wearing" | "pushing");
+            let telling = rest.iter().skip(usize::from(holds)).filter(|w| w.len() > 1 && !empty(w));
             let before = self.uses.len();
-            self.uses.extend(telling.cloned());
+            // "The red thing with the long arm": no scene lists arms.
+            let listed = telling.clone().next_back().is_some_and(|word| !NOUNS.features.contains(word));
+            if listed || !holds || !self.nouns.is_empty() {
+                self.uses.extend(telling.cloned());
+            }
             if first == "with" && rest.len() > 1 && depth < 2 {
                 let mut with = Self::default();
                 with.take(&rest[1..], depth + 1);
                 self.with.push(with);
             }
-            let listed = self.uses.last().is_some_and(|word| !NOUNS.features.contains(word));
-            let holds = matches!(first, "with" | "carrying" | "holding" | "wearing" | "pushing");
             self.having |= holds && listed && rest.iter().any(|w| is_colour(w));
             // "The person who needs help": words that say little elsewhere are all there is to tell one by.
             if self.uses.len() == before && !self.nouns.is_empty() {

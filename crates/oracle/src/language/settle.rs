@@ -40,7 +40,7 @@ impl Words<'_> {
         match near {
             Some(near) if spelling::distance(noun, near) <= slips(noun, near) => near.to_owned(),
             // "Glas" lost its last letter for a plural.
-            Some(near) if spelling::distance(&format!("{noun}s"), near) <= slips(&format!("{noun}s"), near) => near.to_owned(),
+            Some(near) if spelling::distance(&format!("{noun}s"), near) <= spelling::forgiven(noun.len() + 1) => near.to_owned(),
             _ => general_noun(noun),
         }
     }

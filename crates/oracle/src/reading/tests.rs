@@ -147,6 +147,12 @@ fn people_in_a_hurry_say_it_in_many_ways() {
         ("lets go and have a look at the tree", &[(GoTo, &[9])]),
         ("would you mind going to the bin and stopping in front of it", &[(GoTo, &[8]), (GoTo, &[8])]),
         ("the fountain thingy", &[(GoTo, &[10])]),
+        ("theres a red guy standing at the bin", &[(GoTo, &[1])]),
+        ("i was wondering whether you could get me a nice shot of the fountain", &[(GoTo, &[10])]),
+        ("get in close to the tree", &[(GoTo, &[9])]),
+        ("that fountain looks cool, go there", &[(GoTo, &[10])]),
+        ("see the guy in white? go to him", &[(GoTo, &[3]), (GoTo, &[3])]),
+        ("the green thing with the long arm", &[(GoTo, &[7])]),
         ("i dont mean the tree, i mean the fountain", &[(GoTo, &[10])]),
     ];
     let read: Vec<String> = cases
