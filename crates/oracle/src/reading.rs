@@ -164,7 +164,7 @@ fn in_few_words(phrase: &Phrase) -> String {
     }
     // "Silver" asks for grey, and rather for silver: it stands among both, and the person said the latter.
     let own = |colour: &&String| !phrase.soft.iter().any(|word| ADJECTIVES.colours.plain(word) == Some(colour.as_str()));
-    words.extend(phrase.soft.iter().chain(phrase.colours.iter().filter(own)).chain(&phrase.nouns).map(String::as_str));
+    words.extend(phrase.colours.iter().filter(own).chain(&phrase.soft).chain(&phrase.nouns).map(String::as_str));
     let number = phrase.number.map(|number| number.to_string());
     words.extend(number.as_deref());
     match words.is_empty() {
