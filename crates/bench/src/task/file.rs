@@ -443,9 +443,9 @@ path = ["0,0,3,0", "10,0,3,90"]
         assert!(task.start.own && !Task::parse(GOOD, "a.toml").unwrap().start.own);
         let error = |start: &str| Task::parse(&GOOD.replace(drawn, start), "a.toml").unwrap_err().to_string();
         let both = error("scene = true\nblocked = true");
-        assert!(both.starts_with("a.toml:14: `blocked` means nothing"), "{both}");
+        assert!(both.starts_with("a.toml:13: `blocked` means nothing"), "{both}");
         let without = error("view = \"half\"");
-        assert!(without.starts_with("a.toml:14: missing field `range_m`") && without.contains("scene = true"), "{without}");
+        assert!(without.starts_with("a.toml:13: missing field `range_m`") && without.contains("scene = true"), "{without}");
     }
 
     #[test]
