@@ -113,6 +113,8 @@ pub struct Manner {
     pub think: Option<Think>,
     /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: Option<bool>,
+    /// Whether obstacle mode is on in every task, not only in those that ask for it.
+    pub avoid: bool,
     /// Whether it flies straight on without frames or queries.
     pub blind: bool,
 }

@@ -43,7 +43,7 @@ struct Raw {
     avoid: bool,
     max_time_s: Spanned<f64>,
     max_decisions: Spanned<u32>,
-    start: RawStart,
+    start: Spanned<RawStart>,
     goals: Spanned<Vec<Spanned<RawGoal>>>,
     #[serde(default)]
     trajectories: Vec<Spanned<RawTrajectory>>,
@@ -60,8 +60,9 @@ struct RawWind {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawStart {
-    view: View,
-    range_m: Spanned<[f64; 2]>,
+    scene: Option<bool>,
+    view: Option<View>,
+    range_m: Option<Spanned<[f64; 2]>>,
     east: Option<Spanned<[f64; 2]>>,
     north: Option<Spanned<[f64; 2]>>,
     #[serde(default)]
@@ -250,20 +251,59 @@ fn wind(raw: &RawWind, source: &Source<'_>) -> Result<Winds, TaskError> {
     })
 }
 
-fn start(raw: RawStart, source: &Source<'_>) -> Result<Start, TaskError> {
+fn start(raw: Spanned<RawStart>, source: &Source<'_>) -> Result<Start, TaskError> {
+    let at = raw.span();
+    let raw = raw.into_inner();
+    if raw.scene == Some(true) {
+        return own_start(&raw, at, source);
+    }
+    let missing = |key: &str| {
+        source.error(at.clone(), format!("missing field `{key}`"), Some("or write `scene = true` for the scene's own start"))
+    };
+    let view = raw.view.ok_or_else(|| missing("view"))?;
+    let range = raw.range_m.ok_or_else(|| missing("range_m"))?;
     let place = |key: &str, value: Option<Spanned<[f64; 2]>>| {
         value.map(|value| source.range(key, &value, -10_000.0, 10_000.0)).transpose()
     };
     let past = source.selectors(raw.past)?;
     let near = source.or("past_m", raw.past_m.as_ref(), 0.1, 100.0, 1.0)?;
     Ok(Start {
-        view: raw.view,
-        range: source.range("range_m", &raw.range_m, 0.0, 1000.0)?,
+        own: false,
+        view,
+        range: source.range("range_m", &range, 0.0, 1000.0)?,
         east: place("east", raw.east)?,
         north: place("north", raw.north)?,
         of: source.selectors(raw.of)?,
         past: (!past.is_empty()).then_some((past, near)),
         blocked: raw.blocked,
+    })
+}
+
+/// The scene's own start, beside which nothing else can be asked for.
+fn own_start(raw: &RawStart, at: Range<usize>, source: &Source<'_>) -> Result<Start, TaskError> {
+    let RawStart { scene: _, view, range_m, east, north, of, past, past_m, blocked } = raw;
+    let others = [
+        ("view", view.is_some()),
+        ("range_m", range_m.is_some()),
+        ("east", east.is_some()),
+        ("north", north.is_some()),
+        ("of", !of.is_empty()),
+        ("past", !past.is_empty()),
+        ("past_m", past_m.is_some()),
+        ("blocked", blocked.is_some()),
+    ];
+    if let Some((key, _)) = others.iter().find(|(_, given)| *given) {
+        return Err(source.error(at, format!("`{key}` means nothing beside `scene = true`: nothing is drawn"), None));
+    }
+    Ok(Start {
+        own: true,
+        view: View::Any,
+        range: [0.0, 1000.0],
+        east: None,
+        north: None,
+        of: Vec::new(),
+        past: None,
+        blocked: None,
     })
 }
 
@@ -394,6 +434,18 @@ path = ["0,0,3,0", "10,0,3,90"]
         assert_eq!(task.trajectories[0].path[1].attitude.heading, core::f64::consts::FRAC_PI_2);
         assert_eq!(task.start_targets(), &task.goals[0].targets[..]);
         assert_eq!((task.wind, task.vlm_delay), (None, None));
+    }
+
+    #[test]
+    fn a_scene_s_own_start_stands_alone() {
+        let drawn = "view = \"half\"\nrange_m = [15.0, 100.0]";
+        let task = Task::parse(&GOOD.replace(drawn, "scene = true"), "a.toml").unwrap();
+        assert!(task.start.own && !Task::parse(GOOD, "a.toml").unwrap().start.own);
+        let error = |start: &str| Task::parse(&GOOD.replace(drawn, start), "a.toml").unwrap_err().to_string();
+        let both = error("scene = true\nblocked = true");
+        assert!(both.starts_with("a.toml:13: `blocked` means nothing"), "{both}");
+        let without = error("view = \"half\"");
+        assert!(without.starts_with("a.toml:13: missing field `range_m`") && without.contains("scene = true"), "{without}");
     }
 
     #[test]

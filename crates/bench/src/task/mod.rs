@@ -123,6 +123,8 @@ pub enum View {
 /// Where trials begin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Start {
+    /// Whether every trial begins at the scene's own start and heading; then nothing is drawn, and the rest does not apply.
+    pub own: bool,
     /// Whether the target is in view.
     pub view: View,
     /// Metres from the start to the nearest surface of a target, least and most.

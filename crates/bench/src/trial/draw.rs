@@ -99,7 +99,8 @@ pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
             source: Box::new(source),
         })?);
         let draw = Draw::new(seed, "bench start", &[word, attempt]);
-        if let Some(drawn) = start(task, &loaded, in_view, draw) {
+        let found = if task.start.own { own_start(task, &loaded) } else { start(task, &loaded, in_view, draw) };
+        if let Some(drawn) = found {
             return Ok(Drawn { scene, wind: wind(task, seed, word), ..drawn });
         }
     }
@@ -114,6 +115,22 @@ fn wind(task: &Task, seed: u64, word: u64) -> Wind {
     let speed = least + (most - least) * draw.uniform();
     let (sin, cos) = libm::sincos(draw.uniform() * core::f64::consts::TAU);
     Wind { east: speed * sin, north: speed * cos, gust: winds.gust, gust_time: winds.gust_time }
+}
+
+/// The scene's own start; none where the scene lacks a target.
+fn own_start(task: &Task, loaded: &Arc<LoadedScene>) -> Option<Drawn> {
+    let place = Place::at(loaded.scene.start, select_all(task.start_targets(), loaded, loaded.scene.start.position), loaded);
+    let snapshot = place.snapshot(task, loaded);
+    let near = nearest(loaded, &place.lasting, &snapshot);
+    (!place.targets.is_empty() || task.start_targets().is_empty()).then(|| Drawn {
+        loaded: loaded.clone(),
+        scene: String::new(),
+        wind: Wind::default(),
+        start: place.start,
+        in_view: None,
+        focus: near.map(|(id, _)| id),
+        range: near.map(|(_, range)| range),
+    })
 }
 
 /// A start in a scene; none when none is found.
@@ -181,13 +198,9 @@ impl Place {
         let (aside, turn) = (draw.uniform() * 2.0 - 1.0, draw.uniform());
         let up = loaded.collider.ground_below(above).map_or(0.0, |ground| ground.up);
         let at = EnuPosition { east, north, up };
-        let targets = select_all(task.start_targets(), loaded, at);
-        let standing = |id: &ObjectId| loaded.cast.of_object(*id).is_none();
-        let mut lasting: Vec<ObjectId> = targets.iter().copied().filter(standing).collect();
-        if lasting.is_empty() {
-            lasting.clone_from(&targets);
-        }
-        let focus = lasting.get(draw.below(lasting.len())).copied();
+        let start = Pose { position: at, attitude: Attitude::default() };
+        let place = Self::at(start, select_all(task.start_targets(), loaded, at), loaded);
+        let focus = place.lasting.get(draw.below(place.lasting.len())).copied();
         let bearing = focus.and_then(|id| loaded.scene.object(id)).map_or(0.0, |object| {
             let to = centre(&object.bounds);
             libm::atan2(to.east - east, to.north - north)
@@ -199,7 +212,17 @@ impl Place {
             None => turn * core::f64::consts::TAU,
         };
         let attitude = Attitude { heading: wrap_angle(bearing + off), ..Attitude::default() };
-        Self { start: Pose { position: at, attitude }, targets, lasting, focus, off }
+        Self { start: Pose { attitude, ..start }, focus, off, ..place }
+    }
+
+    /// A place with these targets, of which none is in focus.
+    fn at(start: Pose, targets: Vec<ObjectId>, loaded: &LoadedScene) -> Self {
+        let standing = |id: &ObjectId| loaded.cast.of_object(*id).is_none();
+        let mut lasting: Vec<ObjectId> = targets.iter().copied().filter(standing).collect();
+        if lasting.is_empty() {
+            lasting.clone_from(&targets);
+        }
+        Self { start, targets, lasting, focus: None, off: 0.0 }
     }
 
     /// Where the craft is after take-off.

@@ -54,7 +54,7 @@ impl Method {
     /// How it is flown on a task: the preset, but for what the method is about.
     pub(super) fn settings(self, task: &Task) -> PilotSettings {
         PilotSettings {
-            avoid: task.avoid,
+            avoid: task.avoid || self.manner.avoid,
             max_time: duration_from_secs(task.max_time),
             max_decisions: task.max_decisions,
             ..self.manner.settings(median_step(task.set))
@@ -148,6 +148,9 @@ mod tests {
         assert_eq!(settings("spf-sequential"), PilotSettings { motion: Motion::Sequential, ..spf });
         assert_eq!(settings("spf-timed"), PilotSettings { ending: Ending::Timed, ..spf });
         assert_eq!(stop, PilotSettings { think: Think::Stop, ..spf });
+        assert_eq!((task.avoid, settings("spf-avoid")), (false, PilotSettings { avoid: true, ..spf }));
+        let paper = settings("spf-paper");
+        assert_eq!(settings("spf-paper-avoid"), PilotSettings { avoid: true, ..paper });
         assert_eq!(settings("spf-stop-sequential"), PilotSettings { motion: Motion::Sequential, ..stop });
     }
 

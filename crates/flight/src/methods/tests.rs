@@ -113,8 +113,8 @@ fn manners() -> impl Strategy<Value = Manner> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(Think::Stop), Just(Think::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>())).prop_map(
-        |(preset, step, lifting, motion, ending, think, confirm_done)| Manner {
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<bool>()).prop_map(
+        |(preset, step, lifting, motion, ending, think, confirm_done, avoid)| Manner {
             preset,
             step,
             lifting,
@@ -122,6 +122,7 @@ fn manners() -> impl Strategy<Value = Manner> {
             ending,
             think,
             confirm_done,
+            avoid,
             blind: false,
         },
     )
