@@ -1,4 +1,4 @@
-//! How the oracle reads an instruction, before anything is flown: so that a person can check it.
+//! Shows how the oracle reads an instruction before a flight, so that the user can check it.
 
 use std::collections::BTreeSet;
 
@@ -8,50 +8,50 @@ use super::language::score::vocabulary;
 use super::language::{Clause, Phrase, Verb, parse, spelling};
 use super::place::{Placed, Viewpoint};
 
-/// An instruction as the oracle reads it in a scene.
+/// The reading of an instruction in a scene.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct InstructionReading {
-    /// What is to be done, in order; empty where the words name nothing to do.
+    /// The actions, in order; empty if none was found.
     pub steps: Vec<ReadStep>,
-    /// Words read as others, in order of first appearance.
+    /// Corrected words, in order of first appearance.
     pub corrections: Vec<Correction>,
     /// Words that nobody knows, beside others that name a thing: they were passed over.
     pub ignored: Vec<UnknownWord>,
 }
 
-/// One thing to do, as read.
+/// One action.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadStep {
     /// What is to be done.
     pub verb: Verb,
-    /// What with, in the words of the instruction as they were read; empty for a look around.
+    /// The target, in the words as read; empty for a look around.
     pub target: String,
-    /// The objects that it may mean, by number, as they stand at the start.
+    /// Ids of the objects that it may mean, at their initial positions.
     pub candidates: Vec<u16>,
-    /// Nouns that neither the language nor the scene has.
+    /// Nouns known neither to the language nor to the scene.
     pub unknown: Vec<UnknownWord>,
 }
 
-/// A word that was read as another.
+/// A corrected word.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Correction {
-    /// As it was written, in lower case.
+    /// As written, in lower case.
     pub said: String,
     /// As it was read.
     pub read: String,
 }
 
-/// A word that was not understood.
+/// An unknown word.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownWord {
     /// The word, in lower case.
     pub word: String,
-    /// The word of the scene that is spelt most like it, where one is near.
+    /// The scene's most similarly spelt word, if one is close.
     pub nearest: Option<String>,
 }
 
 impl ReadStep {
-    /// Whether it can be flown or at least searched for: something fits, or every word is known.
+    /// Whether it can be flown or at least searched for: something matches, or every word is known.
     #[must_use]
     pub fn is_understood(&self) -> bool {
         !self.candidates.is_empty() || (self.unknown.is_empty() && (!self.target.is_empty() || self.verb == Verb::Scan))
@@ -59,7 +59,7 @@ impl ReadStep {
 }
 
 impl InstructionReading {
-    /// Whether any of it is understood. If not, a flight could only end in a search for nothing.
+    /// Whether any action is understood. If not, a flight could only end in a fruitless search.
     #[must_use]
     pub fn is_understood(&self) -> bool {
         self.steps.iter().any(ReadStep::is_understood)
@@ -105,19 +105,19 @@ fn each_within(phrase: &Phrase, note: &mut impl FnMut(&Phrase)) {
     phrase.relations.iter().flat_map(|(_, anchors)| anchors).chain(&phrase.not).for_each(|within| each_within(within, note));
 }
 
-/// The word of the scene that is spelt most like it, when no more than a third of its letters differ.
+/// The scene's most similarly spelt word, if at most a third of its letters differ.
 fn like(word: &str, scene: &BTreeSet<String>) -> Option<String> {
     let near = spelling::nearest(word, scene.iter().map(String::as_str).filter(|known| known.len() > 2))?;
     (spelling::distance(word, near) <= (word.len() / 3).max(1)).then(|| near.to_owned())
 }
 
-/// A phrase by what names a thing: colours or matter, and nouns as they were read; by its use or as it was said where it has none.
+/// A phrase in a few words: colours or material, and nouns as read; without a noun, its use or its words.
 fn in_few_words(phrase: &Phrase) -> String {
     let mut words: Vec<&str> = Vec::new();
     if phrase.other {
         words.push("other");
     }
-    // "Silver" asks for grey, and rather for silver: it stands among both, and the person said the latter.
+    // "Silver" counts both as grey and as silver; show the word the user wrote.
     let looks = if phrase.soft.is_empty() { &phrase.colours } else { &phrase.soft };
     words.extend(looks.iter().chain(&phrase.nouns).map(String::as_str));
     match words.is_empty() {

@@ -1,4 +1,4 @@
-//! Noun phrases: what kind of thing is meant, and by what it is told from others.
+//! Noun phrases: the kind of object meant, and the attributes that distinguish it.
 
 use super::lex::singular;
 use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING};
@@ -9,22 +9,22 @@ use super::meaning::{Relation, Side, Size};
 pub struct Ordinal {
     /// 1 for the first; −1 for the last.
     pub number: i32,
-    /// The side counted from; from the nearest on where none is named.
+    /// The side counted from; by distance if none is named.
     pub from: Option<Side>,
 }
 
 /// A noun phrase.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Phrase {
-    /// Nouns in singular, head last; empty for "something".
+    /// Nouns in the singular, head last; empty for "something".
     pub nouns: Vec<String>,
-    /// Plain colours it must have.
+    /// Basic colours it must have.
     pub colours: Vec<String>,
-    /// Ranks it by size or place, in order.
+    /// Rankings by size or position, in order.
     pub sizes: Vec<Size>,
-    /// Whether the ranking words were superlatives, so that one object alone is meant.
+    /// Whether the ranking words were superlatives, so that a single object is meant.
     pub superlative: bool,
-    /// Adjectives of shape and matter.
+    /// Adjectives of shape and material.
     pub soft: Vec<String>,
     /// Ordinal.
     pub ordinal: Option<Ordinal>,
@@ -32,17 +32,18 @@ pub struct Phrase {
     pub side: Option<Side>,
     /// Relations, each with its anchors (two for *between*).
     pub relations: Vec<(Relation, Vec<Self>)>,
-    /// Words that say what it serves for.
+    /// Words describing its use.
     pub uses: Vec<String>,
-    /// Whether `uses` tell what it has with it by its colour ("with the red cone"): what lacks it is not meant.
+    /// Whether `uses` describe something it has, by colour ("with the red cone"): objects without it do not match.
     pub having: bool,
-    /// What it is not.
+    /// Exclusions.
     pub not: Vec<Self>,
-    /// "the other one", "another": not what was meant before.
+    /// "the other one", "another": excludes earlier targets.
     pub other: bool,
-    /// "it", "the black one": the noun is that of an earlier phrase.
+    /// "it", "the black one": the noun comes from an earlier phrase.
     pub pronoun: bool,
-    /// All its words as said, singular, without articles and marks: some names are whole descriptions.
+    /// All words as given, in the singular, without articles and punctuation, since some names are complete
+    /// descriptions.
     pub said: Vec<String>,
     /// Words that nobody knows, beside others that name a thing: passed over.
     pub ignored: Vec<String>,
@@ -51,7 +52,7 @@ pub struct Phrase {
 }
 
 impl Phrase {
-    /// Whether the phrase says nothing at all.
+    /// Whether the phrase has no content.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         let Self { nouns, colours, sizes, soft, ordinal, side, relations, uses, not, other, pronoun, .. } = self;
@@ -68,7 +69,7 @@ impl Phrase {
             && !pronoun
     }
 
-    /// Reads a noun phrase from the words after a verb and its preposition.
+    /// Parses a noun phrase from the words after a verb and its preposition.
     pub(super) fn read(words: &[String]) -> Self {
         let said = words.iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an" | "," | ".")).map(|w| singular(w)).collect();
         let mut phrase = Self { said, ..Self::default() };
@@ -77,7 +78,7 @@ impl Phrase {
     }
 
     fn take(&mut self, words: &[String], depth: usize) {
-        // Nested relations and relative clauses end somewhere: nobody means more than a few.
+        // Limits nested relations and relative clauses; real instructions have few.
         if depth > 6 {
             return;
         }
@@ -147,7 +148,7 @@ impl Phrase {
         }
     }
 
-    /// Takes in one word; true when it is a head that names nothing.
+    /// Processes one word; true if it is a head noun without meaning of its own.
     fn word(&mut self, rest: &[String]) -> bool {
         let word = rest[0].as_str();
         let plain = singular(word);
@@ -156,7 +157,7 @@ impl Phrase {
         } else if matches!(word, "it" | "them" | "there" | "one" | "ones")
             && (word == "it" || word == "them" || next.is_none_or(|n| n != "of"))
         {
-            // "that one of the trees" keeps its noun for later.
+            // "that one of the trees": the noun follows later.
             self.pronoun = true;
             return word == "one" || word == "ones";
         } else if matches!(word, "other" | "another" | "different" | "else") {
@@ -183,7 +184,7 @@ impl Phrase {
             if !self.colours.iter().any(|c| c == colour) {
                 self.colours.push(colour.to_owned());
             }
-            // "Silver" asks for grey, and rather for silver.
+            // "Silver" means grey, and preferably silver.
             if word != colour {
                 self.soft.push(word.to_owned());
             }
@@ -259,7 +260,7 @@ impl Phrase {
             let before = self.uses.len();
             self.uses.extend(telling.cloned());
             self.having |= first == "with" && rest.iter().any(|w| is_colour(w));
-            // "The person who needs help": words that say little elsewhere are all there is to tell one by.
+            // "The person who needs help": words without content elsewhere are the only distinction here.
             if self.uses.len() == before && !self.nouns.is_empty() {
                 self.uses.extend(rest.iter().filter(|w| w.len() > 1).cloned());
             }
@@ -280,7 +281,7 @@ fn clothes(words: &[String]) -> Option<(usize, &'static str)> {
     (garment || ends).then_some((lead + 1 + usize::from(garment), colour))
 }
 
-/// Whether a noun phrase is over before this word.
+/// Whether the noun phrase ends before this word.
 fn ends_phrase(next: Option<&str>) -> bool {
     next.is_none_or(|w| {
         matches!(w, "," | "." | "and" | "that" | "which" | "with" | "from" | "for" | "please" | "but" | "there")
@@ -300,7 +301,7 @@ fn is_adjective(word: &str) -> bool {
         || ADJECTIVES.fluff.contains(word)
 }
 
-/// Whether some word may be a noun.
+/// Whether any word may be a noun.
 fn has_noun(words: &[String]) -> bool {
     words.iter().any(|w| {
         let w = w.as_str();
@@ -310,7 +311,7 @@ fn has_noun(words: &[String]) -> bool {
     })
 }
 
-/// Whether the words say no more than "the city", "the image".
+/// Whether the words only mean "the city", "the image" and the like.
 fn surroundings(words: &[String]) -> bool {
     words
         .iter()

@@ -73,7 +73,7 @@ impl Words<'_> {
     }
 }
 
-/// Edits forgiven between a word nobody knows and a tag: one more than elsewhere when it starts alike and is not short.
+/// Maximum edits between an unknown word and a tag: one more than usual if it starts alike and is not short.
 fn slips(word: &str, tag: &str) -> usize {
     let alike = (5..7).contains(&word.len()) && word.bytes().next() == tag.bytes().next();
     spelling::forgiven(word.len()) + usize::from(alike)
