@@ -45,7 +45,7 @@ pub enum Role {
     Visual,
     /// Touched only: clear glass.
     Glass,
-    /// An opening (gate, tunnel mouth, hollow): drawn into the second id and depth picture only; hides nothing, touches nothing.
+    /// An opening (gate, tunnel mouth, hollow): drawn into the second id and depth image only; hides nothing, touches nothing.
     Opening,
 }
 

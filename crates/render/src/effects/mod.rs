@@ -1,4 +1,4 @@
-//! What a real camera does to a picture: a lens that bends it, a shutter that is open for a while, an exposure, a noisy sensor, a
+//! What a real camera does to an image: a lens that bends it, a shutter that is open for a while, an exposure, a noisy sensor, a
 //! compressed link. Everything is off unless asked for (docs/reference/camera-effects.md).
 //!
 //! They come in the order of a camera: light is added up while the shutter is open, bent by the lens, exposed, disturbed by the

@@ -17,7 +17,7 @@ const MOST: usize = 600;
 const WIDTH: u32 = 64;
 const HEIGHT: u32 = 48;
 const VALUES: usize = (WIDTH * HEIGHT) as usize * 3;
-/// A picture is one of the remembered frames when it differs from it by no more than this, in root mean squares of 0..=255:
+/// An image is one of the remembered frames when it differs from it by no more than this, in root mean squares of 0..=255:
 /// docs/guide/grounding.md has how many frames it tells apart after H.264, another size and JPEG at quality 60.
 const MOST_DIFFERENT: f64 = 7.0;
 /// Shapes of images may differ by this much: sizes are rounded to a model's multiples.
