@@ -10,7 +10,7 @@ use spf_media::jpeg::{self, Jpeg};
 pub enum Compression {
     /// JPEG of this quality, 1..=100.
     Jpeg(u8),
-    /// A key image of an H.264 stream with this quantiser, 10 (nearly lossless) ..= 40 (coarse).
+    /// A key frame of an H.264 stream with this quantiser, 10 (nearly lossless) ..= 40 (coarse).
     H264(u8),
 }
 
