@@ -1,7 +1,7 @@
-//! Soft darkness where things stand: what is a hand above the ground keeps the sky's light from it, sun or no sun.
+//! Contact shadows: geometry just above the ground blocks the light of the sky, with or without sun.
 //!
-//! A map seen from above, in tiles that exist only about the feet of things. Each cell knows how dark the ground is at its corners
-//! and at what height that ground lies, so that neither the tops of things nor another floor are darkened.
+//! They are stored in a map seen from above, with tiles only around the bases of objects. Each cell stores the darkness
+//! at its corners and the height of the ground, so that neither the tops of objects nor other floors are darkened.
 
 use std::collections::BTreeMap;
 

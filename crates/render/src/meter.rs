@@ -1,4 +1,4 @@
-//! How bright things are on the film: the camera's exposure, and the light on each thing that is seen.
+//! Light metering: the camera's exposure, and the light on each visible object.
 
 use std::collections::{BTreeMap, BTreeSet};
 

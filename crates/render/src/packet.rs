@@ -1,4 +1,4 @@
-//! Pixels of a tile gathered by what they are painted with, so that eight at a time are shaded alike.
+//! Groups the pixels of a tile by material, so that eight at a time are shaded alike.
 
 use super::develop::film;
 use super::edge::COUNT;

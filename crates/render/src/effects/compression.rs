@@ -1,4 +1,4 @@
-//! The compressed link: an image encoded and decoded again, by real codecs.
+//! Link compression: the image is encoded and decoded with real codecs.
 
 use spf_core::time::Time;
 use spf_media::frame::Rgb;

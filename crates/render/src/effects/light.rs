@@ -1,4 +1,4 @@
-//! From the bytes of an image to light and back (sRGB, IEC 61966-2-1), and how much of it the film gets.
+//! Conversion between sRGB bytes and linear light (IEC 61966-2-1), and exposure.
 
 use std::sync::OnceLock;
 

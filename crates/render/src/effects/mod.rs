@@ -1,9 +1,9 @@
-//! What a real camera does to an image: a lens that bends it, a shutter that is open for a while, an exposure, a noisy sensor, a
-//! compressed link. Everything is off unless asked for (docs/reference/camera-effects.md).
+//! Effects of a real camera: lens distortion, motion blur, exposure, sensor noise, link compression. All are off by
+//! default (docs/reference/camera-effects.md).
 //!
-//! They come in the order of a camera: light is added up while the shutter is open, bent by the lens, exposed, disturbed by the
-//! sensor, and compressed. The lens bends ids and depth too, since those tell what stands where in the image; the rest is
-//! colour's alone. One image follows from the poses while its shutter was open, its capture time and the flight's seed.
+//! They are applied in physical order: light is accumulated while the shutter is open, distorted by the lens, exposed,
+//! disturbed by the sensor, and compressed. The lens also affects ids and depth; the other effects only apply to
+//! colour. An image depends only on the poses while its shutter was open, its capture time and the flight's seed.
 
 mod blur;
 mod compression;

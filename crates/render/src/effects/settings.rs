@@ -1,4 +1,4 @@
-//! Which effects, how strong: written and read as one line of words.
+//! Settings of the effects, and their one-line text form.
 
 use std::str::FromStr;
 
