@@ -1,4 +1,4 @@
-//! From what is written to one entry an object: templates merged, places and rows unrolled, everything checked.
+//! Expands a file to one entry per object: merges templates, unrolls places and rows, validates everything.
 
 use std::collections::BTreeSet;
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! Scene files (`docs/reference/scene-format.md`): from their text, by checked entries, to the scene.
+//! Scene files (`docs/reference/scene-format.md`): from text via validated entries to the scene.
 
 mod build;
 mod expand;

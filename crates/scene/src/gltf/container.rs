@@ -1,4 +1,4 @@
-//! From bytes to the checked JSON of a glTF file, without trusting a number in it.
+//! Reads a glTF file to validated JSON.
 
 use std::borrow::Cow;
 

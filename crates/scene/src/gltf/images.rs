@@ -1,4 +1,4 @@
-//! Images of a file: PNG and JPEG, looked at before they are decoded, made smaller until all fit.
+//! Images of a file: PNG and JPEG, checked before decoding, scaled down to fit the memory limit.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};

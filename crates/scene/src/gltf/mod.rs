@@ -1,7 +1,7 @@
-//! glTF 2.0 files as worlds (`docs/guide/gltf.md`): meshes to draw and to touch, tags, and a place to start from.
+//! glTF 2.0 files as worlds (`docs/guide/gltf.md`): meshes for rendering and collisions, tags, and a start.
 //!
-//! A file is someone else's: every number in it is checked before it is followed, and what reading can allocate is bounded by
-//! the limits of [`container`], [`accessor`], [`mesh`] and [`images`] before it is allocated.
+//! Files are untrusted: every value is validated before use, and allocations are bounded by the limits of
+//! [`container`], [`accessor`], [`mesh`] and [`images`].
 
 mod accessor;
 mod container;

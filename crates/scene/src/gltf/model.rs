@@ -1,4 +1,4 @@
-//! A model as the mesh of one object: what is drawn and touched, without the tags, the start and the ground of a world.
+//! A model as the mesh of one object, without tags, start and ground.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Words from the names that modelling programs give: `Red_Car.003` is a red car.
+//! Object names from those of modelling programs: `Red_Car.003` is a red car.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! From placed meshes to objects with ids, tags, extents and footprints.
+//! Converts placed meshes to objects with ids, tags, bounds and footprints.
 
 use std::collections::{BTreeMap, BTreeSet};
 

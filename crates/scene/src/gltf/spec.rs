@@ -1,4 +1,4 @@
-//! What a file's author wrote for us: `extras` of nodes, meshes and scenes.
+//! Metadata for this project in a file: `extras` of nodes, meshes and scenes.
 //!
 //! Either under one key, `{"spf": {"names": ["red car", "car"], "kind": "vehicle"}}`, or flat as Blender exports custom
 //! properties, `{"spf_names": "red car, car", "spf_kind": "vehicle"}`.

@@ -1,4 +1,4 @@
-//! Where to start in a world whose author did not say, and ground for models that have none.
+//! Default start pose of a world, and ground for models without any.
 
 use glam::{Vec2, Vec3};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};

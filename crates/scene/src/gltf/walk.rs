@@ -1,4 +1,4 @@
-//! Nodes of a file: where each mesh stands, and which object it is part of.
+//! Traverses the nodes of a file: the transform of each mesh, and the object it belongs to.
 
 use std::collections::BTreeSet;
 

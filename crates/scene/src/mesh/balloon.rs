@@ -1,6 +1,6 @@
 //! Balloons: round ones on ribbons, an arch of many, and a hot-air balloon with its basket.
 //!
-//! Ribbons and mooring ropes are drawn only: too thin to be seen from afar, they would be obstacles that nobody can avoid.
+//! Ribbons and mooring ropes are not solid: too thin to be visible from afar, they would be unavoidable obstacles.
 
 use core::f64::consts::PI;
 

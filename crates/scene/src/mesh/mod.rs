@@ -1,7 +1,7 @@
-//! Procedural meshes: one generator a kind of thing, drawn from a few measures.
+//! Procedural meshes: one generator per kind of object, with a few parameters.
 //!
-//! A generator is plain data read from a scene file. It names its material slots with their default materials, and draws in
-//! its own frame (x right, y forward, z up, metres). The table [`KINDS`] is the whole list.
+//! A generator is plain data from a scene file. It declares its material slots with default materials, and builds its
+//! mesh in its own frame (x right, y forward, z up, metres). The table [`KINDS`] lists all of them.
 
 mod balloon;
 mod bridge;

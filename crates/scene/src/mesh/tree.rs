@@ -1,4 +1,4 @@
-//! Trees: broadleaf with a crown of lumps, conifers of stacked skirts. Grown by chance from the instance's name.
+//! Trees: broadleaf with a crown of lumps, conifers of stacked skirts, generated from the instance's name.
 
 use core::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! Other colours, and the words that go with them.
+//! Colour changes of variants, with the names that depend on them.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,4 +1,4 @@
-//! What stands where: whether things have room at other places.
+//! Free space for objects at other positions.
 
 use core::cell::Cell;
 

@@ -1,4 +1,4 @@
-//! Where the joints are: postures and the gait, for a person of 1.75 m, x right, y forward, z up, metres.
+//! Joint positions: postures and gait, for a person of 1.75 m, x right, y forward, z up, metres.
 
 use core::f64::consts::{PI, TAU};
 
