@@ -1,4 +1,4 @@
-//! An error as a person reads it: what was tried, what failed, what to do.
+//! Error output for users: what was tried, what failed, what to do.
 
 use std::fmt::{self, Display};
 

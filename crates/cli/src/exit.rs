@@ -1,4 +1,4 @@
-//! Exit codes, one place (README.md lists them for users).
+//! Exit codes (listed for users in README.md).
 
 use spf_core::pilot::Outcome;
 use std::process::ExitCode;

@@ -1,4 +1,4 @@
-//! Where words go: data to standard output, talk to standard error. The only place that prints.
+//! Output: data to standard output, messages to standard error. The only module that prints.
 
 use std::io::{IsTerminal, Write};
 

@@ -1,4 +1,4 @@
-//! What a person sees while it flies: one live line, and a line a decision.
+//! Progress display during a flight: one live line, and a line per decision.
 
 use spf_core::pilot::{Action, Note, OperatorEvent, Pilot};
 use spf_core::time::{Duration, Time};

@@ -1,4 +1,4 @@
-//! `spf config`: what is in force, and from where.
+//! `spf config`: shows the effective settings and their sources.
 
 use std::path::Path;
 

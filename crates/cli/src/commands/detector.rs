@@ -1,4 +1,4 @@
-//! `--detector`: who lists what is in the image, in obstacle mode.
+//! `--detector`: selects the object detector for obstacle mode.
 
 use std::path::Path;
 

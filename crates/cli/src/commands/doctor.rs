@@ -1,4 +1,4 @@
-//! `spf doctor`: everything that can be found out before a flight.
+//! `spf doctor`: checks before a flight.
 
 use std::path::Path;
 

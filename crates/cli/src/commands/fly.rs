@@ -1,4 +1,4 @@
-//! `spf fly`: from settings to a flight, and from a flight to words and an exit code.
+//! `spf fly`: creates a flight from settings, and reports its result and exit code.
 
 mod manual;
 mod reading;

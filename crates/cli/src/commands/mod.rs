@@ -1,4 +1,4 @@
-//! One file a command, each returning an exit code.
+//! One module per command, each returning an exit code.
 
 pub(crate) mod bench;
 pub(crate) mod config;

@@ -1,4 +1,4 @@
-//! `spf replay --vlm`: another mind about the frames of a flight.
+//! `spf replay --vlm`: sends the queries of a flight to another model.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! `spf replay`: a recorded flight again, on paper.
+//! `spf replay`: replays a recorded flight without flying.
 
 use serde_json::Value;
 use spf_flight::replay::{Changes, Difference, Report, replay as fly_again};

@@ -1,4 +1,4 @@
-//! `spf tello`: a Tello itself.
+//! `spf tello`: commands for a Tello.
 
 use std::time::Instant;
 

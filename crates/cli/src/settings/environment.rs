@@ -1,4 +1,4 @@
-//! The environment, and `.env` under it.
+//! Settings from the environment, and from `.env` below it.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;

@@ -1,4 +1,4 @@
-//! `spf.toml`.
+//! Settings from `spf.toml`.
 
 use std::fmt::Display;
 use std::path::Path;

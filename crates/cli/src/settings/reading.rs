@@ -1,4 +1,4 @@
-//! What the text of a setting may be, and what it is read as.
+//! Parsers for the text of settings.
 
 use std::error::Error;
 use std::fmt::Display;

@@ -1,4 +1,4 @@
-//! One setting: the text in force, where it came from, and what it is read as.
+//! One setting: its effective text, its source, and its parser.
 
 use std::path::PathBuf;
 

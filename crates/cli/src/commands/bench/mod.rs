@@ -1,4 +1,4 @@
-//! `spf bench`: tasks, trials, how often they were done (docs/guide/bench.md).
+//! `spf bench`: runs tasks in trials and reports success rates (docs/guide/bench.md).
 
 mod check;
 mod report;

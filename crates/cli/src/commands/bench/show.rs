@@ -1,4 +1,4 @@
-//! `spf bench show`: one trial again, with its files.
+//! `spf bench show`: repeats one trial and records its files.
 
 use std::path::Path;
 use std::sync::Arc;

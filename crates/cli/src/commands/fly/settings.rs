@@ -1,4 +1,4 @@
-//! From settings to what a flight is made of.
+//! Converts settings to a flight plan.
 
 use std::path::Path;
 use std::sync::Arc;

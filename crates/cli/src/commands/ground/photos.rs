@@ -1,4 +1,4 @@
-//! Photographs, frames of videos, standard input.
+//! Input images: photographs, video frames, standard input.
 
 use std::fs::File;
 use std::io::Read;

@@ -1,4 +1,4 @@
-//! `spf log export`: messages of a topic as one table.
+//! `spf log export`: the messages of a topic as one table.
 
 use std::path::{Path, PathBuf};
 

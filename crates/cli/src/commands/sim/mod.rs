@@ -1,4 +1,4 @@
-//! `spf sim`: the embedded simulator by itself.
+//! `spf sim`: direct use of the embedded simulator.
 
 mod contact_sheet;
 mod dataset;

@@ -1,4 +1,4 @@
-//! `spf sim scenes`: what scenes there are and what is in them.
+//! `spf sim scenes`: lists scenes and their objects.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;

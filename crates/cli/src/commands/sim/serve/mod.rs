@@ -1,4 +1,4 @@
-//! `spf sim serve`: parts of the simulator over the interfaces of real ones.
+//! `spf sim serve`: exposes the simulator over the interfaces of real systems.
 
 mod tello;
 mod vlm;
