@@ -15,7 +15,7 @@ pub struct InstructionReading {
     pub steps: Vec<ReadStep>,
     /// Corrected words, in order of first appearance.
     pub corrections: Vec<Correction>,
-    /// Words that nobody knows, beside others that name a thing: they were passed over.
+    /// Unknown words beside others that name an object; they were ignored.
     pub ignored: Vec<UnknownWord>,
 }
 

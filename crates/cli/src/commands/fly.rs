@@ -62,11 +62,11 @@ pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
 struct Ready {
     /// But for its record and its operator.
     plan: FlightPlan,
-    /// What the person is told before.
+    /// Messages before take-off.
     said: Vec<String>,
     /// What a person would fly by hand; none in virtual time.
     by_hand: Option<Craft>,
-    /// The camera whose video is told of afterwards.
+    /// The camera whose video statistics are reported at the end.
     camera: Option<Arc<dyn Frames>>,
 }
 
@@ -167,7 +167,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     let start = settings.fly.start.get()?;
     let kind = settings.fly.drone_model.get()?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
-    // A flight in virtual time is over before anybody has looked.
+    // A flight in virtual time is over before anyone could watch it.
     let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some();
     let conditions = SceneLook { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
     let flight_conditions = flight_conditions(settings)?;

@@ -38,7 +38,7 @@ impl Settings {
     /// What is in force for a command with these arguments.
     ///
     /// # Errors
-    /// A file, `.env` or variable that cannot be read, and an unknown key in the file. Wrong values are told when they are asked for.
+    /// A file, `.env` or variable that cannot be read, or an unknown key in the file. Invalid values are reported on use.
     pub(crate) fn of(args: &impl Flags, printer: &Printer) -> Result<Self, CliError> {
         let mut settings = Self::load(args.file(), printer)?;
         args.say(&mut settings);

@@ -17,7 +17,7 @@ pub(crate) struct Key {
     pub(crate) env: &'static str,
     /// The flag that says it, if any command has one.
     pub(crate) flag: Option<Flag>,
-    /// What holds when nobody says anything; empty: decided by something else, see `doc`.
+    /// The default; empty if determined otherwise, see `doc`.
     pub(crate) default: &'static str,
     /// Meaning and unit.
     pub(crate) doc: &'static str,
@@ -140,7 +140,7 @@ impl<T> Setting<T> {
         self.say(text.to_owned(), Origin::Flag(name));
     }
 
-    /// Puts another default in place of the key's, where nobody said anything.
+    /// Replaces the key's default, if no value was given.
     pub(crate) fn default_to(&mut self, text: &str) {
         if self.origin == Origin::Default {
             text.clone_into(&mut self.text);

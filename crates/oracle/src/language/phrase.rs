@@ -45,7 +45,7 @@ pub struct Phrase {
     /// All words as given, in the singular, without articles and punctuation, since some names are complete
     /// descriptions.
     pub said: Vec<String>,
-    /// Words that nobody knows, beside others that name a thing: passed over.
+    /// Unknown words beside others that name an object; ignored.
     pub ignored: Vec<String>,
     /// Nouns that were put right: as they were said, and as they are read.
     pub spelt: Vec<(String, String)>,

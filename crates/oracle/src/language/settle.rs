@@ -1,4 +1,4 @@
-//! A phrase's words set right by the words of the scene, and freed of those that nobody knows.
+//! Corrects the spelling of a phrase against the words of the scene, and removes unknown words.
 
 use std::collections::BTreeSet;
 

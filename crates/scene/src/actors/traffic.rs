@@ -38,10 +38,10 @@ pub struct Traffic {
     tick: u64,
 }
 
-/// Free room that everybody keeps to a craft, metres.
+/// Clearance that actors keep from a craft, metres.
 const CRAFT_GAP: f64 = 0.4;
 
-/// What everybody holds, and room to try what else one would need.
+/// The reserved space of all actors, and scratch space for trying reservations.
 #[derive(Clone, Debug, Default)]
 struct Rooms {
     claims: Vec<Claim>,

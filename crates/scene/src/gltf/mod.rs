@@ -163,7 +163,7 @@ fn materials(root: &Root, walked: &Walked) -> BTreeSet<usize> {
     primitives.filter_map(|primitive| primitive.material).map(|material| material.value()).collect()
 }
 
-/// Adds ground where there is none, and finds out what nobody said.
+/// Adds ground if there is none, and determines missing metadata.
 fn world(
     assembly: Assembly,
     view: Option<Viewpoint>,

@@ -40,7 +40,7 @@ pub(super) fn names(words: &[String]) -> Vec<String> {
     names
 }
 
-/// Words for colours that a name may hold; those that the oracle knows and nobody names things by.
+/// Colour words in names: those that the oracle knows and that are not object names.
 const COLOURS: [&str; 19] = [
     "red",
     "orange",

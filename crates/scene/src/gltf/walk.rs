@@ -96,7 +96,7 @@ pub(super) fn walk(root: &Root, axes: DMat4, scene: usize) -> Result<Walked, Pro
     Ok(walk.out)
 }
 
-/// Nodes that are nobody's child: what a file without scenes shows.
+/// Root nodes, which a file without scenes shows.
 fn tops(root: &Root) -> Vec<usize> {
     let children: BTreeSet<usize> = root.nodes.iter().filter_map(|n| n.children.as_ref()).flatten().map(Index::value).collect();
     (0..root.nodes.len()).filter(|node| !children.contains(node)).collect()

@@ -56,7 +56,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     std::fs::write(path, bytes).map_err(|error| {
         let what = format!("cannot write `{}`", path.display());
         match error.kind() {
-            // A full disk is nobody's wrong usage; a folder that is not there is.
+            // A full disk is not a usage error; a missing folder is.
             ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::IsADirectory | ErrorKind::PermissionDenied => {
                 CliError::usage(what).because(&error).hint("name a file in a folder that exists and can be written to")
             }
