@@ -7,7 +7,7 @@ use spf_flight::words;
 
 use crate::printer::{Printer, one_line};
 
-/// The live line changes this often at most, in flight time: a lockstep flight runs a hundred times as fast as one can read.
+/// Minimum interval of live line updates, in flight time: a lockstep flight runs far faster than one can read.
 const LIVE_EVERY: Duration = Duration::from_millis(200);
 
 /// Prints a flight's progress.

@@ -21,7 +21,7 @@ pub enum SceneError {
     Read {
         /// The path.
         path: String,
-        /// Why.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },

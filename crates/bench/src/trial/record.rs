@@ -19,9 +19,9 @@ pub struct Scores {
     pub false_stop: bool,
     /// Within 1 m, 5 m or 20 m of the last goal's surface at the end, whether or not the target is in view.
     pub success_1m: bool,
-    /// See above.
+    /// Within 5 m; see `success_1m`.
     pub success_5m: bool,
-    /// See above.
+    /// Within 20 m; see `success_1m`.
     pub success_20m: bool,
     /// There was a collision.
     pub collided: bool,

@@ -11,7 +11,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 
-/// Replays a log and tells every difference.
+/// Replays a log and prints every difference.
 pub(crate) fn replay(args: &Replay, printer: &Printer) -> Result<Exit, CliError> {
     if let Some(vlm) = &args.vlm {
         return reask(args, vlm, printer);

@@ -10,10 +10,10 @@ use crate::args::{self, ConditionArgs, LimitArgs, MethodArgs, OutputArgs, WorldA
 
 /// Arguments of a command that reads the configuration.
 pub(crate) trait Flags {
-    /// The configuration file that they name.
+    /// The configuration file given.
     fn file(&self) -> Option<&Path>;
 
-    /// Puts what they say over what is there.
+    /// Applies the flags.
     fn say(&self, settings: &mut Settings);
 }
 
