@@ -22,7 +22,7 @@ pub struct InstructionReading {
 /// One action.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadStep {
-    /// What is to be done.
+    /// The action.
     pub verb: Verb,
     /// The target, in the words as read; empty for a look around.
     pub target: String,
@@ -35,9 +35,9 @@ pub struct ReadStep {
 /// A corrected word.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Correction {
-    /// As written, in lower case.
+    /// The word as written, in lower case.
     pub said: String,
-    /// As it was read.
+    /// The word as read.
     pub read: String,
 }
 
@@ -86,7 +86,7 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
         let candidates = meant(&target, &items).into_iter().map(|at| items[at].tags.id).collect();
         let unknown = target.nouns.iter().filter(|noun| !is_known(noun) && !scene.contains(*noun)).map(unknown_word).collect();
         each_within(&target, &mut |phrase| {
-            // The grammar's words were put right first, and the nouns then, by the scene.
+            // Grammar words are corrected first, then nouns, against the scene.
             phrase.spelt.iter().for_each(|(said, read)| reading.correct(said.clone(), read.clone()));
             for word in phrase.ignored.iter().map(unknown_word) {
                 if !reading.ignored.contains(&word) {
@@ -99,7 +99,7 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
     reading
 }
 
-/// A phrase, and all that it is related to or is not.
+/// Visits a phrase with all its relations and exclusions.
 fn each_within(phrase: &Phrase, note: &mut impl FnMut(&Phrase)) {
     note(phrase);
     phrase.relations.iter().flat_map(|(_, anchors)| anchors).chain(&phrase.not).for_each(|within| each_within(within, note));

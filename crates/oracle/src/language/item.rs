@@ -1,14 +1,14 @@
-//! Objects as a phrase chooses among them.
+//! Candidate objects for a phrase.
 
 use spf_core::tags::Tagged;
 
-/// An object to choose from, with what is known of where it is. In a percept that is the image; in the truth the world as
-/// seen from the start.
+/// A candidate object, with what is known of its position: from the image for a percept, from the world as seen from
+/// the start for the ground truth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item<'a> {
     /// Its tags.
     pub(crate) tags: &'a Tagged,
-    /// Across the image, in any unit that grows to the right; none where nothing tells left from right.
+    /// Horizontal position, in any unit that increases to the right; `None` if left and right are undefined.
     pub(crate) across: Option<f64>,
     /// Half its width in the same unit.
     pub(crate) half: f64,

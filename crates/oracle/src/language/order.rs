@@ -1,4 +1,4 @@
-//! Which of several: by side, size, range and number.
+//! Selects among several candidates by side, size, range and ordinal.
 
 use super::item::Item;
 use super::lexicon::ADJECTIVES;

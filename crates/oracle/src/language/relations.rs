@@ -1,10 +1,10 @@
-//! Objects that stand in a relation to others: left of one, behind it, between two.
+//! Relations between objects: left of one, behind it, between two.
 
 use super::item::Item;
 use super::meaning::Relation;
 
-/// Candidates that stand in the relation to an anchor, of which those that each may be are given. An absent anchor leaves none. With
-/// `all`, those on a side of it are all kept, for their order is still to be told.
+/// Candidates in the given relation to an anchor, whose own candidates are given. Without an anchor there are none.
+/// With `all`, every candidate on a side is kept, because an ordinal will select among them.
 pub(super) fn related(
     relation: Relation,
     anchors: &[Vec<usize>],
@@ -92,7 +92,7 @@ fn gap(a: &Item<'_>, b: &Item<'_>) -> Option<f64> {
     Some(libm::hypot(p[0] - q[0], p[1] - q[1]))
 }
 
-/// The candidate of least cost.
+/// The candidate with the lowest cost.
 fn closest(costs: &[(usize, f64)]) -> Vec<usize> {
     costs.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| vec![*i]).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! How well an object's tags meet a phrase: its names, colours and uses.
+//! How well an object's tags match a phrase: names, colours and uses.
 
 use std::collections::BTreeSet;
 
