@@ -139,7 +139,7 @@ impl Contact {
         self.cells.get_mut(usize::from(*tile) * TILE * TILE + y % TILE * TILE + x % TILE)
     }
 
-    /// How dark the ground is at `p`, 0 to 1, where `level` says that a surface is ground.
+    /// Darkness of the ground at `p`, 0 to 1, for pixels whose mask in `level` marks a ground surface.
     #[inline(always)]
     pub(crate) fn dark<S: Simd>(&self, p: V3<F<S>>, level: M<S>) -> F<S> {
         let (simd, none) = (p.x.token(), F::splat(p.x.token(), 0.0));

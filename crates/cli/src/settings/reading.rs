@@ -40,7 +40,7 @@ pub(crate) struct Refusal {
     pub(super) expected: String,
     /// What the text may be a slip of the finger for.
     pub(super) near: Option<&'static str>,
-    /// What its parser says of it.
+    /// The parser's error.
     pub(super) cause: Option<Box<dyn Error>>,
 }
 

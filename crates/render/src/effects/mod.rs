@@ -42,20 +42,20 @@ pub struct Eye {
 }
 
 impl Eye {
-    /// The eye of a craft whose bare camera is `camera`; noise follows from `seed`.
+    /// The camera of a craft, whose pinhole camera is `camera`; noise depends on `seed`.
     #[must_use]
     pub fn new(camera: Camera, effects: Effects, seed: u64) -> Self {
         let camera = effects.lens.as_ref().map_or(camera, |lens| lens.on(&camera));
         Self { camera, effects, seed, remaps: Mutex::default(), scratch: Mutex::default() }
     }
 
-    /// The camera with its lens: what a calibration of it would say, and what its images are lifted by.
+    /// The camera including its lens, as calibration would measure it; used for lifting points of its images.
     #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// What it does to images.
+    /// Its effects.
     #[must_use]
     pub fn effects(&self) -> &Effects {
         &self.effects

@@ -60,7 +60,7 @@ pub enum EffectsError {
     Strength {
         /// The effect.
         effect: &'static str,
-        /// What was said.
+        /// The text given.
         value: String,
         /// What it can be.
         expected: String,

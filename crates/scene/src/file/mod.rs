@@ -20,7 +20,7 @@ use crate::world::Scene;
 use self::raw::RawLight;
 use self::source::Source;
 
-/// The light of a scene that says nothing of it.
+/// The default light of a scene.
 pub(crate) fn own_light(conditions: &SceneLook) -> Result<Shining, SceneError> {
     shine::light_alone(&RawLight::default(), conditions, &Source::new("", "", None))
 }

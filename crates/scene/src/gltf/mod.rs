@@ -57,7 +57,7 @@ pub(crate) enum UpAxis {
     Z,
 }
 
-/// What a scene file says of the model that it names; it stands over what the model's own extras say.
+/// Settings of a scene file for its model; they override the model's own extras.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wishes {
     pub(crate) name: Option<String>,

@@ -196,7 +196,7 @@ fn local(node: &Node) -> DMat4 {
 fn viewpoint(to_world: DMat4) -> Option<Viewpoint> {
     let at = to_world.w_axis.truncate();
     let ahead = to_world.transform_vector3(DVec3::NEG_Z);
-    // Looking straight down, the image's top says where ahead is.
+    // Looking straight down, the top of the image is forward.
     let level = |v: DVec3| (v.x * v.x + v.y * v.y > 1e-6 * v.length_squared()).then_some(v);
     let ahead = level(ahead).or_else(|| level(to_world.transform_vector3(DVec3::Y)));
     let heading = ahead.map_or(0.0, |v| libm::atan2(v.x, v.y));

@@ -43,7 +43,7 @@ impl Generator for Balloon {
     }
 }
 
-/// An arch of balloons in two colours over a free way of `width` and `height`.
+/// An arch of balloons in two colours over an opening of `width` and `height`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct BalloonArch {

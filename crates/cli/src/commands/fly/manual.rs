@@ -14,7 +14,7 @@ impl Manual {
         (Self(None), None)
     }
 
-    /// Whether someone can fly by hand.
+    /// Whether manual flight is possible.
     pub(super) fn is_on(&self) -> bool {
         self.0.is_some()
     }

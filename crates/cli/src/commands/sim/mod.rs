@@ -51,7 +51,7 @@ pub(super) fn colour(picture: &Picture) -> Result<Vec<u8>, CliError> {
     png::encode(&rgb).map_err(|error| CliError::internal("the picture cannot be encoded").because(&error))
 }
 
-/// Writes a file; the error says what is wrong with its place.
+/// Writes a file, with its path in errors.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     std::fs::write(path, bytes).map_err(|error| {
         let what = format!("cannot write `{}`", path.display());

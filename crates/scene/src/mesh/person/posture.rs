@@ -47,7 +47,7 @@ pub(super) struct Pose {
     pub(super) look: f64,
 }
 
-/// What a posture says; the rest follows.
+/// The parameters of a posture.
 struct Plan {
     pelvis: Vec3,
     /// Lean of the trunk forward and turn of the shoulders to the left, radians.
