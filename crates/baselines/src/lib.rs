@@ -1,12 +1,13 @@
-//! Other people's methods of flying by language, which See, Point, Fly is compared with (docs/explanation/baselines.md).
+//! Baseline methods of flying by language, for comparison with See, Point, Fly (docs/explanation/baselines.md).
 //!
-//! Each is a [`Policy`](spf_core::policy::Policy) like the method itself: a state machine that is told of frames and answers, so
-//! that pilot, executor, envelope and judge are the same for all. [`Pivot`](pivot::Pivot) chooses among arrows drawn on the
-//! image, [`TypeFly`](typefly::TypeFly) runs programs that a planner writes from a list of detections, and
-//! [`Plain`](plain::Plain) flies moves in words and numbers. As the core, this crate does no I/O and reads no clock.
+//! Each is a [`Policy`](spf_core::policy::Policy), as the method itself: a state machine driven by frames and replies,
+//! so that pilot, executor, envelope and judge are the same for all. [`Pivot`](pivot::Pivot) chooses among arrows drawn
+//! on the image, [`TypeFly`](typefly::TypeFly) runs programs that a planner writes from a list of detections, and
+//! [`Plain`](plain::Plain) flies moves given in words and numbers. Like the core, this crate does no I/O and reads no
+//! clock.
 //!
-//! What a query of theirs asks for and the forms of its answer (choices, text actions, lists of detections) stand in the core:
-//! whoever answers has to know them too.
+//! The queries and reply formats of the baselines (choices, text actions, lists of detections) are part of the core,
+//! since every VLM implementation needs them.
 #![forbid(unsafe_code)]
 
 pub mod pivot;

@@ -1,5 +1,5 @@
-//! The plain-text baseline: the VLM answers with actions in words and numbers, without image coordinates
-//! (paper §4.3, "plain VLM"; its format was never released, ours, in three forms, is described in docs/reference/reply.md).
+//! The plain-text baseline: the VLM replies with actions in words and numbers, without image coordinates (paper §4.3,
+//! "plain VLM"; its format was never published; the three forms used here are described in docs/reference/reply.md).
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -11,21 +11,21 @@ use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptInput, PromptKind, PromptText};
 use spf_core::query::{Memory, Query, QueryId, QueryKind};
 
-/// Actions told back to the VLM.
+/// Number of earlier actions included in the prompt.
 const REMEMBERED_ACTIONS: usize = 5;
 
-/// What the plain policy can be set to.
+/// Settings of the plain policy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlainSettings {
-    /// In which form actions are asked for.
+    /// Form of the actions.
     pub form: ActForm,
-    /// Whether a `done` needs a second look while holding.
+    /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: bool,
     /// Size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
 }
 
-/// The prompt that asks in a form.
+/// The kind of prompt for a form.
 #[must_use]
 pub fn prompt_kind(form: ActForm) -> PromptKind {
     match form {
@@ -51,13 +51,13 @@ pub struct Plain {
 }
 
 impl Plain {
-    /// The same with another prompt than the shipped one.
+    /// Replaces the built-in prompt.
     #[must_use]
     pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
         Self { prompt, ..self }
     }
 
-    /// A policy without an instruction; it waits until it has one.
+    /// A policy without an instruction; it waits for one.
     #[must_use]
     pub fn new(settings: PlainSettings) -> Self {
         Self {
@@ -116,7 +116,7 @@ impl Plain {
         self.next_action()
     }
 
-    /// Starts the next action of the last reply; holds and looks again when there is none left.
+    /// Starts the next action of the last reply; holds and looks again if there is none left.
     fn next_action(&mut self) -> Step {
         while let Some((words, primitives)) = self.queue.pop_front() {
             self.memory.actions.push(words);
@@ -159,7 +159,7 @@ impl Policy for Plain {
             }
             PolicyEvent::MoveEnded { completed: true } if self.moving => self.next_action(),
             PolicyEvent::MoveEnded { .. } => {
-                // What was cut short is not resumed: the reason to move is gone.
+                // A move that was cut short is not resumed: its reason is gone.
                 self.moving = false;
                 self.queue.clear();
                 Step::Wait

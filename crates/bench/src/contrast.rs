@@ -1,4 +1,4 @@
-//! Methods and models against each other on the same tasks and seeds.
+//! Comparison of methods and models on the same tasks and seeds.
 
 use std::collections::BTreeMap;
 
@@ -9,17 +9,17 @@ use crate::trial::Record;
 /// When a trial counts as a success.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scoring {
-    /// The method said that it was done, and was.
+    /// The method declared itself done, and the judge agrees.
     SelfStop,
-    /// The judge would have said success at some instant.
+    /// The judge would have reported success at some instant.
     JudgeStop,
 }
 
 impl Scoring {
-    /// Both, the headline first.
+    /// Both, headline first.
     pub const ALL: [Self; 2] = [Self::SelfStop, Self::JudgeStop];
 
-    /// Its name, as among the `scores` of a row.
+    /// Its name in the `scores` of a row.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -28,7 +28,7 @@ impl Scoring {
         }
     }
 
-    /// In words for people.
+    /// Display text.
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
@@ -45,34 +45,34 @@ impl Scoring {
     }
 }
 
-/// Two of a run, on the draws that both flew.
+/// A comparison of two methods or models on the draws that both flew.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contrast {
-    /// Method and who pointed, of the first and of the second.
+    /// Method and VLM of the first and of the second.
     pub who: [(String, String); 2],
-    /// Successes: the first's rate less the second's.
+    /// Success rates: the first minus the second.
     pub paired: PairedDifference,
-    /// Exact McNemar, two-sided, after Holm over all pairs of the run.
+    /// Two-sided exact McNemar p value, with Holm's correction over all pairs of the run.
     pub p_holm: f64,
 }
 
 impl Contrast {
-    /// The difference and the ends of its interval in points, hundredths of the trials.
+    /// The difference and the bounds of its interval, in percentage points.
     #[must_use]
     pub fn points(&self) -> [f64; 3] {
         let e = self.paired.difference;
         [e.value, e.low, e.high].map(|share| 100.0 * share)
     }
 
-    /// The corrected p in four decimals.
+    /// The corrected p value with four decimals.
     #[must_use]
     pub fn p_words(&self) -> String {
         if self.p_holm < 0.0001 { "< 0.0001".to_owned() } else { format!("{:.4}", self.p_holm) }
     }
 }
 
-/// Every pair of methods and models, in the order in which they come; none of a single one. Trials of one task are taken for
-/// independent, which they are not quite: p is a little too small.
+/// All pairs of methods and models, in order of appearance; empty for a single one. Trials of one task are treated as
+/// independent, which they are not quite, so p is slightly too small.
 #[must_use]
 pub fn contrasts(records: &[Record], scoring: Scoring) -> Vec<Contrast> {
     let seed = |record: &'_ Record| record.run_id.rsplit('/').next().unwrap_or_default().to_owned();

@@ -1,9 +1,9 @@
-//! Grading and statistics: how often, how far, how sure, and whether two differ.
+//! Benchmark: tasks, judging, grading and statistics.
 //!
-//! [`stats`] knows nothing of drones: counts and numbers go in, estimates with intervals and p values come out. Bootstrap draws
-//! follow from a seed. [`ground`] measures how well someone points. [`task`] is what is to be done, as data; [`judge`] says from
-//! the scene itself whether it was; [`trial`] draws, flies and scores one flight, [`run`] many of them;
-//! [`table`] and [`contrast`] are what a run comes to.
+//! [`task`] defines tasks as data; [`judge`] decides from the scene itself whether a task is done; [`trial`] draws,
+//! flies and scores one flight, [`run`] many of them; [`table`] and [`contrast`] summarise a run. [`ground`] measures
+//! pointing accuracy. [`stats`] is independent of drones: it turns counts and numbers into estimates with intervals and
+//! p values, with bootstrap draws that depend only on a seed.
 
 pub mod contrast;
 pub mod ground;
@@ -19,7 +19,7 @@ use std::hash::Hasher as _;
 
 use fnv::FnvHasher;
 
-/// FNV-1a, 64 bits: for telling texts apart, not for safety.
+/// FNV-1a, 64 bits: for distinguishing texts, not for security.
 pub(crate) fn fnv(bytes: &[u8]) -> u64 {
     let mut hasher = FnvHasher::default();
     hasher.write(bytes);

@@ -1,4 +1,4 @@
-//! Success by category: what a run comes to, in a few lines.
+//! Success by category: the summary table of a run.
 
 use std::collections::BTreeMap;
 
@@ -6,27 +6,27 @@ use crate::stats::Rate;
 use crate::task::{Category, Set};
 use crate::trial::Record;
 
-/// A row of the table: one method with one model in one category, in a set, or overall.
+/// A row of the table: one method with one VLM in a category, in a set, or overall.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     /// The method.
     pub method: String,
-    /// Who pointed.
+    /// The VLM.
     pub vlm: String,
-    /// The set; none overall.
+    /// The set; `None` overall.
     pub set: Option<Set>,
-    /// The category; none for all of it.
+    /// The category; `None` for a sum.
     pub category: Option<Category>,
-    /// Headline: said to be done, and done.
+    /// Headline: declared done, and done.
     pub self_stop: Rate,
     /// Done at some instant.
     pub judge_stop: Rate,
-    /// Something was touched.
+    /// With a collision.
     pub collided: Rate,
 }
 
 impl Line {
-    /// What it is about, in words for people.
+    /// Display text of its group of tasks.
     #[must_use]
     pub fn group(&self) -> String {
         match (self.set, self.category) {
@@ -39,7 +39,7 @@ impl Line {
 
 type Key = (String, String, Option<(Set, Option<Category>)>);
 
-/// The table, by method and model in the order in which they come, sets and categories in the paper's order.
+/// The table, by method and VLM in order of appearance, sets and categories in the paper's order.
 #[must_use]
 pub fn table(records: &[Record]) -> Vec<Line> {
     let mut order: Vec<(String, String)> = Vec::new();
@@ -58,7 +58,7 @@ pub fn table(records: &[Record]) -> Vec<Line> {
     }
     let place = |(method, vlm, group): &Key| {
         let who = order.iter().position(|(m, v)| m == method && v == vlm);
-        // A sum stands behind what it sums.
+        // A sum follows its parts.
         let group = group.map_or((1, Set::RealWorld, 1, Category::Follow), |(set, category)| {
             (0, set, u8::from(category.is_none()), category.unwrap_or(Category::Follow))
         });
@@ -80,12 +80,12 @@ pub fn table(records: &[Record]) -> Vec<Line> {
         .collect()
 }
 
-/// Who pointed, as a part of the trial's name.
+/// The VLM, as in the trial's name.
 pub(crate) fn vlm_of(record: &Record) -> String {
     record.run_id.split('/').nth(2).unwrap_or_default().to_owned()
 }
 
-/// `7/10 = 70.0 % [39.7, 89.2]`, the interval Wilson's of 95 %.
+/// `7/10 = 70.0 % [39.7, 89.2]`, with the 95 % Wilson interval.
 #[must_use]
 pub fn words(rate: Rate) -> String {
     match rate.estimate() {

@@ -1,10 +1,10 @@
-//! An error as a person reads it: what was tried, what failed, what to do.
+//! Error output for users: what was tried, what failed, what to do.
 
 use std::fmt::{self, Display};
 
 use crate::exit::Exit;
 
-/// An error with the exit code it ends in and, often, a hint.
+/// An error with its exit code and an optional hint.
 #[derive(Debug)]
 pub(crate) struct CliError {
     message: String,
@@ -14,22 +14,22 @@ pub(crate) struct CliError {
 }
 
 impl CliError {
-    /// Wrong usage or configuration.
+    /// An error in usage or configuration.
     pub(crate) fn usage(message: impl Into<String>) -> Self {
         Self { message: message.into(), causes: Vec::new(), hint: None, exit: Exit::Usage }
     }
 
-    /// A model, a link or a video that gave out.
+    /// A failure of a model, link or video.
     pub(crate) fn failed(message: impl Into<String>) -> Self {
         Self { exit: Exit::Failed, ..Self::usage(message) }
     }
 
-    /// Something outside went wrong (files, disk).
+    /// A failure outside of the program (files, disk).
     pub(crate) fn internal(message: impl Into<String>) -> Self {
         Self { exit: Exit::Internal, ..Self::usage(message) }
     }
 
-    /// What lies beneath, each cause once. A hint that an error of ours ends in becomes the hint.
+    /// Adds the chain of causes, each once. A hint at the end of an error becomes the hint.
     pub(crate) fn because(mut self, error: &dyn std::error::Error) -> Self {
         let mut source = Some(error);
         while let Some(cause) = source {
@@ -49,7 +49,7 @@ impl CliError {
         self
     }
 
-    /// What to do about it. The first hint stands: it is the one made nearest to the mistake.
+    /// Adds a hint. The first one is kept, since it is closest to the cause.
     pub(crate) fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint.get_or_insert_with(|| hint.into());
         self

@@ -1,24 +1,24 @@
-//! Exit codes, one place (README.md lists them for users).
+//! Exit codes (listed for users in README.md).
 
 use spf_core::pilot::Outcome;
 use std::process::ExitCode;
 
-/// How the command ended.
+/// Exit codes of commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Exit {
-    /// Reached, and verified where there is truth.
+    /// Success, verified if there is ground truth.
     Success = 0,
-    /// Something that should not happen.
+    /// Internal error.
     Internal = 1,
-    /// Usage or configuration.
+    /// Error in usage or configuration.
     Usage = 2,
     /// Not found, timeout, or believed reached but not verified.
     NotReached = 3,
-    /// The craft touched something.
+    /// Collision.
     Collision = 4,
-    /// Operator, envelope, geofence or battery.
+    /// Ended by operator, envelope, geofence or battery.
     Aborted = 5,
-    /// Replies, video or link gave out.
+    /// Failure of replies, video or link.
     Failed = 6,
 }
 

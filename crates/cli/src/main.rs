@@ -23,7 +23,7 @@ fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {
-            // Help and version are no errors; a closed pipe is nobody's fault.
+            // Help and version are not errors, and neither is a closed pipe.
             drop(error.print());
             return if error.use_stderr() { Exit::Usage.into() } else { Exit::Success.into() };
         }
@@ -62,7 +62,7 @@ fn start_log(verbose: u8) {
         1 => LevelFilter::DEBUG,
         _ => LevelFilter::TRACE,
     };
-    // Levels and modules, as everybody reads the variable; there are no spans here that a filter could name.
+    // Levels and modules, as is usual for this variable; there are no spans that a filter could name.
     let asked = std::env::var("RUST_LOG").ok().and_then(|words| words.trim_matches(',').parse::<Targets>().ok());
     let filter = asked.unwrap_or_else(|| Targets::new().with_default(level));
     let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false);

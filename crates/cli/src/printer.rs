@@ -1,22 +1,22 @@
-//! Where words go: data to standard output, talk to standard error. The only place that prints.
+//! Output: data to standard output, messages to standard error. The only module that prints.
 
 use std::io::{IsTerminal, Write};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Prints, and keeps one live line at the bottom when a person watches.
+/// Prints output, with a live line at the bottom on a terminal.
 pub(crate) struct Printer {
     live: Option<ProgressBar>,
     json: bool,
 }
 
 impl Printer {
-    /// `json`: standard output is for one JSON object alone.
+    /// `json`: standard output is reserved for one JSON object.
     pub(crate) fn new(json: bool) -> Self {
         Self { live: None, json }
     }
 
-    /// Starts the live line; nothing when standard error is no terminal.
+    /// Starts the live line, if standard error is a terminal.
     pub(crate) fn start_live(&mut self) {
         if std::io::stderr().is_terminal() {
             let bar = ProgressBar::new_spinner();
@@ -28,7 +28,7 @@ impl Printer {
         }
     }
 
-    /// Starts a live line that counts to `total` and says how long it will take; `done` are done already.
+    /// Starts a live line with a count to `total` and the remaining time; `done` are already complete.
     pub(crate) fn start_count(&mut self, total: u64, done: u64) {
         if std::io::stderr().is_terminal() {
             let bar = ProgressBar::new(total).with_position(done);
@@ -42,7 +42,7 @@ impl Printer {
         }
     }
 
-    /// Counts to `done`.
+    /// Sets the count to `done`.
     pub(crate) fn count(&self, done: u64) {
         if let Some(bar) = &self.live {
             bar.set_position(done);
@@ -64,7 +64,7 @@ impl Printer {
         }
     }
 
-    /// Talk: progress, warnings. Standard error.
+    /// Prints a message (progress, warnings) to standard error.
     pub(crate) fn say(&self, text: &str) {
         let text = harmless(text);
         match &self.live {
@@ -74,7 +74,7 @@ impl Printer {
         }
     }
 
-    /// A result for people: standard output, unless that is for JSON.
+    /// Prints a result to standard output, unless that is reserved for JSON.
     pub(crate) fn result(&self, text: &str) {
         if self.json {
             return;
@@ -82,28 +82,28 @@ impl Printer {
         self.data(&harmless(text));
     }
 
-    /// Whether standard output is for one JSON object alone.
+    /// Whether standard output is reserved for one JSON object.
     pub(crate) fn is_json(&self) -> bool {
         self.json
     }
 
-    /// Data: standard output, always. A closed pipe is no error.
+    /// Prints data to standard output in any case. A closed pipe is not an error.
     pub(crate) fn data(&self, text: &str) {
         drop(writeln!(std::io::stdout().lock(), "{text}"));
     }
 }
 
-/// Control codes made visible: instructions, files and a model's words are text from elsewhere, and a terminal obeys them.
+/// Makes control codes visible: instructions, files and replies are external text, which a terminal would interpret.
 fn harmless(text: &str) -> String {
     text.chars().map(|letter| if letter.is_control() && letter != '\n' { char::REPLACEMENT_CHARACTER } else { letter }).collect()
 }
 
-/// Text from elsewhere on one line, so that it cannot pass for another line of ours.
+/// Reduces external text to one line, so that it cannot pass for other output.
 pub(crate) fn one_line(text: &str) -> String {
     text.replace(['\n', '\r'], " ")
 }
 
-/// Rows of cells in columns, two spaces between them; the last column is as wide as it is.
+/// Formats rows of cells in columns separated by two spaces; the last column is not padded.
 pub(crate) fn table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0);

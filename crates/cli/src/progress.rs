@@ -1,4 +1,4 @@
-//! What a person sees while it flies: one live line, and a line a decision.
+//! Progress display during a flight: one live line, and a line per decision.
 
 use spf_core::pilot::{Action, Note, OperatorEvent, Pilot};
 use spf_core::time::{Duration, Time};
@@ -7,7 +7,7 @@ use spf_flight::words;
 
 use crate::printer::{Printer, one_line};
 
-/// The live line changes this often at most, in flight time: a lockstep flight runs a hundred times as fast as one can read.
+/// Minimum interval of live line updates, in flight time: a lockstep flight runs far faster than one can read.
 const LIVE_EVERY: Duration = Duration::from_millis(200);
 
 /// Prints a flight's progress.

@@ -112,6 +112,15 @@ impl GroundingProfile {
 
     /// Converts a pair of numbers, in the order the model wrote them, to an image point.
     ///
+    /// ```
+    /// use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
+    ///
+    /// let profile = GroundingProfile { order: AxisOrder::Xy, scale: Scale::Hundred };
+    /// let point = profile.point([75.0, 40.0])?;
+    /// assert!((point.u - 0.75).abs() < 1e-9 && (point.v - 0.4).abs() < 1e-9);
+    /// # Ok::<(), spf_core::grounding::GroundingError>(())
+    /// ```
+    ///
     /// # Errors
     /// [`GroundingError::Outside`] more than 1 % outside the image, or not finite (closer points are moved to the
     /// edge); [`GroundingError::WrongScale`] for fractions below one where a coarser unit was requested.

@@ -76,6 +76,17 @@ impl Primitives {
     /// Decomposes a displacement of the level body frame (paper §3.4): `Δθ = atan2(Sx, Sy)`, `√(Sx² + Sy²)`, `Sz`. A
     /// purely vertical displacement does not turn. The result is never sideways or backwards: the craft turns towards
     /// what lies behind it.
+    ///
+    /// ```
+    /// use spf_core::geometry::BodyDisplacement;
+    /// use spf_core::primitives::Primitives;
+    ///
+    /// // 3 m right, 4 m forward, 1 m up: turn by atan2(3, 4) = 36.87°, fly 5 m, climb 1 m.
+    /// let primitives = Primitives::from_displacement(BodyDisplacement { right: 3.0, forward: 4.0, up: 1.0 });
+    /// assert!((primitives.yaw.to_degrees() - 36.87).abs() < 0.01);
+    /// assert!((primitives.forward - 5.0).abs() < 1e-9);
+    /// assert_eq!(primitives.climb, 1.0);
+    /// ```
     #[must_use]
     pub fn from_displacement(displacement: BodyDisplacement) -> Self {
         let BodyDisplacement { right, forward, up } = displacement;

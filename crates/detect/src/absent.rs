@@ -1,4 +1,4 @@
-//! The network of a program that was built without the feature `onnx`: there is none.
+//! Placeholder for the network in builds without the feature `onnx`.
 
 use core::convert::Infallible;
 

@@ -1,32 +1,32 @@
-//! From a network's output to boxes: the forms in which YOLO's heads of versions 8 to 12 and their kin are exported.
+//! Decodes a network's output to boxes, in the layouts exported for YOLO versions 8 to 12 and similar models.
 //!
-//! | output | what it is |
+//! | output | contents |
 //! |---|---|
 //! | 1 × (4 + classes) × cells | rows of centres, widths, heights and class probabilities; the default |
 //! | 1 × cells × (4 + classes) | the same transposed |
-//! | the same with 32 rows more, and a second output | with masks, which are not read |
-//! | 1 × boxes × 6 | corners, score, class: suppression was exported with it, or is not needed |
+//! | the same with 32 more rows, and a second output | with masks, which are ignored |
+//! | 1 × boxes × 6 | corners, score, class: after non-maximum suppression |
 //!
-//! Numbers are pixels of the input; probabilities are final, and there is no objectness.
+//! Coordinates are pixels of the input; probabilities are final, and there is no objectness.
 
 use spf_core::detection::MAX_DETECTIONS;
 use spf_core::query::ImageBox;
 
 use crate::DetectError;
 
-/// The least score that counts.
+/// Minimum score.
 pub const MIN_SCORE: f32 = 0.25;
-/// Boxes of one class that overlap by more than this (intersection over union) are about one thing, and the surest stays.
+/// Maximum intersection over union of two boxes of one class; beyond it only the one with the higher score is kept.
 pub const MAX_OVERLAP: f64 = 0.45;
-/// Most boxes of an image.
+/// Maximum number of boxes per image.
 pub const MAX_BOXES: usize = MAX_DETECTIONS;
-/// Most boxes that are compared with each other, the surest.
+/// Maximum number of boxes compared with each other, by score.
 const MAX_CANDIDATES: usize = 2000;
-/// Most numbers of an output.
+/// Maximum number of values in an output.
 const MAX_VALUES: usize = 1 << 26;
-/// Rows for masks.
+/// Number of mask rows.
 const MASK_ROWS: usize = 32;
-/// Numbers of a final box.
+/// Number of values of a final box.
 const FINAL: usize = 6;
 
 /// A box before suppression.
@@ -36,34 +36,34 @@ pub struct Candidate {
     pub corners: [f32; 4],
     /// [`MIN_SCORE`]..=1.
     pub score: f32,
-    /// Its class by number.
+    /// Class index.
     pub class: usize,
 }
 
-/// The form of an output.
+/// The layout of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     form: Form,
-    /// Rows for each cell that are no class.
+    /// Number of rows per cell that are not classes.
     masks: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Form {
-    /// A row for each of the numbers, a column a cell.
+    /// One row per value, one column per cell.
     Rows(usize),
-    /// A row a cell.
+    /// One row per cell.
     Cells(usize),
-    /// A row a box.
+    /// One row per box.
     Final,
 }
 
 impl Layout {
-    /// The form of an output of this `shape` from an input of `input` pixels, width first. `classes`: how many names the model
-    /// has; `masks`: whether it has masks; `end_to_end`: whether it says that its boxes are final.
+    /// The layout of an output of this `shape` from an input of `input` pixels (width, height). `classes`: number of
+    /// class names in the model; `masks`: whether it has masks; `end_to_end`: whether it declares its boxes final.
     ///
     /// # Errors
-    /// [`DetectError::Unfit`] for everything that is not in the table above.
+    /// [`DetectError::Unfit`] for layouts that are not in the table above.
     pub fn of(
         shape: &[usize],
         input: (usize, usize),
@@ -80,7 +80,7 @@ impl Layout {
             return if is_final { layout(Form::Final) } else { Err(unfit(shape, classes)) };
         }
         let raw = |rows: usize| rows.checked_sub(4 + masks).filter(|found| *found > 0 && classes.is_none_or(|n| n == *found));
-        // Cells say which dimension is which; other heads than those of three strides have other numbers of them.
+        // The number of cells identifies the dimension; heads without the usual three strides have other numbers.
         match (raw(a), raw(b)) {
             (Some(found), _) if b == cells => layout(Form::Rows(found)),
             (_, Some(found)) if a == cells => layout(Form::Cells(found)),
@@ -91,7 +91,7 @@ impl Layout {
         }
     }
 
-    /// How many classes there are; final boxes do not tell.
+    /// Number of classes; `None` for final boxes.
     #[must_use]
     pub fn classes(&self) -> Option<usize> {
         match self.form {
@@ -100,16 +100,16 @@ impl Layout {
         }
     }
 
-    /// Whether boxes have been suppressed already.
+    /// Whether boxes are already suppressed.
     #[must_use]
     pub fn is_final(&self) -> bool {
         self.form == Form::Final
     }
 
-    /// The boxes of an output with a score that counts. What is no number counts for nothing.
+    /// The boxes of an output with a sufficient score. NaN counts as zero.
     ///
     /// # Errors
-    /// [`DetectError::Unfit`] when the output has not this form.
+    /// [`DetectError::Unfit`] if the output does not have this layout.
     pub fn decode(&self, shape: &[usize], values: &[f32]) -> Result<Vec<Candidate>, DetectError> {
         let &[1, a, b] = shape else { return Err(unfit(shape, None)) };
         let (rows, boxes) = match self.form {
@@ -128,12 +128,12 @@ impl Layout {
     }
 }
 
-/// The boxes of rows of numbers: row by row, for a column has a cache line for each of its numbers.
+/// Boxes from rows of values, processed row by row because of the cache.
 fn best_rows(values: &[f32], classes: usize, cells: usize) -> Vec<Candidate> {
     let mut surest = vec![(0.0_f32, 0_usize); cells];
     for (class, row) in values.chunks_exact(cells.max(1)).skip(4).take(classes).enumerate() {
         for (best, score) in surest.iter_mut().zip(row) {
-            // A comparison that no NaN passes; of equal ones the first stays.
+            // NaN never passes the comparison; of equal scores the first is kept.
             if *score > best.0 {
                 *best = (*score, class);
             }
@@ -145,7 +145,7 @@ fn best_rows(values: &[f32], classes: usize, cells: usize) -> Vec<Candidate> {
     surest.into_iter().enumerate().filter_map(of_cell).collect()
 }
 
-/// The box of a cell by its surest class.
+/// The box of a cell with its highest-scoring class.
 fn best(cell: &[f32]) -> Option<Candidate> {
     let (measures, scores) = cell.split_at_checked(4)?;
     let mut surest = (0.0_f32, 0_usize);
@@ -165,7 +165,7 @@ fn candidate([x, y, width, height]: [f32; 4], score: f32, class: usize) -> Optio
 /// A final box.
 fn last(row: &[f32]) -> Option<Candidate> {
     let &[left, top, right, bottom, score, class, ..] = row else { return None };
-    // `as` maps what is no number to 0; a class is checked first.
+    // `as` maps NaN to 0; the class is checked first.
     (0.0..1e6).contains(&class).then(|| sound([left, top, right, bottom], score, class.round() as usize))?
 }
 
@@ -175,10 +175,10 @@ fn sound(corners: [f32; 4], score: f32, class: usize) -> Option<Candidate> {
     (real && score >= MIN_SCORE).then_some(Candidate { corners, score: score.min(1.0), class })
 }
 
-/// The boxes that stay, the surest first: of those of one class that overlap only the surest, unless `is_final`.
+/// The remaining boxes, highest score first: of overlapping ones of one class only the best, unless `is_final`.
 #[must_use]
 pub fn suppress(mut candidates: Vec<Candidate>, is_final: bool) -> Vec<Candidate> {
-    // Stable, so that equally sure ones stay in the network's order.
+    // Stable, so that equal scores keep the network's order.
     candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
     candidates.truncate(MAX_CANDIDATES);
     let mut kept: Vec<Candidate> = Vec::new();
@@ -199,7 +199,7 @@ fn area(candidate: &Candidate) -> ImageBox {
     ImageBox { left, top, right, bottom }
 }
 
-/// What is wrong with an output of this form.
+/// The error for an output of this shape.
 fn unfit(shape: &[usize], classes: Option<usize>) -> DetectError {
     let shown = shape.iter().map(usize::to_string).collect::<Vec<_>>().join("×");
     let names = classes.map_or(String::new(), |classes| format!(" and it has {classes} class names"));

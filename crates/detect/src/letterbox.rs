@@ -1,35 +1,35 @@
-//! From an image to a network's input: scaled to fit, centred, padded with grey, as 0 to 1 in three planes.
+//! Converts an image to a network's input: scaled to fit, centred, padded with grey, as 0 to 1 in three planes.
 
 use spf_core::query::ImageBox;
 use spf_media::{Rgb, resize};
 
-/// The grey around the image, as networks were taught with.
+/// Padding value, as used in training.
 pub const PADDING: f32 = 114.0 / 255.0;
 
-/// How an image lies in a network's input.
+/// Placement of an image in a network's input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Letterbox {
     input: (usize, usize),
-    /// Size of the scaled image, pixels of the input.
+    /// Size of the scaled image in the input, pixels.
     size: (u32, u32),
-    /// Its upper left corner there.
+    /// Its upper left corner in the input.
     corner: (usize, usize),
 }
 
 impl Letterbox {
-    /// An image of `picture` pixels, width first, in an input of `input` pixels: as large as it fits, in the middle.
+    /// Fits an image of `picture` pixels (width, height) into an input of `input` pixels, centred.
     #[must_use]
     pub fn new(picture: (u32, u32), input: (usize, usize)) -> Self {
         let (width, height) = (f64::from(picture.0.max(1)), f64::from(picture.1.max(1)));
         let ratio = (input.0 as f64 / width).min(input.1 as f64 / height);
         let fit = |side: f64, room: usize| ((side * ratio).round() as usize).clamp(1, room.max(1));
         let (w, h) = (fit(width, input.0), fit(height, input.1));
-        // Sides are at most those of the input, which a network has memory for.
+        // Sides are at most those of the input.
         let size = (u32::try_from(w).unwrap_or(u32::MAX), u32::try_from(h).unwrap_or(u32::MAX));
         Self { input, size, corner: ((input.0.saturating_sub(w)) / 2, (input.1.saturating_sub(h)) / 2) }
     }
 
-    /// The input for an image: planes of red, green and blue, rows from the top. `values` is used again.
+    /// The input for an image: planes of red, green and blue, in rows from the top. Reuses `values`.
     pub fn fill(&self, picture: &Rgb, values: &mut Vec<f32>) {
         let scaled = resize(picture, self.size.0, self.size.1);
         let (width, height) = self.input;
@@ -47,13 +47,13 @@ impl Letterbox {
         }
     }
 
-    /// A place of the input as fractions of the image, which it may lie outside of.
+    /// A point of the input as fractions of the image; it may lie outside.
     fn point(&self, x: f32, y: f32) -> (f64, f64) {
         let share = |at: f32, corner: usize, size: u32| (f64::from(at) - corner as f64) / f64::from(size);
         (share(x, self.corner.0, self.size.0), share(y, self.corner.1, self.size.1))
     }
 
-    /// A box of the input (left, top, right, bottom) as fractions of the image, cut off at its edges.
+    /// A box of the input (left, top, right, bottom) as fractions of the image, clipped to it.
     #[must_use]
     pub fn in_picture(&self, [left, top, right, bottom]: [f32; 4]) -> ImageBox {
         let ((left, top), (right, bottom)) = (self.point(left, top), self.point(right, bottom));

@@ -1,8 +1,8 @@
-//! Object detectors: YOLO models in ONNX that the user gives (docs/guide/detector.md).
+//! Object detection with YOLO models in ONNX format, provided by the user (docs/guide/detector.md).
 //!
-//! A [`Detector`] takes an image and lists what it found in it. Around the network, which runs only with the feature `onnx`,
-//! lie the parts that are the same for all of these models: the [`letterbox`], which makes the network's input of an image, and
-//! [`decode`], which makes boxes of its output. No model comes with the program.
+//! A [`Detector`] returns the objects in an image. The network itself needs the feature `onnx`; the parts around it are
+//! common to these models: the [`letterbox`], which converts an image to the network's input, and [`decode`], which
+//! converts its output to boxes. No model is included.
 
 #![cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "what lies around a network waits for one"))]
 
@@ -25,28 +25,28 @@ use decode::Layout;
 use letterbox::Letterbox;
 use onnx::Network;
 
-/// Largest model file that is read, bytes.
+/// Maximum size of a model file, bytes.
 pub const MAX_MODEL: u64 = 1 << 30;
-/// Longest side of a network's input, pixels.
+/// Maximum side length of a network's input, pixels.
 pub const MAX_SIDE: usize = 4096;
 
-/// Why a model cannot be used, or an image not be looked at.
+/// Why a model or an image cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DetectError {
-    /// The program was built without the feature.
+    /// Built without the feature `onnx`.
     #[error("this program was built without ONNX models: build it with `--features onnx`")]
     NotBuilt,
-    /// The file cannot be read.
+    /// The file could not be read.
     #[error("the model cannot be read")]
     Read(#[source] std::io::Error),
     /// The file is too large.
     #[error("the model has `{0}` bytes, more than {MAX_MODEL}")]
     TooLarge(u64),
-    /// No ONNX, or with something that the runtime does not know.
+    /// Not valid ONNX, or with unsupported operators.
     #[error("the model cannot be loaded: {0}")]
     Load(String),
-    /// Not a detector of the kind that is read.
+    /// Not a supported kind of detector.
     #[error("the model is none that is read here: {0}")]
     Unfit(String),
     /// The network failed on an image.
@@ -54,28 +54,28 @@ pub enum DetectError {
     Run(String),
 }
 
-/// What a model says of itself, as far as it is of use.
+/// Relevant metadata of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Description {
     /// Width and height of the network's input, pixels.
     pub(crate) input: (usize, usize),
-    /// Names of the classes, by number; none where the model has none.
+    /// Class names, by index; `None` if the model has none.
     pub(crate) names: Option<Vec<String>>,
-    /// Whether its boxes are final: its own suppression was exported with it.
+    /// Whether its boxes are final: non-maximum suppression was exported with it.
     pub(crate) end_to_end: Option<bool>,
 }
 
-/// What came out of a network.
+/// Output of a network.
 pub(crate) struct Output {
-    /// Sizes of its dimensions.
+    /// Its dimensions.
     pub(crate) shape: Vec<usize>,
-    /// Its numbers, the last dimension fastest.
+    /// Its values, last dimension fastest.
     pub(crate) values: Vec<f32>,
-    /// Whether the network has masks as well.
+    /// Whether the network also has masks.
     pub(crate) masks: bool,
 }
 
-/// A model, loaded and tried. Clones share the network.
+/// A loaded and tested model. Clones share the network.
 #[derive(Clone)]
 pub struct Detector {
     name: String,
@@ -86,11 +86,11 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// Loads a model and runs it once on a grey image, so that what does not fit shows before a flight. Everything that it
-    /// says of itself counts: the size of its input, its classes, the form of its output.
+    /// Loads a model and runs it once on a grey image, so that problems show before a flight. Its metadata is used:
+    /// input size, classes, output layout.
     ///
     /// # Errors
-    /// [`DetectError`], in words for a person.
+    /// [`DetectError`], with a message for the user.
     pub fn open(path: &Path) -> Result<Self, DetectError> {
         let size = std::fs::metadata(path).map_err(DetectError::Read)?.len();
         if size > MAX_MODEL {
@@ -106,7 +106,7 @@ impl Detector {
         Ok(Self { name, network: Arc::new(network), input, layout, classes: classes.into() })
     }
 
-    /// The file's name.
+    /// Name of the file.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -118,16 +118,16 @@ impl Detector {
         self.input
     }
 
-    /// The names of its classes, by number; as many as there are, but end-to-end models without names tell none.
+    /// Its class names, by index; empty for end-to-end models without names.
     #[must_use]
     pub fn classes(&self) -> &[String] {
         &self.classes
     }
 
-    /// What is in an image of any size: the surest first, at most [`decode::MAX_BOXES`].
+    /// The objects in an image of any size, highest score first, at most [`decode::MAX_BOXES`].
     ///
     /// # Errors
-    /// [`DetectError::Run`] when the network fails, [`DetectError::Unfit`] when its output has another form than at first.
+    /// [`DetectError::Run`] if the network fails, [`DetectError::Unfit`] if its output layout has changed.
     pub fn detect(&self, picture: &Rgb) -> Result<Vec<Detection>, DetectError> {
         let letterbox = Letterbox::new((picture.width(), picture.height()), self.input);
         let mut values = Vec::new();

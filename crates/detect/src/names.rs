@@ -1,11 +1,11 @@
-//! Names of classes, as models carry them: `{0: 'person', 1: 'bicycle'}`, a Python dictionary, or a list.
+//! Class names in model metadata: `{0: 'person', 1: 'bicycle'}`, a Python dictionary, or a list.
 
 use spf_core::coco;
 
-/// Most classes that are read; the largest public sets have some 1200.
+/// Maximum number of classes; the largest public sets have about 1200.
 const MAX_CLASSES: usize = 10_000;
 
-/// The names in a model's own words; nothing where they are none, or have gaps.
+/// Parses the names; `None` if they are invalid or have gaps.
 pub(crate) fn parse(text: &str) -> Option<Vec<String>> {
     let text = text.trim();
     let inner = text.strip_prefix('{').and_then(|rest| rest.strip_suffix('}'));
@@ -32,7 +32,7 @@ pub(crate) fn parse(text: &str) -> Option<Vec<String>> {
     (!names.is_empty() && rest.is_empty()).then_some(names)
 }
 
-/// A text in quotes, as Python writes it, and what comes after it.
+/// A quoted Python string, and the remaining text.
 fn quoted(text: &str) -> Option<(String, &str)> {
     let quote = text.chars().next().filter(|c| ['\'', '"'].contains(c))?;
     let mut out = String::new();
@@ -47,8 +47,8 @@ fn quoted(text: &str) -> Option<(String, &str)> {
     None
 }
 
-/// A name for each of `classes`: the model's own, COCO's where it has none and they are 80, else their numbers. An end-to-end model
-/// does not tell how many it has.
+/// A name for each of `classes`: the model's own, COCO's if it has none and there are 80, else their indices. An
+/// end-to-end model does not state their number.
 pub(crate) fn complete(own: Option<Vec<String>>, classes: Option<usize>) -> Vec<String> {
     match (own, classes) {
         (Some(own), _) => own,

@@ -1,4 +1,4 @@
-//! A network from an ONNX file, run by `rten` on the processor.
+//! An ONNX network, run by `rten` on the CPU.
 
 use rten::{DataType, Dimension, Model, ModelOptions, NodeId, OpRegistry, ValueType};
 use rten_tensor::prelude::*;
@@ -6,11 +6,11 @@ use rten_tensor::{NdTensorView, Tensor};
 
 use crate::{Description, DetectError, MAX_SIDE, Output, names};
 
-/// Side of the input where a model takes any and names none.
+/// Default side of the input for models with a dynamic size.
 const DEFAULT_SIDE: usize = 640;
-/// Sides of an input are multiples of this, the stride of the coarsest cells.
+/// Sides of an input are multiples of this, the largest stride.
 const STRIDE: usize = 32;
-/// The name of the boxes in exports; a model without it has them first.
+/// Usual name of the output with boxes; without it the first output is used.
 const BOXES: &str = "output0";
 
 /// A loaded network.
@@ -23,7 +23,7 @@ pub(crate) struct Network {
 }
 
 impl Network {
-    /// Reads a model and what it says of itself.
+    /// Loads a model and its metadata.
     pub(crate) fn load(bytes: Vec<u8>) -> Result<Self, DetectError> {
         let mut options = ModelOptions::with_ops(OpRegistry::with_all_ops());
         options.prepack_weights(true);
@@ -50,7 +50,7 @@ impl Network {
         &self.description
     }
 
-    /// Runs it on three planes of the input's size.
+    /// Runs it on three planes of the input size.
     pub(crate) fn run(&self, values: &[f32]) -> Result<Output, DetectError> {
         let (width, height) = self.description.input;
         let input = NdTensorView::<f32, 4>::from_data([1, 3, height, width], values);
@@ -63,7 +63,7 @@ impl Network {
     }
 }
 
-/// Models for other tasks have other outputs, some of the same form.
+/// Models for other tasks have other outputs, some with the same shape.
 fn check_task(model: &Model) -> Result<(), DetectError> {
     match model.metadata().get("task") {
         None | Some("detect" | "segment") => Ok(()),
@@ -79,7 +79,7 @@ fn shape(model: &Model, id: NodeId) -> Vec<Dimension> {
     model.node_info(id).and_then(|node| node.shape()).unwrap_or_default()
 }
 
-/// Width and height of the input: fixed, or what the model names, or the usual.
+/// Width and height of the input: fixed, from metadata, or the default.
 fn input_size(model: &Model, input: NodeId) -> Result<(usize, usize), DetectError> {
     let shape = shape(model, input);
     let shown = || {
@@ -112,21 +112,21 @@ fn input_size(model: &Model, input: NodeId) -> Result<(usize, usize), DetectErro
     Err(refused(&format!(" with sides from {STRIDE} to {MAX_SIDE}")))
 }
 
-/// Height and width as models carry them: `[480, 640]`.
+/// Height and width in metadata: `[480, 640]`.
 fn sides(text: &str) -> Option<(usize, usize)> {
     let (height, width) = text.trim().strip_prefix('[')?.strip_suffix(']')?.split_once(',')?;
     let side = |text: &str| text.trim().parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
     Some((side(height)?, side(width)?))
 }
 
-/// Whether the model says that its boxes are final; models that say nothing may be either.
+/// Whether the model declares its boxes final; `None` if it does not state it.
 fn end_to_end(model: &Model) -> Option<bool> {
     let says = |key: &str| model.metadata().get(key).is_some_and(|value| value.trim().eq_ignore_ascii_case("true"));
     let exported = model.metadata().get("args").is_some_and(|args| args.contains("'nms': True"));
     (says("end2end") || says("nms") || exported).then_some(true)
 }
 
-/// Why a file cannot be loaded, with what to do about it.
+/// The error for a file that cannot be loaded, with advice.
 fn unread(error: &str) -> DetectError {
     let hint = if error.contains("FLOAT16") {
         "; half precision is not read: export without `half`"
@@ -138,7 +138,7 @@ fn unread(error: &str) -> DetectError {
     DetectError::Load(format!("{}{hint}", one_line(error)))
 }
 
-/// Words from a file, for one line of a terminal.
+/// External text, reduced to one line.
 fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(300).collect()
 }

@@ -4,7 +4,7 @@ use core::hash::Hasher as _;
 
 use fnv::FnvHasher;
 
-/// Why a buffer is no image.
+/// Why a buffer is not a valid image.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FrameError {
@@ -15,9 +15,9 @@ pub enum FrameError {
         width: u32,
         /// Height, pixels.
         height: u32,
-        /// Bytes that such an image has.
+        /// Number of bytes needed.
         needed: u64,
-        /// Bytes given.
+        /// Number of bytes given.
         actual: usize,
     },
 }
@@ -33,7 +33,7 @@ pub struct Rgb {
 }
 
 impl core::fmt::Debug for Rgb {
-    /// Size and digest; a megabyte of pixels helps nobody in a failed assertion.
+    /// Shows size and digest instead of the pixels.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "Rgb({}×{}, {:016x})", self.width, self.height, self.digest())
     }
@@ -82,19 +82,19 @@ impl Rgb {
         self.height
     }
 
-    /// The bytes, row by row from the top.
+    /// The bytes, in rows from the top.
     #[must_use]
     pub fn data(&self) -> &[u8] {
         &self.data
     }
 
-    /// The bytes, to be changed in place.
+    /// The bytes, for modification in place.
     #[must_use]
     pub fn data_mut(&mut self) -> &mut [u8] {
         &mut self.data
     }
 
-    /// The bytes, given away.
+    /// Consumes the image and returns its bytes.
     #[must_use]
     pub fn into_data(self) -> Vec<u8> {
         self.data
@@ -107,15 +107,15 @@ impl Rgb {
         Some([self.data[at], self.data[at + 1], self.data[at + 2]])
     }
 
-    /// Sets a pixel; outside the image nothing happens.
+    /// Sets a pixel; does nothing outside the image.
     pub fn set_pixel(&mut self, x: u32, y: u32, colour: [u8; 3]) {
         if let Some(at) = self.offset(x, y) {
             self.data[at..at + 3].copy_from_slice(&colour);
         }
     }
 
-    /// A 64-bit FNV-1a digest of size and bytes: the same on every machine, for goldens and comparisons between runs. Not
-    /// cryptographic.
+    /// A 64-bit FNV-1a digest of size and bytes, equal on every machine, for golden tests and comparisons between runs.
+    /// Not cryptographic.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut hasher = FnvHasher::default();

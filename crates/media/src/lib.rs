@@ -1,9 +1,9 @@
-//! Pixels: resize, JPEG and PNG, marks drawn on an image, H.264.
+//! Images and video in memory: resizing, JPEG and PNG, marks, H.264.
 //!
-//! Works on images in memory and does no I/O. Everything here gives the same bytes for the same input on every x86-64
-//! machine, whatever its vector units, because recorded frames are compared byte for byte between runs.
+//! This crate does no I/O. Equal inputs give equal bytes on every x86-64 machine, whatever its vector units, because
+//! recorded frames are compared byte for byte between runs.
 //!
-//! The two types to know are [`Rgb`], an image, and [`marks::Canvas`], which draws on one.
+//! The main types are [`Rgb`], an image, and [`marks::Canvas`], which draws on one.
 //!
 //! ```
 //! use spf_core::query::{ImagePoint, Mark};

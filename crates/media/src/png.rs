@@ -1,4 +1,4 @@
-//! PNG, for images that are kept: 8-bit colour, and 16-bit grey for depth and ids.
+//! PNG encoding: 8-bit colour, and 16-bit grey for depth and ids.
 
 use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
 

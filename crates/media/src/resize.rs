@@ -1,4 +1,4 @@
-//! Scaling, the same on every machine.
+//! Image scaling with equal results on every machine.
 
 use fast_image_resize::images::{TypedImage, TypedImageRef};
 use fast_image_resize::pixels::U8x3;
@@ -6,16 +6,16 @@ use fast_image_resize::{FilterType, ResizeAlg, ResizeOptions, Resizer};
 
 use crate::frame::Rgb;
 
-/// Scales images one after the other in the same memory.
+/// Scales images, reusing memory.
 #[derive(Debug, Default)]
 pub struct Scaler {
     resizer: Resizer,
-    /// Of an image that was given back.
+    /// Memory of an image that was returned.
     spare: Vec<u8>,
 }
 
 impl Scaler {
-    /// Scales as [`resize`] does.
+    /// Scales like [`resize`].
     #[must_use]
     pub fn scale(&mut self, picture: &Rgb, width: u32, height: u32) -> Rgb {
         let mut data = core::mem::take(&mut self.spare);
@@ -33,7 +33,7 @@ impl Scaler {
         if picture.data().is_empty() || into.is_empty() {
             return into.fill(0);
         }
-        // Typed, so that only this kind of pixels is compiled.
+        // With static types, so that only this pixel format is compiled.
         let from = TypedImageRef::<U8x3>::from_buffer(picture.width(), picture.height(), picture.data())
             .expect("the buffer of an `Rgb` is as long as its size says");
         let mut scaled = TypedImage::<U8x3>::from_buffer(width, height, into).expect("the buffer was made for this size");
@@ -41,17 +41,17 @@ impl Scaler {
         self.resizer.resize_typed(&from, &mut scaled, &options).expect("nothing is cut off");
     }
 
-    /// Takes the memory of an image that is no longer wanted for the next one.
+    /// Takes the memory of an image for the next one.
     pub fn reuse(&mut self, picture: Rgb) {
         self.spare = picture.into_data();
     }
 }
 
-/// Scales an image to `width × height` with an area-aware Catmull-Rom filter; the aspect ratio is the caller's business.
+/// Scales an image to `width × height` with an area-aware Catmull-Rom filter; the aspect ratio is not preserved
+/// automatically.
 ///
-/// The filter is a polynomial and the library adds up in whole numbers, so that no C library's `sin` and no CPU feature has a
-/// say in the pixels: with AVX2, SSE4.1 and neither they are the same. An image or size of zero pixels gives a black image of
-/// the size asked for.
+/// The filter is a polynomial and the library uses integer sums, so results do not depend on a C library's `sin` or on
+/// CPU features (AVX2, SSE4.1 or neither). An image or size of zero pixels gives a black image of the requested size.
 #[must_use]
 pub fn resize(picture: &Rgb, width: u32, height: u32) -> Rgb {
     Scaler::default().scale(picture, width, height)

@@ -1,4 +1,4 @@
-//! Answers in words and numbers instead of points.
+//! Text actions instead of points.
 
 use libm::{atan2, exp, hypot, round};
 use serde_json::{Value, json};
@@ -10,7 +10,7 @@ use super::Oracle;
 use super::percept::{Percept, slopes};
 use super::stages::{Aim, Place};
 
-/// A motion as the percept suggests it.
+/// A motion suggested by the percept.
 #[derive(Clone, Copy, Debug, Default)]
 struct Motion {
     /// Degrees clockwise.
@@ -21,12 +21,12 @@ struct Motion {
     climb: f64,
 }
 
-/// Steeper than this, metres up for a metre ahead, a fixed move climbs or sinks rather than goes on.
+/// Slope (metres up per metre forward) above which a fixed move is a climb or descent.
 const STEEP: f64 = 0.3;
 
-/// The answer in a form: bearing rounded, distance guessed.
+/// The answer in the given form: bearing rounded, distance estimated.
 pub(super) fn act(oracle: &Oracle, query: &Query, percept: &Percept, aim: &Aim, form: ActForm) -> String {
-    // The plain-text forms have no word for "not visible": they turn, or rise, or back off.
+    // The plain-text forms cannot express "not visible": the craft turns, climbs or backs off.
     let motion = if aim.done {
         Motion::default()
     } else if let Some(place) = aim.place {
@@ -62,7 +62,7 @@ fn towards(oracle: &Oracle, query: &Query, percept: &Percept, place: Place) -> M
     Motion { turn, forward, climb: if climb.abs() < 0.2 { 0.0 } else { metres(climb.abs()).copysign(climb) } }
 }
 
-/// Metres as the form allows them, to a tenth.
+/// Clamps metres to the range of the form, rounded to a tenth.
 fn metres(value: f64) -> f64 {
     round(10.0 * value.clamp(0.2, 5.0)) / 10.0
 }
@@ -82,7 +82,7 @@ fn commands(motion: Motion, done: bool) -> Vec<Value> {
     all.into_iter().flatten().collect()
 }
 
-/// The fixed move that does most of it.
+/// The fixed move that covers most of the motion.
 fn fixed(motion: Motion) -> &'static str {
     if motion.turn != 0.0 {
         if motion.turn > 0.0 { "turn_right" } else { "turn_left" }

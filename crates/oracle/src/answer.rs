@@ -1,4 +1,4 @@
-//! Answers: from one percept to the text of a reply, by the query's kind.
+//! Creates the text of a reply from a percept, depending on the kind of query.
 
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::{Query, QueryKind};
@@ -33,7 +33,7 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
     }
 }
 
-/// Where the instruction leads from this percept: target chosen, stage found, end judged.
+/// The aim of the instruction in this percept: target, stage and whether it is done.
 pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
     let seen: Vec<&Thing> = percept.seen(&oracle.errors, query.image_size).collect();
     let view = View { oracle, query, percept, seen: &seen };
@@ -86,7 +86,7 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
                 };
                 let (point, found) = corridor::around(oracle, percept, place.point, in_way);
                 reply.point = Some(point);
-                // Boxes that were told are not told back.
+                // Boxes given in the query are not repeated in the reply.
                 let reported = if avoid { found } else { Vec::new() };
                 reply.boxes = reported
                     .into_iter()
@@ -102,10 +102,10 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
     reply
 }
 
-/// A full turn, but for what rounding takes, radians.
+/// A full turn, with tolerance for rounding, radians.
 const ALL_ROUND: f64 = 0.99 * core::f64::consts::TAU;
 
-/// The depth label of something at this range that fills this fraction of the image's height, now and then off by two.
+/// The depth label of an object at this range that fills this fraction of the image height, sometimes off by two.
 fn label_slipped(oracle: &Oracle, query: &Query, range: f64, share: f64) -> u8 {
     let label = label(&oracle.errors, range, share);
     let mut slip = oracle.by_query("label", query);
@@ -113,7 +113,7 @@ fn label_slipped(oracle: &Oracle, query: &Query, range: f64, share: f64) -> u8 {
     (i32::from(label) + off).clamp(1, i32::from(DEPTH_LABELS)) as u8
 }
 
-/// The depth label of something at this range that fills this fraction of the image's height.
+/// The depth label of an object at this range that fills this fraction of the image height.
 pub(super) fn label(errors: &ErrorFile, range: f64, share: f64) -> u8 {
     let most = f64::from(DEPTH_LABELS);
     let label = match &errors.label.reading {
@@ -124,12 +124,12 @@ pub(super) fn label(errors: &ErrorFile, range: f64, share: f64) -> u8 {
             lengths_m.iter().take_while(|&&length| length <= share * range).count() as f64
         }
     };
-    // Infinite range is the sky: the greatest label. `round` of a clamped value is exact.
+    // Infinite range is the sky: the highest label. `round` of a clamped value is exact.
     libm::round(label.clamp(1.0, most)) as u8
 }
 
 impl View<'_> {
-    /// The objects seen, as the language compares them: all from the image.
+    /// The visible objects as items for the language resolver; all properties come from the image.
     pub(super) fn items(&self) -> Vec<Item<'_>> {
         self.seen
             .iter()
@@ -154,18 +154,18 @@ impl View<'_> {
             .collect()
     }
 
-    /// The object a phrase means in this image: best tag score, ties to the larger mask; at the error file's rate the most
-    /// similar other object instead.
+    /// The object that a phrase means in this image: highest tag score, ties to the larger mask; at the error file's
+    /// rate, the most similar other object instead.
     pub(super) fn find(&self, phrase: &Phrase) -> Option<&Thing> {
         self.find_among(phrase, |_| true)
     }
 
-    /// As [`View::find`], among those that `fits` accepts where any does.
+    /// Like [`View::find`], restricted to the objects that `fits` accepts if there are any.
     pub(super) fn find_among(&self, phrase: &Phrase, fits: impl Fn(&Thing) -> bool) -> Option<&Thing> {
         let items = self.items();
         let mut found = meant(phrase, &items);
-        // A relation to something out of view: what was pointed at before is still known for what it is, and after a look all
-        // round whatever is called so will do.
+        // The anchor of a relation is out of view: an earlier target is still recognised, and after a full turn any
+        // object with that name is accepted.
         if found.is_empty() && !phrase.relations.is_empty() {
             let loose = Phrase { relations: Vec::new(), ..phrase.clone() };
             let last = self.query.memory.targets.last();
@@ -177,7 +177,7 @@ impl View<'_> {
         if found.iter().any(|&i| fits(self.seen[i])) {
             found.retain(|&i| fits(self.seen[i]));
         }
-        // Of several that fit alike, the one that was pointed at before is stayed with.
+        // Among equal candidates the earlier target is kept.
         let last = self.query.memory.targets.last();
         if found.iter().any(|&i| last == Some(&items[i].tags.words())) {
             found.retain(|&i| last == Some(&items[i].tags.words()));
@@ -192,12 +192,12 @@ impl View<'_> {
         Some(self.seen[best])
     }
 
-    /// Every object that a phrase may mean in this image.
+    /// All objects that a phrase may mean in this image.
     pub(super) fn all(&self, phrase: &Phrase) -> Vec<&Thing> {
         meant(phrase, &self.items()).into_iter().map(|i| self.seen[i]).collect()
     }
 
-    /// Those of `found` that bear a number in their name; none where nothing seen does.
+    /// The objects of `found` with a number in their name; `None` if no visible object has one.
     pub(super) fn numbered(&self, number: i32, found: &[&Thing]) -> Option<Vec<&Thing>> {
         let items = self.items();
         let among: Vec<usize> =
@@ -205,8 +205,8 @@ impl View<'_> {
         numbered(number, &among, &items).map(|named| named.into_iter().map(|i| self.seen[i]).collect())
     }
 
-    /// The other object most like this one: kind counts most, then name, then colour; ties to the larger mask. None when
-    /// nothing has anything in common with it.
+    /// The most similar other object: kind counts most, then name, then colour; ties to the larger mask. `None` if no
+    /// other object has anything in common with it.
     fn most_similar(&self, of: usize) -> Option<usize> {
         let tags = &self.seen[of].tags;
         let like = |thing: &Thing| -> u32 {
@@ -219,7 +219,7 @@ impl View<'_> {
             .max_by_key(|&i| (like(self.seen[i]), self.seen[i].area, core::cmp::Reverse(i)))
     }
 
-    /// Draws whether a range counts as arrived: P = logistic(ln(near / range) / width).
+    /// Draws whether a range counts as arrival: P = logistic(ln(near / range) / width).
     pub(super) fn arrived(&self, range: f64, near: f64) -> bool {
         let p = logistic(libm::log(near / range.max(1e-9)), self.oracle.errors.done.log_width);
         self.oracle.by_query("done", self.query).chance(p)

@@ -1,4 +1,4 @@
-//! Obstacle mode: which objects stand in the way, and the nearest point clear of the boxes reported
+//! Obstacle mode: the objects in the corridor, and the nearest point clear of the reported boxes
 //! (`docs/explanation/oracle.md`).
 
 use spf_core::detection::parse_detections;
@@ -8,19 +8,19 @@ use spf_core::rng::Draw;
 use super::Oracle;
 use super::percept::{Percept, Thing};
 
-/// The way to be flown.
+/// The planned path.
 pub(super) struct Way<'a> {
-    /// Where it leads in the image.
+    /// Its end in the image.
     pub(super) point: ImagePoint,
-    /// How far, metres.
+    /// Its length, metres.
     pub(super) range: f64,
-    /// Key of the object it leads to.
+    /// Key of the target object.
     pub(super) target: Option<&'a str>,
-    /// Where the opening stands that it leads through, if it does.
+    /// The box and range of the opening that it leads through, if any.
     pub(super) opening: Option<(ImageBox, f64)>,
 }
 
-/// An obstacle as noticed.
+/// A noticed obstacle.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Found {
     /// Its box.
@@ -37,8 +37,8 @@ impl Found {
     }
 }
 
-/// Boxes nearer than the target that meet the corridor: the error file's share is missed, and now and then one is around
-/// nothing. Drawn by frame, like the rest of the percept.
+/// Boxes nearer than the target that intersect the corridor. The error file gives the fraction that is missed, and the
+/// rate of spurious boxes. Drawn by frame, like the rest of the percept.
 pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &Way<'_>) -> Vec<Found> {
     let errors = &oracle.errors.boxes;
     let mut out: Vec<Found> = seen
@@ -64,19 +64,19 @@ pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &W
     out
 }
 
-/// Of the boxes that a detector listed, those around something that is seen there, nearer than the target, and in the way.
+/// The listed boxes that match a visible object nearer than the target and in the corridor.
 pub(super) fn listed(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &Way<'_>, lines: &[String]) -> Vec<Found> {
-    // A list that is none says nothing.
+    // An invalid list counts as empty.
     let detections = parse_detections(&lines.join("\n")).unwrap_or_default();
     let is_listed = |thing: &Thing| detections.iter().any(|detection| detection.area.iou(&thing.bounds) >= SAME_THING);
     let in_way = |thing: &&&Thing| is_listed(thing) && is_in_way(oracle, percept, thing, way);
     seen.iter().filter(in_way).map(|thing| Found::of(thing)).collect()
 }
 
-/// Intersection over union of two boxes from which on they are about the same thing, as detectors are judged.
+/// Minimum intersection over union of two boxes for the same object, as in detector benchmarks.
 const SAME_THING: f64 = 0.5;
 
-/// Whether a thing stands nearer than what the way leads to, and meets it.
+/// Whether an object is nearer than the end of the path and intersects it.
 fn is_in_way(oracle: &Oracle, percept: &Percept, thing: &Thing, way: &Way<'_>) -> bool {
     let tags = &thing.tags;
     let own = way.target.is_some_and(|key| key == tags.key || tags.opening_of.as_deref() == Some(key));
@@ -88,7 +88,7 @@ fn is_in_way(oracle: &Oracle, percept: &Percept, thing: &Thing, way: &Way<'_>) -
         && meets(oracle, percept, way.point, thing.bounds, thing.nearest)
 }
 
-/// Whether a thing is what the opening is in: a hill about a tunnel's mouth is not in the way into it.
+/// Whether an object surrounds the opening: a hill around a tunnel entrance does not block the way into it.
 fn frames(thing: &Thing, way: &Way<'_>) -> bool {
     way.opening.is_some_and(|(hole, range)| {
         let b = thing.bounds;
@@ -97,23 +97,22 @@ fn frames(thing: &Thing, way: &Way<'_>) -> bool {
     })
 }
 
-/// Half the corridor's width and height at a range, as fractions of the image.
+/// Half the width and height of the corridor at a range, as fractions of the image.
 fn margin(oracle: &Oracle, percept: &Percept, range: f64) -> (f64, f64) {
     let camera = &percept.camera;
     let at = oracle.errors.boxes.corridor_m / range.max(0.1);
     (at * camera.fx / f64::from(camera.width), at * camera.fy / f64::from(camera.height))
 }
 
-/// Whether the corridor to `point` passes within its half width of the box. Seen from the camera the straight way to a point
-/// is that point; a tube around it is a disc that shrinks with range, here a rectangle.
+/// Whether the corridor to `point` passes within its half width of the box. Seen from the camera, a straight path is a
+/// single point; the corridor around it is a disc that shrinks with range, here a rectangle.
 fn meets(oracle: &Oracle, percept: &Percept, point: ImagePoint, area: ImageBox, range: f64) -> bool {
     let (du, dv) = margin(oracle, percept, range);
     point.u > area.left - du && point.u < area.right + du && point.v > area.top - dv && point.v < area.bottom + dv
 }
 
-/// The place nearest to `point` to which the way is clear, and what stands in the way to it and to the places passed over on the
-/// looking for it: what is beside the way to one place is in the way to the next. Where the image has no clear place it is
-/// `point` itself.
+/// The clear point nearest to `point`, and the obstacles on the path to it and to the points rejected during the
+/// search: an object beside one path may block the next. Returns `point` itself if the image has no clear point.
 pub(super) fn around(
     oracle: &Oracle,
     percept: &Percept,
@@ -136,15 +135,15 @@ pub(super) fn around(
     (place, found)
 }
 
-/// Places tried: each but the last brings in a thing more.
+/// Maximum number of points tried: each adds an obstacle.
 const PLACES: usize = 16;
 
-/// The place nearest to `point` that is clear of all boxes and their margins; `point` itself when the image has none.
+/// The point nearest to `point` that is clear of all boxes and their margins; `point` itself if there is none.
 pub(super) fn clear(oracle: &Oracle, percept: &Percept, point: ImagePoint, found: &[Found]) -> ImagePoint {
     free(oracle, percept, point, found).unwrap_or(point)
 }
 
-/// The same, or nothing when the image has no such place.
+/// The same, but `None` if there is no such point.
 pub(super) fn free(oracle: &Oracle, percept: &Percept, point: ImagePoint, found: &[Found]) -> Option<ImagePoint> {
     let walls: Vec<ImageBox> = found
         .iter()
@@ -161,10 +160,10 @@ pub(super) fn free(oracle: &Oracle, percept: &Percept, point: ImagePoint, found:
     if free(point.u, point.v) {
         return Some(point);
     }
-    // Below the horizon lies the ground, which no box stands for.
+    // Below the horizon is the ground, which no box represents.
     let lowest = point.v.max(percept.level);
     let free = |u: f64, v: f64| v <= lowest && free(u, v);
-    // The nearest free place has each coordinate either unchanged or on some wall's edge.
+    // In the nearest free point, each coordinate is either unchanged or on the edge of a box.
     let across: Vec<f64> = core::iter::once(point.u).chain(walls.iter().flat_map(|b| [b.left, b.right])).collect();
     let down: Vec<f64> = core::iter::once(point.v).chain(walls.iter().flat_map(|b| [b.top, b.bottom])).collect();
     let aspect = f64::from(percept.camera.height) / f64::from(percept.camera.width);

@@ -1,6 +1,6 @@
-//! Error files: how far the oracle's answers stray from the truth (`docs/explanation/oracle.md`, "Error files").
+//! Error files: statistical errors of the oracle's answers (`docs/explanation/oracle.md`, "Error files").
 //!
-//! A file is TOML; every key must be present, so that what a run was made with can be read from the file alone.
+//! A file is TOML. Every key must be present, so that the file alone documents a run.
 
 use serde::Deserialize;
 use spf_core::reply::DEPTH_LABELS;
@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use super::language::spelling;
 
-/// The shipped files: name and text.
+/// The built-in files: name and text.
 const SHIPPED: [(&str, &str); 6] = [
     ("perfect", include_str!("errors/perfect.toml")),
     ("default", include_str!("errors/default.toml")),
@@ -18,7 +18,7 @@ const SHIPPED: [(&str, &str); 6] = [
     ("intended", include_str!("errors/intended.toml")),
 ];
 
-/// Tables of the file and the keys each may have, to name the nearest when one is unknown.
+/// Tables of the file and their keys, for suggesting the nearest one.
 const KEYS: [(&str, &[&str]); 9] = [
     ("seen", &["half_px", "sure_px", "missed"]),
     ("point", &["width_share", "size_share"]),
@@ -31,25 +31,25 @@ const KEYS: [(&str, &[&str]); 9] = [
     ("latency", &["median_s", "p95_s"]),
 ];
 
-/// Why an error file was refused.
+/// Why an error file was rejected.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ErrorFileError {
-    /// No shipped file has this name.
+    /// No built-in file has this name.
     #[error("no error file is called `{name}`; shipped are {}", names())]
     Name {
-        /// What was asked for.
+        /// The name given.
         name: String,
     },
-    /// The text is no TOML, or a key is missing or of the wrong type.
+    /// Invalid TOML, or a key is missing or of the wrong type.
     #[error("error file: {0}")]
     Format(String),
-    /// A key that does not exist.
+    /// An unknown key.
     #[error("error file: unknown key `{key}`; the nearest is `{nearest}`")]
     UnknownKey {
         /// Table and key, `table.key`.
         key: String,
-        /// The known key most like it.
+        /// The most similar known key.
         nearest: String,
     },
     /// A value out of its range.
@@ -57,7 +57,7 @@ pub enum ErrorFileError {
     Value {
         /// Table and key.
         key: &'static str,
-        /// What stood there.
+        /// The value found.
         value: f64,
         /// The range in words.
         must: &'static str,
@@ -68,7 +68,7 @@ fn names() -> String {
     SHIPPED.map(|(name, _)| format!("`{name}`")).join(", ")
 }
 
-/// How the oracle errs. All shares are 0..=1.
+/// The errors of the oracle. All fractions are 0..=1.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorFile {
@@ -78,33 +78,33 @@ pub struct ErrorFile {
     pub point: PointErrors,
     /// Noise of the range.
     pub range: RangeErrors,
-    /// What a depth label means to this oracle.
+    /// Meaning of the depth label.
     pub label: LabelErrors,
     /// Confusion of targets.
     pub which: WhichErrors,
-    /// Judgement of the end.
+    /// Errors in judging completion.
     pub done: DoneErrors,
     /// Obstacle boxes.
     pub boxes: BoxErrors,
     /// Text actions.
     pub act: ActErrors,
-    /// Time to answer.
+    /// Latency.
     pub latency: LatencyErrors,
 }
 
-/// *seen*: logistic in the square root of the visible pixels at the size sent.
+/// *seen*: logistic function of the square root of the visible pixels at the size sent.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SeenErrors {
-    /// Square root of the pixel count at which half are seen.
+    /// Square root of the pixel count at which half of the objects are seen.
     pub half_px: f64,
     /// Square root of the pixel count at which 95 % are seen; equal to `half_px` for a hard threshold.
     pub sure_px: f64,
-    /// Share missed besides, whatever the size.
+    /// Fraction missed in addition, whatever the size.
     pub missed: f64,
 }
 
-/// *point*: standard deviation is the larger of the two.
+/// *point*: the standard deviation is the larger of the two.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointErrors {
@@ -114,7 +114,7 @@ pub struct PointErrors {
     pub size_share: f64,
 }
 
-/// *range*: multiplied by exp N(0, sd).
+/// *range*: multiplicative error exp N(0, sd).
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RangeErrors {
@@ -122,17 +122,17 @@ pub struct RangeErrors {
     pub log_sd: f64,
 }
 
-/// *depth label*: what it is read from, and gross errors.
+/// *depth label*: its meaning, and gross errors.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct LabelErrors {
-    /// What a label means.
+    /// Meaning of a label.
     #[serde(flatten)]
     pub reading: Reading,
     /// Fraction of answers whose label is off by two, up or down.
     pub off_by_two: f64,
 }
 
-/// What a depth label means. Never computed from the flight's settings (s, p, d_min, speeds) or the judge's radius.
+/// Meaning of a depth label. Never derived from the flight's settings (s, p, d_min, speeds) or the judge's radius.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "reading", rename_all = "snake_case")]
 pub enum Reading {
@@ -146,23 +146,23 @@ pub enum Reading {
         /// Range of label 10, metres.
         farthest_m: f64,
     },
-    /// Linear in the fraction of the image's height that the object fills.
+    /// Linear in the fraction of the image height that the object fills.
     Size {
-        /// Share that reads as 1.
+        /// Fraction for label 1.
         share_at_1: f64,
-        /// Share that reads as 10.
+        /// Fraction for label 10.
         share_at_10: f64,
     },
-    /// The greatest label whose length is at most `share · range`.
+    /// The highest label whose length is at most `share · range`.
     IntendedTravel {
-        /// Fraction of the range meant to be flown.
+        /// Fraction of the range that is to be flown.
         share: f64,
         /// Length of each label, metres, ascending.
         lengths_m: [f64; DEPTH_LABELS as usize],
     },
 }
 
-/// *which*: confusion.
+/// *which*: confusion of objects.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WhichErrors {
@@ -178,7 +178,7 @@ pub struct DoneErrors {
     pub log_width: f64,
 }
 
-/// *boxes* of obstacle mode.
+/// *boxes*: errors in obstacle mode.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoxErrors {
@@ -186,11 +186,11 @@ pub struct BoxErrors {
     pub missed: f64,
     /// Fraction of frames with a box around nothing.
     pub spurious: f64,
-    /// Half the width of the corridor that must be free, metres: what a looker thinks a drone needs.
+    /// Half the width of the corridor considered necessary for a drone, metres.
     pub corridor_m: f64,
 }
 
-/// *Act*: text actions.
+/// *act*: errors of text actions.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActErrors {
@@ -211,10 +211,10 @@ pub struct LatencyErrors {
 }
 
 impl ErrorFile {
-    /// A shipped file: `perfect`, `default`, `poor`, `size`, `linear` or `intended`.
+    /// A built-in file: `perfect`, `default`, `poor`, `size`, `linear` or `intended`.
     ///
     /// # Errors
-    /// [`ErrorFileError::Name`] when there is none of that name.
+    /// [`ErrorFileError::Name`] if there is none with this name.
     pub fn named(name: &str) -> Result<Self, ErrorFileError> {
         let Some((_, text)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) else {
             return Err(ErrorFileError::Name { name: name.to_owned() });
@@ -222,16 +222,16 @@ impl ErrorFile {
         Self::from_toml(text)
     }
 
-    /// The names [`ErrorFile::named`] knows.
+    /// The names accepted by [`ErrorFile::named`].
     #[must_use]
     pub fn shipped() -> [&'static str; 6] {
         SHIPPED.map(|(name, _)| name)
     }
 
-    /// Reads and checks an error file.
+    /// Parses and validates an error file.
     ///
     /// # Errors
-    /// Text that is no TOML, unknown or missing keys, and values out of range.
+    /// [`ErrorFileError`] for invalid TOML, unknown or missing keys, and values out of range.
     pub fn from_toml(text: &str) -> Result<Self, ErrorFileError> {
         let table: toml::Table =
             text.parse().map_err(|e: toml::de::Error| ErrorFileError::Format(e.to_string().trim().to_owned()))?;
@@ -287,13 +287,13 @@ impl ErrorFile {
 }
 
 impl Default for ErrorFile {
-    /// The shipped file `default`.
+    /// The built-in file `default`.
     fn default() -> Self {
         Self::named("default").expect("the shipped file is checked by a test")
     }
 }
 
-/// Names the nearest known key for the first unknown one.
+/// Reports the first unknown key with the nearest known one.
 fn known_keys(table: &toml::Table) -> Result<(), ErrorFileError> {
     for (name, value) in table {
         let Some((_, keys)) = KEYS.iter().find(|(known, _)| known == name) else {
@@ -356,7 +356,7 @@ mod tests {
     }
 
     proptest::proptest! {
-        /// A shipped file with any piece of it replaced by anything is read within its bounds, or refused.
+        /// A damaged built-in file is either valid or rejected.
         #[test]
         fn a_damaged_file_is_read_or_refused(file in 0..SHIPPED.len(), from in 0.0..1.0_f64, length in 0..12_usize, put in "[ -~\n]{0,6}") {
             let mut bytes = SHIPPED[file].1.as_bytes().to_vec();

@@ -1,4 +1,4 @@
-//! Answers to the kinds of query other than *Point*.
+//! Answers to kinds of query other than *Point*.
 
 use core::fmt::Write as _;
 
@@ -17,10 +17,10 @@ use super::language::{Phrase, Verb, parse};
 use super::percept::{Percept, Thing};
 use super::stages::{Aim, clause_of};
 
-/// Farther than this share of the width from the percept's point, no candidate is chosen (`docs/explanation/oracle.md`).
+/// Farther than this fraction of the width from the percept's point, no candidate is chosen (`docs/explanation/oracle.md`).
 const CHOOSE_WITHIN: f64 = 0.15;
 
-/// The numbered mark nearest to the percept's point: `{"points":[n]}`, empty where none is near.
+/// The numbered mark nearest to the percept's point: `{"points":[n]}`; empty if none is near.
 pub(super) fn choose(query: &Query, percept: &Percept, aim: &Aim) -> String {
     let (w, h) = (f64::from(percept.camera.width), f64::from(percept.camera.height));
     let nearest = aim.place.and_then(|place| {
@@ -43,8 +43,8 @@ pub(super) fn done(aim: &Aim) -> String {
     json!({ "done": aim.done, "stage": aim.stage }).to_string()
 }
 
-/// One line an object: `name_id x:… y:… width:… height:… color:…`, fractions of the image to two decimals. `coco`: only objects of
-/// COCO's classes, by the names of those.
+/// One line per object: `name_id x:… y:… width:… height:… color:…`, as fractions of the image to two decimals. `coco`:
+/// only objects of COCO classes, by class name.
 pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a Thing>, coco: bool) -> String {
     let mut out = String::new();
     for thing in seen {
@@ -66,7 +66,7 @@ pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a Thing>, coco: bool) -> S
     out
 }
 
-/// The same as a detector's list: with scores, the chance that the object was noticed, and to four decimals.
+/// The same in a detector's format: four decimals, and as score the probability of noticing the object.
 pub(super) fn detect_scored<'a>(seen: impl Iterator<Item = (&'a Thing, f64)>, coco: bool) -> String {
     let found = seen.filter_map(|(thing, score)| {
         let name = if coco { class(&thing.tags)? } else { called(&thing.tags) };
@@ -75,20 +75,20 @@ pub(super) fn detect_scored<'a>(seen: impl Iterator<Item = (&'a Thing, f64)>, co
     write_detections(&found.take(MAX_DETECTIONS).collect::<Vec<_>>())
 }
 
-/// What an object is called first.
+/// The first name of an object.
 fn called(tags: &Tagged) -> &str {
     tags.names.first().unwrap_or(&tags.kind)
 }
 
-/// The class of COCO that an object belongs to, by any of its names; none for openings, which no detector knows.
+/// The COCO class of an object, by any of its names; `None` for openings, which no detector knows.
 fn class(tags: &Tagged) -> Option<&str> {
     let names = tags.names.iter().chain([&tags.kind]);
     if tags.opening { None } else { names.into_iter().find_map(|name| coco::class_of(name)) }
 }
 
-/// A line of the list of detections, as far as it can be read.
+/// A parsed line of a list of detections.
 struct Listed {
-    /// `name_id`, as programs call it.
+    /// `name_id`, as used in programs.
     label: String,
     tags: Tagged,
     x: f64,
@@ -136,7 +136,7 @@ fn listed<'a>(phrase: &Phrase, list: &'a [Listed]) -> Vec<&'a Listed> {
             tags: &d.tags,
             across: Some(d.x),
             half: 0.5 * d.width,
-            // A list of boxes tells no range: the larger box passes for the nearer.
+            // The list has no ranges: the larger box counts as the nearer.
             range: Some(1.0 / d.height.max(1e-3)),
             size: Some(d.width * d.height),
             height: Some(d.height),
@@ -149,8 +149,9 @@ fn listed<'a>(phrase: &Phrase, list: &'a [Listed]) -> Vec<&'a Listed> {
     found
 }
 
-/// A MiniSpec program for the part of the instruction that is being worked on: turn to its target and approach it, or search where
-/// it is not listed. The planner knows what of a box is the thing's size: a large one that fills half the image is still far.
+/// A MiniSpec program for the current part of the instruction: turn to its target and approach it, or search if it is
+/// not listed. The planner takes typical object sizes into account: a large object that fills half the image is still
+/// far away.
 pub(super) fn program(query: &Query) -> String {
     let list = detections(&query.detections);
     let instruction = parse(&query.instruction, &vocabulary(list.iter().map(|d| &d.tags)));
@@ -180,25 +181,26 @@ pub(super) fn program(query: &Query) -> String {
     out
 }
 
-/// A box whose middle is lower than this in the image is sunk to …
+/// A box centred lower than this in the image requires a descent …
 const LOW: f64 = 0.65;
-/// … and one whose middle is higher than this climbed to.
+/// … and one centred higher than this a climb.
 const HIGH: f64 = 0.3;
-/// Straight on through an opening: 36 m, in pieces after which a list is still good for a craft of 3 m/s.
+/// Straight through an opening: 36 m, in steps short enough for the list to stay valid for a craft at 3 m/s.
 const ON_THROUGH: &str = "12{mf(300);}";
 
-/// Whether people call something so that is higher than a house.
+/// Whether the name is that of an object taller than a house.
 fn is_large(label: &str) -> bool {
     label.split('_').any(|part| NOUNS.large.contains(part))
 }
 
-/// What is looked for, in the words of lists.
+/// The search target, in the vocabulary of lists.
 fn wanted(phrase: &Phrase) -> String {
     let words: Vec<&str> = phrase.colours.iter().chain(&phrase.nouns).map(String::as_str).collect();
     words.join(" ").replace('\'', "")
 }
 
-/// A question about the list: how many, is there, which one. What the list cannot answer is `False`.
+/// Answers a question about the list: how many, is there, which one. Questions that the list cannot answer give
+/// `False`.
 pub(super) fn question(text: &str, lines: &[String]) -> String {
     let list = detections(lines);
     let asked = text.to_lowercase();

@@ -1,8 +1,9 @@
-//! Plain words to stages and targets: the oracle's language, and the truth's.
+//! Instruction language: from plain words to stages and targets, shared by the oracle and the ground truth.
 //!
-//! `lex` makes tokens, `grammar` cuts them into clauses and finds each verb, `phrase` reads the noun phrases, and `settle` puts
-//! their words right by those of the scene; `resolve` says which objects a phrase means. Up to there no object is known: how many
-//! stages an instruction has never depends on what is in view. The words themselves are data, which `lexicon` reads.
+//! `lex` creates tokens, `grammar` splits them into clauses with a verb each, `phrase` parses noun phrases, `settle`
+//! corrects their spelling against the words of the scene, and `resolve` determines which objects a phrase means. All but
+//! the last are independent of the objects in view, so the number of stages never depends on them. The vocabulary is
+//! data, loaded by `lexicon`.
 
 mod compounds;
 pub(crate) mod grammar;

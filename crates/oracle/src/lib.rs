@@ -1,15 +1,17 @@
 //! The oracle: a stand-in for a VLM (`docs/explanation/oracle.md`).
 //!
-//! It is a pure function of the query, the id and depth pictures, the tags of visible objects, the words of all the scene's
-//! tags, the scene's `near`, the error file, the seed and the frame number. It has no state, no pose, no task and no access to
-//! the judge; an object without a visible pixel does not exist for it. It forms one [`Percept`] a frame and answers every kind
-//! of query from it, as text that goes through the same parser as any model's. No number made with it is ever presented as a
-//! VLM's.
+//! It is a pure function of the query, the id and depth images, the tags of visible objects, the words of all the scene's
+//! tags, the scene's `near`, the error file, the seed and the frame number. It has no state, and no access to the pose,
+//! the task or the judge; an object without a visible pixel does not exist for it. It forms one [`Percept`] per frame and
+//! answers every kind of query from it, as text that goes through the same parser as a model's reply. Its results are
+//! never presented as those of a VLM.
 //!
-//! The two types to know are [`Oracle`] and [`Percept`]. It knows words only out of its own lists and the scene's tags; it
-//! refuses error files with a key that it does not know or a figure out of its range ([`ErrorFileError`]).
+//! The main types are [`Oracle`] and [`Percept`]; [`read_instruction`] shows how an instruction is understood before a
+//! flight. The vocabulary consists of the crate's own word lists and the scene's tags. Error files with unknown keys or
+//! values out of range are rejected ([`ErrorFileError`]).
 //!
-//! The truth that judges flights by `verified` shares its language, without errors and over all objects: [`resolve_truth`].
+//! The ground truth behind `verified` uses the same language parser, without errors and over all objects:
+//! [`resolve_truth`].
 #![forbid(unsafe_code)]
 
 mod act;
@@ -41,10 +43,10 @@ pub use place::{Place, Placed, Viewpoint};
 pub use reading::{Correction, InstructionReading, ReadStep, UnknownWord, read_instruction};
 pub use truth::{TruthTarget, resolve_truth};
 
-/// What a list of detections takes: no VLM makes it, but a detector, of which a small one on a processor is meant.
+/// Latency of a list of detections, which comes from a detector instead of a VLM: that of a small one on a CPU.
 const DETECTOR_LATENCY: Duration = Duration::from_millis(100);
 
-/// A stand-in for a VLM. Clone it freely: it has no state.
+/// A stand-in for a VLM. It is stateless, so clones are independent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Oracle {
     errors: ErrorFile,
@@ -52,17 +54,18 @@ pub struct Oracle {
     seed: u64,
 }
 
-/// What the oracle answers to one query.
+/// The oracle's answer to a query.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OracleAnswer {
-    /// The text, for the reply parser; coordinates in the default grounding profile.
+    /// The reply text, with coordinates in the default grounding profile.
     pub text: String,
-    /// How long it takes to answer.
+    /// The simulated latency.
     pub latency: Duration,
 }
 
 impl Oracle {
-    /// An oracle that errs as `errors` say. `near` is the scene's: the range in metres at which *done* is even odds.
+    /// An oracle with the given errors. `near` is the scene's: the range in metres at which *done* has a probability of
+    /// one half.
     #[must_use]
     pub fn new(errors: ErrorFile, near: f64, seed: u64) -> Self {
         Self { errors, near, seed }
@@ -74,22 +77,22 @@ impl Oracle {
         &self.errors
     }
 
-    /// What it takes in of one frame, drawn by the frame's number. `tags` are those of the scene's objects; those without a
-    /// visible pixel are not looked at.
+    /// The percept of a frame; random draws depend on the frame number. `tags` are those of the scene's objects; those
+    /// without a visible pixel are ignored.
     #[must_use]
     pub fn percept(&self, frame: FrameId, sight: &Sight<'_>, tags: &[Tagged]) -> Percept {
         Percept::draw(&self.errors, self.seed, frame, sight, tags)
     }
 
-    /// Its answer to a query about the frame of `percept`. Latency and the errors of one answer are drawn by the query's
+    /// Answers a query about the frame of `percept`. Latency and the errors of a single answer are drawn by the query's
     /// number.
     #[must_use]
     pub fn answer(&self, query: &Query, percept: &Percept) -> OracleAnswer {
         OracleAnswer { text: answer::text(self, query, percept), latency: self.latency(query) }
     }
 
-    /// Log-normal with the error file's median and 95th percentile, which lies 1.6449 deviations above; a list of detections takes
-    /// what a detector takes.
+    /// Log-normal with the error file's median and 95th percentile (1.6449 standard deviations above it); a detector's
+    /// latency for a list of detections.
     fn latency(&self, query: &Query) -> Duration {
         if matches!(query.kind, QueryKind::Detect { .. }) {
             return DETECTOR_LATENCY;
@@ -100,7 +103,8 @@ impl Oracle {
         duration_from_secs(latency.median_s * libm::exp(deviation * normal))
     }
 
-    /// A generator for one answer. The instruction is part of its name: flights of two tasks with one seed share no luck here.
+    /// The generator for one answer. The instruction is part of its key, so that flights of two tasks with equal seeds
+    /// are independent.
     fn by_query(&self, purpose: &str, query: &Query) -> Draw {
         Draw::new(self.seed, &format!("oracle answer {purpose}: {}", query.instruction), &[query.id.0])
     }

@@ -1,8 +1,8 @@
-//! Masks of an id image in one pass: area, bounds, which edges cut it, and the pixel deepest inside.
+//! Masks of an id image in one pass: area, bounds, edges that cut it, and the deepest pixel.
 //!
-//! *Deepest* is the middle of the largest square of the mask (chessboard distance to the nearest pixel that is not of the
-//! mask, the image's edge included); among equal squares the one nearest to the mask's centroid. The centroid itself would
-//! be air on a lattice.
+//! The *deepest* pixel is the centre of the largest square in the mask (chessboard distance to the nearest pixel
+//! outside the mask or the image); among equal squares the one nearest to the mask's centroid. The centroid itself may
+//! be outside of a lattice-like mask.
 
 use spf_core::reply::Look;
 
@@ -21,9 +21,9 @@ pub struct Mask {
     pub top: usize,
     /// Last row.
     pub bottom: usize,
-    /// Column and row of the pixel deepest inside.
+    /// Column and row of the deepest pixel.
     pub deepest: (usize, usize),
-    /// Pixels on the left edge of the image, the right, the upper, the lower.
+    /// Number of mask pixels on the left, right, upper and lower edges of the image.
     edges: [u64; 4],
     /// Sums of columns and rows, for the centroid.
     sums: (u64, u64),
@@ -32,9 +32,9 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// The edge of the image with most pixels of the mask on it.
+    /// The edge of the image with the most mask pixels.
     pub(super) fn cut(&self, width: usize, height: usize) -> Option<Look> {
-        // As a fraction of the edge's length, so that the longer edge has no advantage.
+        // As a fraction of the edge length, so that longer edges are not favoured.
         let share = |i: usize| self.edges[i] as f64 / if i < 2 { height as f64 } else { width as f64 };
         let looks = [Look::Left, Look::Right, Look::Up, Look::Down];
         (0..4)
@@ -47,18 +47,19 @@ impl Mask {
     }
 }
 
-/// A stretch of one row with one id.
+/// A run of one id in a row.
 struct Run {
     slot: u32,
     row: u32,
     first: u32,
-    /// Pixels up to here, exclusive.
+    /// End column, exclusive.
     end: u32,
-    /// Largest square that ends in this stretch.
+    /// Largest square that ends in this run.
     side: u16,
 }
 
-/// All masks of an id image in ascending order of id; id 0 is nothing. `ids` is whole rows of `width`, at most 65535 a side.
+/// All masks of an id image in ascending order of id; id 0 is empty. `ids` consists of complete rows of `width`, at
+/// most 65535 per side.
 #[must_use]
 pub fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
     if width == 0 || ids.iter().all(|&id| id == 0) {
@@ -112,16 +113,16 @@ pub fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
     found
 }
 
-/// The end of the neighbours in a row that have the id of the pixel at `first`.
+/// The end of the run that starts at `first`.
 pub(super) fn end_of_run(line: &[u16], first: usize) -> usize {
     let id = line[first];
-    // Whole groups without a branch for each pixel, so that they are compared at once.
+    // Groups without a branch per pixel, so that they are compared with vector instructions.
     let same = |group: &&[u16; 16]| group.iter().fold(0, |differ, other| differ | (other ^ id)) == 0;
     let from = first + 16 * line[first..].as_chunks::<16>().0.iter().take_while(same).count();
     line[from..].iter().position(|&other| other != id).map_or(line.len(), |n| from + n)
 }
 
-/// Sides of the largest squares that end at each pixel of a stretch; the stretch's pixels left of it are another id.
+/// Sides of the largest squares that end at each pixel of a run; pixels to the left of the run have another id.
 fn squares(id: u16, ids_above: &[u16], above: &[u16], side: &mut [u16]) -> u16 {
     let (mut left, mut corner, mut largest) = (0, 0, 0);
     for ((&id_above, &side_above), out) in ids_above.iter().zip(above).zip(side) {
@@ -135,7 +136,7 @@ fn squares(id: u16, ids_above: &[u16], above: &[u16], side: &mut [u16]) -> u16 {
 }
 
 impl Mask {
-    /// Adds a stretch of a row.
+    /// Adds a run of a row.
     fn take(&mut self, row: usize, first: usize, end: usize, width: usize, height: usize, largest: u16) {
         let length = (end - first) as u64;
         self.area += length;
@@ -152,8 +153,8 @@ impl Mask {
     }
 }
 
-/// The middle of a largest square of each mask: of the stretches in which one ends, that whose square lies nearest to the
-/// centroid's row is looked through, and the square nearest to the centroid's column taken.
+/// Determines the centre of a largest square of each mask: among the runs in which one ends, it selects the one nearest
+/// to the centroid's row, and there the square nearest to the centroid's column.
 fn place(ids: &[u16], width: usize, found: &mut [Mask], runs: &[Run]) {
     let mut best: Vec<Option<(u64, usize)>> = vec![None; found.len()];
     for (index, run) in runs.iter().enumerate() {
@@ -180,8 +181,8 @@ fn place(ids: &[u16], width: usize, found: &mut [Mask], runs: &[Run]) {
     }
 }
 
-/// Columns of the stretch `first..end` of `row` at which a square of side `side` of the same id ends. Rows of one id are
-/// counted anew here, for keeping every side of the image would cost more than looking again at a handful of stretches.
+/// Columns of the run `first..end` of `row` at which a square of side `side` of the same id ends. Recomputed here for a
+/// few runs, since storing the sides for the whole image would cost more.
 fn ends_of_squares(ids: &[u16], width: usize, row: usize, first: usize, end: usize, side: u16) -> Vec<usize> {
     let side = usize::from(side);
     let id = ids[row * width + first];

@@ -1,4 +1,4 @@
-//! One percept a frame: what the oracle noticed in the picture, drawn by frame number (`docs/explanation/oracle.md`).
+//! The percept of a frame: what the oracle notices in the image, drawn by frame number (`docs/explanation/oracle.md`).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,72 +17,72 @@ use super::masks::{Mask, end_of_run, masks};
 /// Size at which the visible pixels of an object are counted unless the query names another (`docs/explanation/oracle.md`).
 pub const SIZE_SENT: (u32, u32) = (960, 720);
 
-/// The images of one frame, and the two things that pixels alone do not tell.
+/// The images of one frame, and two properties that they do not contain.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight<'a> {
     /// Width, pixels.
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// Object of each pixel, row by row from the upper left; 0 for none.
+    /// Object id per pixel, in rows from the upper left; 0 for none.
     pub ids: &'a [u16],
     /// Distance along the optical axis, metres; 0 for none.
     pub depth: &'a [f32],
-    /// Openings (gates, tunnel mouths, hollows), which hide nothing; empty where the scene has none.
+    /// Openings (gates, tunnel entrances, holes), which hide nothing; empty if the scene has none.
     pub opening_ids: &'a [u16],
     /// Distance to the opening's surface along the optical axis, metres.
     pub opening_depth: &'a [f32],
     /// The camera that took them.
     pub camera: &'a Camera,
-    /// Fraction of an object's silhouette that lies inside the frame, 0..=1; an object that is not listed is wholly inside.
+    /// Fraction of an object's silhouette inside the frame, 0..=1; 1 for objects not listed.
     pub in_frame: &'a BTreeMap<u16, f32>,
-    /// Light on an object, 0 dark ..= 1 daylight; an object that is not listed is in daylight.
+    /// Light on an object, 0 dark ..= 1 daylight; daylight for objects not listed.
     pub light: &'a BTreeMap<u16, f32>,
 }
 
-/// One visible object as the oracle takes it in.
+/// A visible object as perceived by the oracle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Thing {
-    /// What it is.
+    /// Its tags.
     pub tags: Tagged,
     /// Visible pixels of the frame.
     pub area: u64,
     /// Smallest rectangle around the visible pixels.
     pub bounds: ImageBox,
-    /// The mask pixel deepest inside the mask, without noise.
+    /// The deepest pixel of its mask, without noise.
     pub deepest: ImagePoint,
-    /// Where it is pointed at: `deepest` with noise.
+    /// The point given in replies: `deepest` with noise.
     pub point: ImagePoint,
-    /// Straight-line distance to the surface at `deepest`, with noise, metres; infinite where nothing is.
+    /// Straight-line distance to the surface at `deepest`, with noise, metres; infinite if there is none.
     pub range: f64,
-    /// Range of its nearest visible surface, with the same noise, metres: what tells whether one has arrived.
+    /// Distance to its nearest visible surface, with the same noise, metres, which decides on arrival.
     pub nearest: f64,
-    /// Range of what is seen at `deepest` in the ordinary image, metres: through an opening, what lies beyond it.
+    /// Distance to the surface visible at `deepest` in the ordinary image, metres: for an opening, what is behind it.
     pub beyond: f64,
-    /// Whether it counts as in view: high enough and enough of it inside the frame.
+    /// Whether it counts as in view: tall enough, and enough of it inside the frame.
     pub in_view: bool,
-    /// The edge of the image that cuts it most.
+    /// The edge of the image that cuts off most of it.
     pub cut: Option<Look>,
-    /// Square root of its visible pixels at [`SIZE_SENT`], dimmed by the light on it.
+    /// Square root of its visible pixels at [`SIZE_SENT`], reduced by darkness.
     size: f64,
-    /// Uniform draw that decides whether it is noticed.
+    /// Uniform random number that decides whether it is noticed.
     luck: f64,
-    /// Uniform draw that decides whether its box is reported.
+    /// Uniform random number that decides whether its box is reported.
     pub(super) box_luck: f64,
 }
 
-/// What the oracle noticed in one frame. All queries about that frame share it.
+/// What the oracle notices in one frame; shared by all queries about it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Percept {
     /// The frame.
     pub frame: FrameId,
     /// The camera that took it.
     pub camera: Camera,
-    /// Row of the image that is level with the craft, as a fraction from the top: the horizon where ground is seen up to it.
+    /// Image row level with the craft, as a fraction from the top: the horizon on open ground.
     pub level: f64,
-    /// Range up to which a craft finds room straight on, metres; infinite where nothing stands there. For flying on straight.
+    /// Free distance straight ahead, metres; infinite without an obstacle.
     pub ahead: f64,
-    /// Where the image shows the most room for a level way, and its range, metres, at most 40.
+    /// The image point with the most room for level flight, and its range, metres, at most 40.
     pub open: (ImagePoint, f64),
     pub(super) things: Vec<Thing>,
     /// All words of the scene's tags, seen or not: an instruction is read alike in every frame.
@@ -90,8 +90,8 @@ pub struct Percept {
 }
 
 impl Percept {
-    /// Draws the percept of one frame. What is independent is looked at at once, on as many threads as there are; the percept is the
-    /// same on any number.
+    /// Draws the percept of a frame. Independent parts run in parallel; the result does not depend on the number of
+    /// threads.
     pub(super) fn draw(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, tags: &[Tagged]) -> Self {
         let things = |opening| things((errors, seed, frame), sight, tags, opening);
         let ((mut things, openings), (level, walls)) = rayon::join(
@@ -107,12 +107,12 @@ impl Percept {
         Self { frame, camera: *sight.camera, level, ahead, open, things, words }
     }
 
-    /// The objects noticed when the image is sent at `size`; [`SIZE_SENT`] when none is named.
+    /// The objects noticed if the image is sent at `size`, by default [`SIZE_SENT`].
     pub fn seen<'a>(&'a self, errors: &'a ErrorFile, size: Option<(u32, u32)>) -> impl Iterator<Item = &'a Thing> {
         self.seen_with_chance(errors, size).map(|(thing, _)| thing)
     }
 
-    /// The same, with the chance of noticing each.
+    /// The same, with the probability of noticing each.
     pub(super) fn seen_with_chance<'a>(
         &'a self,
         errors: &'a ErrorFile,
@@ -125,14 +125,14 @@ impl Percept {
     }
 }
 
-/// Probability of noticing an object of this square root of pixels.
+/// Probability of noticing an object with this square root of its pixel count.
 pub(super) fn chance_seen(errors: &ErrorFile, size: f64) -> f64 {
     let seen = &errors.seen;
     let width = (seen.sure_px - seen.half_px) / NINETEEN_LN;
     (1.0 - seen.missed) * logistic(size - seen.half_px, width)
 }
 
-/// ln 19: a logistic reaches 95 % this many widths above its middle.
+/// ln 19: a logistic function reaches 95 % this many widths above its centre.
 const NINETEEN_LN: f64 = 2.944_438_979_166_440_3;
 
 /// `1 / (1 + exp(−x / width))`; a step at 0 (inclusive) when the width is 0.
@@ -140,7 +140,7 @@ pub(super) fn logistic(x: f64, width: f64) -> f64 {
     if width > 0.0 { 1.0 / (1.0 + exp(-x / width)) } else { f64::from(u8::from(x >= 0.0)) }
 }
 
-/// The tagged things of the ordinary image in ascending order of id, or those of the image of openings.
+/// The tagged objects of the ordinary image, or of the image of openings, in ascending order of id.
 fn things(of: (&ErrorFile, u64, FrameId), sight: &Sight<'_>, tags: &[Tagged], opening: bool) -> Vec<Thing> {
     let (errors, seed, frame) = of;
     let (w, h) = (sight.width, sight.height);
@@ -159,7 +159,7 @@ fn things(of: (&ErrorFile, u64, FrameId), sight: &Sight<'_>, tags: &[Tagged], op
     .collect()
 }
 
-/// `depth` is that of the image which shows the thing, and the distance to its nearest surface there.
+/// `depth` is that of the image with the object, and the distance to its nearest surface there.
 fn thing(
     errors: &ErrorFile,
     seed: u64,
@@ -211,10 +211,10 @@ fn thing(
     }
 }
 
-/// Straight-line distance to the nearest visible surface of each object of an id image, metres, by id up to `most`.
+/// Straight-line distance to the nearest visible surface of each object in an id image, metres, by id up to `most`.
 fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64> {
     let (w, h) = (sight.width, sight.height);
-    // Squared, with what only the row and only the column has to say kept apart.
+    // Squared, with terms that depend only on the row or only on the column kept separate.
     let mut least = vec![f64::INFINITY; usize::from(most) + 1];
     let at = |x: usize, y: usize| ImagePoint { u: (x as f64 + 0.5) / w as f64, v: (y as f64 + 0.5) / h as f64 };
     let aside: Vec<f64> = (0..w).map(|x| slopes(sight.camera, at(x, 0)).0).map(|right| right * right).collect();
@@ -222,7 +222,7 @@ fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64>
         let up = slopes(sight.camera, at(0, y)).1;
         let level = 1.0 + up * up;
         let mut first = 0;
-        // Neighbours of one thing are taken together, and where there is nothing nothing is worked out.
+        // Runs of one object are processed together, and empty ones are skipped.
         while first < w {
             let (from, to) = (first, end_of_run(ids, first));
             first = to;
@@ -235,7 +235,7 @@ fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64>
                 if along > 0.0 { along * along * (level + aside) } else { f64::INFINITY }
             };
             let lesser = |least: f64, squared: f64| if squared < least { squared } else { least };
-            // Neighbours by fours, each with a least of its own: the least of all is the same.
+            // Four lanes with a minimum each; the overall minimum is the same.
             let ((depths, depth), (asides, aside)) = (depth[from..to].as_chunks::<4>(), aside[from..to].as_chunks::<4>());
             let mut fours = [f64::INFINITY; 4];
             for (depth, aside) in depths.iter().zip(asides) {
@@ -251,13 +251,13 @@ fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64>
     least.into_iter().map(sqrt).collect()
 }
 
-/// Half the width that a craft takes up straight on, metres: a craft of 0.3 m radius and as much again.
+/// Half the width needed by a craft flying straight on, metres: 0.3 m radius and as much clearance.
 const ROOM_M: f64 = 0.6;
-/// Pixels from one look to the next across the image.
+/// Distance between sampled columns, pixels.
 const ROOM_STEP: usize = 4;
 
-/// Where a level way leads: the row in which the ground ends in half of the columns that show it, for a hill reaches higher in
-/// some; no lower than a camera at rest has the horizon.
+/// The image row of level flight: the row in which the ground ends in half of the columns that show it, since a hill
+/// may reach higher in some; not below the horizon of a camera at rest.
 fn level(sight: &Sight<'_>, tags: &[Tagged]) -> f64 {
     let camera = sight.camera;
     let rest = (camera.cy - camera.fy * libm::tan(camera.tilt)) / f64::from(camera.height);
@@ -273,13 +273,13 @@ fn level(sight: &Sight<'_>, tags: &[Tagged]) -> f64 {
     rest.min(horizon).clamp(HIGHEST_HORIZON, 1.0)
 }
 
-/// Columns from one look for the horizon to the next.
+/// Distance between columns sampled for the horizon.
 const HORIZON_STEP: usize = 16;
 
-/// The horizon is not looked for above this fraction of the image: a slope may reach higher.
+/// The horizon is not searched for above this fraction of the image: a slope may reach higher.
 const HIGHEST_HORIZON: f64 = 0.25;
 
-/// What stands in level ways: for looks across the image the nearest surface that reaches within [`ROOM_M`] of level.
+/// Obstacles to level flight: for sampled columns, the nearest surface within [`ROOM_M`] of level.
 struct Walls<'a> {
     camera: &'a Camera,
     /// Column and distance along the optical axis.
@@ -303,15 +303,15 @@ impl<'a> Walls<'a> {
         Self { camera, nearest }
     }
 
-    /// Distance along the optical axis up to which a level way towards a column has room.
+    /// Free distance along the optical axis for level flight towards a column.
     fn room(&self, column: f64) -> f64 {
         let beside = |at: usize, depth: f64| depth * at.abs_diff(column as usize) as f64 / self.camera.fx;
-        // In one column what is nearer is also nearer to the way.
+        // Within a column, a nearer surface is also nearer to the path.
         let near = self.nearest.iter().filter(|(at, depth)| beside(*at, *depth) < ROOM_M);
         near.fold(f64::INFINITY, |least, (_, depth)| least.min(*depth))
     }
 
-    /// Of several ways across the image the one with the most room, the most central of equals, and how much.
+    /// The direction with the most room, the most central one of equals, and its free distance.
     fn most_open(&self, level: f64) -> (ImagePoint, f64) {
         let ways = [0.5, 0.35, 0.65, 0.2, 0.8, 0.05, 0.95];
         let mut best = (ImagePoint { u: 0.5, v: level }, 0.0);
@@ -325,16 +325,16 @@ impl<'a> Walls<'a> {
     }
 }
 
-/// Ways are told apart by their room up to this, metres.
+/// Free distances are compared up to this, metres.
 const OPEN_M: f64 = 40.0;
 
-/// Straight-line distance per metre of depth along the optical axis, at an image point as the lens shows it.
+/// Straight-line distance per metre of depth along the optical axis, at an image point of the distorted image.
 pub(super) fn stretch(camera: &Camera, at: ImagePoint) -> f64 {
     let ray = camera.ray(at);
     sqrt(1.0 + ray.right * ray.right + ray.up * ray.up)
 }
 
-/// Metres right and up per metre along the optical axis. Lens distortion is left out: a looker does not undo it.
+/// Metres right and up per metre along the optical axis, without correcting lens distortion, as a viewer would.
 pub(super) fn slopes(camera: &Camera, at: ImagePoint) -> (f64, f64) {
     let right = (at.u * f64::from(camera.width) - camera.cx) / camera.fx;
     let up = (camera.cy - at.v * f64::from(camera.height)) / camera.fy;
@@ -343,7 +343,7 @@ pub(super) fn slopes(camera: &Camera, at: ImagePoint) -> (f64, f64) {
 
 #[cfg(test)]
 impl Thing {
-    /// The same thing with another draw of being noticed.
+    /// The same object with another random number for being noticed.
     pub(super) fn redraw(&mut self, luck: f64) {
         self.luck = luck;
     }

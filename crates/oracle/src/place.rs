@@ -1,11 +1,11 @@
-//! Where objects stand, as the truth alone knows it.
+//! Object positions, for the ground truth only.
 
 use spf_core::geometry::{EnuPosition, Pose, wrap_angle};
 use spf_core::tags::Tagged;
 
 use super::language::item::Item;
 
-/// Where an object stands, for the truth alone.
+/// Position and size of an object, for the ground truth only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Middle of its bounds, world frame.
@@ -16,20 +16,21 @@ pub struct Place {
     pub width: f64,
 }
 
-/// An object as the truth sees it: tags, and where it stands when that is known.
+/// An object as used by the ground truth: its tags, and its position if known.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed<'a> {
     /// Its tags.
     pub tags: &'a Tagged,
-    /// Its place; without one, words of order, size and relation do not narrow the truth.
+    /// Its position; without it, ordinals, sizes and relations do not narrow the result.
     pub place: Option<Place>,
 }
 
-/// Where the person who speaks looks from: the start of the flight.
+/// The user's viewpoint: the start of the flight.
 pub type Viewpoint = Pose;
 
 impl<'a> Placed<'a> {
-    /// The object as a phrase chooses among such: right and forward of the viewpoint in metres, across as the bearing in radians.
+    /// The object as a candidate: right and forward of the viewpoint in metres, horizontal position as bearing in
+    /// radians.
     pub(crate) fn seen_from(&self, from: Option<Viewpoint>) -> Item<'a> {
         let tags = self.tags;
         let Some(place) = self.place else {

@@ -1,4 +1,4 @@
-//! How the oracle reads an instruction, before anything is flown: so that a person can check it.
+//! Shows how the oracle reads an instruction before a flight, so that the user can check it.
 
 use std::collections::BTreeSet;
 
@@ -10,29 +10,29 @@ use super::language::table::Words;
 use super::language::{Clause, Instruction, Order, Phrase, Verb, parse, spelling};
 use super::place::{Placed, Viewpoint};
 
-/// An instruction as the oracle reads it in a scene.
+/// The reading of an instruction in a scene.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct InstructionReading {
-    /// What is to be done, in order; empty where the words name nothing to do.
+    /// The actions, in order; empty if none was found.
     pub steps: Vec<ReadStep>,
-    /// Words read as others, in order of first appearance.
+    /// Corrected words, in order of first appearance.
     pub corrections: Vec<Correction>,
-    /// Words that nobody knows, beside others that name a thing: they were passed over.
+    /// Unknown words beside others that name an object; they were ignored.
     pub ignored: Vec<UnknownWord>,
     /// Motions without a thing to fly to ("forward 20 metres"), as said: no image shows where they end, and they are not flown.
     pub directions: Vec<String>,
 }
 
-/// One thing to do, as read.
+/// One action.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadStep {
-    /// What is to be done.
+    /// The action.
     pub verb: Verb,
-    /// What with, in the words of the instruction as they were read; empty for a look around.
+    /// The target, in the words as read; empty for a look around.
     pub target: String,
-    /// The objects that it may mean, by number, as they stand at the start.
+    /// Ids of the objects that it may mean, at their initial positions.
     pub candidates: Vec<u16>,
-    /// Nouns that neither the language nor the scene has.
+    /// Nouns known neither to the language nor to the scene.
     pub unknown: Vec<UnknownWord>,
     /// Where nothing fits: what the scene has that is nearest in meaning, by name.
     pub alike: Vec<String>,
@@ -40,26 +40,26 @@ pub struct ReadStep {
     names_something: bool,
 }
 
-/// A word that was read as another.
+/// A corrected word.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Correction {
-    /// As it was written, in lower case.
+    /// The word as written, in lower case.
     pub said: String,
-    /// As it was read.
+    /// The word as read.
     pub read: String,
 }
 
-/// A word that was not understood.
+/// An unknown word.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownWord {
     /// The word, in lower case.
     pub word: String,
-    /// The word of the scene that is spelt most like it, where one is near.
+    /// The scene's most similarly spelt word, if one is close.
     pub nearest: Option<String>,
 }
 
 impl ReadStep {
-    /// Whether it can be flown or at least searched for: something fits, or every word is known.
+    /// Whether it can be flown or at least searched for: something matches, or every word is known.
     #[must_use]
     pub fn is_understood(&self) -> bool {
         !self.candidates.is_empty() || (self.unknown.is_empty() && self.names_something)
@@ -67,7 +67,7 @@ impl ReadStep {
 }
 
 impl InstructionReading {
-    /// Whether any of it is understood. If not, a flight could only end in a search for nothing.
+    /// Whether any action is understood. If not, a flight could only end in a fruitless search.
     #[must_use]
     pub fn is_understood(&self) -> bool {
         self.steps.iter().any(ReadStep::is_understood)
@@ -96,7 +96,7 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
         let candidates: Vec<u16> = meant_by(verb, &target, &items).into_iter().map(|at| items[at].tags.id).collect();
         let unknown = target.nouns.iter().filter(|noun| !is_known(noun) && !scene.contains(*noun)).map(unknown_word).collect();
         each_within(&target, &mut |phrase| {
-            // The grammar's words were put right first, and the nouns then, by the scene.
+            // Grammar words are corrected first, then nouns, against the scene.
             phrase.spelt.iter().for_each(|(said, read)| reading.correct(said.clone(), read.clone()));
             for word in phrase.ignored.iter().map(unknown_word) {
                 if !reading.ignored.contains(&word) {
@@ -150,13 +150,13 @@ fn each_within(phrase: &Phrase, note: &mut impl FnMut(&Phrase)) {
     phrase.relations.iter().flat_map(|(_, anchors)| anchors).chain(&phrase.not).for_each(|within| each_within(within, note));
 }
 
-/// The word of the scene that is spelt most like it, when no more than a third of its letters differ.
+/// The scene's most similarly spelt word, if at most a third of its letters differ.
 fn like(word: &str, scene: &BTreeSet<String>) -> Option<String> {
     let near = spelling::nearest(word, scene.iter().map(String::as_str).filter(|known| known.len() > 2))?;
     (spelling::distance(word, near) <= (word.len() / 3).max(1)).then(|| near.to_owned())
 }
 
-/// A phrase by what names a thing: colours or matter, and nouns as they were read; by its use or as it was said where it has none.
+/// A phrase in a few words: colours or material, and nouns as read; without a noun, its use or its words.
 fn in_few_words(phrase: &Phrase) -> String {
     let mut words: Vec<&str> = Vec::new();
     if phrase.other {

@@ -12,7 +12,7 @@ use super::language::score::knows;
 use super::language::{Clause, Instruction, Phrase, Verb};
 use super::percept::{Percept, Thing};
 
-/// What one answer is made from.
+/// The inputs of an answer.
 pub(super) struct View<'a> {
     pub(super) oracle: &'a Oracle,
     pub(super) query: &'a Query,
@@ -21,69 +21,69 @@ pub(super) struct View<'a> {
     pub(super) seen: &'a [&'a Thing],
 }
 
-/// Where to point.
+/// A point to aim at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
     pub(super) point: ImagePoint,
     /// Range, metres.
     pub(super) range: f64,
-    /// Fraction of the image's height that it fills.
+    /// Fraction of the image height that it fills.
     pub(super) share: f64,
-    /// The opening that it lies in or beyond: its box and range, metres.
+    /// The box and range, metres, of the opening that it is in or behind.
     pub(super) opening: Option<(ImageBox, f64)>,
 }
 
-/// What the oracle makes of instruction, history and percept.
+/// The result of instruction, history and percept.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Aim {
-    /// Stage worked on, from 1.
+    /// Current stage, from 1.
     pub(super) stage: u32,
-    /// How many there are.
+    /// Number of stages.
     pub(super) stages: u32,
-    /// Where to point; none when nothing fits or a turn is wanted.
+    /// The point to aim at; `None` if nothing matches or a turn is needed.
     pub(super) place: Option<Place>,
-    /// Which way to look when there is no place.
+    /// Where to look if there is no point.
     pub(super) look: Option<Look>,
     /// Whether the last stage is fulfilled.
     pub(super) done: bool,
-    /// Things that were gone to before and that the way is to keep clear of: beside them, or above where nothing else is free.
+    /// Earlier targets that the path must avoid: passing beside them, or above if nothing else is free.
     pub(super) past: Vec<Found>,
-    /// What is pointed at, in words.
+    /// The target in words.
     pub(super) words: String,
-    /// Key of the object pointed at.
+    /// Key of the target object.
     pub(super) target: Option<String>,
 }
 
-/// What a stage asks for.
+/// The task of a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Step {
-    /// Go up to it; met at the scene's `near` times this.
+    /// Approach it; complete at the scene's `near` times this factor.
     Approach(f64),
-    /// Up to its nearest opening; met at `near`.
+    /// To its nearest opening; complete at `near`.
     Opening,
-    /// On through the farthest opening in view, to what is seen through it; met when none is.
+    /// Through the farthest opening in view, to what is seen through it; complete when none is in view.
     Pass,
-    /// Straight on; met when the thing itself is out of view.
+    /// Straight on; complete when the object itself is out of view.
     Beyond,
     /// One move straight on.
     On,
-    /// Beside it, so that it is passed on the right; met when it is out of view.
+    /// Beside it, passing it on the right-hand side; complete when it is out of view.
     Beside,
     /// Turn right by half an image, until it is back in view.
     Regain,
-    /// Higher; met when its top is in the lower part of the image.
+    /// Climb; complete when its top is in the lower part of the image.
     Above,
-    /// Over it; met when it is out of view.
+    /// Over it; complete when it is out of view.
     Across,
-    /// To the middle of its upper edge; met at `near`.
+    /// To the middle of its upper edge; complete at `near`.
     Summit,
-    /// Turn right; met after a full turn.
+    /// Turn right; complete after a full turn.
     Turn,
-    /// Stay with it; never met.
+    /// Stay with it; never complete.
     Keep,
 }
 
-/// The table: each verb's stages.
+/// The table of stages for each verb.
 fn steps(verb: Verb) -> Vec<Step> {
     use Step::{Above, Across, Approach, Beside, Beyond, Keep, On, Opening, Pass, Summit, Turn};
     match verb {
@@ -91,7 +91,7 @@ fn steps(verb: Verb) -> Vec<Step> {
         Verb::Through => vec![Opening, Pass, Beyond, On, On, On, On],
         Verb::Around => [Approach(3.0)].into_iter().chain([SIDE; SIDES].into_iter().flatten()).collect(),
         Verb::Behind => [Approach(3.0)].into_iter().chain(SIDE).chain([Beside, On, On]).collect(),
-        // What leaves the image below still lies between here and the far side.
+        // What leaves the image at the bottom is still between here and the far side.
         Verb::Over => [Above, Across].into_iter().chain([On; 10]).collect(),
         Verb::Up => vec![Above, Summit],
         Verb::Scan => vec![Turn],
@@ -99,23 +99,23 @@ fn steps(verb: Verb) -> Vec<Step> {
     }
 }
 
-/// Along a side and past its end: what leaves the image on the right is still ahead.
+/// Along a side and past its end: an object that leaves the image on the right is still ahead.
 const SIDE: [Step; 5] = [Step::Beside, Step::On, Step::On, Step::On, Step::Regain];
 
-/// Sides to a way round: each turns by about 45°, for the way is cut shorter the nearer one comes.
+/// Number of sides of a circuit: each turns by about 45°, since the path gets shorter close to the object.
 const SIDES: usize = 7;
 
-/// A stage's outcome.
+/// Result of a stage.
 enum Met {
-    /// Fulfilled; where one would go on to, if the instruction ends here.
+    /// Complete; with the point to continue to if the instruction ends here.
     Yes(Option<Place>),
-    /// Go there.
+    /// Fly there.
     Go(Place),
     /// Look there.
     Look(Look),
 }
 
-/// Finds the stage from the query's history, advances it by at most one, and points.
+/// Determines the stage from the query's history, advances it by at most one, and aims.
 pub(super) fn aim(instruction: &Instruction, view: &View<'_>) -> Aim {
     let plan = plan(instruction);
     let stages = plan.len() as u32;
@@ -133,11 +133,11 @@ pub(super) fn aim(instruction: &Instruction, view: &View<'_>) -> Aim {
 struct Stage<'a> {
     clause: &'a Clause,
     step: Step,
-    /// Whether its target is another of those that a clause before went to: "… and the next", "the second tower".
+    /// Whether its target differs from those of earlier clauses: "… and the next", "the second tower".
     another: bool,
 }
 
-/// The number, from 0, of the clause that a stage belongs to.
+/// The index of the clause that a stage belongs to.
 pub(super) fn clause_of(instruction: &Instruction, stage: u32) -> usize {
     let ends = instruction.clauses.iter().scan(0, |end, clause| {
         *end += steps(clause.verb).len();
@@ -172,7 +172,7 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
             aim.place = place;
         }
         Met::Yes(_) => {
-            // One stage an answer: the next is looked at, and not yet ended by the same look.
+            // One stage per answer: the next is evaluated, but not completed by the same frame.
             let stage = plan[at + 1];
             let (outcome, thing) = take(stage, true, view);
             aim.stage = at as u32 + 2;
@@ -189,8 +189,8 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
     aim
 }
 
-/// On the way to another of several, those that stand nearer. Not what the opening that is meant belongs to, nor the other openings
-/// of that: the way leads through it.
+/// On the way to another of several objects, the nearer ones, except the object to which the intended opening belongs
+/// and its other openings, since the path leads through it.
 fn past(stage: Stage<'_>, thing: Option<&Thing>, view: &View<'_>) -> Vec<Found> {
     let Some(thing) = thing.filter(|_| stage.another) else { return Vec::new() };
     let alike = Phrase { ordinal: None, other: false, ..stage.clause.target.clone() };
@@ -199,12 +199,12 @@ fn past(stage: Stage<'_>, thing: Option<&Thing>, view: &View<'_>) -> Vec<Found> 
     view.all(&alike).into_iter().filter(nearer).map(found).collect()
 }
 
-/// The key of what an opening is in; of anything else its own.
+/// The key of the object an opening belongs to; for other objects their own.
 fn whole_key(thing: &Thing) -> &str {
     thing.tags.opening_of.as_deref().unwrap_or(&thing.tags.key)
 }
 
-/// The target's words; in view that of the object, else that of nothing.
+/// The words for the target: of the object if visible, else of the phrase.
 fn words(stage: Stage<'_>, thing: Option<&Thing>) -> String {
     let name = thing.map(|t| t.tags.words());
     match (stage.step, name) {
@@ -218,26 +218,26 @@ fn words(stage: Stage<'_>, thing: Option<&Thing>) -> String {
     }
 }
 
-/// Who is followed is come up to as if this many times `near` nearer, at the least with the least step …
+/// A followed person is approached as if this many times `near` nearer, with at least the minimum step …
 const KEEP: f64 = TOO_NEAR;
-/// … and backed off from within this many.
+/// … and the craft backs off within this many.
 const TOO_NEAR: f64 = 1.5;
 
-/// Before the name of a target that is another than the one before: so the history tells which was which.
+/// Prefix of a target's name if it differs from the previous one, so that the history distinguishes them.
 const NEXT: &str = "next ";
 
-/// One stage. `begins` when the stage before has just ended.
+/// Evaluates one stage. `begins`: the previous stage has just been completed.
 fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<&'v Thing>) {
     let phrase = &stage.clause.target;
     let find = || if stage.another { another(phrase, begins, view) } else { view.find(phrase) };
     match stage.step {
         Step::Turn => {
-            // A full turn less half an image, which the first and the last look share.
+            // A full turn less half an image, which the first and the last frame share.
             let round = view.query.memory.turned.abs() >= 0.9 * core::f64::consts::TAU;
             (if round { Met::Yes(None) } else { Met::Look(Look::Right) }, None)
         }
         Step::Beyond => {
-            // The walls of what one is inside of fill the image; something left behind is out of view.
+            // Inside an object its walls fill the image; an object left behind is out of view.
             let (thing, _) = sighting(whole(phrase, view));
             (if thing.is_some() { Met::Go(ahead(view)) } else { Met::Yes(Some(ahead(view))) }, None)
         }
@@ -250,7 +250,7 @@ fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<
                 None => (Met::Look(lost.unwrap_or_else(|| side(view))), None),
                 Some(thing) if !view.arrived(thing.nearest, view.near()) => (Met::Go(place(thing)), Some(thing)),
                 Some(thing) if thing.tags.opening => (Met::Yes(Some(place(thing))), Some(thing)),
-                // Nothing is flown into that shows no opening: it is looked for elsewhere.
+                // An object without a visible opening is not flown into; the opening is searched for elsewhere.
                 Some(thing) => (Met::Look(side(view)), Some(thing)),
             }
         }
@@ -269,7 +269,7 @@ fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<
     }
 }
 
-/// A stage whose thing is in view.
+/// A stage whose object is in view.
 fn in_view(step: Step, thing: &Thing, view: &View<'_>) -> Met {
     let here = place(thing);
     match step {
@@ -279,7 +279,7 @@ fn in_view(step: Step, thing: &Thing, view: &View<'_>) -> Met {
         Step::Regain => Met::Yes(Some(here)),
         Step::Beside => Met::Go(beside(thing, view)),
         Step::Above => {
-            // A top that leaves the image calls for climbing; one in the lower part is flown over.
+            // A top that leaves the image requires climbing; one in the lower part is flown over.
             if thing.bounds.top <= 0.0 {
                 Met::Look(Look::Up)
             } else if thing.bounds.top > 0.55 {
@@ -289,21 +289,22 @@ fn in_view(step: Step, thing: &Thing, view: &View<'_>) -> Met {
             }
         }
         Step::Across => Met::Go(over(thing)),
-        // Nearer than that is too near: back off.
+        // Too close: back off.
         Step::Keep if thing.nearest < TOO_NEAR * view.near() => Met::Look(Look::Down),
-        // Somebody who walks is kept at arm's length: the range is taken from there on, so that near him the least step is flown.
+        // Keep a distance to a walking person: the range is reduced, so that close to them only the minimum step is
+        // flown.
         Step::Keep => Met::Go(Place { range: (here.range - KEEP * view.near()).max(1.0), ..here }),
         _ => Met::Go(here),
     }
 }
 
-/// A stage whose thing is out of view: for some that is the aim.
+/// A stage whose object is out of view, which is the goal of some.
 fn out_of_view(step: Step, phrase: &Phrase, lost: Option<Look>, view: &View<'_>) -> Met {
     match step {
         Step::Beside => Met::Yes(None),
         Step::Across => Met::Yes(Some(ahead(view))),
-        // Gone round on its left, it lies to the right, and mostly half an image away; what is not there is searched for, since a
-        // search ends.
+        // After passing on its left, it is to the right, mostly half an image away; if it is not there, it is searched
+        // for, since a search ends.
         Step::Regain if view.query.memory.targets.last().is_some_and(|last| *last == phrase.nouns.join(" ")) => {
             Met::Look(Look::Right)
         }
@@ -312,7 +313,7 @@ fn out_of_view(step: Step, phrase: &Phrase, lost: Option<Look>, view: &View<'_>)
     }
 }
 
-/// An object that counts as in view, or the edge that cuts it.
+/// An object that counts as in view, or the edge that cuts it off.
 fn sighting(thing: Option<&Thing>) -> (Option<&Thing>, Option<Look>) {
     match thing {
         Some(thing) if thing.in_view => (Some(thing), None),
@@ -321,14 +322,15 @@ fn sighting(thing: Option<&Thing>) -> (Option<&Thing>, Option<Look>) {
     }
 }
 
-/// What is flown through, if its tags hold every word of shape and matter that was said: no building passes for a hollow one.
+/// An object to be flown through, if its tags contain every word of shape and material given: an ordinary building is
+/// not a hollow one.
 fn whole<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<&'v Thing> {
     view.find(phrase).filter(|thing| phrase.soft.iter().all(|word| knows(&thing.tags, word)))
 }
 
-/// What one is going round already, by its name in the history: of several with that name the nearest, and none farther off
-/// than one goes round anything. Nothing when the way round has not begun: since the last place beside anything something else was
-/// pointed at than the way itself and what is gone round.
+/// The object being circled, by its name in the history: the nearest of that name, within the circling distance. `None`
+/// if no circuit is in progress: since the last point beside an object, the target was something other than that object
+/// or a straight move.
 fn gone_round<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<Option<&'v Thing>> {
     let targets = &view.query.memory.targets;
     let begun = targets.iter().rposition(|target| target.starts_with(LEFT_OF))?;
@@ -342,15 +344,15 @@ fn gone_round<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<Option<&'v Thin
     Some(view.seen.iter().copied().filter(near).min_by(|a, b| a.nearest.total_cmp(&b.nearest)))
 }
 
-/// What moves straight on point at, in words.
+/// Target words of straight moves.
 const STRAIGHT_ON: &str = "straight on";
-/// Before the name of what one goes round.
+/// Prefix of the name of an object being circled.
 const LEFT_OF: &str = "left of the ";
-/// One goes round within this many times `near`.
+/// Maximum circling distance, in multiples of `near`.
 const ROUND: f64 = 8.0;
 
-/// Whether one is right in the opening that was pointed at a moment ago: it is out of view all at once, without a search for it,
-/// and what is left in view of it or of what it belongs to is right here.
+/// Whether the craft is inside the opening it just aimed at: the opening went out of view without a search, and any
+/// remaining part of it, or of its object, is very close.
 fn is_within(found: Option<&Thing>, view: &View<'_>) -> bool {
     let memory = &view.query.memory;
     let is_opening = |last: &String| last.split(' ').next_back().is_some_and(|head| NOUNS.openings.contains(head));
@@ -358,7 +360,7 @@ fn is_within(found: Option<&Thing>, view: &View<'_>) -> bool {
     memory.turned == 0.0 && memory.targets.last().is_some_and(is_opening) && is_here
 }
 
-/// The nearest or the farthest opening in view that the phrase names, by itself or by what it belongs to.
+/// The nearest or the farthest opening in view that the phrase names, directly or through its object.
 fn opening<'v>(phrase: &Phrase, view: &'v View<'_>, farthest: bool) -> Option<&'v Thing> {
     let belongs = |named: &Thing| view.seen.iter().any(|thing| thing.tags.opening && whole_key(thing) == whole_key(named));
     let named = view.find_among(phrase, |thing| thing.tags.opening).filter(|named| belongs(named)).or_else(|| {
@@ -375,7 +377,7 @@ fn opening<'v>(phrase: &Phrase, view: &'v View<'_>, farthest: bool) -> Option<&'
     }
 }
 
-/// The side on which to look for something that is not in view: the side in the history, else right; never the true one.
+/// The side on which to look for an object out of view: the side in the history, otherwise right; never the true one.
 fn side(view: &View<'_>) -> Look {
     view.query.memory.last_seen.unwrap_or(Look::Right)
 }
@@ -389,21 +391,21 @@ fn place(thing: &Thing) -> Place {
     }
 }
 
-/// Through an opening: in its middle, as far as what is seen there, but no farther than a move or two.
+/// Through an opening: its centre, at the range of what is visible there, limited to a move or two.
 fn through(opening: &Thing) -> Place {
     Place { range: opening.beyond.min(opening.range + MOVE_M), ..place(opening) }
 }
 
-/// How far on a place beyond is chosen at most, metres.
+/// Maximum distance of a point beyond an opening, metres.
 const MOVE_M: f64 = 10.0;
 
-/// Where an edge of the image is pointed at, right where one stands: a turn by half an image.
+/// A point at the edge of the image at minimum range: a turn by half an image.
 fn edge(u: f64, view: &View<'_>) -> Place {
     Place { point: ImagePoint { u, v: view.percept.level }, range: 1.0, share: 0.0, opening: None }
 }
 
-/// Another than the one that was gone to before, by what the history calls it. Of things with the same name it is one that
-/// is not right here, at first and while looking for it; after that the one that was turned to, so the most central.
+/// An object other than the previous target, according to the history. Among objects of the same name, one that is not
+/// right here, while starting and searching; after that the one turned to, hence the most central.
 fn another<'v>(phrase: &Phrase, begins: bool, view: &'v View<'_>) -> Option<&'v Thing> {
     let alike = Phrase { ordinal: None, other: false, ..phrase.clone() };
     let found = view.all(&alike);
@@ -425,13 +427,13 @@ fn another<'v>(phrase: &Phrase, begins: bool, view: &'v View<'_>) -> Option<&'v 
     found.into_iter().min_by(|a, b| off(a).total_cmp(&off(b)))
 }
 
-/// Straight on, half as far as there is room.
+/// Straight on, for half of the free distance.
 fn ahead(view: &View<'_>) -> Place {
     let range = 0.5 * view.percept.ahead;
     Place { point: ImagePoint { u: 0.5, v: view.percept.level }, range: range.min(MOVE_M), share: 0.0, opening: None }
 }
 
-/// Left of the thing by one and a half times `near` metres at its range; along the image's edge where it is cut by that.
+/// A point left of the object by one and a half times `near` at its range; at the image edge if that cuts it off.
 fn beside(thing: &Thing, view: &View<'_>) -> Place {
     if thing.bounds.left <= 0.0 {
         return edge(0.0, view);
@@ -448,7 +450,7 @@ fn summit(thing: &Thing) -> Place {
     Place { point: ImagePoint { u, v: (thing.bounds.top + 0.02).min(1.0) }, ..place(thing) }
 }
 
-/// Above its top by a tenth of the image, in the middle of its width.
+/// Above its top by a tenth of the image, centred.
 fn over(thing: &Thing) -> Place {
     let u = 0.5 * (thing.bounds.left + thing.bounds.right);
     Place { point: ImagePoint { u, v: (thing.bounds.top - 0.1).max(0.0) }, ..place(thing) }

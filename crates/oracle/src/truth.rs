@@ -1,25 +1,25 @@
-//! The truth behind `verified`: what the last stage may mean, without errors, over all objects.
+//! Ground truth for `verified`: the objects that the last stage may mean, without errors, over all objects.
 
 use super::language::resolve::meant_by;
 use super::language::score::vocabulary;
 use super::language::{Clause, Verb, parse};
 use super::place::{Placed, Viewpoint};
 
-/// Every object that the last stage of an instruction may mean.
+/// All objects that the last stage of an instruction may mean.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TruthTarget {
-    /// Their numbers in the scene's list, in the order given.
+    /// Their ids in the scene, in the order given.
     pub objects: Vec<u16>,
-    /// False where the verb needs a predicate that only the bench has: through, around, over, behind, scan, follow.
+    /// False if the verb needs a predicate that only the bench has: through, around, over, behind, scan, follow.
     pub checkable: bool,
-    /// Whether anything fits. `verified` is false where nothing does.
+    /// Whether any object matches; otherwise `verified` is false.
     pub fits: bool,
 }
 
-/// What the instruction's last stage may mean among all objects of the scene.
+/// Resolves the last stage of an instruction over all objects of the scene.
 ///
-/// Any object that fits the words counts: every tree for "a tree". Words of order, size and relation narrow the set where
-/// places are given, as seen from `from`, the start of the flight.
+/// Any matching object counts: every tree for "a tree". Ordinals, sizes and relations narrow the set if positions are
+/// given, as seen from `from`, the start of the flight.
 #[must_use]
 pub fn resolve_truth(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint>) -> TruthTarget {
     let parsed = parse(instruction, &vocabulary(objects.iter().map(|o| o.tags)));

@@ -1,4 +1,4 @@
-//! Flight files: log, video, trajectory picture, decisions, summary (`docs/reference/flight-files.md`).
+//! Flight files: log, video, trajectory image, decisions, summary (`docs/reference/flight-files.md`).
 //!
 //! All times are flight time, and equal flights give equal bytes. Only the log uses the wall clock: it closes its
 //! chunks by it and records it once. A file that cannot be written results in an error value, which the caller reports

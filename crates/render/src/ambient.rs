@@ -1,5 +1,5 @@
-//! How open to the sky a place is: a grid over the scene, from the directions of the sky that are seen there, so that streets,
-//! corners, tunnels, rooms and the insides of trees are darker than open ground, and rooms are light about their windows.
+//! Ambient occlusion: a grid over the scene with the visible directions of the sky, which darkens streets, corners,
+//! tunnels, rooms and the inside of trees, and lights rooms around their windows.
 
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};

@@ -1,7 +1,7 @@
-//! Soft darkness where things stand: what is a hand above the ground keeps the sky's light from it, sun or no sun.
+//! Contact shadows: geometry just above the ground blocks the light of the sky, with or without sun.
 //!
-//! A map seen from above, in tiles that exist only about the feet of things. Each cell knows how dark the ground is at its corners
-//! and at what height that ground lies, so that neither the tops of things nor another floor are darkened.
+//! They are stored in a map seen from above, with tiles only around the bases of objects. Each cell stores the darkness
+//! at its corners and the height of the ground, so that neither the tops of objects nor other floors are darkened.
 
 use std::collections::BTreeMap;
 
@@ -139,7 +139,7 @@ impl Contact {
         self.cells.get_mut(usize::from(*tile) * TILE * TILE + y % TILE * TILE + x % TILE)
     }
 
-    /// How dark the ground is at `p`, 0 to 1, where `level` says that a surface is ground.
+    /// Darkness of the ground at `p`, 0 to 1, for pixels whose mask in `level` marks a ground surface.
     #[inline(always)]
     pub(crate) fn dark<S: Simd>(&self, p: V3<F<S>>, level: M<S>) -> F<S> {
         let (simd, none) = (p.x.token(), F::splat(p.x.token(), 0.0));

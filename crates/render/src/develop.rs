@@ -1,4 +1,4 @@
-//! From light on the film to bytes: the film's curve and the display's.
+//! Tone mapping: from linear light to display bytes.
 
 use fearless_simd::prelude::*;
 use glam::Vec3;

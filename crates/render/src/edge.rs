@@ -1,4 +1,4 @@
-//! More samples where surfaces meet: only the pixels on edges are drawn again, all samples of a pixel at once.
+//! Anti-aliasing: only pixels on edges are rendered again, with all samples of a pixel at once.
 
 use fearless_simd::prelude::*;
 

@@ -1,4 +1,4 @@
-//! What does not change over a triangle in a view, worked out once and then shared by its pixels.
+//! Per-triangle values of a view, computed once and shared by its pixels.
 
 use fearless_simd::prelude::*;
 

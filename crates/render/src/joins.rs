@@ -1,4 +1,4 @@
-//! Which triangles belong to one smooth surface, remembered, for the pixels of an edge ask the same again and again.
+//! Caches which triangles belong to one smooth surface, since edge pixels query the same pairs repeatedly.
 
 use super::raster::NONE;
 use super::shade::Shader;

@@ -1,7 +1,7 @@
-//! The light of lamps, worked out once for points in the air: what of it arrives there, and from where.
+//! Light of lamps, precomputed on a grid of points in the air: how much arrives there, and from which direction.
 //!
-//! Walls hold it back, and what they are lit by they give on once ([`BOUNCED`]), so that no place in a lit room is black. A pixel
-//! then reads the eight points about it.
+//! Walls block it and reflect it once ([`BOUNCED`]), so that no part of a lit room is black. A pixel interpolates the
+//! eight points around it.
 
 use fearless_simd::prelude::*;
 use glam::Vec3;

@@ -1,8 +1,8 @@
-//! Eight pixels at once: vectors of numbers, one for each of eight pixels, and which instructions of the machine compute them.
+//! Eight pixels at once: vectors with one value per pixel, and the instruction sets that compute them.
 //!
-//! Every operation used is exact by IEEE 754 (addition, multiplication, division, square root, comparison, conversion), so the
-//! bits are the same whatever instructions are used. Nothing fuses a multiplication with an addition. `max` and `min` take the
-//! known number second: that one is the result where the first is no number, on every x86-64 machine.
+//! Every operation used is exact by IEEE 754 (addition, multiplication, division, square root, comparison, conversion),
+//! so results are identical for all instruction sets. Multiplication and addition are never fused. `max` and `min` take
+//! the known number second: it is the result if the first is NaN, on every x86-64 machine.
 
 use core::ops::{Add, Mul, Sub};
 

@@ -1,12 +1,13 @@
-//! The renderer: images of a scene, on the CPU, the same bits on every machine and number of threads.
+//! The renderer: images of a scene on the CPU, bit-identical on every machine and for any number of threads.
 //!
-//! Visibility first (which triangle is nearest at each pixel), then colour once for each pixel that is seen, then four more
-//! samples where surfaces meet. Tiles are independent of one another; all arithmetic is single-precision addition,
-//! multiplication, division and square root, without fused operations, and integers for edges; the rest are tables from `libm`.
+//! Visibility is determined first (the nearest triangle at each pixel), then each visible pixel is shaded once, with
+//! four more samples where surfaces meet. Tiles are independent of each other. All arithmetic is single-precision
+//! addition, multiplication, division and square root without fused operations, with integers for edges; other
+//! functions are tables from `libm`.
 //!
-//! The two types to know are [`Renderer`], a scene prepared for drawing, and [`Picture`], its channels. [`effects`] makes of an image
-//! what a craft's camera would have sent, and [`surroundings`] are the images to all sides. It refuses nothing:
-//! a camera of more than [`MAX_SIDE`] pixels a side is drawn up to that, and a texture that is not there is white.
+//! The main types are [`Renderer`], a scene prepared for rendering, and [`Picture`], its channels. [`effects`]
+//! simulates a craft's camera, and [`surroundings`] renders the view around the frame. No input is refused: cameras of
+//! more than [`MAX_SIDE`] pixels per side are limited to that, and missing textures are white.
 
 mod ambient;
 mod contact;

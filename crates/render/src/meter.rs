@@ -1,4 +1,4 @@
-//! How bright things are on the film: the camera's exposure, and the light on each thing that is seen.
+//! Light metering: the camera's exposure, and the light on each visible object.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -86,7 +86,7 @@ impl Renderer {
             return BTreeMap::new();
         }
         let view = View::new(camera, pose);
-        // Whoever has drawn in colour knows it all; for the light alone it would take too long.
+        // A colour render provides all of it; for the light alone that would take too long.
         if let Some(palette) = self.palette.get() {
             light_on(&palette.lights(&|p| palette.open(p)), &view, picture.width, ids, depth)
         } else {

@@ -1,4 +1,4 @@
-//! Smooth noise from a table, and numbers drawn for lattice cells.
+//! Smooth noise from a table, and random values for lattice cells.
 
 use fearless_simd::prelude::*;
 

@@ -1,4 +1,4 @@
-//! Pixels of a tile gathered by what they are painted with, so that eight at a time are shaded alike.
+//! Groups the pixels of a tile by material, so that eight at a time are shaded alike.
 
 use super::develop::film;
 use super::edge::COUNT;
@@ -78,7 +78,7 @@ impl Packets {
         let shape = self.shape(shader, id);
         let open = if id == NONE { 0 } else { self.shapes[shape as usize].paint as usize + 1 };
         if self.open[open] == 0 {
-            // Lanes that nobody fills repeat the first pixel, and none of its samples.
+            // Unused lanes repeat the first pixel, without its samples.
             self.packets.push(Packet {
                 place: Place { x: [x; LANES], y: [y; LANES], near: [near; LANES] },
                 shape: [shape; LANES],

@@ -1,6 +1,8 @@
-//! Procedural patterns, filtered over the footprint of a pixel: exact box filters for whatever repeats, faded noise for the rest.
+//! Procedural patterns, filtered over the footprint of a pixel: exact box filters for periodic patterns, faded noise
+//! for the rest.
 //!
-//! One pattern for eight pixels at once. A new pattern is a function that returns a [`Surface`] and an arm in [`Surface::new`].
+//! Each pattern processes eight pixels at once. A new pattern is a function that returns a [`Surface`] and an arm in
+//! [`Surface::new`].
 
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};

@@ -1,4 +1,4 @@
-//! An image and its channels, and how they are kept in files.
+//! A rendered image with its channels, and their file formats.
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Meshes made ready for drawing: triangle soup, plane equations, and clusters with bounds for culling.
+//! Prepares meshes for rendering: triangle soup, plane equations, and clusters with bounds for culling.
 
 use glam::{Vec2, Vec3};
 

@@ -1,6 +1,7 @@
-//! Falling drops: streaks drawn over a finished image, each at a depth of its own behind or before the things of the scene.
+//! Rain: streaks drawn over a finished image, each at its own depth relative to the scene's objects.
 //!
-//! Where they are follows from the camera's place, so every frame of a flight has others and the same frame always the same.
+//! Their positions depend on the camera position, so they differ between frames of a flight, but are equal for equal
+//! frames.
 
 use fearless_simd::prelude::*;
 use glam::Vec3;

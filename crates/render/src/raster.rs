@@ -1,7 +1,7 @@
-//! Visibility: which triangle is nearest at each sample of a tile.
+//! Visibility: the nearest triangle at each sample of a tile.
 //!
-//! Edges are integers (1/16 pixel), so that neighbouring triangles share no sample and leave no gap. Nearness (1/z for a camera, linear
-//! depth for the sun) is an affine function over the image, clamped to the triangle's own range.
+//! Edges are integers (1/16 pixel), so that neighbouring triangles share no sample and leave no gap. Nearness (1/z for
+//! a camera, linear depth for the sun) is an affine function over the image, clamped to the triangle's own range.
 
 use fearless_simd::prelude::*;
 

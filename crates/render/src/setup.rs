@@ -1,4 +1,4 @@
-//! From clusters to triangles in the image: culling, clipping, projecting, and sorting into tiles.
+//! Converts clusters to triangles in the image: culling, clipping, projection, and binning into tiles.
 
 use fearless_simd::prelude::*;
 use glam::Vec3;

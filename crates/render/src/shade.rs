@@ -1,4 +1,4 @@
-//! What light comes from the things at eight pixels: surface, sun and shadow, sky light, mirror, haze.
+//! Shades eight pixels: surface, sun and shadow, sky light, reflection, haze.
 
 use fearless_simd::prelude::*;
 use glam::Vec3;

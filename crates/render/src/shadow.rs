@@ -1,4 +1,4 @@
-//! The sun's map: for each point of a plane across the sun's rays, how near the sun the first surface is.
+//! The shadow map of the sun: for each point of a plane perpendicular to its rays, the distance of the first surface.
 
 use fearless_simd::prelude::*;
 use glam::Vec3;

@@ -1,4 +1,4 @@
-//! Sky: gradient, glow around the sun, clouds; and the haze that distance lays over things.
+//! Sky: gradient, glow around the sun, clouds; and the haze over distant objects.
 
 use fearless_simd::prelude::*;
 use glam::Vec3;

@@ -1,4 +1,4 @@
-//! What lies beside the frame: the wider and coarser view in which the fraction of each silhouette inside the frame is counted.
+//! The surroundings of the frame: a wider, coarser view for computing the fraction of each silhouette inside the frame.
 
 use std::collections::BTreeMap;
 

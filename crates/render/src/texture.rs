@@ -1,4 +1,4 @@
-//! Samples of textures: between two sizes of the image and four texels of each, with more of them along a slant.
+//! Texture sampling: trilinear, with more samples on oblique surfaces.
 
 use fearless_simd::prelude::*;
 use glam::{Vec2, Vec3};

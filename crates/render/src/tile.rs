@@ -1,4 +1,4 @@
-//! Colours of one tile: each pixel once, and more samples where surfaces meet.
+//! Colours of one tile: one sample per pixel, and more where surfaces meet.
 
 use fearless_simd::prelude::*;
 

@@ -1,4 +1,4 @@
-//! Where a camera is and how it maps the world to pixels.
+//! Camera pose, and projection of the world to pixels.
 
 use glam::Vec3;
 use spf_core::camera::Camera;

@@ -1,4 +1,5 @@
-//! What stands before a far light: a map of the first surfaces that parallel rays meet, drawn for points in the air, not for pixels.
+//! Visibility of a distant light: a map of the first surfaces hit by parallel rays, sampled at points in the air
+//! instead of pixels.
 
 use core::ops::Range;
 

@@ -1,4 +1,4 @@
-//! A lattice of points in a scene, and between which neighbours of it a surface stands.
+//! A lattice of points in a scene, with the surfaces between neighbouring points.
 
 use glam::Vec3;
 

@@ -4,7 +4,7 @@ use glam::Vec3;
 use serde::Serialize;
 use spf_core::geometry::EnuPosition;
 
-/// An axis-parallel box in the world, metres.
+/// An axis-aligned box in the world, metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Aabb {
     /// Western, southern, lower corner.

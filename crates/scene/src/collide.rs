@@ -1,9 +1,10 @@
-//! True geometry as it is touched: distances, sweeps and rays over the solid parts of a scene.
+//! Collision geometry: distances, sweeps and rays over the solid parts of a scene.
 //!
-//! Only [`Role::Solid`] and [`Role::Glass`] parts take part; what is merely drawn and the openings touch nothing. Two levels: one triangle mesh an
-//! object, and a tree over the objects. Geometry is `f32` inside (parry's precision), which at 200 m from the origin is good
-//! to 0.02 mm; answers are metres in the world frame. Nothing here changes after construction, so that trials on any number
-//! of threads share one collider behind an `Arc`. It lives with the scene, for loaders (is the start free?), actors (what ground do
+//! Only [`Role::Solid`] and [`Role::Glass`] parts are included, not decoration and openings. There are two levels: a
+//! triangle mesh per object, and a tree over the objects. Internally geometry is `f32` (parry's precision), which is
+//! accurate to 0.02 mm at 200 m from the origin; results are metres in the world frame. The structure is immutable, so
+//! any number of threads can share one collider in an `Arc`. It is part of this crate because loaders (is the start
+//! free?), actors (where is the ground?) and craft all need it.
 //! they walk on?) and craft all ask it.
 
 use std::collections::BTreeMap;
@@ -23,7 +24,7 @@ use crate::geometry::{ObjectId, Part, Role, SceneGeometry};
 /// number of steps.
 const LEAST_ADVANCE: f64 = 1e-3;
 
-/// Why a scene cannot be touched.
+/// Why a scene has no valid collision geometry.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ColliderError {
@@ -54,31 +55,31 @@ pub enum ColliderError {
 /// The solid surface nearest to a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
-    /// Whose surface.
+    /// The object.
     pub object: ObjectId,
-    /// Metres from the point to it, ≥ 0; surfaces are hollow, so a point inside a building has the distance to its wall.
+    /// Distance to it, metres, ≥ 0; surfaces are hollow, so a point inside a building has the distance to its wall.
     pub distance: f64,
-    /// The point of the surface.
+    /// The nearest point of the surface.
     pub surface: EnuPosition,
 }
 
-/// Where a moving sphere first touches something.
+/// First contact of a moving sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// What is touched.
+    /// The object touched.
     pub object: ObjectId,
-    /// Centre of the sphere at that moment.
+    /// Centre of the sphere at contact.
     pub centre: EnuPosition,
     /// The point touched.
     pub surface: EnuPosition,
-    /// How much the surface faces up as the sphere feels it: 1 stands on a floor, 0 touches a wall, −1 a ceiling.
+    /// Upward component of the contact normal: 1 for a floor, 0 for a wall, −1 for a ceiling.
     pub upward: f64,
 }
 
 /// Solid ground under a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ground {
-    /// What it belongs to.
+    /// The object it belongs to.
     pub object: ObjectId,
     /// Its height, metres in the world frame.
     pub up: f64,
@@ -89,7 +90,7 @@ struct Body {
     mesh: TriMesh,
 }
 
-/// The touchable world.
+/// The collision geometry of a scene.
 pub struct Collider {
     /// Ascending by id.
     bodies: Vec<Body>,
@@ -113,11 +114,11 @@ struct Soup {
 }
 
 impl Collider {
-    /// Takes the solid parts of a scene. Triangles without area are left out: nothing can touch them, and they have no
+    /// Builds it from the solid parts of a scene. Degenerate triangles are omitted: they cannot be touched and have no
     /// nearest point.
     ///
     /// # Errors
-    /// [`ColliderError::CornerOutOfRange`] and [`ColliderError::NotFinite`] for geometry that is none.
+    /// [`ColliderError::CornerOutOfRange`] and [`ColliderError::NotFinite`] for invalid geometry.
     pub fn new(scene: &SceneGeometry) -> Result<Self, ColliderError> {
         Self::of_parts(&scene.parts)
     }
@@ -133,7 +134,7 @@ impl Collider {
         Ok(Self { tree, bodies, openings: self::bodies(parts, &[Role::Opening])? })
     }
 
-    /// The solid surface nearest to `point`; none in an empty scene.
+    /// The solid surface nearest to `point`; `None` in an empty scene.
     #[must_use]
     pub fn nearest(&self, point: EnuPosition) -> Option<Nearest> {
         let at = narrow(point);
@@ -144,7 +145,8 @@ impl Collider {
         Some(Nearest { object: self.bodies[index as usize].id, distance: point.distance(surface), surface })
     }
 
-    /// Metres from `point` to the nearest surface of one object, solid or an opening; none when the object has neither.
+    /// Distance from `point` to the nearest surface of one object, solid or an opening, metres; `None` if it has
+    /// neither.
     #[must_use]
     pub fn distance_to(&self, object: ObjectId, point: EnuPosition) -> Option<f64> {
         let body = [&self.bodies, &self.openings]
@@ -154,15 +156,15 @@ impl Collider {
         Some(point.distance(widen(hit.point)))
     }
 
-    /// What a sphere at rest touches: the nearest object, if its surface is within `radius`.
+    /// The nearest object, if its surface is within `radius` of `centre`.
     #[must_use]
     pub fn contact(&self, centre: EnuPosition, radius: f64) -> Option<ObjectId> {
         self.nearest(centre).filter(|near| near.distance <= radius).map(|near| near.object)
     }
 
-    /// The first contact of a sphere moving straight from one place to another. Advances by the free distance, so that
-    /// nothing is tunnelled through, however thin it is and however long the way; a graze less than a millimetre deep may be
-    /// missed. A sphere that touches at the start is in contact at the start.
+    /// The first contact of a sphere moving straight between two positions. It advances by the free distance, so that
+    /// even thin objects are never tunnelled through; grazing contacts less than a millimetre deep may be missed. A
+    /// sphere in contact at the start returns that contact.
     #[must_use]
     pub fn sweep(&self, from: EnuPosition, to: EnuPosition, radius: f64) -> Option<Contact> {
         let length = from.distance(to);
@@ -182,14 +184,14 @@ impl Collider {
         }
     }
 
-    /// The solid ground straight below `point`, however far.
+    /// The solid ground straight below `point`, at any distance.
     #[must_use]
     pub fn ground_below(&self, point: EnuPosition) -> Option<Ground> {
         let (object, toi) = self.cast(point, Vector::new(0.0, 0.0, -1.0), f32::MAX)?;
         Some(Ground { object, up: point.up - toi })
     }
 
-    /// The first object whose surface cuts the straight line between two points; none when each sees the other.
+    /// The first object that intersects the segment between two points; `None` if the line of sight is free.
     #[must_use]
     pub fn segment_blocked(&self, from: EnuPosition, to: EnuPosition) -> Option<ObjectId> {
         let length = from.distance(to);
@@ -204,7 +206,7 @@ impl Collider {
         self.cast(from, direction, length as f32).map(|(object, _)| object)
     }
 
-    /// All objects with a solid part, ascending.
+    /// All objects with a solid part, in ascending order.
     pub fn objects(&self) -> impl ExactSizeIterator<Item = ObjectId> + '_ {
         self.bodies.iter().map(|body| body.id)
     }

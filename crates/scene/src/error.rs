@@ -1,4 +1,4 @@
-//! What can be wrong with a scene.
+//! Scene errors.
 
 use thiserror::Error;
 
@@ -21,7 +21,7 @@ pub enum SceneError {
     Read {
         /// The path.
         path: String,
-        /// Why.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
@@ -86,7 +86,7 @@ pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>)
     (distance(best) <= 1 + word.chars().count() / 3).then_some(best)
 }
 
-/// The hint that a parser's message allows: the nearest of the names it lists between backticks.
+/// A hint from a parser's message: the nearest of the names listed in backticks.
 #[must_use]
 pub fn hint_from(message: &str) -> Option<String> {
     let mut quoted = message.split('`').skip(1).step_by(2);

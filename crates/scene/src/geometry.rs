@@ -1,42 +1,42 @@
-//! What the renderer draws and the collider touches: meshes with materials, grouped into objects.
+//! Geometry for rendering and collisions: meshes with materials, grouped into objects.
 //!
-//! World frame ENU as `Vec3` (x east, y north, z up), metres, inside this crate's geometry only.
+//! The world frame is ENU as `Vec3` (x east, y north, z up), in metres, within this crate's geometry only.
 
 use glam::{Vec2, Vec3};
 
 use crate::texture::Texture;
 
-/// A corner of a triangle.
+/// A vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vertex {
     /// Position, ENU metres.
     pub position: Vec3,
-    /// Unit normal, outwards.
+    /// Outward unit normal.
     pub normal: Vec3,
-    /// Texture coordinates: **metres** along the surface, so that a brick is a brick on every wall; for [`Pattern::Image`] one unit
-    /// a repetition, v down from the image's top.
+    /// Texture coordinates: **metres** along the surface, so that patterns have a physical scale; for
+    /// [`Pattern::Image`] one unit is one repetition, with v down from the top of the image.
     pub uv: Vec2,
 }
 
-/// Number of an object in the scene's list, counting from 1; 0 in an id image means no object (sky, or nothing drawn).
+/// Id of an object in the scene's list, from 1; 0 in an id image means no object (sky, or nothing rendered).
 pub type ObjectId = u16;
 
 /// A triangle mesh with one material, belonging to one object.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// Corners.
+    /// Vertices.
     pub vertices: Vec<Vertex>,
-    /// Corner indices, counter-clockwise seen from outside.
+    /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`SceneGeometry::materials`].
     pub material: u16,
     /// The object it belongs to; ground and roads are objects too.
     pub object: ObjectId,
-    /// What it takes part in.
+    /// Its role.
     pub role: Role,
 }
 
-/// What a part takes part in.
+/// The role of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Drawn and touched.
@@ -45,11 +45,11 @@ pub enum Role {
     Visual,
     /// Touched only: clear glass.
     Glass,
-    /// An opening (gate, tunnel mouth, hollow): drawn into the second id and depth picture only; hides nothing, touches nothing.
+    /// An opening (gate, tunnel mouth, hollow): drawn into the second id and depth image only; hides nothing, touches nothing.
     Opening,
 }
 
-/// How a surface looks.
+/// Appearance of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Base colour, linear RGB, 0..=1.
@@ -58,13 +58,13 @@ pub struct Material {
     pub accent: Vec3,
     /// The pattern.
     pub pattern: Pattern,
-    /// Drawn from both sides (foliage, thin plates).
+    /// Whether it is visible from both sides (foliage, thin plates).
     pub two_sided: bool,
-    /// Light given off, linear RGB added after shading (lamps, lit windows).
+    /// Emitted light, linear RGB, added after shading (lamps, lit windows).
     pub emission: Vec3,
 }
 
-/// Patterns over the texture coordinates.
+/// Patterns in texture coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pattern {
     /// One colour.
@@ -111,23 +111,23 @@ pub enum Pattern {
     },
 }
 
-/// A source of light that shines all round; what stands about it, its own shade included, holds its light back.
+/// An omnidirectional light; objects around it, including its own shade, block its light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lamp {
-    /// Where its light comes from, ENU metres; just outside of the lamp's own meshes, or they keep the light in.
+    /// Position, ENU metres; just outside of the lamp's own meshes, which would otherwise block it.
     pub position: Vec3,
-    /// Light on a surface that faces it from 1 m away, linear RGB in units of the sun's (which is about 1).
+    /// Light on a surface facing it at 1 m, linear RGB relative to the sun's (about 1).
     pub colour: Vec3,
-    /// Its light fades to nothing here, metres.
+    /// Distance at which its light has faded to nothing, metres.
     pub reach: f32,
 }
 
-/// Light of a scene. [`Light::default`] is a clear day with the sun high in the south-west.
+/// Light of a scene. [`Light::default`] is a clear day with a high sun in the south-west.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
     /// Unit vector towards the sun.
     pub to_sun: Vec3,
-    /// Sun colour times strength, linear RGB.
+    /// Colour times intensity of the sun, linear RGB.
     pub sun: Vec3,
     /// Ambient light from above, linear RGB.
     pub sky_ambient: Vec3,
@@ -137,17 +137,17 @@ pub struct Light {
     pub zenith: Vec3,
     /// Sky and haze colour at the horizon, linear RGB.
     pub horizon: Vec3,
-    /// Haze: extinction per metre.
+    /// Haze: extinction coefficient, 1/m.
     pub haze: f32,
-    /// How much of the sky is clouded: 0 none, 0.5 fair weather, 1 all of it.
+    /// Cloud cover: 0 none, 0.5 fair weather, 1 overcast.
     pub clouds: f32,
-    /// Falling rain, 0 none to 1 heavy.
+    /// Rain, 0 none to 1 heavy.
     pub rain: f32,
-    /// Whether there are places so dark that things in them are hard to make out.
+    /// Whether some places are so dark that objects in them are hard to see.
     pub dark_places: bool,
-    /// What the film's exposure multiplies light by; none: chosen by the light there is.
+    /// Exposure factor; `None` for automatic exposure.
     pub exposure: Option<f32>,
-    /// The lamps that shine.
+    /// The active lamps.
     pub lamps: Vec<Lamp>,
 }
 
@@ -171,14 +171,14 @@ impl Default for Light {
     }
 }
 
-/// All that is drawn and touched.
+/// All rendered and solid geometry.
 #[derive(Clone, Debug)]
 pub struct SceneGeometry {
     /// Meshes.
     pub parts: Vec<Part>,
-    /// Surfaces.
+    /// Materials.
     pub materials: Vec<Material>,
-    /// Images that materials name.
+    /// Images used by materials.
     pub textures: Vec<Texture>,
     /// Light.
     pub light: Light,

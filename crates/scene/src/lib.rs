@@ -1,11 +1,12 @@
-//! The model of a world of SPF, and its loaders: scene files, glTF models, variants by seed, procedural meshes, actors, light.
+//! The world model, and its loaders: scene files, glTF models, seeded variants, procedural meshes, actors, light.
 //!
-//! The two types to know are [`Scene`], everything that a world is made of, and [`collide::Collider`], its solid geometry as it is
-//! touched: loaders, actors and the craft all ask it, which is why it lives here. Everything follows from the file and the seed
-//! alone; there is no clock and no hash order in it.
+//! The main types are [`Scene`], the complete description of a world, and [`collide::Collider`], its collision
+//! geometry, which loaders, actors and craft share. Results depend only on the file and the seed; no clock or hash
+//! order is involved.
 //!
-//! What a file says is bounded before it is made: one that is too large, names what is not there, has a key that nobody knows or
-//! stands where nothing can fly is refused with the line and a hint ([`SceneError`]). Nothing is drawn here; `spf-render` does that.
+//! Files are validated before anything is built: one that is too large, has invalid references or unknown keys, or a
+//! start where nothing can fly, is rejected with the line and a hint ([`SceneError`]). Rendering is done by
+//! `spf-render`.
 #![forbid(unsafe_code)]
 
 pub mod actors;

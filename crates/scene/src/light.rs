@@ -1,11 +1,11 @@
-//! Named lights and weathers, and what of them is in force.
+//! Named lights and weathers, and their combination.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Light;
 
-/// A named light: where the sun stands and what the sky gives.
+/// A named light: position of the sun, and sky.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Lighting {
@@ -21,7 +21,7 @@ pub enum Lighting {
 }
 
 impl Lighting {
-    /// All of them.
+    /// All lights.
     pub const ALL: [Self; 4] = [Self::Day, Self::Overcast, Self::Dusk, Self::Night];
 
     /// Its name in scene files and on the command line.
@@ -35,7 +35,7 @@ impl Lighting {
         }
     }
 
-    /// The light of that name.
+    /// The light with this name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|light| light.name() == name)
@@ -87,7 +87,7 @@ pub enum Weather {
 }
 
 impl Weather {
-    /// All of them.
+    /// All weathers.
     pub const ALL: [Self; 3] = [Self::Clear, Self::Haze, Self::Rain];
 
     /// Its name in scene files and on the command line.
@@ -100,7 +100,7 @@ impl Weather {
         }
     }
 
-    /// The weather of that name.
+    /// The weather with this name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|weather| weather.name() == name)
@@ -136,12 +136,13 @@ impl Weather {
     }
 }
 
-/// Light and weather asked for; what is not is the scene's own.
+/// Requested light and weather; `None` for the scene's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SceneLook {
-    /// The light. Another than the file's own puts aside the keys of its `[light]` but for the sun's azimuth and the haze.
+    /// The light. If it differs from the file's, the keys of its `[light]` are ignored, except for the sun's azimuth
+    /// and the haze.
     pub lighting: Option<Lighting>,
-    /// The weather. Another than the file's own puts aside its haze.
+    /// The weather. If it differs from the file's, its haze is ignored.
     pub weather: Option<Weather>,
 }
 

@@ -1,4 +1,4 @@
-//! What a scene may have at most, whatever it is read from.
+//! Size limits of scenes, for all file formats.
 
 /// Longest scene file that is read, bytes.
 pub(crate) const MAX_BYTES: usize = 4 << 20;

@@ -1,7 +1,7 @@
-//! Where scenes come from (`docs/reference/scene-format.md`).
+//! Loading scenes (`docs/reference/scene-format.md`).
 //!
-//! [`Scene::load`] reads a built-in scene by name or a user's file by path, checks it, and builds its meshes. Object ids count
-//! from 1 in the order of the file, so the same file always gives the same ids.
+//! [`Scene::load`] reads a built-in scene by name or a file by path, validates it, and builds its meshes. Object ids
+//! are assigned from 1 in file order, so the same file always gives the same ids.
 
 use std::path::Path;
 
@@ -42,22 +42,22 @@ fn split(name: &str) -> Result<(&str, Option<u64>), SceneError> {
 }
 
 impl Scene {
-    /// Loads a built-in scene by name (`city`, `park`), or a file by its path: a scene file, which ends in `.toml`, or a glTF 2.0
-    /// model, which ends in `.glb` or `.gltf` (`docs/guide/gltf.md`). With `@` and a number behind it (`city@17`), the variant of
+    /// Loads a built-in scene by name (`city`, `park`), or a file by path: a scene file (`.toml`), or a glTF 2.0 model
+    /// (`.glb` or `.gltf`, see `docs/guide/gltf.md`). A suffix of `@` and a number (`city@17`) selects the variant with
     /// that seed.
     ///
     /// # Errors
-    /// [`SceneError::Unknown`] for a name that no built-in scene has, [`SceneError::Read`] if the file cannot be read,
-    /// [`SceneError::Invalid`] if it is no scene, with the line and a hint where there is one, [`SceneError::Model`] if a model
-    /// cannot be made a world.
+    /// [`SceneError::Unknown`] for an unknown name, [`SceneError::Read`] if the file cannot be read,
+    /// [`SceneError::Invalid`] if it is not a valid scene, with the line and a hint where possible,
+    /// [`SceneError::Model`] if a model cannot be used as a world.
     pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
         Self::load_with(name_or_path, &SceneLook::default())
     }
 
-    /// The same under other light and weather than the file's own.
+    /// Loads a scene with different light and weather.
     ///
     /// # Errors
-    /// As [`Scene::load`].
+    /// Same as [`Scene::load`].
     pub fn load_with(name_or_path: &str, conditions: &SceneLook) -> Result<Self, SceneError> {
         let (name_or_path, seed) = split(name_or_path)?;
         if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
@@ -81,15 +81,15 @@ impl Scene {
         file::parse(&text, name_or_path, Path::new(name_or_path).parent(), conditions, seed)
     }
 
-    /// Reads a scene from its text; `file` names it in errors.
+    /// Parses a scene from text; `file` is its name in errors.
     ///
     /// # Errors
-    /// [`SceneError::Invalid`].
+    /// [`SceneError::Invalid`] if it is not a valid scene.
     pub fn parse(text: &str, file: &str) -> Result<Self, SceneError> {
         file::parse(text, file, None, &SceneLook::default(), None)
     }
 
-    /// The variant of a seed of a scene from its text; `file` names it in errors.
+    /// Parses the variant with this seed of a scene from text; `file` is its name in errors.
     ///
     /// # Errors
     /// [`SceneError::Invalid`], also for a scene without `vary` tables.
@@ -97,10 +97,10 @@ impl Scene {
         file::parse(text, file, None, &SceneLook::default(), Some(seed))
     }
 
-    /// Reads a scene from the bytes of a `.glb` or `.gltf` that names no other files; `file` names it in errors.
+    /// Parses the bytes of a self-contained `.glb` or `.gltf` file; `file` is its name in errors.
     ///
     /// # Errors
-    /// [`SceneError::Model`].
+    /// [`SceneError::Model`] if it cannot be used as a world.
     pub fn parse_model(bytes: &[u8], file: &str) -> Result<Self, SceneError> {
         gltf::parse(bytes, file, None, &Wishes::default(), file::own_light(&SceneLook::default())?)
     }
@@ -111,7 +111,7 @@ impl Scene {
         BUILT_IN.iter().map(|(name, _)| *name).collect()
     }
 
-    /// Every kind of mesh that a scene file can name and the program draws, in alphabetical order.
+    /// All kinds of meshes available in scene files, in alphabetical order.
     #[must_use]
     pub fn mesh_kinds() -> Vec<&'static str> {
         KINDS.iter().map(|(name, _)| *name).collect()

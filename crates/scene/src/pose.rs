@@ -1,4 +1,4 @@
-//! Poses as scenes write them, and those that they leave to us.
+//! Poses in scene files, and default poses.
 
 use spf_core::craft::CraftKind;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};

@@ -1,32 +1,32 @@
-//! Images on surfaces: an image with its chain of halved copies, shared between scenes, renderers and threads.
+//! Textures: an image with its mip levels, shared between scenes, renderers and threads.
 
 use std::sync::Arc;
 
 use glam::Vec3;
 
-/// Longest side of a texture, texels.
+/// Maximum side of a texture, texels.
 pub const MAX_SIDE: u32 = 8192;
 
-/// An opaque image that repeats in both directions. Cloning shares it.
+/// An opaque, repeating image. Clones share it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// The image, then copies of half the size down to a single texel; never empty.
     levels: Arc<Vec<Level>>,
 }
 
-/// One size of an image.
+/// One mip level.
 #[derive(Debug, PartialEq)]
 pub struct Level {
-    /// Texels a row.
+    /// Texels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// Rows from the top, texels from the left. Each channel is the square root of linear light: steps about as fine as those
-    /// of sRGB, decoded by one multiplication. The fourth byte only makes texels a word.
+    /// Rows from the top, texels from the left. Each channel is the square root of linear light: about as fine as sRGB,
+    /// and decoded by one multiplication. The fourth byte is padding.
     pub texels: Vec<[u8; 4]>,
 }
 
-/// Linear light of a texel as [`Level`] keeps it.
+/// Linear light of a texel in the format of [`Level`].
 #[inline]
 #[must_use]
 pub fn decoded(texel: [u8; 4]) -> Vec3 {
@@ -45,8 +45,8 @@ pub(crate) fn srgb_to_linear(c: f64) -> f64 {
 }
 
 impl Texture {
-    /// A texture from sRGB bytes, three a texel, rows from the top; `None` unless both sides are 1..=[`MAX_SIDE`] and the bytes
-    /// fit them.
+    /// Creates a texture from sRGB bytes, three per texel, rows from the top; `None` unless both sides are
+    /// 1..=[`MAX_SIDE`] and the number of bytes matches.
     #[must_use]
     pub fn from_srgb(width: u32, height: u32, rgb: &[u8]) -> Option<Self> {
         let sides = 1..=MAX_SIDE;
@@ -83,7 +83,7 @@ impl Texture {
         decoded(self.levels[self.levels.len() - 1].texels[0])
     }
 
-    /// The same image without its `count` finest copies; at least the single texel stays.
+    /// The same image without its `count` finest levels; at least one level is kept.
     #[must_use]
     pub fn coarser(self, count: usize) -> Self {
         let first = count.min(self.levels.len() - 1);
@@ -96,13 +96,13 @@ impl Texture {
         }
     }
 
-    /// Memory taken, bytes.
+    /// Memory used, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.levels.iter().map(|level| level.texels.len() * 4).sum()
     }
 
-    /// The image, then copies of half the size each, down to a single texel.
+    /// The image, then levels of half the size each, down to a single texel.
     #[inline]
     #[must_use]
     pub fn levels(&self) -> &[Level] {

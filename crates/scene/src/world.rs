@@ -1,4 +1,4 @@
-//! A world as everybody asks it: what stands where, what people call it, how it is lit.
+//! A loaded world: objects, names, light.
 
 use serde::Serialize;
 use serde_json::json;
@@ -16,39 +16,40 @@ use crate::light::{Lighting, Weather};
 pub struct Scene {
     /// Name, as in the file.
     pub name: String,
-    /// What it shows, in one line for people; empty when the file says nothing.
+    /// One-line description; empty if the file has none.
     pub description: String,
-    /// Range at which the oracle believes a goal reached, metres: 3.0 in scenes of the simulation set, 0.8 in the real-world set.
+    /// Range at which the oracle considers a goal reached, metres: 3.0 in scenes of the simulation set, 0.8 in the
+    /// real-world set.
     pub near: f64,
-    /// The judge's radius about the nearest surface of the goal, metres.
+    /// The judge's success radius around the nearest surface of the goal, metres.
     pub success_radius: f64,
-    /// The envelope's greatest height above take-off here, metres: a room's ceiling for whoever starts on its floor. None where
-    /// the envelope's own will do. Not taken from `bounds`: a model's end at its roof, above which one may well fly.
+    /// Maximum altitude above take-off in this scene, metres, such as the ceiling of a room; `None` for the envelope's
+    /// default. Not derived from `bounds`: those of a model end at its roof, above which flying is allowed.
     pub max_altitude: Option<f64>,
-    /// The craft that flies here unless the user names another.
+    /// The default craft model.
     pub default_craft: CraftKind,
-    /// Where the craft stands before take-off.
+    /// Start pose of the craft, before take-off.
     pub start: Pose,
-    /// From where the scene is best shown in one image.
+    /// Camera pose for a preview image.
     pub preview: Pose,
-    /// Where flying makes sense; the ground may reach farther.
+    /// Extent of the flyable region; the ground may extend beyond it.
     pub bounds: Aabb,
-    /// Everything that is seen, ids counting from 1.
+    /// All visible objects, with ids from 1.
     pub objects: Vec<Object>,
-    /// The light in force.
+    /// The current light.
     pub lighting: Lighting,
-    /// The weather in force.
+    /// The current weather.
     pub weather: Weather,
-    /// Meshes of what stands still, materials, light.
+    /// Meshes of static objects, materials, light.
     pub geometry: SceneGeometry,
-    /// What moves by itself, in the order of ids. Bounds and outlines of these objects are those of the beginning.
+    /// Actors, in order of ids. Bounds and outlines of these objects are the initial ones.
     pub actors: Vec<Actor>,
 }
 
-/// One thing of a scene.
+/// An object of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Object {
-    /// Its number in id images.
+    /// Its id in id images.
     pub id: ObjectId,
     /// Its name in the file, unique; repeated objects end in `_1`, `_2`, ….
     pub key: String,

@@ -1,10 +1,11 @@
-//! What others connect to: parts of the simulator over the interfaces of real ones (`spf sim serve`).
+//! Servers that expose the simulator over the interfaces of real systems (`spf sim serve`).
 //!
-//! [`tello`] is a virtual drone for other people's clients and for our own driver; [`vlm`] an endpoint that programs take for a
-//! vendor of vision-language models. Both keep to the wall clock, and both show the same [`SimWorld`](spf_flight::sim::SimWorld)
-//! to whoever asks; what flies in it still follows from the seed. [`truth`] judges the flights that others make.
+//! [`tello`] is a virtual drone for third-party clients and for the project's own driver. [`vlm`] is an endpoint
+//! compatible with vision-language model APIs. Both run on the wall clock and use the same
+//! [`SimWorld`](spf_flight::sim::SimWorld), whose behaviour still depends on the seed. [`truth`] evaluates flights made
+//! by others.
 //!
-//! Nothing here flies by itself, and no pilot of ours is in it: a flight of ours is `spf_flight`'s.
+//! This crate contains no pilot; complete flights are in `spf_flight`.
 
 pub mod tello;
 pub mod truth;

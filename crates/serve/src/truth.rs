@@ -1,4 +1,4 @@
-//! The truth about the flights of a served drone: a line of JSON about each, judged by the instruction that was heard last.
+//! Evaluates the flights of a served drone by ground truth, with the last instruction known: one line of JSON each.
 
 use std::fs::File;
 use std::io::Write;
@@ -13,10 +13,10 @@ use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_flight::sim::{SimWorld, Verdict, judge};
 
-/// How often the judge looks.
+/// Evaluation interval.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// The instruction that flights are judged by; whoever hears one (a VLM's server, the command line) writes it here.
+/// The instruction by which flights are judged, set by the VLM endpoint or the command line.
 pub type Heard = Arc<Mutex<Option<String>>>;
 
 /// Judges a world's flights until it is dropped.
@@ -26,10 +26,10 @@ pub(crate) struct Judge {
 }
 
 impl Judge {
-    /// Begins to look, in a thread of its own. Where `file` is given, the truth about each flight goes there.
+    /// Starts a judging thread. If `file` is given, the results are written to it.
     ///
     /// # Errors
-    /// The operating system's, when there is no thread.
+    /// The operating system's error if no thread can be started.
     pub(crate) fn start(world: SimWorld, instruction: Heard, file: Option<File>) -> std::io::Result<Self> {
         let stopped = Arc::new(AtomicBool::new(false));
         let judging = Judging { world, instruction, file, flights: 0, flight: None };
@@ -46,7 +46,7 @@ impl Drop for Judge {
     }
 }
 
-/// A flight under way.
+/// A flight in progress.
 struct Flight {
     began: Time,
     start: Pose,
@@ -54,7 +54,7 @@ struct Flight {
     collisions: usize,
 }
 
-/// What was true of a flight when its landing began.
+/// Ground truth of a flight at the start of its landing.
 #[derive(Debug, Serialize)]
 struct Line<'a> {
     flight: u32,
@@ -131,10 +131,10 @@ impl Judging {
     }
 }
 
-/// Opens a file for the truth; a line about each flight is added to what it holds.
+/// Opens a results file for appending.
 ///
 /// # Errors
-/// The operating system's.
+/// The operating system's error if it cannot be opened.
 pub fn truth_file(path: &Path) -> std::io::Result<File> {
     File::options().create(true).append(true).open(path)
 }

@@ -1,4 +1,5 @@
-//! How the body answers a velocity setpoint, one tick at a time: lag, limits, tilt, drag, wind. No scene, no phases.
+//! Response of the body to a velocity setpoint, tick by tick: lag, limits, tilt, drag, wind. No scene, no flight
+//! phases.
 
 use spf_core::command::Setpoint;
 use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, wrap_angle};
@@ -12,11 +13,11 @@ pub(crate) struct Body {
     pub(crate) velocity: EnuVelocity,
     pub(crate) attitude: Attitude,
     pub(crate) yaw_rate: f64,
-    /// Wind as the craft's controller has learned it: east, north.
+    /// Wind as estimated by the craft's controller: east, north.
     pub(crate) learned: (f64, f64),
 }
 
-/// What one tick depends on, computed once per model and tick length.
+/// Coefficients of a tick, computed once per model and tick length.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Response {
     step: f64,
@@ -40,7 +41,7 @@ impl Response {
     }
 }
 
-/// Scales the pair down to the length `limit`.
+/// Scales a vector down to the length `limit`.
 fn limited(pair: (f64, f64), limit: f64) -> (f64, f64) {
     let square = pair.0 * pair.0 + pair.1 * pair.1;
     if square <= limit * limit {
@@ -55,11 +56,11 @@ impl Body {
         Pose { position: self.position, attitude: self.attitude }
     }
 
-    /// One tick with motors. `creep` is what the craft drifts by without knowing, east and north, m/s.
+    /// One tick with motors on. `creep` is the craft's unmeasured drift, east and north, m/s.
     ///
-    /// The controller asks for the acceleration that makes the velocity follow first-order, within the craft's limits, and
-    /// for the thrust that holds the drag of its own motion and of the wind it has learned; tilt bounds the thrust. In still
-    /// air and off the limits the response is therefore the first-order lag alone.
+    /// The controller requests the acceleration that makes the velocity follow with first-order lag, within the craft's
+    /// limits, and the thrust that balances the drag of its own motion and of the estimated wind; tilt bounds the
+    /// thrust. In still air and within the limits, the response is the first-order lag alone.
     pub(crate) fn follow(&mut self, model: &Model, response: &Response, setpoint: Setpoint, air: EnuVelocity, creep: (f64, f64)) {
         let step = response.step;
         let craft = &model.craft;
@@ -101,7 +102,7 @@ impl Body {
         self.attitude.roll += (roll - self.attitude.roll) * response.tilt_share;
     }
 
-    /// One tick without motors: gravity and drag; the attitude stays as it was.
+    /// One tick without motors: gravity and drag; the attitude does not change.
     pub(crate) fn fall(&mut self, model: &Model, response: &Response, air: EnuVelocity) {
         self.yaw_rate = 0.0;
         let v = self.velocity;
@@ -109,14 +110,14 @@ impl Body {
         self.accelerate((-model.drag * (v.east - air.east), -model.drag * (v.north - air.north), pull), response.step);
     }
 
-    /// Stands still and level.
+    /// Comes to rest, level.
     pub(crate) fn rest(&mut self) {
         self.stop();
         self.attitude.pitch = 0.0;
         self.attitude.roll = 0.0;
     }
 
-    /// Loses all speed.
+    /// Sets the velocity to zero.
     pub(crate) fn stop(&mut self) {
         self.velocity = EnuVelocity::default();
         self.yaw_rate = 0.0;

@@ -1,4 +1,4 @@
-//! The simulated craft as one object: true motion, honest telemetry, and the truth for the judge.
+//! The simulated craft as one object: true motion, telemetry, and ground truth for evaluation.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -15,34 +15,34 @@ use crate::dynamics::{Dynamics, SimConditions, TICK};
 use crate::model::Model;
 use crate::senses::{Senses, exact};
 
-/// How far back [`SimCraft::true_pose_at`] remembers.
+/// How far back [`SimCraft::true_pose_at`] can look.
 pub const HISTORY: Duration = Duration::from_secs(10);
 const HISTORY_TICKS: usize = 2000;
-/// What a craft and an actor can come nearer to each other during one tick of the actors, metres: 50 m/s, which is more than
+/// Maximum reduction of the distance between a craft and an actor during one actor tick, metres: at 50 m/s, more than
 /// both reach.
 const WATCH_REACH: f64 = 2.5;
 
-/// Ground truth. It belongs to the judge, the renderer and the recorder; no pilot may see it.
+/// Ground truth, for the judge, the renderer and the recorder only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Truth {
-    /// As of this flight time.
+    /// Flight time of the state.
     pub time: Time,
     /// Pose of the body's centre; the camera sits there too.
     pub pose: Pose,
     /// Velocity.
     pub velocity: EnuVelocity,
-    /// Whether it flies.
+    /// Flight phase.
     pub phase: FlightPhase,
-    /// What was hit in flight, and when. Landing is no hit.
+    /// Objects hit in flight, with times. Landing does not count.
     pub collided_with: Vec<(Time, ObjectId)>,
-    /// Length of the way flown, metres.
+    /// Length of the path flown, metres.
     pub path_length: f64,
 }
 
 /// A craft in a scene.
 ///
-/// Tell it commands as they are given, in order of time, and advance it; results depend on the commands, their times and the
-/// seed alone, not on how time is cut into calls of [`advance_to`](Self::advance_to).
+/// Pass commands in order of time, and advance it. Results depend only on the commands, their times and the seed, not
+/// on how time is split into calls of [`advance_to`](Self::advance_to).
 #[derive(Clone, Debug)]
 pub struct SimCraft {
     collider: Arc<Collider>,
@@ -55,7 +55,7 @@ pub struct SimCraft {
     watch: Watch,
 }
 
-/// The actors that the craft can touch before the actors' next tick.
+/// The actors that the craft can touch before their next tick.
 #[derive(Clone, Debug, Default)]
 struct Watch {
     until: Time,
@@ -63,19 +63,20 @@ struct Watch {
 }
 
 impl SimCraft {
-    /// A craft on the ground below `start`, facing its heading, in still air with honest senses.
+    /// A craft on the ground below `start`, with its heading, in still air with realistic telemetry.
     #[must_use]
     pub fn new(collider: Arc<Collider>, model: Model, start: Pose, seed: u64) -> Self {
         Self::with_conditions(collider, model, start, SimConditions::new(seed))
     }
 
-    /// A craft under other conditions.
+    /// A craft with the given conditions.
     #[must_use]
     pub fn with_conditions(collider: Arc<Collider>, model: Model, start: Pose, conditions: SimConditions) -> Self {
         Self::with_traffic(Arc::default(), collider, model, start, conditions)
     }
 
-    /// A craft among the actors of its scene, who follow the seed of the conditions. They stop for it, but do not flee from it.
+    /// A craft among the actors of its scene, which depend on the seed of the conditions. They stop for the craft but
+    /// do not flee from it.
     #[must_use]
     pub fn with_traffic(cast: Arc<Cast>, collider: Arc<Collider>, model: Model, start: Pose, conditions: SimConditions) -> Self {
         let dynamics = Dynamics::new(&collider, model, start, conditions);
@@ -86,12 +87,12 @@ impl SimCraft {
         Self { collider, dynamics, senses, telemetry, history, traffic, watch: Watch::default() }
     }
 
-    /// Takes a command given at `now`, valid until `valid_until` if it is a setpoint; see [`Dynamics::apply`].
+    /// Takes a command given at `now`; a setpoint is valid until `valid_until`. See [`Dynamics::apply`].
     pub fn apply(&mut self, now: Time, command: Command, valid_until: Time) {
         self.dynamics.apply(now, command, valid_until);
     }
 
-    /// Moves the world on to the last tick that ends at or before `now`.
+    /// Advances the world to the last tick that ends at or before `now`.
     pub fn advance_to(&mut self, now: Time) {
         while self.dynamics.time() + TICK <= now {
             let before = self.dynamics.pose().position;
@@ -107,7 +108,7 @@ impl SimCraft {
         }
     }
 
-    /// Lets the actors go on to the end of the tick, and finds out whether the craft, which was at `before`, has met one.
+    /// Advances the actors to the end of the tick, and checks whether the craft, which was at `before`, has hit one.
     fn meet(&mut self, before: EnuPosition) {
         let (now, after) = (self.dynamics.time(), self.dynamics.pose().position);
         let radius = self.dynamics.model().craft.radius;
@@ -136,8 +137,8 @@ impl SimCraft {
         }
     }
 
-    /// Where the actors were at `at`, in the order of the cast. None when it lies in the future or more than
-    /// [`HISTORY`](actors::HISTORY) back.
+    /// Actor positions at `at`, in the order of the cast; `None` if it is in the future or more than
+    /// [`HISTORY`](actors::HISTORY) ago.
     #[must_use]
     pub fn actors_at(&self, at: Time) -> Option<Vec<ActorPlace>> {
         self.traffic.places_at(at)
@@ -149,26 +150,26 @@ impl SimCraft {
         self.traffic.cast()
     }
 
-    /// The latest report of the craft. Its `time` says when it was measured.
+    /// The latest telemetry report; `time` is when it was measured.
     #[must_use]
     pub fn telemetry(&self) -> Telemetry {
         self.telemetry
     }
 
-    /// When the next report after `after` is made; later than `after`.
+    /// Time of the first report after `after`.
     #[must_use]
     pub fn next_telemetry(&self, after: Time) -> Time {
         let period = self.senses.period() * TICK.as_nanos() as u64;
         Time::from_nanos((after.as_nanos() / period + 1).saturating_mul(period))
     }
 
-    /// A report of this very tick without error, rounding or omission; for tests, never for a pilot that is measured.
+    /// A report of the current tick without error, rounding or omission, for tests only.
     #[must_use]
     pub fn exact_telemetry(&self) -> Telemetry {
         exact(&self.dynamics)
     }
 
-    /// The truth at [`time`](Self::time).
+    /// Ground truth at [`time`](Self::time).
     #[must_use]
     pub fn truth(&self) -> Truth {
         Truth {
@@ -181,8 +182,8 @@ impl SimCraft {
         }
     }
 
-    /// The true pose at `at`, for rendering a frame at its capture time: interpolated between ticks, exact on them. None when
-    /// it lies in the future or more than [`HISTORY`] back.
+    /// The true pose at `at`, for rendering a frame: interpolated between ticks, exact on them; `None` if it is in the
+    /// future or more than [`HISTORY`] ago.
     #[must_use]
     pub fn true_pose_at(&self, at: Time) -> Option<Pose> {
         let step = TICK.as_nanos() as u64;
@@ -206,7 +207,7 @@ impl SimCraft {
         })
     }
 
-    /// The instant up to which the world has moved.
+    /// The time up to which the world was advanced.
     #[must_use]
     pub fn time(&self) -> Time {
         self.dynamics.time()
@@ -218,7 +219,7 @@ impl SimCraft {
         &self.dynamics
     }
 
-    /// The scene it may touch.
+    /// The scene's collision geometry.
     #[must_use]
     pub fn collider(&self) -> &Arc<Collider> {
         &self.collider

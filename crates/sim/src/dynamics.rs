@@ -1,8 +1,8 @@
 //! The simulated craft's motion: commands with their dead time, flight phases, contacts (`docs/reference/dynamics.md`).
 //!
-//! Time goes in ticks of 5 ms on an absolute grid, tick `n` lasting from `5n` to `5n + 5` ms of flight time, so that results
-//! do not depend on how far the world advances at once. A command takes effect at the first tick that begins its dead time
-//! after it was given.
+//! Time advances in ticks of 5 ms on an absolute grid (tick `n` lasts from `5n` to `5n + 5` ms of flight time), so
+//! results do not depend on the size of each advance. A command takes effect at the first tick that starts at least the
+//! dead time after it was given.
 
 use std::collections::VecDeque;
 
@@ -24,34 +24,34 @@ pub const TICK: Duration = Duration::from_millis(5);
 const TICK_NANOS: u64 = 5_000_000;
 const STEP: f64 = 0.005;
 
-/// A surface that faces up at least this much (60° of slope) can be stood on.
+/// Minimum upward component of the normal of a surface that can be stood on (60° of slope).
 const STANDABLE: f64 = 0.5;
-/// A craft lands by itself at this charge, and does not take off below the other.
+/// Charge at which a craft lands by itself, and below which it does not take off.
 const BATTERY_LAND: f64 = 0.05;
 const BATTERY_TAKE_OFF: f64 = 0.10;
-/// How often a landing looks for the ground below it, ticks.
+/// Interval at which a landing looks for the ground below, ticks.
 const GROUND_LOOK: u64 = 20;
-/// Commands waiting for their dead time; more than this in flight at once drops the oldest.
+/// Maximum number of commands waiting for their dead time; beyond it the oldest is dropped.
 const QUEUE: usize = 4096;
 
-/// In what a flight takes place.
+/// Conditions of a simulated flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimConditions {
     /// Seed of gusts, creep and sensor noise.
     pub seed: u64,
-    /// True: telemetry without error or rounding (also of a Tello, which then has a position), and no creep. For tests of
-    /// what flies the craft.
+    /// True for telemetry without error or rounding (for a Tello also with a position), and no drift. For tests of the
+    /// controller.
     pub exact: bool,
     /// The wind.
     pub wind: Wind,
     /// Battery charge at the start, 0..=1.
     pub battery: f64,
-    /// True: the flight begins in the air at the start pose; false: on the ground below it, motors off.
+    /// True to start in the air at the start pose; false to start on the ground below it, motors off.
     pub hovering: bool,
 }
 
 impl SimConditions {
-    /// Still air, honest senses, a full battery, on the ground.
+    /// Still air, realistic telemetry, a full battery, on the ground.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self { seed, exact: false, wind: Wind::default(), battery: 1.0, hovering: false }
@@ -65,14 +65,14 @@ struct Waiting {
     expires: Time,
 }
 
-/// How a craft without motors comes down.
+/// How a craft without motors falls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fall {
-    /// It flies on as a thrown body.
+    /// Ballistic flight.
     Thrown,
-    /// It hit something and drops straight down, to this height of its centre.
+    /// It hit something and drops straight down, until its centre is at this height.
     Straight { floor: f64 },
-    /// It lies.
+    /// On the ground.
     Lying,
 }
 
@@ -83,16 +83,16 @@ pub struct Dynamics {
     response: Response,
     body: Body,
     phase: FlightPhase,
-    /// Ticks done.
+    /// Number of ticks so far.
     tick: u64,
     waiting: VecDeque<Waiting>,
-    /// What is held, and until when.
+    /// The current setpoint and its expiry.
     setpoint: Option<(Setpoint, Time)>,
     dead_time: Duration,
-    /// Where the last take-off began (for a craft that begins in the air: the ground below it).
+    /// Start of the last take-off (for a craft that starts in the air: the ground below it).
     launch: EnuPosition,
     spin_up_left: u64,
-    /// Height of the centre when standing on what is below, as a landing last saw it; none where nothing is below.
+    /// Height of the centre when standing on the surface below, as last seen by a landing; `None` if nothing is below.
     landing_floor: Option<f64>,
     fall: Fall,
     crashed: bool,
@@ -101,17 +101,17 @@ pub struct Dynamics {
     battery: f64,
     air: Air,
     creep: [Wander; 2],
-    /// A place and the free distance around it: no need to look for contacts until the body may have left it.
+    /// A position and the free distance around it: contacts need no check until the body may have left it.
     free: (EnuPosition, f64),
 }
 
 impl Dynamics {
-    /// A craft at rest. On the ground, `start` is lowered (or lifted) to stand on the surface below its position, level;
-    /// where nothing is below, the craft stands at `start` as on invisible ground.
+    /// A craft at rest. On the ground, `start` is moved vertically to stand level on the surface below its position;
+    /// where nothing is below, the craft stands at `start` as if on invisible ground.
     #[must_use]
     pub fn new(collider: &Collider, model: Model, start: Pose, conditions: SimConditions) -> Self {
         let radius = model.craft.radius;
-        // A start given as a point of the ground lies a rounding error below it as often as not.
+        // A start position on the ground may be a rounding error below it.
         let above = EnuPosition { up: start.position.up + radius, ..start.position };
         let ground = collider.ground_below(above).map(|ground| EnuPosition { up: ground.up + radius, ..start.position });
         let launch = ground.unwrap_or(start.position);
@@ -144,17 +144,17 @@ impl Dynamics {
         }
     }
 
-    /// Takes a command given at `now`. A setpoint holds until `valid_until`, then the craft holds still; both reach its
-    /// motion the dead time later. An emergency stop has no dead time. What does not fit the phase when it takes effect is
-    /// ignored, as real craft do: setpoints on the ground and during take-off and landing, take-off in the air, with less
-    /// than a tenth of the battery or after the motors were cut.
+    /// Takes a command given at `now`. A setpoint holds until `valid_until`, then the craft holds; both take effect
+    /// after the dead time. An emergency stop has no dead time. Commands that do not fit the phase at that time are
+    /// ignored, as by real craft: setpoints on the ground and during take-off and landing; take-off in the air, with
+    /// less than a tenth of the battery, or after the motors were cut.
     pub fn apply(&mut self, now: Time, command: Command, valid_until: Time) {
         let delay = if command == Command::EmergencyStop { Duration::ZERO } else { self.dead_time };
         let from_tick = (now + delay).as_nanos().div_ceil(TICK_NANOS).max(self.tick);
         if self.waiting.len() == QUEUE {
             self.waiting.pop_front();
         }
-        // Kept in order of effect. An emergency stop annuls what was given earlier and has not reached the motors yet.
+        // In order of effect. An emergency stop cancels earlier commands that have not taken effect yet.
         let place = self.waiting.partition_point(|other| other.from_tick <= from_tick);
         if command == Command::EmergencyStop {
             self.waiting.truncate(place);
@@ -178,7 +178,7 @@ impl Dynamics {
             FlightPhase::OnGround => {}
             FlightPhase::Stopped => self.come_down(collider, air),
             FlightPhase::TakingOff if self.spin_up_left > 0 => self.spin_up_left -= 1,
-            // No craft of the simulator flies manoeuvres by itself; the virtual Tello flies its own by setpoints.
+            // No simulated craft flies manoeuvres by itself; the virtual Tello flies its own by setpoints.
             FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Manoeuvring | FlightPhase::Landing => {
                 let setpoint = self.wanted(now, collider);
                 self.body.follow(&self.model, &self.response, setpoint, air, creep);
@@ -218,7 +218,7 @@ impl Dynamics {
         self.landing_floor = self.floor_below(collider);
     }
 
-    /// Height of the centre when standing on what is straight below; none where nothing is.
+    /// Height of the centre when standing on the surface straight below; `None` if there is none.
     fn floor_below(&self, collider: &Collider) -> Option<f64> {
         Some(collider.ground_below(self.body.position)?.up + self.model.craft.radius)
     }
@@ -231,11 +231,11 @@ impl Dynamics {
         }
     }
 
-    /// What the body is to follow during this tick.
+    /// The setpoint that the body follows during this tick.
     fn wanted(&mut self, now: Time, collider: &Collider) -> Setpoint {
         match self.phase {
             FlightPhase::TakingOff => {
-                // A position loop at a quarter of the velocity loop's bandwidth comes to rest without overshoot.
+                // A position loop at a quarter of the velocity loop's bandwidth settles without overshoot.
                 let missing = self.launch.up + self.model.craft.take_off_height - self.body.position.up;
                 let up = (missing / (4.0 * self.model.craft.lag)).clamp(-self.model.take_off_speed, self.model.take_off_speed);
                 Setpoint { up, ..Setpoint::HOLD }
@@ -254,11 +254,11 @@ impl Dynamics {
         }
     }
 
-    /// The first contact on the way from `before`, looked for only where something may be near.
+    /// The first contact on the path from `before`; checked only where something may be near.
     fn contact(&mut self, collider: &Collider, before: EnuPosition) -> Option<Contact> {
         let (radius, to) = (self.model.craft.radius, self.body.position);
         let (centre, distance) = self.free;
-        // The millimetre makes up for single precision in the geometry.
+        // The millimetre compensates for single precision in the geometry.
         if centre.distance(to) + radius + 1e-3 < distance && centre.distance(before) + radius + 1e-3 < distance {
             return None;
         }
@@ -277,20 +277,20 @@ impl Dynamics {
                 self.body.rest();
                 self.phase = FlightPhase::OnGround;
             }
-            // The ground that the craft is leaving.
+            // The ground that the craft is taking off from.
             FlightPhase::TakingOff if contact.upward >= STANDABLE => {}
             _ => self.crash(collider, now, contact.object, contact.centre),
         }
     }
 
-    /// Something that moves was hit during the last tick, with the body's centre at `centre`. In flight that is a collision.
+    /// A moving object was hit during the last tick, with the body's centre at `centre`. In flight this is a collision.
     pub(crate) fn strike(&mut self, collider: &Collider, object: ObjectId, centre: EnuPosition) {
         if self.airborne() {
             self.crash(collider, self.time(), object, centre);
         }
     }
 
-    /// Whether it flies with motors.
+    /// Whether it flies with motors on.
     #[must_use]
     pub fn airborne(&self) -> bool {
         matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Landing)
@@ -319,7 +319,7 @@ impl Dynamics {
                     self.phase = FlightPhase::Flying;
                 }
             }
-            // Solid ground ends the landing by contact; where there is none, the take-off level does.
+            // Solid ground ends the landing by contact; without ground, the take-off height does.
             FlightPhase::Landing if self.landing_floor.is_none() && body.position.up <= self.launch.up => {
                 body.rest();
                 self.phase = FlightPhase::OnGround;
@@ -328,7 +328,7 @@ impl Dynamics {
         }
     }
 
-    /// Motors off, in the air or lying. Contacts of a fall are not collisions of the flight and are not counted.
+    /// Motors off, falling or lying. Contacts during a fall are not counted as collisions.
     fn come_down(&mut self, collider: &Collider, air: EnuVelocity) {
         let before = self.body.position;
         match self.fall {
@@ -353,19 +353,19 @@ impl Dynamics {
         }
     }
 
-    /// The instant up to which the motion is known.
+    /// The time up to which the motion was computed.
     #[must_use]
     pub fn time(&self) -> Time {
         Time::from_nanos(self.tick * TICK_NANOS)
     }
 
-    /// Ticks done.
+    /// Number of ticks so far.
     #[must_use]
     pub fn tick(&self) -> u64 {
         self.tick
     }
 
-    /// The model that flies.
+    /// The craft model.
     #[must_use]
     pub fn model(&self) -> &Model {
         &self.model
@@ -389,31 +389,31 @@ impl Dynamics {
         self.body.yaw_rate
     }
 
-    /// Whether it flies.
+    /// Flight phase.
     #[must_use]
     pub fn phase(&self) -> FlightPhase {
         self.phase
     }
 
-    /// True height above the place of the last take-off, metres.
+    /// True height above the last take-off point, metres.
     #[must_use]
     pub fn height(&self) -> f64 {
         self.body.position.up - self.launch.up
     }
 
-    /// True once it hit something in flight.
+    /// True once it has hit something in flight.
     #[must_use]
     pub fn crashed(&self) -> bool {
         self.crashed
     }
 
-    /// What was hit in flight, and when. The first hit cuts the motors, so there is at most one.
+    /// Objects hit in flight, with times. The first hit cuts the motors, so there is at most one.
     #[must_use]
     pub fn contacts(&self) -> &[(Time, ObjectId)] {
         &self.contacts
     }
 
-    /// Length of the way flown with motors, metres.
+    /// Length of the path flown with motors on, metres.
     #[must_use]
     pub fn path_length(&self) -> f64 {
         self.path_length

@@ -1,9 +1,9 @@
-//! When the simulated camera takes images, and when they arrive.
+//! Capture and arrival times of the simulated camera's frames.
 
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::time::{Duration, Time};
 
-/// Takes frame `n` at `n` periods of flight time and delivers it a latency later.
+/// Captures frame `n` after `n` periods of flight time and delivers it a latency later.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameClock {
     period: u64,
@@ -11,26 +11,26 @@ pub struct FrameClock {
 }
 
 impl Default for FrameClock {
-    /// 20 frames a second, delivered 0.15 s after capture.
+    /// 20 frames per second, delivered 0.15 s after capture.
     fn default() -> Self {
         Self::new(Duration::from_millis(50), Duration::from_millis(150))
     }
 }
 
 impl FrameClock {
-    /// A clock of that period (at least a nanosecond) and latency.
+    /// A clock with this period (at least a nanosecond) and latency.
     #[must_use]
     pub fn new(period: Duration, latency: Duration) -> Self {
         Self { period: u64::try_from(period.as_nanos()).unwrap_or(u64::MAX).max(1), latency }
     }
 
-    /// When the next frame after `after` is captured; later than `after`, never equal.
+    /// Capture time of the first frame after `after`, never equal to it.
     #[must_use]
     pub fn next_capture(&self, after: Time) -> Time {
         self.captured(FrameId(after.as_nanos() / self.period + 1))
     }
 
-    /// When the next frame after `after` is delivered; later than `after`.
+    /// Delivery time of the first frame after `after`, never equal to it.
     #[must_use]
     pub fn next_delivery(&self, after: Time) -> Time {
         match self.delivered(after) {
@@ -39,19 +39,19 @@ impl FrameClock {
         }
     }
 
-    /// When a frame is captured.
+    /// Capture time of a frame.
     #[must_use]
     pub fn captured(&self, id: FrameId) -> Time {
         Time::from_nanos(id.0.saturating_mul(self.period))
     }
 
-    /// The latest frame that has arrived by `now`.
+    /// The latest frame delivered by `now`.
     #[must_use]
     pub fn delivered(&self, now: Time) -> Option<FrameId> {
         (now >= Time::ZERO + self.latency).then(|| FrameId((now - self.latency).as_nanos() / self.period))
     }
 
-    /// What the pilot is told of a frame of that size.
+    /// Metadata of a frame of that size.
     #[must_use]
     pub fn meta(&self, id: FrameId, width: u32, height: u32) -> FrameMeta {
         let captured = self.captured(id);

@@ -1,8 +1,8 @@
-//! The embedded craft of SPF: dynamics, wind, collisions and honest senses in a scene.
+//! The embedded simulator: dynamics, wind, collisions and realistic telemetry of a craft in a scene.
 //!
-//! The two types to know are [`craft::SimCraft`], a craft that flies among the scene's solid geometry and actors, and
-//! [`model::Model`], the figures it flies by. Everything follows from the scene and the seed alone; there is no clock and no hash
-//! order in it. A craft refuses nothing that it is told: setpoints are bounded by the envelope before they get here, and limited
+//! The main types are [`craft::SimCraft`], a craft that flies among the scene's solid geometry and actors, and
+//! [`model::Model`], its parameters. Results depend only on the scene, the commands and the seed; no clock or hash
+//! order is involved. A craft accepts every command: setpoints are bounded by the envelope beforehand, and limited here
 //! to what the model can do.
 #![forbid(unsafe_code)]
 

@@ -1,73 +1,73 @@
-//! The two craft models: shared figures from the core, and what only the simulator knows of them.
+//! The two craft models: parameters shared with the core, and those only the simulator needs.
 
 use spf_core::craft::{Craft, CraftKind};
 
-/// All figures of a simulated craft. SI units and radians.
+/// Parameters of a simulated craft. SI units and radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// Which craft it is; decides the shape of its telemetry.
+    /// Kind of craft, which determines the contents of its telemetry.
     pub kind: CraftKind,
-    /// The figures shared with the executor and the envelope.
+    /// Parameters shared with executor and envelope.
     pub craft: Craft,
-    /// Maximum horizontal speed, m/s; faster setpoints fly at this.
+    /// Maximum horizontal speed, m/s; faster setpoints are limited to it.
     pub max_speed: f64,
     /// Maximum climb rate, m/s.
     pub max_climb: f64,
-    /// Maximum sink rate, m/s, > 0.
+    /// Maximum descent rate, m/s, > 0.
     pub max_sink: f64,
     /// Maximum yaw rate, rad/s.
     pub max_yaw_rate: f64,
-    /// Maximum tilt, radians: what thrust is left for motion against drag and wind.
+    /// Maximum tilt, radians, which bounds the thrust available for acceleration, drag and wind.
     pub max_tilt: f64,
-    /// Time constant with which the attitude follows the thrust that is asked for, s.
+    /// Time constant of the attitude response, s.
     pub tilt_lag: f64,
     /// Linear drag: deceleration per speed through the air, 1/s.
     pub drag: f64,
-    /// Time constant with which the craft's controller learns a wind and leans against it, s.
+    /// Time constant of the controller's wind estimate, s.
     pub wind_lag: f64,
     /// Climb rate of an automatic take-off, m/s.
     pub take_off_speed: f64,
-    /// Time the motors turn before an automatic take-off lifts, s.
+    /// Time that the motors run before an automatic take-off lifts off, s.
     pub spin_up: f64,
-    /// Sink rate of an automatic landing, m/s.
+    /// Descent rate of an automatic landing, m/s.
     pub landing_speed: f64,
-    /// Sink rate with which a landing touches down, m/s; on the way from the landing speed to this the rate in m/s is the
-    /// height in m.
+    /// Descent rate at touch-down, m/s; between the landing speed and this, the rate in m/s equals the height in m.
     pub touch_down_speed: f64,
-    /// Spread of the speed at which a craft that holds creeps away, along each horizontal axis, m/s.
+    /// Standard deviation of the drift velocity at hover, along each horizontal axis, m/s.
     pub creep: f64,
     /// Fraction of the battery used per second in the air.
     pub drain_flying: f64,
     /// Fraction of the battery used per second with the motors off.
     pub drain_idle: f64,
-    /// What its telemetry is like.
+    /// Telemetry errors and rates.
     pub senses: SenseFigures,
 }
 
-/// Errors and rates of telemetry. Spreads are standard deviations; a slow error wanders with its time constant.
+/// Errors and rates of telemetry. Spreads are standard deviations; a slow error is a random walk with its time
+/// constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SenseFigures {
-    /// Time between reports in milliseconds; a multiple of the 5 ms tick.
+    /// Report interval, milliseconds; a multiple of the 5 ms tick.
     pub period_ms: u64,
-    /// Position, slow, along each axis, metres; none when the craft has no position.
+    /// Position error, slow, along each axis, metres; `None` if the craft has no position.
     pub position: Option<f64>,
-    /// Time constant of the position's error, s.
+    /// Time constant of the position error, s.
     pub position_time: f64,
-    /// Height above the take-off point, where it is measured apart from the position, slow, metres.
+    /// Error of the height above the take-off point, if measured separately, slow, metres.
     pub height: f64,
-    /// Velocity, white, along each axis, m/s.
+    /// Velocity error, white, along each axis, m/s.
     pub velocity: f64,
-    /// Heading, slow, radians.
+    /// Heading error, slow, radians.
     pub heading: f64,
-    /// Time constant of the heading's error, s.
+    /// Time constant of the heading error, s.
     pub heading_time: f64,
-    /// Yaw rate, white, rad/s; none when the craft does not tell it.
+    /// Yaw rate error, white, rad/s; `None` if the craft does not report it.
     pub yaw_rate: Option<f64>,
-    /// Steps in which the values come; zero for none.
+    /// Resolution of the values.
     pub steps: Steps,
 }
 
-/// Resolution of telemetry values: each is rounded to the nearest multiple; zero leaves it as it is.
+/// Resolution of telemetry values: each is rounded to the nearest multiple; zero for no rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Steps {
     /// Angles of the attitude, radians.
@@ -76,12 +76,12 @@ pub struct Steps {
     pub velocity: f64,
     /// Height, m.
     pub height: f64,
-    /// Battery, fraction of full.
+    /// Battery, as a fraction of full charge.
     pub battery: f64,
 }
 
 impl Model {
-    /// The model of that kind with the core's figures.
+    /// The model of this kind.
     #[must_use]
     pub fn of(kind: CraftKind) -> Self {
         match kind {
@@ -90,7 +90,7 @@ impl Model {
         }
     }
 
-    /// The general quadrotor: [`Craft::quad`], up to 10 m/s, 30° of tilt; drag 0.3/s leans it 5° at 3 m/s.
+    /// The generic quadrotor: [`Craft::quad`], up to 10 m/s, 30° of tilt; drag of 0.3/s tilts it by 5° at 3 m/s.
     #[must_use]
     pub fn quad() -> Self {
         let craft = Craft::quad();
@@ -126,10 +126,10 @@ impl Model {
         }
     }
 
-    /// The Tello: [`Craft::tello`], 9° of tilt (slow mode), whose balance with drag at the manual's 4 m/s gives the drag;
-    /// spins up for 1 s (a take-off then lasts the 3.9 s of a published log), climbs and sinks by itself at 0.5 m/s, down to
-    /// the ground; drains 0.13 % a second in the air. The heading wanders by 2° and the hover
-    /// creeps at 2 cm/s, which over its time constant of 5 s is the 5–10 cm seen over textured floors.
+    /// The Tello: [`Craft::tello`] with 9° of tilt (slow mode), whose balance with drag at the manual's 4 m/s gives the
+    /// drag; 1 s of spin-up (a take-off then lasts the 3.9 s of a published log), automatic climb and descent at 0.5
+    /// m/s down to the ground; 0.13 % of the battery per second in the air. The heading drifts by 2°, and the hover
+    /// drifts at 2 cm/s, which over its time constant of 5 s gives the 5–10 cm observed over textured floors.
     #[must_use]
     pub fn tello() -> Self {
         let craft = Craft::tello();
@@ -166,7 +166,7 @@ impl Model {
         }
     }
 
-    /// The same craft told to cruise at another speed: the limits rise with it where they would bind.
+    /// The same craft with another cruise speed; limits are raised where necessary.
     #[must_use]
     pub fn with_cruise_speed(mut self, speed: f64) -> Self {
         self.craft.cruise_speed = speed;

@@ -1,9 +1,9 @@
-//! Random walks that stay near zero: errors of sensors and gusts of wind.
+//! Stationary random walks: sensor errors and gusts of wind.
 
 use spf_core::rng::Draw;
 
 /// An Ornstein–Uhlenbeck process sampled at equal steps. The discretisation is exact (`x' = φ·x + σ·√(1 − φ²)·n` with
-/// `φ = exp(−step / time constant)`), so its spread is `sigma` from the first sample on, whatever the step.
+/// `φ = exp(−step / time constant)`), so its standard deviation is `sigma` from the first sample on, whatever the step.
 #[derive(Clone, Debug)]
 pub struct Wander {
     value: f64,
@@ -13,8 +13,9 @@ pub struct Wander {
 }
 
 impl Wander {
-    /// A process with standard deviation `sigma` (in whatever unit it is used) and the given time constant and step, both in
-    /// seconds, beginning in its stationary spread. A `sigma` of zero stays at zero; a time constant of zero is white noise.
+    /// A process with standard deviation `sigma` (in any unit) and the given time constant and step, in seconds,
+    /// starting in its stationary distribution. A `sigma` of zero stays at zero; a time constant of zero gives white
+    /// noise.
     #[must_use]
     pub fn new(sigma: f64, time_constant: f64, step: f64, mut draw: Draw) -> Self {
         let keep = if time_constant > 0.0 { libm::exp(-step / time_constant) } else { 0.0 };
@@ -22,13 +23,13 @@ impl Wander {
         Self { value, keep, kick: sigma * libm::sqrt(1.0 - keep * keep), draw }
     }
 
-    /// The present value.
+    /// The current value.
     #[must_use]
     pub fn value(&self) -> f64 {
         self.value
     }
 
-    /// Goes one step on and gives the new value.
+    /// Advances one step and returns the new value.
     pub fn advance(&mut self) -> f64 {
         if self.kick > 0.0 {
             self.value = self.keep * self.value + self.kick * self.draw.normal();

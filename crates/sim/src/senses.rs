@@ -1,8 +1,9 @@
-//! Honest senses: what the craft's own telemetry tells of its true motion (`docs/reference/dynamics.md`). Each model's figures
-//! are at [`Model`](crate::model::Model).
+//! Telemetry of the simulated craft, derived from its true motion with errors (`docs/reference/dynamics.md`). The
+//! parameters of each model are in [`Model`](crate::model::Model).
 //!
-//! One report every period, on the absolute grid of ticks. Slow errors wander, fast ones are drawn anew in each report, and
-//! values come in the steps of the model. The frame is the world's: the person who sets a Tello down tells its driver which
+//! There is one report per period, on the absolute grid of ticks. Slow errors drift, fast ones are drawn for each
+//! report, and values are rounded to the model's resolution. The frame is the world's: the user who places a Tello
+//! gives its driver the initial heading, from which the Tello counts in whole degrees.
 //! way it faces, and its own whole degrees count from there.
 
 use spf_core::geometry::{EnuPosition, EnuVelocity, wrap_angle};
@@ -13,17 +14,17 @@ use crate::dynamics::{Dynamics, TICK};
 use crate::model::SenseFigures;
 use crate::noise::Wander;
 
-/// Makes telemetry out of the truth.
+/// Generates telemetry from ground truth.
 #[derive(Clone, Debug)]
 pub struct Senses {
     figures: SenseFigures,
     exact: bool,
     /// Ticks between reports.
     period: u64,
-    /// Heading at power-on.
+    /// Heading at power-on, radians.
     datum: f64,
     position: [Wander; 3],
-    /// What the estimator made of the height of the place where it was switched on.
+    /// Height error of the estimator where it was switched on.
     home_error: f64,
     height: Wander,
     heading: Wander,
@@ -31,8 +32,8 @@ pub struct Senses {
 }
 
 impl Senses {
-    /// Senses of the craft that `dynamics` moves, switched on now. With `exact`, reports come as often but without error or
-    /// rounding, and have everything.
+    /// Telemetry of the craft of `dynamics`, switched on now. With `exact`, reports have the same rate but are complete
+    /// and without error or rounding.
     #[must_use]
     pub fn new(dynamics: &Dynamics, seed: u64, exact: bool) -> Self {
         let figures = dynamics.model().senses;
@@ -60,7 +61,7 @@ impl Senses {
         self.period
     }
 
-    /// The report of this tick; to be called once per period.
+    /// The report of the current tick; call once per period.
     pub fn report(&mut self, truth: &Dynamics) -> Telemetry {
         if self.exact {
             return exact(truth);
@@ -85,7 +86,8 @@ impl Senses {
             north: pose.position.north + error.north,
             up: pose.position.up + error.up,
         });
-        // One estimator gives both, so its height is free of error where it was switched on and shares the wander after.
+        // One estimator gives both, so the height error is zero where it was switched on, and follows the same drift
+        // afterwards.
         let height = truth.height() + error.up - self.home_error + self.height.advance();
 
         let mut attitude = pose.attitude;

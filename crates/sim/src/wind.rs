@@ -1,4 +1,4 @@
-//! Wind: a steady part and seeded gusts. Still air unless asked for.
+//! Wind: a steady part and seeded gusts. Still air by default.
 
 use std::str::FromStr;
 
@@ -7,26 +7,26 @@ use spf_core::rng::Draw;
 
 use crate::noise::Wander;
 
-/// Wind over a scene, horizontal; the same everywhere in it.
+/// Horizontal wind, uniform over the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Wind {
-    /// Steady part: where the air moves to, metres per second towards the east.
+    /// Steady part: velocity of the air towards the east, m/s.
     pub east: f64,
-    /// Steady part, metres per second towards the north.
+    /// Steady part, towards the north, m/s.
     pub north: f64,
-    /// Standard deviation of the gusts along each axis, metres per second.
+    /// Standard deviation of the gusts along each axis, m/s.
     pub gust: f64,
-    /// How long a gust lasts: the time constant of its correlation, seconds. Zero is read as 2 s.
+    /// Correlation time of the gusts, seconds. Zero means 2 s.
     pub gust_time: f64,
 }
 
-/// Strongest wind and gusts that are read from text, m/s: a storm; no craft here holds against more than 15.
+/// Maximum wind and gusts accepted in text form, m/s: a storm; no simulated craft holds against more than 15.
 const STRONGEST: f64 = 30.0;
-/// Longest a gust lasts, s.
+/// Maximum correlation time of gusts, s.
 const LONGEST_GUST: f64 = 600.0;
 
-/// Why a text is no wind.
+/// Why a text is not a valid wind.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is no wind: metres a second, then if wanted from=DEGREES, gust=METRES_A_SECOND and gust_time=SECONDS")]
 pub struct WindError(String);
@@ -34,8 +34,9 @@ pub struct WindError(String);
 impl FromStr for Wind {
     type Err = WindError;
 
-    /// `SPEED[,from=DEG][,gust=SD][,gust_time=S]`: the speed in m/s (0 to 30), where it blows from in degrees clockwise from north
-    /// (north unless said), the standard deviation of the gusts along each axis in m/s and how long one lasts.
+    /// Parses `SPEED[,from=DEG][,gust=SD][,gust_time=S]`: the speed in m/s (0 to 30), its origin in degrees clockwise
+    /// from north (default: north), the standard deviation of the gusts along each axis in m/s, and their correlation
+    /// time in s.
     fn from_str(text: &str) -> Result<Self, WindError> {
         let wrong = || WindError(text.chars().take(80).collect());
         let number = |text: &str, low: f64, high: f64| {
@@ -60,7 +61,7 @@ impl FromStr for Wind {
 }
 
 impl std::fmt::Display for Wind {
-    /// As it is read, to a thousandth.
+    /// The text form, rounded to a thousandth.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let rounded = |value: f64| libm::round(value * 1000.0) / 1000.0 + 0.0;
         let speed = libm::hypot(self.east, self.north);
@@ -79,7 +80,7 @@ impl std::fmt::Display for Wind {
     }
 }
 
-/// The air at one instant after the other, one simulation tick apart.
+/// Wind over time, one simulation tick at a time.
 #[derive(Clone, Debug)]
 pub(crate) struct Air {
     steady: Wind,

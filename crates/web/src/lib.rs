@@ -1,5 +1,5 @@
-//! Pages for a browser, served from the program itself: nothing is fetched from elsewhere.
+//! Browser pages served by the program itself, without external resources.
 //!
-//! [`view`] flies around in a scene of the simulator.
+//! [`view`] is an interactive view of a simulated scene.
 
 pub mod view;

@@ -1,42 +1,42 @@
-//! Candidates: points of the image drawn from a normal distribution, and the distribution fitted again to those chosen.
+//! PIVOT's candidates: image points sampled from a normal distribution, which is then fitted to those chosen.
 //!
-//! Everything here is in pixels of the image that is sent, relative to the origin of the arrows; across to the right, down.
+//! All values are in pixels of the image sent, relative to the origin of the arrows: right, then down.
 
 use core::ops::RangeInclusive;
 
 use spf_core::query::{ImagePoint, Mark};
 use spf_core::rng::Draw;
 
-/// Widest image that the pixels below are meant for; a wider one counts as scaled down to it.
+/// Image width for which the pixel values are meant; wider images count as scaled down to it.
 const MAX_WIDTH: f64 = 1024.0;
-/// Radius of a candidate's circle as a fraction of the image's shorter side.
+/// Radius of a candidate's circle, as a fraction of the image's shorter side.
 const RADIUS_SHARE: f64 = 0.05;
-/// Candidates are at least this many radii apart.
+/// Minimum distance of candidates, in radii.
 const APART_RADII: f64 = 1.5;
-/// Draws after which a round makes do with the candidates it has.
+/// Maximum number of samples per round.
 const MOST_DRAWS: u32 = 1000;
-/// What the spread grows by when some of a batch could not be placed.
+/// Growth factor of the spread if some candidates of a batch could not be placed.
 const INFLATION: f64 = 1.1;
 
-/// How candidates are drawn. Pixels of the image that is sent.
+/// Sampling parameters, in pixels of the image sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
-    /// Standard deviation of the first round, on either axis.
+    /// Standard deviation of the first round, on each axis.
     pub spread: f64,
     /// Minimum standard deviation of later rounds.
     pub least_spread: f64,
-    /// Farthest from the origin, on either axis.
+    /// Maximum distance from the origin, on each axis.
     pub reach: f64,
 }
 
 impl Default for Sampling {
-    /// The published demonstration's: 100, 30 and 300 pixels.
+    /// Values of the published demonstration: 100, 30 and 300 pixels.
     fn default() -> Self {
         Self { spread: 100.0, least_spread: 30.0, reach: 300.0 }
     }
 }
 
-/// An offset from the origin, pixels: to the right, and down.
+/// An offset from the origin, pixels: right, down.
 pub(super) type Offset = [f64; 2];
 
 /// The image that candidates are placed on.
@@ -47,7 +47,7 @@ pub(super) struct Sheet {
 }
 
 impl Sheet {
-    /// An image of `width` × `height` pixels whose arrows begin at `origin`.
+    /// An image of `width` × `height` pixels with arrows starting at `origin`.
     pub(super) fn new((width, height): (u32, u32), origin: ImagePoint) -> Self {
         let (w, h) = (f64::from(width.max(1)), f64::from(height.max(1)));
         let scale = (MAX_WIDTH / w).min(1.0);
@@ -55,7 +55,7 @@ impl Sheet {
         Self { size, origin: [origin.u * size[0], origin.v * size[1]] }
     }
 
-    /// Where an offset lies in the image.
+    /// The image point of an offset.
     pub(super) fn point(&self, offset: Offset) -> ImagePoint {
         ImagePoint { u: (self.origin[0] + offset[0]) / self.size[0], v: (self.origin[1] + offset[1]) / self.size[1] }
     }
@@ -64,7 +64,7 @@ impl Sheet {
         APART_RADII * RADIUS_SHARE * self.size[0].min(self.size[1])
     }
 
-    /// Arrows from the origin to each candidate, then the numbers, from 1, on top of all arrows.
+    /// Arrows from the origin to each candidate, then the numbers, from 1, on top.
     pub(super) fn marks(&self, candidates: &[Offset]) -> Vec<Mark> {
         let from = self.point([0.0; 2]);
         let arrows = candidates.iter().map(|&offset| Mark::Arrow { from, to: self.point(offset) });
@@ -73,7 +73,7 @@ impl Sheet {
     }
 }
 
-/// A normal distribution of offsets, its axes independent.
+/// A normal distribution of offsets with independent axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Distribution {
     pub(super) mean: Offset,
@@ -81,13 +81,13 @@ pub(super) struct Distribution {
 }
 
 impl Distribution {
-    /// Around no turn and no climb.
+    /// Centred on straight ahead.
     pub(super) fn initial(sampling: &Sampling) -> Self {
         Self { mean: [0.0; 2], spread: [sampling.spread; 2] }
     }
 
-    /// The distribution of what was chosen: around a single one with the least spread, else the sample's mean and standard
-    /// deviation; of nothing the initial one.
+    /// The distribution fitted to the chosen offsets: around a single one with the minimum spread, otherwise with the
+    /// sample's mean and standard deviation; the initial one if there are none.
     pub(super) fn fitted(chosen: &[Offset], sampling: &Sampling) -> Self {
         let count = chosen.len() as f64;
         let Some(mean) = mean(chosen) else { return Self::initial(sampling) };
@@ -101,8 +101,8 @@ impl Distribution {
         Self { mean, spread }
     }
 
-    /// Up to `count` candidates on the image, none too near to another: what cannot be placed is drawn again, more widely
-    /// after each batch with such a one, [`MOST_DRAWS`] times in all.
+    /// Up to `count` candidates in the image with a minimum distance. Rejected samples are drawn again, with a growing
+    /// spread, [`MOST_DRAWS`] times in total.
     pub(super) fn sample(&self, sheet: &Sheet, sampling: &Sampling, count: usize, draw: &mut Draw) -> Vec<Offset> {
         let (mut spread, mut draws) = (self.spread, 0);
         let mut found: Vec<Offset> = Vec::new();
@@ -127,7 +127,7 @@ impl Distribution {
     }
 }
 
-/// The middle of some offsets; none of none.
+/// The mean of offsets; `None` if there are none.
 pub(super) fn mean(offsets: &[Offset]) -> Option<Offset> {
     let count = offsets.len() as f64;
     (!offsets.is_empty()).then(|| core::array::from_fn(|axis| offsets.iter().map(|offset| offset[axis]).sum::<f64>() / count))

@@ -1,7 +1,8 @@
-//! The PIVOT baseline: candidate motions are drawn on the image as numbered arrows, the VLM chooses among them, and the next
-//! candidates are drawn around those chosen, for some rounds on the same frame (Nasiriany et al., ICML 2024, arXiv 2402.07872).
+//! The PIVOT baseline: candidate motions are drawn on the image as numbered arrows, the VLM chooses among them, and new
+//! candidates are sampled around those chosen, for several rounds on the same frame (Nasiriany et al., ICML 2024, arXiv
+//! 2402.07872).
 //!
-//! What is PIVOT's own and what a drone needed besides stands in docs/explanation/baselines.md.
+//! docs/explanation/baselines.md states what is PIVOT's own and what was added for a drone.
 
 mod candidates;
 
@@ -22,48 +23,48 @@ use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Choice, Completion, Look, parse_choice, parse_completion};
 use spf_core::rng::Draw;
 
-/// How the results of parallel runs become one.
+/// How the results of parallel runs are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Consensus {
     /// Their mean.
     Mean,
-    /// They are drawn as candidates, and the VLM chooses one.
+    /// The results become candidates, and the VLM chooses one.
     Vote,
 }
 
-/// What the PIVOT policy can be set to.
+/// Settings of the PIVOT policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PivotSettings {
-    /// Candidates of the first round.
+    /// Number of candidates in the first round.
     pub first_candidates: usize,
-    /// Candidates of each later round.
+    /// Number of candidates in each later round.
     pub candidates: usize,
     /// Rounds on one frame, at least 1.
     pub rounds: u32,
-    /// Runs at the same time, each with its own candidates; 1 to 8, for no more queries are out at a time.
+    /// Number of parallel runs, each with its own candidates; 1 to 8, the maximum number of open queries.
     pub runs: usize,
-    /// Numbers asked for in each round but the last, which asks for one.
+    /// Number of choices requested in each round but the last, which requests one.
     pub chosen: usize,
-    /// How candidates are drawn.
+    /// Sampling parameters.
     pub sampling: Sampling,
-    /// How several runs agree.
+    /// How runs are combined.
     pub consensus: Consensus,
-    /// Metres along the optical axis that a chosen direction is flown; PIVOT knows no depth.
+    /// Step along the optical axis in a chosen direction, metres; PIVOT estimates no depth.
     pub step: f64,
-    /// Whether tilt and attitude take part in lifting.
+    /// Whether lifting includes mount tilt and attitude.
     pub lifting: Lifting,
-    /// Whether a `done` needs a second look while holding.
+    /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: bool,
     /// Size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
-    /// The craft: its take-off height is what a search climbs.
+    /// The craft: its take-off height is the climb of a search.
     pub craft: Craft,
     /// Seed of the candidates.
     pub seed: u64,
 }
 
 impl PivotSettings {
-    /// The published demonstration's figures: 25 and then 10 candidates, 3 rounds, 1 run, 3 chosen, and its spreads.
+    /// Values of the published demonstration: 25, then 10 candidates, 3 rounds, 1 run, 3 choices, and its spreads.
     #[must_use]
     pub fn published(craft: Craft, step: f64) -> Self {
         Self {
@@ -84,16 +85,16 @@ impl PivotSettings {
     }
 }
 
-/// One run of rounds on a frame.
+/// A run of rounds on a frame.
 #[derive(Clone, Debug)]
 struct Run {
-    /// The query that is out.
+    /// The open query.
     asked: Option<QueryId>,
-    /// Rounds answered.
+    /// Number of rounds completed.
     round: u32,
     around: Distribution,
     shown: Vec<Offset>,
-    /// Chosen in the round that was answered last.
+    /// First choice of the last round.
     best: Option<Offset>,
 }
 
@@ -107,11 +108,11 @@ impl Run {
 enum State {
     /// Waiting for a frame.
     Looking,
-    /// Asked whether the instruction is fulfilled.
+    /// Querying whether the instruction is fulfilled.
     Completing { asked: QueryId, view: View },
-    /// Asked which candidates.
+    /// Querying for a choice.
     Choosing(Box<Choosing>),
-    /// On the way.
+    /// Moving.
     Moving,
 }
 
@@ -120,7 +121,7 @@ struct Choosing {
     view: View,
     sheet: Sheet,
     runs: Vec<Run>,
-    /// The results of the runs are being voted on.
+    /// Whether the results of the runs are being voted on.
     voting: bool,
 }
 
@@ -139,13 +140,13 @@ pub struct Pivot {
 }
 
 impl Pivot {
-    /// The same with another prompt for choosing than the shipped one.
+    /// Replaces the built-in prompt for choices.
     #[must_use]
     pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
         Self { prompt, ..self }
     }
 
-    /// A policy without an instruction; it waits until it has one.
+    /// A policy without an instruction; it waits for one.
     #[must_use]
     pub fn new(settings: PivotSettings) -> Self {
         Self {
@@ -220,7 +221,7 @@ impl Pivot {
         self.ask_next()
     }
 
-    /// Asks for the next run that has nothing out and is not finished; waits when there is none.
+    /// Sends the query of the next idle run; waits if there is none.
     fn ask_next(&mut self) -> Step {
         let State::Choosing(choosing) = &mut self.state else { return Step::Wait };
         let settings = &self.settings;
@@ -245,13 +246,13 @@ impl Pivot {
         Step::Ask(Box::new(Query { marks, ..self.query(&view, QueryKind::Choose, prompt) }))
     }
 
-    /// Takes the answer to a run, asks on, or comes to an end.
+    /// Handles the reply to a run, and continues or ends it.
     fn chosen(&mut self, index: usize, choice: &Choice) -> Step {
         let State::Choosing(choosing) = &mut self.state else { return Step::Wait };
         let run = &mut choosing.runs[index];
         run.asked = None;
         run.round += 1;
-        // A number that is not on the image was not chosen from it.
+        // Numbers that are not in the image are ignored.
         let picked = choice.points.iter().filter_map(|&number| run.shown.get((number as usize).checked_sub(1)?).copied());
         let picked: Vec<Offset> = picked.take(self.settings.chosen.max(1)).collect();
         run.best = picked.first().copied();
@@ -263,7 +264,7 @@ impl Pivot {
         }
     }
 
-    /// Moves once every run has come to its end.
+    /// Moves once all runs have ended.
     fn conclude(&mut self) -> Step {
         let State::Choosing(choosing) = &mut self.state else { return Step::Wait };
         if choosing.runs.iter().any(|run| run.asked.is_some()) {
@@ -302,11 +303,11 @@ impl Pivot {
         self.fly(view, Primitives::from_displacement(lifted))
     }
 
-    /// No run chose anything: the same search as of every policy.
+    /// No run chose anything: the same search as in the other policies.
     fn look_elsewhere(&mut self, view: &View) -> Step {
         let (fov, climb) = (2.0 * view.camera.half_fov().0, self.settings.craft.take_off_height);
         let search = self.search.get_or_insert_with(|| Search::new(fov, climb));
-        // A choice among marks shows no way to go and look from.
+        // A choice among marks reports no open way.
         match search.next(self.memory.last_seen.unwrap_or(Look::Right), view.pose.attitude.heading, None) {
             Sought::Look(primitives) => self.fly(view, primitives),
             Sought::Fly | Sought::Exhausted => Step::Fail(FailReason::NotFound),
@@ -316,7 +317,8 @@ impl Pivot {
     fn fly(&mut self, view: &View, primitives: Primitives) -> Step {
         self.reading.primitives = Some(primitives);
         self.state = State::Moving;
-        // Several answers long on one frame: the next frame is one taken at rest, or its plan would be old before it is made.
+        // Several replies on one frame take long: the next frame must be taken at rest, or its plan would be outdated
+        // at once.
         Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true })
     }
 
@@ -349,7 +351,7 @@ impl Pivot {
         }
     }
 
-    /// Whether an answer to this query is waited for.
+    /// Whether this query is open.
     fn waits_for(&self, id: QueryId) -> bool {
         match &self.state {
             State::Completing { asked, .. } => *asked == id,
@@ -359,7 +361,7 @@ impl Pivot {
     }
 }
 
-/// An answer in the form asked for.
+/// An example reply in the requested format.
 fn example(most: usize) -> String {
     let points: Vec<usize> = [4, 9, 2].into_iter().chain(10..).take(most).collect();
     serde_json::json!({ "reason": "4 leads straight to the door", "points": points }).to_string()

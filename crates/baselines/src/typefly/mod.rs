@@ -1,7 +1,7 @@
-//! The TypeFly baseline: a planner that reads a list of detections, and never the image, writes a program in MiniSpec, which runs
-//! while it still arrives; its skills look while flying (Chen et al., arXiv 2312.14950).
+//! The TypeFly baseline: a planner that sees a list of detections, but not the image, writes a MiniSpec program, which
+//! runs while it is still arriving; its skills observe during flight (Chen et al., arXiv 2312.14950).
 //!
-//! What is TypeFly's own and what deviates stands in docs/explanation/baselines.md.
+//! docs/explanation/baselines.md states what is TypeFly's own and what deviates.
 
 pub mod minispec;
 mod perform;
@@ -22,65 +22,65 @@ use spf_core::query::{Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{one_line, one_line_within, parse_completion};
 use spf_core::time::{Duration, Time};
 
-/// Results of calls that are told back to the planner.
+/// Number of call results included in the next planner prompt.
 const REMEMBERED_CALLS: usize = 20;
-/// Longest program that is told back, characters.
+/// Maximum length of the previous program in a prompt, characters.
 const TOLD_PROGRAM: usize = 600;
 
-/// What the TypeFly policy can be set to.
+/// Settings of the TypeFly policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TypeFlySettings {
-    /// Whether the planner is asked again when a program asks for it, ends in False or an error, has moved so far that its list is
-    /// outdated, or ends without the image showing that the instruction is fulfilled; and whether "go to" looks again after each
-    /// hop. Without it the first program is the only one and its end believed, and "go to" one turn and one hop, as in the
-    /// configuration that SPF was compared with.
+    /// Whether the planner is queried again if a program requests it, ends in False or an error, has moved so far that
+    /// its list is outdated, or ends without the instruction being fulfilled according to the image; and whether "go
+    /// to" observes after each hop. Without it, only the first program is flown and its end is accepted, and "go to" is
+    /// one turn and one hop, as in the configuration that SPF was compared with.
     pub replanning: bool,
-    /// Whether only objects of the classes of COCO are detected.
+    /// Whether only COCO classes are detected.
     pub coco: bool,
-    /// Programs in a row that may end in False or an error, or achieve nothing without moving from the spot.
+    /// Maximum number of consecutive programs that end in False or an error, or have no effect.
     pub failures: u32,
-    /// Which of `&` and `|` binds tighter.
+    /// Precedence of `&` and `|`.
     pub precedence: Precedence,
     /// Size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
-    /// The craft: lengths are the Tello's times this one's cruise speed over the Tello's.
+    /// The craft: lengths are the Tello's, scaled by the ratio of cruise speeds.
     pub craft: Craft,
 }
 
 impl TypeFlySettings {
-    /// Replanning, every object, five failures.
+    /// With replanning, all objects, five failures.
     #[must_use]
     pub fn new(craft: Craft) -> Self {
         Self { replanning: true, coco: false, failures: 5, precedence: Precedence::Published, image_size: None, craft }
     }
 
-    /// How many times as fast as a Tello the craft is.
+    /// Ratio of the craft's cruise speed to a Tello's.
     fn scale(&self) -> f64 {
         self.craft.cruise_speed / Craft::tello().cruise_speed
     }
 }
 
-/// The program that is arriving.
+/// The program being received.
 #[derive(Clone, Debug)]
 struct Planning {
     id: QueryId,
     stream: ProgramStream,
-    /// Whether any statement came.
+    /// Whether any statement has arrived.
     begun: bool,
 }
 
-/// What the program waits for.
+/// What the program is waiting for.
 #[derive(Clone, Debug, PartialEq)]
 enum Waits {
-    /// Nothing: it can go on.
+    /// Nothing.
     No,
-    /// A fresh list of detections, for this skill.
+    /// A new list of detections, for this skill.
     List(SkillCall),
-    /// The end of a move; `outdates` when it is so long that the list it was planned on is worth nothing after it.
+    /// The end of a move; `outdates` if it is so long that the list becomes invalid.
     Move { outdates: bool },
-    /// An answer.
+    /// A reply.
     Answer(QueryId),
-    /// Some time, from the first frame on that is seen.
+    /// A delay, starting at the next frame.
     Time { long: Duration, until: Option<Time> },
 }
 
@@ -92,21 +92,21 @@ pub struct TypeFly {
     memory: Memory,
     library: Library,
     scene: Scene,
-    /// The list is of the present view.
+    /// Whether the list is of the current view.
     fresh: bool,
     view: Option<View>,
     detecting: Option<QueryId>,
     planning: Option<Planning>,
     machine: Option<Machine>,
     waits: Waits,
-    /// The program has come to its end; the next frame shows whether that is the instruction's.
+    /// The program has ended; the next frame shows whether the instruction is fulfilled.
     ended: bool,
     completing: Option<QueryId>,
-    /// The program has moved from the spot.
+    /// Whether the program has moved the craft.
     moved: bool,
     /// The last program.
     program: String,
-    /// What came of it.
+    /// Its result.
     previous: String,
     failures: u32,
     next_id: u64,
@@ -115,13 +115,13 @@ pub struct TypeFly {
 }
 
 impl TypeFly {
-    /// The same with another prompt for the planner than the shipped one.
+    /// Replaces the built-in planner prompt.
     #[must_use]
     pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
         Self { prompt, ..self }
     }
 
-    /// A policy without an instruction; it waits until it has one.
+    /// A policy without an instruction; it waits for one.
     #[must_use]
     pub fn new(settings: TypeFlySettings) -> Self {
         Self {
@@ -171,7 +171,7 @@ impl TypeFly {
         })
     }
 
-    /// The list for a prompt: names in it may come from signs in the image, and stay on their lines.
+    /// The list for a prompt: names in it may come from signs in the image, so each stays on its line.
     fn scene_words(&self) -> String {
         let lines: Vec<String> = self.scene.lines().iter().map(|line| one_line(line)).collect();
         if lines.is_empty() { "nothing".to_owned() } else { lines.join("\n") }
@@ -197,7 +197,7 @@ impl TypeFly {
         if self.ended { self.ask_completion() } else { self.ask_list() }
     }
 
-    /// Whether a program's end is the instruction's: the question that every method is asked that does not say so itself.
+    /// Queries whether the instruction is fulfilled, as for every method that does not report it itself.
     fn ask_completion(&mut self) -> Step {
         self.ended = false;
         let prompt = self.write(&PromptText::shipped(PromptKind::Done), |_| None);
@@ -215,7 +215,7 @@ impl TypeFly {
             return Step::Done;
         }
         let stage = completion.stage.unwrap_or(self.memory.stage);
-        // A part of the instruction that is behind it is worth as much as a way.
+        // A completed part of the instruction counts like motion.
         self.moved |= stage > self.memory.stage.max(1);
         self.memory.stage = stage;
         self.plan_again("the picture does not show that the instruction is fulfilled");
@@ -256,12 +256,12 @@ impl TypeFly {
         self.planning = Some(Planning { id: query.id, stream: ProgramStream::new(self.settings.precedence), begun: false });
         self.machine = Some(Machine::default());
         (self.waits, self.moved) = (Waits::No, false);
-        // Of the program alone: it looks for things by itself.
+        // Only for the program, which searches by itself.
         self.memory.turned = 0.0;
         Step::Ask(Box::new(query))
     }
 
-    /// A further part of the program: what is complete is run.
+    /// Handles a further part of the program: complete statements are run.
     fn arriving(&mut self, text: &str) -> Step {
         let (Some(planning), Some(machine)) = (&mut self.planning, &mut self.machine) else { return Step::Wait };
         let statements = planning.stream.push(text);
@@ -273,10 +273,10 @@ impl TypeFly {
         if self.waits == Waits::No { self.run() } else { Step::Wait }
     }
 
-    /// The whole program is there.
+    /// Handles the complete program.
     fn arrived(&mut self, text: &str) -> Step {
         let (Some(mut planning), Some(machine)) = (self.planning.take(), &mut self.machine) else { return Step::Wait };
-        // What came in parts is the beginning of the whole; nothing of it is run twice.
+        // The parts received are a prefix of the complete text; nothing is run twice.
         let rest = text.strip_prefix(planning.stream.text()).unwrap_or_default();
         let mut statements = planning.stream.push(rest);
         let ended = planning.stream.finish();
@@ -306,7 +306,7 @@ impl TypeFly {
         self.run()
     }
 
-    /// Runs the program up to where it has to wait.
+    /// Runs the program until it has to wait.
     fn run(&mut self) -> Step {
         loop {
             let Some(machine) = &mut self.machine else { return Step::Wait };
@@ -342,19 +342,20 @@ impl TypeFly {
         Step::Look
     }
 
-    /// The program came to no good end: another one, unless there were too many.
+    /// The program failed: plans again, unless there were too many failures.
     fn failed(&mut self, why: &str, reason: FailReason) -> Step {
         self.moved = false;
         self.plan_again(why);
         if self.is_lost() { Step::Fail(reason) } else { Step::Look }
     }
 
-    /// Whether no further program is of use.
+    /// Whether the failure limit is reached.
     fn is_lost(&self) -> bool {
         !self.settings.replanning || self.failures > self.settings.failures
     }
 
-    /// Ends the program; the next frame's list is planned on. One that has moved from the spot was of use, whatever it came to.
+    /// Ends the program; the next frame's list is used for planning. A program that has moved the craft counts as
+    /// useful, whatever its result.
     fn plan_again(&mut self, why: &str) {
         self.failures = if self.moved { 0 } else { self.failures + 1 };
         self.remember(why);
@@ -364,7 +365,7 @@ impl TypeFly {
         self.fresh = false;
     }
 
-    /// Keeps what the program came to, for the next prompt and for the queries.
+    /// Stores the program's result for the next prompt.
     fn remember(&mut self, why: &str) {
         let trace = self.machine.as_ref().map_or(&[][..], Machine::trace);
         self.memory.actions.extend(trace.iter().map(|call| one_line(call)));
@@ -379,7 +380,7 @@ impl TypeFly {
         );
     }
 
-    /// An answer that cannot be used: the pilot counts it, and the next frame begins anew.
+    /// Rejects an unusable reply: the pilot counts it, and the next frame starts anew.
     fn refuse(&mut self, why: String) -> Step {
         self.machine = None;
         self.waits = Waits::No;
@@ -422,7 +423,7 @@ impl TypeFly {
     fn move_ended(&mut self, completed: bool) -> Step {
         let Waits::Move { outdates } = self.waits else { return Step::Wait };
         if !completed {
-            // What was cut short is not resumed: the reason to move is gone.
+            // A move that was cut short is not resumed: its reason is gone.
             self.plan_again("its move was cut short");
             return Step::Wait;
         }

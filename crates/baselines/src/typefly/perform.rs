@@ -1,4 +1,4 @@
-//! Carrying out low-level skills.
+//! Execution of low-level skills.
 
 use super::minispec::{SkillCall, Value};
 use super::skills::{Argument, Axis, Figure, Skill};
@@ -12,31 +12,31 @@ use spf_core::time::duration_from_secs;
 
 /// Minimum and maximum move of the second version on a Tello, centimetres.
 const MOVE_CM: (f64, f64) = (20.0, 300.0);
-/// A longer move outdates the list of detections, centimetres on a Tello.
+/// Longer moves outdate the list of detections, centimetres on a Tello.
 const OUTDATING_CM: f64 = 120.0;
-/// Most degrees of one turn.
+/// Maximum turn, degrees.
 const MOST_TURN: f64 = 180.0;
-/// A wider turn outdates the list of detections, degrees.
+/// Larger turns outdate the list of detections, degrees.
 const OUTDATING_TURN: f64 = 90.0;
-/// Longest wait, seconds.
+/// Maximum delay, seconds.
 const LONGEST_DELAY: f64 = 30.0;
-/// The weak "go to": degrees of turn for a box at the image's edge beyond one in its middle, as fraction of the width …
+/// "Go to" without replanning: turn for a box at the image edge, degrees per image width from the centre …
 const TURN_PER_WIDTH: f64 = 70.0;
-/// … and the hop after it, centimetres on a Tello.
+/// … and the following hop, centimetres on a Tello.
 const WEAK_HOP_CM: f64 = 110.0;
 
-/// What a skill came to.
+/// Result of a skill.
 pub(super) enum Outcome {
-    /// At once.
+    /// An immediate value.
     Value(Value),
-    /// Later; this comes first.
+    /// A step that must come first.
     Step(Step),
-    /// Nothing: the program fails.
+    /// An error: the program fails.
     Error(String),
 }
 
 impl TypeFly {
-    /// Carries out a low-level skill, or begins to.
+    /// Executes or starts a low-level skill.
     pub(super) fn perform(&mut self, call: SkillCall) -> Outcome {
         let (skill, argument) = match self.library.low(&call) {
             Ok(found) => found,
@@ -45,7 +45,7 @@ impl TypeFly {
         let looks = matches!(skill, Skill::IsVisible | Skill::Measure(_) | Skill::Query | Skill::TurnAndHop);
         if looks && !self.fresh {
             self.waits = Waits::List(call);
-            // While the program still arrives no frame is shown; its end is the next chance.
+            // No frame is available while the program is arriving; its end is the next chance.
             return Outcome::Step(if self.planning.is_some() { Step::Wait } else { Step::Look });
         }
         match skill {
@@ -58,7 +58,7 @@ impl TypeFly {
                 self.reading.actions.push(format!("says {}", one_line(&argument.text)));
                 Outcome::Value(Value::Bool(true))
             }
-            // Every image is in the flight's log.
+            // Every image is in the flight's log anyway.
             Skill::Picture => Outcome::Value(Value::Bool(true)),
             Skill::Query => self.question(argument),
             Skill::TurnAndHop => self.turn_and_hop(&argument.text),
@@ -122,7 +122,7 @@ impl TypeFly {
         Outcome::Step(if self.planning.is_some() { Step::Wait } else { Step::Look })
     }
 
-    /// `None` for what is not in view: a program that compares it fails, and is planned again.
+    /// `None` for an object that is not in view: a program that compares it fails, and is planned again.
     fn measure(&self, figure: Figure, name: &str) -> Value {
         self.scene.find(name).map_or(Value::None, |found| {
             Value::Float(match figure {

@@ -1,14 +1,14 @@
-//! The list of detections that planner and skills see instead of the image.
+//! The list of detections, which planner and skills use instead of the image.
 
 use spf_core::detection::{DetectionsError, Line, field, lines_of, name_of};
 
-/// Most lines of a list that are read.
+/// Maximum number of lines.
 const MAX_LINES: usize = 200;
 
-/// One detection: `name_id x:… y:… width:… height:… color:…`, fractions of the image.
+/// A detection: `name_id x:… y:… width:… height:… color:…`, as fractions of the image.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sighting {
-    /// The line, as the planner sees it.
+    /// The line, as in the planner's prompt.
     pub(super) line: String,
     /// `name_id`.
     label: String,
@@ -21,17 +21,17 @@ pub(super) struct Sighting {
     pub(super) height: f64,
 }
 
-/// What is in view.
+/// The objects in view.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Scene {
     pub(super) sightings: Vec<Sighting>,
 }
 
 impl Scene {
-    /// Reads a list, a line each; lines that are none are left out.
+    /// Parses a list, one line each; invalid lines are skipped.
     ///
     /// # Errors
-    /// [`DetectionsError`] when there is text but no line of a list, and it does not say that there is nothing either.
+    /// [`DetectionsError`] for a text without a valid line that does not state that nothing was found.
     pub(super) fn parse(text: &str) -> Result<Self, DetectionsError> {
         Ok(Self { sightings: lines_of(text, MAX_LINES, sighting)? })
     }
@@ -41,7 +41,7 @@ impl Scene {
         self.sightings.iter().map(|sighting| sighting.line.clone()).collect()
     }
 
-    /// What a name means: the one with this label, else the largest whose name and colour have all its words.
+    /// The object with this label, otherwise the largest whose name and colour contain all the words.
     pub(super) fn find(&self, name: &str) -> Option<&Sighting> {
         let name = name.trim().to_lowercase().replace(' ', "_");
         if let Some(found) = self.sightings.iter().find(|sighting| sighting.label == name) {
@@ -54,7 +54,7 @@ impl Scene {
     }
 }
 
-/// The words of `red_chair_3`, and whether a number was at its end.
+/// The words of `red_chair_3`, and whether it ended in a number.
 fn words_of(label: &str) -> (Vec<String>, bool) {
     let (name, numbered) = name_of(label);
     (name.split('_').filter(|word| !word.is_empty()).map(str::to_owned).collect(), numbered)

@@ -1,43 +1,43 @@
-//! Rows of `answers.jsonl`: what was asked of whom, and what came.
+//! Rows of `answers.jsonl`: questions and their answers.
 
 use serde::{Deserialize, Serialize};
 use spf_core::grounding::GroundingProfile;
 use spf_core::reply::{Reply, parse_reply};
 use spf_vlm::{Account, Answer};
 
-/// An answer as it was understood.
+/// A parsed answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Said {
-    /// It could be read; places are fractions of the image.
+    /// A valid reply; positions are fractions of the image.
     Reply(Reply),
-    /// It could not, for this reason.
+    /// An invalid reply, with the reason.
     Refused(String),
-    /// There was none: the name of the error, and its words.
+    /// No reply: the error code and its message.
     Nothing(String, String),
 }
 
 /// One question and its answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AnswerRow {
-    /// Who was asked.
+    /// Name of the answerer.
     pub answerer: String,
-    /// About which item.
+    /// Key of the item.
     pub item: String,
-    /// Who answered, as it called itself.
+    /// The model, as it names itself.
     pub model: String,
-    /// From the question to the whole answer, seconds.
+    /// Latency, seconds.
     pub latency_s: f64,
-    /// What it said.
+    /// The parsed answer.
     pub said: Said,
-    /// The text as it came.
+    /// The reply text as received.
     pub text: Option<String>,
-    /// What it took.
+    /// Resources used.
     pub account: Account,
 }
 
 impl AnswerRow {
-    /// An answer in the coordinates it was asked for.
+    /// The row for an answer in the coordinates requested.
     #[must_use]
     pub fn of(answerer: &str, item: &str, answer: Answer, grounding: &GroundingProfile) -> Self {
         let said = match &answer.text {
@@ -55,7 +55,7 @@ impl AnswerRow {
         }
     }
 
-    /// The reply, when it could be read.
+    /// The reply, if it is valid.
     #[must_use]
     pub fn reply(&self) -> Option<&Reply> {
         if let Said::Reply(reply) = &self.said { Some(reply) } else { None }

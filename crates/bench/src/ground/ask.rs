@@ -1,4 +1,5 @@
-//! Who is asked, and asking many questions: in parallel, under a rate, up to a cost, and only what was not answered before.
+//! Answerers, and sending them many questions: in parallel, rate-limited, up to a cost limit, skipping those already
+//! answered.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -20,29 +21,29 @@ use super::photo::Photograph;
 use super::{AnswerRow, Item, Said, oracle, photo};
 use crate::fnv;
 
-/// The one who always points at the middle of the image.
+/// The baseline that always points at the image centre.
 pub const CENTRE: &str = "centre";
-/// Label of the one who points at the middle: halfway.
+/// Depth label of the centre baseline: mid-range.
 const CENTRE_LABEL: u8 = 5;
-/// How often a wait for the rate looks up.
+/// Polling interval while waiting for the rate limit.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
-/// Makes a model that can be asked, one for each worker.
+/// Creates a VLM client, one per worker.
 pub type MakeVlm = Arc<dyn Fn() -> Box<dyn Vlm> + Send + Sync>;
 
-/// Who answers.
+/// Kind of answerer.
 #[derive(Clone)]
 pub enum Mind {
-    /// Always the middle of the image.
+    /// Always the image centre.
     Centre,
-    /// The oracle, where there is what it reads; its errors and the seed of their draws.
+    /// The oracle, for simulated images only; its errors and the seed of their draws.
     Oracle(Box<ErrorFile>, u64),
-    /// A model, and what it is told.
+    /// A model and its prompt.
     Model(MakeVlm, Arc<PromptText>),
 }
 
 impl Mind {
-    /// A number of how it answers, as far as that is told here: its prompt, or its error file and seed.
+    /// A digest of its configuration: its prompt, or its error file and seed.
     #[must_use]
     pub fn manner(&self) -> String {
         let words = match self {
@@ -54,44 +55,44 @@ impl Mind {
     }
 }
 
-/// Somebody who is asked, by the name in tables.
+/// A named answerer.
 #[derive(Clone)]
 pub struct Answerer {
     /// The name.
     pub name: String,
-    /// Who.
+    /// Its kind.
     pub mind: Mind,
 }
 
-/// How a question is put.
+/// How questions are asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Manner {
-    /// Whether boxes of obstacles are asked for too.
+    /// Whether obstacle boxes are requested as well.
     pub avoid: bool,
-    /// How long an answer is waited for.
+    /// Reply timeout.
     pub time: Duration,
 }
 
 impl Answerer {
-    /// The one who always points at the middle.
+    /// The image-centre baseline.
     #[must_use]
     pub fn centre() -> Self {
         Self { name: CENTRE.to_owned(), mind: Mind::Centre }
     }
 
-    /// Whether it can be asked about an item: the oracle needs what only simulated images have.
+    /// Whether it can answer questions about an item: the oracle needs simulated images.
     #[must_use]
     pub fn sees(&self, item: &Item) -> bool {
         !matches!(self.mind, Mind::Oracle(..)) || item.sim.is_some()
     }
 
-    /// Whether asking it may cost money and is held to a rate.
+    /// Whether it may cost money and is rate-limited.
     #[must_use]
     pub fn is_model(&self) -> bool {
         matches!(self.mind, Mind::Model(..))
     }
 
-    /// Asks about an item, by its place in the dataset.
+    /// Asks about an item; `number` is its index in the dataset.
     #[must_use]
     pub fn ask(&self, item: &Item, number: u64, manner: Manner, cancel: &Cancel) -> AnswerRow {
         let profile = GroundingProfile::default();
@@ -121,7 +122,7 @@ impl Answerer {
         }
     }
 
-    /// Asks a model about an image.
+    /// Sends a model an image.
     #[expect(clippy::too_many_arguments, reason = "a question is made of these")]
     #[must_use]
     pub fn show(
@@ -180,57 +181,57 @@ fn query(number: u64, instruction: &str, prompt: String, manner: Manner, image_s
     }
 }
 
-/// Many questions.
+/// A set of questions.
 pub struct Plan<'a> {
-    /// About what.
+    /// The items.
     pub items: &'a [Item],
-    /// Of whom.
+    /// The answerers.
     pub answerers: &'a [Answerer],
-    /// How each is put.
+    /// How questions are asked.
     pub manner: Manner,
-    /// Questions at once.
+    /// Number of parallel questions.
     pub parallel: usize,
-    /// Questions a minute to each model; none: as fast as they are answered.
+    /// Questions per minute and model; `None` for no limit.
     pub per_minute: Option<f64>,
-    /// US dollars, with what was spent before, after which no model is asked any more.
+    /// Cost limit, US dollars, including earlier costs.
     pub max_cost: Option<f64>,
 }
 
-/// How a round of questions ended.
+/// How a set of questions ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// Everything is answered.
+    /// All are answered.
     Complete,
-    /// Somebody stopped it.
+    /// Stopped by the caller.
     Stopped,
-    /// The money is spent.
+    /// The cost limit was reached.
     Spent,
 }
 
-/// What workers share.
+/// State shared by the workers.
 struct Desk<'a> {
     plan: &'a Plan<'a>,
-    /// Items and answerers by number.
+    /// Items and answerers, by index.
     waiting: Mutex<VecDeque<(usize, usize)>>,
     spent: Mutex<f64>,
-    /// When each model may be asked next.
+    /// Earliest time of the next question to each model.
     next: Mutex<BTreeMap<usize, Instant>>,
     stop: &'a AtomicU32,
     cancel: Cancel,
 }
 
 impl Plan<'_> {
-    /// Questions there are.
+    /// Number of questions.
     #[must_use]
     pub fn questions(&self) -> usize {
         self.items.iter().map(|item| self.answerers.iter().filter(|answerer| answerer.sees(item)).count()).sum()
     }
 
-    /// Asks everything that is not in `before` (answerer and item by name), and hands each answer to `each`, which may end it by an
-    /// error. `stop` other than 0 ends it too: answers that are out are taken back.
+    /// Asks all questions not in `before` (answerer and item names), and passes each answer to `each`, whose error ends
+    /// the run. A nonzero `stop` ends it too, cancelling open questions.
     ///
     /// # Errors
-    /// That of `each`.
+    /// The error returned by `each`.
     pub fn run<E>(
         &self,
         before: &BTreeSet<(String, String)>,
@@ -270,7 +271,7 @@ impl Plan<'_> {
             drop(send);
             loop {
                 match answers.recv_timeout(LOOK_UP) {
-                    // A question that was taken back was not answered.
+                    // A cancelled question was not answered.
                     Ok(row) if matches!(&row.said, Said::Nothing(code, _) if code == "cancelled") => {}
                     Ok(row) => {
                         if let Err(error) = each(row) {
@@ -298,7 +299,7 @@ impl Plan<'_> {
 }
 
 impl Desk<'_> {
-    /// The next question, when its time has come; none when there is none, or nobody wants it any more.
+    /// The next question, once its time has come; `None` if there is none left or the run was stopped.
     fn take(&self) -> Option<(usize, usize)> {
         loop {
             if self.stopped() {
@@ -341,6 +342,6 @@ impl Desk<'_> {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    // What is in it is whole between calls.
+    // The contents are consistent between calls.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

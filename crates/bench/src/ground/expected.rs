@@ -1,4 +1,4 @@
-//! What an error file says the hit rate should be, worked out from its figures and the masks alone, without a draw of the oracle.
+//! The expected hit rate of an error file, computed from its parameters and the masks, without running the oracle.
 
 use spf_core::query::ImagePoint;
 use spf_core::tags::Tagged;
@@ -8,8 +8,8 @@ use spf_oracle::{ErrorFile, SIZE_SENT};
 use super::source::SimExample;
 use super::{Outline, Truth};
 
-/// Probability that the oracle of these errors hits the target of an example: it notices it, does not take another thing for it,
-/// and its point's noise stays inside the mask. None without a target.
+/// Probability that an oracle with these errors hits the target of an example: it notices the target, does not confuse
+/// it with another object, and its point falls on the mask. `None` without a target.
 #[must_use]
 pub fn hit(errors: &ErrorFile, example: &SimExample, truth: &Truth, outline: &Outline) -> Option<f64> {
     let (Truth::Target(_), Some(target), Some(mask)) = (truth, &example.row.target, outline.mask()) else { return None };
@@ -28,7 +28,7 @@ pub fn hit(errors: &ErrorFile, example: &SimExample, truth: &Truth, outline: &Ou
     Some(seen(errors, visible, all) * (1.0 - mistaken) * inside)
 }
 
-/// Probability that a thing is noticed (docs/explanation/oracle.md, "Seen").
+/// Probability that an object is noticed (docs/explanation/oracle.md, "Seen").
 fn seen(errors: &ErrorFile, visible: &Visible, all: f64) -> f64 {
     let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
     let side = (visible.pixels as f64 * sent / all).sqrt() * f64::from(visible.light);
@@ -42,7 +42,7 @@ fn seen(errors: &ErrorFile, visible: &Visible, all: f64) -> f64 {
     (1.0 - seen.missed) * chance
 }
 
-/// Probability that some other thing is noticed that the target could be taken for.
+/// Probability that another object is noticed with which the target could be confused.
 fn another_is_seen(errors: &ErrorFile, example: &SimExample, target: &Visible, all: f64) -> f64 {
     let tags = |visible: &Visible| example.tags.iter().find(|tags| tags.id == visible.id && tags.opening == visible.opening);
     let Some(own) = tags(target) else { return 0.0 };
@@ -55,8 +55,8 @@ fn another_is_seen(errors: &ErrorFile, example: &SimExample, target: &Visible, a
     1.0 - others.map(|other| 1.0 - seen(errors, other, all)).product::<f64>()
 }
 
-/// Fraction of a round normal distribution that falls on a mask. Points beyond the image's edge are moved to it, so its outermost
-/// pixels have all that lies beyond them.
+/// Fraction of an isotropic normal distribution that falls on a mask. Points outside the image are moved to its edge,
+/// so its outermost pixels include everything beyond them.
 fn mass(inside: &[bool], width: usize, middle: ImagePoint, deviation: f64) -> f64 {
     let height = inside.len() / width.max(1);
     if deviation <= 0.0 {

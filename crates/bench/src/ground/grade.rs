@@ -1,31 +1,31 @@
-//! One answer against the truth.
+//! Grades one answer against the ground truth.
 
 use spf_core::query::ImageBox;
 use spf_core::reply::Status;
 
 use super::{Outline, Said, Truth};
 
-/// What one answer is worth. What the truth does not tell is none.
+/// Grades of one answer; `None` where the ground truth is unknown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Grade {
-    /// Whether it points inside the target; an answer that points nowhere, or that cannot be used, is no hit. None where nothing is
-    /// there to be hit.
+    /// Whether it points inside the target; an answer without a point, or an invalid one, is a miss. `None` if there is
+    /// no target.
     pub hit: Option<bool>,
-    /// From the target's point, as a fraction of the target's side (√area); only of answers that point.
+    /// Distance from the target's point, as a fraction of the target's size (√area); only for answers with a point.
     pub error_sides: Option<f64>,
     /// The same as a fraction of the image's width.
     pub error_width: Option<f64>,
-    /// Whether it says that the target is not visible; none for unusable answers.
+    /// Whether it reports that the target is not visible; `None` for invalid answers.
     pub says_absent: Option<bool>,
-    /// Whether the target is absent; none where nobody knows.
+    /// Whether the target is absent; `None` if unknown.
     pub is_absent: Option<bool>,
-    /// The target's distance in metres and the label it was given.
+    /// The target's distance in metres and the label given.
     pub label: Option<(f64, f64)>,
-    /// For each box of the answer the greatest overlap with a true one, as intersection over union.
+    /// For each box of the answer, the largest intersection over union with a true one.
     pub boxes: Vec<f64>,
 }
 
-/// Grades an answer; `outline` is that of the truth's target, `boxes` the true boxes of the image.
+/// Grades an answer; `outline` is that of the target, `boxes` are the true boxes of the image.
 #[must_use]
 pub fn grade(truth: &Truth, outline: Option<&Outline>, boxes: &[ImageBox], said: &Said) -> Grade {
     let reply = if let Said::Reply(reply) = said { Some(reply) } else { None };
@@ -36,7 +36,7 @@ pub fn grade(truth: &Truth, outline: Option<&Outline>, boxes: &[ImageBox], said:
         (Truth::Target(target), Some(outline)) => {
             let hit = match point {
                 Some(point) => outline.holds(point),
-                // Whether nothing can be hit does not depend on the answer.
+                // Whether there is a target does not depend on the answer.
                 None => outline.holds(outline.middle()).map(|_| false),
             };
             let error = point.map(|point| outline.error_px(point));

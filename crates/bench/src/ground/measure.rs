@@ -1,4 +1,4 @@
-//! Sums over many answers, each with its interval, and whether two answerers differ.
+//! Summary statistics of answers, with intervals, and comparisons between answerers.
 
 use std::collections::BTreeMap;
 
@@ -13,28 +13,28 @@ use crate::stats::{
     Bootstrap, Estimate, PairedDifference, Rate, concordance, holm, kendall_tau_b, mean, median, percentile, sign_flip,
 };
 
-/// Samples of rank correlations, whose cost grows with the square of the answers.
+/// Bootstrap samples of rank correlations, whose cost grows with the square of the number of answers.
 const RANK_DRAWS: usize = 1_000;
-/// Tosses of signs.
+/// Samples of the sign-flip test.
 const TOSSES: u32 = 10_000;
 const SEED: u64 = 0;
 
-/// What one answerer is worth. What cannot be known is none.
+/// Statistics of one answerer; `None` where unknown.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Measures {
-    /// Who.
+    /// Name of the answerer.
     pub answerer: String,
-    /// Questions put.
+    /// Number of questions.
     pub asked: usize,
-    /// Answers that could not be read.
+    /// Number of invalid answers.
     pub unreadable: usize,
-    /// Questions without an answer.
+    /// Number of questions without an answer.
     pub failed: usize,
-    /// Points inside the target, of images that hold one.
+    /// Hit rate on images with a target.
     pub hits: Option<Estimate>,
-    /// The same as its error file has it; of the oracle alone.
+    /// The hit rate expected from its error file; for the oracle only.
     pub hits_expected: Option<f64>,
-    /// Median distance from the target's point as a fraction of the target's side, of answers that point.
+    /// Median distance from the target's point as a fraction of the target's size, for answers with a point.
     pub error_sides: Option<Estimate>,
     /// The same as a fraction of the image's width.
     pub error_width: Option<Estimate>,
@@ -42,84 +42,84 @@ pub struct Measures {
     pub box_iou: Option<Estimate>,
     /// Kendall's τ-b of depth labels with true distances.
     pub label_tau: Option<Estimate>,
-    /// Fraction of pairs of images in whose order the labels do not err.
+    /// Fraction of pairs of images whose labels are in the right order.
     pub label_monotone: Option<Estimate>,
-    /// Of the images said not to show the target, those that do not.
+    /// Precision of "not visible" answers.
     pub absent_precision: Option<Estimate>,
-    /// Of the images that do not show it, those of which it is said.
+    /// Recall of "not visible" answers.
     pub absent_recall: Option<Estimate>,
     /// Median latency, seconds.
     pub latency_p50_s: Option<Estimate>,
-    /// 95th percentile.
+    /// 95th percentile of the latency, seconds.
     pub latency_p95_s: Option<Estimate>,
-    /// Tokens read for a question, mean.
+    /// Mean input tokens per question.
     pub tokens_in: Option<Estimate>,
-    /// Tokens written and thought for a question, mean.
+    /// Mean output tokens per question, including reasoning.
     pub tokens_out: Option<Estimate>,
-    /// US dollars for a question, mean.
+    /// Mean cost per question, US dollars.
     pub cost_usd: Option<Estimate>,
-    /// US dollars in all.
+    /// Total cost, US dollars.
     pub cost_usd_total: Option<f64>,
 }
 
-/// Two answerers on the same images.
+/// A comparison of two answerers on the same images.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// The first.
+    /// Name of the first.
     pub first: String,
-    /// The second.
+    /// Name of the second.
     pub second: String,
-    /// Their hit rates: the first less the second.
+    /// Hit rates: the first minus the second.
     pub hits: PairedDifference,
-    /// Exact McNemar after Holm's correction over all comparisons of the report.
+    /// Exact McNemar p value, with Holm's correction over all comparisons of the report.
     pub hits_p_holm: f64,
-    /// Mean of the first's error less the second's, as a fraction of the target's side, where both point.
+    /// Mean error of the first minus the second, as a fraction of the target's size, where both point.
     pub error_sides: Option<f64>,
-    /// Sign-flip test of it, after Holm's correction.
+    /// p value of its sign-flip test, with Holm's correction.
     pub error_p_holm: Option<f64>,
 }
 
-/// Everything about a dataset and those who were asked.
+/// Statistics of a dataset and its answerers.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Images.
+    /// Number of images.
     pub items: usize,
-    /// Of those, with a target that can be hit or missed.
+    /// Number of images with a target.
     pub with_target: usize,
-    /// With the target known to be absent.
+    /// Number of images whose target is known to be absent.
     pub absent: usize,
-    /// Of which nothing is known.
+    /// Number of images without ground truth.
     pub without_truth: usize,
-    /// One for each answerer, in the order given.
+    /// Statistics per answerer, in the order given.
     pub measures: Vec<Measures>,
-    /// Every two answerers, where there is truth.
+    /// Comparisons of all pairs of answerers with ground truth.
     pub comparisons: Vec<Comparison>,
 }
 
-/// One answer with its grade.
+/// An answer with its grades.
 #[derive(Clone, Debug)]
 pub struct Graded {
-    /// The item by its place.
+    /// Index of the item.
     pub item: usize,
     /// The answer.
     pub row: AnswerRow,
-    /// What it is worth.
+    /// Its grades.
     pub grade: Grade,
 }
 
-/// All answers with their grades, by answerer in the order given; the last answer to a question counts.
+/// All answers with their grades, by answerer in the order given; for repeated questions the last answer counts.
 pub struct Grades {
-    /// One list for each answerer, in the order of the items.
+    /// One list per answerer, in item order.
     pub by_answerer: Vec<Vec<Graded>>,
-    /// The error file's hit rate, for oracles.
+    /// Expected hit rates of oracles.
     expected: Vec<Option<f64>>,
 }
 
-/// Grades answers, masks read one after the other. `avoid`: boxes were asked for, and the oracle moved its points clear of those, so
-/// that its error file alone does not tell its hit rate.
+/// Grades answers, loading one mask at a time. `avoid`: boxes were requested, so the oracle moved its points clear of
+/// them and its expected hit rate is unknown.
 ///
 /// # Errors
-/// [`TruthError`] when a mask cannot be read.
+/// [`TruthError`] if a mask cannot be read.
 pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow], avoid: bool) -> Result<Grades, TruthError> {
     let mut of: BTreeMap<(&str, &str), &AnswerRow> = BTreeMap::new();
     for row in rows {
@@ -151,7 +151,7 @@ pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow], avoid:
 /// The target's outline in its image.
 pub(super) fn outline(item: &Item) -> Result<Option<Outline>, TruthError> {
     let Truth::Target(target) = &item.truth else { return Ok(None) };
-    // An image that cannot be read fails where it is asked about; here only its shape matters.
+    // An unreadable image is reported when it is sent; only its shape matters here.
     let size = photo::size(&item.picture).unwrap_or((1, 1));
     target.outline(size).map(Some)
 }
@@ -164,7 +164,7 @@ fn boxes(item: &Item, wanted: bool) -> Vec<ImageBox> {
     }
 }
 
-/// Sums up.
+/// Computes the report.
 #[must_use]
 pub fn report(items: &[Item], answerers: &[Answerer], grades: &Grades) -> Report {
     let known = |wanted: fn(&Truth) -> bool| items.iter().filter(|item| wanted(&item.truth)).count();
@@ -190,7 +190,7 @@ fn measure(answerer: &Answerer, graded: &[Graded], hits_expected: Option<f64>) -
     let ranked = Bootstrap { draws: RANK_DRAWS, ..boot };
     let absent = |grade: &Grade| grade.says_absent.zip(grade.is_absent);
     let model = answerer.is_model();
-    // The middle of the image takes no time, and no tokens.
+    // The centre baseline takes no time and no tokens.
     let answered: Vec<&Graded> = graded.iter().filter(|graded| !matches!(graded.row.said, Said::Nothing(..))).collect();
     let latencies: Vec<f64> = answered.iter().map(|graded| graded.row.latency_s).filter(|latency| *latency > 0.0).collect();
     let tokens = |count: fn(&Tokens) -> u64| {
@@ -210,7 +210,7 @@ fn measure(answerer: &Answerer, graded: &[Graded], hits_expected: Option<f64>) -
         error_width: middle(&values(|grade| grade.error_width)),
         box_iou: boot.estimate(&grades().flat_map(|grade| grade.boxes.iter().copied()).collect::<Vec<_>>(), mean),
         label_tau: ranked.estimate(&labels, kendall_tau_b),
-        // A label that is always the same errs in no order, and says nothing.
+        // A constant label is never in the wrong order, but carries no information.
         label_monotone: kendall_tau_b(&labels).and_then(|_| ranked.estimate(&labels, concordance)),
         absent_precision: rate(&mut grades().filter_map(absent).filter(|(says, _)| *says).map(|(_, is)| is)),
         absent_recall: rate(&mut grades().filter(|grade| grade.is_absent == Some(true)).map(|g| g.says_absent == Some(true))),

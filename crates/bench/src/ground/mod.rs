@@ -1,7 +1,8 @@
-//! Pointing, measured: pictures and instructions, who points where, and how well (docs/guide/grounding.md).
+//! Pointing accuracy: images with instructions, answers and their grades (docs/guide/grounding.md).
 //!
-//! [`source`] reads images with their truth, [`ask`] asks [`Answerer`]s about them, [`grade`] compares an answer with the truth,
-//! [`measure`] sums up with intervals, [`page`] shows it. Where there is no truth there are no grades, and no rate is made up.
+//! [`source`] reads images with their ground truth, [`ask`] sends them to [`Answerer`]s, [`grade`] compares an answer
+//! with the ground truth, [`measure`] computes statistics, and [`page`] displays them. Without ground truth there are
+//! no grades and no rates.
 
 mod answer;
 pub mod ask;
@@ -23,17 +24,17 @@ use std::path::PathBuf;
 
 use source::SimExample;
 
-/// One image, what is said about it, and what that means in it.
+/// An image with an instruction and its ground truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Item {
-    /// What it is called in `answers.jsonl`; no two of one source share it.
+    /// Its key in `answers.jsonl`, unique within a source.
     pub key: String,
-    /// What is said.
+    /// The instruction.
     pub instruction: String,
-    /// The image's file.
+    /// Path of the image.
     pub picture: PathBuf,
-    /// What is meant.
+    /// The ground truth.
     pub truth: Truth,
-    /// What the oracle reads; none for photographs.
+    /// Data for the oracle; `None` for photographs.
     pub sim: Option<SimExample>,
 }

@@ -1,4 +1,4 @@
-//! The oracle about an example of a simulated dataset, from its files alone.
+//! The oracle on an example of a simulated dataset, from its files alone.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use spf_vlm::{Account, Answer, VlmError};
 
 use super::source::SimExample;
 
-/// What the oracle of these errors answers about an example.
+/// The answer of an oracle with these errors for an example.
 pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, example: &SimExample) -> Answer {
     let (camera, row) = (&example.head.camera, &example.row);
     let oracle = Oracle::new(errors.clone(), row.near_m, seed);

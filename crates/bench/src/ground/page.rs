@@ -1,4 +1,4 @@
-//! What a person looks at: one image with everybody's points, and one page that needs nothing else.
+//! Report output: one image with all points, and a self-contained HTML page.
 
 use std::fmt::Write as _;
 
@@ -13,16 +13,16 @@ use super::ask::CENTRE;
 use super::measure::{Grades, Report, outline};
 use super::{AnswerRow, Item, Outline, Said, photo, table};
 
-/// Most misses that a page shows; the rest are counted.
+/// Maximum number of misses shown on a page; the rest are counted.
 const MOST: usize = 60;
 /// Width of a miss's image, pixels.
 const WIDTH: u32 = 480;
 /// Height of one panel of an image with panels side by side.
 const PANEL: u32 = 480;
 const QUALITY: u8 = 80;
-/// The target.
+/// Colour of the target.
 const TARGET: Colour = Colour::rgb(64, 230, 120);
-/// One colour for each answerer, told apart with most kinds of colour blindness too (Okabe and Ito).
+/// One colour per answerer, distinguishable with most kinds of colour blindness (Okabe and Ito).
 const COLOURS: [(u8, u8, u8); 7] =
     [(213, 94, 0), (86, 180, 233), (240, 228, 66), (204, 121, 167), (0, 158, 115), (0, 114, 178), (230, 159, 0)];
 
@@ -67,7 +67,7 @@ pub fn account(row: &AnswerRow) -> String {
     text
 }
 
-/// An image once for each answer, side by side, with what each points at.
+/// One copy of an image per answer, side by side, with its point.
 #[must_use]
 pub fn side_by_side(picture: &Rgb, instruction: &str, rows: &[AnswerRow]) -> Rgb {
     let width = |of: &Rgb| {
@@ -101,7 +101,7 @@ fn panel(picture: &Rgb, instruction: &str, row: &AnswerRow) -> Rgb {
     panel
 }
 
-/// A whole page: figures, comparisons, and the misses with their images.
+/// A complete page: statistics, comparisons, and the misses with their images.
 #[must_use]
 pub fn page(title: &str, note: &str, items: &[Item], report: &Report, grades: &Grades) -> String {
     let mut html = String::from(HEAD);
@@ -135,7 +135,7 @@ fn legend(misses: usize) -> String {
     }
 }
 
-/// Items on which someone erred who looked.
+/// Items that an answerer other than the baselines missed.
 fn misses(items: &[Item], grades: &Grades) -> Vec<usize> {
     let mut missed = vec![false; items.len()];
     for graded in grades.by_answerer.iter().flatten().filter(|graded| graded.row.answerer != CENTRE) {
@@ -184,7 +184,7 @@ fn card(item: usize, items: &[Item], report: &Report, grades: &Grades) -> String
     html
 }
 
-/// An item's image with its target and everybody's points.
+/// An item's image with its target and all points.
 fn drawn(item: &Item, points: &[(usize, ImagePoint)]) -> Option<Jpeg> {
     let picture = photo::decode(&std::fs::read(&item.picture).ok()?).ok()?;
     let height = (u64::from(picture.height()) * u64::from(WIDTH) / u64::from(picture.width().max(1))).clamp(1, 4096) as u32;
@@ -198,7 +198,7 @@ fn drawn(item: &Item, points: &[(usize, ImagePoint)]) -> Option<Jpeg> {
     Jpeg::encode(&small, QUALITY).ok()
 }
 
-/// Draws the edge of a target: of a mask its rim, of anything else its box.
+/// Draws the outline of a target: the rim of a mask, otherwise the box.
 fn edge(picture: &mut Rgb, outline: &Outline) {
     let (width, height) = (picture.width(), picture.height());
     let Some(mask) = outline.mask() else {
@@ -215,7 +215,7 @@ fn edge(picture: &mut Rgb, outline: &Outline) {
     };
     for y in 0..i64::from(height) {
         for x in 0..i64::from(width) {
-            // Outside and next to it: what is inside stays to be seen.
+            // Just outside of the mask, so that its inside stays visible.
             let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| holds(x + dx, y + dy));
             if beside && !holds(x, y) {
                 picture.set_pixel(x as u32, y as u32, [64, 230, 120]);
@@ -237,7 +237,7 @@ fn rows(rows: &[Vec<String>]) -> String {
     html + "</table></div>"
 }
 
-/// Instructions, files and a model's words are text from elsewhere.
+/// Escapes external text: instructions, file names and replies.
 fn escape(text: &str) -> String {
     text.chars().fold(String::with_capacity(text.len()), |mut escaped, letter| {
         match letter {
@@ -252,7 +252,7 @@ fn escape(text: &str) -> String {
     })
 }
 
-/// Nothing is loaded from elsewhere, and nothing runs.
+/// No external resources and no scripts.
 const HEAD: &str = "<!doctype html><html lang=en><head><meta charset=utf-8>\
 <meta http-equiv=Content-Security-Policy content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'\">\
 <meta name=viewport content=\"width=device-width, initial-scale=1\">\

@@ -1,4 +1,4 @@
-//! Images from files, from standard input and from video, upright and of bounded size; and the same as a VLM is shown them.
+//! Images from files, standard input and video, upright and of bounded size, and their preparation for a VLM.
 
 use std::io::{Cursor, Seek};
 use std::path::Path;
@@ -12,11 +12,11 @@ use spf_vlm::{Picture, VlmError};
 
 /// Longest side of an image that is read, pixels.
 const LONGEST_SIDE: u32 = 16_384;
-/// A side bounds the memory too.
+/// The side length also bounds the memory.
 const LIMITS: Limits = Limits { side: LONGEST_SIDE, memory: u64::MAX };
 /// Longest side of an image that is kept: no model is sent more, and a phone's fifty megapixels would fill the memory.
 const KEPT_SIDE: u32 = 2_576;
-/// Most samples of a video that are looked through: six hours at sixty a second.
+/// Maximum number of video samples examined: six hours at 60 frames per second.
 const MOST_SAMPLES: usize = 1_300_000;
 
 /// Why an image or a video cannot be read.
@@ -37,10 +37,10 @@ pub enum PhotoError {
     Stream(String),
 }
 
-/// Decodes a PNG or JPEG file, turned as its camera was held (EXIF), at most 2576 pixels on its longer side.
+/// Decodes a PNG or JPEG file, rotated according to EXIF and scaled to at most 2576 pixels on its longer side.
 ///
 /// # Errors
-/// [`PhotoError::Picture`].
+/// [`PhotoError::Picture`] if it cannot be decoded or is too large.
 pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
     let file = PictureFile::open(bytes, LIMITS)?;
     let orientation = file.orientation();
@@ -54,10 +54,10 @@ pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
     Ok(resize(&rgb, side(width), side(height)))
 }
 
-/// Width and height of an image file as [`decode`] would turn it, from its head alone.
+/// Width and height of an image file after [`decode`]'s rotation, from its header alone.
 ///
 /// # Errors
-/// [`PhotoError::Picture`].
+/// [`PhotoError::Picture`] if the header is invalid.
 pub fn size(path: &Path) -> Result<(u32, u32), PhotoError> {
     let bytes = std::fs::read(path).map_err(FileError::from)?;
     let file = PictureFile::open(&bytes, LIMITS)?;
@@ -67,21 +67,21 @@ pub fn size(path: &Path) -> Result<(u32, u32), PhotoError> {
 /// A frame of a video.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VideoFrame {
-    /// When it is shown, seconds from the beginning; for a bare stream its number.
+    /// Presentation time, seconds from the start; for a bare stream its number.
     pub at: f64,
     /// The image.
     pub picture: Rgb,
 }
 
-/// Frames of an H.264 video, `every` seconds one, `most` at most: an MP4 file, or a bare stream behind start codes, which has no
-/// times and counts as thirty frames a second.
+/// Frames of an H.264 video, one every `every` seconds, at most `most`: from an MP4 file, or from a bare stream with
+/// start codes, which has no times and counts as 30 frames per second.
 ///
 /// # Errors
 /// [`PhotoError`] for other containers and codecs.
 pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, PhotoError> {
     let units = if bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]) { bare(bytes) } else { demux(bytes)? };
     let mut decoder = Decoder::new().map_err(|error| PhotoError::Stream(error.to_string()))?;
-    // Images come in the order in which they are shown; the n-th is taken to be shown when the n-th unit is due.
+    // Frames are in presentation order; the n-th frame gets the time of the n-th unit.
     let times: Vec<f64> = units.iter().map(|(at, _)| *at).collect();
     let (mut frames, mut shown, mut last_error) = (Vec::new(), 0, None);
     let mut next = 0.0;
@@ -103,7 +103,7 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
                     break;
                 }
             }
-            // One damaged unit is passed over; a stream of nothing else is not.
+            // A damaged unit is skipped, but a stream of damaged units is an error.
             Err(error) => last_error = Some(error.to_string()),
         }
     }
@@ -116,7 +116,7 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
     match last_error {
         Some(error) if frames.is_empty() => Err(PhotoError::Stream(error)),
         _ if frames.is_empty() => Err(PhotoError::Stream("there is no picture in it".to_owned())),
-        // A stream that hides most of its images is not passed off for the few that it shows.
+        // A stream from which most frames cannot be decoded is an error.
         Some(error) if !enough && 2 * shown < times.len() => {
             Err(PhotoError::Stream(format!("{} of its {} pictures: {error}", times.len() - shown, times.len())))
         }
@@ -146,7 +146,7 @@ fn bare(bytes: &[u8]) -> Vec<(f64, Vec<u8>)> {
     units.into_iter().take(MOST_SAMPLES).enumerate().map(|(number, unit)| (number as f64 / 30.0, unit)).collect()
 }
 
-/// Samples of the first video track of an MP4 file, as units behind start codes.
+/// Samples of the first video track of an MP4 file, as units with start codes.
 fn demux(bytes: &[u8]) -> Result<Vec<(f64, Vec<u8>)>, PhotoError> {
     let moov = find_moov(bytes)?;
     let wrong = |what: &str| PhotoError::Container(what.to_owned());
@@ -162,7 +162,7 @@ fn demux(bytes: &[u8]) -> Result<Vec<(f64, Vec<u8>)>, PhotoError> {
 fn find_moov(bytes: &[u8]) -> Result<Moov, PhotoError> {
     let mut cursor = Cursor::new(bytes);
     let failed = |error: mp4_atom::Error| PhotoError::Container(error.to_string());
-    // Boxes of unknown kinds are skipped by their length; the media data is one of them for our purpose.
+    // Boxes of unknown kinds, here including the media data, are skipped by their length.
     while let Some((length, kind)) = box_head(bytes, cursor.position()) {
         if &kind == b"moov" {
             return match Any::read_from(&mut cursor).map_err(failed)? {
@@ -177,7 +177,7 @@ fn find_moov(bytes: &[u8]) -> Result<Moov, PhotoError> {
     Err(PhotoError::Container("it has no index (`moov`): a fragmented or unfinished file, or no MP4 at all".to_owned()))
 }
 
-/// Length and kind of the box at an offset; none at the end and for lengths that lead nowhere.
+/// Length and kind of the box at an offset; `None` at the end and for invalid lengths.
 fn box_head(bytes: &[u8], at: u64) -> Option<(u64, [u8; 4])> {
     let head = bytes.get(usize::try_from(at).ok()?..)?;
     let kind: [u8; 4] = head.get(4..8)?.try_into().ok()?;
@@ -209,7 +209,7 @@ fn samples(bytes: &[u8], track: &Trak, avcc: &Avcc) -> Result<Vec<(f64, Vec<u8>)
     };
     let head: Vec<u8> =
         avcc.sequence_parameter_sets.iter().chain(&avcc.picture_parameter_sets).flat_map(|set| behind(set)).collect();
-    // Samples do not overlap in an honest file, so that all of them are no more than the file.
+    // In a valid file samples do not overlap, so their total is at most the file size.
     if sizes.iter().map(|size| u64::from(*size)).sum::<u64>() > bytes.len() as u64 {
         return Err(wrong("its samples are together larger than the file"));
     }
@@ -234,7 +234,7 @@ fn behind(unit: &[u8]) -> Vec<u8> {
     [&[0, 0, 0, 1], unit].concat()
 }
 
-/// From units behind their lengths to units behind start codes; what is cut short is left out.
+/// Converts length-prefixed units to units with start codes; a truncated one is dropped.
 fn start_codes(mut data: &[u8], length_size: usize) -> Vec<u8> {
     let mut units = Vec::with_capacity(data.len() + 16);
     while let Some((head, rest)) = data.split_at_checked(length_size.clamp(1, 4)) {
@@ -246,10 +246,10 @@ fn start_codes(mut data: &[u8], length_size: usize) -> Vec<u8> {
     units
 }
 
-/// An image's size, its quality, and its bytes.
+/// Image size, JPEG quality and bytes.
 type Encoded = ((u32, u32), u8, Arc<[u8]>);
 
-/// An image as a VLM is shown it; encoded once for a size.
+/// An image as sent to a VLM; encoded once per size.
 #[derive(Clone, Debug)]
 pub struct Photograph {
     picture: Arc<Rgb>,

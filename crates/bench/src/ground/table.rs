@@ -1,9 +1,9 @@
-//! A report in rows and columns, for a terminal and for a page.
+//! A report as a table, for terminal and page.
 
 use super::measure::{Comparison, Measures, Report};
 use crate::stats::Estimate;
 
-/// A figure's name, and how it is shown for an answerer; none where no answerer has it.
+/// Name of a statistic, and its format for an answerer; `None` if unavailable.
 type Figure = (&'static str, fn(&Measures) -> Option<String>);
 
 const FIGURES: [Figure; 17] = [
@@ -28,7 +28,7 @@ const FIGURES: [Figure; 17] = [
     }),
 ];
 
-/// One row a figure, one column an answerer; figures that nobody has are left out.
+/// One row per statistic, one column per answerer; statistics that no answerer has are omitted.
 #[must_use]
 pub fn figures(report: &Report) -> Vec<Vec<String>> {
     let names = report.measures.iter().map(|measures| measures.answerer.clone());
@@ -43,7 +43,7 @@ pub fn figures(report: &Report) -> Vec<Vec<String>> {
     rows
 }
 
-/// One row a comparison.
+/// One row per comparison.
 #[must_use]
 pub fn comparisons(report: &Report) -> Vec<Vec<String>> {
     let head = [
@@ -68,7 +68,7 @@ pub fn comparisons(report: &Report) -> Vec<Vec<String>> {
     std::iter::once(head.map(str::to_owned).to_vec()).chain(report.comparisons.iter().map(row)).collect()
 }
 
-/// What the images are.
+/// A description of the images.
 #[must_use]
 pub fn about(report: &Report) -> String {
     let Report { items, with_target, absent, without_truth, .. } = report;

@@ -1,50 +1,50 @@
-//! What an instruction means in an image, as far as someone said so.
+//! Ground truth of an instruction in an image.
 
 use std::path::{Path, PathBuf};
 
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_media::file::{self, FileError, Limits};
 
-/// Longest side of a mask, pixels.
+/// Maximum side length of a mask, pixels.
 const LONGEST_SIDE: u32 = 8192;
 
-/// What is known about what an instruction means.
+/// What is known about the target of an instruction.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Truth {
-    /// Nothing: no grade can be given.
+    /// Unknown: no grades.
     Unknown,
-    /// It is not in the image.
+    /// The target is not in the image.
     Absent,
-    /// It is there.
+    /// The target.
     Target(Box<Target>),
 }
 
-/// Something that is meant, in an image.
+/// A target in an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     /// Its shape.
     pub shape: Shape,
-    /// The point that errors are measured from; none: the middle of the shape.
+    /// The point from which errors are measured; `None` for the centre of the shape.
     pub point: Option<ImagePoint>,
-    /// How far it is from the lens, metres.
+    /// Its distance from the lens, metres.
     pub distance_m: Option<f64>,
-    /// True boxes of the things in the image, the target's among them, for grading boxes.
+    /// True boxes of the objects in the image, including the target, for grading boxes.
     pub boxes: Vec<ImageBox>,
 }
 
-/// A shape, as it stands in a file.
+/// The shape of a target, as in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
-    /// An image of the same proportions; everything that is not black is inside.
+    /// An image with the same aspect ratio; every pixel that is not black is inside.
     MaskFile(PathBuf),
     /// The same in memory.
     Mask(Mask),
     /// Boxes; a point in any of them is inside.
     Boxes(Vec<ImageBox>),
-    /// Outlines, each closed by itself; a point in any of them is inside.
+    /// Closed polygons; a point in any of them is inside.
     Polygons(Vec<Vec<ImagePoint>>),
-    /// Points, with the distance up to which one counts as hit, as a fraction of the image's width; none: nothing is said about
-    /// hits, only about distances.
+    /// Points, with the maximum distance of a hit, as a fraction of the image width; `None` if only distances are
+    /// graded.
     Points(Vec<ImagePoint>, Option<f64>),
 }
 
@@ -55,24 +55,24 @@ pub struct Mask {
     pub width: u32,
     /// Height, pixels.
     pub height: u32,
-    /// Row by row from the upper left.
+    /// Pixels in rows from the upper left.
     pub inside: Vec<bool>,
 }
 
-/// Why a truth cannot be read.
+/// Why ground truth cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TruthError {
-    /// The mask's file.
+    /// The mask's file could not be read.
     #[error("cannot read the mask `{}`", path.display())]
     Mask {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: FileError,
     },
-    /// A mask with nothing in it.
+    /// An empty mask.
     #[error("the mask `{}` is black", path.display())]
     Empty {
         /// The file.
@@ -80,23 +80,23 @@ pub enum TruthError {
     },
 }
 
-/// A shape that points can be tried on, for an image of a size.
+/// The shape of a target for an image of a given size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
     shape: Shape,
     /// Width and height of the image, pixels.
     size: (f64, f64),
-    /// The points that errors are measured from, the nearest of several; the first is that of the largest.
+    /// Points from which errors are measured, the nearest counts; the first belongs to the largest part.
     middles: Vec<ImagePoint>,
-    /// Pixels of the image inside, of several the largest; none for points.
+    /// Area in pixels of the image, of the largest part; `None` for points.
     area: Option<f64>,
 }
 
 impl Mask {
-    /// Reads one: PNG or JPEG of at most 8192 pixels a side.
+    /// Reads a mask: PNG or JPEG of at most 8192 pixels per side.
     ///
     /// # Errors
-    /// [`TruthError`].
+    /// [`TruthError`] if it cannot be read or is empty.
     pub fn read(path: &Path) -> Result<Self, TruthError> {
         let wrong = |source| TruthError::Mask { path: path.to_owned(), source };
         let bytes = std::fs::read(path).map_err(|error| wrong(error.into()))?;
@@ -106,7 +106,7 @@ impl Mask {
         if mask.area() == 0 { Err(TruthError::Empty { path: path.to_owned() }) } else { Ok(mask) }
     }
 
-    /// Pixels inside.
+    /// Number of pixels inside.
     #[must_use]
     pub fn area(&self) -> u64 {
         self.inside.iter().filter(|inside| **inside).count() as u64
@@ -120,7 +120,7 @@ impl Mask {
         self.inside.get(y * self.width as usize + x).copied().unwrap_or(false)
     }
 
-    /// The pixel deepest inside, by its middle.
+    /// The deepest pixel inside, by its centre.
     fn deepest(&self) -> ImagePoint {
         let ids: Vec<u16> = self.inside.iter().map(|inside| u16::from(*inside)).collect();
         let (w, h) = (f64::from(self.width.max(1)), f64::from(self.height.max(1)));
@@ -132,10 +132,10 @@ impl Mask {
 }
 
 impl Target {
-    /// The target in an image of `size` pixels, its mask read.
+    /// The target's shape in an image of `size` pixels; reads its mask.
     ///
     /// # Errors
-    /// [`TruthError`].
+    /// [`TruthError`] if the mask cannot be read.
     pub fn outline(&self, size: (u32, u32)) -> Result<Outline, TruthError> {
         let shape = match &self.shape {
             Shape::MaskFile(path) => Shape::Mask(Mask::read(path)?),
@@ -163,7 +163,7 @@ impl Target {
 }
 
 impl Outline {
-    /// Whether a point is inside; none where the truth has no extent.
+    /// Whether a point is inside; `None` for targets without extent.
     #[must_use]
     pub fn holds(&self, at: ImagePoint) -> Option<bool> {
         Some(match &self.shape {
@@ -178,13 +178,13 @@ impl Outline {
         })
     }
 
-    /// Pixels from the point that is meant; of several the nearest.
+    /// Distance in pixels from the target's point, the nearest of several.
     #[must_use]
     pub fn error_px(&self, at: ImagePoint) -> f64 {
         self.middles.iter().map(|middle| self.pixels_between(*middle, at)).fold(f64::INFINITY, f64::min)
     }
 
-    /// The side of a square as large as the target, pixels; none for points.
+    /// Side of a square with the area of the target, pixels; `None` for points.
     #[must_use]
     pub fn side_px(&self) -> Option<f64> {
         self.area.filter(|area| *area > 0.0).map(f64::sqrt)
@@ -196,19 +196,19 @@ impl Outline {
         self.size.0
     }
 
-    /// The mask, where it is one.
+    /// The mask, if it is one.
     #[must_use]
     pub fn mask(&self) -> Option<&Mask> {
         if let Shape::Mask(mask) = &self.shape { Some(mask) } else { None }
     }
 
-    /// The point that errors are measured from; of several that of the largest.
+    /// The point from which errors are measured; of several parts that of the largest.
     #[must_use]
     pub fn middle(&self) -> ImagePoint {
         self.middles.first().copied().unwrap_or_default()
     }
 
-    /// The smallest box around it.
+    /// Its bounding box.
     #[must_use]
     pub fn bounds(&self) -> ImageBox {
         match &self.shape {
@@ -250,7 +250,7 @@ fn around(points: &[ImagePoint]) -> ImageBox {
     }
 }
 
-/// Middles of several parts, that of the largest first, and its area.
+/// Centres of several parts, largest first, and the largest area.
 fn largest_first(parts: impl Iterator<Item = (ImagePoint, f64)>) -> (Vec<ImagePoint>, Option<f64>) {
     let mut parts: Vec<(ImagePoint, f64)> = parts.collect();
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -258,10 +258,10 @@ fn largest_first(parts: impl Iterator<Item = (ImagePoint, f64)>) -> (Vec<ImagePo
     (parts.into_iter().map(|(middle, _)| middle).collect(), Some(area))
 }
 
-/// Cells a side in which the deepest place of an outline is looked for.
+/// Grid cells per side for finding the deepest point of a polygon.
 const CELLS: u32 = 96;
 
-/// The place deepest inside an outline, to a cell of its box; the middle of the box where no cell's middle is inside.
+/// The deepest point inside a polygon, to a grid cell; the centre of its box if no cell centre is inside.
 fn deep_inside(polygon: &[ImagePoint]) -> ImagePoint {
     let b = around(polygon);
     let of = |share: f64, low: f64, high: f64| low + share * (high - low);
@@ -341,7 +341,7 @@ mod tests {
         assert!(cars.middle().u > 0.8);
         let boxes = [0.0, 0.8].map(|left| ImageBox { left, top: 0.0, right: left + 0.2, bottom: 1.0 });
         assert!(target(Shape::Boxes(boxes.to_vec())).error_px(at(0.1, 0.5)) < 1e-9);
-        // An outline like a C: its middle is air.
+        // A C-shaped outline: its centre is outside.
         let c = [(0.0, 0.0), (1.0, 0.0), (1.0, 0.2), (0.2, 0.2), (0.2, 0.8), (1.0, 0.8), (1.0, 1.0), (0.0, 1.0)];
         let c = target(Shape::Polygons(vec![c.map(|(u, v)| at(u, v)).to_vec()]));
         assert_eq!(c.holds(c.middle()), Some(true));

@@ -1,16 +1,16 @@
-//! Plane and solid geometry of the predicates.
+//! Geometry of the predicates.
 
 use glam::DVec3;
 use spf_core::geometry::EnuPosition;
 use spf_flight::sim::LoadedScene;
 use spf_scene::geometry::ObjectId;
 
-/// A place as a vector, east, north, up.
+/// A position as a vector (east, north, up).
 pub(super) fn vector(at: EnuPosition) -> DVec3 {
     DVec3::new(at.east, at.north, at.up)
 }
 
-/// Where the straight way from one place to another first crosses the surface of an object.
+/// Where the straight path between two positions first crosses the surface of an object.
 pub(super) fn crossing(loaded: &LoadedScene, object: ObjectId, from: EnuPosition, to: EnuPosition) -> Option<DVec3> {
     let (from, to) = (vector(from), vector(to));
     let parts = loaded.scene.geometry.parts.iter().filter(|part| part.object == object);
@@ -23,7 +23,7 @@ pub(super) fn crossing(loaded: &LoadedScene, object: ObjectId, from: EnuPosition
     shares.min_by(f64::total_cmp).map(|share| from + (to - from) * share)
 }
 
-/// The fraction of the way at which it goes through a triangle (Möller and Trumbore 1997); either side counts.
+/// The fraction of the path at which it intersects a triangle (Möller and Trumbore 1997), from either side.
 fn meets(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (way, ab, ac) = (to - from, b - a, c - a);
     let normal = way.cross(ac);
@@ -39,7 +39,7 @@ fn meets(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && (0.0..=1.0).contains(&share)).then_some(share)
 }
 
-/// Whether a place on the map lies inside one of some polygons (crossings of a ray to the east).
+/// Whether a position is horizontally inside any polygon (crossings of a ray to the east).
 pub(super) fn inside(outline: &[Vec<[f64; 2]>], at: EnuPosition) -> bool {
     outline.iter().any(|polygon| {
         let edges = polygon.iter().zip(polygon.iter().cycle().skip(1));

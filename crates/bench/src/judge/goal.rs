@@ -1,4 +1,4 @@
-//! One goal being watched.
+//! Evaluates one goal over time.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -14,21 +14,21 @@ use super::sight::Sight;
 use super::{Shown, nearest};
 use crate::task::{GoalKind, centre};
 
-/// A goal and what it has seen.
+/// A goal and its state.
 pub(super) struct Watch {
     kind: GoalKind,
     targets: Vec<ObjectId>,
-    /// Objects that do not count: those that the goal before was met with.
+    /// Excluded objects: those that met the previous goal.
     spent: Vec<ObjectId>,
-    /// Those that were come up to or gone through.
+    /// Objects already reached or flown through.
     passed: BTreeSet<ObjectId>,
-    /// Where the last opening was crossed, and whither.
+    /// Position and direction of the last opening crossed.
     crossed: Option<(glam::DVec3, glam::DVec3)>,
-    /// Angle gone about a target, or turned: now, least and most.
+    /// Angle flown around a target, or yawed: current, minimum and maximum.
     turned: [f64; 3],
-    /// Where it came above the target.
+    /// Where the craft came above the target.
     entered: Option<EnuPosition>,
-    /// Looks of the window that follows the person: when, and whether near and in view.
+    /// Samples of the window for following: time, and whether near and in view.
     kept: VecDeque<(Time, bool)>,
 }
 
@@ -54,17 +54,17 @@ impl Watch {
         self.kind.is_momentary()
     }
 
-    /// Whether a moment alone tells if it is met.
+    /// Whether a single instant determines if it is met.
     pub(super) fn forgets(&self) -> bool {
         matches!(self.kind, GoalKind::Reach { .. })
     }
 
-    /// What it was met with, for a next one that wants another.
+    /// The objects it was met with, for a following goal that excludes them.
     pub(super) fn met_with(&self) -> Vec<ObjectId> {
         self.passed.iter().copied().chain(self.spent.iter().copied()).collect()
     }
 
-    /// Begins after another goal was met with these.
+    /// Starts after another goal was met with these objects.
     pub(super) fn begin(&mut self, met_with: Vec<ObjectId>) {
         self.spent = met_with;
     }
@@ -87,7 +87,7 @@ impl Watch {
         }
     }
 
-    /// Targets that count, are within so many metres and clearly visible. It looks only where something is near enough.
+    /// Targets that count, are within this many metres and clearly visible. Renders only if one is near enough.
     fn clear_within(
         &self,
         shown: &Shown<'_>,
@@ -158,7 +158,7 @@ impl Watch {
             return false;
         }
         let Some(entered) = self.entered.take() else { return false };
-        // Across, not in and out over a corner: at least half of its lesser side.
+        // Across, not in and out over a corner: at least half of the shorter side.
         let lesser = objects().map(|object| {
             let Aabb { min, max } = shown.loaded.bounds(object, &shown.snapshot.actors);
             (max.east - min.east).min(max.north - min.north)
@@ -173,7 +173,7 @@ impl Watch {
         let away = (middle - on_map(shown.start.position)).normalize_or_zero();
         let beyond = on_map(shown.snapshot.pose.position) - middle;
         let half = DVec2::new(bounds.max.east - bounds.min.east, bounds.max.north - bounds.min.north) * 0.5;
-        // How far the box reaches from its middle, along a direction.
+        // Extent of the box from its centre along a direction.
         let reach = |way: DVec2| half.dot(way.abs());
         beyond.dot(away) >= reach(away) && beyond.perp_dot(away).abs() <= reach(away.perp()) && distance <= within
     }
@@ -192,7 +192,7 @@ impl Watch {
         let kept = !self.clear_within(shown, sight, within, |_| true).is_empty();
         self.kept.push_back((shown.at, kept));
         let gone = |at: Time| shown.at.since(at).as_secs_f64();
-        // The oldest look that is kept is the last one at least a window ago.
+        // The oldest sample kept is the last one at least a window ago.
         while self.kept.get(1).is_some_and(|(at, _)| gone(*at) >= window) {
             self.kept.pop_front();
         }

@@ -1,6 +1,7 @@
-//! The judge: whether a task is done, from the scene itself (docs/guide/bench.md). Policies never see it.
+//! The judge: decides from the scene itself whether a task is done (docs/guide/bench.md). Policies have no access to it.
 //!
-//! It is shown the true pose and the true places of everything that moves, several times a second, and keeps what it needs.
+//! It receives the true pose and the true positions of all actors several times per second, and keeps the state it
+//! needs.
 
 mod geometry;
 mod goal;
@@ -20,10 +21,10 @@ use goal::Watch;
 pub use sight::{CLEAR_HEIGHT, Sight};
 pub use trajectory::{Judgement, judge_trajectory};
 
-/// The judge looks this often, in flight time: what holds for less may be missed.
+/// Interval of evaluations, flight time; conditions that hold for less may be missed.
 pub const EVERY: core::time::Duration = core::time::Duration::from_millis(200);
 
-/// Why a task cannot be judged in a scene.
+/// The scene lacks the target of a goal.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("nothing in the scene `{scene}` is what goal {goal} of the task `{task}` is about")]
 pub struct NoTarget {
@@ -31,11 +32,11 @@ pub struct NoTarget {
     pub scene: String,
     /// The task.
     pub task: String,
-    /// The goal, from 1.
+    /// The goal's number, from 1.
     pub goal: usize,
 }
 
-/// What the judge is shown.
+/// Input of the judge.
 pub(crate) struct Shown<'a> {
     pub(crate) at: Time,
     pub(crate) snapshot: &'a WorldSnapshot,
@@ -53,17 +54,17 @@ pub struct Judge {
     radius: f64,
     sight: Sight,
     goals: Vec<Watch>,
-    /// The goal that is worked on; all of them are met when there is none.
+    /// Index of the current goal; all are met if there is none.
     current: usize,
     last: Option<WorldSnapshot>,
     holds: bool,
 }
 
 impl Judge {
-    /// A judge of a task in a scene, for a flight from `start`.
+    /// A judge for a task in a scene, for a flight from `start`.
     ///
     /// # Errors
-    /// [`NoTarget`] when the scene lacks what a goal is about.
+    /// [`NoTarget`] if the scene lacks the target of a goal.
     pub fn new(task: &Task, loaded: Arc<LoadedScene>, start: Pose) -> Result<Self, NoTarget> {
         let mut goals = Vec::new();
         for (goal, number) in task.goals.iter().zip(1..) {
@@ -77,7 +78,7 @@ impl Judge {
         Ok(Self { loaded, start, radius: task.set.radius(), sight, goals, current: 0, last: None, holds: false })
     }
 
-    /// Looks.
+    /// Evaluates an instant.
     pub fn look(&mut self, at: Time, snapshot: &WorldSnapshot) {
         let shown = Shown {
             at,
@@ -89,7 +90,7 @@ impl Judge {
             field: 2.0 * self.sight.camera().half_fov().0,
         };
         self.holds = false;
-        // One goal a look: what ends one must not begin the next.
+        // One goal per evaluation: the end of one must not start the next.
         let is_last = self.current + 1 == self.goals.len();
         if let Some(goal) = self.goals.get_mut(self.current) {
             let met = goal.look(&shown, &mut self.sight);
@@ -106,25 +107,25 @@ impl Judge {
         self.last = Some(snapshot.clone());
     }
 
-    /// Whether looks matter only at the end from now on, because the last goal is met or not at each moment, whatever was before: a
-    /// judge that has said success once need be told no more than [`Judge::pass`] until then.
+    /// Whether only the final instant still matters, because the last goal depends on the current state alone: a judge
+    /// that has reported success once then only needs [`Judge::pass`] until the end.
     #[must_use]
     pub fn waits_for_the_end(&self) -> bool {
         self.current + 1 == self.goals.len() && self.goals.last().is_some_and(Watch::forgets)
     }
 
-    /// Remembers a moment without looking.
+    /// Records an instant without evaluating it.
     pub fn pass(&mut self, snapshot: &WorldSnapshot) {
         self.last = Some(snapshot.clone());
     }
 
-    /// Whether the judge would say success, as of the last look and collisions aside.
+    /// Whether the judge would report success as of the last evaluation, apart from collisions.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.holds
     }
 
-    /// Goals met so far.
+    /// Number of goals met.
     #[must_use]
     pub fn met(&self) -> usize {
         self.current
@@ -141,20 +142,20 @@ impl Judge {
         self.goals.iter().map(Watch::targets)
     }
 
-    /// Metres to the nearest surface of the last goal's targets; none for a scan.
+    /// Distance to the nearest surface of the last goal's targets, metres; `None` for a scan.
     #[must_use]
     pub fn distance(&self, snapshot: &WorldSnapshot) -> Option<f64> {
         nearest(&self.loaded, self.last_targets(), snapshot).map(|(_, distance)| distance)
     }
 
-    /// Whether one of the last goal's targets is clearly visible; none for a scan.
+    /// Whether one of the last goal's targets is clearly visible; `None` for a scan.
     pub fn sees(&mut self, snapshot: &WorldSnapshot) -> Option<bool> {
         let targets = self.last_targets().to_vec();
         (!targets.is_empty()).then(|| !self.sight.clearly(&self.loaded, snapshot, &targets).is_empty())
     }
 }
 
-/// The object whose surface is nearest to the camera, and how near.
+/// The object whose surface is nearest to the camera, and its distance.
 pub(crate) fn nearest(loaded: &LoadedScene, objects: &[ObjectId], snapshot: &WorldSnapshot) -> Option<(ObjectId, f64)> {
     let distance = |id: &ObjectId| Some((*id, loaded.distance_to(*id, &snapshot.actors, snapshot.pose.position)?));
     objects.iter().filter_map(distance).min_by(|a, b| a.1.total_cmp(&b.1))

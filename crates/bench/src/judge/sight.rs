@@ -1,4 +1,4 @@
-//! The judge's eye: what the craft's camera shows clearly, from ids alone.
+//! Visibility for the judge: what the craft's camera shows clearly, from ids alone.
 
 use spf_core::camera::Camera;
 use spf_core::craft::CraftKind;
@@ -7,11 +7,11 @@ use spf_render::surroundings::Surroundings;
 use spf_render::{Channels, Picture};
 use spf_scene::geometry::ObjectId;
 
-/// A target is clearly visible when it is at least this fraction of the frame high and a quarter of it is inside, or when it fills
-/// a tenth of the frame (the paper's appendix).
+/// A target is clearly visible if it is at least this fraction of the frame high and a quarter of it is inside, or if
+/// it fills a tenth of the frame (the paper's appendix).
 pub const CLEAR_HEIGHT: f64 = 0.015;
 
-/// Looks through the camera of a craft, without its effects.
+/// Renders a craft's camera view without camera effects.
 pub struct Sight {
     camera: Camera,
     surroundings: Surroundings,
@@ -20,7 +20,7 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// The eye of a craft.
+    /// The view of a craft.
     #[must_use]
     pub fn of(craft: CraftKind) -> Self {
         let camera = craft.camera();
@@ -33,7 +33,7 @@ impl Sight {
         &self.camera
     }
 
-    /// Which of these are clearly visible at a moment.
+    /// The objects clearly visible in a snapshot.
     pub fn clearly(&mut self, loaded: &LoadedScene, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> Vec<ObjectId> {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         loaded.render_into(&self.camera, snapshot, channels, &mut self.picture);
@@ -44,7 +44,7 @@ impl Sight {
         })
     }
 
-    /// Whether one of these has a pixel at a moment.
+    /// Whether one of the objects has a pixel in a snapshot.
     pub fn glimpses(&mut self, loaded: &LoadedScene, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> bool {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         loaded.render_into(&self.camera, snapshot, channels, &mut self.picture);

@@ -1,4 +1,4 @@
-//! A task's own trajectories before the judge: those that must be accepted and those that must not.
+//! A task's test trajectories, which the judge must accept or reject.
 
 use std::sync::Arc;
 
@@ -11,25 +11,25 @@ use spf_sim::model::Model;
 use super::{EVERY, Judge, NoTarget};
 use crate::task::{Task, Trajectory};
 
-/// What the judge says of a trajectory at its end.
+/// The judge's result for a trajectory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judgement {
-    /// Whether it is accepted: done at the end, and nothing touched.
+    /// Whether it is accepted: done at the end, without a collision.
     pub accepted: bool,
-    /// What was touched first, by key.
+    /// Key of the first object touched.
     pub touched: Option<String>,
-    /// Goals met.
+    /// Number of goals met.
     pub met: usize,
-    /// Metres to the last goal's nearest surface.
+    /// Distance to the last goal's nearest surface, metres.
     pub distance: Option<f64>,
     /// Whether it is clearly visible.
     pub sees: Option<bool>,
 }
 
-/// Flies a trajectory, on rails, and judges it.
+/// Moves along a trajectory kinematically, and judges it.
 ///
 /// # Errors
-/// [`NoTarget`] when the scene lacks what a goal is about.
+/// [`NoTarget`] if the scene lacks the target of a goal.
 pub fn judge_trajectory(task: &Task, loaded: &Arc<LoadedScene>, trajectory: &Trajectory) -> Result<Judgement, NoTarget> {
     let mut traffic = Traffic::new(loaded.cast.clone(), 0);
     let craft = Model::of(task.craft).craft;
@@ -67,7 +67,7 @@ pub fn judge_trajectory(task: &Task, loaded: &Arc<LoadedScene>, trajectory: &Tra
     }))
 }
 
-/// The pose on the path every time the judge looks, to its end and through the rest there.
+/// The pose at each evaluation of the judge, to the end of the path and through the final rest.
 fn samples(trajectory: &Trajectory) -> Vec<(Time, Pose)> {
     /// Turning on the spot takes time too: radians per second.
     const TURN: f64 = 1.0;
@@ -104,7 +104,7 @@ fn between(from: &Pose, to: &Pose, turn: f64, share: f64) -> Pose {
     }
 }
 
-/// The pose in the world, where the path is told beside something that moves.
+/// The pose in the world, if the path is relative to a moving object.
 fn beside(loaded: &LoadedScene, trajectory: &Trajectory, mut pose: Pose, actors: &[spf_scene::actors::ActorPlace]) -> Pose {
     let object = trajectory.beside.as_ref().and_then(|key| loaded.scene.by_key(key));
     if let Some(object) = object {

@@ -1,30 +1,30 @@
-//! Who is compared: a method with someone who points.
+//! Arms of a comparison: a method with a VLM.
 
 use crate::stats::{Rate, median, percentile};
 use crate::table::vlm_of;
 use crate::trial::{NOBODY, Record};
 
-/// A method with someone who points.
+/// A method with a VLM.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Arm {
     /// The method.
     pub method: String,
-    /// Who pointed, as a part of the trial's name.
+    /// The VLM, as in the trial's name.
     pub vlm: String,
-    /// Place of the method among those of the report: its colour and its mark.
+    /// Index of the method in the report: its colour and mark.
     pub(super) colour: usize,
-    /// Place of who pointed among those that this method flew with: its dashes.
+    /// Index of the VLM among those of this method: its dash pattern.
     pub(super) dash: usize,
 }
 
-/// What an arm comes to.
+/// Summary statistics of an arm.
 pub(super) struct Sums {
     pub(super) self_stop: Rate,
     pub(super) judge_stop: Rate,
     pub(super) collided: Rate,
     pub(super) false_stop: Rate,
     pub(super) timeout: Rate,
-    /// Completion times of the successes, seconds, as they come.
+    /// Completion times of the successes, seconds, in order.
     pub(super) times: Vec<f64>,
     /// Metres flown in all flights.
     pub(super) spl: f64,
@@ -33,7 +33,7 @@ pub(super) struct Sums {
 }
 
 impl Arm {
-    /// All of them, in the order in which they come.
+    /// All arms, in order of appearance.
     pub(super) fn all(records: &[Record]) -> Vec<Self> {
         let (mut arms, mut methods, mut vlms): (Vec<Self>, Vec<String>, Vec<String>) = Default::default();
         for record in records {
@@ -51,7 +51,7 @@ impl Arm {
         self.method == record.method && record.run_id.split('/').nth(2) == Some(self.vlm.as_str())
     }
 
-    /// Its name for people.
+    /// Display name.
     pub(super) fn name(&self) -> String {
         name(&self.method, &self.vlm)
     }
@@ -61,7 +61,7 @@ impl Arm {
         self.vlm == NOBODY
     }
 
-    /// The oracle's level of errors, where the oracle pointed, at whatever latency it was told (`oracle-default-3s`).
+    /// The oracle's error level, if an oracle was used, whatever its latency (`oracle-default-3s`).
     pub(super) fn level(&self) -> Option<&str> {
         let is_latency = |word: &str| word.strip_suffix('s').is_some_and(|seconds| seconds.parse::<f64>().is_ok());
         let untimed = self.vlm.rsplit_once('-').filter(|(_, last)| is_latency(last));
@@ -72,13 +72,13 @@ impl Arm {
         }
     }
 
-    /// Whether a vision-language model pointed, or a recording of one.
+    /// Whether a vision-language model was used, or a recording of one.
     pub(super) fn is_real(&self) -> bool {
         !self.is_blind() && self.level().is_none()
     }
 }
 
-/// The name of an arm for people.
+/// The display name of an arm.
 pub(super) fn name(method: &str, vlm: &str) -> String {
     if vlm == NOBODY { method.to_owned() } else { format!("{method} · {vlm}") }
 }
@@ -91,7 +91,7 @@ fn place(among: &mut Vec<String>, name: &str) -> usize {
 }
 
 impl Sums {
-    /// Of some rows.
+    /// Statistics of some rows.
     pub(super) fn of<'a>(records: impl Iterator<Item = &'a Record>) -> Self {
         let records: Vec<&Record> = records.collect();
         let rate = |hit: fn(&Record) -> bool| records.iter().map(|record| hit(record)).collect::<Rate>();
@@ -108,14 +108,14 @@ impl Sums {
         }
     }
 
-    /// Quartiles of the times: a quarter, half and three quarters of the successes were quicker.
+    /// Quartiles of the completion times.
     pub(super) fn quartiles(&self) -> Option<[f64; 3]> {
         let at = |share| percentile(&self.times, share);
         Some([at(0.25)?, at(0.5)?, at(0.75)?])
     }
 }
 
-/// Seconds from first motion to the end, of a success by self stop.
+/// Completion time of a success by self stop, seconds from the first motion.
 pub(super) fn completion(record: &Record) -> Option<f64> {
     record.flight.as_ref().filter(|_| record.scores.self_stop)?.completion_time_s
 }

@@ -1,4 +1,4 @@
-//! The charts: success by method, over level and latency, and completion times.
+//! Charts: success by method, by error level and latency, and completion times.
 
 use maud::{Markup, html};
 use spf_record::drawing::shortened;
@@ -59,7 +59,7 @@ fn lying(scale: Scale, y: f64, arm: &Arm, rate: Rate, filled: bool, what: &str) 
     }
 }
 
-/// The area of a curve: 0 to 100 % upwards, and its axis to the right.
+/// The plot area of a curve: 0 to 100 % upwards, and its horizontal axis.
 struct Area {
     x: Scale,
     y: Scale,
@@ -141,7 +141,7 @@ pub(super) fn latencies(curves: &[Curve<'_>]) -> Markup {
     svg(area.bottom() + 28.0, "Success over the latency of answers", &drawing)
 }
 
-/// Completion times of the successes: every one, and their quartiles.
+/// Completion times of the successes, with quartiles.
 pub(super) fn times(source: &Source) -> Markup {
     let rows: Vec<(&Arm, Sums)> = source.arms.iter().map(|arm| (arm, Sums::of(source.of_arm(arm)))).collect();
     let longest = rows.iter().flat_map(|(_, sums)| &sums.times).copied().fold(0.0, f64::max);
@@ -176,7 +176,7 @@ fn strip(scale: Scale, y: f64, arm: &Arm, sums: &Sums) -> Markup {
     }
 }
 
-/// What colours, marks and dashes mean, for charts by method and for maps by arm.
+/// Legend of colours, marks and dashes, for charts by method and maps by arm.
 pub(super) fn legend(source: &Source, by_arm: bool) -> Markup {
     let mut shown: Vec<&Arm> = Vec::new();
     for arm in &source.arms {

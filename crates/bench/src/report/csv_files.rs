@@ -1,4 +1,4 @@
-//! The same figures as CSV, for programs.
+//! The report's data as CSV files.
 
 use super::arm::{Arm, Sums, completion};
 use super::curve::{self, Curve};
@@ -10,7 +10,7 @@ use crate::stats::Rate;
 use crate::table::{table, vlm_of};
 use crate::trial::Record;
 
-/// A table: a head and rows.
+/// A table: a header and rows.
 struct Table {
     writer: csv::Writer<Vec<u8>>,
 }
@@ -23,7 +23,7 @@ impl Table {
     }
 
     fn row(&mut self, fields: impl IntoIterator<Item = String>) {
-        // Into memory nothing fails but rows of other lengths, and then less is there than was flown, which the tests would show.
+        // Writing to memory only fails for rows of unequal length, which the tests would show.
         self.writer.write_record(fields).ok();
     }
 

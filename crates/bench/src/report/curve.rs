@@ -1,12 +1,12 @@
-//! Curves: success over the oracle's level of errors and over latency. Only what was flown becomes a point.
+//! Curves of success by the oracle's error level and by latency. Only measured values become points.
 
 use super::arm::{Arm, Sums};
 use super::source::Source;
 use crate::stats::Rate;
 
-/// Shipped levels of errors, from none to many; other error files read depth otherwise and stand beside them.
+/// Built-in error levels in order; other error files differ in how they read depth and are listed beside them.
 pub(super) const LEVELS: [&str; 3] = ["perfect", "default", "poor"];
-/// Medians of latency closer than this are one and the same, seconds: the draws alone differ by as much.
+/// Median latencies closer than this are equal, seconds: random draws differ as much.
 const APART_S: f64 = 0.3;
 
 /// A method's points.
@@ -18,11 +18,11 @@ pub(super) struct Curve<'a> {
 
 /// One arm of a curve.
 pub(super) struct Point {
-    /// Place on the axis: a level's number, or seconds.
+    /// Position on the axis: the level's index, or seconds.
     pub(super) x: f64,
     pub(super) vlm: String,
     pub(super) rate: Rate,
-    /// Whether a line leads to it.
+    /// Whether it is connected by a line.
     pub(super) joined: bool,
 }
 
@@ -31,11 +31,11 @@ pub(super) struct Levels<'a> {
     /// Names along the axis.
     pub(super) names: Vec<String>,
     pub(super) curves: Vec<Curve<'a>>,
-    /// The blind control's rate, for which there is no level.
+    /// The rate of the blind control, which has no level.
     pub(super) blind: Vec<(&'a Arm, Rate)>,
 }
 
-/// Success over the oracle's levels; none with fewer than two levels.
+/// Success by error level; `None` with fewer than two levels.
 pub(super) fn levels(source: &Source) -> Option<Levels<'_>> {
     let found = |level: &str| source.arms.iter().any(|arm| arm.level() == Some(level));
     let mut names: Vec<String> = LEVELS.into_iter().filter(|level| found(level)).map(str::to_owned).collect();
@@ -58,7 +58,7 @@ pub(super) fn levels(source: &Source) -> Option<Levels<'_>> {
     Some(Levels { curves, blind, names })
 }
 
-/// Success over latency: methods that flew with several latencies; none where no method did.
+/// Success by latency, for methods flown with several latencies; `None` if there is none.
 pub(super) fn latencies(source: &Source) -> Option<Vec<Curve<'_>>> {
     let point = |arm: &Arm| {
         let sums = Sums::of(source.of_arm(arm));

@@ -1,25 +1,25 @@
-//! The ground plan of a trial's scene: what stands in it, seen from above, and what the task is about.
+//! Ground plan of a trial's scene, with the task's targets.
 
 use spf_scene::{Object, Scene};
 
-/// Kinds of things that are no obstacle to anybody.
+/// Kinds of objects that are never obstacles.
 const FLAT: [&str; 4] = ["ground", "floor", "ceiling", "water"];
-/// What is lower than this is walked over, metres.
+/// Objects lower than this are omitted, metres.
 const LOW: f64 = 0.25;
 
 /// A scene from above, metres east and north.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Ground {
-    /// Footprints of solid things.
+    /// Footprints of solid objects.
     pub(super) solid: Vec<Vec<[f64; 2]>>,
-    /// Footprints of the targets, and the middle of each with its name.
+    /// Footprints of the targets, and the centre of each with its name.
     pub(super) targets: Vec<Vec<[f64; 2]>>,
     pub(super) marks: Vec<([f64; 2], String)>,
 }
 
 impl Ground {
-    /// The plan of a scene, by the name that a row tells, with the objects of these keys as targets; none where the scene cannot be
-    /// loaded, such as a file that is not here. What moves stands where it begins.
+    /// The plan of the scene with this name, with the objects of these keys as targets; `None` if the scene cannot be
+    /// loaded, such as a missing file. Actors are at their initial positions.
     pub(super) fn load(scene: &str, targets: &[String]) -> Option<Self> {
         let scene = Scene::load(scene).ok()?;
         let mut ground = Self::default();

@@ -1,4 +1,4 @@
-//! The tables for LaTeX, in the manner of the package `booktabs`.
+//! LaTeX tables, using the package `booktabs`.
 
 use super::arm::{Arm, Sums};
 use super::matrix::{Row, matrix};
@@ -19,7 +19,7 @@ pub(super) fn files(source: &Source) -> Vec<(&'static str, String)> {
     ]
 }
 
-/// A table of so many columns, the first of words, with what made it in comments above.
+/// A table, with the first column left-aligned, and its origin in comments above.
 fn tabular(source: Option<&Source>, head: &[String], blocks: &[Vec<Vec<String>>]) -> String {
     let comments = source.map_or_else(Vec::new, Source::commands);
     let comments: String = comments.iter().map(|line| format!("% {}\n", line.replace(['\n', '\r'], " "))).collect();
@@ -93,7 +93,7 @@ fn published() -> String {
     tabular(None, &head, &[block(Set::Simulation), block(Set::RealWorld)])
 }
 
-/// A name as LaTeX sets it; what its fonts may lack is left out.
+/// Escapes a name for LaTeX; unsupported characters are omitted.
 fn escaped(text: &str) -> String {
     text.chars().fold(String::new(), |mut set, letter| {
         match letter {

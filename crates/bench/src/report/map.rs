@@ -1,4 +1,4 @@
-//! Flown ways from above: a map for each draw, with all methods in it, over the plan of the draw's scene.
+//! Maps of flown paths: one per draw, with all methods, over the ground plan.
 
 use std::collections::BTreeMap;
 
@@ -12,11 +12,11 @@ use crate::trial::{FlownPath, Record};
 /// Size of a map.
 const WIDTH: f64 = 320.0;
 const HEIGHT: f64 = 240.0;
-/// At least so much of the world is shown, metres.
+/// Minimum extent of the world shown, metres.
 const LEAST_M: f64 = 8.0;
-/// What is left out of a way lies so near to what is drawn, units of the map.
+/// Tolerance for simplifying paths, map units.
 const OFF: f64 = 0.4;
-/// Round lengths for the bar that tells the scale, metres.
+/// Lengths of the scale bar, metres.
 const BARS: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
 
 /// Task, seed and scene of a draw.
@@ -27,7 +27,7 @@ pub(super) struct Draw {
     pub(super) task: String,
     pub(super) seed: String,
     pub(super) scene: String,
-    /// Places of its rows among those of the report.
+    /// Indices of its rows in the report.
     pub(super) rows: Vec<usize>,
     start: [f64; 2],
     targets: Vec<String>,
@@ -35,17 +35,17 @@ pub(super) struct Draw {
     ground: Option<Ground>,
 }
 
-/// Which part of the world a map shows.
+/// The part of the world that a map shows.
 #[derive(Clone, Copy, Debug)]
 struct View {
     east: Scale,
     north: Scale,
-    /// Image units a metre.
+    /// Map units per metre.
     scale: f64,
 }
 
 impl View {
-    /// One that shows some places, with room around.
+    /// A view that contains the given positions, with a margin.
     fn of(places: impl Iterator<Item = [f64; 2]> + Clone) -> Self {
         let range = |axis: usize| {
             let values = places.clone().map(|place| place[axis]);
@@ -66,7 +66,7 @@ impl View {
         [self.east.at(east), self.north.at(north)]
     }
 
-    /// Outlines as one path; what lies outside or is smaller than a dot is left out.
+    /// Polygons as one path; those outside or smaller than a dot are omitted.
     fn outlines(&self, polygons: &[Vec<[f64; 2]>]) -> String {
         let shown = polygons.iter().filter_map(|polygon| {
             let places: Vec<[f64; 2]> = polygon.iter().map(|corner| self.at(*corner)).collect();
@@ -81,7 +81,7 @@ impl View {
         shown.collect()
     }
 
-    /// A bar of a round length, at most a third of the width.
+    /// A scale bar with a round length, at most a third of the width.
     fn bar(&self) -> Markup {
         let metres = BARS.into_iter().rev().find(|metres| metres * self.scale <= WIDTH / 3.0).unwrap_or(BARS[0]);
         let [left, bottom] = [8.0, HEIGHT - 8.0];
@@ -93,7 +93,7 @@ impl View {
 }
 
 impl Draw {
-    /// The draws of which someone's way is known, tasks and seeds in the order in which they come.
+    /// The draws with a known path, by task and seed in order of appearance.
     pub(super) fn all(source: &Source) -> Vec<Self> {
         let mut groups: Vec<(Key<'_>, Vec<usize>)> = Vec::new();
         let mut places: BTreeMap<Key<'_>, usize> = BTreeMap::new();
@@ -121,7 +121,7 @@ impl Draw {
         let ground = Ground::load(scene, &targets);
         let marks = ground.iter().flat_map(|ground| ground.marks.iter().map(|(at, _)| *at));
         let flown = ways.iter().flat_map(|way| way.places.iter().map(|place| [place[0], place[1]]));
-        // Where many things would do, those that nobody came near to are no reason to make the map small.
+        // With many possible targets, those far from every path should not make the map small.
         let flown_view = View::of(flown.clone().chain([[start.east, start.north]]));
         let near = marks.filter(|at| targets.len() < 4 || is_near(&flown_view, *at));
         let view = View::of(flown.chain(near).chain([[start.east, start.north]]));
@@ -129,17 +129,17 @@ impl Draw {
         Self { task, seed, scene, rows, start: [start.east, start.north], targets, view, ground }
     }
 
-    /// Whether the scene could be drawn.
+    /// Whether the scene could be loaded.
     pub(super) fn has_ground(&self) -> bool {
         self.ground.is_some()
     }
 
-    /// Keys of what the task is about.
+    /// Keys of the task's targets.
     pub(super) fn targets(&self) -> &[String] {
         &self.targets
     }
 
-    /// The plan under a name, once for all maps of the draw.
+    /// The plan with an id, once for all maps of the draw.
     pub(super) fn plan(&self, id: &str) -> Markup {
         let ground = self.ground.clone().unwrap_or_default();
         html! {
@@ -157,7 +157,7 @@ impl Draw {
         }
     }
 
-    /// A map of the ways of some of its rows, over the plan of that name.
+    /// A map of the paths of some of its rows, over the plan with that id.
     pub(super) fn map(&self, source: &Source, rows: &[usize], plan: &str) -> Markup {
         let [x, y] = self.view.at(self.start);
         let records = rows.iter().filter_map(|row| source.records.get(*row));
@@ -188,12 +188,12 @@ impl Draw {
     }
 }
 
-/// The way of a row, if it is known and goes anywhere.
+/// The path of a row, if it is known and not empty.
 pub(super) fn way<'a>(source: &'a Source, record: &Record) -> Option<&'a FlownPath> {
     source.paths.get(&record.run_id).filter(|way| !way.places.is_empty())
 }
 
-/// The seed of a row, as its name has it.
+/// The seed of a row, from its name.
 pub(super) fn seed(record: &Record) -> &str {
     record.run_id.rsplit('/').next().unwrap_or_default()
 }

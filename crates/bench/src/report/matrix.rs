@@ -1,4 +1,4 @@
-//! Success by category and arm, as a table that pages and papers show.
+//! Success by category and arm, for page and LaTeX.
 
 use super::arm::Arm;
 use super::source::Source;
@@ -6,17 +6,17 @@ use crate::contrast::Scoring;
 use crate::stats::Rate;
 use crate::table::{Line, table};
 
-/// A line of the table: all arms in one group of tasks.
+/// A row of the table: all arms in one group of tasks.
 pub(super) struct Row {
     /// The group in words.
     pub(super) name: String,
-    /// Whether it sums several categories.
+    /// Whether it is a sum of several categories.
     pub(super) is_sum: bool,
     /// A rate for each arm.
     pub(super) rates: Vec<Rate>,
 }
 
-/// The table of some arms: categories in the paper's order, each set's sum behind them, the sum of all at the end.
+/// The table for some arms: categories in the paper's order, each set followed by its sum, and the total at the end.
 pub(super) fn matrix(source: &Source, arms: &[&Arm], scoring: Scoring) -> Vec<Row> {
     let lines = table(&source.records);
     let of = |arm: &Arm, line: &Line| arm.method == line.method && arm.vlm == line.vlm;

@@ -1,7 +1,7 @@
-//! What a run comes to, for people: one page that needs nothing else, tables as CSV and for LaTeX (docs/guide/bench.md).
+//! Report of a run: a self-contained page, and tables as CSV and LaTeX (docs/guide/bench.md).
 //!
-//! Same folders, same bytes. Instructions, errors and names come from elsewhere: markup is made by templates that escape what is put
-//! into them, and the page runs no script and loads nothing but the videos beside it.
+//! Equal folders give equal bytes. Instructions, errors and names are external text, so all markup is created by
+//! templates that escape it. The page runs no scripts and loads only the videos beside it.
 
 mod arm;
 mod chart;
@@ -23,26 +23,26 @@ use thiserror::Error;
 use crate::run::StoreError;
 pub use source::{Missing, Run, Source};
 
-/// Why there is no report.
+/// Why a report cannot be created.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ReportError {
     /// A folder cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A folder that is none of results.
+    /// A folder without results.
     #[error("`{}` is no folder of results: it has no `bench.json`", path.display())]
     NoResults {
         /// The folder.
         path: PathBuf,
     },
-    /// Nothing was flown yet.
+    /// The folders contain no results yet.
     #[error("there is no trial in {folders} yet")]
     Empty {
         /// The folders.
         folders: String,
     },
-    /// A row that its plan does not know, or whose parts do not fit.
+    /// A row that is not part of its plan, or whose parts are inconsistent.
     #[error("`{}`: `{run_id}` is no trial of the plan in its `bench.json`", path.display())]
     Stranger {
         /// The folder.
@@ -50,7 +50,7 @@ pub enum ReportError {
         /// The row.
         run_id: String,
     },
-    /// One trial in two folders.
+    /// A trial that is in two folders.
     #[error("the trial `{run_id}` stands in `{}` and in `{}`", first.display(), second.display())]
     Twice {
         /// The trial.
@@ -65,16 +65,16 @@ pub enum ReportError {
     Write {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
 }
 
-/// Writes the report into a folder: `report.html`, `csv/`, `latex/`. What stands there under these names is replaced.
+/// Writes the report into a folder: `report.html`, `csv/`, `latex/`. Existing files with these names are replaced.
 ///
 /// # Errors
-/// [`ReportError::Write`].
+/// [`ReportError::Write`] if a file cannot be written.
 pub fn write(source: &Source, into: &Path) -> Result<PathBuf, ReportError> {
     let page = into.join("report.html");
     for (folder, files) in [("csv", csv_files::files(source)), ("latex", latex::files(source))] {

@@ -1,5 +1,5 @@
-//! What the paper published (Hu et al., CoRL 2025, arXiv 2509.22653): other simulators, other judges, real VLMs. It stands in a block
-//! of its own, with Wilson's intervals, which the paper does not give.
+//! Published results (Hu et al., CoRL 2025, arXiv 2509.22653): other simulators, other judges, real VLMs. Shown in a
+//! separate section, with Wilson intervals, which the paper does not give.
 
 use crate::stats::Rate;
 use crate::task::{Category, Set};
@@ -7,7 +7,7 @@ use crate::task::{Category, Set};
 /// Methods of the paper's table, in its order.
 pub(super) const METHODS: [&str; 3] = ["TypeFly", "PIVOT", "SPF"];
 
-/// A row of the paper's table: successes of each of [`METHODS`], of so many.
+/// A row of the paper's table: successes of each of [`METHODS`], and the number of trials.
 pub(super) struct Published {
     pub(super) set: Set,
     pub(super) category: Category,
@@ -33,7 +33,7 @@ pub(super) const TABLE: [Published; 10] = [
     row(Set::RealWorld, Category::Follow, [2, 0, 10], 10),
 ];
 
-/// How the reply is asked for, and who is asked: 15 trials each, of which the paper gives percentages.
+/// Reply formats and models: percentages over 15 trials each, as given in the paper.
 pub(super) const PROMPTS: [(&str, &str, u64); 8] = [
     ("plain text", "Gemini 2.0 Flash", 1),
     ("PIVOT", "Gemini 2.0 Flash", 6),
@@ -44,28 +44,28 @@ pub(super) const PROMPTS: [(&str, &str, u64); 8] = [
     ("SPF", "Claude 3.7 Sonnet", 14),
     ("SPF", "Llama 4 Maverick", 14),
 ];
-/// Trials of each.
+/// Trials per entry.
 pub(super) const PROMPT_TRIALS: u64 = 15;
 
-/// A step rule on a task: seconds, and successes of five.
+/// A step rule on a task: seconds, and successes out of five.
 pub(super) struct Stepped {
     pub(super) task: &'static str,
     pub(super) fixed: (f64, u64),
     pub(super) adaptive: (f64, u64),
 }
 
-/// The fixed step against the adaptive one.
+/// The fixed step compared with the adaptive one.
 pub(super) const STEPS: [Stepped; 3] = [
     Stepped { task: "cones", fixed: (61.0, 5), adaptive: (28.0, 5) },
     Stepped { task: "thirsty", fixed: (50.25, 4), adaptive: (35.2, 5) },
     Stepped { task: "raining", fixed: (47.0, 5), adaptive: (30.0, 5) },
 ];
-/// Trials of each.
+/// Trials per entry.
 pub(super) const STEP_TRIALS: u64 = 5;
 
-/// Who finds the obstacles: seconds a decision, and the percentage, which fits these successes of 18.
+/// Sources of obstacle boxes: seconds per decision, and the percentage with the corresponding successes out of 18.
 pub(super) const DETECTORS: [(&str, f64, f64, u64); 2] = [("in the same answer", 1.077, 88.8, 16), ("YOLOv8n", 1.726, 72.2, 13)];
-/// Trials that the percentages fit; the paper does not give them.
+/// Number of trials that fits the percentages; the paper does not give it.
 pub(super) const DETECTOR_TRIALS: u64 = 18;
 
 /// The sum of one method over a set.

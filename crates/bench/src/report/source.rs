@@ -1,4 +1,4 @@
-//! The folders that a report is about.
+//! The result folders of a report.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -16,42 +16,42 @@ pub struct Run {
     pub folder: PathBuf,
     /// Its plan.
     pub head: Head,
-    /// How it was made; none of a version that did not keep it.
+    /// Its manifest; `None` for results of older versions without one.
     pub made: Option<RunManifest>,
     records: usize,
 }
 
-/// All that a report is made of.
+/// The data of a report.
 #[derive(Debug)]
 pub struct Source {
-    /// The folders, as they were named.
+    /// The folders, in the order given.
     pub runs: Vec<Run>,
-    /// Their rows, folder by folder, each in the order of its plan.
+    /// Their rows, by folder, each in plan order.
     pub records: Vec<Record>,
-    /// The ways flown, by trial.
+    /// Flown paths, by trial.
     pub paths: BTreeMap<String, FlownPath>,
-    /// Methods with who pointed, in the order in which they come.
+    /// The arms, in order of appearance.
     pub arms: Vec<Arm>,
-    /// Folder of each row.
+    /// Index of the folder of each row.
     of: Vec<usize>,
 }
 
-/// Trials of a plan that are not there.
+/// Missing trials of a plan.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Missing {
-    /// Trials of the plan.
+    /// Number of trials of the plan.
     pub of: usize,
-    /// Those that are missing.
+    /// The missing ones.
     pub trials: Vec<String>,
     /// Folders of the plan.
     pub folders: Vec<PathBuf>,
 }
 
 impl Source {
-    /// Reads folders.
+    /// Reads the folders.
     ///
     /// # Errors
-    /// [`ReportError`] for what is no folder of results, is damaged, or holds a trial that another holds too.
+    /// [`ReportError`] for folders without results, with damaged results, or with a trial that another folder also has.
     pub fn read(folders: &[PathBuf]) -> Result<Self, ReportError> {
         let mut source = Self { runs: Vec::new(), records: Vec::new(), paths: BTreeMap::new(), arms: Vec::new(), of: Vec::new() };
         let mut seen: BTreeMap<String, usize> = BTreeMap::new();
@@ -82,7 +82,7 @@ impl Source {
         Ok(source)
     }
 
-    /// The folder of a row, by its place among them.
+    /// The folder of a row, by its index.
     pub(super) fn run_of(&self, row: usize) -> Option<&Run> {
         self.runs.get(*self.of.get(row)?)
     }
@@ -92,7 +92,7 @@ impl Source {
         self.records.iter().filter(|record| arm.flew(record))
     }
 
-    /// Tasks, in the order in which they come.
+    /// The tasks, in order of appearance.
     pub(super) fn tasks(&self) -> Vec<&str> {
         let mut tasks: Vec<&str> = Vec::new();
         for record in &self.records {
@@ -103,7 +103,7 @@ impl Source {
         tasks
     }
 
-    /// Plans that are not complete. Fractions of one plan are counted together.
+    /// Incomplete plans; shards of one plan are counted together.
     #[must_use]
     pub fn missing(&self) -> Vec<Missing> {
         let there: BTreeSet<&str> = self.records.iter().map(|record| record.run_id.as_str()).collect();
@@ -122,17 +122,17 @@ impl Source {
         missing.filter(|plan: &Missing| !plan.trials.is_empty()).collect()
     }
 
-    /// How each folder's rows were made, a line a folder.
+    /// The commands of the runs, one line per folder.
     pub(super) fn commands(&self) -> Vec<String> {
         let mut lines: Vec<String> = self.runs.iter().map(Run::command).collect();
-        // Fractions of one plan have one command.
+        // Shards of one plan have the same command.
         lines.dedup();
         lines
     }
 }
 
 impl Run {
-    /// The command that makes its rows, with the seeds.
+    /// The command for its rows, with the seeds.
     pub(super) fn command(&self) -> String {
         let command = self.made.as_ref().map_or_else(
             || "spf bench run, by a version that did not keep its arguments; the trials stand in bench.json".to_owned(),
@@ -141,7 +141,7 @@ impl Run {
         format!("{command} (seeds {})", self.seeds())
     }
 
-    /// The seeds of its plan: `0 to 4`, or one by one.
+    /// The seeds of its plan: `0 to 4`, or listed.
     pub(super) fn seeds(&self) -> String {
         let seeds: BTreeSet<u64> = self.head.trials.iter().filter_map(|id| id.rsplit('/').next()?.parse::<u64>().ok()).collect();
         match (seeds.first(), seeds.last()) {
@@ -151,7 +151,7 @@ impl Run {
         }
     }
 
-    /// On which days it was flown, as far as it is known.
+    /// The days on which it was flown, if known.
     pub(super) fn days(&self) -> String {
         match &self.made {
             None => "on a day that was not kept".to_owned(),
@@ -161,7 +161,7 @@ impl Run {
         }
     }
 
-    /// Folder, share and number of rows in a few words.
+    /// Folder, shard and number of rows in a few words.
     pub(super) fn words(&self) -> String {
         let share = self.head.shard;
         let share = if share == Shard::WHOLE { String::new() } else { format!(", share {} of {}", share.index, share.count) };
@@ -169,7 +169,7 @@ impl Run {
     }
 }
 
-/// The rows of a folder, which must be those of its plan.
+/// The rows of a folder, which must belong to its plan.
 fn rows(folder: &Path, head: &Head) -> Result<Vec<Record>, ReportError> {
     if !folder.join("results.jsonl").exists() {
         return Ok(Vec::new());
@@ -185,7 +185,7 @@ fn rows(folder: &Path, head: &Head) -> Result<Vec<Record>, ReportError> {
     match stranger {
         Some(record) => Err(ReportError::Stranger { path: folder.to_owned(), run_id: record.run_id.clone() }),
         None => {
-            // Those of an unfinished run stand as they came.
+            // Rows of an unfinished run are in order of completion.
             records.sort_by_key(|record| planned.get(record.run_id.as_str()).copied());
             Ok(records)
         }

@@ -1,15 +1,15 @@
-//! What the figures have in common: scales, marks, axes. Colours and line styles are the page's style sheet's, so that figures follow
-//! a light or a dark page.
+//! Common parts of the charts: scales, marks, axes. Colours and line styles are in the page's style sheet, so that
+//! charts follow its light or dark theme.
 
 use maud::{Markup, html};
 use spf_record::drawing::thinned;
 
-/// Marks that are told apart by shape as well as by colour.
+/// Number of mark shapes, which distinguish methods in addition to colour.
 const SHAPES: usize = 6;
-/// Colours of the style sheet.
+/// Number of colours in the style sheet.
 const COLOURS: usize = 8;
 
-/// From values to places on a drawing.
+/// Maps values to drawing coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     pub(super) values: [f64; 2],
@@ -23,7 +23,7 @@ impl Scale {
         self.places[0] + share * (self.places[1] - self.places[0])
     }
 
-    /// Round values along it, about `count` of them.
+    /// About `count` round values along it.
     pub(super) fn ticks(self, count: f64) -> Vec<f64> {
         let [low, high] = self.values;
         let rough = (high - low) / count;
@@ -37,23 +37,23 @@ impl Scale {
     }
 }
 
-/// A number for a drawing: a tenth of its unit, without a trailing zero or a sign before nothing.
+/// Formats a coordinate with one decimal, without trailing zeros or a negative zero.
 pub(super) fn n(value: f64) -> String {
     let tenths = (10.0 * value).round() / 10.0 + 0.0;
     if tenths == 0.0 { "0".to_owned() } else { tenths.to_string() }
 }
 
-/// Class of a method's colour.
+/// CSS class of a method's colour.
 pub(super) fn colour(method: usize) -> String {
     format!("c{}", method % COLOURS)
 }
 
-/// Class of the dashes of who pointed.
+/// CSS class of a VLM's dash pattern.
 pub(super) fn dashes(vlm: usize) -> String {
     format!("d{}", vlm % 4)
 }
 
-/// A mark about a place; `filled` or an outline.
+/// A mark at a position, filled or outlined.
 pub(super) fn mark(method: usize, [x, y]: [f64; 2], size: f64, filled: bool, title: &str) -> Markup {
     let class = format!("{} {}", colour(method), if filled { "mark" } else { "mark hollow" });
     let corner = |dx: f64, dy: f64| format!("{} {}", n(x + dx * size), n(y + dy * size));
@@ -85,13 +85,13 @@ pub(super) fn text(anchor: &str, [x, y]: [f64; 2], words: &str) -> Markup {
     html! { text text-anchor=(anchor) x=(n(x)) y=(n(y)) { (words) } }
 }
 
-/// A path through places, [thinned].
+/// A path through points, [thinned].
 pub(super) fn through(places: impl Iterator<Item = [f64; 2]>) -> String {
     let corners: Vec<String> = thinned(places).iter().map(|[x, y]| format!("{} {}", n(*x), n(*y))).collect();
     if corners.is_empty() { String::new() } else { format!("M{}", corners.join("L")) }
 }
 
-/// A way without the places that lie no farther than `off` from the straight line between those that stay (Douglas and Peucker 1973).
+/// Simplifies a path with tolerance `off` (Douglas and Peucker 1973).
 pub(super) fn simplified(places: &[[f64; 2]], off: f64) -> Vec<[f64; 2]> {
     let mut stays = vec![false; places.len()];
     let mut spans = Vec::new();
@@ -110,7 +110,7 @@ pub(super) fn simplified(places: &[[f64; 2]], off: f64) -> Vec<[f64; 2]> {
     places.iter().zip(stays).filter_map(|(place, stays)| stays.then_some(*place)).collect()
 }
 
-/// How far a place lies from the line between two others, ends included.
+/// Distance of a point from a line segment.
 fn distance([x, y]: [f64; 2], [ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
     let (dx, dy) = (bx - ax, by - ay);
     let square = dx * dx + dy * dy;

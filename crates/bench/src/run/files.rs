@@ -1,31 +1,31 @@
-//! Files of an out folder: written whole or not at all, and why they cannot be.
+//! Files of a result folder: written atomically, with errors.
 
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-/// Why results cannot be kept.
+/// Why results cannot be stored.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum StoreError {
-    /// Reading or writing.
+    /// Reading or writing failed.
     #[error("cannot read or write `{path}`")]
     File {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
-    /// The folder holds something else.
+    /// The folder contains something else.
     #[error("`{path}` holds the results of another plan: {what}")]
     Other {
         /// The folder.
         path: PathBuf,
-        /// How they differ.
+        /// The difference.
         what: &'static str,
     },
-    /// A row is none.
+    /// An invalid row.
     #[error("`{path}`, line {line}: this is no row of results")]
     Row {
         /// The file.
@@ -33,18 +33,18 @@ pub enum StoreError {
         /// The line, from 1.
         line: usize,
     },
-    /// Shares that do not make a whole.
+    /// Shards that do not form a complete plan.
     #[error("the shares are not whole: {0}")]
     Shares(String),
 }
 
-/// The failure of reading or writing a file.
+/// Maps a file error.
 pub(super) fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> StoreError {
     let path = path.to_owned();
     move |source| StoreError::File { path, source }
 }
 
-/// Writes a file whole or not at all.
+/// Writes a file atomically.
 pub(super) fn replace(path: &Path, text: &str) -> Result<(), StoreError> {
     let beside = path.with_extension("new");
     std::fs::write(&beside, text).map_err(failed(&beside))?;

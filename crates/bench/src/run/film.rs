@@ -1,4 +1,4 @@
-//! Trials that are filmed while they are flown.
+//! Records videos of trials.
 
 use std::path::{Path, PathBuf};
 
@@ -8,20 +8,20 @@ use spf_record::out_dir::{OutDir, OutDirError};
 use super::files::{StoreError, failed};
 use crate::trial::{Drawn, Flown, Trial};
 
-/// The video of a trial in a folder of results, whether it is there or not.
+/// Path of the video of a trial in a result folder, whether or not it exists.
 #[must_use]
 pub fn video_of(folder: &Path, run_id: &str) -> PathBuf {
     folder.join("videos").join(format!("{run_id}.mp4"))
 }
 
-/// Flies a trial and keeps its video; what else a recorded flight leaves is thrown away.
+/// Flies a trial and keeps its video; other files of the recorded flight are deleted.
 pub(super) fn fly(trial: &Trial, drawn: &Drawn, folder: &Path) -> Result<Flown, StoreError> {
     let run_id = trial.run_id();
     let video = video_of(folder, &run_id);
     let made = video.parent().map_or(Ok(()), std::fs::create_dir_all);
     made.map_err(failed(&video))?;
     let beside = video.with_extension("part");
-    // What a kill left.
+    // Left over from a process that was killed.
     if beside.exists() {
         std::fs::remove_dir_all(&beside).map_err(failed(&beside))?;
     }
@@ -31,7 +31,7 @@ pub(super) fn fly(trial: &Trial, drawn: &Drawn, folder: &Path) -> Result<Flown, 
     })?;
     let flown = trial.fly(drawn, Some(RecordPlan { out, video: true, view: None }));
     let film = beside.join("video.mp4");
-    // A trial that could not be begun has none.
+    // A trial that could not start has no video.
     if film.is_file() {
         std::fs::rename(&film, &video).map_err(failed(&video))?;
     }

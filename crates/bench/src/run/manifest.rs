@@ -1,5 +1,5 @@
-//! `run.json`: how and when results were made. It is for people who read a report; nothing is decided by it, and the wall clock stands
-//! nowhere else among the results.
+//! `run.json`: how and when results were produced, for readers of a report. It does not influence results, and is the
+//! only file among them with the wall clock.
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -12,37 +12,37 @@ use super::files::{StoreError, failed, replace};
 
 const NAME: &str = "run.json";
 
-/// One word for a shell, quoted where it must be.
+/// Quotes a word for a shell if necessary.
 #[must_use]
 pub fn shell_word(word: &str) -> String {
-    // Lists and names of models are common words here, and no shell reads them otherwise.
+    // Lists and model names are common here, and safe in any shell.
     let plain = |c: char| c.is_ascii_alphanumeric() || ",.:/@_-".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
         return word.to_owned();
     }
-    // A NUL, which no argument can hold, is the only thing that is refused.
+    // Only a NUL is refused, which no argument can contain.
     shlex::try_quote(word).map_or_else(|_| word.replace('\0', ""), std::borrow::Cow::into_owned)
 }
 
-/// How results were made.
+/// How results were produced.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunManifest {
-    /// The command that makes the same rows, without folder, share and number of jobs.
+    /// The command for the same rows, without folder, shard and number of jobs.
     pub command: String,
-    /// Tasks that do not come with the program: id and file, as it was named.
+    /// Tasks that are not built in: id and file, as given.
     #[serde(default)]
     pub files: BTreeMap<String, String>,
-    /// Day on which it was begun, `YYYY-MM-DD`, UTC.
+    /// Day on which the run started, `YYYY-MM-DD`, UTC.
     pub began: String,
-    /// Day on which the last trial was flown; none while some are missing.
+    /// Day of the last trial; `None` while some are missing.
     pub ended: Option<String>,
 }
 
 impl RunManifest {
-    /// That of a folder; none where there is none.
+    /// Reads the manifest of a folder; `None` if there is none.
     ///
     /// # Errors
-    /// [`StoreError`] when it cannot be read.
+    /// [`StoreError`] if it cannot be read.
     pub fn read(folder: &Path) -> Result<Option<Self>, StoreError> {
         let path = folder.join(NAME);
         match std::fs::read_to_string(&path) {
@@ -55,17 +55,17 @@ impl RunManifest {
         }
     }
 
-    /// Keeps it in a folder.
+    /// Writes the manifest to a folder.
     ///
     /// # Errors
-    /// [`StoreError::File`].
+    /// [`StoreError::File`] if writing fails.
     pub fn write(&self, folder: &Path) -> Result<(), StoreError> {
         let path = folder.join(NAME);
         let text = serde_json::to_string_pretty(self).map_err(|error| failed(&path)(error.into()))?;
         replace(&path, &format!("{text}\n"))
     }
 
-    /// Remembers in a folder that it was begun today, or before.
+    /// Records the start of a run, today unless it started earlier.
     pub(super) fn begin(folder: &Path, command: &str, files: &BTreeMap<String, String>) -> Result<Self, StoreError> {
         let before = Self::read(folder)?;
         let (began, ended) = before.map_or_else(|| (today(), None), |before| (before.began, before.ended));
@@ -74,12 +74,12 @@ impl RunManifest {
         Ok(made)
     }
 
-    /// Remembers that all was flown by today.
+    /// Records that all trials are complete today.
     pub(super) fn end(self, folder: &Path) -> Result<(), StoreError> {
         Self { ended: Some(today()), ..self }.write(folder)
     }
 
-    /// That of the whole, from those of its shares: from the first day to the last.
+    /// The manifest of the complete plan from those of its shards: from the first day to the last.
     pub(super) fn joined(shares: impl Iterator<Item = Self>) -> Option<Self> {
         shares.reduce(|whole, share| Self {
             began: whole.began.min(share.began),

@@ -1,4 +1,4 @@
-//! Many trials on several threads, into a folder; resumed where they were cut off.
+//! Runs many trials on several threads into a folder, and resumes interrupted runs.
 
 mod files;
 mod film;
@@ -24,24 +24,24 @@ use crate::fnv;
 use crate::task::Task;
 use crate::trial::{Flown, Method, Pointer, Record, Trial, draw};
 
-/// What is to be run.
+/// A plan of trials.
 pub struct Plan {
     /// The tasks, in order.
     pub tasks: Vec<Arc<Task>>,
     /// The methods, in order.
     pub methods: Vec<Method>,
-    /// Who points, in order; the blind control flies once for all of them.
+    /// The VLMs, in order; the blind control is flown once for all of them.
     pub pointers: Vec<Pointer>,
-    /// Trials of each.
+    /// Number of trials (seeds) per task.
     pub trials: u64,
-    /// Seed of the first; the others follow.
+    /// Seed of the first trial; the others follow.
     pub seed: u64,
-    /// US dollars from which on nothing more is asked in a trial.
+    /// Cost limit per trial, US dollars.
     pub max_cost_usd: Option<f64>,
 }
 
 impl Plan {
-    /// Trials by draw: those of one draw fly from the same start in the same scene.
+    /// Trials by draw: those of one draw start from the same pose in the same scene.
     #[must_use]
     pub fn draws(&self) -> Vec<Vec<Trial>> {
         let mut draws = Vec::new();
@@ -65,7 +65,7 @@ impl Plan {
         self.methods.iter().flat_map(|method| asked(*method)).collect()
     }
 
-    /// Its head, for one share. `pointing` tells what stands behind the pointers' names.
+    /// Its head, for one shard. `pointing` describes what the VLM names stand for.
     #[must_use]
     pub fn head(&self, shard: Shard, pointing: &str) -> Head {
         let trials = self.draws().iter().flatten().map(Trial::run_id).collect();
@@ -74,35 +74,35 @@ impl Plan {
     }
 }
 
-/// How a run went.
+/// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// Trials of this share.
+    /// Number of trials of this shard.
     pub of: usize,
-    /// Those that are there.
+    /// Number of completed trials.
     pub done: usize,
-    /// Whether it was stopped before the end.
+    /// Whether it was stopped early.
     pub stopped: bool,
 }
 
-/// How a plan is run, which changes nothing in its rows.
+/// How a plan is run, without effect on its rows.
 #[derive(Clone, Debug)]
 pub struct Manner {
-    /// Trials that are flown at once.
+    /// Number of parallel trials.
     pub jobs: usize,
-    /// Whether each flight is filmed.
+    /// Whether to record videos.
     pub videos: bool,
-    /// The command that makes the same rows, as it is kept in `run.json`.
+    /// The command for the same rows, stored in `run.json`.
     pub command: String,
-    /// Tasks that do not come with the program: id and file.
+    /// Tasks that are not built in: id and file.
     pub files: BTreeMap<String, String>,
 }
 
-/// Runs the trials of one share that are not there yet. `told` hears of the progress; when `stop` says so, no
-/// further trial is begun.
+/// Runs the missing trials of one shard. `told` receives the progress; once `stop` returns true, no further trial
+/// starts.
 ///
 /// # Errors
-/// [`StoreError`] when results cannot be kept.
+/// [`StoreError`] if results cannot be stored.
 pub fn run(
     plan: &Plan,
     head: &Head,
@@ -136,7 +136,7 @@ pub fn run(
                     let Some(trials) = left.get(number) else { return };
                     let film = manner.videos.then_some(folder);
                     let fly = || fly_draw(trials, film, ending, &mut |flown| rows.send(flown).is_ok());
-                    // Of the last draws some have ended when others go on: those may use what threads there are.
+                    // Towards the end some jobs have finished: the others may use all threads.
                     let is_last = number + manner.jobs > left.len();
                     if !own.as_ref().filter(|_| !is_last).map_or_else(fly, |own| own.install(fly)) {
                         return;
@@ -165,13 +165,13 @@ pub fn run(
     Ok(progress)
 }
 
-/// The threads of one of `jobs` that run side by side: those that all share would spend their time waiting for one another. None
-/// where the system gives no more.
+/// A thread pool for one of `jobs` parallel jobs: with a shared one they would spend their time waiting for each other.
+/// `None` if the system cannot provide it.
 fn threads(jobs: usize) -> Option<ThreadPool> {
     ThreadPoolBuilder::new().num_threads((rayon::current_num_threads() / jobs.max(1)).max(1)).build().ok()
 }
 
-/// Flies the trials of one draw, filmed into the folder `film` where there is one; false when it is to end.
+/// Flies the trials of one draw, recorded into the folder `film` if given; false if the run is to end.
 fn fly_draw(
     trials: &[Trial],
     film: Option<&Path>,

@@ -1,42 +1,42 @@
-//! One fraction of the trials for each of several machines.
+//! Shards: the fraction of the trials that one of several machines runs.
 
 use std::str::FromStr;
 
 use thiserror::Error;
 
-/// Share `index` of `count`, from 0.
+/// Shard `index` of `count`, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Shard {
-    /// Which, from 0.
+    /// Index, from 0.
     pub index: u32,
-    /// Of how many.
+    /// Number of shards.
     pub count: u32,
 }
 
-/// Why a share was refused.
+/// An invalid shard.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("`{0}` is no share i/n: i counts from 0 and is less than n, as in 0/4")]
 pub struct ShardError(pub String);
 
 impl Shard {
-    /// The variable that tells on Kubernetes how many shares there are, which its manifest gives.
+    /// The variable with the number of shards on Kubernetes, set in the manifest.
     pub const COUNT_VARIABLE: &'static str = "SPF_SHARDS";
 
-    /// All of it.
+    /// All trials.
     pub const WHOLE: Self = Self { index: 0, count: 1 };
 
-    /// Whether draw number `number` is its own.
+    /// Whether draw number `number` belongs to this shard.
     #[must_use]
     pub fn has(self, number: usize) -> bool {
         number as u64 % u64::from(self.count.max(1)) == u64::from(self.index)
     }
 
-    /// The share that Slurm (`SLURM_ARRAY_TASK_ID`, `…_MIN`, `…_COUNT`) or Kubernetes (`JOB_COMPLETION_INDEX` of an Indexed Job,
-    /// whose manifest gives [`COUNT_VARIABLE`](Self::COUNT_VARIABLE) beside it) tells; none where neither does. Slurm's arrays may begin anywhere but must
-    /// step by one.
+    /// The shard given by Slurm (`SLURM_ARRAY_TASK_ID`, `…_MIN`, `…_COUNT`) or Kubernetes (`JOB_COMPLETION_INDEX` of an
+    /// Indexed Job, with [`COUNT_VARIABLE`](Self::COUNT_VARIABLE) in its manifest); `None` outside of both. Slurm
+    /// arrays may start at any index but must have step one.
     ///
     /// # Errors
-    /// [`ShardError`] for numbers that are none.
+    /// [`ShardError`] for invalid numbers.
     pub fn of_environment(variable: impl Fn(&str) -> Option<String>) -> Result<Option<Self>, ShardError> {
         let number = |name: &str| {
             let text = variable(name);

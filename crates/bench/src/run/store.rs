@@ -1,7 +1,7 @@
-//! The out folder: `bench.json` says what is run, `results.jsonl` has a row a trial, `paths.jsonl` the way of each.
+//! The result folder: `bench.json` describes the plan, `results.jsonl` has one row per trial, `paths.jsonl` its path.
 //!
-//! A row is appended as soon as its trial is over, its way before it, so that a kill loses none; when all are there, the rows are put
-//! in the order of the plan, which is the same whatever the number of jobs.
+//! A row is appended as soon as its trial ends, after its path, so that nothing is lost if the process is killed. When
+//! all are complete, the rows are sorted in plan order, independent of the number of jobs.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -15,25 +15,25 @@ use super::manifest::RunManifest;
 use super::shard::Shard;
 use crate::trial::{Flown, FlownPath, Record};
 
-/// Version of the files.
+/// Version of the file format.
 const FORMAT: u32 = 1;
-/// A row a trial.
+/// One row per trial.
 const RESULTS: &str = "results.jsonl";
-/// The way of each.
+/// The path of each trial.
 const PATHS: &str = "paths.jsonl";
 
-/// What is run.
+/// The plan of a folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Head {
-    /// Version of the files.
+    /// Version of the file format.
     pub format: u32,
     /// The program's version.
     pub program: String,
-    /// Every trial of the plan, in order, of all shares.
+    /// Every trial of the plan, in order, over all shards.
     pub trials: Vec<String>,
-    /// The share that is run here.
+    /// The shard of this folder.
     pub shard: Shard,
-    /// What the tasks and whoever points are, as a number: rows of others are not mixed with these.
+    /// Digest of tasks and VLMs: rows of different plans are not mixed.
     pub plan: String,
 }
 
@@ -53,17 +53,17 @@ pub struct Store {
     paths: File,
 }
 
-/// The part of a row that tells which it is.
+/// The part of a row that identifies it.
 #[derive(Deserialize)]
 struct Id {
     run_id: String,
 }
 
 impl Store {
-    /// Opens a folder for a plan, new or begun; the trials that are there already are told.
+    /// Opens a new or existing folder for a plan; returns the trials already completed.
     ///
     /// # Errors
-    /// [`StoreError`] when it cannot be written to or is another plan's.
+    /// [`StoreError`] if it is not writable or belongs to another plan.
     pub fn open(folder: &Path, head: &Head) -> Result<(Self, Vec<String>), StoreError> {
         std::fs::create_dir_all(folder).map_err(failed(folder))?;
         let head_path = folder.join("bench.json");
@@ -89,16 +89,16 @@ impl Store {
     /// Appends the rows of a trial.
     ///
     /// # Errors
-    /// [`StoreError::File`].
+    /// [`StoreError::File`] if writing fails.
     pub fn push(&mut self, flown: &Flown) -> Result<(), StoreError> {
         append(&mut self.paths, &flown.path, &self.folder.join(PATHS))?;
         append(&mut self.results, &flown.record, &self.folder.join(RESULTS))
     }
 
-    /// Puts the rows in the order of the plan.
+    /// Sorts the rows in plan order.
     ///
     /// # Errors
-    /// [`StoreError`] when they cannot be read or written.
+    /// [`StoreError`] if they cannot be read or written.
     pub fn finish(&self, head: &Head) -> Result<(), StoreError> {
         for path in [RESULTS, PATHS].map(|name| self.folder.join(name)) {
             replace(&path, &in_order(head, whole_rows(&path)?))?;
@@ -107,16 +107,16 @@ impl Store {
     }
 }
 
-/// The rows in the order of the plan.
+/// The rows in plan order.
 fn in_order(head: &Head, mut rows: BTreeMap<String, String>) -> String {
     head.trials.iter().filter_map(|id| rows.remove(id)).collect()
 }
 
-/// Opens a file of rows to append to it, and tells whose rows are there.
+/// Opens a file of rows for appending; also returns the trials in it.
 fn appended(path: &Path) -> Result<(File, Vec<String>), StoreError> {
     let rows = whole_rows(path)?;
     let there = rows.keys().cloned().collect();
-    // What a kill tore is cut off before anything is appended to it.
+    // A truncated last line is removed before anything is appended.
     let text: String = rows.into_values().collect();
     replace(path, &text)?;
     Ok((OpenOptions::new().append(true).open(path).map_err(failed(path))?, there))
@@ -140,7 +140,7 @@ fn difference(there: &Head, wanted: &Head) -> &'static str {
     }
 }
 
-/// The whole rows of a file by their trial; a torn last line is left out. None of a file that is not there.
+/// The complete rows of a file by trial, without a truncated last line. Empty if there is no file.
 fn whole_rows(path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
@@ -155,25 +155,25 @@ fn whole_rows(path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
     Ok(rows)
 }
 
-/// Lines that end, with their numbers from 1: what a kill tore is none.
+/// Complete lines with their numbers from 1.
 fn whole_lines(text: &str) -> impl Iterator<Item = (&str, usize)> {
     text.split_inclusive('\n').zip(1..).filter(|(row, _)| row.ends_with('\n'))
 }
 
-/// The rows of a folder of results, as they stand there; a torn last line is left out.
+/// Reads the rows of a result folder in file order, without a truncated last line.
 ///
 /// # Errors
-/// [`StoreError`] when they cannot be read.
+/// [`StoreError`] if they cannot be read.
 pub fn read_records(folder: &Path) -> Result<Vec<Record>, StoreError> {
     let path = folder.join(RESULTS);
     let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
     whole_lines(&text).map(|(row, line)| serde_json::from_str(row).map_err(|_| no_row(&path, line))).collect()
 }
 
-/// The flown ways of a folder of results by their trial; none of a folder of a version that kept none.
+/// Reads the flown paths of a result folder by trial; empty for results of older versions without paths.
 ///
 /// # Errors
-/// [`StoreError`] when they cannot be read.
+/// [`StoreError`] if they cannot be read.
 pub fn read_paths(folder: &Path) -> Result<BTreeMap<String, FlownPath>, StoreError> {
     let path = folder.join(PATHS);
     let mut found = BTreeMap::new();
@@ -184,10 +184,10 @@ pub fn read_paths(folder: &Path) -> Result<BTreeMap<String, FlownPath>, StoreErr
     Ok(found)
 }
 
-/// The plan of a folder of results.
+/// Reads the plan of a result folder.
 ///
 /// # Errors
-/// [`StoreError`] when it cannot be read.
+/// [`StoreError`] if it cannot be read.
 pub fn read_head(folder: &Path) -> Result<Head, StoreError> {
     let path = folder.join("bench.json");
     let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
@@ -199,10 +199,10 @@ fn no_row(path: &Path, line: usize) -> StoreError {
     StoreError::Row { path: path.to_owned(), line }
 }
 
-/// Joins the fractions of one plan: the rows, byte for byte those of a run in one piece.
+/// Merges the shards of one plan; the rows are byte for byte those of an unsharded run.
 ///
 /// # Errors
-/// [`StoreError`] when a share is missing, not finished, or another plan's.
+/// [`StoreError`] if a shard is missing, incomplete, or belongs to another plan.
 pub fn merge(shares: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
     let mut whole: Option<Head> = None;
     let (mut rows, mut ways, mut made) = (BTreeMap::new(), BTreeMap::new(), Vec::new());

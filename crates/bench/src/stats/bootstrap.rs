@@ -1,20 +1,20 @@
-//! The bootstrap: how much a statistic would vary in other samples like this one.
+//! The bootstrap: variability of a statistic over resampled data.
 
 use spf_core::rng::Draw;
 
 use super::{Estimate, percentile};
 
-/// Samples drawn unless another number is asked for.
+/// Default number of samples.
 pub const DRAWS: usize = 10_000;
 
-/// Draws samples with replacement; which ones follows from a seed and a name alone.
+/// Draws samples with replacement, which depend only on a seed and a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bootstrap<'a> {
     /// Seed of the draws.
     pub seed: u64,
-    /// What they are for: two statistics of one seed are drawn apart.
+    /// Purpose: statistics with different names get independent draws.
     pub name: &'a str,
-    /// How many samples.
+    /// Number of samples.
     pub draws: usize,
 }
 
@@ -25,15 +25,15 @@ impl<'a> Bootstrap<'a> {
         Self { seed, name, draws: DRAWS }
     }
 
-    /// The statistic of `items` with the percentile interval of 95 % over samples of them. None where the statistic has no value
-    /// on the items themselves; samples on which it has none are left out.
+    /// The statistic of `items` with its 95 % percentile interval over samples. `None` if the statistic is undefined on
+    /// the items themselves; samples on which it is undefined are ignored.
     pub fn estimate<T: Clone>(&self, items: &[T], statistic: impl Fn(&[T]) -> Option<f64>) -> Option<Estimate> {
         let clusters: Vec<[T; 1]> = items.iter().map(|item| [item.clone()]).collect();
         self.by_cluster(&clusters, statistic).map(|estimate| Estimate { n: items.len(), ..estimate })
     }
 
-    /// The same for items that come in clusters (trials of one task) and are alike within them: clusters are drawn first, then
-    /// as many items inside each as it has. `n` counts items.
+    /// The same for items in clusters (trials of one task), which are similar within a cluster: clusters are drawn
+    /// first, then as many items inside each as it has. `n` counts items.
     pub fn by_cluster<T: Clone, C: AsRef<[T]>>(
         &self,
         clusters: &[C],
@@ -48,7 +48,7 @@ impl<'a> Bootstrap<'a> {
             sample.clear();
             for _ in 0..clusters.len() {
                 let cluster = clusters[draw.below(clusters.len())].as_ref();
-                // One item is itself: no draw is spent on it.
+                // A single item needs no draw.
                 match cluster {
                     [only] => sample.push(only.clone()),
                     several => sample.extend((0..several.len()).map(|_| several[draw.below(several.len())].clone())),

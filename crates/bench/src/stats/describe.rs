@@ -1,19 +1,19 @@
 //! Means and percentiles.
 
-/// The mean; none of nothing.
+/// The mean; `None` for an empty slice.
 #[must_use]
 pub fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// The median; none of nothing.
+/// The median; `None` for an empty slice.
 #[must_use]
 pub fn median(values: &[f64]) -> Option<f64> {
     percentile(values, 0.5)
 }
 
-/// The value below which a share `at` (0..=1) of the values lies, between neighbours by straight lines (the definition of NumPy
-/// and of spreadsheets, Hyndman and Fan's seventh). None of nothing. NaN counts as the largest.
+/// The quantile `at` (0..=1), with linear interpolation (as in NumPy; type 7 of Hyndman and Fan). `None` for an empty
+/// slice. NaN counts as the largest value.
 #[must_use]
 pub fn percentile(values: &[f64], at: f64) -> Option<f64> {
     let mut sorted = values.to_vec();
@@ -23,7 +23,7 @@ pub fn percentile(values: &[f64], at: f64) -> Option<f64> {
     let below = (place as usize).min(last);
     let (low, high) = (sorted[below], sorted[(below + 1).min(last)]);
     let part = place - below as f64;
-    // Where there is no part of the way to go, an infinite neighbour has no say.
+    // Without interpolation, an infinite neighbour must not matter.
     Some(if part == 0.0 { low } else { low + part * (high - low) })
 }
 

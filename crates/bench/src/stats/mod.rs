@@ -1,7 +1,7 @@
-//! Statistics for small numbers: intervals that hold near 0 and 1, exact tests for pairs, resampling by cluster.
+//! Statistics for small samples: intervals that are valid near 0 and 1, exact tests for pairs, cluster resampling.
 //!
-//! Everything two-sided, intervals of 95 % unless a level is named. Distributions come from `statrs`; it uses the platform's
-//! transcendental functions, so last bits may differ between platforms, printed figures do not.
+//! All tests are two-sided, and intervals are 95 % unless stated otherwise. Distributions come from `statrs`, which
+//! uses the platform's transcendental functions, so last bits may differ between platforms, but not printed values.
 
 mod bootstrap;
 mod describe;
@@ -23,13 +23,13 @@ pub const Z95: f64 = 1.959_963_984_540_054;
 /// An estimate with an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// The value found.
+    /// The point estimate.
     pub value: f64,
-    /// Lower end of the interval.
+    /// Lower bound.
     pub low: f64,
-    /// Upper end.
+    /// Upper bound.
     pub high: f64,
-    /// Of how many.
+    /// Sample size.
     pub n: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Two methods on the same items: do they differ?
+//! Comparison of two methods on the same items.
 
 use serde::{Deserialize, Serialize};
 use spf_core::rng::Draw;
@@ -6,28 +6,28 @@ use statrs::distribution::{Binomial, DiscreteCDF};
 
 use super::{Estimate, wilson};
 
-/// Pairs that disagree.
+/// Discordant pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Discordant {
-    /// The first succeeded and the second did not.
+    /// Only the first succeeded.
     pub first: u64,
-    /// The second succeeded and the first did not.
+    /// Only the second succeeded.
     pub second: u64,
 }
 
-/// Two rates on the same items.
+/// Difference of two rates on the same items.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PairedDifference {
-    /// The first rate less the second, with the interval of Newcombe's tenth method for pairs.
+    /// The first rate minus the second, with Newcombe's interval for paired data (method 10).
     pub difference: Estimate,
-    /// The pairs that disagree.
+    /// The discordant pairs.
     pub discordant: Discordant,
-    /// Exact McNemar, two-sided, not yet corrected for several comparisons.
+    /// Two-sided exact McNemar p value, without correction for multiple comparisons.
     pub p: f64,
 }
 
 impl PairedDifference {
-    /// From pairs of outcomes; none of none.
+    /// From pairs of outcomes; `None` for an empty slice.
     #[must_use]
     pub fn of(pairs: &[(bool, bool)]) -> Option<Self> {
         let count = |wanted| pairs.iter().filter(|pair| **pair == wanted).count() as u64;
@@ -38,16 +38,16 @@ impl PairedDifference {
     }
 }
 
-/// The exact test of McNemar, two-sided: twice the chance that of the pairs that disagree no more than the smaller part would go
-/// its way if both ways were as likely; at most 1, and 1 where none disagrees.
+/// Two-sided exact McNemar test: twice the probability of at most the smaller number of discordant pairs in that
+/// direction if both are equally likely; at most 1, and 1 without discordant pairs.
 #[must_use]
 pub fn mcnemar(Discordant { first, second }: Discordant) -> f64 {
     let Ok(fair) = Binomial::new(0.5, first + second) else { return 1.0 };
     (2.0 * fair.cdf(first.min(second))).min(1.0)
 }
 
-/// The difference of two paired rates with Newcombe's interval (1998, method 10): Wilson intervals of both, joined by their
-/// correlation.
+/// The difference of two paired rates with Newcombe's interval (1998, method 10): Wilson intervals of both, combined
+/// using their correlation.
 fn newcombe(both: u64, first: u64, second: u64, neither: u64) -> Option<Estimate> {
     let of = both + first + second + neither;
     let (one, two) = (both + first, both + second);
@@ -56,7 +56,7 @@ fn newcombe(both: u64, first: u64, second: u64, neither: u64) -> Option<Estimate
     let (p_1, p_2) = (one as f64 / n, two as f64 / n);
     let margins = (a + b) * (c + d) * (a + c) * (b + d);
     let cross = a * d - b * c;
-    // Newcombe's correction for continuity of a positive correlation.
+    // Newcombe's continuity correction for a positive correlation.
     let cross = if cross > n / 2.0 { cross - n / 2.0 } else { cross.min(0.0) };
     let phi = if margins > 0.0 { cross / margins.sqrt() } else { 0.0 };
     let reach = |x: f64, y: f64| (x * x - 2.0 * phi * x * y + y * y).max(0.0).sqrt();
@@ -66,16 +66,16 @@ fn newcombe(both: u64, first: u64, second: u64, neither: u64) -> Option<Estimate
     Some(Estimate { value, low, high, n: usize::try_from(of).ok()? })
 }
 
-/// The permutation test for paired numbers, two-sided: how often a mean difference at least as far from 0 comes up when the sign
-/// of each difference is tossed. All tosses up to sixteen differences, else `draws` of them (Phipson and Smyth: one is added to both
-/// counts, so that p is never 0). 1 without differences.
+/// Two-sided permutation test for paired numbers: how often a mean difference at least as far from 0 occurs if the sign
+/// of each difference is random. All sign combinations up to sixteen differences, otherwise `draws` random ones
+/// (Phipson and Smyth: one is added to both counts, so that p is never 0). 1 without differences.
 #[must_use]
 pub fn sign_flip(differences: &[f64], seed: u64, draws: u32) -> f64 {
     let differences: Vec<f64> = differences.iter().copied().filter(|difference| *difference != 0.0).collect();
     if differences.is_empty() {
         return 1.0;
     }
-    // A sum that is equal but for rounding counts as equal.
+    // Sums that are equal up to rounding count as equal.
     let reached = differences.iter().sum::<f64>().abs() * (1.0 - 1e-12);
     let n = differences.len();
     if n <= 16 {
@@ -95,7 +95,7 @@ pub fn sign_flip(differences: &[f64], seed: u64, draws: u32) -> f64 {
     f64::from(far + 1) / (f64::from(draws) + 1.0)
 }
 
-/// P values of several comparisons made one family's (Holm 1979), in the order given.
+/// P values with Holm's correction (1979), in the order given.
 #[must_use]
 pub fn holm(p: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p.len()).collect();

@@ -1,7 +1,7 @@
-//! Whether one quantity grows with another.
+//! Rank correlation.
 
-/// Kendall's τ-b of pairs: +1 when both always grow together, −1 when one falls as the other grows, corrected for ties. None
-/// where either never changes.
+/// Kendall's τ-b: +1 if both quantities always grow together, −1 if one falls as the other grows, corrected for ties.
+/// `None` if either is constant.
 #[must_use]
 pub fn kendall_tau_b(pairs: &[(f64, f64)]) -> Option<f64> {
     let counts = Counts::of(pairs);
@@ -11,8 +11,9 @@ pub fn kendall_tau_b(pairs: &[(f64, f64)]) -> Option<f64> {
     (scale > 0.0).then(|| (agree - differ) / scale)
 }
 
-/// Monotonicity: of the pairs of items whose first quantities differ, the share in which the second does not go the other way (a
-/// tie there is no fault: ten labels cannot tell every distance from every other). None where no first quantities differ.
+/// Concordance: among pairs of items with different first quantities, the fraction whose second quantities are not in
+/// opposite order (ties count as correct, since ten labels cannot distinguish all distances). `None` if the first
+/// quantity is constant.
 #[must_use]
 pub fn concordance(pairs: &[(f64, f64)]) -> Option<f64> {
     let counts = Counts::of(pairs);
@@ -30,7 +31,7 @@ struct Counts {
 }
 
 impl Counts {
-    /// Pair by pair: a bootstrap of hundreds of items calls it ten thousand times, and still takes seconds only.
+    /// Compares all pairs: even ten thousand calls from a bootstrap of hundreds of items take only seconds.
     fn of(pairs: &[(f64, f64)]) -> Self {
         let mut counts = Self::default();
         for (i, a) in pairs.iter().enumerate() {

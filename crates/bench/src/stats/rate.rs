@@ -1,27 +1,27 @@
-//! One rate: so many of so many.
+//! Success rates.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Beta, ContinuousCDF};
 
 use super::{Estimate, Z95};
 
-/// So many of so many.
+/// A success rate, as counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rate {
-    /// How many did.
+    /// Number of successes.
     pub hits: u64,
-    /// Of how many.
+    /// Number of trials.
     pub of: u64,
 }
 
 impl Rate {
-    /// Counts one.
+    /// Counts one trial.
     pub fn count(&mut self, hit: bool) {
         self.hits += u64::from(hit);
         self.of += 1;
     }
 
-    /// The rate with its Wilson interval; none of nothing.
+    /// The rate with its Wilson interval; `None` without trials.
     #[must_use]
     pub fn estimate(self) -> Option<Estimate> {
         let (low, high) = wilson(self.hits, self.of)?;
@@ -37,7 +37,7 @@ impl FromIterator<bool> for Rate {
     }
 }
 
-/// Wilson's score interval of 95 % for `hits` of `of`; none of nothing.
+/// The 95 % Wilson score interval for `hits` of `of`; `None` without trials.
 #[must_use]
 pub fn wilson(hits: u64, of: u64) -> Option<(f64, f64)> {
     if of == 0 || hits > of {
@@ -48,14 +48,14 @@ pub fn wilson(hits: u64, of: u64) -> Option<(f64, f64)> {
     let scale = 1.0 + square / n;
     let centre = (p + square / (2.0 * n)) / scale;
     let half = Z95 * (p * (1.0 - p) / n + square / (4.0 * n * n)).sqrt() / scale;
-    // At the ends the interval reaches them exactly, which rounding would miss by an ulp.
+    // The interval includes 0 or 1 exactly, which rounding would miss by an ulp.
     let low = if hits == 0 { 0.0 } else { (centre - half).max(0.0) };
     let high = if hits == of { 1.0 } else { (centre + half).min(1.0) };
     Some((low, high))
 }
 
-/// The interval of Clopper and Pearson, whose level is guaranteed: for claims of safety. `level` is the confidence, such as 0.95.
-/// None of nothing, and for a level outside 0..1.
+/// The Clopper-Pearson interval, with guaranteed coverage: for safety claims. `level` is the confidence, such as 0.95.
+/// `None` without trials, and for a level outside 0..1.
 #[must_use]
 pub fn clopper_pearson(hits: u64, of: u64, level: f64) -> Option<(f64, f64)> {
     if of == 0 || hits > of || !(level > 0.0 && level < 1.0) {

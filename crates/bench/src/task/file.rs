@@ -1,4 +1,4 @@
-//! The task file as written: its keys, and where in the text each thing stands.
+//! The task file format: its keys, with positions in the text.
 
 use std::ops::Range;
 
@@ -11,17 +11,17 @@ use toml::Spanned;
 use super::select::Selector;
 use super::{Category, Goal, GoalKind, MAX_BYTES, Set, Start, Task, TaskError, Trajectory, View, Winds};
 
-/// The version of the format that is read.
+/// Supported version of the format.
 const FORMAT: u32 = 1;
-/// Most goals of a task, and most trajectories.
+/// Maximum number of goals of a task, and of trajectories.
 const MOST: usize = 16;
-/// Most corners of a trajectory.
+/// Maximum number of corners of a trajectory.
 const MOST_CORNERS: usize = 500;
-/// Longest word, characters.
+/// Maximum length of a text, characters.
 const LONGEST: usize = 300;
-/// Strongest wind, metres per second; no craft here holds against more than 15.
+/// Maximum wind speed, m/s; no supported craft holds against more than 15.
 const STRONGEST_M_S: f64 = 15.0;
-/// Most that an answer is delayed by, seconds: the pilot gives up a question after 20 s.
+/// Maximum additional reply delay, seconds: the pilot gives up a query after 20 s.
 const MOST_DELAY_S: f64 = 15.0;
 
 #[derive(Deserialize)]
@@ -125,7 +125,7 @@ fn yes() -> bool {
     true
 }
 
-/// The text with its name, for errors.
+/// The text with its file name, for errors.
 struct Source<'a> {
     text: &'a str,
     file: &'a str,
@@ -147,12 +147,12 @@ impl Source<'_> {
         Err(self.error(value.span(), format!("`{key}` must be from {low} to {high}, not {number}"), None))
     }
 
-    /// The same where it may be left out.
+    /// The same for an optional number.
     fn or(&self, key: &str, value: Option<&Spanned<f64>>, low: f64, high: f64, default: f64) -> Result<f64, TaskError> {
         value.map_or(Ok(default), |value| self.number(key, value, low, high))
     }
 
-    /// A range that rises within limits.
+    /// An ascending range within limits.
     fn range(&self, key: &str, value: &Spanned<[f64; 2]>, low: f64, high: f64) -> Result<[f64; 2], TaskError> {
         let [from, to] = *value.get_ref();
         if low <= from && from < to && to <= high {
@@ -162,7 +162,7 @@ impl Source<'_> {
         Err(self.error(value.span(), message, Some("write `[15.0, 100.0]`")))
     }
 
-    /// A word that is there and not too long.
+    /// A text that is not empty and not too long.
     fn word(&self, key: &str, value: &Spanned<String>) -> Result<String, TaskError> {
         let word = value.get_ref();
         if (1..=LONGEST).contains(&word.chars().count()) {
@@ -340,7 +340,7 @@ fn goal(raw: Spanned<RawGoal>, source: &Source<'_>) -> Result<Goal, TaskError> {
     Ok(Goal { kind, targets: source.selectors(raw.targets)? })
 }
 
-/// A key that means nothing to the goal is a mistake.
+/// Rejects keys that do not apply to the goal.
 fn allowed(raw: &RawGoal, at: Range<usize>, source: &Source<'_>) -> Result<(), TaskError> {
     use RawKind::{Around, Behind, Follow, Reach, Scan, Through, Visit};
     let uses: [(&str, bool, &[RawKind]); 8] = [

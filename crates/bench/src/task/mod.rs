@@ -1,4 +1,4 @@
-//! Tasks as data: where, from where, what is said, and what counts as done (docs/guide/bench.md).
+//! Tasks as data: scene, start, instruction and success criteria (docs/guide/bench.md).
 
 mod file;
 mod select;
@@ -13,10 +13,10 @@ pub use select::{Rank, Selector};
 pub(crate) use select::{centre, select_all};
 pub use shipped::{SUITES, Suite, shipped, suite};
 
-/// Longest task file that is read, bytes.
+/// Maximum size of a task file, bytes.
 pub const MAX_BYTES: usize = 256 << 10;
 
-/// Why a task file was refused.
+/// Why a task file is invalid.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum TaskError {
@@ -25,25 +25,25 @@ pub enum TaskError {
     Read {
         /// The path.
         path: String,
-        /// Why.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
-    /// The file is no task.
+    /// The file is not a valid task.
     #[error("{file}:{line}: {message}{}", hint.as_ref().map(|h| format!("\n\nhint: {h}")).unwrap_or_default())]
     Invalid {
         /// The file.
         file: String,
         /// Line, from 1.
         line: usize,
-        /// What is wrong.
+        /// The problem.
         message: String,
-        /// What to do.
+        /// How to fix it.
         hint: Option<String>,
     },
 }
 
-/// Which of the paper's two sets a task belongs to; it decides the judge's radius.
+/// The paper's set that a task belongs to, which determines the success radius.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Set {
@@ -54,7 +54,7 @@ pub enum Set {
 }
 
 impl Set {
-    /// The judge's radius about the target's nearest surface, metres.
+    /// The success radius around the target's nearest surface, metres.
     #[must_use]
     pub fn radius(self) -> f64 {
         match self {
@@ -63,7 +63,7 @@ impl Set {
         }
     }
 
-    /// In words for people.
+    /// Display text.
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
@@ -73,26 +73,26 @@ impl Set {
     }
 }
 
-/// The paper's groups of tasks.
+/// The paper's categories of tasks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Category {
-    /// Fly there.
+    /// Fly to a target.
     Navigation,
-    /// Fly there past something in the way.
+    /// Fly to a target past an obstacle.
     ObstacleAvoidance,
-    /// Several things in order.
+    /// Several targets in order.
     LongHorizon,
-    /// What is meant has to be inferred.
+    /// The target must be inferred.
     Reasoning,
-    /// What is meant has to be found.
+    /// The target must be found.
     Search,
-    /// What is meant walks.
+    /// The target walks.
     Follow,
 }
 
 impl Category {
-    /// In words for people.
+    /// Display text.
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
@@ -116,163 +116,165 @@ pub enum View {
     Never,
     /// In every second draw.
     Half,
-    /// It is not looked at.
+    /// Not checked.
     Any,
 }
 
-/// Where trials begin.
+/// Start of trials.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Start {
     /// Whether every trial begins at the scene's own start and heading; then nothing is drawn, and the rest does not apply.
     pub own: bool,
     /// Whether the target is in view.
     pub view: View,
-    /// Metres from the start to the nearest surface of a target, least and most.
+    /// Distance from the start to the nearest surface of a target, minimum and maximum, metres.
     pub range: [f64; 2],
-    /// Metres east, from and to; none: the scene's bounds.
+    /// Range in metres east; `None` for the scene's bounds.
     pub east: Option<[f64; 2]>,
-    /// Metres north, from and to.
+    /// Range in metres north; `None` for the scene's bounds.
     pub north: Option<[f64; 2]>,
-    /// What view and range are about; empty: the targets of the first goal.
+    /// The targets of view and range; empty for those of the first goal.
     pub of: Vec<Selector>,
-    /// One of these stands on the straight way to the target, at most so far from it on the map, metres.
+    /// Objects of which one is on the straight path to the target, with their maximum horizontal distance from it,
+    /// metres.
     pub past: Option<(Vec<Selector>, f64)>,
-    /// Whether something solid meets the straight way from take-off height to the target; none: it may, or may not.
+    /// Whether the straight path from take-off height to the target is blocked by a solid object; `None` if not
+    /// checked.
     pub blocked: Option<bool>,
 }
 
-/// Wind that a trial is flown in: it blows from anywhere, by the trial's seed.
+/// Wind of a trial: from any direction, by the trial's seed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Winds {
-    /// Minimum and most speed, metres per second.
+    /// Minimum and maximum speed, m/s.
     pub speed: [f64; 2],
-    /// Standard deviation of the gusts along each axis, metres per second.
+    /// Standard deviation of the gusts along each axis, m/s.
     pub gust: f64,
     /// Time constant of the gusts, seconds.
     pub gust_time: f64,
 }
 
-/// One thing to be done. Goals are met in order.
+/// A goal. Goals are met in order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
-    /// What.
+    /// The predicate.
     pub kind: GoalKind,
-    /// To which objects of the scene; nothing for a scan.
+    /// Its targets in the scene; empty for a scan.
     pub targets: Vec<Selector>,
 }
 
-/// The predicates.
+/// Predicates of goals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GoalKind {
-    /// Within the judge's radius of one of them, which is clearly visible.
+    /// Within the success radius of a target, which is clearly visible.
     Reach {
-        /// Another one than the goal before was met with.
+        /// Whether the target must differ from that of the previous goal.
         other: bool,
-        /// At least at this fraction of the target's height.
+        /// Minimum height, as a fraction of the target's height.
         up_share: f64,
     },
-    /// The same with so many of them, one after another, in any order.
+    /// Reach several targets, in any order.
     Visit {
-        /// How many.
+        /// Number of targets.
         count: usize,
     },
-    /// Through so many of these openings, and on by so many metres.
+    /// Through several of these openings, and on by a distance.
     Through {
-        /// How many; none: all of them.
+        /// Number of openings; `None` for all of them.
         count: Option<usize>,
-        /// Metres from where the last was crossed.
+        /// Distance beyond the last one, metres.
         beyond: f64,
     },
-    /// About one of them by this angle, no farther than that from its surface.
+    /// Around a target by an angle, within a distance of its surface.
     Around {
-        /// Radians.
+        /// Angle, radians.
         angle: f64,
-        /// Metres.
+        /// Maximum distance, metres.
         within: f64,
     },
-    /// Over one of them: above its footprint and its top, from one side to another.
+    /// Over a target: above its footprint and its top, from one side to another.
     Over,
-    /// Behind one of them, seen from the start.
+    /// Behind a target, as seen from the start.
     Behind {
-        /// At most so far from its surface, metres.
+        /// Maximum distance from its surface, metres.
         within: f64,
     },
-    /// All around is seen.
+    /// Look all around.
     Scan {
-        /// What turns and the field of view come to, radians.
+        /// Total of yaw and field of view, radians.
         angle: f64,
     },
-    /// Near one of them and in view of it for a fraction of the time that has just gone by.
+    /// Near a target with it in view, for a fraction of a time window.
     Follow {
-        /// Metres from its surface.
+        /// Maximum distance from its surface, metres.
         within: f64,
-        /// Share.
+        /// Fraction of the window, 0..=1.
         share: f64,
-        /// Seconds.
+        /// Length of the window, seconds.
         window: f64,
     },
 }
 
 impl GoalKind {
-    /// Whether it holds as long as it holds; the others are met once and for all.
+    /// Whether it only holds at the current instant; the others stay met.
     #[must_use]
     pub fn is_momentary(&self) -> bool {
         matches!(self, Self::Reach { .. } | Self::Follow { .. })
     }
 }
 
-/// A way that the judge must accept or reject: the file's own test of its predicate. It is flown in the scene as the file has
-/// it, at an even speed.
+/// A test trajectory that the judge must accept or reject. It is flown in the scene as given in the file, at constant
+/// speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
-    /// What it shows.
+    /// What it demonstrates.
     pub why: String,
     /// Whether the judge must accept it.
     pub accepted: bool,
-    /// Metres per second.
+    /// Speed, m/s.
     pub speed: f64,
-    /// Places are metres from this object, wherever it is by then.
+    /// Key of the object to which positions are relative, wherever it is at the time.
     pub beside: Option<String>,
     /// Corners.
     pub path: Vec<Pose>,
-    /// Seconds of rest at the end.
+    /// Rest at the end, seconds.
     pub rest: f64,
 }
 
 /// A task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Task {
-    /// Its name.
+    /// Its id.
     pub id: String,
-    /// What is said.
+    /// The instruction.
     pub instruction: String,
     /// Simulation or real world.
     pub set: Set,
-    /// The paper's group.
+    /// The paper's category.
     pub category: Category,
     /// Scene, a built-in name or a path.
     pub scene: String,
-    /// Whether each trial flies in a variant of it.
+    /// Whether each trial uses a variant of it.
     pub variants: bool,
-    /// Light and weather that are not left to the variant.
+    /// Light and weather, if not determined by the variant.
     pub conditions: SceneLook,
-    /// Wind; none: still air.
+    /// Wind; `None` for still air.
     pub wind: Option<Winds>,
-    /// Minimum and most seconds by which every answer of the VLM comes later, drawn by question; none: it comes when it comes.
+    /// Range of the additional delay of every VLM reply, seconds, drawn per query; `None` for none.
     pub vlm_delay: Option<[f64; 2]>,
-    /// In what is flown.
+    /// Craft model.
     pub craft: CraftKind,
-    /// Obstacle mode.
+    /// Whether obstacle mode is on.
     pub avoid: bool,
-    /// Flight time after which it is a timeout, seconds.
+    /// Flight time limit, seconds.
     pub max_time: f64,
-    /// Decisions after which it is a timeout.
+    /// Limit on the number of decisions.
     pub max_decisions: u32,
-    /// Where trials begin.
+    /// Start of trials.
     pub start: Start,
-    /// What is to be done.
+    /// The goals.
     pub goals: Vec<Goal>,
-    /// Ways that the judge is tested with.
+    /// Test trajectories for the judge.
     pub trajectories: Vec<Trajectory>,
 }
 
@@ -280,27 +282,27 @@ impl Task {
     /// Reads a task file.
     ///
     /// # Errors
-    /// [`TaskError`] when it cannot be read or is no task.
+    /// [`TaskError`] if it cannot be read or is invalid.
     pub fn load(path: &str) -> Result<Self, TaskError> {
         let text = std::fs::read_to_string(path).map_err(|source| TaskError::Read { path: path.to_owned(), source })?;
         Self::parse(&text, path)
     }
 
-    /// Reads the text of a task file; `file` is its name in errors.
+    /// Parses the text of a task file; `file` is its name in errors.
     ///
     /// # Errors
-    /// [`TaskError::Invalid`] with file, line and what to do.
+    /// [`TaskError::Invalid`] with file, line and a hint.
     pub fn parse(text: &str, file: &str) -> Result<Self, TaskError> {
         file::parse(text, file)
     }
 
-    /// What view and range of the start are about.
+    /// The targets of the start's view and range.
     #[must_use]
     pub fn start_targets(&self) -> &[Selector] {
         if self.start.of.is_empty() { self.goals.first().map_or(&[], |goal| &goal.targets) } else { &self.start.of }
     }
 
-    /// Light and weather by name, for people.
+    /// Display names of light and weather.
     #[must_use]
     pub fn conditions_words(&self) -> [Option<&'static str>; 2] {
         [self.conditions.lighting.map(Lighting::name), self.conditions.weather.map(Weather::name)]

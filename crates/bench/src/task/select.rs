@@ -1,5 +1,5 @@
-//! Which objects of a scene are meant: by key and by what people call them, so that a variant, which paints and renames, keeps
-//! its targets.
+//! Selects objects of a scene by key or by name, so that a variant, which recolours and renames objects, keeps its
+//! targets.
 
 use serde::Deserialize;
 use spf_core::geometry::EnuPosition;
@@ -7,11 +7,11 @@ use spf_flight::sim::LoadedScene;
 use spf_scene::geometry::ObjectId;
 use spf_scene::{Aabb, Object};
 
-/// Objects for which all of what is given holds.
+/// Selects the objects that satisfy all given conditions.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Selector {
-    /// Key in the scene; that of a row means all of it.
+    /// Key in the scene; the key of a row selects all of it.
     pub id: Option<String>,
     /// One of its names or synonyms.
     pub name: Option<String>,
@@ -24,13 +24,13 @@ pub struct Selector {
     pub used_to: Option<String>,
     /// One of its qualities.
     pub quality: Option<String>,
-    /// Of those, the one nearest to the object with this key.
+    /// Restricts to the object nearest to the one with this key.
     pub nearest_to: Option<String>,
-    /// Of those, one by its distance from the start.
+    /// Restricts to one object by its distance from the start.
     pub from_start: Option<Rank>,
 }
 
-/// A place in the order by distance.
+/// Rank by distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rank {
@@ -41,7 +41,7 @@ pub enum Rank {
 }
 
 impl Selector {
-    /// Whether nothing is asked, which would be everything.
+    /// Whether there is no condition; that would select everything.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         let words = [&self.id, &self.name, &self.colour, &self.kind, &self.used_to, &self.quality];
@@ -66,7 +66,7 @@ impl Selector {
             && among(&self.quality, &tags.qualities)
     }
 
-    /// The objects, ascending by id. `from` is the start.
+    /// The selected objects, ascending by id. `from` is the start.
     #[must_use]
     pub fn select(&self, loaded: &LoadedScene, from: EnuPosition) -> Vec<ObjectId> {
         let mut found: Vec<&Object> = loaded.scene.objects.iter().filter(|object| self.fits(object)).collect();
@@ -83,7 +83,7 @@ impl Selector {
     }
 }
 
-/// The objects of several selectors, each once, ascending by id.
+/// The objects of several selectors, without duplicates, ascending by id.
 pub(crate) fn select_all(selectors: &[Selector], loaded: &LoadedScene, from: EnuPosition) -> Vec<ObjectId> {
     let mut all: Vec<ObjectId> = selectors.iter().flat_map(|selector| selector.select(loaded, from)).collect();
     all.sort_unstable();
@@ -100,7 +100,7 @@ fn by_distance(a: &Object, b: &Object, to: EnuPosition) -> core::cmp::Ordering {
     away(a).total_cmp(&away(b))
 }
 
-/// The middle of a box.
+/// The centre of a box.
 pub(crate) fn centre(bounds: &Aabb) -> EnuPosition {
     let (min, max) = (bounds.min, bounds.max);
     EnuPosition { east: 0.5 * (min.east + max.east), north: 0.5 * (min.north + max.north), up: 0.5 * (min.up + max.up) }

@@ -1,17 +1,17 @@
-//! The tasks that come with the program, and the suites that they make.
+//! The built-in tasks and suites.
 
 use std::sync::Arc;
 
 use super::{Task, TaskError};
 
-/// Tasks of a folder of `tasks/`, by their names: name and text.
+/// Tasks of a folder of `tasks/`: name and text.
 macro_rules! tasks {
     ($folder:literal: $($name:literal),+ $(,)?) => {
         &[$(($name, include_str!(concat!("../../../../tasks/", $folder, "/", $name, ".toml")))),+]
     };
 }
 
-/// The tasks of the paper's table, in its order: name and text.
+/// The tasks of the paper's table, in order: name and text.
 const PAPER: &[(&str, &str)] = tasks!("paper":
     "sim-nav-red-crane",
     "sim-nav-white-building",
@@ -49,8 +49,8 @@ const PAPER: &[(&str, &str)] = tasks!("paper":
     "real-follow-green-shirt",
 );
 
-/// Thirty in which methods differ: far, small, behind clutter, alike, moving, round a corner, five in a row, in wind, at dusk,
-/// with slow answers.
+/// Thirty tasks on which methods differ: far, small, in clutter, similar objects, moving, around a corner, five targets
+/// in a row, in wind, at dusk, with slow replies.
 const HARD: &[(&str, &str)] = tasks!("hard":
     "hard-far-windsock",
     "hard-far-yellow-crane",
@@ -84,11 +84,11 @@ const HARD: &[(&str, &str)] = tasks!("hard":
     "hard-delay-radio-mast",
 );
 
-/// The five on which the paper compares ways of asking.
+/// The five tasks on which the paper compares reply formats.
 const NAVIGATION: &[(&str, &str)] = &[PAPER[0], PAPER[1], PAPER[2], PAPER[3], PAPER[4]];
 
-/// Those of the paper with obstacles on the straight way, and obstacle mode on; the paper does not tell which of its 18 trials with a
-/// detector are of.
+/// The paper's tasks with obstacles on the straight path, in obstacle mode; the paper does not state to which tasks its
+/// 18 trials with a detector belong.
 const OBSTACLES: &[(&str, &str)] = &[PAPER[5], PAPER[6], PAPER[7], PAPER[8], PAPER[9], PAPER[24], PAPER[25]];
 
 /// Every task.
@@ -104,11 +104,11 @@ const fn every() -> [(&'static str, &'static str); PAPER.len() + HARD.len()] {
     all
 }
 
-/// The three on which the paper compares steps: the cones, the dry chair, the drink.
+/// The three tasks on which the paper compares step rules: the cones, the dry chair, the drink.
 const STEPS: &[(&str, &str)] = &[PAPER[27], PAPER[28], PAPER[30]];
 
-/// One of each row of the paper's table: red crane, white needle behind obstacles, towers, something to drive, a tower out of
-/// view; chair, person behind a cone, cones, drink, a person who walks.
+/// One task per row of the paper's table: red crane, white needle behind obstacles, towers, something to drive, a tower
+/// out of view; chair, person behind a cone, cones, drink, a walking person.
 const CROSS_SECTION: &[(&str, &str)] =
     &[PAPER[0], PAPER[5], PAPER[11], PAPER[16], PAPER[21], PAPER[23], PAPER[24], PAPER[27], PAPER[30], PAPER[33]];
 
@@ -117,19 +117,19 @@ const CROSS_SECTION: &[(&str, &str)] =
 pub struct Suite {
     /// Its name.
     pub name: &'static str,
-    /// What it is, in a line.
+    /// Description, one line.
     pub description: &'static str,
-    /// Methods that it compares where none are named, joined by commas.
+    /// Default methods, separated by commas.
     pub methods: &'static str,
-    /// Who points where nobody is named, joined by commas.
+    /// Default VLMs, separated by commas.
     pub vlms: &'static str,
     tasks: &'static [(&'static str, &'static str)],
 }
 
-/// Who points in most of them.
+/// The usual VLM.
 const ORACLE: &str = "oracle:default";
 
-/// Every suite.
+/// All suites.
 pub const SUITES: &[Suite] = &[
     Suite {
         name: "paper",
@@ -226,22 +226,22 @@ impl Suite {
     /// Its tasks, in order.
     ///
     /// # Errors
-    /// [`TaskError`] when one of the files is no task; a test reads them all.
+    /// [`TaskError`] if a file is invalid; a test parses them all.
     pub fn tasks(&self) -> Result<Vec<Arc<Task>>, TaskError> {
         self.tasks.iter().map(|(name, text)| Task::parse(text, name).map(Arc::new)).collect()
     }
 }
 
-/// The suite of that name.
+/// The suite with this name.
 #[must_use]
 pub fn suite(name: &str) -> Option<&'static Suite> {
     SUITES.iter().find(|suite| suite.name == name)
 }
 
-/// The task of that name that comes with the program.
+/// The built-in task with this name.
 ///
 /// # Errors
-/// [`TaskError`] when its file is no task; a test reads them all.
+/// [`TaskError`] if its file is invalid; a test parses them all.
 pub fn shipped(name: &str) -> Result<Option<Task>, TaskError> {
     let all = SUITES.iter().flat_map(|suite| suite.tasks);
     let text = all.into_iter().find(|(known, _)| *known == name).map(|(name, text)| Task::parse(text, name));

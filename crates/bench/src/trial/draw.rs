@@ -1,4 +1,4 @@
-//! From a task and a seed to a scene, its light, and a start: the same for every method.
+//! Draws the scene, conditions and start of a trial from task and seed, equally for all methods.
 
 use std::sync::Arc;
 
@@ -14,39 +14,39 @@ use crate::fnv;
 use crate::judge::{Sight, nearest};
 use crate::task::{Selector, Task, View, centre, select_all};
 
-/// Variants that are drawn before a task is given up in its scene.
+/// Maximum number of variants tried per trial.
 const VARIANTS: u64 = 40;
-/// Places that are drawn in one variant.
+/// Maximum number of positions tried per variant.
 const PLACES: u64 = 3000;
-/// Places at most at which it is looked what is in view.
+/// Maximum number of positions at which visibility is checked.
 const LOOKS: u32 = 40;
-/// The start is at most so much higher than the target's foot, metres.
+/// Maximum height of the start above the target's base, metres.
 const FOOT_M: f64 = 2.0;
-/// Ground is looked for from so far below a scene's upper bound, which indoors is the ceiling, metres.
+/// Distance below a scene's upper bound (indoors the ceiling) from which ground is searched, metres.
 const CEILING_M: f64 = 0.05;
-/// Beside the craft's body where it takes off, and on a way that is not blocked, metres.
+/// Clearance at take-off and along an unobstructed path, metres.
 const ROOM_M: f64 = 0.3;
-/// Within this fraction of the half field of view the target lies from the middle, where it is to be in view.
+/// Maximum offset of a target in view from the image centre, as a fraction of half the field of view.
 const MIDDLE: f64 = 0.7;
-/// Beyond this it is behind, radians.
+/// Bearings beyond this are behind the craft, radians.
 const BEHIND: f64 = 1.6;
 
 /// Why a trial could not be drawn.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum DrawError {
-    /// The scene cannot be flown in.
+    /// The scene could not be loaded.
     #[error("the scene `{scene}` of the task `{task}` cannot be flown in")]
     Scene {
         /// The scene.
         scene: String,
         /// The task.
         task: String,
-        /// Why.
+        /// The cause.
         #[source]
         source: Box<SceneLoadError>,
     },
-    /// No place fits.
+    /// No suitable start was found.
     #[error("no start was found for the task `{task}` with seed {seed}: ask for less under `start`")]
     NoStart {
         /// The task.
@@ -56,36 +56,36 @@ pub enum DrawError {
     },
 }
 
-/// Where and how a trial begins.
+/// The drawn scene and start of a trial.
 #[derive(Clone)]
 pub struct Drawn {
-    /// The scene, laid out and lit.
+    /// The scene with its layout and lighting.
     pub loaded: Arc<LoadedScene>,
-    /// Its name, with the variant's number.
+    /// Its name, with the number of the variant.
     pub scene: String,
-    /// The wind that blows there.
+    /// The wind.
     pub wind: Wind,
     /// The start, on the ground.
     pub start: Pose,
-    /// Whether a target is clearly visible from above the start; none where it is not looked at.
+    /// Whether a target is clearly visible from above the start; `None` if not checked.
     pub in_view: Option<bool>,
-    /// The target that the start was drawn for.
+    /// The target for which the start was drawn.
     pub focus: Option<ObjectId>,
-    /// Metres from above the start to the nearest target.
+    /// Distance from above the start to the nearest target, metres.
     pub range: Option<f64>,
 }
 
 /// Draws a trial.
 ///
 /// # Errors
-/// [`DrawError`] when the scene cannot be flown in, or nothing fits.
+/// [`DrawError`] if the scene cannot be loaded, or no suitable start is found.
 pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
-    // A task's own number in draws.
+    // Key of the task in random draws.
     let word = fnv(task.id.as_bytes());
     let in_view = match task.start.view {
         View::Always => Some(true),
         View::Never => Some(false),
-        // Every second seed; which of two begins differs from task to task.
+        // Every second seed; which parity comes first depends on the task.
         View::Half => Some((seed ^ Draw::new(0, "bench view", &[word]).below(2) as u64).is_multiple_of(2)),
         View::Any => None,
     };
@@ -107,7 +107,7 @@ pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
     Err(DrawError::NoStart { task: task.id.clone(), seed })
 }
 
-/// The wind of a trial: within the task's speeds, from anywhere.
+/// The wind of a trial: within the task's speeds, from any direction.
 fn wind(task: &Task, seed: u64, word: u64) -> Wind {
     let Some(winds) = task.wind else { return Wind::default() };
     let mut draw = Draw::new(seed, "bench wind", &[word]);
@@ -164,7 +164,7 @@ fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw
         let fits = if wanted {
             !sight.clearly(loaded, &snapshot, &place.lasting).is_empty()
         } else {
-            // Not a pixel of it now; and yet it can be found by turning.
+            // No pixel of it is visible at first, but it can be found by turning.
             !sight.glimpses(loaded, &snapshot, &place.targets) && {
                 let turned = place.turned_to_focus(task, loaded);
                 !sight.clearly(loaded, &turned, &place.lasting).is_empty()
@@ -177,14 +177,14 @@ fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw
     None
 }
 
-/// A place that may be a start.
+/// A candidate for the start.
 struct Place {
     start: Pose,
     targets: Vec<ObjectId>,
-    /// Those of them that stay where they are; all, where none does. A car that drives off is no reason to start here.
+    /// Stationary targets, or all if there are none: a car that drives away should not determine the start.
     lasting: Vec<ObjectId>,
     focus: Option<ObjectId>,
-    /// How far the heading lies from the bearing of the target, radians.
+    /// Angle between the heading and the target's bearing, radians.
     off: f64,
 }
 
@@ -225,18 +225,18 @@ impl Place {
         Self { start, targets, lasting, focus: None, off: 0.0 }
     }
 
-    /// Where the craft is after take-off.
+    /// Position after take-off.
     fn aloft(&self, task: &Task) -> EnuPosition {
         let up = self.start.position.up + Model::of(task.craft).craft.take_off_height;
         EnuPosition { up, ..self.start.position }
     }
 
-    /// What it sees there.
+    /// The view there.
     fn snapshot(&self, task: &Task, loaded: &LoadedScene) -> WorldSnapshot {
         loaded.beginning(Pose { position: self.aloft(task), ..self.start })
     }
 
-    /// What it sees there with the target in the middle of the image.
+    /// The view there with the target centred.
     fn turned_to_focus(&self, task: &Task, loaded: &LoadedScene) -> WorldSnapshot {
         let heading = self.start.attitude.heading - self.off;
         let turned =
@@ -244,13 +244,13 @@ impl Place {
         loaded.beginning(turned)
     }
 
-    /// Open ground that nothing covers, and room to take off and to stay.
+    /// Whether it is on open ground, with room for take-off.
     fn is_free(&self, task: &Task, loaded: &LoadedScene) -> bool {
         let ground = self.start.position;
         let Some(below) = loaded.collider.ground_below(EnuPosition { up: ground.up + 0.1, ..ground }) else { return false };
         let object = loaded.scene.object(below.object);
         let is_ground = object.is_some_and(|object| matches!(object.tags.kind.as_str(), "ground" | "floor"));
-        // A craft that takes off wanders by what its senses err.
+        // A craft drifts during take-off by the error of its sensors.
         let radius = Model::of(task.craft).craft.radius;
         let room = radius + ROOM_M;
         let (low, aloft) = (EnuPosition { up: ground.up + room + 0.05, ..ground }, self.aloft(task));
@@ -259,11 +259,11 @@ impl Place {
         is_ground && loaded.collider.sweep(low, aloft, room).is_none() && loaded.cast.objects().all(clear)
     }
 
-    /// Range, and what is to stand on the way.
+    /// Whether range and obstacles are as required.
     fn is_right(&self, task: &Task, loaded: &LoadedScene) -> bool {
         let Some(focus) = self.focus.and_then(|id| loaded.scene.object(id)) else { return task.start_targets().is_empty() };
         let snapshot = self.snapshot(task, loaded);
-        // A craft does not sink below where it took off: not from a hill to what lies at its foot.
+        // A craft cannot descend below its take-off height, for instance from a hill to an object at its foot.
         if focus.bounds.min.up < self.start.position.up - FOOT_M {
             return false;
         }
@@ -285,8 +285,8 @@ impl Place {
         }
     }
 
-    /// Whether the craft finds room on the straight way to a target, unless that is farther than any start may be. What
-    /// walks is not looked at.
+    /// Whether the straight path to a target is free, unless the target is farther away than any start may be. Walking
+    /// actors are ignored.
     fn is_open(&self, task: &Task, loaded: &LoadedScene, target: ObjectId) -> bool {
         let (snapshot, from) = (self.snapshot(task, loaded), self.aloft(task));
         let away = loaded.distance_to(target, &snapshot.actors, from).unwrap_or(f64::INFINITY);
@@ -297,21 +297,21 @@ impl Place {
         let bounds = loaded.bounds(object, &snapshot.actors);
         let to = centre(&bounds);
         let room = Model::of(task.craft).craft.radius + ROOM_M;
-        // The way ends where the judge would say that it is near enough.
+        // The path ends at the success radius.
         let end =
             |at: EnuPosition| loaded.distance_to(target, &snapshot.actors, at).is_some_and(|left| left <= task.set.radius());
         let met = loaded.collider.sweep(from, to, room);
         met.is_none_or(|met| self.is_target(loaded, met.object) || end(met.centre))
     }
 
-    /// Whether an object is a target or what one of them leads through.
+    /// Whether an object is a target or contains a target opening.
     fn is_target(&self, loaded: &LoadedScene, id: ObjectId) -> bool {
         let of = |target: &ObjectId| loaded.scene.object(*target).and_then(|object| object.tags.opening_of);
         self.targets.iter().any(|target| *target == id || of(target) == Some(id))
     }
 }
 
-/// How far a place lies from the straight way between two others, on the map and between its ends; metres.
+/// Horizontal distance of a position from the segment between two others, metres.
 fn off_way(from: EnuPosition, to: EnuPosition, at: EnuPosition) -> f64 {
     let (way, away) = ([to.east - from.east, to.north - from.north], [at.east - from.east, at.north - from.north]);
     let length = libm::hypot(way[0], way[1]).max(1e-9);

@@ -1,15 +1,15 @@
-//! How long answers take, where a bench has it otherwise than who points.
+//! Reply latencies set by the bench.
 
 use spf_core::query::QueryKind;
 use spf_core::rng::Draw;
 use spf_core::time::duration_from_secs;
 use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
 
-/// Longest latency that a name fixes, seconds.
+/// Maximum latency in a VLM name, seconds.
 const LONGEST_S: f64 = 600.0;
 
-/// A name of who points, and the latency in seconds that it fixes: `oracle:default@3s`. An oracle alone can be told how long it
-/// takes; behind a model's `@` stands its address.
+/// Splits a VLM name into name and fixed latency in seconds: `oracle:default@3s`. Only an oracle's latency can be
+/// fixed; for models an address follows `@`.
 #[must_use]
 pub fn split_latency(name: &str) -> (&str, Option<f64>) {
     let fixed = name.rsplit_once('@').filter(|(who, _)| *who == "oracle" || who.starts_with("oracle:"));
@@ -20,12 +20,12 @@ pub fn split_latency(name: &str) -> (&str, Option<f64>) {
     split.unwrap_or((name, None))
 }
 
-/// Somebody who answers as another does, at another time. A detector is no VLM: its lists come when they come.
+/// A VLM with modified reply times. Detectors are not affected.
 pub(super) struct Timed {
     pub(super) vlm: Box<dyn Vlm>,
-    /// Seconds that every answer takes; none: as it comes.
+    /// Fixed latency of every reply, seconds; `None` for the original one.
     pub(super) fixed: Option<f64>,
-    /// Minimum and most seconds by which it comes later still, drawn by question.
+    /// Range of the additional delay, seconds, drawn per query.
     pub(super) delay: Option<[f64; 2]>,
     pub(super) seed: u64,
 }

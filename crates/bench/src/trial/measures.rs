@@ -1,27 +1,27 @@
-//! Measures of a flown way: SPL (Anderson et al. 2018, arXiv 1807.06757), nDTW (Ilharco et al. 2019, arXiv 1907.05446).
+//! Path measures: SPL (Anderson et al. 2018, arXiv 1807.06757), nDTW (Ilharco et al. 2019, arXiv 1907.05446).
 
 use spf_core::geometry::EnuPosition;
 
-/// Distance between the points of a reference way, metres.
+/// Point spacing of a reference path, metres.
 const SPACING: f64 = 1.0;
 
-/// Length of the straight way past all corners, metres.
+/// Length of a polyline, metres.
 pub(super) fn length(way: &[EnuPosition]) -> f64 {
     way.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
 }
 
-/// The least way: past the corners and up to `radius` before the last, metres.
+/// Minimum path length: past the corners, up to `radius` before the last, metres.
 pub(super) fn shortest(way: &[EnuPosition], radius: f64) -> f64 {
     (length(way) - radius).max(0.0)
 }
 
-/// Success weighted by path length: `shortest / max(flown, shortest)`; 1 where there is no way to go.
+/// Success weighted by path length: `shortest / max(flown, shortest)`; 1 if there is no distance to fly.
 pub(super) fn spl(shortest: f64, flown: f64) -> f64 {
     let longer = shortest.max(flown);
     if longer > 0.0 { shortest / longer } else { 1.0 }
 }
 
-/// Points along a way, [`SPACING`] apart.
+/// Points along a path, [`SPACING`] apart.
 fn spread(way: &[EnuPosition]) -> Vec<EnuPosition> {
     let mut points: Vec<EnuPosition> = way.first().copied().into_iter().collect();
     for pair in way.windows(2) {
@@ -36,8 +36,8 @@ fn spread(way: &[EnuPosition]) -> Vec<EnuPosition> {
     points
 }
 
-/// Places of a way that is sampled by time, at least [`SPACING`] of way apart, with the first and the last: where a craft hovers it would
-/// else count for each moment.
+/// Points of a time-sampled path, at least [`SPACING`] apart along the path, with the first and the last: otherwise
+/// hovering would count for every sample.
 fn thinned(way: &[EnuPosition]) -> Vec<EnuPosition> {
     let mut kept: Vec<EnuPosition> = way.first().copied().into_iter().collect();
     let mut since = 0.0;
@@ -51,7 +51,8 @@ fn thinned(way: &[EnuPosition]) -> Vec<EnuPosition> {
     kept
 }
 
-/// Normalised dynamic time warping of a flown way to a reference, 0..=1: `exp(−DTW / (N·radius))`, N the points of the reference.
+/// Normalised dynamic time warping of a flown path to a reference, 0..=1: `exp(−DTW / (N·radius))`, with N points in
+/// the reference.
 pub(super) fn ndtw(reference: &[EnuPosition], flown: &[EnuPosition], radius: f64) -> f64 {
     let (reference, flown) = (spread(reference), thinned(flown));
     let (Some(_), Some(_)) = (reference.first(), flown.first()) else { return 0.0 };

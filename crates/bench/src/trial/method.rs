@@ -1,4 +1,4 @@
-//! The methods that are compared.
+//! The methods compared by the bench.
 
 use std::sync::Arc;
 
@@ -11,8 +11,7 @@ use spf_vlm::{Account, Answer, Asked, Picture, Vlm};
 
 use crate::task::{Set, Task};
 
-/// A way of flying that is compared with others: a row of the table of methods (`crates/flight/data/methods.toml`) that says how the
-/// bench flies it.
+/// A method: a row of the table of methods (`crates/flight/data/methods.toml`) with bench settings.
 #[derive(Clone, Copy, Debug)]
 pub struct Method {
     row: &'static MethodRow,
@@ -20,7 +19,7 @@ pub struct Method {
 }
 
 impl Method {
-    /// All, in the order of tables.
+    /// All methods, in table order.
     pub fn all() -> impl Iterator<Item = Self> {
         rows().iter().filter_map(|row| row.bench.as_ref().map(|manner| Self { row, manner }))
     }
@@ -31,13 +30,13 @@ impl Method {
         &self.row.name
     }
 
-    /// The method of that name.
+    /// The method with this name.
     #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
         Self::all().find(|method| method.name() == name)
     }
 
-    /// Whether someone has to be asked; the blind control asks nobody.
+    /// Whether it queries a VLM; the blind control does not.
     #[must_use]
     pub fn asks(self) -> bool {
         !self.manner.blind
@@ -51,7 +50,7 @@ impl Method {
         self.manner.preset()
     }
 
-    /// How it is flown on a task: the preset, but for what the method is about.
+    /// Its pilot settings for a task: the preset with the method's changes.
     pub(super) fn settings(self, task: &Task) -> PilotSettings {
         PilotSettings {
             avoid: task.avoid || self.manner.avoid,
@@ -70,7 +69,7 @@ impl PartialEq for Method {
 
 impl Eq for Method {}
 
-/// The median of the steps that SPF flies in the scenes of a set, metres (docs/explanation/baselines.md).
+/// The median step of SPF in the scenes of a set, metres (docs/explanation/baselines.md).
 fn median_step(set: Set) -> f64 {
     match set {
         Set::Simulation => 6.7,
@@ -78,12 +77,12 @@ fn median_step(set: Set) -> f64 {
     }
 }
 
-/// Moves of the blind control before it says that it is done.
+/// Number of moves of the blind control before it declares itself done.
 const MOVES: usize = 5;
-/// What each of them takes to be answered, seconds: the median of the oracle's.
+/// Latency of each of its replies, seconds: the oracle's median.
 const LATENCY_S: f64 = 1.5;
 
-/// Who answers the blind control: straight on by `metres` some times, then done. It looks at no image and reads no
+/// The VLM of the blind control: straight on by `metres` several times, then done. It uses neither images nor the
 /// instruction.
 struct Blind {
     metres: f64,
@@ -105,7 +104,7 @@ impl Vlm for Blind {
 }
 
 impl Blind {
-    /// `moves` were made.
+    /// The reply after `moves` moves.
     fn text(&self, moves: usize) -> String {
         if moves >= MOVES {
             return "{\"actions\":[],\"done\":true}".to_owned();
@@ -114,10 +113,10 @@ impl Blind {
     }
 }
 
-/// The name of who points where nobody does.
+/// The VLM name of methods without one.
 pub const NOBODY: &str = "none";
 
-/// Who answers the blind control.
+/// The VLM of the blind control.
 pub(super) fn blind(metres: f64) -> VlmFactory {
     Arc::new(move |_, _| Ok(Box::new(Blind { metres })))
 }

@@ -1,4 +1,4 @@
-//! One trial: drawn, flown, judged, measured.
+//! One trial: drawn, flown, judged and measured.
 
 mod draw;
 mod latency;
@@ -35,36 +35,36 @@ pub use path::FlownPath;
 pub use record::{Milliseconds, Record, Scores, VlmDetails, run_id};
 use watch::{Findings, Watcher};
 
-/// The detector where a model points.
+/// The detector used with a model.
 const DETECTOR: &str = "oracle:default";
 
-/// Who points, under a name.
+/// A VLM with its name.
 #[derive(Clone)]
 pub struct Pointer {
-    /// The name as it was given on the command line.
+    /// Its name on the command line.
     pub name: String,
-    /// Makes it.
+    /// Creates it.
     pub who: VlmFactory,
-    /// Seconds that each of its answers takes; none: as it comes.
+    /// Fixed latency of its replies, seconds; `None` for the original one.
     pub latency: Option<f64>,
 }
 
-/// What became of a trial.
+/// The result of a trial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flown {
     /// Its row of `results.jsonl`.
     pub record: Record,
-    /// Its row of `paths.jsonl`; without places when it was not flown.
+    /// Its row of `paths.jsonl`; without positions if it was not flown.
     pub path: FlownPath,
 }
 
-/// The state of the source that the program was built from.
+/// Revision of the source from which the program was built.
 const GIT_REV: &str = git_version::git_version!(args = ["--always", "--dirty=+", "--abbrev=12", "--exclude=*"], fallback = "");
 
-/// How it is asked who points.
+/// How the VLM is queried.
 #[derive(Clone, Copy)]
 struct HowAsked {
-    /// Width and height of the images, pixels.
+    /// Image width and height, pixels.
     size: (u32, u32),
     temperature: Option<f64>,
 }
@@ -72,32 +72,32 @@ struct HowAsked {
 /// One trial of a plan.
 #[derive(Clone)]
 pub struct Trial {
-    /// What is to be done.
+    /// The task.
     pub task: Arc<Task>,
-    /// By whom.
+    /// The method.
     pub method: Method,
-    /// Who points; nobody for the blind control.
+    /// The VLM; `None` for the blind control.
     pub pointer: Option<Pointer>,
     /// The seed.
     pub seed: u64,
-    /// US dollars from which on nothing more is asked in this trial.
+    /// Cost limit of this trial, US dollars.
     pub max_cost_usd: Option<f64>,
 }
 
 impl Trial {
-    /// The name of who points.
+    /// Name of the VLM.
     #[must_use]
     pub fn vlm(&self) -> &str {
         self.pointer.as_ref().map_or(NOBODY, |pointer| &pointer.name)
     }
 
-    /// Its number in `results.jsonl`.
+    /// Its id in `results.jsonl`.
     #[must_use]
     pub fn run_id(&self) -> String {
         run_id(&self.task.id, self.method.name(), self.vlm(), self.seed)
     }
 
-    /// Flies it where it was drawn. It never fails: what cannot be flown is a row with its `error`.
+    /// Flies it from the drawn start. Never fails: a trial that cannot be flown results in a row with an `error`.
     #[must_use]
     pub fn fly(&self, drawn: &Drawn, record: Option<RecordPlan>) -> Flown {
         let judge = match Judge::new(&self.task, drawn.loaded.clone(), drawn.start) {
@@ -132,7 +132,7 @@ impl Trial {
         Flown { path: FlownPath { run_id: record.run_id.clone(), ..FlownPath::default() }, record }
     }
 
-    /// `world` and `asked` are told when it is asked who points.
+    /// `world` and `asked` receive the world and the query settings when the VLM is created.
     fn plan(
         &self,
         drawn: &Drawn,
@@ -149,7 +149,7 @@ impl Trial {
         let who = self.with_detector(who);
         let seen: VlmFactory = Arc::new(move |of, seed| {
             let vlm = who(of, seed)?;
-            // A flight has one world; it is asked for once.
+            // A flight has one world, requested once.
             if let Some(of) = of {
                 let camera = of.camera();
                 let frame = (camera.width, camera.height);
@@ -177,8 +177,8 @@ impl Trial {
         }
     }
 
-    /// Who lists what is in view, where the method has a detector: the oracle that points, from the same look; where a model points
-    /// the default one. Both know COCO's classes only.
+    /// The detector's name, if the method uses one: the trial's own oracle, with the same percept; the default oracle
+    /// if a model is used. Both only detect COCO classes.
     fn detector(&self) -> Option<String> {
         let own = provider(self.vlm()) == "oracle";
         self.method.policy().has_detector().then(|| if own { self.vlm() } else { DETECTOR }.to_owned())
@@ -191,7 +191,8 @@ impl Trial {
         }
     }
 
-    /// What stands for all that decides how it is flown, besides scene, start and who points: policy, settings, limits, prompt.
+    /// A digest of everything that determines the flight besides scene, start and VLM: policy, settings, limits,
+    /// prompt.
     fn params_hash(&self) -> String {
         let policy = self.method.policy();
         let prompt = PromptText::shipped(policy.prompt());
@@ -200,7 +201,7 @@ impl Trial {
         format!("{:016x}", fnv(all.as_bytes()))
     }
 
-    /// How the latency of answers came about.
+    /// Description of the reply latency.
     fn latency_model(&self) -> String {
         let own = match &self.pointer {
             None => "fixed".to_owned(),

@@ -1,36 +1,36 @@
-//! A row of `paths.jsonl`: where a trial's craft truly was (docs/guide/bench.md).
+//! Rows of `paths.jsonl`: the true path of a trial (docs/guide/bench.md).
 
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::EnuPosition;
 use spf_core::time::Time;
 
-/// Places a second of flight time.
+/// Sampling rate, per second of flight time.
 const RATE_HZ: f64 = 2.0;
-/// Places that are read of one trial: more than a day of flight.
+/// Maximum number of positions read per trial: more than a day of flight.
 const MOST: usize = 200_000;
 
-/// The true way of one trial.
+/// The true path of one trial.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FlownPath {
     /// `task/method/vlm/seed`.
     pub run_id: String,
-    /// Keys of the objects that each goal is about, goals in order.
+    /// Keys of the targets of each goal, in order.
     pub targets: Vec<Vec<String>>,
-    /// Flight time of the first place, seconds; half a second lies between two, but before the last.
+    /// Flight time of the first position, seconds; positions are half a second apart, except for the last.
     pub from_s: f64,
-    /// Metres east, north, up, rounded to centimetres.
+    /// Positions, metres east, north, up, rounded to centimetres.
     pub places: Vec<[f64; 3]>,
 }
 
 impl FlownPath {
-    /// Whether everything in it is a number, and not too many of them.
+    /// Whether all values are finite and their number is within the limit.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         self.places.len() <= MOST && self.places.iter().flatten().all(|metres| metres.is_finite() && metres.abs() < 1e6)
     }
 }
 
-/// Takes places whenever they are known and gives them at an even rate, by straight lines in between.
+/// Resamples positions at a fixed rate with linear interpolation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Trace {
     last: Option<(f64, EnuPosition)>,
@@ -39,7 +39,7 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// The craft is at a place; times do not go back.
+    /// Adds a position; times must not decrease.
     pub(super) fn push(&mut self, now: Time, at: EnuPosition) {
         let now = now.as_secs_f64();
         let from = *self.from.get_or_insert(now);
@@ -57,7 +57,7 @@ impl Trace {
         self.last = Some((now, at));
     }
 
-    /// The path; its last place is where the craft was last.
+    /// The path; its last position is the craft's last.
     pub(super) fn into_path(mut self, run_id: String, targets: Vec<Vec<String>>) -> FlownPath {
         if let Some((_, at)) = self.last.filter(|(_, at)| self.places.last() != Some(&rounded(*at))) {
             self.places.push(rounded(at));
@@ -70,7 +70,7 @@ fn rounded(at: EnuPosition) -> [f64; 3] {
     [at.east, at.north, at.up].map(hundredths)
 }
 
-/// To two decimals; a zero without a sign.
+/// Rounds to two decimals, without a negative zero.
 fn hundredths(value: f64) -> f64 {
     (100.0 * value).round() / 100.0 + 0.0
 }

@@ -1,4 +1,4 @@
-//! A row of `results.jsonl`: one trial (docs/guide/bench.md). No wall clock stands in it.
+//! Rows of `results.jsonl`: the result of one trial (docs/guide/bench.md). Contains no wall clock.
 
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;
@@ -6,55 +6,55 @@ use spf_flight::summary::Summary;
 
 use crate::task::{Category, Set};
 
-/// How a trial ended, scored.
+/// Scores of a trial.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
-    /// The method said that it was done, and the judge says so too. Followers need not say it: their time runs out.
+    /// The method declared itself done, and the judge agrees. Following need not be declared: its time runs out.
     pub self_stop: bool,
-    /// The judge would have said success at some instant, nothing having been touched before.
+    /// The judge would have reported success at some instant, before any collision.
     pub judge_stop: bool,
-    /// When, seconds of flight time.
+    /// Time of that instant, seconds of flight time.
     pub judge_stop_s: Option<f64>,
-    /// It said that it was done, and it was not.
+    /// It declared itself done, but the judge disagrees.
     pub false_stop: bool,
-    /// Within 1 m, 5 m, 20 m of the last goal's surface at the end, target in view or not.
+    /// Within 1 m, 5 m or 20 m of the last goal's surface at the end, whether or not the target is in view.
     pub success_1m: bool,
-    /// See above.
+    /// Within 5 m; see `success_1m`.
     pub success_5m: bool,
-    /// See above.
+    /// Within 20 m; see `success_1m`.
     pub success_20m: bool,
-    /// Something was touched.
+    /// There was a collision.
     pub collided: bool,
-    /// Time or decisions ran out.
+    /// The time or decision limit was reached.
     pub timeout: bool,
-    /// Link, battery, limits or the model ended it.
+    /// Ended by link, battery, limits or a failure of the VLM.
     pub landed_by_failsafe: bool,
 }
 
-/// Who was asked.
+/// VLM details.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct VlmDetails {
-    /// Name before `#` and `:`.
+    /// The part of its name before `#` and `:`.
     pub provider: String,
-    /// Models that answered.
+    /// Models that replied.
     pub models: Vec<String>,
-    /// Width and height at which the camera's images are looked at.
+    /// Width and height of the images sent.
     pub image_px: Option<[u32; 2]>,
-    /// Temperature that was asked for; none where it is left to whoever answers.
+    /// Temperature requested; `None` for the vendor's default.
     #[serde(default)]
     pub temperature: Option<f64>,
 }
 
-/// Percentiles of some times, milliseconds.
+/// Percentiles of durations, milliseconds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Milliseconds {
-    /// Half of them are shorter.
+    /// Median.
     pub p50: f64,
-    /// 95 of 100.
+    /// 95th percentile.
     pub p95: f64,
-    /// 99 of 100.
+    /// 99th percentile.
     pub p99: f64,
-    /// The longest.
+    /// Maximum.
     pub max: f64,
 }
 
@@ -65,7 +65,7 @@ pub struct Record {
     pub run_id: String,
     /// The program's version.
     pub program: String,
-    /// The state of the source that it was built from; `+` behind it where files had been changed, empty where it is not known.
+    /// Source revision of the program, with `+` for modified files; empty if unknown.
     #[serde(default)]
     pub git_rev: String,
     /// The task.
@@ -76,73 +76,73 @@ pub struct Record {
     pub category: Category,
     /// The method.
     pub method: String,
-    /// Stands for policy, settings, limits and prompt: trials with the same one were flown by the same rules.
+    /// Digest of policy, settings, limits and prompt: trials with equal values used the same rules.
     #[serde(default)]
     pub params_hash: String,
-    /// How the latency of answers came about: `log-normal` (the oracle's error file), `measured`, `fixed 3 s`, and what the
-    /// task adds.
+    /// Source of the reply latency: `log-normal` (the oracle's error file), `measured`, `fixed 3 s`, and any addition
+    /// by the task.
     #[serde(default)]
     pub latency_model: String,
     /// The scores.
     pub scores: Scores,
-    /// Why the trial could not be flown, when it could not; it counts as a failure.
+    /// Why the trial could not be flown; it then counts as a failure.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
     /// The scene with its variant.
     pub scene_id: String,
-    /// Where it began.
+    /// Start pose.
     pub start_pose: Pose,
-    /// Whether a target was in view there.
+    /// Whether a target was in view at the start.
     pub start_in_view: Option<bool>,
-    /// Metres from there to the nearest target.
+    /// Distance from the start to the nearest target, metres.
     pub start_range_m: Option<f64>,
-    /// Keys of the last goal's objects.
+    /// Keys of the last goal's targets.
     pub goal: Vec<String>,
-    /// Goals of the task, and those met.
+    /// Number of goals of the task.
     pub goals: usize,
-    /// See above.
+    /// Number of goals met.
     pub goals_met: usize,
-    /// Ever within the judge's radius of the last goal.
+    /// Oracle success: ever within the success radius of the last goal.
     pub osr: bool,
-    /// Minimum path length over the flown one, times self stop.
+    /// SPL: minimum path length over the flown one, times self stop.
     pub spl: f64,
-    /// Minimum path length: straight from take-off past the goals to the judge's radius, metres.
+    /// Minimum path length: straight from take-off past the goals to the success radius, metres.
     pub shortest_m: f64,
-    /// Nearness of the flown way to that straight one, 0 to 1.
+    /// nDTW of the flown path to that straight one, 0 to 1.
     pub ndtw: f64,
-    /// The same times self stop.
+    /// sDTW: nDTW times self stop.
     pub sdtw: f64,
-    /// Seconds from the beginning to the first motion after take-off.
+    /// Time from the start to the first motion after take-off, seconds.
     pub ttfm_s: Option<f64>,
     /// Minimum distance to anything solid while flying, metres.
     pub min_clearance_m: Option<f64>,
-    /// Questions put.
+    /// Number of VLM queries.
     pub n_vlm_calls: u32,
-    /// Tokens read.
+    /// Input tokens.
     pub tokens_in: u64,
-    /// Tokens written, thinking included.
+    /// Output tokens, including reasoning.
     pub tokens_out: u64,
-    /// US dollars, where a price is known.
+    /// Cost in US dollars, if a price is known.
     pub cost_usd: Option<f64>,
-    /// From question to answer.
+    /// Reply latency.
     pub latency_ms: Option<Milliseconds>,
-    /// 95 of 100 frames were younger when their answer came.
+    /// 95th percentile of the age of frames when their reply arrived, milliseconds.
     pub frame_age_ms_p95: Option<f64>,
-    /// Questions given up.
+    /// Number of failed queries.
     pub parse_failures: u32,
-    /// Replies refused.
+    /// Number of rejected replies.
     pub rejected_waypoints: u32,
-    /// Interventions of the envelope.
+    /// Number of envelope interventions.
     pub shield_interventions: u32,
-    /// Who was asked.
+    /// VLM details.
     pub vlm_details: VlmDetails,
-    /// The flight, as `summary.json` has it, its seed too; `verified`, `final_distance_m`, `targets` and `target_in_view` are
-    /// the judge's.
+    /// The flight's summary, including its seed; `verified`, `final_distance_m`, `targets` and `target_in_view` come
+    /// from the judge.
     #[serde(flatten)]
     pub flight: Option<Summary>,
 }
 
-/// `task/method/vlm/seed`; what is outside of `A–Z a–z 0–9 . _ -` in a part becomes `-`.
+/// `task/method/vlm/seed`; characters other than `A–Z a–z 0–9 . _ -` are replaced by `-`.
 #[must_use]
 pub fn run_id(task: &str, method: &str, vlm: &str, seed: u64) -> String {
     let usable = |part: &str| -> String {

@@ -1,4 +1,4 @@
-//! Looks on while a trial is flown: the judge's observer, and what is measured on the way.
+//! Observes a trial: feeds the judge, and takes measurements.
 
 use std::sync::{Arc, OnceLock};
 
@@ -11,30 +11,30 @@ use spf_flight::sim::SimWorld;
 use super::path::Trace;
 use crate::judge::{EVERY, Judge};
 
-/// What the judge found, and what was measured.
+/// Results of judge and measurements.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Findings {
-    /// When the judge would first have said success.
+    /// When the judge would first have reported success.
     pub(super) judge_stop: Option<Time>,
-    /// Whether it would say so at `Finished`.
+    /// Whether it would report success at `Finished`.
     pub(super) holds_at_end: bool,
-    /// Whether nothing was touched until `Finished`.
+    /// Whether there was no collision until `Finished`.
     pub(super) untouched: bool,
-    /// Metres to the last goal's surface at `Finished`, and least on the way.
+    /// Distance to the last goal's surface at `Finished`, and the minimum during the flight, metres.
     pub(super) distance: Option<f64>,
     pub(super) least_distance: Option<f64>,
     /// Whether a target of the last goal is clearly visible at `Finished`.
     pub(super) sees: Option<bool>,
     /// Minimum distance to anything solid while flying, metres.
     pub(super) clearance: Option<f64>,
-    /// The true way flown, a place a look.
+    /// The true path, one position per evaluation.
     pub(super) path: Vec<EnuPosition>,
-    /// The same for people who look at it.
+    /// The path for display.
     pub(super) trace: Trace,
-    /// Seconds of each answer and age of each frame.
+    /// Latency of each reply and age of each frame, seconds.
     pub(super) latencies: Vec<f64>,
     pub(super) frame_ages: Vec<f64>,
-    /// Decisions whose reply was refused; questions that were given up; interventions of the envelope.
+    /// Number of rejected replies, failed queries and envelope interventions.
     pub(super) refused: u32,
     pub(super) given_up: u32,
     pub(super) interventions: u32,
@@ -42,7 +42,7 @@ pub(super) struct Findings {
     pub(super) outcome: Option<Outcome>,
 }
 
-/// Watches one flight. The world is known when it is asked who points in it.
+/// Observes one flight. The world is known once the VLM is created in it.
 pub(super) struct Watcher {
     world: Arc<OnceLock<SimWorld>>,
     judge: Judge,
@@ -60,7 +60,7 @@ impl Watcher {
         (self.findings, self.judge)
     }
 
-    /// Looks; at the `end` whatever was found before.
+    /// Evaluates; at the `end` in any case.
     fn look(&mut self, now: Time, pilot: &Pilot, end: bool) {
         let Some(world) = self.world.get() else { return };
         world.advance_to(now);

@@ -1,4 +1,4 @@
-//! `spf config`: what is in force, and from where.
+//! `spf config`: shows the effective settings and their sources.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use crate::exit::Exit;
 use crate::printer::Printer;
 use crate::settings::Settings;
 
-/// Prints every key with its value, origin and meaning, as TOML that could be a configuration file.
+/// Prints every key with its value, source and description, as a valid TOML configuration.
 pub(crate) fn show(file: Option<&Path>, printer: &Printer) -> Result<Exit, CliError> {
     let settings = Settings::load(file, printer)?;
     let mut section = "";
@@ -30,7 +30,7 @@ pub(crate) fn show(file: Option<&Path>, printer: &Printer) -> Result<Exit, CliEr
     Ok(Exit::Success)
 }
 
-/// Whether a configuration file may have this bare; a folder `007` may not.
+/// Whether a value may be written without quotes; a folder `007` may not.
 fn is_toml_number(value: &str) -> bool {
     let bare = value.strip_prefix('-').unwrap_or(value);
     let (whole, fraction) = bare.split_once('.').map_or((bare, None), |(whole, fraction)| (whole, Some(fraction)));
@@ -38,7 +38,7 @@ fn is_toml_number(value: &str) -> bool {
     digits(whole) && (whole == "0" || !whole.starts_with('0')) && fraction.is_none_or(digits)
 }
 
-/// On one line whatever is in it, for the origin stands behind it.
+/// The value on one line, since the source follows it.
 fn quoted(value: &str) -> String {
     let escaped = |letter: char| match letter {
         '"' | '\\' => format!("\\{letter}"),

@@ -1,4 +1,4 @@
-//! `--detector`: who lists what is in the image, in obstacle mode.
+//! `--detector`: selects the object detector for obstacle mode.
 
 use std::path::Path;
 
@@ -12,10 +12,10 @@ use crate::commands::vlm::{Pointing, oracle_named};
 use crate::error::CliError;
 use crate::settings::Settings;
 
-/// The detector of a flight without `--detector` whose policy wants one, where a model points.
+/// The default detector of a flight with a model, if the policy needs one.
 const DEFAULT: &str = "oracle";
 
-/// The policy and settings of a flight with the detector that the settings name; with none they are as they were.
+/// The policy and settings of a flight with the configured detector; unchanged if there is none.
 pub(crate) fn manner(
     settings: &Settings,
     policy: PolicyKind,
@@ -32,7 +32,7 @@ pub(crate) fn manner(
     Ok((policy, PilotSettings { avoid: true, ..method }))
 }
 
-/// Who points, with the detector beside them, and its name; none where the policy has no use for one.
+/// The VLM combined with the detector, and the detector's name; `None` if the policy does not use one.
 pub(crate) fn beside(
     settings: &Settings,
     policy: PolicyKind,
@@ -52,14 +52,14 @@ pub(crate) fn beside(
     Ok((Pointing { who, sentence, ..pointing }, Some(name)))
 }
 
-/// Who detects.
+/// A detector.
 struct Detecting {
     name: String,
     who: VlmFactory,
     sentence: String,
 }
 
-/// Whether a name is that of a model's file.
+/// Whether a name refers to a model file.
 fn is_file(name: &str) -> bool {
     name.to_ascii_lowercase().ends_with(".onnx")
 }
@@ -78,7 +78,7 @@ fn detecting(settings: &Settings, name: &str) -> Result<Detecting, CliError> {
     Ok(Detecting { who: oracle_factory(name.clone(), errors), name, sentence })
 }
 
-/// The model of a file.
+/// Loads the model of a file.
 pub(crate) fn open(path: &str) -> Result<Detector, CliError> {
     Detector::open(Path::new(path)).map_err(|error| {
         let hint = match error {
@@ -90,7 +90,7 @@ pub(crate) fn open(path: &str) -> Result<Detector, CliError> {
     })
 }
 
-/// The detector's file that the settings name, if it is one.
+/// The configured detector, if it is a model file.
 pub(crate) fn file(settings: &Settings) -> Option<&str> {
     settings.fly.detector.text().filter(|name| is_file(name))
 }

@@ -1,4 +1,4 @@
-//! `spf doctor`: everything that can be found out before a flight.
+//! `spf doctor`: checks before a flight.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::exit::Exit;
 use crate::printer::{Printer, table};
 use crate::settings::{DroneName, Settings};
 
-/// Checks, tells, and says what to do.
+/// Runs all checks and prints their results with advice.
 pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::of(args, printer)?;
     let mut checks = match settings.fly.drone.or_default()? {
@@ -42,7 +42,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     Ok(if bad { Exit::Failed } else { Exit::Success })
 }
 
-/// Who points, where that is someone who can be asked.
+/// The VLM, if it can be tested.
 fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
     if settings.fly.vlm.text().is_none_or(|name| name.starts_with("oracle") || name.starts_with("replay:")) {
         return Ok(None);
@@ -59,7 +59,7 @@ fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
     }
 }
 
-/// A detector that is a file: whether it can be used, and how long it looks at an image.
+/// Checks a detector model: whether it can be used, and its inference time.
 fn watch(path: &str) -> Check {
     match detector::open(path) {
         Ok(model) => doctor::detector(&model),
@@ -67,7 +67,7 @@ fn watch(path: &str) -> Check {
     }
 }
 
-/// What cannot be used at all.
+/// The check result for something unusable.
 fn refused(what: &'static str, error: &CliError) -> Check {
     let text = error.to_string();
     let (found, advice) = text.split_once("\nhint: ").map_or((text.as_str(), None), |(found, hint)| (found, Some(hint)));

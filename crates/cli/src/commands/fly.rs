@@ -1,4 +1,4 @@
-//! `spf fly`: from settings to a flight, and from a flight to words and an exit code.
+//! `spf fly`: creates a flight from settings, and reports its result and exit code.
 
 mod manual;
 mod reading;
@@ -37,7 +37,7 @@ use crate::printer::{Printer, one_line};
 use crate::progress::Progress;
 use crate::settings::{DroneName, Settings};
 
-/// Longest instruction, characters: what a prompt has room for.
+/// Maximum length of an instruction, characters, as in prompts.
 const MAX_INSTRUCTION: usize = 2000;
 
 /// Flies an instruction.
@@ -58,19 +58,19 @@ pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
     take_off(ready, &settings, instruction, printer)
 }
 
-/// A flight that can begin.
+/// A prepared flight.
 struct Ready {
-    /// But for its record and its operator.
+    /// The plan, without recording and operator.
     plan: FlightPlan,
-    /// What the person is told before.
+    /// Messages before take-off.
     said: Vec<String>,
-    /// What a person would fly by hand; none in virtual time.
+    /// The craft for manual flight; `None` in virtual time.
     by_hand: Option<Craft>,
-    /// The camera whose video is told of afterwards.
+    /// The camera whose video statistics are reported at the end.
     camera: Option<Arc<dyn Frames>>,
 }
 
-/// Flies, tells of it, and leaves its files.
+/// Flies, reports the result, and writes the files.
 fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: Printer) -> Result<Exit, CliError> {
     let Ready { plan, said, by_hand, camera } = ready;
     let view = settings.fly.live.get()?.map(live_view).transpose()?;
@@ -114,7 +114,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     Ok(Exit::of(flown.summary.outcome, flown.summary.verified))
 }
 
-/// The folder of the flight's files.
+/// Creates the output folder of the flight.
 fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
     OutDir::create(settings.fly.out.text().map(Path::new), instruction).map_err(|error| {
         CliError::usage("no folder for the flight's files")
@@ -123,7 +123,7 @@ fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
     })
 }
 
-/// The live view that was asked for.
+/// Starts the live view, if requested.
 fn live_view(address: SocketAddr) -> Result<Live, CliError> {
     Live::bind(address, "spf", spf_flight::log::topics()).map_err(|error| {
         CliError::usage(format!("nobody can look on at {address}"))
@@ -140,14 +140,14 @@ fn tell_view(view: &Live, printer: &Printer) {
     }
 }
 
-/// Leaves no folder behind for a flight that never was, so that the same command can be given again.
+/// Removes the folder of a flight that did not start, so that the command can be repeated.
 fn give_back(out: &OutDir) {
     // What cannot be taken away stays; the error to come matters more.
     drop(std::fs::remove_file(out.file("decisions.jsonl")));
     drop(std::fs::remove_dir(out.path()));
 }
 
-/// Who points, and how long the craft takes from the zero setpoint to standstill at cruise.
+/// The VLM, and the craft's time from a zero setpoint to standstill at cruise speed.
 fn sentence(points: &str, craft: &Craft) -> String {
     format!("{points} Standstill after a stop: {:.2} s at cruise.", craft.standstill_time(craft.cruise_speed))
 }
@@ -167,7 +167,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     let start = settings.fly.start.get()?;
     let kind = settings.fly.drone_model.get()?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
-    // A flight in virtual time is over before anybody has looked.
+    // A flight in virtual time is over before anyone could watch it.
     let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some();
     let conditions = SceneLook { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
     let flight_conditions = flight_conditions(settings)?;
@@ -205,7 +205,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     Ok(Ready { plan, said, by_hand: realtime.then_some(craft), camera: None })
 }
 
-/// Counts Ctrl-C. The first lands, closes everything and ends in exit code 5; the second ends the process at once.
+/// Counts Ctrl-C presses. The first one lands, finishes all files and exits with code 5; the second one exits at once.
 pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
     let count = Arc::new(AtomicU32::new(0));
     let counted = count.clone();
@@ -220,7 +220,7 @@ pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
     Ok(count)
 }
 
-/// The object that `--json` prints: the summary, and where the files are.
+/// The output of `--json`: the summary and the paths of the files.
 #[derive(Serialize)]
 struct Printed<'a> {
     #[serde(flatten)]

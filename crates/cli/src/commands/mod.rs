@@ -1,4 +1,4 @@
-//! One file a command, each returning an exit code.
+//! One module per command, each returning an exit code.
 
 pub(crate) mod bench;
 pub(crate) mod config;
@@ -24,7 +24,7 @@ use spf_scene::{Scene, SceneLook};
 
 use crate::error::CliError;
 
-/// Loads a built-in scene or a scene file; its errors say what may have been meant.
+/// Loads a built-in scene or a scene file; errors suggest similar names.
 pub(crate) fn load_scene(name: &str, conditions: &SceneLook) -> Result<LoadedScene, CliError> {
     LoadedScene::load_with(name, conditions).map_err(|error| {
         let built_in = Scene::built_in().join(", ");
@@ -34,7 +34,7 @@ pub(crate) fn load_scene(name: &str, conditions: &SceneLook) -> Result<LoadedSce
     })
 }
 
-/// The text of a file that the person named.
+/// Reads a file named by the user.
 pub(crate) fn read(path: &Path, what: &str) -> Result<String, CliError> {
     std::fs::read_to_string(path).map_err(|error| {
         CliError::usage(format!("cannot read the {what} file `{}`", path.display()))

@@ -1,4 +1,4 @@
-//! `spf replay --vlm`: another mind about the frames of a flight.
+//! `spf replay --vlm`: sends the queries of a flight to another model.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ use crate::settings::Settings;
 /// Quality of the images: captions stay sharp.
 const QUALITY: u8 = 90;
 
-/// What `--json` prints.
+/// The output of `--json`.
 #[derive(Serialize)]
 struct Printed<'a> {
     flight: &'a str,
@@ -30,7 +30,7 @@ struct Printed<'a> {
     opinions: &'a [Opinion],
 }
 
-/// Asks, and tells where the two point.
+/// Sends the queries and compares the replies.
 pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit, CliError> {
     let reader = LogReader::open(&args.file).map_err(|error| unreadable(&args.file, &error))?;
     let (head, questions) = questions(reader).map_err(|error| unreplayable(&args.file, &error))?;
@@ -65,7 +65,7 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
     Ok(Exit::Success)
 }
 
-/// Who is asked.
+/// The model that is queried.
 fn mind(settings: &Settings, vlm: &str) -> Result<(String, Mind), CliError> {
     if vlm == "oracle" || vlm.starts_with("oracle:") {
         let (name, errors) = oracle_named(vlm, |expected, near| settings.fly.vlm.wrong(expected, near))?;

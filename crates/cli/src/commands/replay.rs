@@ -1,4 +1,4 @@
-//! `spf replay`: a recorded flight again, on paper.
+//! `spf replay`: replays a recorded flight without flying.
 
 use serde_json::Value;
 use spf_flight::replay::{Changes, Difference, Report, replay as fly_again};
@@ -11,7 +11,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 
-/// Replays a log and tells every difference.
+/// Replays a log and prints every difference.
 pub(crate) fn replay(args: &Replay, printer: &Printer) -> Result<Exit, CliError> {
     if let Some(vlm) = &args.vlm {
         return reask(args, vlm, printer);

@@ -1,4 +1,4 @@
-//! `spf tello`: a Tello itself.
+//! `spf tello`: commands for a Tello.
 
 use std::time::Instant;
 
@@ -16,7 +16,7 @@ use crate::exit::Exit;
 use crate::printer::Printer;
 use crate::settings::{DroneName, Settings};
 
-/// Does what is asked for.
+/// Runs the command.
 pub(crate) fn tello(command: &Tello, printer: &Printer) -> Result<Exit, CliError> {
     match command {
         Tello::Calibrate(args) => measure(args, printer),

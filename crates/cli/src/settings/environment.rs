@@ -1,4 +1,4 @@
-//! The environment, and `.env` under it.
+//! Settings from the environment, and from `.env` below it.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -11,15 +11,14 @@ use super::setting::Origin;
 use crate::error::{CliError, nearest};
 use crate::printer::one_line;
 
-/// What our variables begin with. Others' may too.
+/// Prefix of the program's variables; other programs may use it too.
 const PREFIX: &str = "SPF_";
 
-/// Variables of ours that are no keys.
+/// The program's variables that are not keys.
 const OTHERS: [&str; 1] = [Shard::COUNT_VARIABLE];
 
 impl Settings {
-    /// Takes the values of `.env` and of the environment over what is there; gives warnings about variables that may be slips of the
-    /// finger.
+    /// Applies the values of `.env` and of the environment; returns warnings about variables that may be misspelt.
     pub(super) fn read_environment(&mut self) -> Result<Vec<String>, CliError> {
         let dotenv = dotenv()?;
         self.take_variables(&dotenv, |name| std::env::var_os(name))?;
@@ -27,7 +26,7 @@ impl Settings {
         Ok(self.unknown_variables(dotenv.into_keys(), environment))
     }
 
-    /// Takes the values of `.env` and of the environment over what is there.
+    /// Applies the values of `.env` and of the environment.
     pub(super) fn take_variables(
         &mut self,
         dotenv: &BTreeMap<String, String>,
@@ -47,8 +46,8 @@ impl Settings {
         Ok(())
     }
 
-    /// A warning about each variable that looks like one of ours and is none, in the order of their names. It may be a slip of the
-    /// finger; or another program's, and then it is nobody's business here.
+    /// A warning for each unknown variable with the program's prefix, sorted by name: it may be misspelt, or belong to
+    /// another program.
     pub(super) fn unknown_variables(
         &self,
         dotenv: impl IntoIterator<Item = String>,
@@ -86,7 +85,7 @@ fn dotenv() -> Result<BTreeMap<String, String>, CliError> {
     Ok(variables)
 }
 
-/// Looks variables of others up, such as vendors' keys: the environment over `.env`.
+/// Looks up other variables, such as vendors' keys; the environment overrides `.env`.
 pub(crate) fn variables() -> Result<impl Fn(&str) -> Option<String>, CliError> {
     let dotenv = dotenv()?;
     Ok(move |name: &str| std::env::var(name).ok().or_else(|| dotenv.get(name).cloned()))

@@ -1,4 +1,4 @@
-//! `spf.toml`.
+//! Settings from `spf.toml`.
 
 use std::fmt::Display;
 use std::path::Path;
@@ -19,7 +19,7 @@ impl Settings {
         self.read_text(path, &text)
     }
 
-    /// Takes the values of a configuration file over what is there.
+    /// Applies the values of a configuration file.
     pub(super) fn read_text(&mut self, path: &Path, text: &str) -> Result<(), CliError> {
         let shown = path.display();
         let table = DeTable::parse(text).map_err(|error| {

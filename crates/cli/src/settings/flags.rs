@@ -1,7 +1,7 @@
-//! The topmost layer: which argument of which command says which setting.
+//! Settings from command line flags, the topmost layer.
 //!
-//! A flag's name stands with its key (`keys`); here the two meet by the names of fields. The arguments of `spf fly` are taken apart in
-//! full, so that the compiler tells of one that is new.
+//! A flag's name is declared with its key (`keys`); here both are connected by field names. The arguments of `spf fly`
+//! are destructured in full, so that the compiler reports new ones.
 
 use std::path::Path;
 
@@ -10,10 +10,10 @@ use crate::args::{self, ConditionArgs, LimitArgs, MethodArgs, OutputArgs, WorldA
 
 /// Arguments of a command that reads the configuration.
 pub(crate) trait Flags {
-    /// The configuration file that they name.
+    /// The configuration file given.
     fn file(&self) -> Option<&Path>;
 
-    /// Puts what they say over what is there.
+    /// Applies the flags.
     fn say(&self, settings: &mut Settings);
 }
 

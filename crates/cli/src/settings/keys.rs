@@ -1,4 +1,4 @@
-//! Every key there is: its name, type and default, what its text is read as, its variable, its flag and what it means.
+//! Declaration of every key: name, type, default, parser, variable, flag and description.
 #![allow(rustdoc::broken_intra_doc_links, reason = "`NAME[#MODEL][@URL]` is no link")]
 
 use std::net::{IpAddr, SocketAddr};

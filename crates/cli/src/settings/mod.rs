@@ -1,12 +1,14 @@
-//! What is in force: one typed structure from defaults, `spf.toml`, `.env`, the environment and flags, in rising order, each value with
-//! where it came from.
+//! Effective settings: one typed structure from defaults, `spf.toml`, `.env`, the environment and flags, in ascending
+//! priority, with the source of each value.
 //!
-//! `keys` declares every key once; `setting` holds one value and reads it when a command asks for it; `file`, `environment` and `flags`
-//! are the layers; `docs/reference/configuration.md` is written from the declaration (`reference`).
+//! `keys` declares every key once; `setting` holds one value and parses it when a command needs it; `file`,
+//! `environment` and `flags` are the layers; `docs/reference/configuration.md` is generated from the declaration
+//! (`reference`).
 //!
-//! Layers are put on each other here and not by a library. `figment` (0.10) was looked at: it remembers of a file's value which file it
-//! came from, but no line; it guesses the type of a variable from its text, so that a folder `007` becomes the number 7; it reads
-//! everything at once, so that a slip in a key that a command has no use for would stop it; and it knows no `.env`.
+//! Layers are merged here and not by a library. `figment` (0.10) was evaluated: it records the file of a value but not
+//! the line; it guesses the type of a variable from its text, so that a folder `007` becomes the number 7; it parses
+//! everything at once, so that an error in a key that a command does not use would stop it; and it does not support
+//! `.env`.
 
 mod environment;
 mod file;
@@ -36,7 +38,7 @@ impl Settings {
     /// What is in force for a command with these arguments.
     ///
     /// # Errors
-    /// A file, `.env` or variable that cannot be read, and an unknown key in the file. Wrong values are told when they are asked for.
+    /// A file, `.env` or variable that cannot be read, or an unknown key in the file. Invalid values are reported on use.
     pub(crate) fn of(args: &impl Flags, printer: &Printer) -> Result<Self, CliError> {
         let mut settings = Self::load(args.file(), printer)?;
         args.say(&mut settings);

@@ -1,4 +1,4 @@
-//! What the text of a setting may be, and what it is read as.
+//! Parsers for the text of settings.
 
 use std::error::Error;
 use std::fmt::Display;
@@ -40,7 +40,7 @@ pub(crate) struct Refusal {
     pub(super) expected: String,
     /// What the text may be a slip of the finger for.
     pub(super) near: Option<&'static str>,
-    /// What its parser says of it.
+    /// The parser's error.
     pub(super) cause: Option<Box<dyn Error>>,
 }
 

@@ -1,4 +1,4 @@
-//! `docs/reference/configuration.md`, written from the declaration of the keys.
+//! Generates `docs/reference/configuration.md` from the declaration of the keys.
 
 use std::fmt::Write;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! One setting: the text in force, where it came from, and what it is read as.
+//! One setting: its effective text, its source, and its parser.
 
 use std::path::PathBuf;
 
@@ -15,19 +15,19 @@ pub(crate) struct Key {
     pub(crate) name: &'static str,
     /// Its environment variable.
     pub(crate) env: &'static str,
-    /// The flag that says it, if any command has one.
+    /// Its flag, if any command has one.
     pub(crate) flag: Option<Flag>,
-    /// What holds when nobody says anything; empty: decided by something else, see `doc`.
+    /// The default; empty if determined otherwise, see `doc`.
     pub(crate) default: &'static str,
     /// Meaning and unit.
     pub(crate) doc: &'static str,
 }
 
-/// A flag that says what a key holds.
+/// A flag that sets a key.
 pub(crate) struct Flag {
     /// With its dashes.
     pub(crate) name: &'static str,
-    /// What a flag without a value says.
+    /// The value of a flag without an argument.
     pub(crate) says: Option<&'static str>,
 }
 
@@ -58,7 +58,7 @@ impl std::fmt::Display for Origin {
     }
 }
 
-/// The value of one key: what was said, by whom, and how it is read.
+/// The value of one key: its text, source and parser.
 ///
 /// The text is read when a command asks for the value, and not before: what is wrong with a key stops only the commands that use it.
 pub(crate) struct Setting<T: 'static> {
@@ -121,14 +121,14 @@ impl<T> Setting<T> {
         self.key.meaning()
     }
 
-    /// Takes what the key's flag says; `None` leaves what is there.
+    /// Applies the key's flag; `None` leaves the value unchanged.
     pub(crate) fn flag(&mut self, text: Option<&str>) {
         if let Some(text) = text {
             self.say(text.to_owned(), Origin::Flag(self.key.flag_name()));
         }
     }
 
-    /// Takes what the key's flag without a value says, when it was given.
+    /// Applies the key's flag without an argument, if given.
     pub(super) fn switch(&mut self, given: bool) {
         if let (true, Some(Flag { name, says: Some(says) })) = (given, &self.key.flag) {
             self.say((*says).to_owned(), Origin::Flag(name));
@@ -140,7 +140,7 @@ impl<T> Setting<T> {
         self.say(text.to_owned(), Origin::Flag(name));
     }
 
-    /// Puts another default in place of the key's, where nobody said anything.
+    /// Replaces the key's default, if no value was given.
     pub(crate) fn default_to(&mut self, text: &str) {
         if self.origin == Origin::Default {
             text.clone_into(&mut self.text);
@@ -149,7 +149,7 @@ impl<T> Setting<T> {
 }
 
 impl Setting<bool> {
-    /// Whether it says `true`; an empty text does not.
+    /// Whether the value is `true`; an empty text is not.
     ///
     /// # Errors
     /// As [`get`](Self::get).

@@ -1,4 +1,4 @@
-//! How the table of keys becomes a structure: a field a key.
+//! Generates a structure from the table of keys: one field per key.
 
 /// Declares [`Settings`](super::Settings) and its tables from rows of
 ///

@@ -42,7 +42,7 @@ impl<T> Cleared<T> {
         &self.what
     }
 
-    /// Expiry of the clearance. Whoever applies it replaces a setpoint without a successor by zero at that time, and
+    /// Expiry of the clearance. The driver replaces a setpoint without a successor by zero at that time, and
     /// stops a manoeuvre that has not ended. [`Time::MAX`] for other commands.
     pub fn valid_until(&self) -> Time {
         self.valid_until

@@ -14,7 +14,7 @@ use super::{FrameTally, Frames, Photo};
 /// Number of frames kept: about one second.
 const KEPT: usize = 24;
 /// Number of image digests kept. A live camera never produces the same image twice, bit for bit; a frozen one repeats a
-/// few, one for each position in the group of pictures.
+/// few, one for each position in the group of images.
 const DIGESTS: usize = 128;
 /// Only every n-th row is included in the digest.
 const DIGEST_ROWS: usize = 8;

@@ -1,4 +1,4 @@
-//! Labelled pointing data: pictures of a scene with an instruction each, what it means in the picture, and all that the oracle
+//! Labelled pointing data: images of a scene with an instruction each, what it means in the image, and all that the oracle
 //! reads (docs/guide/dataset.md).
 //!
 //! An example depends only on the scene, the recipe and its number, so examples can be generated in any order and an

@@ -1,4 +1,4 @@
-//! What is told of a flight in its log, `flight.mcap`: every input of the pilot and every output, and what people's tools show
+//! The flight log, `flight.mcap`: all inputs and outputs of the pilot, plus messages for common viewers
 //! (docs/reference/flight-log.md).
 
 mod rows;

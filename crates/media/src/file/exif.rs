@@ -1,8 +1,8 @@
-//! How a camera was held: the orientation of EXIF (tag 0x112), and images turned by it.
+//! EXIF orientation (tag 0x112), and rotation of images according to it.
 
 use crate::frame::Rgb;
 
-/// How the rows and columns of a file lie in the image that is meant.
+/// How the rows and columns of a file map to the upright image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Orientation {
     /// Rows of the file are columns of the image; the mirrors apply to the file.
@@ -13,12 +13,12 @@ pub struct Orientation {
     from_bottom: bool,
 }
 
-/// The tag's number, and the number of its type, a 16-bit number.
+/// Tag number, and number of its type (16-bit integer).
 const TAG: u16 = 0x112;
 const SHORT: u16 = 3;
 
 impl Orientation {
-    /// The orientation that a block of EXIF tells; upright where it tells none.
+    /// The orientation in an EXIF block; upright if it has none.
     #[must_use]
     pub(super) fn of_exif(block: &[u8]) -> Self {
         find(block).and_then(Self::of_number).unwrap_or_default()
@@ -40,13 +40,13 @@ impl Orientation {
         Some(Self { swapped, from_right, from_bottom })
     }
 
-    /// Width and height of the image that is meant, of a file's.
+    /// Width and height of the upright image, given those of the file.
     #[must_use]
     pub const fn turned_size(self, (width, height): (u32, u32)) -> (u32, u32) {
         if self.swapped { (height, width) } else { (width, height) }
     }
 
-    /// The image that is meant.
+    /// The upright image.
     #[must_use]
     pub fn turned(self, picture: Rgb) -> Rgb {
         if self == Self::default() {
@@ -69,7 +69,7 @@ impl Orientation {
     }
 }
 
-/// The tag's number in the first directory of a block, which begins like a TIFF file.
+/// The tag's value in the first directory of a block, which starts like a TIFF file.
 fn find(block: &[u8]) -> Option<u16> {
     let big = match block.get(..4)? {
         [b'I', b'I', 42, 0] => false,

@@ -1,6 +1,6 @@
-//! Image files as other programs write them, PNG and JPEG: told apart, measured before they are decoded, decoded within limits.
+//! Reading PNG and JPEG files of other programs: format detection, size from the header, decoding within limits.
 //!
-//! Colours are taken as they stand: no profile, no gamma. Greys and colours of 16 bits are rounded where 8 are wanted.
+//! Colour values are used as stored, without profiles or gamma. 16-bit values are rounded where 8 bits are needed.
 
 mod exif;
 mod samples;
@@ -17,10 +17,10 @@ pub use exif::Orientation;
 pub use samples::Samples;
 use samples::Values;
 
-/// Most memory that a decoder of PNG may take for its own tables, bytes.
+/// Maximum memory of a PNG decoder's tables, bytes.
 const TABLES: u64 = 512 << 20;
 
-/// Formats that are read.
+/// Supported formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// PNG.
@@ -30,7 +30,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The format of a file, from its first bytes; none for others.
+    /// The format of a file, from its first bytes; `None` for others.
     #[must_use]
     pub fn of(bytes: &[u8]) -> Option<Self> {
         if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
@@ -43,12 +43,12 @@ impl Format {
     }
 }
 
-/// What an image may have at most, so that no file takes the memory.
+/// Limits on images, to bound memory use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Longest side, pixels.
+    /// Maximum side length, pixels.
     pub side: u32,
-    /// Memory of the decoded samples, bytes.
+    /// Maximum memory of the decoded samples, bytes.
     pub memory: u64,
 }
 
@@ -69,26 +69,26 @@ impl Limits {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FileError {
-    /// It is neither PNG nor JPEG.
+    /// Neither PNG nor JPEG.
     #[error("The image format could not be determined")]
     Unknown,
-    /// It could not be read.
+    /// Reading failed.
     #[error(transparent)]
     Read(#[from] io::Error),
-    /// It does not keep to its format.
+    /// The file is invalid.
     #[error("Format error decoding {format:?}: {source}")]
     Damaged {
         /// The format.
         format: Format,
-        /// What the decoder said.
+        /// The decoder's error.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// It uses a part of its format that is not read.
+    /// The file uses an unsupported feature.
     #[error("The decoder for {format:?} does not support the format features {feature}")]
     Unsupported {
         /// The format.
         format: Format,
-        /// The part.
+        /// The feature.
         feature: String,
     },
     /// A side is too long.
@@ -119,7 +119,7 @@ impl From<DecodeErrors> for FileError {
     }
 }
 
-/// An image file whose head has been read.
+/// An image file with its header read.
 pub struct PictureFile<'a> {
     limits: Limits,
     size: (u32, u32),
@@ -147,7 +147,7 @@ pub fn decode(bytes: &[u8], limits: Limits) -> Result<Samples, FileError> {
 }
 
 impl<'a> PictureFile<'a> {
-    /// Reads the head of a PNG or JPEG file.
+    /// Reads the header of a PNG or JPEG file.
     ///
     /// # Errors
     /// [`FileError`] if it is neither, damaged or a side is too long.
@@ -155,7 +155,7 @@ impl<'a> PictureFile<'a> {
         Self::open_as(Format::of(bytes).ok_or(FileError::Unknown)?, bytes, limits)
     }
 
-    /// Reads the head of a file of a format.
+    /// Reads the header of a file with a known format.
     ///
     /// # Errors
     /// [`FileError`] if it is of another format, damaged or a side is too long.
@@ -170,7 +170,7 @@ impl<'a> PictureFile<'a> {
         let tables = usize::try_from(limits.memory.min(TABLES)).unwrap_or(usize::MAX);
         let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: tables });
         limits.check(decoder.read_header_info()?.size())?;
-        // Palettes and less than 8 bits become colours and greys of 8; 16 bits stay.
+        // Palettes and fewer than 8 bits are expanded to 8 bits; 16 bits are kept.
         decoder.set_transformations(png::Transformations::EXPAND);
         let reader = decoder.read_info()?;
         let info = reader.info();
@@ -183,10 +183,10 @@ impl<'a> PictureFile<'a> {
         decoder.decode_headers()?;
         let headless = || FileError::from(DecodeErrors::FormatStatic("there is no frame header"));
         let (width, height) = decoder.dimensions().ok_or_else(headless)?;
-        // The format keeps sides in 16 bits.
+        // The format stores sides in 16 bits.
         let size = (width as u32, height as u32);
         limits.check(size)?;
-        // Greys stay what they are, everything else is decoded as colours.
+        // Grey stays grey, everything else is decoded as colour.
         let space = match decoder.input_colorspace().ok_or_else(headless)? {
             space @ (ColorSpace::Luma | ColorSpace::LumaA | ColorSpace::RGBA) => space,
             _ => ColorSpace::RGB,
@@ -195,19 +195,19 @@ impl<'a> PictureFile<'a> {
         Ok(Self { limits, size, orientation, decoder: Decoder::Jpeg(bytes, space) })
     }
 
-    /// Width and height, pixels, as the file keeps them.
+    /// Width and height as stored, pixels.
     #[must_use]
     pub const fn size(&self) -> (u32, u32) {
         self.size
     }
 
-    /// How the camera was held, as EXIF says.
+    /// The orientation from EXIF.
     #[must_use]
     pub const fn orientation(&self) -> Orientation {
         self.orientation
     }
 
-    /// Decodes it, not turned.
+    /// Decodes the image, without rotation.
     ///
     /// # Errors
     /// [`FileError`] if it is damaged or its samples take too much memory.
@@ -240,7 +240,7 @@ impl<'a> PictureFile<'a> {
     }
 }
 
-/// Cameras and other programs do not always keep to the letter of the format.
+/// Lenient options: files of cameras and other programs often deviate from the format.
 fn jpeg_options(side: u32) -> DecoderOptions {
     DecoderOptions::default().set_strict_mode(false).set_max_width(side as usize).set_max_height(side as usize)
 }

@@ -1,4 +1,4 @@
-//! What an image file holds, and the same as greys or colours.
+//! Decoded samples of an image file, and their conversion to grey or colour.
 
 use crate::frame::Rgb;
 
@@ -22,12 +22,12 @@ pub(super) enum Values {
 /// What red, green and blue of sRGB give to its luminance Y: the middle row of the matrix from BT.709's primaries under D65.
 const LUMINANCE: [f32; 3] = [0.212_647_84, 0.715_179_2, 0.072_173_04];
 
-/// 16 bits rounded to 8.
+/// Rounds 16 bits to 8.
 fn rounded(value: u16) -> u8 {
     ((u32::from(value) + 128) / 257) as u8
 }
 
-/// 8 bits spread over 16.
+/// Expands 8 bits to 16.
 fn spread(value: u8) -> u16 {
     u16::from(value) * 257
 }
@@ -51,7 +51,7 @@ impl Samples {
         self.channels
     }
 
-    /// Bits of a channel: 8 or 16.
+    /// Bits per channel: 8 or 16.
     #[must_use]
     pub const fn bits(&self) -> u32 {
         match self.values {
@@ -60,7 +60,7 @@ impl Samples {
         }
     }
 
-    /// Whether pixels have an opacity.
+    /// Whether there is an alpha channel.
     #[must_use]
     pub const fn has_alpha(&self) -> bool {
         self.channels.is_multiple_of(2)
@@ -95,7 +95,7 @@ impl Samples {
         let channels = self.channels;
         match self.values {
             Values::Eight(values) => grey(&values, channels, u8::MAX.into(), |share| (share * 255.0).round() as u8),
-            // Greys are rounded, colours weighed before.
+            // Grey is rounded; colours are weighted first.
             Values::Sixteen(values) if channels < 3 => values.into_iter().step_by(channels).map(rounded).collect(),
             Values::Sixteen(values) => grey(&values, channels, u16::MAX.into(), |share| (share * 255.0).round() as u8),
         }
@@ -120,7 +120,7 @@ impl Samples {
     }
 }
 
-/// Colours of a pixel of one to four channels.
+/// The colour of a pixel of one to four channels.
 fn colour(pixel: &[u8]) -> [u8; 3] {
     match *pixel {
         [red, green, blue, ..] => [red, green, blue],
@@ -129,7 +129,7 @@ fn colour(pixel: &[u8]) -> [u8; 3] {
     }
 }
 
-/// Greys by luminance, where greys themselves stay to the bit.
+/// Converts to grey by luminance; grey values are kept exactly.
 fn grey<T: Copy + Into<f32>, G>(values: &[T], channels: usize, most: f32, of: impl Fn(f32) -> G) -> Vec<G> {
     let share = |value: T| value.into() * (1.0 / most);
     let luminance = |pixel: &[T]| match *pixel {

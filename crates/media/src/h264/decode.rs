@@ -1,4 +1,4 @@
-//! Decoding H.264 into images.
+//! H.264 decoding.
 
 use openh264::OpenH264API;
 use openh264::decoder::{DecodeOptions, DecodedYUV, DecoderConfig, Flush};
@@ -10,12 +10,12 @@ use crate::frame::Rgb;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DecoderError {
-    /// The codec refused. After damage the next key image is decoded again.
+    /// The codec failed. After damage, decoding resumes at the next key frame.
     #[error("the H.264 decoder failed: the stream is damaged or begins without a key picture")]
     Codec(#[from] openh264::Error),
 }
 
-/// An H.264 decoder: one stream, its units in order.
+/// An H.264 decoder for one stream, whose units must be passed in order.
 pub struct Decoder(openh264::decoder::Decoder);
 
 impl core::fmt::Debug for Decoder {
@@ -25,7 +25,7 @@ impl core::fmt::Debug for Decoder {
 }
 
 impl Decoder {
-    /// A decoder.
+    /// Creates a decoder.
     ///
     /// # Errors
     /// [`DecoderError::Codec`] if the codec cannot be set up.
@@ -33,20 +33,20 @@ impl Decoder {
         Ok(Self(openh264::decoder::Decoder::with_api_config(OpenH264API::from_source(), DecoderConfig::new())?))
     }
 
-    /// Decodes NAL units behind start codes (ITU-T H.264, annex B); the image that they complete, if they do. The colours are
-    /// taken for BT.709 of limited range, which is what [`Encoder`](super::Encoder) makes.
+    /// Decodes NAL units with start codes (ITU-T H.264, annex B), and returns the image completed by them, if any.
+    /// Colours are interpreted as limited-range BT.709, as written by [`Encoder`](super::Encoder).
     ///
     /// # Errors
-    /// [`DecoderError::Codec`].
+    /// [`DecoderError::Codec`] if the codec fails.
     pub fn decode(&mut self, annex_b: &[u8]) -> Result<Option<Rgb>, DecoderError> {
         Ok(self.0.decode(annex_b)?.map(|planes| colours(&planes)))
     }
 
-    /// Decodes a unit of a file: images come in the order in which they are shown, which for a stream with B-frames is
-    /// another than that of the units, and later; the last ones by [`Decoder::rest`]. Not for live video, which waits for nothing.
+    /// Decodes a unit of a file. Images are returned in presentation order, which with B-frames differs from decoding
+    /// order and adds a delay; [`Decoder::rest`] returns the last ones. Not for live video.
     ///
     /// # Errors
-    /// [`DecoderError::Codec`].
+    /// [`DecoderError::Codec`] if the codec fails.
     pub fn decode_in_order(&mut self, annex_b: &[u8]) -> Result<Option<Rgb>, DecoderError> {
         let options = DecodeOptions::new().flush_after_decode(Flush::NoFlush);
         Ok(self.0.decode_with_options(annex_b, options)?.map(|planes| colours(&planes)))
@@ -55,22 +55,22 @@ impl Decoder {
     /// The images that [`Decoder::decode_in_order`] still holds at the end of a file.
     ///
     /// # Errors
-    /// [`DecoderError::Codec`].
+    /// [`DecoderError::Codec`] if the codec fails.
     pub fn rest(&mut self) -> Result<Vec<Rgb>, DecoderError> {
         Ok(self.0.flush_remaining()?.iter().map(colours).collect())
     }
 
-    /// [`Decoder::decode`] without looking at the image: for those that only lead to a newer one.
+    /// Decodes like [`Decoder::decode`] without converting the image, for images that only lead to a newer one.
     ///
     /// # Errors
-    /// [`DecoderError::Codec`].
+    /// [`DecoderError::Codec`] if the codec fails.
     pub fn skip(&mut self, annex_b: &[u8]) -> Result<(), DecoderError> {
         self.0.decode(annex_b)?;
         Ok(())
     }
 }
 
-/// Converts in whole numbers of 1/65536 (ITU-R BT.709-6). Each chroma sample serves its four pixels.
+/// Converts in integer arithmetic with 1/65536 (ITU-R BT.709-6). Each chroma sample is used for its four pixels.
 fn colours(planes: &DecodedYUV<'_>) -> Rgb {
     let (width, height) = planes.dimensions();
     let (luma_stride, blue_stride, red_stride) = planes.strides();

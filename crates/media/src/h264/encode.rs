@@ -1,6 +1,6 @@
-//! Encoding images as H.264.
+//! H.264 encoding.
 //!
-//! One thread, no frame dropping, timestamps from the caller: the same images at the same times give the same bytes.
+//! Single-threaded, no dropped frames, timestamps from the caller: equal images at equal times give equal bytes.
 
 use openh264::OpenH264API;
 use openh264::encoder::{
@@ -15,7 +15,7 @@ use crate::frame::Rgb;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EncoderError {
-    /// A side is odd, below 16 or above 3840 × 2160; 4:2:0 video has no odd sides.
+    /// A side is odd, below 16, or the size is above 3840 × 2160; 4:2:0 video needs even sides.
     #[error("cannot encode video of {width}×{height}: sides must be even, at least 16, and within 3840×2160")]
     Size {
         /// Width, pixels.
@@ -23,7 +23,7 @@ pub enum EncoderError {
         /// Height, pixels.
         height: u32,
     },
-    /// An image has another size than the video.
+    /// The image has a different size from the video.
     #[error("the video is {expected_width}×{expected_height}, this picture is {width}×{height}: resize it first")]
     SizeChanged {
         /// Width of the video, pixels.
@@ -35,10 +35,10 @@ pub enum EncoderError {
         /// Height of the image, pixels.
         height: u32,
     },
-    /// The codec refused.
+    /// The codec failed.
     #[error("the H.264 encoder failed")]
     Codec(#[from] openh264::Error),
-    /// The codec returned no image although it was told never to drop one.
+    /// The codec dropped an image although configured not to.
     #[error("the H.264 encoder gave no picture for the one at {time}")]
     Dropped {
         /// Flight time of the image.
@@ -46,24 +46,23 @@ pub enum EncoderError {
     },
 }
 
-/// What the encoder aims at.
+/// Encoder settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EncoderSettings {
     /// Width, pixels; even, 16..=3840.
     pub width: u32,
     /// Height, pixels; even, 16..=2160.
     pub height: u32,
-    /// Nominal frames a second; frames may come at other times.
+    /// Nominal frames per second; actual times may differ.
     pub fps: f64,
-    /// The quantiser, 10 (nearly lossless) to 40 (coarse), the same for every image: quality is constant, size follows from
-    /// what is seen.
+    /// The quantiser, 10 (nearly lossless) to 40 (coarse), constant for all images: the size depends on the content.
     pub quantiser: u8,
-    /// Seconds between images at which playback can start.
+    /// Interval of key frames, seconds.
     pub key_interval: f64,
 }
 
 impl EncoderSettings {
-    /// Settings that give a readable image of a flight: quantiser 30, a key image every 5 s.
+    /// Settings for readable images of a flight: quantiser 30, a key frame every 5 s.
     #[must_use]
     pub const fn for_size(width: u32, height: u32, fps: f64) -> Self {
         Self { width, height, fps, quantiser: 30, key_interval: 5.0 }
@@ -73,9 +72,9 @@ impl EncoderSettings {
 /// One encoded image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AccessUnit {
-    /// Whether playback can start here; such a unit carries the parameter sets.
+    /// Whether this is a key frame, which includes the parameter sets.
     pub key: bool,
-    /// The NAL units, each behind a start code (ITU-T H.264, annex B).
+    /// The NAL units with start codes (ITU-T H.264, annex B).
     pub annex_b: Vec<u8>,
 }
 
@@ -94,10 +93,10 @@ impl core::fmt::Debug for Encoder {
 }
 
 impl Encoder {
-    /// An encoder.
+    /// Creates an encoder.
     ///
     /// # Errors
-    /// [`EncoderError::Size`] for a size it cannot encode, [`EncoderError::Codec`] if the codec cannot be set up.
+    /// [`EncoderError::Size`] for an unsupported size, [`EncoderError::Codec`] if the codec cannot be set up.
     pub fn new(settings: EncoderSettings) -> Result<Self, EncoderError> {
         let EncoderSettings { width, height, fps, quantiser, key_interval } = settings;
         let even = width % 2 == 0 && height % 2 == 0;
@@ -111,8 +110,8 @@ impl Encoder {
             .usage_type(UsageType::CameraVideoRealTime)
             .complexity(Complexity::Low)
             .profile(Profile::High)
-            // The modes that aim at a bit rate drop images, or complain on standard error when forbidden to. This one keeps
-            // the quantiser at the lower end of its range.
+            // Modes with a target bit rate drop images, or print to standard error if they must not. This one keeps the
+            // quantiser at the lower end of its range.
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QpRange::new(quantiser, quantiser))
             .max_frame_rate(FrameRate::from_hz(fps.clamp(1.0, 60.0) as f32))
@@ -124,7 +123,7 @@ impl Encoder {
         Ok(Self { codec, width, height, planes: Planes::new(width as usize, height as usize) })
     }
 
-    /// The next image is one at which playback can start.
+    /// Makes the next image a key frame.
     pub fn force_key(&mut self) {
         self.codec.force_intra_frame();
     }
@@ -175,8 +174,8 @@ impl Planes {
         YUVSlices::new((&self.luma, &self.blue, &self.red), (self.width, self.height), (self.width, half, half))
     }
 
-    /// Converts in whole numbers of 1/65536 (ITU-R BT.709-6, items 3.2 to 3.5), so that no rounding mode has a say. Chroma is
-    /// the mean of its four pixels.
+    /// Converts in integer arithmetic with 1/65536 (ITU-R BT.709-6, items 3.2 to 3.5), independent of rounding modes.
+    /// Chroma is the mean of four pixels.
     fn fill(&mut self, picture: &Rgb) {
         let (width, half) = (self.width, self.width / 2);
         for (index, rows) in picture.data().chunks_exact(width * 6).enumerate() {
@@ -197,7 +196,7 @@ impl Planes {
                         + i32::from(bottom[channel + 3])
                 };
                 let (r, g, b) = (sum(0), sum(1), sum(2));
-                // Four pixels are summed, hence the scale 4·65536; half of it rounds.
+                // Four pixels are summed, hence the scale of 4·65536; half of it is added for rounding.
                 blue[column] = (128 + ((-6_596 * r - 22_189 * g + 28_785 * b + 131_072) >> 18)) as u8;
                 red[column] = (128 + ((28_785 * r - 26_145 * g - 2_640 * b + 131_072) >> 18)) as u8;
             }

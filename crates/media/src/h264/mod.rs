@@ -1,4 +1,4 @@
-//! H.264: encoding, decoding, and cutting a byte stream into NAL units.
+//! H.264: encoding, decoding, and splitting a byte stream into NAL units.
 
 pub mod decode;
 pub mod encode;

@@ -1,15 +1,15 @@
-//! Cutting an Annex B byte stream into NAL units (ITU-T H.264, annex B).
+//! Splits an Annex B byte stream into NAL units (ITU-T H.264, annex B).
 
-/// What a NAL unit holds, as far as this project cares (ITU-T H.264, table 7-1).
+/// Relevant types of NAL units (ITU-T H.264, table 7-1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NalKind {
-    /// A slice of an image that refers to others.
+    /// A slice that refers to other pictures.
     Slice,
-    /// A slice of an image at which decoding can start.
+    /// A slice of an IDR picture, at which decoding can start.
     IdrSlice,
     /// A sequence parameter set.
     Sps,
-    /// An image parameter set.
+    /// A picture parameter set.
     Pps,
     /// Anything else, by its `nal_unit_type`.
     Other(u8),
@@ -29,9 +29,9 @@ impl NalKind {
     }
 }
 
-/// The NAL units of a whole Annex B buffer, in order, without start codes and without the zero bytes that may trail a unit.
+/// The NAL units of a complete Annex B buffer, in order, without start codes and trailing zero bytes.
 ///
-/// Bytes before the first start code belong to no unit and are skipped; empty units are left out.
+/// Bytes before the first start code and empty units are skipped.
 pub fn nal_units(annex_b: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut rest = after_start_code(annex_b);
     core::iter::from_fn(move || {
@@ -45,7 +45,7 @@ pub fn nal_units(annex_b: &[u8]) -> impl Iterator<Item = &[u8]> {
     .filter(|unit| !unit.is_empty())
 }
 
-/// Where the three bytes 0, 0, 1 begin.
+/// Position of the next bytes 0, 0, 1.
 fn start_code(bytes: &[u8]) -> Option<usize> {
     bytes.windows(3).position(|window| window == [0, 0, 1])
 }

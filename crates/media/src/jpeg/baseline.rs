@@ -1,4 +1,4 @@
-//! A baseline JPEG file (ITU-T T.81, JFIF 1.02): headers, then the image tile by tile.
+//! Writes a baseline JPEG file (ITU-T T.81, JFIF 1.02): headers, then the image in tiles.
 
 use fearless_simd::{Level, Simd};
 
@@ -8,7 +8,7 @@ use super::tables::{self, Alphabet, BLOCK, Specification, Steps, ZIGZAG};
 use super::transform::{self, Divisors};
 use crate::frame::Rgb;
 
-/// How many pixels share a colour.
+/// Chroma subsampling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sampling {
     /// None: 4:4:4.
@@ -18,7 +18,7 @@ pub(super) enum Sampling {
 }
 
 impl Sampling {
-    /// Pixels a side of what is encoded at once.
+    /// Side of a tile, pixels.
     const fn tile(self) -> usize {
         match self {
             Self::Full => 8,
@@ -35,16 +35,16 @@ impl Sampling {
     }
 }
 
-/// Longest side of a tile, pixels.
+/// Maximum side of a tile, pixels.
 const LONGEST_TILE: usize = 16;
-/// Bytes of headers.
+/// Estimated size of the headers, bytes.
 const HEADERS: usize = 640;
 
-/// Encodes an image of `sides` pixels, none of them zero; `level` says with which of the machine's instructions, which is of no
-/// consequence for the bytes.
+/// Encodes an image of `sides` pixels, none of them zero. `level` selects the machine's instructions, which does not
+/// affect the bytes.
 pub(super) fn encode(picture: &Rgb, sides: (u16, u16), quality: u8, sampling: Sampling, level: Level) -> Vec<u8> {
     let steps = Steps::of(quality);
-    // What common images take at common qualities; others grow.
+    // A typical size; larger files grow the buffer.
     let mut file = Vec::with_capacity(HEADERS + picture.data().len() / 12);
     headers(&mut file, sides, &steps, sampling);
     let mut file = scanned(picture, &steps, sampling, level, file);
@@ -52,7 +52,7 @@ pub(super) fn encode(picture: &Rgb, sides: (u16, u16), quality: u8, sampling: Sa
     file
 }
 
-/// A segment: a marker, its length, what it says.
+/// Writes a segment: marker, length, contents.
 fn segment(file: &mut Vec<u8>, marker: u8, parts: &[&[u8]]) {
     let length = 2 + parts.iter().map(|part| part.len()).sum::<usize>();
     file.extend_from_slice(&[0xff, marker, (length >> 8) as u8, length as u8]);
@@ -76,8 +76,8 @@ fn headers(file: &mut Vec<u8>, (width, height): (u16, u16), steps: &Steps, sampl
     segment(file, 0xda, &[&[3, 1, 0x00, 2, 0x11, 3, 0x11, 0, 63, 0]]);
 }
 
-/// The scan, compiled for AVX2 and for what every machine of the architecture has; more kinds would take longer to compile than
-/// they are worth.
+/// The scan, compiled for AVX2 and for the architecture's baseline; more variants would not be worth their compile
+/// time.
 #[cfg(target_arch = "x86_64")]
 fn scanned(picture: &Rgb, steps: &Steps, sampling: Sampling, level: Level, file: Vec<u8>) -> Vec<u8> {
     if let Some(simd) = level.as_avx2() {
@@ -93,7 +93,7 @@ fn scanned(picture: &Rgb, steps: &Steps, sampling: Sampling, level: Level, file:
     )
 }
 
-/// The scan with the vectors that the machine has.
+/// The scan with the machine's vector instructions.
 #[cfg(not(target_arch = "x86_64"))]
 fn scanned(picture: &Rgb, steps: &Steps, sampling: Sampling, level: Level, file: Vec<u8>) -> Vec<u8> {
     fearless_simd::dispatch!(level, simd => scan(simd, picture, steps, sampling, file))
@@ -131,7 +131,7 @@ fn scan<S: Simd>(simd: S, picture: &Rgb, steps: &Steps, sampling: Sampling, file
     bits.finish()
 }
 
-/// A tile that reaches over the image's right or lower edge, whose last pixels are repeated: that costs the fewest bits.
+/// A tile that extends beyond the right or lower edge; edge pixels are repeated, which needs the fewest bits.
 fn pad(picture: &Rgb, (x, y): (usize, usize), tile: usize, into: &mut [u8]) {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let inside = tile.min(width - x) * 3;

@@ -3,7 +3,7 @@
 use super::tables::{Alphabet, BLOCK, Code};
 use super::transform::FILE_ORDER;
 
-/// Runs of zeros are told in pieces of sixteen.
+/// Runs of zeros are encoded in pieces of sixteen.
 const RUN: u32 = 16;
 const SIXTEEN_ZEROS: u8 = 0xf0;
 const END_OF_BLOCK: u8 = 0x00;
@@ -41,7 +41,7 @@ impl Bits {
         if stuffed { bytes.iter().for_each(|byte| self.byte(*byte)) } else { self.bytes.extend_from_slice(&bytes) }
     }
 
-    /// A byte of ones is followed by a zero, so that nobody takes it for a marker.
+    /// A byte of ones is followed by a zero, so that it is not taken for a marker.
     fn byte(&mut self, byte: u8) {
         self.bytes.push(byte);
         if byte == 0xff {
@@ -63,7 +63,7 @@ impl Bits {
     /// A coefficient: how many bits it has (with a code for that and what goes before), then those bits.
     #[inline(always)]
     fn coefficient(&mut self, code: Code, value: i32, size: u32) {
-        // Negative numbers are told as what is left of the next lower power of two.
+        // Negative numbers are encoded relative to the next lower power of two.
         let bits = (value + (value >> 31)) as u32 & ((1 << size) - 1);
         self.put(u32::from(code.bits) << size | bits, u32::from(code.length) + size);
     }

@@ -1,6 +1,7 @@
-//! JPEG: encoded once, shared by everybody who sends or stores the image.
+//! JPEG encoding. The result is shared by everything that sends or stores the image.
 //!
-//! The encoder is written here because of two wants that no library meets together: the same bytes on every machine, since
+//! The encoder is our own because no library meets both requirements: equal bytes on every machine, since recordings
+//! are compared, and high speed, since decisions wait for it. It uses integer vectors only.
 //! recordings are compared, and little time, since a decision waits for it. Its vectors hold whole numbers only.
 
 mod baseline;
@@ -21,7 +22,7 @@ use baseline::Sampling;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EncodeError {
-    /// The format does not hold an image of this size (JPEG: 1 to 65535 pixels a side).
+    /// The format does not support this image size (JPEG: 1 to 65535 pixels per side).
     #[error("cannot encode a picture of {width}×{height} as {format}")]
     Picture {
         /// Name of the format.
@@ -30,15 +31,15 @@ pub enum EncodeError {
         width: u32,
         /// Height, pixels.
         height: u32,
-        /// What the encoder said.
+        /// The encoder's error.
         #[source]
         source: Box<dyn std::error::Error + Send + Sync>,
     },
 }
 
-/// From this quality on colours are kept for each pixel, below it for two by two, as cameras do.
+/// From this quality on chroma is kept for each pixel, below it for 2 × 2 pixels, as cameras do.
 const FULL_COLOUR: u8 = 90;
-/// Longest side of an image that is decoded, pixels.
+/// Maximum side of a decoded image, pixels.
 const LONGEST_SIDE: u32 = 8192;
 
 /// Why an image could not be decoded.
@@ -46,7 +47,7 @@ const LONGEST_SIDE: u32 = 8192;
 #[error("cannot decode the picture: it is no JPEG or PNG, damaged, or a side is longer than {LONGEST_SIDE} pixels")]
 pub struct DecodeError(#[from] FileError);
 
-/// Decodes a JPEG file of at most 8192 pixels a side; grey becomes colour.
+/// Decodes a JPEG file of at most 8192 pixels per side; grey becomes colour.
 ///
 /// # Errors
 /// [`DecodeError`] if it is damaged or too large. Memory is bounded by the largest image.
@@ -54,7 +55,7 @@ pub fn decode(bytes: &[u8]) -> Result<Rgb, DecodeError> {
     decode_as(Format::Jpeg, bytes)
 }
 
-/// Decodes a JPEG or a PNG file in the same manner: what other programs send.
+/// Decodes a JPEG or PNG file likewise.
 ///
 /// # Errors
 /// [`DecodeError`] if it is neither, damaged or too large.
@@ -82,8 +83,8 @@ impl core::fmt::Debug for Jpeg {
 }
 
 impl Jpeg {
-    /// Encodes an image. `quality` is the usual 1..=100, clamped; from 90 on each pixel keeps its own colour (4:4:4), below it two
-    /// by two pixels share one (4:2:0). The same bytes on every machine.
+    /// Encodes an image. `quality` is the usual 1..=100, clamped; from 90 on chroma is not subsampled (4:4:4), below it
+    /// is (4:2:0). The bytes are equal on every machine.
     ///
     /// # Errors
     /// [`EncodeError::Picture`] if a side is zero or longer than 65535 pixels.
@@ -123,7 +124,7 @@ impl Jpeg {
     }
 }
 
-/// An image has no pixel, or more of them than a frame header can tell.
+/// An image without pixels, or larger than a frame header can express.
 #[derive(Debug, thiserror::Error)]
 #[error("the sides of a JPEG are 1 to 65535 pixels long")]
 struct Sides;

@@ -1,11 +1,11 @@
-//! Anti-aliased shapes, drawn by signed distance.
+//! Anti-aliased shapes from signed distance.
 //!
-//! A pixel's fraction of a shape is `0.5 − distance` to its outline, clamped to 0..=1: a box filter one pixel wide, exact for
-//! straight edges along the axes. Only the four operations and square roots, so the same bits everywhere.
+//! A pixel's coverage is `0.5 − distance` to the outline, clamped to 0..=1: a one-pixel box filter, exact for
+//! axis-aligned straight edges. Only basic arithmetic and square roots are used, so results are equal on every machine.
 
 use crate::frame::Rgb;
 
-/// A colour to draw with, 8-bit sRGB and opacity (255 covers).
+/// A drawing colour: 8-bit sRGB and opacity (255 is opaque).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Colour {
     /// Red.
@@ -14,16 +14,16 @@ pub struct Colour {
     pub green: u8,
     /// Blue.
     pub blue: u8,
-    /// 0 invisible … 255 covers what is below.
+    /// 0 transparent … 255 opaque.
     pub opacity: u8,
 }
 
 impl Colour {
     /// White.
     pub const WHITE: Self = Self::rgb(255, 255, 255);
-    /// Nearly black, for outlines and bars.
+    /// Nearly black, for outlines and backgrounds.
     pub const INK: Self = Self::rgb(16, 18, 22);
-    /// Where a decision points.
+    /// The waypoint of a decision.
     pub const WAYPOINT: Self = Self::rgb(255, 64, 129);
     /// Obstacles and warnings.
     pub const OBSTACLE: Self = Self::rgb(255, 171, 0);
@@ -43,7 +43,7 @@ impl Colour {
     }
 }
 
-/// A place on the canvas: pixels from the left and upper edge, pixel centres at halves.
+/// A position on the canvas: pixels from the left and upper edge, with pixel centres at halves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
     /// Pixels from the left edge.
@@ -53,7 +53,7 @@ pub struct Point {
 }
 
 impl Point {
-    /// A place.
+    /// A position.
     #[must_use]
     pub const fn new(x: f64, y: f64) -> Self {
         Self { x, y }
@@ -70,13 +70,13 @@ impl Point {
         (x * x + y * y).sqrt()
     }
 
-    /// Far places are moved nearer, so that nothing overflows; NaN is drawn nowhere.
+    /// Distant positions are clamped to avoid overflow; NaN gives `None`.
     fn bounded(self) -> Option<Self> {
         (!self.x.is_nan() && !self.y.is_nan()).then(|| Self::new(self.x.clamp(-FAR, FAR), self.y.clamp(-FAR, FAR)))
     }
 }
 
-/// Ten times the largest image that a codec of ours takes.
+/// Ten times the largest image that our codecs accept.
 const FAR: f64 = 40_000.0;
 
 /// An axis-aligned rectangle in pixels.
@@ -103,7 +103,7 @@ impl Rect {
     }
 }
 
-/// Draws on an image. Shapes are cut at its edges; coordinates may be anything, and a NaN draws nothing.
+/// Draws on an image. Shapes are clipped to it; coordinates may have any value, and NaN draws nothing.
 #[derive(Debug)]
 pub struct Canvas<'a> {
     picture: &'a mut Rgb,
@@ -128,7 +128,7 @@ impl<'a> Canvas<'a> {
         f64::from(self.picture.height())
     }
 
-    /// The unit that strokes and text scale with: 1 px for an image 480 px high, never less than 1.
+    /// The unit for strokes and text: 1 px for an image 480 px high, at least 1.
     #[must_use]
     pub fn unit(&self) -> f64 {
         (self.height() / 480.0).max(1.0)
@@ -140,7 +140,7 @@ impl<'a> Canvas<'a> {
         self.cover(square(centre, radius), colour, |at| at.distance(centre) - radius);
     }
 
-    /// A circle's line, `width` wide, centred on the radius.
+    /// A circle outline of this width, centred on the radius.
     pub fn ring(&mut self, centre: Point, radius: f64, width: f64, colour: Colour) {
         let Some((centre, radius)) = centre.bounded().zip(bounded_length(radius)) else { return };
         let Some(width) = bounded_length(width) else { return };
@@ -157,7 +157,7 @@ impl<'a> Canvas<'a> {
         let Some(area) = area.bounded() else { return };
         self.cover(area.grown(width / 2.0), colour, |at| {
             let along = ((at.x - from.x) * run_x + (at.y - from.y) * run_y) / squared;
-            // Zero length makes `along` NaN, for which `clamp` and the comparison below leave the start.
+            // Zero length makes `along` NaN, for which `clamp` and the comparison below keep the start.
             let along = if along > 0.0 { along.min(1.0) } else { 0.0 };
             at.distance(from.shifted(along * run_x, along * run_y)) - width / 2.0
         });
@@ -202,7 +202,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Mixes `colour` into one pixel by `share` (0..=255) of its opacity.
+    /// Blends `colour` into one pixel with coverage `share` (0..=255).
     pub(super) fn blend(&mut self, x: u32, y: u32, colour: Colour, share: u8) {
         let Some([red, green, blue]) = self.picture.pixel(x, y) else { return };
         let weight = (u32::from(colour.opacity) * u32::from(share) + 127) / 255;
@@ -213,7 +213,7 @@ impl<'a> Canvas<'a> {
     /// Blends every pixel within half a pixel of `area` by its distance from the shape.
     fn cover(&mut self, area: Rect, colour: Colour, distance: impl Fn(Point) -> f64) {
         let area = area.grown(1.0);
-        // `as` saturates: what lies left of or above the image starts at its first pixel.
+        // `as` saturates: positions left of or above the image become its first pixel.
         let (left, right) = (area.left.floor() as u32, (area.right.ceil() as u32).min(self.picture.width()));
         let (top, bottom) = (area.top.floor() as u32, (area.bottom.ceil() as u32).min(self.picture.height()));
         for y in top..bottom {
@@ -231,7 +231,7 @@ fn square(centre: Point, radius: f64) -> Rect {
     Rect { left: centre.x - radius, top: centre.y - radius, right: centre.x + radius, bottom: centre.y + radius }
 }
 
-/// A radius or width within bounds; negative and NaN ones draw nothing.
+/// A radius or width within bounds; negative values and NaN draw nothing.
 fn bounded_length(length: f64) -> Option<f64> {
     (length >= 0.0).then(|| length.min(FAR))
 }

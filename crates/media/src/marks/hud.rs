@@ -1,17 +1,17 @@
-//! The text over the annotated video: what is asked, when, and what was decided.
+//! Text overlay of the annotated video: instruction, time and decision.
 
 use super::canvas::{Canvas, Colour, Point, Rect};
 use super::text::TextStyle;
 use crate::frame::Rgb;
 
-/// Texts on a translucent bar at the upper and at the lower edge. Empty texts take no room; what is too long is cut.
+/// Texts on translucent bars at the upper and lower edges. Empty texts take no space; long ones are truncated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Hud<'a> {
     /// At the top left, such as the instruction.
     pub title: &'a str,
     /// At the top right, such as flight time and phase.
     pub status: &'a str,
-    /// Lines at the bottom, such as the last decision and the craft's telemetry, the first uppermost.
+    /// Lines at the bottom, top to bottom, such as the last decision and the craft's telemetry.
     pub lines: &'a [&'a str],
 }
 

@@ -1,7 +1,7 @@
-//! What is drawn on an image: the marks a query asks for, and what the annotated video shows.
+//! Marks drawn on an image: those of a query, and the overlay of the annotated video.
 //!
-//! Sizes follow the image's height, colours stand out from ground and sky, and every stroke has a dark edge, so that a mark
-//! is read on any ground, by people and by a VLM.
+//! Sizes scale with the image height, and every stroke has a contrasting outline, so that marks are readable on any
+//! background for people and VLMs.
 
 mod canvas;
 mod hud;
@@ -15,7 +15,7 @@ use spf_core::query::{ImagePoint, Mark};
 
 use crate::frame::Rgb;
 
-/// Draws the marks of a query, in their order, in the colour of candidates (boxes: of obstacles).
+/// Draws the marks of a query in order, in the candidate colour (boxes: in the obstacle colour).
 pub fn draw(picture: &mut Rgb, marks: &[Mark]) {
     let mut canvas = Canvas::new(picture);
     for mark in marks {
@@ -23,13 +23,13 @@ pub fn draw(picture: &mut Rgb, marks: &[Mark]) {
     }
 }
 
-/// Draws where a decision points: a ring with a cross hair and a label beside it (such as `5 · red crane`).
+/// Draws the waypoint of a decision: a ring with a cross hair and a label beside it (such as `5 · red crane`).
 pub fn draw_waypoint(picture: &mut Rgb, at: ImagePoint, label: &str, colour: Colour) {
     Canvas::new(picture).waypoint(at, label, colour);
 }
 
 impl Canvas<'_> {
-    /// The place of a normalised image point.
+    /// The canvas position of an image point.
     #[must_use]
     pub fn place(&self, at: ImagePoint) -> Point {
         Point::new(at.u * self.width(), at.v * self.height())
@@ -70,7 +70,7 @@ impl Canvas<'_> {
         if !label.is_empty() && centre.x.is_finite() && centre.y.is_finite() {
             let style = TextStyle::plain(16.0 * unit, Colour::WHITE);
             let (width, height) = style.measure(label);
-            // Beside the ring; on the other side where the image ends.
+            // Beside the ring, on the other side at the edge of the image.
             let x =
                 if centre.x + radius * 1.8 + width + 6.0 > self.width() { -(radius * 1.8 + width + 6.0) } else { radius * 1.8 };
             let y = if centre.y + radius + height > self.height() { -(radius + height) } else { radius * 0.4 };
@@ -114,7 +114,7 @@ impl Canvas<'_> {
         self.text(centre.shifted(-width / 2.0, -height / 2.0), &text, style);
     }
 
-    /// A rectangle with a caption on its upper edge, inside the box where there is no room above it.
+    /// A rectangle with a caption above it, or inside if there is no room above.
     pub fn captioned_box(&mut self, area: Rect, caption: &str, colour: Colour) {
         let unit = self.unit();
         self.frame(area, 4.0 * unit, Colour::INK.with_opacity(200));

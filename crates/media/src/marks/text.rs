@@ -1,4 +1,4 @@
-//! Text in the bitmap font Spleen, at the size nearest below the one asked for.
+//! Text in the bitmap font Spleen, in the next smaller size available.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -9,7 +9,7 @@ use super::canvas::{Canvas, Colour, Point, Rect};
 struct Size {
     width: u32,
     height: u32,
-    /// A glyph is a word of bits a row, the left pixel highest.
+    /// A glyph is one word of bits per row, with the left pixel in the highest bit.
     glyphs: BTreeMap<char, Vec<u32>>,
 }
 
@@ -25,8 +25,8 @@ static SIZES: LazyLock<Vec<Size>> = LazyLock::new(|| {
 });
 
 impl Size {
-    /// Decodes a PC screen font, version 1 or 2, with its Unicode table. The font crate's own reader is not used: its version
-    /// 0.2 takes the mode of a version 1 file (as the 8×16 one is) for the height of its letters.
+    /// Decodes a PC screen font, version 1 or 2, with its Unicode table. The font crate's own reader (version 0.2) uses
+    /// the mode of a version 1 file, such as the 8×16 one, as its glyph height, so it cannot be used.
     fn decode(file: &[u8]) -> Option<Self> {
         let word = |index: usize| file.get(index * 4..index * 4 + 4)?.try_into().ok().map(u32::from_le_bytes);
         let second = file.starts_with(&[0x72, 0xb5, 0x4a, 0x86]);
@@ -54,7 +54,7 @@ impl Size {
         Some(Self { width, height, glyphs })
     }
 
-    /// The rows of a character, of one that looks alike, or of the question mark.
+    /// The rows of a character, of a similar one, or of the question mark.
     fn glyph(&self, character: char) -> &[u32] {
         let alike = match character {
             '→' => '>',
@@ -71,14 +71,14 @@ impl Size {
     }
 }
 
-/// The characters of each glyph: UTF-16 units, each list ended by 0xffff; sequences after 0xfffe are not used.
+/// The characters of each glyph: UTF-16 units, each list ended by 0xffff; sequences after 0xfffe are ignored.
 fn unicode_of_version_1(table: &[u8]) -> Vec<Vec<char>> {
     let units: Vec<u16> = table.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
     let single = |list: &[u16]| list.split(|&unit| unit == 0xfffe).next().unwrap_or_default().to_vec();
     units.split(|&unit| unit == 0xffff).map(|list| char::decode_utf16(single(list)).filter_map(Result::ok).collect()).collect()
 }
 
-/// The characters of each glyph: UTF-8, each list ended by 0xff; sequences after 0xfe are not used.
+/// The characters of each glyph: UTF-8, each list ended by 0xff; sequences after 0xfe are ignored.
 fn unicode_of_version_2(table: &[u8]) -> Vec<Vec<char>> {
     table
         .split(|&byte| byte == 0xff)
@@ -89,7 +89,7 @@ fn unicode_of_version_2(table: &[u8]) -> Vec<Vec<char>> {
         .collect()
 }
 
-/// A character in the font's largest size, for those who draw letters out of something else than pixels.
+/// A character in the font's largest size, for drawing letters by other means than pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Glyph<'a> {
     width: u32,
@@ -109,13 +109,13 @@ impl<'a> Glyph<'a> {
         self.rows.len() as u32
     }
 
-    /// A word of bits for each row from the top; the left pixel is bit `width − 1`.
+    /// One word of bits per row from the top; the left pixel is bit `width − 1`.
     pub fn rows(&self) -> impl Iterator<Item = u32> + 'a {
         self.rows.iter().copied()
     }
 }
 
-/// The largest glyph of a character, 32×64; none for what the font lacks.
+/// The largest glyph of a character, 32×64; `None` if the font lacks it.
 #[must_use]
 pub fn glyph(character: char) -> Option<Glyph<'static>> {
     let size = &SIZES[SIZES.len() - 1];
@@ -125,11 +125,11 @@ pub fn glyph(character: char) -> Option<Glyph<'static>> {
 /// A style of text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextStyle {
-    /// Line height wanted, pixels; the font has 12, 16, 24, 32 and 64.
+    /// Requested line height, pixels; the font has 12, 16, 24, 32 and 64.
     pub height: f64,
     /// Colour of the letters.
     pub colour: Colour,
-    /// Colour of the outline around them, if they are to be read on any ground.
+    /// Colour of the outline, if any.
     pub outline: Option<Colour>,
 }
 
@@ -157,7 +157,7 @@ impl TextStyle {
         (text.chars().count() as f64 * f64::from(size.width), f64::from(size.height))
     }
 
-    /// `text`, or as much of its start as fits into `width` pixels with two dots behind it.
+    /// `text`, truncated with two dots if it is wider than `width` pixels.
     #[must_use]
     pub fn fitted(&self, text: &str, width: f64) -> String {
         let room = (width / f64::from(self.size().width)).max(0.0) as usize;
@@ -170,10 +170,10 @@ impl TextStyle {
 }
 
 impl Canvas<'_> {
-    /// Draws one line of text, its upper left corner at `at` rounded to whole pixels. Control characters are drawn as spaces,
-    /// what the font lacks as `?`.
+    /// Draws one line of text with its upper left corner at `at`, rounded to whole pixels. Control characters are drawn
+    /// as spaces, missing ones as `?`.
     pub fn text(&mut self, at: Point, text: &str, style: TextStyle) {
-        // Outside these bounds nothing of a line can be seen, and `as` below stays exact.
+        // Outside these bounds nothing of a line is visible, and `as` below is exact.
         if !(at.x.abs() < 1e6 && at.y.abs() < 1e6) {
             return;
         }
@@ -188,8 +188,8 @@ impl Canvas<'_> {
         self.line_of_text(x, y, text, size, style.colour);
     }
 
-    /// Text on a plate of `plate` colour, its upper left corner at `at`, kept inside the image where it fits; returns the
-    /// plate's area.
+    /// Text on a background of colour `plate` with its upper left corner at `at`, moved into the image if it fits;
+    /// returns the background's area.
     pub fn label(&mut self, at: Point, text: &str, style: TextStyle, plate: Colour) -> Rect {
         let pad = (style.height / 6.0).round().max(2.0);
         let text = style.fitted(text, self.width() - 2.0 * pad);
@@ -224,7 +224,7 @@ impl Canvas<'_> {
     }
 }
 
-/// The places around a letter that its outline is stamped at.
+/// The offsets at which the outline of a letter is drawn.
 fn outline_offsets(reach: i64) -> impl Iterator<Item = (i64, i64)> {
     (-reach..=reach)
         .flat_map(move |dy| (-reach..=reach).map(move |dx| (dx, dy)))

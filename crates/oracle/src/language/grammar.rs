@@ -1,4 +1,4 @@
-//! Instructions: clauses in the order they are to be done, each with a verb and a target.
+//! Parses instructions into clauses in order of execution, each with a verb and a target.
 
 use std::collections::BTreeSet;
 
@@ -12,30 +12,41 @@ use super::pieces::{filler, in_order, pieces};
 use super::settle::Words;
 use super::verbs::starts_verb;
 
-/// One thing to do.
+/// One action.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Clause {
-    /// What.
+    /// The action.
     pub verb: Verb,
-    /// With what; empty for a scan of the surroundings.
+    /// Its target; empty for a scan of the surroundings.
     pub target: Phrase,
     /// How it was asked for.
     pub order: Order,
 }
 
-/// An instruction as understood. Without clauses nothing was understood.
+/// A parsed instruction. No clauses means that nothing was understood.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Instruction {
-    /// In order.
+    /// Clauses in order.
     pub clauses: Vec<Clause>,
     /// Motions without a thing to fly to ("forward 20 metres"), as said: they are not carried out.
     pub motions: Vec<String>,
 }
 
-/// Reads an instruction. Never fails: what names no target gives an instruction whose phrases are empty and fit nothing.
+/// Parses an instruction. Never fails: an instruction without a target has empty phrases that match nothing.
 ///
-/// `tags` are the words of the scene's objects: they are not taken for misspelt words of the grammar, and misspelt nouns are put
-/// right to them. With the same words an instruction is always read alike, whatever is in view.
+/// `tags` are the words of the scene's objects: they are not treated as misspelt grammar words, and misspelt nouns are
+/// corrected to them. The result depends only on the instruction and these words, not on what is in view.
+///
+/// ```
+/// use std::collections::BTreeSet;
+///
+/// use spf_oracle::language::{Verb, parse};
+///
+/// let instruction = parse("fly to the red crane, then go around the tree", &BTreeSet::new());
+/// let verbs: Vec<_> = instruction.clauses.iter().map(|clause| clause.verb).collect();
+/// assert_eq!(verbs, [Verb::GoTo, Verb::Around]);
+/// assert_eq!(instruction.clauses[0].target.colours, ["red"]);
+/// ```
 #[must_use]
 pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
     let mut instruction = parse_tokens(&compounded(&tokens(text, tags), tags));
@@ -44,7 +55,7 @@ pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
     instruction
 }
 
-/// The same from the text's tokens.
+/// Parses tokens.
 fn parse_tokens(words: &[String]) -> Instruction {
     let mut clauses: Vec<Clause> = Vec::new();
     let mut excluded: Vec<Phrase> = Vec::new();
@@ -93,7 +104,7 @@ fn parse_tokens(words: &[String]) -> Instruction {
     Instruction { clauses, motions }
 }
 
-/// Fills in what "it", "one", "the other" and "the next" refer to.
+/// Resolves "it", "one", "the other" and "the next".
 fn refer(target: &mut Phrase, clauses: &[Clause], context: &[Phrase], excluded: &[Phrase]) {
     let before = || {
         clauses
@@ -104,7 +115,7 @@ fn refer(target: &mut Phrase, clauses: &[Clause], context: &[Phrase], excluded: 
             .chain(excluded.iter().rev())
             .find(|p| !p.nouns.is_empty())
     };
-    // "I am thirsty. Find something that can help": the need is the use.
+    // "I am thirsty. Find something that can help": the need becomes the use.
     if target.nouns.is_empty()
         && !target.pronoun
         && let Some(need) = context.iter().rev().find(|p| !p.uses.is_empty())
@@ -161,7 +172,7 @@ enum Read {
     Motion(String),
 }
 
-/// Reads one piece.
+/// Parses one piece.
 fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let words: Vec<String> = {
         let lead = words.iter().take_while(|w| filler(w) && !matches!(w.as_str(), "the" | "a" | "first" | "next")).count();
@@ -200,7 +211,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let Some((at, n, verb)) = verb else {
         return bare(&words, previous);
     };
-    // "Navigate fly through": of two verbs of motion the second leads on.
+    // "Navigate fly through": of two motion verbs, the second counts.
     let moves = |words: &[String]| words.first().is_some_and(|w| matches!(w.as_str(), "fly" | "go" | "move" | "head"));
     let n = if verb == Verb::GoTo && moves(&words[at + n..]) { n + 1 } else { n };
     // "Go have a look at", "come take a photo of".
@@ -215,7 +226,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let mut verb = verb;
     let reciprocal = starts(rest, "each other") || starts(rest, "one another");
     if reciprocal {
-        // "Through each other": each of them is meant, and there is nothing to go through.
+        // "Through each other": each of them is a target, and there is no opening.
         verb = Verb::GoTo;
         target.other = true;
     }
@@ -242,7 +253,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     if verb == Verb::Scan && !target.is_empty() && words[at].starts_with("look") {
         verb = Verb::Around;
     }
-    // "To the red crane, fly": the target stands before the verb.
+    // "To the red crane, fly": the target comes before the verb.
     if target.is_empty() && at > 0 {
         target = Phrase::read(&words[..at]);
         let polite = target.nouns.is_empty() && target.uses.is_empty();
@@ -253,7 +264,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     Some(Read::Clause(Clause { verb, target, order: Order::Flight }))
 }
 
-/// Whether words before a "to" only lead in to the verb: "I want you to fly", "you need to go".
+/// Whether the words before "to" only introduce the verb: "I want you to fly", "you need to go".
 fn leads_in(words: &[String]) -> bool {
     words.iter().all(|w| w == "," || PHRASES.lead_in.contains(w))
 }
@@ -286,7 +297,7 @@ fn take_off(words: &[String]) -> bool {
         )
 }
 
-/// A statement rather than a command: what it names may be referred to later.
+/// A statement instead of a command: its objects may be referred to later.
 fn context(words: &[String]) -> Option<Phrase> {
     let n = PHRASES.statements.length(words)?;
     if starts(words, "its the")
@@ -317,7 +328,7 @@ fn forbidden(words: &[String]) -> Read {
     Read::Excluded(Phrase::read(&rest))
 }
 
-/// A piece without a verb: a noun phrase, with the verb of the clause before.
+/// A piece without a verb: a noun phrase, with the verb of the previous clause.
 fn bare(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let (verb, rest) = refine(previous.unwrap_or(Verb::GoTo), words);
     let order = if PHRASES.other_orders.contains(&words[0]) { Order::Other } else { Order::Unsaid };
@@ -329,7 +340,7 @@ fn bare(words: &[String], previous: Option<Verb>) -> Option<Read> {
     }
 }
 
-/// Takes adverbs and prepositions after a verb; some prepositions change what is asked.
+/// Consumes adverbs and prepositions after a verb; some prepositions change the verb.
 fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
     let mut rest = words;
     let mut verb = verb;
@@ -340,7 +351,7 @@ fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
             return (verb, rest);
         }
         let next = rest.get(1).map(String::as_str);
-        // "in front of", "on the left", "next to" belong to the target; "over to" and "up to" are going.
+        // "in front of", "on the left", "next to" belong to the target; "over to" and "up to" to the verb.
         let leads_to =
             matches!(next, Some("to" | "towards" | "toward" | "at" | "by" | "near" | "beside" | "until" | "there" | "and" | ","));
         let phrase = PHRASES.relations.longest(rest).is_some_and(|(n, _)| n > 1)
@@ -376,7 +387,7 @@ fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
     }
 }
 
-/// A preposition that may follow a verb: what it makes of the verb, or nothing but itself.
+/// A preposition that may follow a verb, and the verb it results in, if it changes it.
 fn preposition(word: &str) -> Option<Option<Verb>> {
     let refined = VERBS.prepositions.get(word);
     (refined.is_some() || VERBS.plain_prepositions.contains(word)).then_some(refined)
@@ -388,5 +399,5 @@ fn starts(words: &[String], phrase: &str) -> bool {
     phrase.split(' ').all(|part| words.next().is_some_and(|word| word == part))
 }
 
-/// What follows "the drone" or "yourself" after a verb of bringing.
+/// Words that may follow "the drone" or "yourself" after a verb such as "bring".
 const AFTER_CRAFT: [&str; 10] = ["drone", "to", "over", "through", "around", "towards", "behind", "way", "straight", "directly"];

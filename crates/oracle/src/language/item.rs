@@ -1,4 +1,4 @@
-//! Objects as a phrase chooses among them.
+//! Candidate objects for a phrase.
 
 use spf_core::tags::Tagged;
 
@@ -20,6 +20,6 @@ pub(crate) struct Item<'a> {
     pub(crate) height: Option<f64>,
     /// Position in metres: right, forward, up; in a image from the range.
     pub(crate) position: Option<[f64; 3]>,
-    /// Ties go to the larger.
+    /// Tie-breaker: larger wins.
     pub(crate) weight: f64,
 }

@@ -1,4 +1,4 @@
-//! Tokens: lower-case words, stems, forgiven spelling.
+//! Tokens: lower-case words, stems, spelling correction.
 
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
@@ -8,13 +8,13 @@ use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING, VERBS};
 use super::spelling;
 use super::table::Words;
 
-/// Longest instruction that is read, bytes; the rest is left unread. A model has a window too, and memory stays bounded.
+/// Maximum length of an instruction, bytes; the rest is ignored, to bound memory use.
 const LONGEST: usize = 4096;
 
 /// Words of an instruction; `,` and `.` stand for soft and hard breaks. Misspelt words are put right where one known word is
 /// clearly nearest, and two that were run together are one token with a space between them.
 ///
-/// Words near to one of `tags` are left as they are: the tags put them right later.
+/// Words close to one of `tags` are left unchanged: they are corrected later against the tags.
 pub(crate) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
     let near = |word: &str| {
         let limit = spelling::forgiven(word.len());
@@ -25,7 +25,7 @@ pub(crate) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
                 .any(|tag| tag.len() > 3 && tag.len().abs_diff(word.len()) <= rival && spelling::distance(word, tag) <= rival)
     };
     let right = |word: String| {
-        // A slip that everybody makes is no word of a scene, however near: "hed" is not "red".
+        // A common misspelling is not a scene word, however close: "hed" is not "red".
         let tag = |word: &String| !is_known(word) && SPELLING.slips.plain(word).is_none() && near(word);
         let known = |word: &str| tags.contains(word) || tags.contains(&singular(word));
         if known(&word) || is_known(&word) || is_right(&word) && SPELLING.slips.plain(&word).is_none() {
@@ -67,7 +67,7 @@ pub(crate) fn raw_tokens(text: &str) -> Vec<String> {
     out
 }
 
-/// The stem a word is compared by: singular, without endings.
+/// The stem used for comparing a word: singular, without endings.
 pub(super) fn stem(word: &str) -> String {
     if let Some(stem) = SPELLING.irregular.plain(word) {
         return stem.to_owned();
@@ -97,7 +97,7 @@ pub(super) fn singular(word: &str) -> String {
     word.to_owned()
 }
 
-/// Stems a content word may have: endings of verbs and doers stripped, for comparing uses.
+/// Possible stems of a content word, without endings of verbs and agents, for comparing uses.
 pub(super) fn stems(word: &str) -> Vec<String> {
     let first = stem(word);
     let mut out = vec![first.clone()];
@@ -117,7 +117,7 @@ pub(super) fn stems(word: &str) -> Vec<String> {
     out
 }
 
-/// Every word the grammar and the tables of synonyms use; words are put right to one of these.
+/// All words of the grammar and the synonym tables, the candidates for spelling correction.
 static KNOWN: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
     let (verbs, adjectives, phrases) = (&*VERBS, &*ADJECTIVES, &*PHRASES);
     let grammar = verbs.verbs.words().chain(verbs.prepositions.words()).chain(phrases.relations.words());
@@ -206,8 +206,8 @@ pub(super) fn names(text: &str) -> BTreeSet<String> {
     within.flat_map(|(_, word)| raw_tokens(word)).map(|word| singular(&word)).collect()
 }
 
-/// The known word that a misspelt one is nearest to, when one alone is near enough and starts with the same letter or has
-/// only two letters swapped; else the word itself.
+/// The known word nearest to a misspelt one, if it is unique and close enough, and starts with the same letter or
+/// differs by one swap of two letters; otherwise the word itself.
 fn corrected(word: &str) -> String {
     if is_known(word) {
         return word.to_owned();
@@ -224,7 +224,7 @@ fn corrected(word: &str) -> String {
     }
     let plural = word.len() > 4 && word.ends_with('s');
     match nearest_known(word, limit) {
-        // A noun is put right where the tags at hand are known, for they come first.
+        // Nouns are corrected later, because the scene's tags take precedence.
         Some(known) if GENERAL_NOUNS.contains(known.as_str()) => word.to_owned(),
         Some(known) => known.clone(),
         None if plural => corrected(&word[..word.len() - 1]),
@@ -232,7 +232,7 @@ fn corrected(word: &str) -> String {
     }
 }
 
-/// The general noun that a misspelt one is nearest to, or the word itself.
+/// The general noun nearest to a misspelt one, or the word itself.
 pub(super) fn general_noun(word: &str) -> String {
     match nearest_known(word, spelling::forgiven(word.len())) {
         Some(known) if GENERAL_NOUNS.contains(known.as_str()) => known.clone(),
@@ -246,7 +246,7 @@ fn nearest_known(word: &str, limit: usize) -> Option<&'static String> {
         .filter(|known| known.len() >= 3 && known.len().abs_diff(word.len()) <= limit)
         .map(|known| {
             let edits = spelling::distance(word, known);
-            // Ties: the same first letter, then the longer word, for a letter left out is the commonest slip.
+            // Ties: the same first letter, then the longer word, since a missing letter is the most common error.
             (edits, known.chars().next() != word.chars().next(), core::cmp::Reverse(known.len()), known)
         })
         .filter(|(edits, ..)| *edits <= limit)
@@ -261,7 +261,7 @@ mod tests {
     #[test]
     fn spelling_is_put_right_and_known_words_stay() {
         let none = BTreeSet::new();
-        // Nouns wait for the tags at hand.
+        // Nouns are left for the scene's tags.
         assert_eq!(tokens("Fly to teh rde crnae!", &none), ["fly", "to", "the", "red", "crnae", "."]);
         assert_eq!(tokens("aproach, throgh", &none), ["approach", ",", "through"]);
         assert_eq!(["bulding", "brige", "crnae"].map(general_noun), ["building", "bridge", "crane"]);

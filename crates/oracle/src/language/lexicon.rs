@@ -1,6 +1,6 @@
-//! The words that the language knows (`data/*.toml`). No scene stands here.
+//! The vocabulary of the language (`data/*.toml`), independent of any scene.
 //!
-//! The files are part of the program and are read once, when their first word is asked for.
+//! The files are embedded and parsed on first use.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -11,15 +11,15 @@ use serde::de::DeserializeOwned;
 use super::meaning::{Relation, Side, Size, Verb};
 use super::table::{Compounds, Forms, Phrases, Words, list};
 
-/// Words for what is to be done.
+/// Verbs and prepositions.
 pub(super) static VERBS: LazyLock<Verbs> = LazyLock::new(|| embedded(include_str!("../../data/verbs.toml")));
 /// Words that tell one thing from another of its kind.
 pub(crate) static ADJECTIVES: LazyLock<Adjectives> = LazyLock::new(|| embedded(include_str!("../../data/adjectives.toml")));
 /// Words for things.
 pub(crate) static NOUNS: LazyLock<Nouns> = LazyLock::new(|| embedded(include_str!("../../data/nouns.toml")));
-/// Words and phrases that join, place and bar.
+/// Conjunctions, locative and excluding phrases.
 pub(crate) static PHRASES: LazyLock<Joints> = LazyLock::new(|| embedded(include_str!("../../data/phrases.toml")));
-/// Words known to be right, and what others are put right to.
+/// Correctly spelt words, and the candidates for correction.
 pub(super) static SPELLING: LazyLock<Spelling> = LazyLock::new(|| embedded(include_str!("../../data/spelling.toml")));
 
 fn embedded<T: DeserializeOwned>(text: &str) -> T {
@@ -32,11 +32,11 @@ fn embedded<T: DeserializeOwned>(text: &str) -> T {
 pub(super) struct Verbs {
     /// Between a verb and its preposition.
     pub(super) adverbs: Words,
-    /// Prepositions that leave the verb what it is.
+    /// Prepositions that do not change the verb.
     pub(super) plain_prepositions: Words,
-    /// What a verb asks for before a preposition refines it.
+    /// Verbs before a preposition changes them.
     pub(super) verbs: Phrases<Verb>,
-    /// Prepositions that refine the verb.
+    /// Prepositions that change the verb.
     pub(super) prepositions: Phrases<Verb>,
 }
 
@@ -46,17 +46,17 @@ pub(super) struct Verbs {
 pub(crate) struct Adjectives {
     /// They say little.
     pub(super) fluff: Words,
-    /// Shape and matter.
+    /// Shape and material.
     pub(super) soft: Words,
     /// Directions of the compass: no image shows them.
     pub(super) compass: Words,
-    /// Which one of several; −1 is the last.
+    /// Ordinals; −1 is the last.
     pub(super) ordinals: BTreeMap<String, i32>,
     /// The plain colour of each.
     pub(crate) colours: Forms,
     /// Size, height and distance.
     pub(super) sizes: Phrases<Size>,
-    /// What an object's tags say of it that is of a size.
+    /// Tag qualities that imply a size.
     pub(super) qualities: BTreeMap<Size, Words>,
 }
 
@@ -68,13 +68,13 @@ pub(crate) struct Nouns {
     pub(crate) vague: Words,
     /// Parts and collections.
     pub(super) parts: Words,
-    /// What is around one.
+    /// Surroundings.
     pub(super) surroundings: Words,
-    /// Vehicles of a train.
+    /// Rail vehicles.
     pub(super) coupled: Words,
-    /// Who may walk.
+    /// Words for people, who may move.
     pub(super) people: Words,
-    /// What people wear.
+    /// Clothes.
     pub(super) clothes: Words,
     /// Parts that a thing has and that a scene does not list.
     pub(super) features: Words,
@@ -82,9 +82,9 @@ pub(crate) struct Nouns {
     pub(super) participles: Words,
     /// What is flown through.
     pub(crate) openings: Words,
-    /// What is higher than a house.
+    /// Objects taller than a house.
     pub(crate) large: Words,
-    /// In a name, what no head follows.
+    /// Words after which the head of a name does not follow.
     pub(super) placing: Words,
     /// Groups for the same thing.
     pub(crate) synonyms: Vec<Words>,
@@ -100,42 +100,42 @@ pub(crate) struct Nouns {
 pub(crate) struct Joints {
     /// Dropped from noun phrases.
     pub(super) determiners: Words,
-    /// They add nothing to a target.
+    /// Phrases that add nothing to a target.
     #[serde(deserialize_with = "list")]
     pub(super) dropped: Phrases,
-    /// Single words that begin the next stage.
+    /// Single words that start the next stage.
     pub(super) breaks: Words,
-    /// Phrases that begin the next stage.
+    /// Phrases that start the next stage.
     #[serde(deserialize_with = "list")]
     pub(super) afterwards: Phrases,
-    /// Between a conjunction and what it joins.
+    /// Words between a conjunction and the joined phrase.
     pub(super) joining: Words,
-    /// They say nothing by themselves.
+    /// Fillers.
     pub(super) fillers: Words,
-    /// They forbid what follows.
+    /// Phrases that exclude what follows.
     #[serde(deserialize_with = "list")]
     pub(super) forbidding: Phrases,
-    /// Between a word that forbids and what is not to be met.
+    /// Words between a negation and what is to be avoided.
     pub(super) harm: Words,
     /// A verb after one of these belongs to a description.
     pub(super) subordinating: Words,
-    /// They lead in to the verb.
+    /// Words that introduce the verb.
     pub(super) lead_in: Words,
     /// Verbs of searching the surroundings.
     pub(super) looking: Words,
-    /// A statement begins so.
+    /// Phrases that start a statement.
     #[serde(deserialize_with = "list")]
     pub(super) statements: Phrases,
-    /// A relative clause begins so.
+    /// Words that start a relative clause.
     pub(super) relative: Words,
-    /// Passed over at the head of a relative clause.
+    /// Words skipped at the start of a relative clause.
     pub(super) relative_lead: Words,
     /// Words of exception.
     #[serde(deserialize_with = "list")]
     pub(super) exceptions: Phrases,
-    /// Beginnings of questions, in the order in which they are taken off.
+    /// Prefixes of questions, in the order in which they are removed.
     pub(crate) question_starts: Vec<String>,
-    /// Ends of questions, in the order in which they are taken off.
+    /// Suffixes of questions, in the order in which they are removed.
     pub(crate) question_ends: Vec<String>,
     /// Where one may fly or turn without a thing to fly to.
     pub(super) directions: Words,
@@ -154,11 +154,11 @@ pub(crate) struct Joints {
     pub(super) somebody: Words,
     /// One object to another.
     pub(super) relations: Phrases<Relation>,
-    /// Places in the image.
+    /// Positions in the image.
     pub(super) sides: Phrases<Side>,
-    /// The side that one counts from.
+    /// The side from which objects are counted.
     pub(super) counted_from: Phrases<Side>,
-    /// The outermost of several.
+    /// Outermost object of several.
     pub(super) outermost: Phrases<Size>,
 }
 
@@ -166,17 +166,17 @@ pub(crate) struct Joints {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Spelling {
-    /// Right as they stand; no other word is put right to one.
+    /// Correct everyday nouns, which are no candidates for correction.
     pub(super) everyday_nouns: Words,
-    /// The same.
+    /// Correct everyday words, likewise.
     pub(super) everyday_words: Words,
     /// Words of grammar beyond those in the tables.
     pub(super) grammar: Words,
-    /// Without content in a description of use.
+    /// Words without content in a description of a use.
     pub(super) empty: Words,
-    /// Misspelt short words.
+    /// Common misspellings of short words.
     pub(super) slips: Forms,
-    /// Irregular forms to their stems.
+    /// Irregular forms and their stems.
     pub(super) irregular: Forms,
     /// Words of several parts, and the one word that is meant.
     pub(super) compounds: Compounds,

@@ -1,4 +1,4 @@
-//! What words can mean: what is to be done, how things stand to one another, which of several is meant.
+//! Meanings of words: actions, relations and ranks.
 
 use serde::Deserialize;
 
@@ -6,7 +6,7 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verb {
-    /// Go there; finding, approaching and reaching are the same.
+    /// Fly to it; also for finding, approaching and reaching.
     GoTo,
     /// Through its opening.
     Through,
@@ -14,7 +14,7 @@ pub enum Verb {
     Around,
     /// Over it.
     Over,
-    /// Up it, to where it is high.
+    /// Up along it, to its top.
     Up,
     /// To its far side.
     Behind,
@@ -75,7 +75,7 @@ pub enum Side {
     Middle,
 }
 
-/// Words of size and place that rank objects.
+/// Words of size and position that rank objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Size {

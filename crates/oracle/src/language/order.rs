@@ -1,11 +1,11 @@
-//! Which of several: by side, size, range and number.
+//! Selects among several candidates by side, size, range and ordinal.
 
 use super::item::Item;
 use super::lexicon::ADJECTIVES;
 use super::meaning::{Side, Size};
 use super::phrase::Phrase;
 
-/// Candidates on a side: the outermost; in the middle, the most central.
+/// The outermost candidate on a side; for the middle, the most central one.
 pub(super) fn on_side(side: Side, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
     if found.len() < 2 || found.iter().any(|&i| items[i].across.is_none()) {
         return found;
@@ -36,7 +36,7 @@ pub(super) fn ranked(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> 
         if let Some(ordinal) = phrase.ordinal
             && let Some(order) = order(size, &found, items)
         {
-            // "The second tallest": the order decides, not the size alone.
+            // "The second tallest": the ordinal decides, not the size alone.
             let index = usize::try_from(ordinal.number - 1).ok();
             return index.and_then(|n| order.get(n).copied()).into_iter().collect();
         }
@@ -56,14 +56,14 @@ pub(super) fn ranked(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> 
     found
 }
 
-/// Height from which a building that nobody calls tall passes for tall, metres: four storeys.
+/// Height from which a building counts as tall without such a tag, metres: four storeys.
 const TALL_M: f64 = 12.0;
 
 fn rank(size: Size, found: &[usize], items: &[Item<'_>]) -> Option<usize> {
     order(size, found, items)?.first().copied()
 }
 
-/// Candidates with most of a quality first; none where the items do not tell.
+/// Candidates in descending order of a quality; `None` if the items lack the data.
 fn order(size: Size, found: &[usize], items: &[Item<'_>]) -> Option<Vec<usize>> {
     let mean = || -> Option<f64> {
         let all: Option<Vec<f64>> = found.iter().map(|&i| items[i].across).collect();
@@ -89,7 +89,7 @@ fn order(size: Size, found: &[usize], items: &[Item<'_>]) -> Option<Vec<usize>> 
     Some(keyed.into_iter().map(|(_, i)| i).collect())
 }
 
-/// Candidates that bear the number in their name ("second gate"); none where no candidate bears any.
+/// Candidates with the number in their name ("second gate"); `None` if no candidate has a number.
 pub(crate) fn numbered(number: i32, found: &[usize], items: &[Item<'_>]) -> Option<Vec<usize>> {
     let borne = |i: usize| -> Option<i32> {
         let tags = items[i].tags;
@@ -102,7 +102,7 @@ pub(crate) fn numbered(number: i32, found: &[usize], items: &[Item<'_>]) -> Opti
     (!numbers.is_empty() && number > 0).then(|| numbers.into_iter().filter(|(_, n)| *n == number).map(|(i, _)| i).collect())
 }
 
-/// The n-th candidate from a side, or by range where no side is named.
+/// The n-th candidate from a side, or by range if no side is named.
 pub(super) fn ordered(number: i32, from: Option<Side>, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
     let size = match from {
         Some(Side::Left) => Size::Leftmost,

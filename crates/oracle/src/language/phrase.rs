@@ -1,4 +1,4 @@
-//! Noun phrases: what kind of thing is meant, and by what it is told from others.
+//! Noun phrases: the kind of object meant, and the attributes that distinguish it.
 
 use super::lex::{is_thing, singular};
 use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING, VERBS};
@@ -13,22 +13,22 @@ use super::turns::{
 pub struct Ordinal {
     /// 1 for the first; −1 for the last.
     pub number: i32,
-    /// The side counted from; from the nearest on where none is named.
+    /// The side counted from; by distance if none is named.
     pub from: Option<Side>,
 }
 
 /// A noun phrase.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Phrase {
-    /// Nouns in singular, head last; empty for "something".
+    /// Nouns in the singular, head last; empty for "something".
     pub nouns: Vec<String>,
-    /// Plain colours it must have.
+    /// Basic colours it must have.
     pub colours: Vec<String>,
-    /// Ranks it by size or place, in order.
+    /// Rankings by size or position, in order.
     pub sizes: Vec<Size>,
-    /// Whether the ranking words were superlatives, so that one object alone is meant.
+    /// Whether the ranking words were superlatives, so that a single object is meant.
     pub superlative: bool,
-    /// Adjectives of shape and matter.
+    /// Adjectives of shape and material.
     pub soft: Vec<String>,
     /// Ordinal.
     pub ordinal: Option<Ordinal>,
@@ -36,7 +36,7 @@ pub struct Phrase {
     pub side: Option<Side>,
     /// Relations, each with its anchors (two for *between*).
     pub relations: Vec<(Relation, Vec<Self>)>,
-    /// Words that say what it serves for.
+    /// Words describing its use.
     pub uses: Vec<String>,
     /// Words that its tags must hold, if the scene has them at all: "the man *waving*".
     pub musts: Vec<String>,
@@ -46,22 +46,23 @@ pub struct Phrase {
     pub with: Vec<Self>,
     /// Whether `uses` tell what it has with it by its colour ("with the red cone"): what lacks it is not meant.
     pub having: bool,
-    /// What it is not.
+    /// Exclusions.
     pub not: Vec<Self>,
-    /// "the other one", "another": not what was meant before.
+    /// "the other one", "another": excludes earlier targets.
     pub other: bool,
-    /// "it", "the black one": the noun is that of an earlier phrase.
+    /// "it", "the black one": the noun comes from an earlier phrase.
     pub pronoun: bool,
-    /// All its words as said, singular, without articles and marks: some names are whole descriptions.
+    /// All words as given, in the singular, without articles and punctuation, since some names are complete
+    /// descriptions.
     pub said: Vec<String>,
-    /// Words that nobody knows, beside others that name a thing: passed over.
+    /// Unknown words beside others that name an object; ignored.
     pub ignored: Vec<String>,
     /// Nouns that were put right: as they were said, and as they are read.
     pub spelt: Vec<(String, String)>,
 }
 
 impl Phrase {
-    /// Whether the phrase says nothing at all.
+    /// Whether the phrase has no content.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         let Self { nouns, colours, sizes, soft, ordinal, side, relations, uses, not, other, pronoun, number, .. } = self;
@@ -79,7 +80,7 @@ impl Phrase {
             && number.is_none()
     }
 
-    /// Reads a noun phrase from the words after a verb and its preposition.
+    /// Parses a noun phrase from the words after a verb and its preposition.
     pub(super) fn read(words: &[String]) -> Self {
         let said = words.iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an" | "," | ".")).map(|w| singular(w)).collect();
         let mut phrase = Self { said, ..Self::default() };
@@ -108,7 +109,7 @@ impl Phrase {
     }
 
     fn take(&mut self, words: &[String], depth: usize) {
-        // Nested relations and relative clauses end somewhere: nobody means more than a few.
+        // Limits nested relations and relative clauses; real instructions have few.
         if depth > 6 {
             return;
         }
@@ -234,7 +235,7 @@ impl Phrase {
         } else if matches!(word, "it" | "them" | "there" | "one" | "ones")
             && (word == "it" || word == "them" || next.is_none_or(|n| n != "of"))
         {
-            // "that one of the trees" keeps its noun for later.
+            // "that one of the trees": the noun follows later.
             self.pronoun = true;
             return word == "one" || word == "ones";
         } else if matches!(word, "him" | "he" | "she") || (word == "her" && next.is_none_or(|n| matches!(n, "," | "." | "and"))) {
@@ -265,7 +266,7 @@ impl Phrase {
             if !self.colours.iter().any(|c| c == colour) {
                 self.colours.push(colour.to_owned());
             }
-            // "Silver" asks for grey, and rather for silver.
+            // "Silver" means grey, and preferably silver.
             if word != colour {
                 self.soft.push(word.to_owned());
             }

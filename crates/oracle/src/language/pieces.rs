@@ -1,19 +1,19 @@
-//! Cutting a text into the pieces that are read one by one, and putting them in order of flight.
+//! Splits a text into pieces that are parsed separately, and puts them in flight order.
 
 use super::lexicon::{NOUNS, PHRASES};
 use super::verbs::starts_verb;
 
-/// A stretch of words, and how it was joined.
+/// A sequence of words, and its position relative to its neighbours.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Piece {
     pub(super) words: Vec<String>,
-    /// To be done before the piece in front of it: "A after B".
+    /// Comes before the preceding piece: "A after B".
     pub(super) first: bool,
-    /// To be done after the piece that follows it: "before A, B".
+    /// Comes after the following piece: "before A, B".
     pub(super) last: bool,
 }
 
-/// Cuts tokens into pieces at breaks, "then", and conjunctions that start something new.
+/// Splits tokens at breaks, "then", and conjunctions that start something new.
 pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
     let mut out = vec![Piece::default()];
     let mut between = false;
@@ -30,7 +30,8 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
             out.push(Piece::default());
             i += n;
         } else if word == "if" {
-            // "If you see a car, fly to it": what is named is context. Elsewhere: "… if you cannot find it, look around".
+            // "If you see a car, fly to it": the condition is context. Elsewhere: "… if you cannot find it, look
+            // around".
             if fresh && out.len() == 1 {
                 let end = rest.iter().position(|w| w == "," || w == "." || w == "then").unwrap_or(rest.len());
                 let mut context = vec!["if".to_owned()];
@@ -93,13 +94,13 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
             i += 1;
         }
     }
-    // "And the next" says something by fillers alone.
+    // "And the next" consists of fillers, but has a meaning.
     let next = |piece: &Piece| piece.words.ends_with(&["the".to_owned(), "next".to_owned()]);
     out.retain(|piece| next(piece) || piece.words.iter().any(|w| !filler(w)));
     out
 }
 
-/// Whether "after" stands between two vehicles of one train: "the cart after the locomotive".
+/// Whether "after" stands between two vehicles of a train: "the cart after the locomotive".
 fn coupled(before: Option<&Piece>, after: &[String]) -> bool {
     let rail = |words: &[String]| words.iter().any(|w| NOUNS.coupled.contains(w));
     let end = after.iter().position(|w| matches!(w.as_str(), "," | "." | "and" | "then")).unwrap_or(after.len());
@@ -117,7 +118,7 @@ fn lists(next: &[String], out: &[Piece]) -> bool {
     let article = next
         .get(at)
         .is_some_and(|w| matches!(w.as_str(), "the" | "a" | "an" | "another" | "its" | "through" | "around" | "over" | "behind"));
-    // The article must lead to a noun, and something with a verb or a noun must stand before.
+    // The article must lead to a noun, and something with a verb or a noun must precede it.
     let spoken = out.last().is_some_and(|p| p.words.iter().any(|w| !filler(w)));
     let apposition = next.get(at + 1..).unwrap_or(&[]).iter().take_while(|w| *w != ",").any(|w| w == "one");
     let forbidden = out.last().is_some_and(|p| PHRASES.forbidding.length(&p.words).is_some());
@@ -128,7 +129,7 @@ pub(super) fn filler(word: &str) -> bool {
     word == "," || PHRASES.fillers.contains(word)
 }
 
-/// Puts "A after B" and "before A, B" in the order of doing.
+/// Puts "A after B" and "before A, B" in order of execution.
 pub(super) fn in_order(pieces: &[Piece]) -> Vec<Vec<String>> {
     let mut out: Vec<Vec<String>> = Vec::new();
     let mut held: Option<Vec<String>> = None;

@@ -1,10 +1,10 @@
-//! Objects that stand in a relation to others: left of one, behind it, between two.
+//! Relations between objects: left of one, behind it, between two.
 
 use super::item::Item;
 use super::meaning::Relation;
 
-/// Candidates that stand in the relation to an anchor, of which those that each may be are given. An absent anchor leaves none. With
-/// `all`, those on a side of it are all kept, for their order is still to be told.
+/// Candidates in the given relation to an anchor, whose own candidates are given. Without an anchor there are none.
+/// With `all`, every candidate on a side is kept, because an ordinal will select among them.
 pub(super) fn related(
     relation: Relation,
     anchors: &[Vec<usize>],
@@ -48,7 +48,7 @@ pub(super) fn related(
         Relation::LeftOf | Relation::RightOf => {
             let sign = if relation == Relation::LeftOf { 1.0 } else { -1.0 };
             if all {
-                // "The second car on the left of the avenue": the order is counted among all on that side.
+                // "The second car on the left of the avenue": ordinals count all objects on that side.
                 let beside = |i: usize, a: usize| Some(sign * (items[a].across? - items[i].across?) > 0.0);
                 return found.into_iter().filter(|&i| pairs(i).any(|a| beside(i, a) == Some(true))).collect();
             }
@@ -62,7 +62,7 @@ pub(super) fn related(
             least(&|i, a| {
                 let farther = sign * (items[i].range? - items[a].range?);
                 let apart = (items[i].across? - items[a].across?).abs();
-                // In about the same direction: bearings overlap, or nearly.
+                // In about the same direction: the bearings overlap, or nearly.
                 if farther > 0.0 {
                     Some(farther + 40.0 * (apart - items[a].half - items[i].half).max(0.0) * items[a].range? / 40.0)
                 } else {
@@ -86,13 +86,13 @@ pub(super) fn related(
     }
 }
 
-/// Distance of two objects, metres, on the map.
+/// Horizontal distance between two objects, metres.
 fn gap(a: &Item<'_>, b: &Item<'_>) -> Option<f64> {
     let (p, q) = (a.position?, b.position?);
     Some(libm::hypot(p[0] - q[0], p[1] - q[1]))
 }
 
-/// The candidate of least cost.
+/// The candidate with the lowest cost.
 fn closest(costs: &[(usize, f64)]) -> Vec<usize> {
     costs.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| vec![*i]).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! Which objects a phrase means: by tag score, then by relation, size and order among the objects given.
+//! Resolves phrases to objects: by tag score, then by relation, size and order among the candidates.
 
 use spf_core::tags::Tagged;
 
@@ -10,8 +10,8 @@ use super::phrase::Phrase;
 use super::relations::related;
 use super::score::{knows, named, numbers, score, split};
 
-/// Indices of the items that the phrase may mean, all of the best score, in the order of `items`. With words of order or
-/// superlatives a single one, where the items tell; empty when nothing fits.
+/// Indices of the items that the phrase may mean, all with the best score, in the order of `items`. With ordinals or
+/// superlatives a single one, if the items provide the data; empty if nothing matches.
 pub(crate) fn meant(phrase: &Phrase, items: &[Item<'_>]) -> Vec<usize> {
     meant_within(phrase, items, 0)
 }
@@ -100,13 +100,13 @@ fn described(said: &[String], tags: &Tagged) -> bool {
     tags.names.iter().chain(&tags.synonyms).any(|name| {
         let mut name = split(name);
         name.retain(|w| !matches!(w.as_str(), "the" | "a" | "an"));
-        // In the middle: "on ice" is no description of a thing.
+        // Only in the middle: "on ice" is not a description of an object.
         let whole = name.iter().skip(1).rev().skip(1).any(place);
         whole && said.windows(name.len()).any(|words| words == name)
     })
 }
 
-/// Which of the candidates a negated phrase bars.
+/// The candidates excluded by a negated phrase.
 fn barred(not: &Phrase, nouns: &[String], found: &[usize], items: &[Item<'_>], depth: usize) -> Vec<usize> {
     let mut not = not.clone();
     // "A car that is not red": the noun is the phrase's own.
@@ -116,7 +116,7 @@ fn barred(not: &Phrase, nouns: &[String], found: &[usize], items: &[Item<'_>], d
     if not.ordinal.is_some() || !not.sizes.is_empty() || !not.relations.is_empty() || not.side.is_some() {
         return meant_within(&not, items, depth + 1);
     }
-    // Compared among the candidates alone: those that it names best.
+    // Compared among the candidates only: those that it matches best.
     let scores: Vec<u32> = found
         .iter()
         .map(|&i| if score(&not, &not.nouns, items[i].tags) > 0 { named(&not.nouns, items[i].tags) } else { 0 })
@@ -125,7 +125,7 @@ fn barred(not: &Phrase, nouns: &[String], found: &[usize], items: &[Item<'_>], d
     found.iter().zip(&scores).filter(|(_, score)| best >= 2 && **score == best).map(|(i, _)| *i).collect()
 }
 
-/// Adjectives of shape and matter choose where some candidate's tags know them.
+/// Narrows by adjectives of shape and material, if any candidate's tags contain them.
 fn soft(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
     let mut found = found;
     for word in &phrase.soft {

@@ -1,4 +1,4 @@
-//! How well an object's tags meet a phrase: its names, colours and uses.
+//! How well an object's tags match a phrase: names, colours and uses.
 
 use std::collections::BTreeSet;
 
@@ -35,7 +35,8 @@ fn terms(tags: &Tagged) -> Vec<Vec<String>> {
     tags.names.iter().chain(&tags.synonyms).chain([&tags.kind]).map(|term| head_last(term)).filter(|t| !t.is_empty()).collect()
 }
 
-/// A name as singular words, head last: "entrance of the tunnel" is a tunnel entrance, and `bus_green` of a model a green bus.
+/// A name as singular words, head last: "entrance of the tunnel" becomes tunnel entrance, and a model's `bus_green`
+/// green bus.
 fn head_last(text: &str) -> Vec<String> {
     let mut words = split(text);
     while words.len() > 1 && words.last().is_some_and(|word| word.bytes().all(|byte| byte.is_ascii_digit())) {
@@ -57,7 +58,7 @@ pub(super) fn split(text: &str) -> Vec<String> {
         .collect()
 }
 
-/// How well an object's tags meet the phrase; 0 when they do not.
+/// How well an object's tags match the phrase; 0 for no match.
 pub(super) fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
     if !coloured(&phrase.colours, tags) {
         return 0;
@@ -72,27 +73,27 @@ pub(super) fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
     // "A glass tower": matter may be part of the name.
     let whole: Vec<String> = phrase.soft.iter().chain(nouns).cloned().collect();
     let named = named(nouns, tags).max(if nouns.is_empty() { 0 } else { named(&whole, tags) });
-    // A red and white mast is no white needle, whatever the likeness of mast and needle.
+    // A red and white mast is not a white needle, however similar mast and needle are.
     let second = phrase.colours.len() == 1 && colours_of(tags).first().is_some_and(|main| *main != phrase.colours[0]);
     let named = if second && named <= 3 { 0 } else { named };
     let used = used(&phrase.uses, tags, !nouns.is_empty());
     match (nouns.is_empty(), phrase.uses.is_empty()) {
         (false, true) => named,
-        // "A vehicle that carries goods": the use chooses among the named, and does not refuse them.
+        // "A vehicle that carries goods": the use selects among those named, without excluding the rest.
         (false, false) => {
-            // "Who needs help": said of nobody in sight, it is nobody in sight.
+            // "Who needs help": if it applies to no visible person, nobody matches.
             let only = phrase.uses.iter().all(|w| SPELLING.empty.contains(&stem(w)));
             let has = |word: &String| self::used(core::slice::from_ref(word), tags, true) > 0;
             let lacks = phrase.having && phrase.uses.last().is_some_and(|word| !has(word));
             if named == 0 || lacks || (only && used == 0) { 0 } else { used * 10 + named }
         }
         (true, false) => used,
-        // "The red one", "the tallest thing": whatever has the colour or the rank.
+        // "The red one", "the tallest thing": anything with the colour or the rank.
         (true, true) => u32::from(!tags.is_surface()),
     }
 }
 
-/// Plain colours of an object: of its colour, else of its names.
+/// Basic colours of an object: from its colour, otherwise from its names.
 fn colours_of(tags: &Tagged) -> Vec<&'static str> {
     let plain = |words: Vec<String>| -> Vec<&'static str> { words.iter().filter_map(|w| ADJECTIVES.colours.plain(w)).collect() };
     match &tags.colour {
@@ -116,7 +117,7 @@ fn coloured(colours: &[String], tags: &Tagged) -> bool {
 }
 
 /// 6: a name; 5: a synonym, or a name with the same head; 4: the kind, or a synonym with the same head; 3: a general
-/// synonym; 2: a general word that takes it in; 1: the words of one of its names in another order.
+/// synonym; 2: a hypernym; 1: the words of one of its names in another order.
 pub(super) fn named(nouns: &[String], tags: &Tagged) -> u32 {
     let Some((head, others)) = nouns.split_last() else { return 0 };
     let names: Vec<Vec<String>> = tags.names.iter().map(|n| head_last(n)).collect();
@@ -186,7 +187,7 @@ fn used(uses: &[String], tags: &Tagged, named: bool) -> u32 {
     let heads: Vec<&String> = heads.iter().filter_map(|term| term.last()).collect();
     let general: Vec<&Words> = NOUNS.uses.iter().filter(|(kind, _)| heads.contains(kind)).map(|(_, uses)| uses).collect();
     own.retain(|w| !SPELLING.empty.contains(w));
-    // "Sit" serves sitting better than "sit under" does.
+    // "Sit" matches sitting better than "sit under" does.
     let mut score = u32::from(tags.uses.iter().any(|text| split(text).iter().map(|w| stem(w)).eq(uses.iter().map(|w| stem(w)))));
     for word in uses {
         let forms = stems(word);
@@ -199,7 +200,7 @@ fn used(uses: &[String], tags: &Tagged, named: bool) -> u32 {
     score
 }
 
-/// Whether an object's tags hold the word.
+/// Whether an object's tags contain the word.
 pub(crate) fn knows(tags: &Tagged, word: &String) -> bool {
     words_of(tags).contains(word)
 }

@@ -1,4 +1,4 @@
-//! A phrase's words set right by the words of the scene, and freed of those that nobody knows.
+//! Corrects the spelling of a phrase against the words of the scene, and removes unknown words.
 
 use std::collections::BTreeSet;
 
@@ -7,16 +7,16 @@ use super::lexicon::{ADJECTIVES, NOUNS};
 use super::phrase::Phrase;
 use super::spelling;
 
-/// Words to set right by.
+/// Words used for corrections.
 pub(super) struct Words<'a> {
-    /// Those of the scene's tags.
+    /// The words of the scene's tags.
     pub(super) scene: &'a BTreeSet<String>,
-    /// Names: what is called so is nothing else.
+    /// Proper names, which match nothing else.
     pub(super) names: &'a BTreeSet<String>,
 }
 
 impl Words<'_> {
-    /// Nouns as the scene spells them; what was put right is noted.
+    /// Corrects nouns to the scene's spelling, and records the corrections.
     fn spell(&self, phrase: &mut Phrase) {
         for noun in &mut phrase.nouns {
             let right = self.spelt(noun);
@@ -49,19 +49,19 @@ impl Words<'_> {
         is_known(word) || self.scene.contains(word)
     }
 
-    /// Whether the word names something that there is, here or elsewhere.
+    /// Whether the word names any known object, in the scene or elsewhere.
     fn is_thing(&self, word: &str) -> bool {
         self.scene.contains(word) || is_thing(word)
     }
 
-    /// Sets the phrase right, and what it is related to. A noun that nobody knows is passed over beside one that names a thing,
-    /// and a relation to nothing that anybody knows is let go.
+    /// Corrects the phrase and its relations. An unknown noun is ignored beside one that names an object, and a
+    /// relation to an unknown object is dropped.
     pub(super) fn settle(&self, phrase: &mut Phrase) {
         self.spell(phrase);
         let unknown = |noun: &String| !self.knows(noun) && !self.names.contains(noun);
         if phrase.nouns.iter().any(|noun| self.is_thing(noun) && !unknown(noun)) {
             let general = phrase.nouns.last().is_some_and(|head| NOUNS.hypernyms.contains_key(head));
-            // "A knitting machine" is no crane, and no image shows the compass.
+            // "A knitting machine" is not a crane, and no image shows compass directions.
             let excludes = |noun: &String| (general && is_right(noun)) || ADJECTIVES.compass.contains(noun);
             let (passed_over, nouns) =
                 core::mem::take(&mut phrase.nouns).into_iter().partition(|noun| unknown(noun) && !excludes(noun));

@@ -26,7 +26,7 @@ pub(crate) fn nearest<'a>(word: &str, words: impl Iterator<Item = &'a str>) -> O
     words.map(|known| (distance(word, known), known)).min_by_key(|(edits, _)| *edits).map(|(_, known)| known)
 }
 
-/// Edits forgiven in a word of this many letters: none below four, one up to six, two from seven.
+/// Number of edits allowed in a word of this many letters: none below four letters, one up to six, two from seven.
 #[must_use]
 pub(crate) fn forgiven(letters: usize) -> usize {
     match letters {

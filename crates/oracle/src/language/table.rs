@@ -1,6 +1,6 @@
-//! Lists of words as they are looked up: sets of words, and phrases with what they mean.
+//! Lookup tables: sets of words, and phrases with their meanings.
 //!
-//! They are read from data, and a list that names a word twice, or one that no instruction can hold, is refused.
+//! They are parsed from data; a list with a duplicate, or with a phrase that no instruction can contain, is rejected.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -36,29 +36,29 @@ impl<'de> Deserialize<'de> for Words {
     }
 }
 
-/// Phrases of one or more words, each with what it means.
+/// Phrases of one or more words, each with its meaning.
 #[derive(Debug)]
 pub(crate) struct Phrases<T = ()> {
-    /// By their first word: the others and the meaning, the longest phrase first.
+    /// By first word: the remaining words and the meaning, longest phrase first.
     by_first: BTreeMap<String, Vec<(Vec<String>, T)>>,
 }
 
 impl<T: Copy> Phrases<T> {
-    /// The longest phrase that `words` start with: how many words it has, and what it means.
+    /// The longest phrase at the start of `words`: its number of words, and its meaning.
     pub(super) fn longest(&self, words: &[String]) -> Option<(usize, T)> {
         let (first, rest) = words.split_first()?;
         let (others, meaning) = self.by_first.get(first)?.iter().find(|(others, _)| rest.starts_with(others))?;
         Some((1 + others.len(), *meaning))
     }
 
-    /// How many words of the start of `words` are one of the phrases, the longest that fits.
+    /// Number of words of the longest phrase at the start of `words`.
     pub(super) fn length(&self, words: &[String]) -> Option<usize> {
         self.longest(words).map(|(length, _)| length)
     }
 
-    /// What a single word means by itself.
+    /// The meaning of a single word.
     pub(super) fn get(&self, word: &str) -> Option<T> {
-        // Being the shortest it stands last.
+        // The shortest phrase comes last.
         let (others, meaning) = self.by_first.get(word)?.last()?;
         others.is_empty().then_some(*meaning)
     }
@@ -94,7 +94,7 @@ impl<T: Copy> Phrases<T> {
     }
 }
 
-/// From lists of phrases by what they mean.
+/// From lists of phrases by meaning.
 impl<'de, T: Copy + Ord + Deserialize<'de>> Deserialize<'de> for Phrases<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut table = Self { by_first: BTreeMap::new() };
@@ -105,7 +105,7 @@ impl<'de, T: Copy + Ord + Deserialize<'de>> Deserialize<'de> for Phrases<T> {
     }
 }
 
-/// Reads phrases that mean one and the same from a list.
+/// Parses a list of phrases without meanings.
 pub(super) fn list<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Phrases, D::Error> {
     let mut table = Phrases { by_first: BTreeMap::new() };
     let phrases = Vec::<String>::deserialize(deserializer)?;
@@ -113,7 +113,7 @@ pub(super) fn list<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Phrases
     Ok(table)
 }
 
-/// Words and the plain word that each counts as.
+/// Words and the basic form of each.
 #[derive(Debug)]
 pub(crate) struct Forms(BTreeMap<String, String>);
 
@@ -123,18 +123,18 @@ impl Forms {
         self.0.get(word).map(String::as_str)
     }
 
-    /// All words that count as another, or as themselves.
+    /// All words that have a basic form.
     pub(super) fn words(&self) -> impl Iterator<Item = &str> {
         self.0.keys().map(String::as_str)
     }
 
-    /// The plain words, one for each that counts as it.
+    /// All basic forms, once for each of their words.
     pub(super) fn plains(&self) -> impl Iterator<Item = &str> {
         self.0.values().map(String::as_str)
     }
 }
 
-/// From lists of words by the plain word.
+/// From lists of words by basic form.
 impl<'de> Deserialize<'de> for Forms {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut forms = BTreeMap::new();

@@ -1,10 +1,10 @@
-//! Verbs as an instruction has them, in whatever form.
+//! Verbs in any inflected form.
 
 use super::lex::singular;
 use super::lexicon::VERBS;
 use super::meaning::Verb;
 
-/// A verb that starts here: how many words, and which.
+/// The verb at the start: its number of words, and its meaning.
 pub(super) fn starts_verb(words: &[String]) -> Option<(usize, Verb)> {
     let first = words.first()?;
     let mut base = words.to_vec();
@@ -13,7 +13,7 @@ pub(super) fn starts_verb(words: &[String]) -> Option<(usize, Verb)> {
     VERBS.verbs.longest(&base)
 }
 
-/// The bare form of a known verb.
+/// The base form of a known verb.
 fn verb_stem(word: &str) -> Option<String> {
     let known = |w: &str| VERBS.verbs.begin_with(w);
     if known(word) {

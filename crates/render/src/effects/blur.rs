@@ -1,7 +1,7 @@
-//! Motion blur: the light of several moments while the shutter is open, drawn one by one and added up.
+//! Motion blur: light from several instants while the shutter is open, rendered separately and added.
 //!
-//! Drawing each moment is the dear way and the right one: what moves by itself, what comes out from behind a corner and every edge
-//! are right. Few moments are needed, since the number follows from how far the image moves, and a craft at rest needs one.
+//! Rendering each instant is expensive but correct for moving objects, occlusions and edges. Few instants are needed,
+//! since their number depends on the image motion, and a craft at rest needs one.
 
 use rayon::prelude::*;
 use spf_core::camera::Camera;

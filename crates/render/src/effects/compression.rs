@@ -1,4 +1,4 @@
-//! The compressed link: an image encoded and decoded again, by real codecs.
+//! Link compression: the image is encoded and decoded with real codecs.
 
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
@@ -10,7 +10,7 @@ use spf_media::jpeg::{self, Jpeg};
 pub enum Compression {
     /// JPEG of this quality, 1..=100.
     Jpeg(u8),
-    /// A key image of an H.264 stream with this quantiser, 10 (nearly lossless) ..= 40 (coarse).
+    /// A key frame of an H.264 stream with this quantiser, 10 (nearly lossless) ..= 40 (coarse).
     H264(u8),
 }
 

@@ -1,7 +1,7 @@
-//! Lens distortion: images of a perfect pinhole, drawn a little wider, bent into those of the lens.
+//! Lens distortion: slightly wider pinhole images, resampled to those of the lens.
 //!
-//! The map from one to the other is made once a camera. Colour is sampled between four pixels; ids and depth take the nearest,
-//! for an id between two objects belongs to neither. Depth along the optical axis is the same before and behind the lens.
+//! The mapping is computed once per camera. Colour is interpolated between four pixels; ids and depth use the nearest,
+//! since an id between two objects is meaningless. Depth along the optical axis is not affected by the lens.
 
 use rayon::prelude::*;
 use spf_core::camera::{Camera, Distortion};

@@ -1,4 +1,4 @@
-//! From the bytes of an image to light and back (sRGB, IEC 61966-2-1), and how much of it the film gets.
+//! Conversion between sRGB bytes and linear light (IEC 61966-2-1), and exposure.
 
 use std::sync::OnceLock;
 
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 const GREY_CARD: f64 = 0.18;
 /// Automatic exposure changes by at most this many stops.
 const AUTOMATIC: f64 = 3.0;
-/// Light of one part in this many is told from the next when it becomes a byte: 20 steps at the steepest of the curve.
+/// Light is resolved to one part in this many when converted to a byte: 20 steps at the steepest part of the curve.
 const STEPS: usize = 65_536;
 
 /// Tables of the sRGB curve.

@@ -1,9 +1,9 @@
-//! What a real camera does to a picture: a lens that bends it, a shutter that is open for a while, an exposure, a noisy sensor, a
-//! compressed link. Everything is off unless asked for (docs/reference/camera-effects.md).
+//! Effects of a real camera: lens distortion, motion blur, exposure, sensor noise, link compression. All are off by
+//! default (docs/reference/camera-effects.md).
 //!
-//! They come in the order of a camera: light is added up while the shutter is open, bent by the lens, exposed, disturbed by the
-//! sensor, and compressed. The lens bends ids and depth too, since those tell what stands where in the image; the rest is
-//! colour's alone. One image follows from the poses while its shutter was open, its capture time and the flight's seed.
+//! They are applied in physical order: light is accumulated while the shutter is open, distorted by the lens, exposed,
+//! disturbed by the sensor, and compressed. The lens also affects ids and depth; the other effects only apply to
+//! colour. An image depends only on the poses while its shutter was open, its capture time and the flight's seed.
 
 mod blur;
 mod compression;
@@ -42,20 +42,20 @@ pub struct Eye {
 }
 
 impl Eye {
-    /// The eye of a craft whose bare camera is `camera`; noise follows from `seed`.
+    /// The camera of a craft, whose pinhole camera is `camera`; noise depends on `seed`.
     #[must_use]
     pub fn new(camera: Camera, effects: Effects, seed: u64) -> Self {
         let camera = effects.lens.as_ref().map_or(camera, |lens| lens.on(&camera));
         Self { camera, effects, seed, remaps: Mutex::default(), scratch: Mutex::default() }
     }
 
-    /// The camera with its lens: what a calibration of it would say, and what its images are lifted by.
+    /// The camera including its lens, as calibration would measure it; used for lifting points of its images.
     #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// What it does to images.
+    /// Its effects.
     #[must_use]
     pub fn effects(&self) -> &Effects {
         &self.effects

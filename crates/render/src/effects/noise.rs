@@ -1,6 +1,6 @@
-//! The sensor's noise: shot noise of the light and noise of reading it out.
+//! Sensor noise: shot noise and read noise.
 //!
-//! A draw is named by seed, image, pixel and channel and mixed from them directly: two million normal deviates an image from a
+//! Random values are hashed directly from seed, image, pixel and channel: two million normal deviates per image from a
 //! stream cipher would take longer than the image.
 
 use rayon::prelude::*;

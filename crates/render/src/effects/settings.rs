@@ -1,4 +1,4 @@
-//! Which effects, how strong: written and read as one line of words.
+//! Settings of the effects, and their one-line text form.
 
 use std::str::FromStr;
 
@@ -60,7 +60,7 @@ pub enum EffectsError {
     Strength {
         /// The effect.
         effect: &'static str,
-        /// What was said.
+        /// The text given.
         value: String,
         /// What it can be.
         expected: String,

@@ -1,4 +1,4 @@
-//! The actors of a scene as they are drawn and touched, wherever they are.
+//! The actors of a scene with their meshes and collision geometry, independent of their positions.
 
 use glam::Vec3;
 use spf_core::geometry::EnuPosition;
@@ -15,7 +15,7 @@ const STANDING: f64 = 0.05;
 /// Length of a double step on foot as a multiple of the person's height (Murray, Drought & Kory 1964: 1.5 m at 1.75 m).
 const STRIDE: f64 = 0.86;
 
-/// Who moves in a scene; the same for every flight in it.
+/// The actors of a scene; shared by all flights in it.
 #[derive(Debug, Default)]
 pub struct Cast {
     members: Vec<Member>,
@@ -41,45 +41,45 @@ struct Posture {
 }
 
 impl Cast {
-    /// The actors of a scene, standing on what is solid in it.
+    /// Prepares the actors of a scene, placed on its solid ground.
     ///
     /// # Errors
-    /// [`ColliderError`] for meshes that are none.
+    /// [`ColliderError`] for invalid meshes.
     pub fn new(actors: &[Actor], ground: &Collider) -> Result<Self, ColliderError> {
         let members: Result<_, _> = actors.iter().map(|actor| Member::new(actor, ground)).collect();
         Ok(Self { members: members? })
     }
 
-    /// How many there are.
+    /// Number of actors.
     #[must_use]
     pub fn len(&self) -> usize {
         self.members.len()
     }
 
-    /// Whether nobody moves here.
+    /// Whether there are no actors.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.members.is_empty()
     }
 
-    /// The place in the list of the actor that an object is; none for what stands still.
+    /// The index of the actor with this object id; `None` for static objects.
     #[must_use]
     pub fn of_object(&self, object: ObjectId) -> Option<usize> {
         self.members.iter().position(|member| member.object == object)
     }
 
-    /// The object that an actor is; 0 for one that is not in the list.
+    /// The object id of an actor; 0 for an invalid index.
     #[must_use]
     pub fn object(&self, actor: usize) -> ObjectId {
         self.members.get(actor).map_or(0, |member| member.object)
     }
 
-    /// The objects that move, in the order of the list.
+    /// The object ids of all actors, in order.
     pub fn objects(&self) -> impl ExactSizeIterator<Item = ObjectId> + '_ {
         self.members.iter().map(|member| member.object)
     }
 
-    /// Where everybody begins.
+    /// Initial positions of all actors.
     #[must_use]
     pub fn starts(&self) -> Vec<ActorPlace> {
         self.courses().map(Course::start).collect()
@@ -93,7 +93,7 @@ impl Cast {
         &self.members[actor].course
     }
 
-    /// The meshes of those actors in the world whose ball (centre, radius) `sees` lets pass.
+    /// The meshes, in the world frame, of all actors whose bounding sphere (centre, radius) `sees` accepts.
     #[must_use]
     pub fn parts(&self, places: &[ActorPlace], sees: impl Fn(Vec3, f32) -> bool) -> Vec<Part> {
         let mut parts = Vec::new();
@@ -107,28 +107,28 @@ impl Cast {
         parts
     }
 
-    /// Extent of an actor's mesh at a place; none for an actor that is not in the list.
+    /// Bounding box of an actor at a place; `None` for an invalid index.
     #[must_use]
     pub fn bounds(&self, actor: usize, place: &ActorPlace) -> Option<Aabb> {
         let member = self.members.get(actor)?;
         place.bounds(&member.posture(place).parts)
     }
 
-    /// Footprint polygons of an actor at a place, metres east and north; empty for an actor that is not in the list.
+    /// Footprint polygons of an actor at a place, metres east and north; empty for an invalid index.
     #[must_use]
     pub fn outline(&self, actor: usize, place: &ActorPlace) -> Vec<Vec<[f64; 2]>> {
         self.members.get(actor).map_or_else(Vec::new, |member| place.outline(&member.outline))
     }
 
-    /// Metres from a point to the nearest solid surface of an actor at a place.
+    /// Distance from a point to the nearest solid surface of an actor at a place, metres.
     #[must_use]
     pub fn distance(&self, actor: usize, place: &ActorPlace, point: EnuPosition) -> Option<f64> {
         let member = self.members.get(actor)?;
         member.posture(place).collider.nearest(Frame::of(place).local(point)).map(|near| near.distance)
     }
 
-    /// Whether a ball about a point can touch an actor that is within `spare` metres of a place; nothing touches an actor that
-    /// is not there.
+    /// Whether a sphere around a point can touch an actor that is within `spare` metres of a place; false for an
+    /// invalid index.
     #[must_use]
     pub fn may_touch(&self, actor: usize, place: &ActorPlace, point: EnuPosition, spare: f64) -> bool {
         let Some(member) = self.members.get(actor) else { return false };
@@ -138,8 +138,8 @@ impl Cast {
         away.east * away.east + away.north * away.north + up * up <= reach * reach
     }
 
-    /// Where the centre of a ball that goes from `from` to `to` first touches an actor that meanwhile goes from one place to
-    /// another: both ways are straight and the actor keeps the posture of the later place.
+    /// Where the centre of a sphere moving from `from` to `to` first touches an actor that meanwhile moves from one
+    /// place to another. Both paths are straight, and the actor keeps the posture of the later place.
     #[must_use]
     pub fn sweep(
         &self,

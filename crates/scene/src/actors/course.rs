@@ -1,4 +1,4 @@
-//! One actor on its path: what room it takes, and how it goes on from one tick to the next.
+//! One actor on its path: the space it occupies, and its motion from tick to tick.
 
 use glam::DVec2;
 use spf_core::geometry::{EnuPosition, wrap_angle};

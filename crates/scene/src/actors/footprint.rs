@@ -1,4 +1,4 @@
-//! The room an actor takes on the map: a few discs that cover its mesh.
+//! The footprint of an actor: a few discs that cover its mesh.
 
 use glam::DVec2;
 

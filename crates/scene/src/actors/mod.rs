@@ -1,8 +1,9 @@
-//! Actors: the persons and vehicles of a scene that move by themselves (`docs/reference/scene-format.md`, "Actors").
+//! Actors: the people and vehicles of a scene that move by themselves (`docs/reference/scene-format.md`, "Actors").
 //!
-//! Each follows its own path, slows down in bends, and stops for the others and for a craft. Motion goes in ticks of [`TICK`] and
-//! follows from the scene, the seed and where the craft was alone, not from when or how often it is asked for. A [`Cast`] holds
-//! what never changes (paths, meshes) and is shared by all flights in a scene; a [`Traffic`] is the motion of one flight.
+//! Each follows its own path, slows down in bends, and stops for other actors and for a craft. Motion advances in ticks
+//! of [`TICK`] and depends only on the scene, the seed and the craft's positions, not on when or how often it is
+//! queried. A [`Cast`] holds the constant data (paths, meshes) and is shared by all flights in a scene; a [`Traffic`]
+//! is the motion of one flight.
 
 mod cast;
 mod course;
@@ -18,44 +19,44 @@ pub use traffic::{HISTORY, TICK, Traffic};
 
 use crate::geometry::{ObjectId, Part};
 
-/// Something of a scene that moves by itself.
+/// An object that moves by itself.
 #[derive(Clone, Debug)]
 pub struct Actor {
-    /// Its number in the scene's list.
+    /// Its object id.
     pub object: ObjectId,
-    /// How it moves.
+    /// Its motion.
     pub motion: Motion,
-    /// Its meshes in its own frame (x right, y forward, z up, metres, origin where it stands): standing first, then the
-    /// postures of one double step, evenly spaced. A single one for what does not change its shape.
+    /// Its meshes in its own frame (x right, y forward, z up, metres, origin at its base): standing first, then the
+    /// postures of one double step, evenly spaced. A single mesh for rigid actors.
     pub postures: Vec<Vec<Part>>,
     /// Footprint polygons in its own frame, metres right and forward, counter-clockwise.
     pub outline: Vec<Vec<[f64; 2]>>,
 }
 
-/// How an actor moves along its path.
+/// Motion of an actor along its path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
-    /// As what.
+    /// Kind of motion.
     pub gait: Gait,
     /// Corners of the path, metres east and north.
     pub path: Vec<[f64; 2]>,
-    /// Height of each corner, metres; none: the actor keeps to the ground below it.
+    /// Height of each corner, metres; `None` to follow the ground.
     pub heights: Option<Vec<f64>>,
-    /// What follows the path's end.
+    /// Behaviour at the end of the path.
     pub round: Round,
     /// Cruising speed, m/s.
     pub speed: f64,
-    /// Mean pause at the ends of the path (on a circle: at its first corner), seconds.
+    /// Mean pause at the ends of the path (for a loop: at its first corner), seconds.
     pub wait: f64,
-    /// Where it begins, as a fraction of the path's length, 0..=1.
+    /// Start position, as a fraction of the path's length, 0..=1.
     pub start: f64,
-    /// Radius that corners are rounded with, metres.
+    /// Radius for rounding corners, metres.
     pub turn_radius: f64,
-    /// How far it may step aside from its path to let someone pass, metres.
+    /// Maximum lateral deviation from the path to let others pass, metres.
     pub aside: f64,
 }
 
-/// What moves: a person that steps aside and turns on the spot, or a vehicle that does neither.
+/// Kind of motion: a person, who steps aside and turns on the spot, or a vehicle, which does neither.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gait {
     /// On foot.
@@ -64,7 +65,7 @@ pub enum Gait {
     Drive,
 }
 
-/// What an actor does at the end of its path.
+/// Behaviour at the end of the path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Round {

@@ -1,4 +1,4 @@
-//! Where an actor is, and the turn from its own frame into the world.
+//! Pose of an actor, and the transform from its own frame to the world.
 
 use glam::Vec3;
 use serde::Serialize;
@@ -7,16 +7,16 @@ use spf_core::geometry::{EnuPosition, wrap_angle};
 use crate::bounds::Aabb;
 use crate::geometry::{Part, Vertex};
 
-/// Where an actor is at an instant.
+/// The pose of an actor at an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ActorPlace {
-    /// Where it stands.
+    /// Position of its base.
     pub position: EnuPosition,
     /// Clockwise from north, radians, −π..=π.
     pub heading: f64,
-    /// Positive nose up, radians; vehicles on ramps.
+    /// Positive nose up, radians; for vehicles on ramps.
     pub pitch: f64,
-    /// Way gone since the flight began, metres; the gait follows from it.
+    /// Distance covered since the start of the flight, metres, which determines the gait.
     pub walked: f64,
     /// Speed over ground, m/s.
     pub speed: f64,

@@ -1,4 +1,4 @@
-//! A path as it is walked: corners rounded, length measured, ground found, bends with their greatest speed.
+//! A path prepared for motion: rounded corners, length, ground height, speed limits in bends.
 
 use glam::DVec2;
 use spf_core::geometry::EnuPosition;

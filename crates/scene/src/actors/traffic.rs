@@ -1,9 +1,10 @@
-//! The motion of all actors, tick by tick, and where they were.
+//! The motion of all actors, tick by tick, with a history.
 //!
-//! Nobody ever runs into anybody: each actor holds the room that it needs until it stands, braking as hard as it can, and
-//! moves on only where the room that it needs then is free of everybody else's. Where it is not, it brakes, for which it holds
-//! the room already. Persons choose first, and vehicles leave free where a person wants to go next, so that they stop for them.
-//! Nobody walks or drives into a craft either, which holds the room that it takes; it is not held to do the same.
+//! Actors never collide with each other: each reserves the space that it needs to stop at maximum braking, and moves on
+//! only if the space it would then need is free of the reservations of others; otherwise it brakes within its
+//! reservation. People choose first, and vehicles keep the space free into which a person wants to move, so that they
+//! stop for them. Actors do not run into a craft either, whose space counts as reserved; the craft itself is not
+//! restricted.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -16,14 +17,14 @@ use super::cast::Cast;
 use super::course::{Claim, Course, Seen, State, WISH};
 use super::place::ActorPlace;
 
-/// Length of a tick: the period of the simulated camera.
+/// Length of a tick: the frame period of the simulated camera.
 pub const TICK: Duration = Duration::from_millis(50);
 const TICK_NANOS: u64 = 50_000_000;
-/// How far back [`Traffic::places_at`] remembers.
+/// How far back [`Traffic::places_at`] can look.
 pub const HISTORY: Duration = Duration::from_secs(10);
 const HISTORY_TICKS: usize = 201;
 
-/// The actors of one flight on their ways.
+/// The moving actors of one flight.
 #[derive(Clone, Debug)]
 pub struct Traffic {
     cast: Arc<Cast>,
@@ -37,10 +38,10 @@ pub struct Traffic {
     tick: u64,
 }
 
-/// Free room that everybody keeps to a craft, metres.
+/// Clearance that actors keep from a craft, metres.
 const CRAFT_GAP: f64 = 0.4;
 
-/// What everybody holds, and room to try what else one would need.
+/// The reserved space of all actors, and scratch space for trying reservations.
 #[derive(Clone, Debug, Default)]
 struct Rooms {
     claims: Vec<Claim>,
@@ -50,7 +51,7 @@ struct Rooms {
 }
 
 impl Traffic {
-    /// Everybody at the beginning of flight time.
+    /// All actors at the start of flight time.
     #[must_use]
     pub fn new(cast: Arc<Cast>, seed: u64) -> Self {
         let states: Vec<State> = cast.courses().zip(0..).map(|(course, number)| course.begin(seed, number)).collect();
@@ -65,18 +66,18 @@ impl Traffic {
         Self { states, rooms, seen, order, history: VecDeque::from([places]), tick: 0, cast }
     }
 
-    /// Who moves here.
+    /// The actors.
     #[must_use]
     pub fn cast(&self) -> &Arc<Cast> {
         &self.cast
     }
 
-    /// Tells where there is a craft, of a radius in metres, from now on.
+    /// Sets the position and the radius, metres, of the craft from now on.
     pub fn set_craft(&mut self, position: EnuPosition, radius: f64) {
         self.rooms.craft.get_or_insert_default().take_craft(position, radius);
     }
 
-    /// Moves on until the places at `now` are known.
+    /// Advances until the positions at `now` are known.
     pub fn advance_to(&mut self, now: Time) {
         if self.states.is_empty() {
             return;
@@ -86,8 +87,8 @@ impl Traffic {
         }
     }
 
-    /// Where everybody was at `at`, in the order of the cast: exact on ticks, interpolated between them. None for times to
-    /// which it has not moved on yet, or more than [`HISTORY`] back.
+    /// Positions of all actors at `at`, in the order of the cast: exact on ticks, interpolated in between. `None` for
+    /// times not reached yet, or more than [`HISTORY`] ago.
     #[must_use]
     pub fn places_at(&self, at: Time) -> Option<Vec<ActorPlace>> {
         if self.states.is_empty() {
@@ -97,7 +98,7 @@ impl Traffic {
         Some(earlier.iter().zip(later).map(|(a, b)| a.towards(b, share)).collect())
     }
 
-    /// Where one actor was; none for one that is not there, and for times that are no longer or not yet known.
+    /// Position of one actor; `None` for an invalid index, or a time outside the history.
     #[must_use]
     pub fn place_at(&self, actor: usize, at: Time) -> Option<ActorPlace> {
         let (earlier, later, share) = self.about(at)?;

@@ -1,4 +1,4 @@
-//! From checked entries to the scene: meshes in the world, materials, light, bounds, footprints.
+//! Builds the scene from validated entries: meshes, materials, light, bounds, footprints.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! From what is written to one entry an object: templates merged, places and rows unrolled, everything checked.
+//! Expands a file to one entry per object: merges templates, unrolls places and rows, validates everything.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -130,7 +130,7 @@ pub(super) fn unroll(
     Ok(())
 }
 
-/// An object over its template: what the object says wins, `materials` are joined.
+/// Merges an object with its template: the object's values win, `materials` are merged.
 fn merge(raw: &RawScene, object: &RawObject, source: &Source<'_>) -> Result<RawObject, SceneError> {
     let Some(like) = &object.like else { return Ok(object.clone()) };
     let Some(template) = raw.templates.get(like.get_ref()) else {

@@ -1,4 +1,4 @@
-//! Scene files (`docs/reference/scene-format.md`): from their text, by checked entries, to the scene.
+//! Scene files (`docs/reference/scene-format.md`): from text via validated entries to the scene.
 
 mod build;
 mod expand;
@@ -20,7 +20,7 @@ use crate::world::Scene;
 use self::raw::RawLight;
 use self::source::Source;
 
-/// The light of a scene that says nothing of it.
+/// The default light of a scene.
 pub(crate) fn own_light(conditions: &SceneLook) -> Result<Shining, SceneError> {
     shine::light_alone(&RawLight::default(), conditions, &Source::new("", "", None))
 }

@@ -31,7 +31,7 @@ const MAX_PICTURES: usize = 256 << 20;
 struct RawModel {
     /// Path from the scene file's folder.
     file: String,
-    /// The file's axis that points up, unless the file says it.
+    /// The file's upward axis, unless given in the file.
     up: Option<UpAxis>,
 }
 

@@ -1,4 +1,4 @@
-//! `walk` and `drive`: how an object moves by itself, checked.
+//! `walk` and `drive`: the motion of actors, validated.
 
 use toml::Spanned;
 

@@ -1,4 +1,4 @@
-//! The scene file as written: its keys, none of them looked into yet.
+//! The scene file as parsed, before validation.
 
 pub(super) mod vary;
 

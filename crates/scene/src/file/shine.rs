@@ -1,4 +1,4 @@
-//! The light of a scene file under the conditions asked for, and the lamps that shine under it.
+//! The light of a scene file under the requested conditions, and its active lamps.
 
 use core::ops::Range;
 

@@ -1,4 +1,4 @@
-//! The text of a scene file, and where in it something is wrong.
+//! The text of a scene file, with error positions.
 
 use std::ops::Range;
 use std::path::Path;

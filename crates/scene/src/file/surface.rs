@@ -1,4 +1,4 @@
-//! Materials as written in a file, and as the renderer wants them.
+//! Materials in a file, and their conversion for the renderer.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;

@@ -1,4 +1,4 @@
-//! A scene file that names a model: `[gltf] file = "harbour.glb"`, with the usual keys for what the model does not say.
+//! A scene file for a model: `[gltf] file = "harbour.glb"`, with the usual keys for what the model lacks.
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;

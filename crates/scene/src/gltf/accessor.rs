@@ -1,4 +1,4 @@
-//! Typed numbers out of buffers, every offset checked before it is followed.
+//! Typed values from buffers, with every offset validated.
 
 use gltf::json::accessor::{Accessor, ComponentType, IndexComponentType, Type, sparse};
 use gltf::json::validation::Checked;

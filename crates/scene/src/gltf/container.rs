@@ -1,4 +1,4 @@
-//! From bytes to the checked JSON of a glTF file, without trusting a number in it.
+//! Reads a glTF file to validated JSON.
 
 use std::borrow::Cow;
 
@@ -58,7 +58,7 @@ fn split(bytes: &[u8]) -> Result<Chunks<'_>, Problem> {
     Ok((glb.json, glb.bin))
 }
 
-/// What an error of the reader says.
+/// The message of a parser error.
 fn said(error: &gltf::Error) -> String {
     match error {
         gltf::Error::Binary(inner) => inner.to_string(),

@@ -1,4 +1,4 @@
-//! Buffers and images that a file names: inside it, in data URIs, or beside it in its folder.
+//! Buffers and images of a file: embedded, in data URIs, or beside it in its folder.
 
 use std::borrow::Cow;
 use std::fs::File;

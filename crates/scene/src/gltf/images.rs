@@ -1,4 +1,4 @@
-//! Images of a file: PNG and JPEG, looked at before they are decoded, made smaller until all fit.
+//! Images of a file: PNG and JPEG, checked before decoding, scaled down to fit the memory limit.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -124,7 +124,7 @@ fn decode(encoded: &Encoded<'_>) -> Result<Texture, Problem> {
     Texture::from_srgb(width, height, &rgb).ok_or_else(|| Problem::new(format!("image {} has no pixels", encoded.image)))
 }
 
-/// Colours without alpha: what is clear takes the mean colour of what is not, for nobody has looked at its own.
+/// Colours without alpha: transparent pixels get the mean colour of the opaque ones, since their own is arbitrary.
 fn filled(picture: Samples) -> Vec<u8> {
     let rgba = picture.into_rgba();
     let (mut sum, mut count) = ([0_u64; 3], 0_u64);

@@ -1,4 +1,4 @@
-//! Materials of a file as the renderer can show them.
+//! Materials of a file, converted for the renderer.
 
 use std::collections::BTreeMap;
 

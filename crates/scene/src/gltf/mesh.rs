@@ -1,4 +1,4 @@
-//! Triangles of a mesh at its place in the world.
+//! Triangles of a mesh, transformed to the world.
 
 use std::collections::BTreeMap;
 

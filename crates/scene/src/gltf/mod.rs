@@ -1,7 +1,7 @@
-//! glTF 2.0 files as worlds (`docs/guide/gltf.md`): meshes to draw and to touch, tags, and a place to start from.
+//! glTF 2.0 files as worlds (`docs/guide/gltf.md`): meshes for rendering and collisions, tags, and a start.
 //!
-//! A file is someone else's: every number in it is checked before it is followed, and what reading can allocate is bounded by
-//! the limits of [`container`], [`accessor`], [`mesh`] and [`images`] before it is allocated.
+//! Files are untrusted: every value is validated before use, and allocations are bounded by the limits of
+//! [`container`], [`accessor`], [`mesh`] and [`images`].
 
 mod accessor;
 mod container;
@@ -57,7 +57,7 @@ pub(crate) enum UpAxis {
     Z,
 }
 
-/// What a scene file says of the model that it names; it stands over what the model's own extras say.
+/// Settings of a scene file for its model; they override the model's own extras.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wishes {
     pub(crate) name: Option<String>,
@@ -163,7 +163,7 @@ fn materials(root: &Root, walked: &Walked) -> BTreeSet<usize> {
     primitives.filter_map(|primitive| primitive.material).map(|material| material.value()).collect()
 }
 
-/// Adds ground where there is none, and finds out what nobody said.
+/// Adds ground if there is none, and determines missing metadata.
 fn world(
     assembly: Assembly,
     view: Option<Viewpoint>,

@@ -1,4 +1,4 @@
-//! A model as the mesh of one object: what is drawn and touched, without the tags, the start and the ground of a world.
+//! A model as the mesh of one object, without tags, start and ground.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::texture::Texture;
 /// A model in the frame of an object that it is the mesh of: x right, y forward (the file's −z), z up; metres.
 #[derive(Debug)]
 pub(crate) struct Model {
-    /// Its meshes. Their object is whoever places them, their materials and textures are the model's own.
+    /// Its meshes. The object id is set on placement; materials and textures are the model's own.
     pub(crate) parts: Vec<Part>,
     /// Its materials.
     pub(crate) materials: Vec<Material>,

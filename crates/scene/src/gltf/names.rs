@@ -1,4 +1,4 @@
-//! Words from the names that modelling programs give: `Red_Car.003` is a red car.
+//! Object names from those of modelling programs: `Red_Car.003` is a red car.
 
 use std::collections::BTreeSet;
 
@@ -40,7 +40,7 @@ pub(super) fn names(words: &[String]) -> Vec<String> {
     names
 }
 
-/// Words for colours that a name may hold; those that the oracle knows and nobody names things by.
+/// Colour words in names: those that the oracle knows and that are not object names.
 const COLOURS: [&str; 19] = [
     "red",
     "orange",
@@ -72,7 +72,7 @@ pub(super) fn colour(words: &[String]) -> Option<String> {
     words.iter().find(|word| is_colour(word)).cloned()
 }
 
-/// What kind of thing has such a name: ground of some sort, where the last word says so, else `object`.
+/// The kind of object for a name: a kind of ground if the last word names one, else `object`.
 pub(super) fn kind(words: &[String]) -> String {
     let last = words.last().map(String::as_str);
     last.filter(|word| SURFACES.contains(word)).unwrap_or("object").to_owned()
@@ -80,7 +80,7 @@ pub(super) fn kind(words: &[String]) -> String {
 
 /// A colour in a word; `light` is linear RGB.
 pub(super) fn colour_word(light: Vec3) -> &'static str {
-    // As the eye sees it: roughly the square root of light.
+    // Perceptual: roughly the square root of linear light.
     let seen = light.clamp(Vec3::ZERO, Vec3::ONE).map(f32::sqrt);
     let (most, least) = (seen.max_element(), seen.min_element());
     let spread = most - least;

@@ -1,4 +1,4 @@
-//! Normals for meshes that bring none: smooth over gentle bends, broken at edges.
+//! Normals for meshes without them: smooth over gentle bends, split at edges.
 
 use glam::Vec3;
 

@@ -1,4 +1,4 @@
-//! From placed meshes to objects with ids, tags, extents and footprints.
+//! Converts placed meshes to objects with ids, tags, bounds and footprints.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -157,7 +157,7 @@ impl<'a> Solids<'a> {
     }
 }
 
-/// What people call an object: what its author says, else what its name and its colour tell.
+/// The names of an object: from its metadata, otherwise from its node name and colour.
 fn tags(owner: &Owner, areas: &BTreeMap<&'static str, f32>) -> Result<Tags, Problem> {
     let spec = &owner.spec;
     let mut words = names::words(&owner.name);

@@ -1,4 +1,4 @@
-//! What is wrong with a file, before its name is known to the error.
+//! Errors in a file, before its name is added.
 
 /// A refusal: what was wrong and where in the file, and what to do about it.
 #[derive(Debug)]

@@ -1,4 +1,4 @@
-//! What a file's author wrote for us: `extras` of nodes, meshes and scenes.
+//! Metadata for this project in a file: `extras` of nodes, meshes and scenes.
 //!
 //! Either under one key, `{"spf": {"names": ["red car", "car"], "kind": "vehicle"}}`, or flat as Blender exports custom
 //! properties, `{"spf_names": "red car, car", "spf_kind": "vehicle"}`.
@@ -15,7 +15,7 @@ use super::UpAxis;
 use super::problem::Problem;
 use crate::error::hint_from;
 
-/// What a node says of itself. Every key is optional.
+/// Metadata of a node. Every key is optional.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct NodeSpec {
@@ -38,7 +38,7 @@ pub(super) struct NodeSpec {
     pub(super) ignore: Option<Switch>,
 }
 
-/// What a file's scene says of the flight. Every key is optional.
+/// Metadata of a scene about the flight. Every key is optional.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneSpec {

@@ -1,4 +1,4 @@
-//! Where to start in a world whose author did not say, and ground for models that have none.
+//! Default start pose of a world, and ground for models without any.
 
 use glam::{Vec2, Vec3};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
@@ -53,7 +53,7 @@ pub(super) fn laid(extent: &Aabb, up: f64, material: u16, object: ObjectId) -> P
 
 /// The pose that stands below a viewpoint; none where nothing is below it.
 pub(super) fn below(collider: &Collider, view: &Viewpoint) -> Option<Pose> {
-    // Ground exactly at the height asked for is found from a hand above it.
+    // Start slightly above, so that ground exactly at the requested height is found.
     let up = ground(collider, EnuPosition { up: view.position.up + 0.1, ..view.position })?;
     Some(pose(EnuPosition { up, ..view.position }, view.heading))
 }

@@ -1,4 +1,4 @@
-//! Nodes of a file: where each mesh stands, and which object it is part of.
+//! Traverses the nodes of a file: the transform of each mesh, and the object it belongs to.
 
 use std::collections::BTreeSet;
 
@@ -96,7 +96,7 @@ pub(super) fn walk(root: &Root, axes: DMat4, scene: usize) -> Result<Walked, Pro
     Ok(walk.out)
 }
 
-/// Nodes that are nobody's child: what a file without scenes shows.
+/// Root nodes, which a file without scenes shows.
 fn tops(root: &Root) -> Vec<usize> {
     let children: BTreeSet<usize> = root.nodes.iter().filter_map(|n| n.children.as_ref()).flatten().map(Index::value).collect();
     (0..root.nodes.len()).filter(|node| !children.contains(node)).collect()
@@ -196,7 +196,7 @@ fn local(node: &Node) -> DMat4 {
 fn viewpoint(to_world: DMat4) -> Option<Viewpoint> {
     let at = to_world.w_axis.truncate();
     let ahead = to_world.transform_vector3(DVec3::NEG_Z);
-    // Looking straight down, the image's top says where ahead is.
+    // Looking straight down, the top of the image is forward.
     let level = |v: DVec3| (v.x * v.x + v.y * v.y > 1e-6 * v.length_squared()).then_some(v);
     let ahead = level(ahead).or_else(|| level(to_world.transform_vector3(DVec3::Y)));
     let heading = ahead.map_or(0.0, |v| libm::atan2(v.x, v.y));

@@ -1,6 +1,6 @@
 //! Balloons: round ones on ribbons, an arch of many, and a hot-air balloon with its basket.
 //!
-//! Ribbons and mooring ropes are drawn only: too thin to be seen from afar, they would be obstacles that nobody can avoid.
+//! Ribbons and mooring ropes are not solid: too thin to be visible from afar, they would be unavoidable obstacles.
 
 use core::f64::consts::PI;
 
@@ -43,7 +43,7 @@ impl Generator for Balloon {
     }
 }
 
-/// An arch of balloons in two colours over a free way of `width` and `height`.
+/// An arch of balloons in two colours over an opening of `width` and `height`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct BalloonArch {

@@ -142,7 +142,7 @@ fn tank(sketch: &mut Sketch, w: f32, d: f32, h: f32) {
     sketch.on("trim").block(Vec3::new(-0.22 * w, -0.1 * d, h), Vec3::new(0.25 * w, 0.3 * d, 2.8));
 }
 
-/// A block with a great rectangular hole right through, one can fly through it.
+/// A block with a large rectangular hole that can be flown through.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct HollowBuilding {

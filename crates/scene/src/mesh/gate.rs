@@ -1,4 +1,4 @@
-//! Flight gates. What is open is measured: `width` and `height` are those of the free way through.
+//! Flight gates. `width` and `height` are those of the opening.
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;

@@ -1,4 +1,4 @@
-//! What lies on the ground: slabs, roads, car parks, basins, heaps.
+//! Ground surfaces: slabs, roads, car parks, basins, heaps.
 
 use core::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! Land with natural outlines: lakes, hills, clearings, groves. Grown by chance from the instance's name.
+//! Natural landscape: lakes, hills, clearings, groves, generated from the instance's name.
 
 use core::f64::consts::{PI, TAU};
 

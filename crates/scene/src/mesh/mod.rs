@@ -1,7 +1,7 @@
-//! Procedural meshes: one generator a kind of thing, drawn from a few measures.
+//! Procedural meshes: one generator per kind of object, with a few parameters.
 //!
-//! A generator is plain data read from a scene file. It names its material slots with their default materials, and draws in
-//! its own frame (x right, y forward, z up, metres). The table [`KINDS`] is the whole list.
+//! A generator is plain data from a scene file. It declares its material slots with default materials, and builds its
+//! mesh in its own frame (x right, y forward, z up, metres). The table [`KINDS`] lists all of them.
 
 mod balloon;
 mod bridge;
@@ -45,14 +45,14 @@ use serde::{Deserialize, Deserializer};
 pub(crate) use polygon::convex_hull;
 pub(crate) use sketch::{Bulb, Sketch, Surface};
 
-/// Material slots of a generator with the material each takes unless the scene says otherwise.
+/// Material slots of a generator with their default materials.
 pub(crate) type Slots = &'static [(&'static str, &'static str)];
 
 /// A kind of thing, with its measures.
 pub(crate) trait Generator: Debug {
     /// The slots that [`Generator::draw`] uses.
     fn slots(&self) -> Slots;
-    /// Draws the thing. `seed` names the instance for those that grow by chance (trees).
+    /// Builds the mesh. `seed` identifies the instance for randomly generated ones (trees).
     fn draw(&self, sketch: &mut Sketch, seed: &str);
     /// Draws what walks at `phase` of its gait, whose cycle runs from 0 to 1 and takes 0.86 of the height in metres; false for
     /// what does not walk.

@@ -170,7 +170,7 @@ impl Generator for Shelf {
 fn books(sketch: &mut Sketch, draw: &mut Draw, start: Vec3, room: f32, high: f32) {
     let mut x = 0.02;
     let mut slot = "blue";
-    // Whoever wants a longer row puts several shelves.
+    // Longer rows consist of several shelves.
     while x < room.min(6.0) - 0.08 {
         let chance = draw.uniform() as f32;
         if chance < 0.10 {

@@ -1,7 +1,7 @@
-//! The drawing board of the generators: surfaces by slot, and the solids that everything is put together from.
+//! Building blocks of the generators: surfaces by slot, and basic solids.
 //!
-//! Local frame of a generator: x to the right, y forward (where the object's heading points), z up; metres; the origin lies
-//! where the object stands on the ground.
+//! Local frame of a generator: x to the right, y forward (along the object's heading), z up; metres; the origin is at
+//! the base of the object on the ground.
 
 use core::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! Trees: broadleaf with a crown of lumps, conifers of stacked skirts. Grown by chance from the instance's name.
+//! Trees: broadleaf with a crown of lumps, conifers of stacked skirts, generated from the instance's name.
 
 use core::f64::consts::TAU;
 
@@ -90,7 +90,7 @@ fn skirt(surface: &mut Surface, phase: f32, radius: f32, low: f32, high: f32) {
     }
 }
 
-/// A lumpy ball: an icosahedron divided `level` times, each corner moved in or out by chance.
+/// A lumpy ball: an icosahedron subdivided `level` times, with vertices randomly moved in or out.
 pub(super) fn blob(surface: &mut Surface, draw: &mut Draw, centre: Vec3, radii: Vec3, level: u32) {
     let (points, triangles) = icosphere(level);
     let moved: Vec<Vec3> = points.iter().map(|&p| p * (0.86 + 0.28 * draw.uniform() as f32)).collect();

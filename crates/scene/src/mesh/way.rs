@@ -1,4 +1,4 @@
-//! What runs along a course on the ground: footpaths and streams.
+//! Linear features on the ground: footpaths and streams.
 
 use serde::Deserialize;
 

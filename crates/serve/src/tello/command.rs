@@ -1,11 +1,11 @@
-//! Reading what a client sends: one command a datagram, plain ASCII, no terminator needed.
+//! Parses client commands: one per datagram, plain ASCII, no terminator needed.
 
 use super::figures::Firmware;
 
-/// Longest datagram that is looked at, bytes; the SDK's longest command is far shorter.
+/// Maximum length of a datagram, bytes; the SDK's longest command is far shorter.
 pub const MAX_DATAGRAM: usize = 512;
 
-/// A direction of `up`, `forward` and their like.
+/// Direction of `up`, `forward` and similar commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// Up.
@@ -22,7 +22,7 @@ pub enum Direction {
     Back,
 }
 
-/// A displacement in the craft's own axes as the SDK writes it, centimetres: x forward, y to the left, z up.
+/// A displacement in the SDK's body axes, centimetres: x forward, y left, z up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Offset {
     /// Forward.
@@ -33,12 +33,12 @@ pub struct Offset {
     pub z: i32,
 }
 
-/// What a client asks to be told.
+/// A value requested by a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Read {
     /// Charge in per cent.
     Battery,
-    /// The speed that is set, cm/s.
+    /// The configured speed, cm/s.
     Speed,
     /// Time with motors on.
     Time,
@@ -74,7 +74,7 @@ pub enum Read {
     ExtVersion,
 }
 
-/// A command of the SDK, its numbers within their limits.
+/// A command of the SDK, with arguments within their limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// `command`: enter SDK mode.
@@ -125,7 +125,7 @@ pub enum Request {
     Motor(bool),
     /// `throwfly`.
     ThrowFly,
-    /// `reboot`, and `wifi` and `ap`, after which it restarts too; the latter answer.
+    /// `reboot`; also `wifi` and `ap`, which answer before restarting.
     Reboot {
         /// Whether it answers first.
         answers: bool,
@@ -134,35 +134,35 @@ pub enum Request {
     Ports(u16, u16),
     /// `setfps`, frames a second.
     Fps(u32),
-    /// `setbitrate`, and `setresolution high`, which change nothing that this craft shows.
+    /// `setbitrate`, and `setresolution high`, which have no effect here.
     VideoSetting,
     /// `setresolution low`.
     LowResolution(bool),
     /// `downvision`.
     DownVision(bool),
-    /// `EXT led` and its like; the answer.
+    /// `EXT led` and similar commands, with their response.
     Extension(&'static str),
-    /// `keepalive`, `wifisetchannel`, `multiwifi`: answered and nothing else.
+    /// `keepalive`, `wifisetchannel`, `multiwifi`: acknowledged without effect.
     Acknowledge,
-    /// A reading.
+    /// A read command.
     Read(Read),
 }
 
-/// Why a datagram is no command.
+/// Why a datagram is not a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Malformed {
-    /// Nothing in it, or bytes that are no text: not answered.
+    /// Empty, or not text: not answered.
     Noise,
-    /// No such command in this firmware.
+    /// Not a command of this firmware.
     Unknown(String),
-    /// The wrong number of arguments, or one that is no number.
+    /// The wrong number of arguments, or one that is not a number.
     Arguments,
     /// A number outside its limits.
     OutOfRange,
 }
 
 impl Malformed {
-    /// What the drone answers.
+    /// The drone's response.
     #[must_use]
     pub fn answer(&self) -> Option<String> {
         match self {
@@ -174,10 +174,10 @@ impl Malformed {
     }
 }
 
-/// Reads a datagram.
+/// Parses a datagram.
 ///
 /// # Errors
-/// [`Malformed`] says what is wrong with it.
+/// [`Malformed`] if it is not a valid command.
 pub fn parse(datagram: &[u8], firmware: Firmware) -> Result<Request, Malformed> {
     let text = datagram.get(..datagram.len().min(MAX_DATAGRAM)).and_then(|bytes| core::str::from_utf8(bytes).ok());
     let text = text.filter(|text| text.is_ascii()).ok_or(Malformed::Noise)?;
@@ -190,7 +190,7 @@ pub fn parse(datagram: &[u8], firmware: Firmware) -> Result<Request, Malformed> 
 
 type Reading = (Firmware, Result<Request, Malformed>);
 
-/// The firmware that a verb needs, and what the words mean; none for no verb.
+/// The firmware that a verb needs, and the parsed command; `None` for an unknown verb.
 fn read(verb: &str, arguments: &[&str], firmware: Firmware) -> Option<Reading> {
     use Firmware::{V13, V20, V30};
     let bare = |request| if arguments.is_empty() { Ok(request) } else { Err(Malformed::Arguments) };
@@ -261,7 +261,7 @@ fn reading(verb: &str) -> Option<(Firmware, Read)> {
     })
 }
 
-/// As many numbers as asked for, all within the limits; what is no number comes before what is out of range.
+/// The expected number of values, all within the limits; invalid numbers are reported before values out of range.
 fn numbers<const N: usize>(arguments: &[&str], low: i32, high: i32) -> Result<[i32; N], Malformed> {
     let words: [&str; N] = arguments.try_into().map_err(|_| Malformed::Arguments)?;
     let mut values = [0; N];
@@ -297,13 +297,13 @@ fn flip(arguments: &[&str]) -> Result<Request, Malformed> {
     word(arguments, &sides.map(|(name, side)| (name, Request::Flip(side))))
 }
 
-/// `m1` to `m8`, and from SDK 3.0 on `m-1` (any) and `m-2` (the nearest).
+/// `m1` to `m8`, and since SDK 3.0 `m-1` (any) and `m-2` (the nearest).
 fn is_pad(word: &str, firmware: Firmware) -> bool {
     let number = word.strip_prefix('m').and_then(|number| number.parse::<i32>().ok());
     number.is_some_and(|number| (1..=8).contains(&number) || (firmware >= Firmware::V30 && (-2..0).contains(&number)))
 }
 
-/// A trailing pad taken off; `None` when the last word is no good.
+/// Removes a trailing pad; `None` if the last word is invalid.
 fn without_pad<'a>(arguments: &'a [&'a str], plain: usize, firmware: Firmware) -> Result<(&'a [&'a str], bool), Malformed> {
     match arguments.split_last() {
         _ if arguments.len() == plain => Ok((arguments, false)),
@@ -319,7 +319,7 @@ fn go(arguments: &[&str], firmware: Firmware) -> Result<Request, Malformed> {
     let within = if firmware == Firmware::V13 {
         coordinates.iter().all(|value| (20..=500).contains(value))
     } else {
-        // Over a pad any height of the pad's frame will do; elsewhere a step within 20 cm on every axis is refused.
+        // Over a pad any height is valid; otherwise a step within 20 cm on every axis is refused.
         coordinates.iter().all(|value| (-500..=500).contains(value))
             && (pad || coordinates.iter().any(|value| !(-20..=20).contains(value)))
     };

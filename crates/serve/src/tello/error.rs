@@ -1,45 +1,45 @@
-//! Why a virtual Tello is not served.
+//! Errors of the virtual Tello server.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use spf_core::fault::FaultError;
 
-/// Why a server does not begin.
+/// Why a server could not start.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServerError {
-    /// A socket.
+    /// A socket could not be bound.
     #[error("UDP {address} cannot be had")]
     Bind {
-        /// Which.
+        /// The address.
         address: SocketAddr,
-        /// Why.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
-    /// A thread.
+    /// A thread could not be started.
     #[error("no thread can be started")]
     Thread(#[source] std::io::Error),
-    /// The file of faults cannot be read.
+    /// The fault file could not be read.
     #[error("the faults in `{}` cannot be read", path.display())]
     FaultFile {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
-    /// The file of faults is no TOML, or its keys are wrong.
+    /// The fault file has invalid TOML or keys.
     #[error("the faults in `{}` are refused", path.display())]
     FaultSyntax {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: Box<toml::de::Error>,
     },
-    /// A rule makes no sense.
+    /// An invalid rule.
     #[error(transparent)]
     Fault(#[from] FaultError),
 }

@@ -1,4 +1,4 @@
-//! Faults from a file that is read again whenever it changes.
+//! Faults from a file that is reloaded when it changes.
 
 use std::path::PathBuf;
 use std::time::SystemTime;
@@ -8,19 +8,19 @@ use spf_core::time::{Duration, Time};
 
 use super::error::ServerError;
 
-/// How often the file of faults is looked at.
+/// Polling interval of the fault file.
 const FAULTS_LOOK: Duration = Duration::from_millis(250);
 
-/// Where faults come from.
+/// Source of faults.
 #[derive(Clone, Debug)]
 pub enum FaultSource {
-    /// These, for good.
+    /// A fixed plan.
     Plan(FaultPlan),
-    /// A TOML file, read again whenever it changes: faults are switched while it flies.
+    /// A TOML file, reloaded when it changes, so that faults can be switched in flight.
     File(PathBuf),
 }
 
-/// The faults that are wanted now.
+/// Loads the current faults.
 pub(super) fn read(source: &FaultSource) -> Result<FaultPlan, ServerError> {
     match source {
         FaultSource::Plan(plan) => Ok(plan.clone()),
@@ -32,7 +32,7 @@ pub(super) fn read(source: &FaultSource) -> Result<FaultPlan, ServerError> {
     }
 }
 
-/// Looks whether the file of faults has changed.
+/// Watches the fault file for changes.
 pub(super) struct Watch {
     source: FaultSource,
     seed: u64,
@@ -52,7 +52,7 @@ impl Watch {
         std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok()
     }
 
-    /// The new faults, when there are any. A file that makes no sense changes nothing.
+    /// The new faults, if the file has changed. An invalid file changes nothing.
     pub(super) fn look(&mut self, now: Time) -> Option<FaultMachine> {
         if now < self.look_at {
             return None;

@@ -1,9 +1,9 @@
-//! What a Tello's protocol measures: the times its answers take, and what it refuses.
+//! Parameters of the Tello protocol: response times and limits.
 
 use spf_core::rng::Draw;
 use spf_core::time::{Duration, duration_from_secs};
 
-/// Which SDK the firmware speaks.
+/// SDK version of the firmware.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Firmware {
     /// Tello, SDK 1.3.
@@ -16,13 +16,13 @@ pub enum Firmware {
 }
 
 impl Firmware {
-    /// The firmware of that name: `1.3`, `2.0` or `3.0`.
+    /// The firmware with this name: `1.3`, `2.0` or `3.0`.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::V13, Self::V20, Self::V30].into_iter().find(|firmware| firmware.name() == name)
     }
 
-    /// The SDK's number.
+    /// SDK version.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -33,46 +33,47 @@ impl Firmware {
     }
 }
 
-/// Times and limits of the protocol. Seconds, metres, m/s, radians; spreads are standard deviations unless said.
+/// Times and limits of the protocol. Seconds, metres, m/s, radians; spreads are standard deviations unless stated
+/// otherwise.
 ///
-/// Most are published measurements (`docs/guide/tello.md` lists which); all can be changed.
+/// Most are published measurements (listed in `docs/guide/tello.md`); all can be changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// An answer that waits for no motion takes this long …
+    /// Response time without motion …
     pub quick: f64,
-    /// … give or take this, uniformly.
+    /// … plus or minus this, uniformly distributed.
     pub quick_spread: f64,
-    /// A refusal takes this long.
+    /// Response time of a refusal.
     pub refusal: f64,
-    /// From the end of a manoeuvre to its answer.
+    /// Time from the end of a manoeuvre to its response.
     pub settle: f64,
-    /// Without a command for so long, it lands.
+    /// Time without a command after which it lands.
     pub idle_landing: f64,
-    /// A manoeuvre that is not done by then beyond its own length is given up with `error Run timeout`.
+    /// Time beyond its regular duration after which a manoeuvre is aborted with `error Run timeout`.
     pub run_timeout: f64,
-    /// Between lines of state.
+    /// Interval of state lines.
     pub state_period: f64,
-    /// Speed on the map at full stick.
+    /// Horizontal speed at full stick.
     pub stick_speed: f64,
     /// Climb rate at full stick.
     pub stick_climb: f64,
-    /// Sink rate at full stick.
+    /// Descent rate at full stick.
     pub stick_sink: f64,
     /// Yaw rate at full stick.
     pub stick_yaw: f64,
     /// Yaw rate of `cw` and `ccw`.
     pub turn_rate: f64,
-    /// Spread of a move's length, as a fraction of it.
+    /// Standard deviation of the length of a move, as a fraction of it.
     pub move_share: f64,
-    /// Spread of a move's length that is there however short it is.
+    /// Standard deviation of the length of a move, independent of it.
     pub move_fixed: f64,
-    /// Spread of a turn.
+    /// Standard deviation of a turn.
     pub turn_spread: f64,
-    /// Way of a flip.
+    /// Distance of a flip.
     pub flip_way: f64,
-    /// No flips at this charge or below.
+    /// Charge at or below which flips are refused.
     pub flip_battery: f64,
-    /// No take-off below this charge.
+    /// Charge below which take-off is refused.
     pub take_off_battery: f64,
 }
 
@@ -102,7 +103,7 @@ impl Default for Figures {
 }
 
 impl Figures {
-    /// The same without chance in moves and turns: for tests of what flies it.
+    /// The same without random errors in moves and turns, for tests of clients.
     #[must_use]
     pub fn exact() -> Self {
         Self { move_share: 0.0, move_fixed: 0.0, turn_spread: 0.0, quick_spread: 0.0, ..Self::default() }

@@ -1,4 +1,4 @@
-//! The camera of a virtual Tello: images, taken and encoded when there is time for them.
+//! Camera of the virtual Tello: images are rendered and encoded as time permits.
 
 use std::net::SocketAddr;
 use std::sync::Mutex;
@@ -17,22 +17,22 @@ use super::pace::{Fineness, Pace, VideoQuality};
 use super::shared::{POLL_INTERVAL, Shared, lock};
 use super::video::datagrams;
 
-/// From one image at which decoding can begin to the next. By time, not by number: however few images there are, what a lost
-/// datagram spoils is over after this.
+/// Interval of key frames. In time, not in frames, so that at any frame rate the effect of a lost datagram ends after
+/// this.
 const KEY_INTERVAL: Duration = Duration::from_secs(1);
-/// Of the video: some 2 Mbit/s in a furnished room.
+/// Quantiser of the video: about 2 Mbit/s in a furnished room.
 const QUANTISER: u8 = 30;
-/// An image is taken so long ago that all of the time its shutter was open has been flown.
+/// Images are taken this long ago, so that the whole exposure time has been simulated.
 const SHUTTER: Duration = Duration::from_millis(25);
 
-/// Takes the image that the camera had at a flight time; none while that lies in the future.
+/// Renders the camera image at a flight time; `None` while that is in the future.
 pub type Photographer = Box<dyn FnMut(Time, &VideoWish, Fineness) -> Option<Rgb> + Send>;
 
-/// An access unit's datagrams, to whom, and when they are due.
+/// An access unit's datagrams, their destination, and when they are due.
 pub(super) type Due = (Time, SocketAddr, Vec<Vec<u8>>);
 
-/// Takes images and encodes them. An image is taken only when there is time for it, so none is ever queued: on a slow machine
-/// there are fewer, not older ones.
+/// Renders and encodes images. An image is taken only when there is time for it, so none is queued: a slow machine
+/// gives fewer images, not older ones.
 pub(super) fn film(
     shared: &Shared,
     craft: &Mutex<SimCraft>,
@@ -59,7 +59,7 @@ pub(super) fn film(
         }
         let begun = Instant::now();
         let period = pace.period(wish.fps);
-        // As far as the flight has come, which on a busy machine is behind the clock.
+        // Up to the simulated time, which lags behind the clock on a busy machine.
         let captured = lock(craft).time().min(now) - SHUTTER;
         let frozen = shared.faults().freezes(now, Stream::Frames);
         let kept = last.take().filter(|_| frozen);
@@ -71,18 +71,18 @@ pub(super) fn film(
             let interval = previous.replace(now).map_or(period, |previous| now.since(previous));
             shared.counters.wanted_ns.fetch_add(interval.as_nanos() as u64, Ordering::Relaxed);
             if taken.try_send((captured + latency, wish.to, datagrams(nal_units(&unit)))).is_err() {
-                // Those that follow refer to it.
+                // Later images depend on it.
                 reel = None;
             }
         }
         last = Some(picture);
         pace.took(begun.elapsed());
-        // Missed images are not made up for.
+        // Missed images are skipped.
         next = (next + period).max(shared.now());
     }
 }
 
-/// An encoder at work.
+/// An active encoder.
 struct Reel {
     encoder: Encoder,
     wish: VideoWish,

@@ -1,11 +1,11 @@
-//! The radio between craft and client, with its faults: what goes in comes out later, twice, damaged or never.
+//! The radio link between craft and client, with faults: datagrams are delayed, duplicated, corrupted or lost.
 
 use std::net::SocketAddr;
 
 use spf_core::fault::{Content, FaultMachine, Stream, Trouble};
 use spf_core::time::Time;
 
-/// A datagram under way.
+/// A datagram in transit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Packet {
     pub(super) at: Time,
@@ -14,14 +14,14 @@ pub(super) struct Packet {
     pub(super) bytes: Vec<u8>,
 }
 
-/// Datagrams under way in both directions.
+/// Datagrams in transit, in both directions.
 #[derive(Debug)]
 pub(super) struct Link {
     faults: FaultMachine,
-    /// Datagrams passed so far: the faults of each follow from its number.
+    /// Number of datagrams so far, from which the faults of each are derived.
     count: u64,
     under_way: Vec<Packet>,
-    /// The last state that passed before the telemetry froze.
+    /// The last state before the telemetry froze.
     frozen: Vec<u8>,
 }
 
@@ -34,12 +34,12 @@ impl Link {
         &self.faults
     }
 
-    /// Other faults from now on; what is under way stays so.
+    /// Sets new faults; datagrams in transit are not affected.
     pub(super) fn set_faults(&mut self, faults: FaultMachine) {
         self.faults = faults;
     }
 
-    /// A datagram is sent at `at`.
+    /// Sends a datagram at `at`.
     pub(super) fn send(&mut self, at: Time, stream: Stream, peer: SocketAddr, bytes: &[u8]) {
         self.count += 1;
         if self.faults.troubled(at, Trouble::LinkCut) {
@@ -59,13 +59,13 @@ impl Link {
         }
     }
 
-    /// The next datagram that arrives at `now` or before and satisfies `wanted`; earliest first, equal times in order of sending.
+    /// The next datagram that arrives by `now` and satisfies `wanted`; earliest first, equal times in order of sending.
     pub(super) fn take(&mut self, now: Time, wanted: impl Fn(Stream) -> bool) -> Option<Packet> {
         let due = |packet: &&Packet| packet.at <= now && wanted(packet.stream);
         let at = self.under_way.iter().filter(due).map(|packet| packet.at).min()?;
         let index = self.under_way.iter().position(|packet| packet.at == at && wanted(packet.stream))?;
         let packet = self.under_way.remove(index);
-        // Cut while it was under way.
+        // The link was cut while it was in transit.
         if self.faults.troubled(packet.at, Trouble::LinkCut) { self.take(now, wanted) } else { Some(packet) }
     }
 
@@ -75,7 +75,7 @@ impl Link {
     }
 }
 
-/// One bit in every 64 bytes, at least one, is flipped.
+/// Flips one bit in every 64 bytes, at least one.
 pub(super) fn corrupted(bytes: &[u8], number: u64) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     let length = bytes.len();

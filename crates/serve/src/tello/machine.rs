@@ -1,4 +1,4 @@
-//! The protocol: what is answered, and when.
+//! The protocol: responses and their timing.
 
 mod tasks;
 
@@ -18,51 +18,51 @@ use super::manoeuvre::CONTROL;
 use super::state::State;
 use tasks::{Running, Task};
 
-/// Where clients expect the state and the video until they say otherwise.
+/// Default ports of clients for state and video.
 const STATE_PORT: u16 = 8890;
 const VIDEO_PORT: u16 = 11_111;
-/// The speed that is set at power-on, cm/s.
+/// The speed configured at power-on, cm/s.
 const DEFAULT_SPEED: i32 = 100;
-/// After `stop` the answer of the stopped manoeuvre comes this much later, s.
+/// Delay of the stopped manoeuvre's response after `stop`, s.
 const FORCED_STOP: f64 = 0.5;
-/// Restarting takes this long, s.
+/// Duration of a restart, s.
 const BOOT: f64 = 8.0;
-/// Temperatures, °C: where it begins, and what it tends to in flight and lying with the motors off; time constants, s.
+/// Temperatures, °C: at power-on, and the limits in flight and on the ground with motors off; time constants, s.
 const COLD: f64 = 45.0;
 const FLYING_HEAT: (f64, f64) = (65.0, 120.0);
 const LYING_HEAT: (f64, f64) = (78.0, 400.0);
 
-/// Something to send.
+/// A datagram to send.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// The answer to a command, from the command port.
+    /// The response to a command, from the command port.
     Response {
-        /// To whom.
+        /// Destination.
         to: SocketAddr,
-        /// What.
+        /// Contents.
         bytes: Vec<u8>,
     },
-    /// A line of state, from any port of the drone's address.
+    /// A state line, from any port of the drone's address.
     State {
-        /// To whom.
+        /// Destination.
         to: SocketAddr,
-        /// What.
+        /// Contents.
         bytes: Vec<u8>,
     },
 }
 
-/// Where the video goes and what it is like.
+/// Destination and format of the video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VideoWish {
-    /// To whom.
+    /// Destination.
     pub to: SocketAddr,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: u32,
-    /// Half the size.
+    /// Whether the size is halved.
     pub low_resolution: bool,
-    /// The camera that looks down.
+    /// Whether the downward camera is used.
     pub downwards: bool,
-    /// How often `streamon` was said: each begins with a key image.
+    /// Number of `streamon` commands; each starts with a key frame.
     pub asked: u32,
 }
 
@@ -73,16 +73,16 @@ pub struct VirtualTello {
     firmware: Firmware,
     draw: Draw,
     link: Link,
-    /// Whoever last said `command`.
+    /// The last client that sent `command`.
     client: Option<IpAddr>,
     ports: (u16, u16),
     stream: Option<VideoWish>,
-    /// How often `streamon` was said.
+    /// Number of `streamon` commands.
     streams: u32,
     pads: bool,
     speed: i32,
     running: Option<Running>,
-    /// Nothing else is begun before: the manoeuvre that ended is still settling.
+    /// No other command starts before this: the last manoeuvre is still settling.
     busy_until: Time,
     last_command: Time,
     datum: f64,
@@ -94,7 +94,7 @@ pub struct VirtualTello {
 }
 
 impl VirtualTello {
-    /// A Tello that is switched on now, at the craft's time. Chance in answers and moves follows from `seed`.
+    /// A Tello switched on now, at the craft's time. Random errors depend on `seed`.
     #[must_use]
     pub fn new(craft: &SimCraft, figures: Figures, firmware: Firmware, faults: FaultMachine, seed: u64) -> Self {
         let now = craft.time();
@@ -121,35 +121,35 @@ impl VirtualTello {
         }
     }
 
-    /// Other faults from now on.
+    /// Sets new faults.
     pub fn set_faults(&mut self, faults: FaultMachine) {
         self.link.set_faults(faults);
     }
 
-    /// The faults in force.
+    /// The current faults.
     #[must_use]
     pub fn faults(&self) -> &FaultMachine {
         self.link.faults()
     }
 
-    /// Where the video is to go; none while nobody wants it.
+    /// Destination and format of the video; `None` if no client wants it.
     #[must_use]
     pub fn video(&self) -> Option<VideoWish> {
         self.stream
     }
 
-    /// When [`advance`](Self::advance) has something to do.
+    /// When [`advance`](Self::advance) is next needed.
     #[must_use]
     pub fn next_deadline(&self) -> Time {
         self.link.next_at().unwrap_or(Time::MAX).min(self.next_control).min(self.next_state)
     }
 
-    /// A datagram was sent to the command port.
+    /// Handles a datagram to the command port.
     pub fn handle(&mut self, now: Time, from: SocketAddr, datagram: &[u8]) {
         self.link.send(now, Stream::Commands, from, datagram);
     }
 
-    /// Goes on to `now`: flies the craft, obeys what has arrived.
+    /// Advances to `now`: simulates the craft and executes commands that have arrived.
     pub fn advance(&mut self, now: Time, craft: &mut SimCraft) {
         loop {
             let due = self.next_control.min(self.next_state);
@@ -173,7 +173,7 @@ impl VirtualTello {
         }
     }
 
-    /// The next thing to send at `now`.
+    /// The next datagram to send at `now`.
     pub fn poll(&mut self, now: Time) -> Option<Output> {
         let packet = self.link.take(now, |stream| stream != Stream::Commands)?;
         let (to, bytes) = (packet.peer, packet.bytes);
@@ -204,7 +204,7 @@ impl VirtualTello {
             self.next_state = self.next_state.min(now + Duration::from_millis(10));
             return self.answer_quickly(now, from, "ok");
         }
-        // Before `command` it speaks another language.
+        // Before `command` it uses another protocol.
         if self.client.is_none() {
             return;
         }
@@ -259,7 +259,7 @@ impl VirtualTello {
                 return self.restart(now, craft);
             }
             Request::Extension(text) => return self.answer_quickly(now, from, text),
-            // The propellers are not seen; what is thrown is not simulated.
+            // Propellers are not visible, and throwing is not simulated.
             Request::Motor(_) if craft.dynamics().phase() != FlightPhase::OnGround => return self.refuse(now, from, "error"),
             Request::ThrowFly => return self.refuse(now, from, "error"),
             Request::Sdk | Request::PadDirection | Request::VideoSetting | Request::Acknowledge | Request::Motor(_) => {}
@@ -281,7 +281,7 @@ impl VirtualTello {
         }
     }
 
-    /// Sticks hold until something replaces them. A position command that is under way is not disturbed.
+    /// Stick positions hold until replaced. A position command in progress is not affected.
     fn rc(&mut self, now: Time, [right, forward, up, clockwise]: [i32; 4], craft: &mut SimCraft) {
         if self.running.is_some() {
             return;
@@ -316,7 +316,7 @@ impl VirtualTello {
         self.datum = craft.dynamics().pose().attitude.heading;
     }
 
-    /// Every [`CONTROL`]: the manoeuvre under way, the landing that nobody asked for, the temperature.
+    /// Every [`CONTROL`]: the current manoeuvre, automatic landing, temperature.
     fn control(&mut self, now: Time, craft: &mut SimCraft) {
         let seconds = CONTROL.as_secs_f64();
         let flying = craft.dynamics().airborne();

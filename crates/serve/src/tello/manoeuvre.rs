@@ -1,7 +1,7 @@
-//! How the craft flies a move, a turn or a curve by itself: towards the next point of a way, ending at rest.
+//! Autonomous flight of a move, a turn or a curve: towards the next point of a path, ending at rest.
 //!
-//! The craft's own dead time makes a simple controller swing, so this one steers by where the craft will come to rest when
-//! everything that it was told has taken effect.
+//! The craft's dead time would make a simple controller oscillate, so this one controls the predicted rest position
+//! after all pending commands have taken effect.
 
 use std::collections::VecDeque;
 
@@ -12,25 +12,25 @@ use spf_sim::craft::SimCraft;
 
 use super::command::Offset;
 
-/// Time between corrections.
+/// Control interval.
 pub(super) const CONTROL: Duration = Duration::from_millis(20);
 const CONTROL_SECONDS: f64 = 0.02;
-/// Deceleration that a move counts on, m/s²: gentler than the craft can.
+/// Deceleration used for planning, m/s²: below the craft's limit.
 const BRAKE: f64 = 0.8;
-/// Speed asked for a metre of way that is left, 1/s.
+/// Speed per metre of remaining distance, 1/s.
 const GAIN: f64 = 3.0;
-/// At rest: this near, metres, and this slow, m/s.
+/// Arrival thresholds: distance, metres, and speed, m/s.
 const NEAR: f64 = 0.03;
 const SLOW: f64 = 0.08;
 /// The same for turns, radians and rad/s.
 const NEAR_TURN: f64 = 0.02;
 const SLOW_TURN: f64 = 0.1;
-/// A point on the way counts as passed this near, metres.
+/// Distance at which a point on the path counts as passed, metres.
 const PASSED: f64 = 0.15;
-/// Points of a curve lie so far apart, metres.
+/// Distance between points of a curve, metres.
 const CURVE_STEP: f64 = 0.1;
 
-/// What was told and has not reached the motors yet.
+/// Commands that have not taken effect yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Told(VecDeque<(Time, EnuVelocity, f64)>);
 
@@ -39,7 +39,7 @@ impl Told {
         self.0.push_back((now, velocity, yaw_rate));
     }
 
-    /// Displacement and turn still to come from it.
+    /// Displacement and turn still to come from them.
     fn still_coming(&mut self, now: Time, dead_time: Duration) -> (EnuVelocity, f64) {
         while self.0.front().is_some_and(|(at, ..)| *at + dead_time <= now) {
             self.0.pop_front();
@@ -55,16 +55,16 @@ impl Told {
     }
 }
 
-/// What is to be flown.
+/// The remaining path.
 #[derive(Clone, Debug)]
 enum Way {
-    /// Through points, the last one to rest at.
+    /// Through points, stopping at the last one.
     Through { points: VecDeque<EnuPosition>, speed: f64 },
-    /// Round, radians clockwise that are left.
+    /// Turn on the spot, radians clockwise remaining.
     Turn { left: f64, rate: f64, heading: f64 },
 }
 
-/// A manoeuvre under way.
+/// A manoeuvre in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Manoeuvre {
     way: Way,
@@ -72,7 +72,7 @@ pub(super) struct Manoeuvre {
     give_up: Time,
 }
 
-/// What to do next.
+/// The next action.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
     Fly(Setpoint),
@@ -81,7 +81,7 @@ pub(super) enum Step {
 }
 
 impl Manoeuvre {
-    /// To rest at the last of `points` (at least one), from the craft's place, at most this fast.
+    /// Flies from the craft's position to the last of `points` (at least one), at most at this speed.
     pub(super) fn through(now: Time, craft: &SimCraft, points: VecDeque<EnuPosition>, speed: f64, patience: f64) -> Self {
         let mut from = craft.dynamics().pose().position;
         let mut way = 0.0;
@@ -100,7 +100,7 @@ impl Manoeuvre {
         Self { way: Way::Turn { left: angle, rate, heading }, told: Told::default(), give_up }
     }
 
-    /// The next correction; to be asked every [`CONTROL`].
+    /// The next correction; call every [`CONTROL`].
     pub(super) fn step(&mut self, now: Time, craft: &SimCraft) -> Step {
         if now >= self.give_up {
             return Step::GivenUp;
@@ -157,14 +157,14 @@ fn towards(missing: BodyDisplacement, share: f64) -> Setpoint {
     Setpoint { right: missing.right * share, forward: missing.forward * share, up: missing.up * share, yaw_rate: 0.0 }
 }
 
-/// Way to standstill after zero has taken effect: braking at the limit while that binds, exponentially below.
+/// Distance to standstill after zero takes effect: at the acceleration limit, then exponentially.
 fn stopping(velocity: f64, limit: f64, lag: f64) -> f64 {
     let (speed, bends) = (velocity.abs(), limit * lag);
     let way = if speed <= bends { speed * lag } else { 0.5 * (speed * speed - bends * bends) / limit + bends * lag };
     way.copysign(velocity)
 }
 
-/// Where an offset in the craft's axes leads, with the present heading.
+/// The position at an offset in the craft's axes, with its current heading.
 pub(super) fn place(craft: &SimCraft, offset: Offset, share: f64) -> EnuPosition {
     let pose = craft.dynamics().pose();
     let metres = |cm: i32| f64::from(cm) * 0.01 * share;
@@ -172,8 +172,8 @@ pub(super) fn place(craft: &SimCraft, offset: Offset, share: f64) -> EnuPosition
     pose.position.displaced(displacement, pose.attitude.heading)
 }
 
-/// Offsets along the arc from the origin through `via` to `to`; none when they lie on a line or its radius is not within 0.5 and
-/// 10 m.
+/// Offsets along the arc from the origin through `via` to `to`; `None` if they are collinear or the radius is not
+/// within 0.5 and 10 m.
 pub(super) fn arc(via: Offset, to: Offset) -> Option<Vec<Offset>> {
     let vector = |offset: Offset| glam::DVec3::new(f64::from(offset.x), f64::from(offset.y), f64::from(offset.z)) * 0.01;
     let (b, c) = (vector(via), vector(to));

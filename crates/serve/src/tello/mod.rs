@@ -1,8 +1,8 @@
-//! A virtual Tello: the craft of the simulator behind the text SDK of DJI and Ryze (SDK 1.3, 2.0 and 3.0), so that other people's
-//! clients can fly it and our own driver is tested over real sockets (`docs/guide/tello.md`).
+//! A virtual Tello: the simulated craft behind the text SDK of DJI and Ryze (SDK 1.3, 2.0 and 3.0), so that third-party
+//! clients can fly it, and the project's own driver is tested over real sockets (`docs/guide/tello.md`).
 //!
-//! [`VirtualTello`] is sans-IO: told what datagrams came and what time it is, it flies a [`SimCraft`](spf_sim::craft::SimCraft)
-//! and says what to send and when. [`Server`] gives it sockets, a clock and a camera; [`TelloService`] a scene and a judge.
+//! [`VirtualTello`] is sans-IO: given datagrams and the time, it flies a [`SimCraft`](spf_sim::craft::SimCraft) and
+//! returns datagrams to send. [`Server`] adds sockets, a clock and a camera; [`TelloService`] a scene and a judge.
 
 pub mod command;
 mod error;

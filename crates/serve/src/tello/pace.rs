@@ -1,25 +1,25 @@
-//! How finely, and how often, the camera of a virtual Tello takes images: coarser and fewer rather than late.
+//! Chooses rendering quality and frame rate of the virtual Tello's camera: lower quality rather than delay.
 
 use spf_core::time::Duration;
 
-/// How finely an image is drawn.
+/// Rendering quality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fineness {
-    /// With smooth edges.
+    /// With anti-aliasing.
     Full,
-    /// With jagged edges, which compression hides.
+    /// Without anti-aliasing, which compression hides.
     Live,
-    /// As `Live`, drawn at half the width and height and enlarged.
+    /// Like `Live`, rendered at half the width and height and enlarged.
     Draft,
 }
 
-/// What is asked of the camera's images.
+/// Video quality setting.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VideoQuality {
-    /// `Live` while there is time for it, else `Draft`.
+    /// `Live` if time permits, else `Draft`.
     #[default]
     Auto,
-    /// Always this.
+    /// A fixed quality.
     Always(Fineness),
 }
 
@@ -27,7 +27,7 @@ impl VideoQuality {
     /// All names.
     pub const NAMES: [&str; 4] = ["auto", "full", "live", "draft"];
 
-    /// By its name.
+    /// The quality with this name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         match name {
@@ -40,23 +40,23 @@ impl VideoQuality {
     }
 }
 
-/// An image that takes longer than this, drawn and encoded, leaves too little of the time to its sending.
+/// Above this time for rendering and encoding, too little is left for sending.
 const SLOW: Duration = Duration::from_millis(70);
-/// One alone may have been an accident.
+/// Number of slow images in a row before the quality is reduced.
 const SLOW_IN_A_ROW: u32 = 2;
-/// So quick a draft leaves time for four times the pixels.
+/// A draft faster than this leaves time for four times the pixels.
 const QUICK: Duration = Duration::from_millis(25);
-/// Drafts that must be quick before more is tried, at first; each time in vain it is twice as many, up to the second figure.
+/// Number of fast drafts before the quality is raised, initially; doubled after each failure, up to the second value.
 const QUICK_IN_A_ROW: (u32, u32) = (45, 1440);
-/// Images a second while drafts are needed: someone else needs the machine, most often who looks at them.
+/// Frames per second while drafts are needed, to leave time for other processes such as the viewer.
 const BUSY_RATE: u32 = 15;
 
-/// Chooses from how long images took.
+/// Chooses the quality from measured times.
 #[derive(Clone, Debug)]
 pub(super) struct Pace {
     quality: VideoQuality,
     draft: bool,
-    /// Images in a row that speak for the other fineness.
+    /// Number of images in a row in favour of the other quality.
     row: u32,
     patience: u32,
 }
@@ -66,7 +66,7 @@ impl Pace {
         Self { quality, draft: false, row: 0, patience: QUICK_IN_A_ROW.0 }
     }
 
-    /// Of the next image.
+    /// Quality of the next image.
     pub(super) fn fineness(&self) -> Fineness {
         match self.quality {
             VideoQuality::Always(fineness) => fineness,
@@ -75,13 +75,13 @@ impl Pace {
         }
     }
 
-    /// From image to image, when `fps` are wanted.
+    /// Frame interval, if `fps` is requested.
     pub(super) fn period(&self, fps: u32) -> Duration {
         let most = if self.draft { BUSY_RATE } else { u32::MAX };
         Duration::from_secs(1) / fps.clamp(1, most)
     }
 
-    /// An image took so long to draw and encode.
+    /// Records the time for rendering and encoding an image.
     pub(super) fn took(&mut self, time: Duration) {
         if self.quality != VideoQuality::Auto {
             return;
@@ -122,7 +122,7 @@ mod tests {
     fn what_was_tried_in_vain_is_tried_more_seldom() {
         let mut pace = Pace::new(VideoQuality::Auto);
         let mut tried = 0;
-        // Live images are always slow here and drafts always quick: ten minutes of drafts at most.
+        // Live images are always slow here and drafts always fast: at most ten minutes of drafts.
         for _ in 0..9000 {
             let live = pace.fineness() == Fineness::Live;
             tried += u32::from(live);

@@ -1,4 +1,4 @@
-//! What the cameras of a virtual Tello see of its scene: the one that looks ahead, and the grey one that looks down.
+//! Images of the virtual Tello's cameras: the forward one, and the grey downward one.
 
 use spf_core::camera::Camera;
 use spf_core::time::Time;
@@ -9,13 +9,13 @@ use spf_render::{Channels, Picture, Quality};
 use super::machine::VideoWish;
 use super::pace::Fineness;
 
-/// What is drawn for the video.
+/// Channels to be rendered for the video.
 pub(super) fn channels(fineness: Fineness) -> Channels {
     let quality = if fineness == Fineness::Full { Quality::Full } else { Quality::Live };
     Channels { quality, ..Channels::RGB }
 }
 
-/// What the camera saw at `at`, as the video shows it.
+/// The camera image at `at`, in the requested format.
 pub(super) fn photograph(world: &SimWorld, at: Time, wish: &VideoWish, fineness: Fineness) -> Option<Rgb> {
     let channels = channels(fineness);
     if wish.downwards {
@@ -28,7 +28,7 @@ pub(super) fn photograph(world: &SimWorld, at: Time, wish: &VideoWish, fineness:
     Some(if drawn == (width, height) { picture } else { resize(&picture, width, height) })
 }
 
-/// The grey image of the camera that looks down.
+/// The grey image of the downward camera.
 fn below(world: &SimWorld, at: Time, channels: Channels) -> Option<Rgb> {
     let moment = world.snapshot_at(at)?;
     let camera = Camera::from_fov(320, 240, 1.0, 0.79, core::f64::consts::FRAC_PI_2);

@@ -1,7 +1,7 @@
-//! Sockets, a clock and a camera for a [`VirtualTello`].
+//! Sockets, clock and camera for a [`VirtualTello`].
 //!
-//! Three threads: one receives commands and flies, one takes and encodes images ([`film`](super::film)), one sends them when they
-//! are due.
+//! There are three threads: one receives commands and flies, one renders and encodes images ([`film`](super::film)),
+//! one sends them when they are due.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -23,36 +23,36 @@ use super::machine::{Output, VirtualTello};
 use super::pace::VideoQuality;
 use super::shared::{Counters, POLL_INTERVAL, Shared, Tally, lock};
 
-/// Images that wait for their time of sending.
+/// Maximum number of images waiting to be sent.
 const WAITING: usize = 16;
-/// An image sent later than this after its time is counted as late.
+/// An image sent later than this counts as late.
 const LATE: Duration = Duration::from_millis(50);
 
-/// What is served.
+/// Configuration of a server.
 pub struct Setup {
-    /// The drone's address, and its command port (a Tello's is 8889).
+    /// The drone's address and command port (a Tello's is 8889).
     pub listen: SocketAddr,
-    /// The craft. Nobody else may advance it.
+    /// The craft. Only the server may advance it.
     pub craft: Arc<Mutex<SimCraft>>,
     /// Its camera.
     pub photographer: Photographer,
-    /// How fine its images are.
+    /// Video quality.
     pub quality: VideoQuality,
-    /// Times and limits.
+    /// Times and limits of the protocol.
     pub figures: Figures,
-    /// SDK.
+    /// SDK version.
     pub firmware: Firmware,
-    /// What goes wrong.
+    /// Faults.
     pub faults: FaultSource,
-    /// Of all chance.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// From an image's capture to its sending: the camera's, the encoder's and the radio's.
+    /// Latency from capture to sending: camera, encoder and radio.
     pub latency: Duration,
-    /// When the craft's time was zero.
+    /// Wall time of the craft's time zero.
     pub start: Instant,
 }
 
-/// A virtual Tello that answers on its sockets until it is dropped.
+/// A running virtual Tello; it stops when dropped.
 pub struct Server {
     address: SocketAddr,
     shared: Arc<Shared>,
@@ -60,15 +60,15 @@ pub struct Server {
 }
 
 impl Server {
-    /// Opens the sockets and begins to answer.
+    /// Opens the sockets and starts serving.
     ///
     /// # Errors
-    /// [`ServerError`] when a socket or a thread cannot be had, or the faults make no sense.
+    /// [`ServerError`] if a socket cannot be bound, a thread cannot be started, or the faults are invalid.
     pub fn start(setup: Setup) -> Result<Self, ServerError> {
         let Setup { listen, craft, photographer, quality, figures, firmware, faults, seed, latency, start } = setup;
         let command = bind(listen)?;
         let address = command.local_addr().map_err(|source| ServerError::Bind { address: listen, source })?;
-        // Clients know state and video by the drone's address; their source port is free.
+        // Clients identify state and video by the drone's address; the source port is arbitrary.
         let state = bind(SocketAddr::new(listen.ip(), 0))?;
         let video = bind(SocketAddr::new(listen.ip(), 0))?;
         let machine = FaultMachine::new(read(&faults)?, seed)?;
@@ -94,13 +94,13 @@ impl Server {
         Ok(server)
     }
 
-    /// Where it listens for commands.
+    /// The command address.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What it has sent.
+    /// Transmission statistics.
     #[must_use]
     pub fn tally(&self) -> Tally {
         let Counters { frames, bytes, late, wanted_ns } = &self.shared.counters;
@@ -108,7 +108,7 @@ impl Server {
         Tally { frames: get(frames), bytes: get(bytes), late: get(late), wanted_ns: get(wanted_ns) }
     }
 
-    /// Other faults from now on, as if the file had changed.
+    /// Sets new faults, as if the file had changed.
     pub fn set_faults(&self, faults: FaultMachine) {
         *lock(&self.shared.faults) = faults;
     }
@@ -127,7 +127,7 @@ fn bind(address: SocketAddr) -> Result<UdpSocket, ServerError> {
     UdpSocket::bind(address).map_err(|source| ServerError::Bind { address, source })
 }
 
-/// Receives commands, flies, answers.
+/// Receives commands, flies, responds.
 fn fly(
     shared: &Shared,
     mut tello: VirtualTello,
@@ -142,7 +142,7 @@ fn fly(
         if command.set_read_timeout(Some(nap)).is_err() {
             return;
         }
-        // Errors are those of earlier sendings (nobody listens there) or the timeout.
+        // Errors are from earlier sends (nobody listens there) or the timeout.
         if let Ok((length, from)) = command.recv_from(&mut buffer) {
             tello.handle(shared.now(), from, &buffer[..length]);
         }
@@ -165,7 +165,7 @@ fn fly(
     }
 }
 
-/// Sends images when they are due, over the link with its faults.
+/// Sends images when they are due, over the faulty link.
 fn send(shared: &Shared, due: &Receiver<Due>, video: &UdpSocket) {
     let mut link = Link::new(shared.faults());
     let mut waiting: Option<Due> = None;

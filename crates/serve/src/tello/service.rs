@@ -1,5 +1,4 @@
-//! A virtual Tello in a scene: `spf sim serve --tello`. The server has the protocol; here it gets a scene to see, and a judge who
-//! knows the truth.
+//! A virtual Tello in a scene, with a judge that has access to ground truth: `spf sim serve --tello`.
 
 use std::fs::File;
 use std::net::SocketAddr;
@@ -21,55 +20,56 @@ use super::shared::Tally;
 use crate::truth::{Heard, Judge};
 use crate::vlm::OnboardCamera;
 
-/// From an image's capture to its sending.
+/// Latency from an image's capture to its sending.
 const LATENCY: Duration = Duration::from_millis(120);
 
-/// What is served.
+/// Configuration of the service.
 pub struct TelloPlan {
-    /// Where it flies.
+    /// The scene.
     pub loaded: Arc<LoadedScene>,
-    /// Where it stands at first; `None`: the scene's start.
+    /// Start pose; `None` for the scene's start.
     pub start: Option<Pose>,
-    /// Under what conditions.
+    /// Flight conditions.
     pub flight_conditions: FlightConditions,
-    /// Of all chance.
+    /// Seed of all random choices.
     pub seed: u64,
     /// The drone's address and command port.
     pub listen: SocketAddr,
-    /// SDK.
+    /// SDK version.
     pub firmware: Firmware,
-    /// How fine its images are.
+    /// Video quality.
     pub quality: VideoQuality,
-    /// What goes wrong.
+    /// Faults.
     pub faults: FaultSource,
-    /// What flights are judged by.
+    /// The instruction by which flights are judged.
     pub instruction: Heard,
-    /// Where a line of JSON about each flight goes.
+    /// File for a line of JSON per flight.
     pub truth: Option<File>,
-    /// Who keeps what the camera sees, for an endpoint that is asked about it.
+    /// The camera memory for a VLM endpoint.
     pub onboard: Option<Arc<OnboardCamera>>,
 }
 
-/// A virtual Tello that flies until it is dropped.
+/// A running virtual Tello in a scene; it stops when dropped.
 pub struct TelloService {
-    // Ends first: its last look is at a drone that still flies.
+    // Dropped first: its last evaluation needs a drone that still flies.
     _judge: Judge,
     server: Server,
     world: SimWorld,
 }
 
 impl TelloService {
-    /// Begins to serve.
+    /// Starts the service.
     ///
     /// # Errors
-    /// [`ServerError`].
+    /// [`ServerError`] if the server cannot start.
     pub fn start(plan: TelloPlan) -> Result<Self, ServerError> {
         let TelloPlan { loaded, start, flight_conditions, seed, listen, firmware, quality, faults, instruction, truth, onboard } =
             plan;
         let start = start.unwrap_or(loaded.scene.start);
         let world = SimWorld::under(&flight_conditions, loaded, CraftKind::Tello, start, seed);
         let camera = world.clone();
-        // The first image in a scene prepares its shadows and lamps: seconds, on a slow machine, in which nobody flies yet.
+        // The first image in a scene prepares shadows and lamps, which takes seconds on a slow machine; do it before
+        // anyone flies.
         drop(world.look(&world.now(), channels(Fineness::Draft)));
         let setup = Setup {
             listen,
@@ -94,19 +94,19 @@ impl TelloService {
         Ok(Self { _judge: judge, server, world })
     }
 
-    /// Where it listens for commands.
+    /// The command address.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.server.address()
     }
 
-    /// What video it has sent.
+    /// Video statistics.
     #[must_use]
     pub fn tally(&self) -> Tally {
         self.server.tally()
     }
 
-    /// The world it flies in. Nobody else may advance it.
+    /// The simulated world. Only the service may advance it.
     #[must_use]
     pub fn world(&self) -> &SimWorld {
         &self.world

@@ -1,4 +1,4 @@
-//! What the threads of a server share.
+//! State shared by the threads of a server.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -9,24 +9,24 @@ use spf_core::time::{Duration, Time};
 
 use super::machine::VideoWish;
 
-/// How long a thread sleeps at most, so that it notices the end.
+/// Maximum sleep of a thread, so that it notices the shutdown.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
-/// What was sent so far.
+/// Transmission statistics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Images.
+    /// Number of images.
     pub frames: u64,
     /// Bytes of video.
     pub bytes: u64,
-    /// Images that went out more than 50 ms after their time.
+    /// Images sent more than 50 ms late.
     pub late: u64,
-    /// Nanoseconds for which video was wanted.
+    /// Time for which video was requested, nanoseconds.
     pub wanted_ns: u64,
 }
 
 impl Tally {
-    /// Images a second while video was wanted.
+    /// Images per second while video was requested.
     #[must_use]
     pub fn rate(&self) -> f64 {
         if self.wanted_ns == 0 { 0.0 } else { self.frames as f64 / (self.wanted_ns as f64 * 1e-9) }
@@ -41,7 +41,7 @@ pub(super) struct Counters {
     pub(super) wanted_ns: AtomicU64,
 }
 
-/// What the threads share.
+/// State shared by the threads.
 pub(super) struct Shared {
     pub(super) start: Instant,
     pub(super) stopped: AtomicBool,
@@ -64,7 +64,8 @@ impl Shared {
     }
 }
 
-/// A panic elsewhere leaves what is locked whole: every change is one assignment or one tick.
+/// Locks a mutex. After a panic elsewhere its contents are still consistent: every change is one assignment or one
+/// tick.
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,4 +1,4 @@
-//! The state line: ten times a second, everything the craft tells of itself.
+//! The state line, sent ten times per second.
 
 use spf_core::geometry::wrap_angle;
 use spf_core::telemetry::{FlightPhase, Telemetry};
@@ -6,14 +6,14 @@ use spf_sim::craft::SimCraft;
 
 use super::figures::Firmware;
 
-/// The numbers of a state line, in its units.
+/// The values of a state line, in its units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct State {
     pub(super) pads: bool,
     pub(super) pitch: i32,
     pub(super) roll: i32,
     pub(super) yaw: i32,
-    /// dm/s in the frame of power-on, forward and left negative, down positive.
+    /// dm/s in the power-on frame, with forward and left negative, down positive.
     pub(super) speed: [i32; 3],
     pub(super) temperature: f64,
     /// Centimetres.
@@ -26,13 +26,13 @@ pub(super) struct State {
     pub(super) acceleration: [f64; 3],
 }
 
-/// What the sensor below tells when nothing is near enough.
+/// Value of the distance sensor when nothing is in range.
 const NO_ECHO: i32 = 6553;
-/// How far it reaches, metres.
+/// Range of the distance sensor, metres.
 const TOF_REACH: f64 = 10.0;
-/// What it tells on the ground, metres.
+/// Its value on the ground, metres.
 const TOF_GROUND: f64 = 0.1;
-/// Barometric altitude of the place, metres.
+/// Barometric altitude of the location, metres.
 const PLACE_ALTITUDE: f64 = 150.12;
 
 fn rounded(value: f64) -> i32 {
@@ -40,7 +40,7 @@ fn rounded(value: f64) -> i32 {
 }
 
 impl State {
-    /// What `craft` tells at its present tick. `datum` is its heading at power-on.
+    /// The state of `craft` at its current tick. `datum` is its heading at power-on.
     pub(super) fn of(craft: &SimCraft, datum: f64, pads: bool, temperature: f64, motor_time: f64) -> Self {
         let Telemetry { velocity, attitude, height, battery, phase, .. } = craft.telemetry();
         let velocity = velocity.unwrap_or_default();
@@ -48,7 +48,7 @@ impl State {
         let (forward, right) = (velocity.east * sin + velocity.north * cos, velocity.east * cos - velocity.north * sin);
         let tenths = |speed: f64| rounded(10.0 * speed);
         let (pitch, roll) = (attitude.pitch, attitude.roll);
-        // On the ground it counts afresh.
+        // Reset on the ground.
         let height = height.filter(|_| phase != FlightPhase::OnGround).unwrap_or(0.0);
         Self {
             pads,
@@ -70,7 +70,7 @@ impl State {
         }
     }
 
-    /// The line as the firmware writes it. Plain ASCII; no count is ever negative, which clients rely on.
+    /// The line as written by the firmware. Plain ASCII; counts are never negative, which clients rely on.
     pub(super) fn line(&self, firmware: Firmware) -> String {
         let pads = match firmware {
             Firmware::V13 => String::new(),
@@ -98,7 +98,7 @@ impl State {
     }
 }
 
-/// Centimetres to what is below.
+/// Distance to the surface below, centimetres.
 fn tof(craft: &SimCraft) -> i32 {
     let position = craft.dynamics().pose().position;
     let radius = craft.dynamics().model().craft.radius;

@@ -1,11 +1,11 @@
-//! Cutting the video into datagrams, as a Tello does: no header, no numbers, only lengths.
+//! Splits the video into datagrams as a Tello does: without headers or numbers, marked only by lengths.
 
 /// A datagram of this length is followed by more of its NAL unit; a shorter one ends it.
 pub const DATAGRAM: usize = 1460;
 
-/// The datagrams of an access unit (NAL units without their start codes): each unit behind a start code of four bytes, cut every
-/// [`DATAGRAM`] bytes. A unit that would end in a full datagram gets one zero byte more, which H.264 allows and without which
-/// its end could not be told.
+/// The datagrams of an access unit (NAL units without start codes): each unit is preceded by a four-byte start code and
+/// split every [`DATAGRAM`] bytes. A unit that would end in a full datagram gets an extra zero byte, which H.264
+/// allows, so that its end can be recognised.
 #[must_use]
 pub fn datagrams<'a>(units: impl Iterator<Item = &'a [u8]>) -> Vec<Vec<u8>> {
     let mut datagrams = Vec::new();

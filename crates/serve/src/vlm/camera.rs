@@ -1,4 +1,4 @@
-//! A camera that stands in a scene where it is put, and remembers what it saw.
+//! A camera at a fixed pose in a scene, with a memory of its images.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,10 +13,10 @@ use spf_media::Rgb;
 use super::lens::Lens;
 use super::memory::{Memory, Remembered};
 
-/// The scene's actors walk and drive for so long, then they begin again: to find where they are after hours would take minutes.
+/// The scene's actors move for this long and then restart: simulating hours would take minutes.
 const SCENE_TIME: Duration = Duration::from_secs(600);
 
-/// The camera of a world, hung up in it by hand.
+/// A camera placed in a world.
 pub struct Camera {
     world: SimWorld,
     seed: u64,
@@ -27,18 +27,18 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera of this world's craft at a pose; what it sees goes to `memory`.
+    /// A camera of this world's craft at a pose; its images go to `memory`.
     #[must_use]
     pub fn new(world: SimWorld, seed: u64, pose: Pose, memory: Arc<Memory>) -> Self {
         Self { world, seed, pose: Mutex::new(pose), began: Instant::now(), next: AtomicU64::new(0), memory }
     }
 
-    /// Hangs it up elsewhere.
+    /// Moves it to another pose.
     pub fn put(&self, pose: Pose) {
         *self.pose.lock().unwrap_or_else(PoisonError::into_inner) = pose;
     }
 
-    /// Where it hangs.
+    /// Its pose.
     #[must_use]
     pub fn pose(&self) -> Pose {
         *self.pose.lock().unwrap_or_else(PoisonError::into_inner)
@@ -50,7 +50,7 @@ impl Camera {
         Time::ZERO + self.began.elapsed()
     }
 
-    /// Takes an image and remembers it. None where the camera's shutter shows nothing.
+    /// Takes an image and stores it in the memory; `None` if the camera gives no image.
     pub fn take(&self) -> Option<(FrameId, Rgb)> {
         let now = self.now();
         let nanos = (now.as_nanos() as u128 % SCENE_TIME.as_nanos()) as u64;

@@ -1,18 +1,18 @@
-//! The cameras that an endpoint can look through.
+//! Cameras of an endpoint.
 
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::time::Time;
 use spf_media::Rgb;
 
-/// Whose frames the endpoint shows and knows.
+/// A source of frames for an endpoint.
 pub trait Lens: Send + Sync {
-    /// Its newest frame; none when there is none yet.
+    /// The newest frame; `None` before the first.
     fn newest(&self) -> Option<(FrameId, Rgb)>;
 
-    /// Puts the camera somewhere; false where it is not for a person to move.
+    /// Moves the camera; false if it cannot be moved by the user.
     fn put(&self, pose: Pose) -> bool;
 
-    /// The time on the clock of its memory.
+    /// Current time on the clock of its memory.
     fn now(&self) -> Time;
 }

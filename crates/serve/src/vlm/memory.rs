@@ -1,4 +1,4 @@
-//! What a camera saw in the last seconds, and which of it an image shows.
+//! Memory of recent camera frames, and recognition of received images.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -8,27 +8,27 @@ use spf_core::time::{Duration, Time};
 use spf_flight::sim::WorldSnapshot;
 use spf_media::Rgb;
 
-/// How long a frame is remembered.
+/// How long a frame is kept.
 pub const KEPT: Duration = Duration::from_secs(10);
-/// Most frames that are remembered: ten seconds of sixty a second.
+/// Maximum number of frames kept: ten seconds at 60 frames per second.
 const MOST: usize = 600;
-/// Size of a thumbnail: coarse enough that neither a codec nor another size matters much, fine enough that a few centimetres of
-/// flight do.
+/// Thumbnail size: coarse enough to be insensitive to codec and scaling, fine enough to show a few centimetres of
+/// flight.
 const WIDTH: u32 = 64;
 const HEIGHT: u32 = 48;
 const VALUES: usize = (WIDTH * HEIGHT) as usize * 3;
-/// A picture is one of the remembered frames when it differs from it by no more than this, in root mean squares of 0..=255:
-/// docs/guide/grounding.md has how many frames it tells apart after H.264, another size and JPEG at quality 60.
+/// Maximum root mean square difference of a match, of 0..=255. docs/guide/grounding.md gives the recognition rate after
+/// H.264, rescaling and JPEG at quality 60.
 const MOST_DIFFERENT: f64 = 7.0;
-/// Shapes of images may differ by this much: sizes are rounded to a model's multiples.
+/// Maximum difference in aspect ratio: sizes are rounded to a model's multiples.
 const SHAPE: f64 = 0.06;
 
-/// A frame that is remembered.
+/// A stored frame.
 #[derive(Clone, Debug)]
 pub struct Remembered {
     /// Its number.
     pub frame: FrameId,
-    /// What there was to see.
+    /// The state of the world in it.
     pub snapshot: WorldSnapshot,
 }
 
@@ -36,22 +36,22 @@ pub struct Remembered {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Unrecognised {
-    /// There is nothing to compare it with.
+    /// The memory is empty.
     #[error("no frame of the last {} s is remembered: get one from /frame.jpg and send that", KEPT.as_secs())]
     Nothing,
-    /// It looks like none of them.
+    /// It differs from all stored frames.
     #[error(
         "the picture is none of the {frames} frames of the last {} s: the nearest differs by {difference:.1} of 255, and {MOST_DIFFERENT} is the most; \
          send a frame of this camera, whole and unmarked, at any size",
         KEPT.as_secs()
     )]
     Different {
-        /// Frames that were compared.
+        /// Number of frames compared.
         frames: usize,
-        /// Root mean square of the differences to the nearest, of 255.
+        /// Root mean square difference from the closest frame, of 255.
         difference: f64,
     },
-    /// It has other proportions.
+    /// Its aspect ratio differs.
     #[error("the picture is {width}×{height}, which is not the shape of this camera's frames: send them whole, not cut")]
     Shape {
         /// Its width, pixels.
@@ -67,24 +67,24 @@ struct Seen {
     thumbnail: Vec<u8>,
 }
 
-/// The last ten seconds of a camera; shared between who films and who answers.
+/// The last ten seconds of a camera, shared by camera and endpoint.
 #[derive(Default)]
 pub struct Memory(Mutex<Film>);
 
 #[derive(Default)]
 struct Film {
     seen: VecDeque<Seen>,
-    /// Width over height of the frames.
+    /// Aspect ratio of the frames.
     shape: f64,
 }
 
 impl Memory {
     fn film(&self) -> MutexGuard<'_, Film> {
-        // What is in it is whole between calls.
+        // The contents are consistent between calls.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Remembers a frame that was captured at `at`, and forgets what is more than [`KEPT`] older.
+    /// Stores a frame captured at `at`, and drops frames more than [`KEPT`] older.
     pub fn push(&self, at: Time, remembered: Remembered, picture: &Rgb) {
         let thumbnail = thumbnail(picture);
         let mut film = self.film();
@@ -93,10 +93,10 @@ impl Memory {
         film.forget(at);
     }
 
-    /// Which frame an image shows, as of now. Of frames that differ equally the newest.
+    /// The frame that an image shows; of equally similar frames the newest.
     ///
     /// # Errors
-    /// [`Unrecognised`].
+    /// [`Unrecognised`] if there is no match.
     pub fn recognise(&self, now: Time, picture: &Rgb) -> Result<Remembered, Unrecognised> {
         let shape = f64::from(picture.width()) / f64::from(picture.height().max(1));
         let thumbnail = thumbnail(picture);
@@ -132,7 +132,7 @@ impl Film {
     }
 }
 
-/// The image made small: means over its pixels.
+/// Scales an image down to a thumbnail by averaging.
 fn thumbnail(picture: &Rgb) -> Vec<u8> {
     let (width, height) = (picture.width().max(1) as usize, picture.height().max(1) as usize);
     let data = picture.data();
@@ -159,7 +159,8 @@ fn thumbnail(picture: &Rgb) -> Vec<u8> {
     small
 }
 
-/// Sum of the squares of the differences, the mean difference of each colour taken out: a codec may shift all of an image.
+/// Sum of squared differences after removing the mean difference of each colour, since a codec may shift the whole
+/// image.
 fn difference(a: &[u8], b: &[u8]) -> u64 {
     let mut squares = 0_i64;
     for colour in 0..3 {
@@ -179,7 +180,7 @@ mod tests {
         Remembered { frame: FrameId(frame), snapshot: WorldSnapshot { pose: Pose::default(), actors: Vec::new() } }
     }
 
-    /// A bright square on dark ground, so far from the left.
+    /// A bright square on a dark background, at this distance from the left.
     fn square(left: u32) -> Rgb {
         let mut picture = Rgb::filled(320, 240, [30, 40, 50]);
         for y in 100..160 {

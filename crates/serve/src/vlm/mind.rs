@@ -1,4 +1,4 @@
-//! From a recognised frame and a prompt to what the oracle says about it.
+//! Answers a prompt about a recognised frame with the oracle.
 
 use std::sync::{Arc, PoisonError};
 
@@ -14,35 +14,35 @@ use spf_media::Rgb;
 use super::memory::{Memory, Remembered, Unrecognised};
 use crate::truth::Heard;
 
-/// Where the instruction comes from.
+/// Source of the instruction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Instruction {
-    /// Always this one.
+    /// A fixed instruction.
     Text(String),
-    /// What stands between « and » in the prompt, as in our own prompts; the whole prompt, where nothing does.
+    /// The text between « and » in the prompt, as in the project's own prompts; without these, the whole prompt.
     FromPrompt,
 }
 
-/// In which form the endpoint answers.
+/// Reply format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AnswerForm {
-    /// Our reply contract (docs/reference/reply.md), in the coordinates that the prompt describes; without such a description
+    /// The project's reply contract (docs/reference/reply.md), in the coordinates described in the prompt; by default
     /// `[y, x]` in thousandths.
     Spf,
     /// A list of points as Gemini's robotics models give them: `[{"point": [y, x], "label": "…"}]` in thousandths.
     GeminiPoint,
 }
 
-/// What an answer is.
+/// An answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Thought {
     /// The text.
     pub text: String,
-    /// How long it takes the oracle.
+    /// The oracle's latency.
     pub latency: Duration,
 }
 
-/// The oracle of a world, asked by image and prompt.
+/// Answers queries with the oracle of a world, given image and prompt.
 pub struct Mind {
     oracle: OracleVlm,
     memory: Arc<Memory>,
@@ -52,22 +52,23 @@ pub struct Mind {
 }
 
 impl Mind {
-    /// A mind that recognises the frames of `memory`.
+    /// Uses the frames of `memory` for recognition.
     #[must_use]
     pub fn new(oracle: OracleVlm, memory: Arc<Memory>, instruction: Instruction, form: AnswerForm) -> Self {
         Self { oracle, memory, instruction, form, heard: None }
     }
 
-    /// Tells `heard` which instruction it answered last.
+    /// Reports the last instruction to `heard`.
     #[must_use]
     pub fn telling(self, heard: Heard) -> Self {
         Self { heard: Some(heard), ..self }
     }
 
-    /// Answers a prompt about an image; `number` is the question's, by which errors of one answer are drawn.
+    /// Answers a prompt about an image. `number` is the query's number, which determines the random errors of the
+    /// answer.
     ///
     /// # Errors
-    /// [`Unrecognised`] when the image is no frame of the last ten seconds.
+    /// [`Unrecognised`] if the image is not a frame of the last ten seconds.
     pub fn answer(&self, now: Time, number: u64, prompt: &str, picture: &Rgb) -> Result<Thought, Unrecognised> {
         let Remembered { frame, snapshot } = self.memory.recognise(now, picture)?;
         let avoid = prompt.contains("\"boxes\"") || prompt.contains("- boxes:");
@@ -98,7 +99,7 @@ impl Mind {
         said.chars().take(MAX_INSTRUCTION).collect()
     }
 
-    /// The oracle's own text in the form that is wanted.
+    /// The oracle's reply converted to the requested format.
     fn written(&self, text: &str, prompt: &str, picture: &Rgb, avoid: bool) -> String {
         let own = GroundingProfile::default();
         let Ok(reply) = parse_reply(text, &own) else { return text.to_owned() };
@@ -115,19 +116,19 @@ impl Mind {
     }
 }
 
-/// What stands between the marks of an instruction.
+/// The text between the quotation marks of an instruction.
 fn between(prompt: &str) -> Option<&str> {
     let (_, behind) = prompt.split_once('«')?;
     behind.split_once('»').map(|(inside, _)| inside)
 }
 
-/// The stage that the prompt says was reached.
+/// The current stage according to the prompt.
 fn stage_of(prompt: &str) -> u32 {
     let said = prompt.split_once("Stage ").and_then(|(_, behind)| behind.split_once(" was reached"));
     said.and_then(|(number, _)| number.parse().ok()).unwrap_or(1)
 }
 
-/// The coordinates that the prompt describes in our words.
+/// The coordinates described in the prompt, in the wording of the project's prompts.
 fn profile_of(prompt: &str, (width, height): (u32, u32)) -> GroundingProfile {
     let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
     let all = [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));

@@ -1,9 +1,9 @@
-//! An endpoint that programs take for a vendor of vision-language models, and whose mind is the oracle of the simulator in the same
-//! process (docs/guide/grounding.md, "An endpoint without a key").
+//! An endpoint compatible with vision-language model APIs that answers with the simulator's oracle in the same process
+//! (docs/guide/grounding.md, "An endpoint without a key").
 //!
-//! The oracle reads ids and depth, which an image that comes over the network has not. So the endpoint keeps in [`Memory`] what its
-//! camera saw in the last ten seconds, finds out which of those frames it was sent, and asks the oracle about that one. An image
-//! that it does not know gets no answer.
+//! The oracle needs ids and depth, which a received image lacks. The endpoint therefore keeps the last ten seconds of
+//! its camera in [`Memory`], determines which of those frames it received, and queries the oracle about that frame. An
+//! unknown image results in an error.
 
 mod camera;
 mod lens;

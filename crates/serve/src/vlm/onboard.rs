@@ -1,4 +1,4 @@
-//! The camera aboard a served drone, whose images someone else takes.
+//! The onboard camera of a served drone, whose images are taken by the video server.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,7 +13,7 @@ use spf_media::Rgb;
 use super::lens::Lens;
 use super::memory::{Memory, Remembered};
 
-/// What a drone's camera saw in the last seconds, and shows to an endpoint.
+/// Recent frames of a drone's camera, for an endpoint.
 pub struct OnboardCamera {
     memory: Arc<Memory>,
     newest: Mutex<Option<(FrameId, Rgb)>>,
@@ -28,13 +28,13 @@ impl Default for OnboardCamera {
 }
 
 impl OnboardCamera {
-    /// What is remembered.
+    /// Its memory.
     #[must_use]
     pub fn memory(&self) -> &Arc<Memory> {
         &self.memory
     }
 
-    /// Remembers an image that it took, with what there was to see.
+    /// Stores an image with the state of the world in it.
     pub(crate) fn keep(&self, snapshot: WorldSnapshot, picture: &Rgb) {
         let frame = FrameId(self.next.fetch_add(1, Ordering::Relaxed));
         self.memory.push(self.now(), Remembered { frame, snapshot }, picture);
@@ -47,7 +47,7 @@ impl Lens for OnboardCamera {
         self.newest.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// The drone flies where it is flown.
+    /// The drone's pose cannot be set.
     fn put(&self, _pose: Pose) -> bool {
         false
     }

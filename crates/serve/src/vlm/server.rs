@@ -1,4 +1,4 @@
-//! The endpoint's sockets.
+//! HTTP server of the endpoint.
 
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -22,37 +22,37 @@ use super::memory::Unrecognised;
 use super::mind::{Mind, Thought};
 use super::wire::{Answered, Wire};
 
-/// Longest request, bytes.
+/// Maximum request size, bytes.
 const LONGEST: usize = 32 << 20;
-/// Quality of /frame.jpg.
+/// JPEG quality of /frame.jpg.
 const QUALITY: u8 = 90;
 
-/// Why there is no endpoint.
+/// Why the endpoint could not start.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EndpointError {
-    /// The address cannot be listened on.
+    /// The address could not be bound.
     #[error("cannot listen on {address}")]
     Listen {
-        /// What was asked for.
+        /// The address.
         address: SocketAddr,
-        /// Why not.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
-    /// The system gives no thread.
+    /// A thread could not be started.
     #[error("the endpoint's thread cannot be started")]
     Thread(#[source] std::io::Error),
 }
 
-/// An endpoint that listens and does not answer yet.
+/// A bound endpoint that does not serve yet.
 #[derive(Debug)]
 pub struct Endpoint {
     listener: TcpListener,
     address: SocketAddr,
 }
 
-/// An endpoint that answers until it is dropped.
+/// A running endpoint; it stops when dropped.
 pub struct Serving {
     stop: watch::Sender<bool>,
     thread: Option<JoinHandle<()>>,
@@ -65,10 +65,10 @@ struct Shared {
 }
 
 impl Endpoint {
-    /// Listens; port 0 takes one that is free.
+    /// Binds the address; port 0 selects a free one.
     ///
     /// # Errors
-    /// [`EndpointError::Listen`].
+    /// [`EndpointError::Listen`] if it cannot be bound.
     pub fn bind(address: SocketAddr) -> Result<Self, EndpointError> {
         let listen = |source| EndpointError::Listen { address, source };
         let listener = TcpListener::bind(address).map_err(listen)?;
@@ -77,16 +77,16 @@ impl Endpoint {
         Ok(Self { listener, address })
     }
 
-    /// Where it listens.
+    /// The address served.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Answers in a thread of its own.
+    /// Serves in a separate thread.
     ///
     /// # Errors
-    /// [`EndpointError::Thread`].
+    /// [`EndpointError::Thread`] if it cannot be started.
     pub fn serve(self, lens: Arc<dyn Lens>, mind: Mind) -> Result<Serving, EndpointError> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(EndpointError::Thread)?;
         let shared = Arc::new(Shared { lens, mind, questions: AtomicU64::new(0) });
@@ -101,7 +101,7 @@ impl Endpoint {
                             tracing::error!(%error, "the endpoint broke off");
                         }
                     }
-                    // The sender's end is an end too.
+                    // A dropped sender also means shutdown.
                     _ = stopped.wait_for(|stop| *stop) => {}
                 }
             });
@@ -153,7 +153,7 @@ async fn pose(State(shared): State<Arc<Shared>>, body: String) -> Response {
     }
 }
 
-/// Gemini names the model and the method in the path.
+/// Gemini's path contains model and method.
 async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String, String)>, body: Bytes) -> Response {
     match call.rsplit_once(':') {
         Some((model, method @ ("generateContent" | "streamGenerateContent"))) => {
@@ -164,7 +164,7 @@ async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String
     }
 }
 
-/// `named`: model and streaming, where the path tells them.
+/// `named`: model and streaming, if given in the path.
 async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String, bool)>) -> Response {
     let began = Instant::now();
     let Ok(body) = serde_json::from_slice::<Value>(&body) else {

@@ -1,11 +1,11 @@
-//! The camera that a page flies: moved by held keys, stopped by what is solid.
+//! The free camera of a page: moved by held keys, stopped by solid objects.
 
 use spf_core::geometry::{Attitude, BodyDisplacement, EnuPosition, Pose, wrap_angle};
 use spf_scene::collide::Collider;
 use spf_scene::geometry::ObjectId;
 use spf_scene::{Aabb, Scene};
 
-/// What held keys push it by, each −1..=1.
+/// Input of the held keys, each −1..=1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Push {
     pub(super) right: f64,
@@ -22,28 +22,28 @@ impl Push {
     }
 }
 
-/// Time in which speed follows the keys, s.
+/// Time constant of the speed, s.
 const LAG: f64 = 0.12;
-/// Turning and nodding under a held key, rad/s.
+/// Yaw and pitch rates under a held key, rad/s.
 const YAW_RATE: f64 = 1.3;
 const PITCH_RATE: f64 = 0.8;
-/// How many times faster with the key for it.
+/// Speed factor of the fast key.
 const FAST: f64 = 4.0;
-/// A scene is crossed in about this time at plain speed, s; the speed stays within these bounds, m/s.
+/// Time to cross a scene at normal speed, s, and the limits of that speed, m/s.
 const CROSSING: f64 = 30.0;
 const SPEEDS: std::ops::RangeInclusive<f64> = 1.2..=8.0;
-/// How far outside the scene one may look at it from, metres.
+/// Maximum distance outside the scene, metres.
 const MARGIN: f64 = 100.0;
-/// Distance kept from what was touched, so that the next move is not a touch at its start, metres.
+/// Distance kept from a surface, so that the next move does not start in contact, metres.
 const SKIN: f64 = 2e-3;
-/// Below this it stands still, m/s.
+/// Speed below which it stands still, m/s.
 const STILL: f64 = 0.01;
 
-/// A pose with its velocity in a scene.
+/// A pose and velocity in a scene.
 #[derive(Debug)]
 pub(super) struct FreeCamera {
     pose: Pose,
-    /// In the level frame of the heading, m/s.
+    /// Velocity in the level body frame, m/s.
     velocity: BodyDisplacement,
     touching: Option<ObjectId>,
     plain_speed: f64,
@@ -51,7 +51,7 @@ pub(super) struct FreeCamera {
 }
 
 impl FreeCamera {
-    /// Stands still at a pose.
+    /// At rest at a pose.
     pub(super) fn new(scene: &Scene, pose: Pose) -> Self {
         let (min, max) = (scene.bounds.min, scene.bounds.max);
         let width = (max.east - min.east).max(max.north - min.north);
@@ -67,25 +67,25 @@ impl FreeCamera {
         self.pose
     }
 
-    /// Metres per second.
+    /// Speed, m/s.
     pub(super) fn speed(&self) -> f64 {
         let BodyDisplacement { right, forward, up } = self.velocity;
         (right * right + forward * forward + up * up).sqrt()
     }
 
-    /// What stopped it in its last move.
+    /// The object that stopped its last move.
     pub(super) fn touching(&self) -> Option<ObjectId> {
         self.touching
     }
 
-    /// Jumps to a pose and stands still there.
+    /// Jumps to a pose, at rest.
     pub(super) fn go(&mut self, pose: Pose) {
         self.pose = Pose { position: within(&self.room, pose.position), ..pose };
         self.velocity = BodyDisplacement::default();
         self.touching = None;
     }
 
-    /// Turns by radians, clockwise and nose up; straight up and down are the ends.
+    /// Turns by radians, clockwise and nose up; pitch is limited to straight up and down.
     pub(super) fn turn(&mut self, yaw: f64, pitch: f64) {
         let Attitude { heading, pitch: before, .. } = self.pose.attitude;
         let quarter = core::f64::consts::FRAC_PI_2;
@@ -93,8 +93,8 @@ impl FreeCamera {
         self.pose.attitude.pitch = (before + pitch).clamp(-quarter, quarter);
     }
 
-    /// Moves on by `seconds`; things stop it when there is a collider, and it slides along them as a sphere of `radius`.
-    /// Whether anything changed.
+    /// Moves for `seconds`. With a collider, it slides along objects as a sphere of `radius`. Returns whether anything
+    /// changed.
     pub(super) fn advance(&mut self, push: &Push, seconds: f64, solid: Option<(&Collider, f64)>) -> bool {
         if push.is_none() && self.speed() < STILL {
             self.velocity = BodyDisplacement::default();
@@ -117,7 +117,7 @@ impl FreeCamera {
         };
         self.touching = touching;
         if touching.is_some() && seconds > 0.0 {
-            // What was flown is what it flies: it does not push on against a wall.
+            // The velocity is that actually flown, so that it does not push against a wall.
             let flown = from.displacement_to(position, self.pose.attitude.heading);
             let rate = 1.0 / seconds;
             self.velocity = BodyDisplacement { right: flown.right * rate, forward: flown.forward * rate, up: flown.up * rate };
@@ -135,17 +135,17 @@ fn within(room: &Aabb, at: EnuPosition) -> EnuPosition {
     }
 }
 
-/// Where a sphere comes to that wants to go straight from one place to another and slides along what is in the way.
+/// The end position of a sphere that moves straight and slides along obstacles.
 fn slide(collider: &Collider, radius: f64, from: EnuPosition, to: EnuPosition) -> (EnuPosition, Option<ObjectId>) {
     let (mut at, mut goal, mut touched) = (from, to, None);
-    // Three planes meet in a corner; beyond that it stays where it is.
+    // Three planes meet in a corner; beyond that it stops.
     for _ in 0..4 {
         let Some(contact) = collider.sweep(at, goal, radius) else { return (goal, touched) };
         touched = Some(contact.object);
         let out = difference(contact.centre, contact.surface);
         let length = dot(out, out).sqrt();
         if length < 1e-6 {
-            // On the surface itself there is no way out to be told.
+            // Exactly on the surface, the direction out is unknown.
             return (goal, touched);
         }
         let normal = out.map(|part| part / length);

@@ -1,4 +1,4 @@
-//! An image of a channel, ready to be sent.
+//! Renders a channel as an image to send.
 
 use spf_media::frame::Rgb;
 use spf_media::jpeg::{EncodeError, Jpeg};
@@ -6,25 +6,25 @@ use spf_render::{Channels, Picture};
 
 use super::message::Channel;
 
-/// Quality of JPEG images.
+/// JPEG quality.
 const JPEG: u8 = 85;
-/// Depth is coloured by its logarithm from here to here, metres.
+/// Depth range of the logarithmic colour scale, metres.
 const NEAREST: f32 = 0.5;
 const FARTHEST: f32 = 250.0;
-/// Nothing there.
+/// Colour of empty pixels.
 const EMPTY: [u8; 3] = [16, 18, 24];
-/// The line about what the pointer is on.
+/// Colour of the outline of the object under the pointer.
 const LINE: [u8; 3] = [255, 196, 0];
 
-/// What has to be drawn for a channel; ids, depth and openings always, for the pointer.
+/// Channels to render for a view; ids, depth and openings always, for the pointer.
 pub(super) fn channels(channel: Channel) -> Channels {
     Channels { rgb: channel == Channel::Colour, ..Channels::TRUTH }
 }
 
-/// Encodes a channel of an image, with a line about the object that the pointer is on.
+/// Encodes a channel of an image, with an outline of the marked object.
 ///
 /// # Errors
-/// When the encoder refuses the size.
+/// If the encoder rejects the size.
 pub(super) fn encode(picture: &Picture, channel: Channel, marked: Option<u16>) -> Result<Jpeg, EncodeError> {
     let data = match channel {
         Channel::Colour => picture.rgb.clone().unwrap_or_default(),
@@ -40,7 +40,7 @@ pub(super) fn encode(picture: &Picture, channel: Channel, marked: Option<u16>) -
     Jpeg::encode(&rgb, JPEG)
 }
 
-/// A colour for each object; openings are hatched over what is seen through them.
+/// A colour per object; openings are hatched over what is behind them.
 fn ids(picture: &Picture) -> Vec<u8> {
     let solid = picture.ids.as_deref().unwrap_or_default();
     let openings = picture.opening_ids.as_deref().unwrap_or_default();
@@ -57,7 +57,7 @@ fn depth(picture: &Picture) -> Vec<u8> {
     picture.depth.as_deref().unwrap_or_default().iter().flat_map(|metres| depth_colour(*metres)).collect()
 }
 
-/// Neighbouring numbers get hues far apart: the golden section of the circle, at three brightnesses.
+/// Consecutive ids get distant hues (golden ratio) and three levels of brightness.
 pub(super) fn id_colour(id: u16) -> [u8; 3] {
     if id == 0 {
         return EMPTY;
@@ -72,7 +72,7 @@ pub(super) fn id_colour(id: u16) -> [u8; 3] {
     [part(5.0), part(3.0), part(1.0)]
 }
 
-/// Near is warm, far is cold: the colours of `STOPS` along the logarithm of the distance.
+/// Near is warm, far is cold: the colours of `STOPS` over the logarithm of the distance.
 fn depth_colour(metres: f32) -> [u8; 3] {
     /// Also the gradient of the legend in `page/view.css`.
     const STOPS: [[f32; 3]; 6] = [
@@ -93,7 +93,7 @@ fn depth_colour(metres: f32) -> [u8; 3] {
     core::array::from_fn(|k| (STOPS[first][k] + (STOPS[first + 1][k] - STOPS[first][k]) * rest) as u8)
 }
 
-/// Draws the border of an object, two pixels wide.
+/// Draws the outline of an object, two pixels wide.
 fn outline(rgb: &mut Rgb, map: &[u16], id: u16) {
     let (width, height) = (rgb.width() as usize, rgb.height() as usize);
     if map.len() != width * height {

@@ -1,4 +1,4 @@
-//! The thread behind a page: it flies the page's camera and draws what that sees.
+//! The thread behind a page: moves the page's camera and renders its view.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -19,40 +19,40 @@ use super::message::{Channel, FromPage, Head, ToPage, Under};
 use super::quality::{Budget, Manner};
 use super::{Beginning, Library, draw, sight};
 
-/// Images that may be on their way to a page that has not shown them.
+/// Maximum number of images sent but not yet displayed.
 const AHEAD: u64 = 2;
-/// At most 30 images a second.
+/// Minimum image interval: at most 30 images per second.
 const PERIOD: Duration = Duration::from_millis(33);
-/// What a page said of its keys holds so long: a page that fell silent does not fly on.
+/// Validity of key input: without new input the camera stops.
 const KEYS_HOLD: Duration = Duration::from_millis(500);
-/// The camera rests when nothing moved it for so long; the image is then drawn whole.
+/// Time without motion after which the image is rendered at full quality.
 const REST: Duration = Duration::from_millis(250);
-/// Longest step of motion: a slow image makes the camera late, not a leap.
+/// Maximum time step of motion, so that a slow image does not cause a jump.
 const LONGEST_STEP: Duration = Duration::from_millis(250);
-/// How often a resting camera looks about.
+/// Polling interval of a camera at rest.
 const IDLE: Duration = Duration::from_millis(200);
-/// How often a moving one does while it waits for the page.
+/// Polling interval of a moving camera that waits for the page.
 const TICK: Duration = Duration::from_millis(10);
 
-/// What goes out to a page.
+/// A message to the page.
 pub(super) enum Out {
     /// JSON.
     Text(String),
-    /// Head and JPEG.
+    /// Header and JPEG.
     Picture(Vec<u8>),
 }
 
-/// A page's camera in its scene.
+/// The camera of a page in its scene.
 pub(super) struct Eye {
     library: Arc<Library>,
     out: Sender<Out>,
     loaded: Arc<LoadedScene>,
     name: String,
     camera: FreeCamera,
-    /// None: the craft of the scene.
+    /// Craft model; `None` for the scene's own.
     craft: Option<CraftKind>,
     collide: bool,
-    /// Who walks and drives, by the time that this page has let pass.
+    /// Actors, by the time elapsed for this page.
     traffic: Traffic,
     time: Time,
     running: bool,
@@ -63,14 +63,14 @@ pub(super) struct Eye {
     under: Option<(u16, Under)>,
     channel: Channel,
     budget: Budget,
-    /// How `picture` was drawn; none before the first.
+    /// Quality of `picture`; `None` before the first image.
     manner: Option<Manner>,
     picture: Picture,
-    /// The camera that `picture` was drawn with.
+    /// The camera used for `picture`.
     lens: Camera,
-    /// The image is not what the camera would see now.
+    /// Whether the image is outdated.
     stale: bool,
-    /// The image is right, but for the line about what the pointer is on.
+    /// Whether only the outline under the pointer is outdated.
     marked_anew: bool,
     drawn_at: Option<Instant>,
     draw_ms: f64,
@@ -78,14 +78,14 @@ pub(super) struct Eye {
     shown: u64,
 }
 
-/// The page is gone.
+/// The page has disconnected.
 pub(super) struct Gone;
 
 impl Eye {
-    /// Opens at the beginning.
+    /// Opens the initial view.
     ///
     /// # Errors
-    /// A sentence for the page when the scene cannot be loaded.
+    /// A message for the page if the scene cannot be loaded.
     pub(super) fn open(library: Arc<Library>, beginning: &Beginning, out: Sender<Out>) -> Result<Self, String> {
         let loaded = library.get(&beginning.scene, &beginning.conditions)?;
         let camera = FreeCamera::new(&loaded.scene, beginning.pose.unwrap_or(loaded.scene.preview));
@@ -121,7 +121,7 @@ impl Eye {
         })
     }
 
-    /// Flies and draws until the page is gone.
+    /// Moves and renders until the page disconnects.
     pub(super) fn run(mut self, inbox: &Receiver<FromPage>) -> Gone {
         match self.live(inbox) {
             Ok(never) => match never {},
@@ -156,7 +156,7 @@ impl Eye {
         }
     }
 
-    /// How long nothing can happen but a message.
+    /// Time until something other than a message needs attention.
     fn wait(&self, now: Instant) -> Duration {
         if self.wants_picture(now) {
             return if self.may_send() { self.until_due(now) } else { TICK };
@@ -176,7 +176,7 @@ impl Eye {
         now.duration_since(self.moved_at) < REST
     }
 
-    /// Whether things move by themselves.
+    /// Whether anything moves by itself.
     fn is_lively(&self) -> bool {
         self.running && !self.loaded.cast.is_empty()
     }
@@ -216,7 +216,7 @@ impl Eye {
         self.stale = true;
     }
 
-    /// Does what a page says.
+    /// Handles a message of the page.
     fn follow(&mut self, message: FromPage) -> Result<(), Gone> {
         match message {
             FromPage::Fly { right, forward, up, yaw, pitch, fast } => {
@@ -228,7 +228,7 @@ impl Eye {
                 self.moved(Instant::now());
             }
             FromPage::Point { at } => return self.point(at),
-            // A page cannot have shown what was not sent.
+            // Only images that were sent can have been displayed.
             FromPage::Shown { frame } => self.shown = self.shown.max(frame.min(self.frame)),
             FromPage::Channel { channel } => (self.channel, self.stale) = (channel, true),
             FromPage::Detail { detail } => (self.budget.detail, self.stale) = (detail, true),
@@ -250,7 +250,7 @@ impl Eye {
         Ok(())
     }
 
-    /// Goes to another scene, or into another light in the same place.
+    /// Switches to another scene, or to other conditions at the same pose.
     fn enter(&mut self, name: String, conditions: SceneLook) -> Result<(), Gone> {
         self.tell(&ToPage::Loading { name: name.clone() })?;
         match self.library.get(&name, &conditions) {
@@ -266,7 +266,7 @@ impl Eye {
         self.tell_scene()
     }
 
-    /// The pointer moved over an image that stands.
+    /// Handles pointer motion over a static image.
     fn point(&mut self, at: Option<[f64; 2]>) -> Result<(), Gone> {
         self.pointer = at;
         let before = self.under.take();
@@ -284,7 +284,7 @@ impl Eye {
         self.pointer.and_then(|at| sight::under(&self.loaded, &self.lens, &self.picture, at))
     }
 
-    /// Draws, if anything changed but the mark, and sends.
+    /// Renders if anything but the outline changed, and sends.
     fn look(&mut self, now: Instant) -> Result<(), Gone> {
         let manner = self.next_manner(now);
         let (width, height) = manner.size;
@@ -300,7 +300,7 @@ impl Eye {
         (self.manner, self.stale, self.marked_anew, self.drawn_at) = (Some(manner), false, false, Some(now));
         self.under = self.seen_under_pointer();
         let encoding = Instant::now();
-        // A line about the ground would run about everything that stands on it.
+        // An outline of the ground would surround every object on it.
         let is_thing = |id: &u16| self.loaded.tags.get(usize::from(*id).wrapping_sub(1)).is_some_and(|tags| !tags.is_surface());
         let marked = self.under.as_ref().map(|(id, _)| *id).filter(is_thing);
         let jpeg = match draw::encode(&self.picture, self.channel, marked) {

@@ -1,4 +1,4 @@
-//! Who may talk to the server: pages that it served itself, reached by an address and not by a name that others control.
+//! Access control: only pages served by this server, addressed by IP and not by a host name that others control.
 
 use std::net::IpAddr;
 
@@ -6,10 +6,10 @@ use axum::http::HeaderMap;
 use axum::http::header::{HOST, ORIGIN};
 use axum::http::uri::Authority;
 
-/// Why a request was refused.
+/// Why a request was rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Refusal {
-    /// A page of another site can let its own name point here (DNS rebinding); an address cannot be pointed elsewhere.
+    /// DNS rebinding: a page of another site can point its own host name here, but not an IP address.
     #[error("the Host header names no address of this server: open it as http://127.0.0.1:PORT, not by another name")]
     Host,
     /// A page of another site.
@@ -17,7 +17,7 @@ pub(super) enum Refusal {
     Origin,
 }
 
-/// Looks at the headers of every request. `loopback`: the server listens on a loopback address alone.
+/// Checks the headers of a request. `loopback`: the server only listens on a loopback address.
 pub(super) fn check(headers: &HeaderMap, loopback: bool) -> Result<(), Refusal> {
     let host = single(headers, &HOST).ok_or(Refusal::Host)?;
     let authority: Authority = host.parse().map_err(|_| Refusal::Host)?;
@@ -25,7 +25,7 @@ pub(super) fn check(headers: &HeaderMap, loopback: bool) -> Result<(), Refusal> 
         return Err(Refusal::Host);
     }
     if !headers.contains_key(ORIGIN) {
-        // Not sent by programs, nor by browsers that only load the page.
+        // Not sent by programs, nor by browsers loading the page itself.
         return Ok(());
     }
     let origin = single(headers, &ORIGIN).ok_or(Refusal::Origin)?;
@@ -33,7 +33,7 @@ pub(super) fn check(headers: &HeaderMap, loopback: bool) -> Result<(), Refusal> 
     if from.eq_ignore_ascii_case(host) { Ok(()) } else { Err(Refusal::Origin) }
 }
 
-/// A header that is there once and is text.
+/// A header that occurs once and is text.
 fn single<'a>(headers: &'a HeaderMap, name: &axum::http::HeaderName) -> Option<&'a str> {
     let mut values = headers.get_all(name).iter();
     let value = values.next()?.to_str().ok()?;
@@ -72,7 +72,7 @@ mod tests {
             assert_eq!(check(&headers(host, None), true), Err(Refusal::Host), "{host}");
         }
         assert_eq!(check(&HeaderMap::new(), true), Err(Refusal::Host));
-        // Listening on all addresses, others may come by address, never by name.
+        // When listening on all addresses, access is by IP address only, never by name.
         assert_eq!(check(&headers("192.168.0.7:8000", None), false), Ok(()));
         assert_eq!(check(&headers("rebound.example:8000", None), false), Err(Refusal::Host));
     }

@@ -1,21 +1,21 @@
-//! Scenes that pages may ask for, each loaded once and shared by all that look at it.
+//! The scenes available to pages, each loaded once and shared.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use spf_flight::sim::LoadedScene;
 use spf_scene::SceneLook;
 
-/// Most scenes kept that nobody looks at.
+/// Maximum number of unused scenes kept.
 const SPARE: usize = 3;
 
-/// A scene under a light and a weather.
+/// A scene with its conditions.
 struct Loaded {
     name: String,
     conditions: SceneLook,
     scene: Arc<LoadedScene>,
 }
 
-/// The scenes of a server, by the names that pages use.
+/// The scenes of a server, by name.
 pub struct Library {
     names: Vec<String>,
     loaded: Mutex<Vec<Loaded>>,
@@ -28,7 +28,7 @@ impl core::fmt::Debug for Library {
 }
 
 impl Library {
-    /// A library of these scenes (built-in names or files) and of one that is loaded already. Pages can ask for no other.
+    /// A library of these scenes (built-in names or files), with one already loaded. Pages cannot request others.
     #[must_use]
     pub fn new(names: impl IntoIterator<Item = String>, name: &str, conditions: SceneLook, scene: Arc<LoadedScene>) -> Self {
         let mut all: Vec<String> = names.into_iter().collect();
@@ -38,15 +38,15 @@ impl Library {
         Self { names: all, loaded: Mutex::new(vec![Loaded { name: name.to_owned(), conditions, scene }]) }
     }
 
-    /// What pages may ask for.
+    /// The available scenes.
     pub(super) fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// A scene; loads it when nobody has.
+    /// Returns a scene, loading it if necessary.
     ///
     /// # Errors
-    /// A sentence for the page.
+    /// A message for the page if it cannot be loaded.
     pub(super) fn get(&self, name: &str, conditions: &SceneLook) -> Result<Arc<LoadedScene>, String> {
         if !self.names.iter().any(|known| known == name) {
             return Err(format!("no scene `{name}` in the list"));
@@ -55,11 +55,11 @@ impl Library {
         if let Some(found) = self.loaded().iter().find(is_it) {
             return Ok(found.scene.clone());
         }
-        // Loaded without the lock, so that others fly on; two that load the same at once cost time, not sense.
+        // Loaded without the lock, so that others are not blocked; loading a scene twice only costs time.
         let scene = Arc::new(LoadedScene::load_with(name, conditions).map_err(|error| error.to_string())?);
         let mut loaded = self.loaded();
         let mut spare = 0;
-        // From the newest: those that nobody looks at, beyond the few kept, go.
+        // From the newest: unused scenes beyond the maximum are dropped.
         for index in (0..loaded.len()).rev() {
             if Arc::strong_count(&loaded[index].scene) == 1 {
                 spare += 1;

@@ -1,51 +1,51 @@
-//! What page and server say to each other. Text is JSON; an image is binary: the length of its JSON head (four bytes, little
-//! endian), the head, and the image as JPEG.
+//! Messages between page and server. Text messages are JSON; an image message is binary: the length of its JSON header
+//! (four bytes, little endian), the header, and the JPEG.
 
 use serde::{Deserialize, Serialize};
 use spf_core::craft::CraftKind;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_scene::{Lighting, Weather};
 
-/// Longest message that a page may send, bytes.
+/// Maximum size of a page's message, bytes.
 pub(super) const LONGEST: usize = 4096;
-/// How far from the origin a page may put its camera, metres.
+/// Maximum distance of the camera from the origin, metres.
 const FARTHEST: f64 = 5000.0;
 
-/// What a page says.
+/// A message from the page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum FromPage {
-    /// Which way the held keys push. Each from −1 to 1; it holds for half a second unless said again.
+    /// Input of the held keys, each −1 to 1; valid for half a second unless repeated.
     Fly { right: f64, forward: f64, up: f64, yaw: f64, pitch: f64, fast: bool },
-    /// Turns by so much, clockwise and nose up.
+    /// Turn by these angles, clockwise and nose up.
     Turn { yaw_deg: f64, pitch_deg: f64 },
-    /// Where the pointer is, as a fraction of width and height from the upper left corner; none when it left the image.
+    /// Pointer position, as fractions of width and height from the upper left corner; `None` outside the image.
     Point { at: Option<[f64; 2]> },
-    /// This image has been shown, or cannot be.
+    /// This image was displayed, or could not be.
     Shown { frame: u64 },
-    /// What the image shows.
+    /// Select the channel.
     Channel { channel: Channel },
-    /// How large images are.
+    /// Select the image size.
     Detail { detail: Detail },
-    /// Another scene, one of those that the server listed.
+    /// Switch to another of the available scenes.
     Scene { name: String },
-    /// Another light and weather; none: the scene's own.
+    /// Change light and weather; `None` for the scene's own.
     Conditions { light: Option<Lighting>, weather: Option<Weather> },
-    /// Another craft's camera.
+    /// Use another craft's camera.
     Craft { craft: CraftKind },
-    /// Whether things can be flown through.
+    /// Whether objects stop the camera.
     Collide { on: bool },
-    /// Whether people walk and vehicles drive.
+    /// Whether actors move.
     Run { on: bool },
-    /// To a pose, or back to where the scene begins.
+    /// Go to a pose, or to the initial pose.
     Go { pose: Option<PagePose> },
 }
 
-/// What an image shows.
+/// The channel displayed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Channel {
-    /// What the craft's camera sees.
+    /// The camera image.
     #[default]
     Colour,
     /// A colour for each object.
@@ -54,11 +54,11 @@ pub(super) enum Channel {
     Depth,
 }
 
-/// How large images are.
+/// Image size.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Detail {
-    /// As large as can be drawn smoothly while the camera moves; the camera's own size at rest.
+    /// As large as can be rendered smoothly while moving; the camera's own size at rest.
     #[default]
     Auto,
     /// A third of the camera's width and height.
@@ -69,7 +69,7 @@ pub(super) enum Detail {
     High,
 }
 
-/// A pose as people write it.
+/// A pose in degrees.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PagePose {
@@ -97,10 +97,10 @@ impl From<PagePose> for Pose {
 }
 
 impl FromPage {
-    /// Reads a message.
+    /// Parses a message.
     ///
     /// # Errors
-    /// A sentence for the page: what is wrong with the message.
+    /// A message for the page if it is invalid.
     pub(super) fn read(text: &str) -> Result<Self, String> {
         if text.len() > LONGEST {
             return Err(format!("a message of {} bytes is longer than {LONGEST}", text.len()));
@@ -111,7 +111,7 @@ impl FromPage {
     }
 
     fn check(&self) -> Result<(), String> {
-        // NaN fails the comparison as well; JSON cannot say it, a later format might.
+        // NaN fails the comparison as well, should a future format allow it.
         let within = |what: &str, value: f64, low: f64, high: f64| match (low..=high).contains(&value) {
             true => Ok(()),
             false => Err(format!("`{what}` must be from {low} to {high}, not {value}")),
@@ -136,30 +136,30 @@ impl FromPage {
     }
 }
 
-/// What the server says in text.
+/// A text message to the page.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub(super) enum ToPage {
-    /// First of all.
+    /// The first message.
     Hello { version: &'static str, scenes: Vec<String>, lights: Vec<&'static str>, weathers: Vec<&'static str> },
-    /// A scene is being loaded; images stand still meanwhile.
+    /// A scene is being loaded; no images until then.
     Loading { name: String },
-    /// The scene that images show from now on.
+    /// The scene of the following images.
     Scene {
         name: String,
         title: String,
         description: String,
         objects: usize,
         triangles: usize,
-        /// How many things move by themselves.
+        /// Number of actors.
         actors: usize,
         craft: CraftKind,
         light: Lighting,
         weather: Weather,
     },
-    /// What is under the pointer, without a new image.
+    /// The object under the pointer, without a new image.
     Under { under: Option<Under> },
-    /// A message could not be followed.
+    /// A message was rejected.
     Refused { reason: String },
 }
 
@@ -168,42 +168,42 @@ pub(super) enum ToPage {
 pub(super) struct Under {
     /// Its key in the scene file.
     pub(super) key: String,
-    /// What one calls it.
+    /// Its name.
     pub(super) words: String,
     /// Its category.
     pub(super) kind: String,
-    /// Further names, qualities, uses, and where it belongs.
+    /// Other names, qualities, uses, and what it belongs to.
     pub(super) tags: Vec<String>,
     /// Straight-line distance to its surface under the pointer, metres.
     pub(super) distance_m: f64,
-    /// What an opening under the pointer is called, when one is nearer than the object.
+    /// Name of an opening under the pointer that is nearer than the object.
     pub(super) through: Option<String>,
 }
 
-/// The head of an image.
+/// The header of an image.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Head {
-    /// Counts from 1 in each session.
+    /// Number within the session, from 1.
     pub(super) frame: u64,
     pub(super) width: u32,
     pub(super) height: u32,
     #[serde(flatten)]
     pub(super) pose: PagePose,
-    /// Metres per second.
+    /// Speed, m/s.
     pub(super) speed_m_s: f64,
-    /// What the camera touches; none in free air, or when it flies through things.
+    /// The object in contact; `None` in free air, or if objects do not stop the camera.
     pub(super) touching: Option<String>,
     pub(super) under: Option<Under>,
     pub(super) channel: Channel,
-    /// Time to draw and to encode, milliseconds.
+    /// Time for rendering and encoding, milliseconds.
     pub(super) draw_ms: f64,
     pub(super) encode_ms: f64,
 }
 
 impl Head {
-    /// The message of an image.
+    /// The message with the image.
     pub(super) fn with(&self, jpeg: &[u8]) -> Vec<u8> {
-        // A head is numbers and short texts: it is always JSON, and far shorter than 4 GiB.
+        // A header consists of numbers and short texts: always valid JSON, and far below 4 GiB.
         let head = serde_json::to_vec(self).unwrap_or_default();
         let mut message = Vec::with_capacity(4 + head.len() + jpeg.len());
         message.extend_from_slice(&(head.len() as u32).to_le_bytes());

@@ -1,8 +1,8 @@
-//! Flying around in a scene from a browser's page.
+//! Interactive view of a scene in a browser.
 //!
-//! The page tells which keys are held and where the pointer is; the camera is moved here, where the scene can be touched, and
-//! images go back over a WebSocket. Each page has a camera of its own. Images never queue up: the next is drawn only when
-//! the page has shown an earlier one, so that a slow page sees the newest.
+//! The page sends key and pointer input; the camera is moved here, where collisions can be checked, and images are
+//! returned over a WebSocket. Each page has its own camera. Images are never queued: the next one is rendered only once
+//! the page has displayed an earlier one, so that a slow page sees the newest.
 
 mod camera;
 mod draw;
@@ -22,15 +22,15 @@ use spf_scene::SceneLook;
 pub use library::Library;
 pub use server::{Stopper, ViewError, Viewer};
 
-/// What a new page sees.
+/// The initial view of a page.
 #[derive(Clone, Debug)]
 pub struct Beginning {
     /// Name of the scene in the library.
     pub scene: String,
     /// Its light and weather.
     pub conditions: SceneLook,
-    /// Whose camera; none: that of the scene's own craft.
+    /// Craft whose camera is used; `None` for the scene's own.
     pub craft: Option<CraftKind>,
-    /// From where; none: the scene's preview.
+    /// Initial pose; `None` for the scene's preview pose.
     pub pose: Option<Pose>,
 }

@@ -1,4 +1,4 @@
-//! How large and how smooth images are: as good as can be drawn fluently while the camera moves, whole at rest.
+//! Image size and quality: as good as can be rendered smoothly while moving, full quality at rest.
 
 use std::time::Duration;
 
@@ -6,14 +6,14 @@ use spf_render::Quality;
 
 use super::message::Detail;
 
-/// Widths that a moving image may have, as fractions of the camera's in sixths.
+/// Widths of a moving image, in sixths of the camera's.
 const SIXTHS: [u32; 4] = [6, 4, 3, 2];
-/// A moving image may take this long to draw and encode.
+/// Maximum time for rendering and encoding a moving image.
 const FLUENT: Duration = Duration::from_millis(42);
-/// Fraction of a new measurement in the mean.
+/// Weight of a new measurement in the average.
 const WEIGHT: f64 = 0.2;
 
-/// How an image is drawn.
+/// Rendering parameters of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Manner {
     /// Width and height, pixels.
@@ -21,17 +21,17 @@ pub(super) struct Manner {
     pub(super) quality: Quality,
 }
 
-/// Chooses from what images cost so far.
+/// Chooses parameters from measured times.
 #[derive(Debug, Default)]
 pub(super) struct Budget {
     pub(super) detail: Detail,
-    /// Nanoseconds a pixel with smooth and with jagged edges; none before the first such image.
+    /// Nanoseconds per pixel with and without anti-aliasing; `None` before the first measurement.
     smooth: Option<f64>,
     jagged: Option<f64>,
 }
 
 impl Budget {
-    /// How the next image is drawn, for a camera of this size.
+    /// Parameters of the next image, for a camera of this size.
     pub(super) fn manner(&self, (width, height): (u32, u32), moving: bool) -> Manner {
         let manner = |sixths: u32, quality| Manner { size: (width * sixths / 6, height * sixths / 6), quality };
         match self.detail {
@@ -40,7 +40,7 @@ impl Budget {
             Detail::High => manner(6, Quality::Full),
             Detail::Auto if !moving => manner(6, Quality::Full),
             Detail::Auto => {
-                // Whole and smooth if that is fluent; else with jagged edges, and as large as is fluent.
+                // Full size with anti-aliasing if fast enough; otherwise without, as large as possible.
                 let jagged = SIXTHS.into_iter().map(|sixths| manner(sixths, Quality::Live));
                 let fluent = [manner(6, Quality::Full)].into_iter().chain(jagged).find(|manner| self.is_fluent(manner));
                 fluent.unwrap_or(manner(SIXTHS[SIXTHS.len() - 1], Quality::Live))
@@ -56,7 +56,7 @@ impl Budget {
         cost.is_none_or(|cost| cost * pixels(manner.size) <= FLUENT.as_nanos() as f64)
     }
 
-    /// An image took so long.
+    /// Records the time of an image.
     pub(super) fn took(&mut self, manner: &Manner, time: Duration) {
         let cost = time.as_nanos() as f64 / pixels(manner.size).max(1.0);
         let mean = match manner.quality {

@@ -1,4 +1,4 @@
-//! The server of the page.
+//! The HTTP server of the page.
 
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -18,25 +18,25 @@ use tokio::sync::watch;
 use super::message::LONGEST;
 use super::{Beginning, Library, guard, session};
 
-/// Most pages at once; each flies and draws in a thread of its own.
+/// Maximum number of pages; each has its own rendering thread.
 const MOST_PAGES: usize = 8;
-/// How long the end waits for pages to be told, a little longer than each of them is heard out.
+/// Maximum wait for pages at shutdown, slightly longer than each of their closing handshakes.
 const SHUTDOWN_GRACE: Duration = session::SHUTDOWN_GRACE.saturating_add(Duration::from_millis(200));
 
-/// Nothing is loaded from elsewhere, nothing runs but the page's own script, no other site may frame it.
+/// No external resources, no scripts but the page's own, and no embedding by other sites.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// Why there is no server.
+/// Why the server could not start.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
-    /// The address cannot be listened on.
+    /// The address could not be bound.
     #[error("cannot listen on {address}")]
     Listen {
-        /// What was asked for.
+        /// The address.
         address: SocketAddr,
-        /// Why not.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
@@ -45,18 +45,18 @@ pub enum ViewError {
     Server(#[source] std::io::Error),
 }
 
-/// Ends a server, from any thread.
+/// Stops a server, from any thread.
 #[derive(Clone, Debug)]
 pub struct Stopper(watch::Sender<bool>);
 
 impl Stopper {
-    /// Tells all pages good-bye and ends [`Viewer::serve`].
+    /// Closes all pages and ends [`Viewer::serve`].
     pub fn stop(&self) {
         self.0.send_replace(true);
     }
 }
 
-/// A server that listens and does not answer yet.
+/// A bound server that does not serve yet.
 #[derive(Debug)]
 pub struct Viewer {
     listener: TcpListener,
@@ -73,10 +73,10 @@ struct Shared {
 }
 
 impl Viewer {
-    /// Listens; port 0 takes one that is free.
+    /// Binds the address; port 0 selects a free one.
     ///
     /// # Errors
-    /// [`ViewError::Listen`], for instance when the port is taken.
+    /// [`ViewError::Listen`] if it cannot be bound, for instance because the port is in use.
     pub fn bind(address: SocketAddr) -> Result<Self, ViewError> {
         let listen = |source| ViewError::Listen { address, source };
         let listener = TcpListener::bind(address).map_err(listen)?;
@@ -85,22 +85,22 @@ impl Viewer {
         Ok(Self { listener, address, stop: Stopper(watch::Sender::new(false)) })
     }
 
-    /// Where it listens.
+    /// The address served.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What ends it.
+    /// A handle to stop it.
     #[must_use]
     pub fn stopper(&self) -> Stopper {
         self.stop.clone()
     }
 
-    /// Answers until it is stopped.
+    /// Serves until it is stopped.
     ///
     /// # Errors
-    /// [`ViewError::Server`] when the system gives no sockets or threads.
+    /// [`ViewError::Server`] if the system's sockets or threads fail.
     pub fn serve(self, library: Library, beginning: Beginning) -> Result<(), ViewError> {
         let shared = Arc::new(Shared {
             library: Arc::new(library),
@@ -111,7 +111,7 @@ impl Viewer {
         });
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ViewError::Server)?;
         let served = runtime.block_on(answer(self.listener, shared));
-        // The eyes' threads end with their channels; nothing waits for them.
+        // The rendering threads end with their channels and need not be awaited.
         runtime.shutdown_background();
         served.map_err(ViewError::Server)
     }
@@ -123,7 +123,7 @@ async fn answer(listener: TcpListener, shared: Arc<Shared>) -> std::io::Result<(
     let serving = axum::serve(listener, router(shared.clone())).with_graceful_shutdown(stopped(shared.stop.clone()));
     let end = async {
         stopped(shared.stop.clone()).await;
-        // Pages are told in their own tasks; one that does not listen is not waited for.
+        // Pages are closed in their own tasks; one that does not respond is not awaited.
         let all_gone = async {
             while shared.pages.load(Ordering::Relaxed) > 0 {
                 tokio::time::sleep(Duration::from_millis(10)).await;
@@ -133,7 +133,7 @@ async fn answer(listener: TcpListener, shared: Arc<Shared>) -> std::io::Result<(
     };
     tokio::pin!(end);
     tokio::select! {
-        // Sockets of pages are none of its connections: it is often through before the pages are told.
+        // WebSockets are not counted among its connections: it often finishes before the pages are closed.
         served = serving.into_future() => {
             served?;
             end.await;
@@ -157,7 +157,7 @@ fn file(kind: &'static str, text: &'static str) -> Response {
     ([(header::CONTENT_TYPE, kind)], text).into_response()
 }
 
-/// Refuses strangers, and says of every answer what a browser may do with it.
+/// Rejects unauthorised requests, and adds security headers to every response.
 async fn guarded(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     let mut response = match guard::check(request.headers(), shared.loopback) {
         Ok(()) => next.run(request).await,
@@ -187,7 +187,7 @@ async fn socket(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) ->
     })
 }
 
-/// A page's place among the most there may be; given back when dropped.
+/// One of the available page slots; released when dropped.
 struct PageSlot(Arc<Shared>);
 
 impl PageSlot {

@@ -1,4 +1,4 @@
-//! One page's connection: messages in, images out.
+//! The connection of one page: messages in, images out.
 
 use std::sync::Arc;
 use std::sync::mpsc::{TrySendError, sync_channel};
@@ -12,20 +12,20 @@ use super::eye::{Eye, Out};
 use super::message::{FromPage, ToPage};
 use super::{Beginning, Library};
 
-/// Messages that may wait for the eye, which reads them all between two images.
+/// Maximum number of messages queued for the rendering thread, which reads them all between two images.
 const INBOX: usize = 256;
-/// Messages that may wait for the socket: images are bounded by what the page has shown.
+/// Maximum number of messages queued for the socket; images are limited by what the page has displayed.
 const OUTBOX: usize = 4;
-/// A page that takes nothing for so long is gone.
+/// Time limit for sending, after which a page counts as disconnected.
 const SEND_TIMEOUT: Duration = Duration::from_secs(20);
 const PING: Duration = Duration::from_secs(15);
-/// A browser answers pings by itself.
+/// Time limit without messages; browsers answer pings automatically.
 const SILENCE: Duration = Duration::from_secs(50);
 
-/// A page that does not close in answer within this is left.
+/// Time limit for the closing handshake.
 pub(super) const SHUTDOWN_GRACE: Duration = Duration::from_secs(1);
 
-/// Serves a page, which begins so in a scene of the library, until it leaves or the server stops.
+/// Serves a page, starting with `beginning`, until it disconnects or the server stops.
 pub(super) async fn converse(
     mut socket: WebSocket,
     library: Arc<Library>,
@@ -34,7 +34,7 @@ pub(super) async fn converse(
 ) {
     let (to_eye, inbox) = sync_channel(INBOX);
     let (out, mut outbox) = mpsc::channel(OUTBOX);
-    // The scene is loaded, flown in and drawn in a thread of its own; it ends when either channel does.
+    // The scene is loaded and rendered in its own thread, which ends when either channel does.
     let spawned = std::thread::Builder::new().name("view".to_owned()).spawn(move || {
         let refused = |reason| Out::Text(text(&ToPage::Refused { reason }));
         match Eye::open(library, &beginning, out.clone()) {
@@ -75,7 +75,7 @@ pub(super) async fn converse(
                 }
                 Message::Ping(Vec::new().into())
             }
-            // The value seen is a lock that must not be held over the sending.
+            // The value seen is a lock that must not be held while sending.
             () = async { drop(stop.wait_for(|stop| *stop).await) } => {
                 let frame = CloseFrame { code: close_code::AWAY, reason: "the server stops".into() };
                 drop(timeout(SHUTDOWN_GRACE, farewell(&mut socket, frame)).await);
@@ -88,18 +88,19 @@ pub(super) async fn converse(
     }
 }
 
-/// Tells a page the end and hears it out: a connection closed over unread messages is reset, and the page would lose the frame.
+/// Closes a page and waits for its close frame: closing with unread messages resets the connection, and the page would
+/// lose the frame.
 async fn farewell(socket: &mut WebSocket, frame: CloseFrame) {
     if socket.send(Message::Close(Some(frame))).await.is_ok() {
         while let Some(Ok(_)) = socket.recv().await {}
     }
 }
 
-/// Reads a message and gives it to the eye; why not, otherwise.
+/// Passes a message to the rendering thread, or returns the error.
 fn hand_over(text: &str, give: impl FnOnce(FromPage) -> Result<(), TrySendError<FromPage>>) -> Result<(), String> {
     match give(FromPage::read(text)?) {
         Err(TrySendError::Full(_)) => Err("too many messages at once".to_owned()),
-        // The eye is gone; its end of the images tells the same.
+        // The rendering thread is gone; the closed image channel shows the same.
         Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
     }
 }

@@ -1,4 +1,4 @@
-//! What is under the pointer, read from the id and depth images.
+//! Finds the object under the pointer from the id and depth images.
 
 use spf_core::camera::Camera;
 use spf_core::query::ImagePoint;
@@ -7,7 +7,7 @@ use spf_render::Picture;
 
 use super::message::Under;
 
-/// The object or the opening under a point, if there is one; its id is for the line about it.
+/// The object or opening under a point, if any, with the id for its outline.
 pub(super) fn under(loaded: &LoadedScene, camera: &Camera, picture: &Picture, [u, v]: [f64; 2]) -> Option<(u16, Under)> {
     let pixel = |share: f64, side: u32| ((share * f64::from(side)) as usize).min((side as usize).saturating_sub(1));
     let index = pixel(v, picture.height) * picture.width as usize + pixel(u, picture.width);
@@ -21,7 +21,7 @@ pub(super) fn under(loaded: &LoadedScene, camera: &Camera, picture: &Picture, [u
     let object = loaded.scene.object(id)?;
     let words = |id: u16| loaded.tags.get(usize::from(id).checked_sub(1)?).map(|tags| tags.words());
     let ray = camera.ray(ImagePoint { u, v });
-    // Depth runs along the optical axis; the ray to the pixel is longer.
+    // Depth is along the optical axis; the ray to the pixel is longer.
     let lengthening = (ray.right * ray.right + ray.up * ray.up + 1.0).sqrt();
     let tags = &object.tags;
     let number = tags.number.map(|number| format!("number {number}"));

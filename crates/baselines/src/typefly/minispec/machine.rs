@@ -1,72 +1,72 @@
-//! Running programs: a machine that is asked what comes next and told what the skill that it wants came to.
+//! The MiniSpec interpreter: returns the next skill call, and continues with its result.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use super::{Block, Call as Written, Condition, Expression, Operand, Statement, TypeError, Value};
 
-/// Most steps of one program, so that every program ends.
+/// Maximum number of steps of a program, so that every program ends.
 const MAX_STEPS: u32 = 10_000;
-/// Deepest calls of high-level skills by one another.
+/// Maximum depth of nested high-level skills.
 const MAX_CALLS: usize = 8;
-/// Calls that are told of.
+/// Number of calls kept in the trace.
 const REMEMBERED: usize = 32;
 
-/// What skills there are.
+/// The available skills.
 pub trait Skills {
     /// Whether a word is the name or abbreviation of a skill.
     fn is_skill(&self, name: &str) -> bool;
 
-    /// The program of a high-level skill; none for a low-level one, which whoever runs the machine carries out.
+    /// The program of a high-level skill; `None` for a low-level one, which the caller carries out.
     fn body(&self, name: &str) -> Option<Block>;
 }
 
-/// A low-level skill that is to be carried out.
+/// A call of a low-level skill.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Call {
-    /// The skill's name or abbreviation, as it was written.
+    /// The skill's name or abbreviation, as written.
     pub name: String,
-    /// What it is given.
+    /// Its arguments.
     pub arguments: Vec<Value>,
 }
 
-/// What comes next.
+/// Result of running a program.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Progress {
-    /// Carry this out, then [`Machine::resume`].
+    /// Carry this out, then call [`Machine::resume`].
     Skill(Call),
-    /// Nothing until more of the program arrives.
+    /// More of the program is needed.
     Starved,
-    /// The program ended with this value: that of its `->`, else `None`.
+    /// The program ended with this value: that of its `->`, otherwise `None`.
     Finished(Value),
-    /// The program cannot go on.
+    /// The program cannot continue.
     Stopped(RuntimeError),
 }
 
-/// Why a program cannot go on.
+/// Why a program cannot continue.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RuntimeError {
-    /// There is no such skill.
+    /// Unknown skill.
     #[error("there is no skill `{0}`")]
     UnknownSkill(String),
-    /// A variable without a value.
+    /// An undefined variable.
     #[error("the variable _{0} has no value")]
     Unset(u32),
-    /// A skill was called with fewer arguments than its body uses.
+    /// A skill was called with too few arguments.
     #[error("the argument ${0} was not given")]
     NoArgument(u32),
-    /// Values that have no order.
+    /// Values without an order.
     #[error(transparent)]
     Type(#[from] TypeError),
-    /// Steps without end.
+    /// Too many steps.
     #[error("the program takes more than {MAX_STEPS} steps")]
     TooManySteps,
-    /// Skills that call one another without end.
+    /// Skills are nested too deeply.
     #[error("skills call one another more than {MAX_CALLS} deep")]
     TooDeep,
 }
 
-/// What is done with the values of calls.
+/// What to do with the values of calls.
 #[derive(Clone, Debug)]
 enum Then {
     Discard,
@@ -74,7 +74,7 @@ enum Then {
     Branch(Condition, Block),
 }
 
-/// Calls that a statement needs, and what they came to so far.
+/// The calls that a statement needs, and their results so far.
 #[derive(Clone, Debug)]
 struct Task {
     calls: VecDeque<Written>,
@@ -86,11 +86,11 @@ struct Task {
 struct Frame {
     body: Block,
     next: usize,
-    /// Times that it is still run after this one.
+    /// Remaining repetitions.
     left: u32,
 }
 
-/// The program, or the body of a skill, with variables of its own.
+/// The program, or the body of a skill, with its own variables.
 #[derive(Clone, Debug, Default)]
 struct Scope {
     variables: BTreeMap<u32, Value>,
@@ -99,16 +99,16 @@ struct Scope {
     task: Option<Task>,
 }
 
-/// A program while it runs.
+/// A program being run.
 #[derive(Clone, Debug)]
 pub struct Machine {
-    /// Statements of the program that were not begun.
+    /// Statements not started yet.
     queue: VecDeque<Statement>,
-    /// No more will arrive.
+    /// Whether the program has arrived completely.
     complete: bool,
     scopes: Vec<Scope>,
     steps: u32,
-    /// The call that the program itself waits for.
+    /// The call that the program itself is waiting for.
     called: Option<String>,
     trace: Vec<String>,
 }
@@ -127,23 +127,23 @@ impl Default for Machine {
 }
 
 impl Machine {
-    /// Takes further statements of the program.
+    /// Adds statements to the program.
     pub fn extend(&mut self, statements: Vec<Statement>) {
         self.queue.extend(statements);
     }
 
-    /// The program has arrived wholly.
+    /// Marks the program as complete.
     pub fn complete(&mut self) {
         self.complete = true;
     }
 
-    /// The calls that the program itself made, and what they came to: `goto('car_3') = True`; at most the last 32.
+    /// The calls made by the program itself, with results: `goto('car_3') = True`; at most the last 32.
     #[must_use]
     pub fn trace(&self) -> &[String] {
         &self.trace
     }
 
-    /// Runs up to the next low-level skill, the end, or the end of what has arrived. It never runs for ever.
+    /// Runs until the next low-level skill, the end, or the end of what has arrived. Always terminates.
     pub fn advance(&mut self, skills: &dyn Skills) -> Progress {
         loop {
             self.steps += 1;
@@ -158,7 +158,7 @@ impl Machine {
         }
     }
 
-    /// Tells what the skill that was wanted last came to.
+    /// Passes the result of the last skill call.
     pub fn resume(&mut self, value: Value) {
         self.deliver(value);
     }
@@ -178,7 +178,7 @@ impl Machine {
         self.begin(statement)
     }
 
-    /// Nothing is left to do in this scope.
+    /// The current scope has ended.
     fn run_out(&mut self) -> Option<Progress> {
         if self.scopes.len() > 1 {
             self.leave(Value::None);
@@ -196,7 +196,7 @@ impl Machine {
     ) -> Result<Option<Progress>, RuntimeError> {
         if !skills.is_skill(&name) {
             if wanted && arguments.is_empty() {
-                // A bare word that is no skill is a text.
+                // A bare word that is not a skill is a string.
                 self.deliver(Value::Text(name));
                 return Ok(None);
             }
@@ -247,7 +247,7 @@ impl Machine {
         Ok(None)
     }
 
-    /// All calls of a statement have come to something.
+    /// All calls of a statement have results.
     fn settle(&mut self) -> Result<(), RuntimeError> {
         let top = self.scopes.len() - 1;
         let scope = &mut self.scopes[top];
@@ -272,7 +272,7 @@ impl Machine {
         self.deliver(value);
     }
 
-    /// Hands a value to the statement that waits for it.
+    /// Passes a value to the waiting statement.
     fn deliver(&mut self, value: Value) {
         if self.scopes.len() == 1
             && let Some(called) = self.called.take()
@@ -300,14 +300,14 @@ impl Scope {
         }
     }
 
-    /// The next statement of the innermost block that has one.
+    /// The next statement of the innermost block.
     fn next(&mut self) -> Option<Statement> {
         while let Some(frame) = self.frames.last_mut() {
             if let Some(statement) = frame.body.get(frame.next) {
                 frame.next += 1;
                 return Some(statement.clone());
             }
-            // A block without statements is not run again: nothing in it would count the times.
+            // An empty block is not repeated, since nothing in it would count steps.
             if frame.left > 0 && !frame.body.is_empty() {
                 (frame.next, frame.left) = (0, frame.left - 1);
             } else {
@@ -317,7 +317,7 @@ impl Scope {
         None
     }
 
-    /// Whether a condition holds; `called` are what its calls came to, in order.
+    /// Evaluates a condition; `called` are the results of its calls, in order.
     fn holds(&self, condition: &Condition, called: &mut VecDeque<Value>) -> Result<bool, RuntimeError> {
         let mut side = |expression: &Expression| match expression {
             Expression::Call(_) => Ok(called.pop_front().unwrap_or(Value::None)),

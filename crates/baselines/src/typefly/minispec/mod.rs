@@ -1,5 +1,5 @@
-//! MiniSpec: the small language in which a planner writes programs for a drone (Chen et al., arXiv 2312.14950, §4; the calls in
-//! parentheses and as operands are those of its second version).
+//! MiniSpec: the language in which a planner writes drone programs (Chen et al., arXiv 2312.14950, §4; calls with
+//! parentheses and as operands are from its second version).
 //!
 //! ```text
 //! program     = { statement } ;
@@ -16,8 +16,8 @@
 //! value       = INT | FLOAT | "True" | "False" | "None" | STRING ;
 //! ```
 //!
-//! `|` binds tighter than `&`, as in the published interpreter ([`Precedence::Published`]); a comparison without an operator asks
-//! whether its operand is `True`. A `;` too many is forgiven, and so is the last one that is missing.
+//! `|` binds tighter than `&`, as in the published interpreter ([`Precedence::Published`]); a comparison without an
+//! operator tests whether its operand is `True`. Extra semicolons, and a missing last one, are accepted.
 
 mod machine;
 mod parse;
@@ -31,35 +31,35 @@ pub use parse::{Precedence, SyntaxError};
 pub use stream::{MAX_TEXT, ProgramStream, parse_body, parse_program};
 pub use value::{TypeError, Value};
 
-/// Statements in order; shared, for loops and skills run the same ones again.
+/// Statements in order; shared, since loops and skills repeat them.
 pub type Block = Arc<[Statement]>;
 
 /// One statement.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Statement {
-    /// A call whose value nobody wants.
+    /// A call whose value is not used.
     Call(Call),
     /// `_1=…`.
     Assign {
         /// The variable's number.
         variable: u32,
-        /// What it becomes.
+        /// Its new value.
         value: Expression,
     },
-    /// `->…`: ends the program, or the skill that it stands in, with a value.
+    /// `->…`: ends the program, or the skill that contains it, with a value.
     Return(Operand),
     /// `3{…}`.
     Loop {
-        /// Times.
+        /// Number of repetitions.
         count: u32,
-        /// What is done.
+        /// The body.
         body: Block,
     },
     /// `?…{…}`.
     If {
-        /// When.
+        /// The condition.
         condition: Condition,
-        /// What is done then.
+        /// The body.
         body: Block,
     },
 }
@@ -67,33 +67,33 @@ pub enum Statement {
 /// A call of a skill.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Call {
-    /// The skill's name or abbreviation, as it was written.
+    /// The skill's name or abbreviation, as written.
     pub name: String,
-    /// What it is given.
+    /// Its arguments.
     pub arguments: Vec<Operand>,
 }
 
-/// What has a value without a call.
+/// A value available without a call.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Operand {
-    /// Itself.
+    /// A literal.
     Value(Value),
     /// `_1`.
     Variable(u32),
-    /// `$1`: an argument of the skill whose body this is.
+    /// `$1`: an argument of the enclosing skill.
     Parameter(u32),
 }
 
-/// What has a value.
+/// An expression.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Expression {
-    /// At once.
+    /// An operand.
     Operand(Operand),
-    /// After a call.
+    /// A call.
     Call(Call),
 }
 
-/// How two values are compared.
+/// A comparison operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Comparator {
     /// `>`.
@@ -113,25 +113,26 @@ pub enum Comparator {
 /// One comparison of a condition.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// What is compared.
+    /// Left operand.
     pub left: Expression,
-    /// How.
+    /// Operator.
     pub comparator: Comparator,
-    /// With what.
+    /// Right operand.
     pub right: Expression,
 }
 
-/// Comparisons in groups.
+/// A condition: comparisons in groups.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Condition {
-    /// True: all groups must hold, each by any of its comparisons. False: any group, by all of its comparisons.
+    /// True: all groups must hold, each by any of its comparisons. False: any group must hold, by all of its
+    /// comparisons.
     pub all_groups: bool,
     /// The groups, in the order written.
     pub groups: Vec<Vec<Comparison>>,
 }
 
 impl Condition {
-    /// The calls in it, in the order written. All are made before the comparing.
+    /// Its calls, in the order written. All are made before comparing.
     pub(super) fn calls(&self) -> impl Iterator<Item = &Call> {
         let sides = self.groups.iter().flatten().flat_map(|comparison| [&comparison.left, &comparison.right]);
         sides.filter_map(|side| match side {

@@ -1,21 +1,21 @@
-//! From the text of whole statements to [`Statement`]s, by recursive descent.
+//! Recursive descent parser from the text of complete statements to [`Statement`]s.
 
 use super::{Block, Call, Comparator, Comparison, Condition, Expression, Operand, Statement, Value};
 
-/// Deepest nesting of blocks.
+/// Maximum nesting of blocks.
 pub(super) const MAX_DEPTH: usize = 16;
 
-/// Which of `&` and `|` binds tighter.
+/// Precedence of `&` and `|`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precedence {
     /// `|`: `a|b&c` is `(a|b)&c`, as in the published interpreter.
     #[default]
     Published,
-    /// `&`, as everywhere else.
+    /// `&` binds tighter, as in most languages.
     Ordinary,
 }
 
-/// Why a text is no program.
+/// A syntax error.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}, column {column}: {what}")]
 pub struct SyntaxError {
@@ -23,12 +23,12 @@ pub struct SyntaxError {
     pub line: usize,
     /// Character of the line, from 1.
     pub column: usize,
-    /// What is wrong there.
+    /// The problem.
     pub what: String,
 }
 
 impl SyntaxError {
-    /// The error at a byte of a text.
+    /// The error at a byte position of a text.
     pub(super) fn at(text: &str, byte: usize, what: impl Into<String>) -> Self {
         let before = &text[..text.floor_char_boundary(byte)];
         let line = before.matches('\n').count() + 1;
@@ -37,15 +37,15 @@ impl SyntaxError {
     }
 }
 
-/// How a text is read.
+/// Parser options.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Manner {
     pub(super) precedence: Precedence,
-    /// Whether `$1` may stand in it: it is the body of a skill.
+    /// Whether `$1` is allowed: in the body of a skill.
     pub(super) parameters: bool,
 }
 
-/// Reads all statements of `text[from..until]`.
+/// Parses all statements of `text[from..until]`.
 pub(super) fn statements(text: &str, from: usize, until: usize, manner: Manner) -> Result<Vec<Statement>, SyntaxError> {
     let mut reader = Reader { text: &text[..until], at: from, manner };
     reader.program(0)
@@ -57,7 +57,7 @@ struct Reader<'a> {
     manner: Manner,
 }
 
-/// Ends a bare token.
+/// Characters that end a bare token.
 const DELIMITERS: &str = ",;(){}&|=<>!?'\"\n";
 
 impl Reader<'_> {
@@ -71,7 +71,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Takes `mark` if it comes next, after space.
+    /// Consumes `mark` if it comes next, after white space.
     fn take(&mut self, mark: &str) -> bool {
         self.space();
         let found = self.text[self.at..].starts_with(mark);
@@ -90,7 +90,7 @@ impl Reader<'_> {
         SyntaxError::at(self.text, self.at, format!("{wanted} should stand here, not {found}"))
     }
 
-    /// Statements up to a `}` or the end, which are left where they are.
+    /// Statements up to a `}` or the end, which is not consumed.
     fn program(&mut self, depth: usize) -> Result<Vec<Statement>, SyntaxError> {
         if depth > MAX_DEPTH {
             return Err(SyntaxError::at(self.text, self.at, format!("blocks are nested more than {MAX_DEPTH} deep")));
@@ -154,7 +154,7 @@ impl Reader<'_> {
         digits.parse().map_err(|_| SyntaxError::at(self.text, begins, format!("`{digits}` is not a number up to {}", u32::MAX)))
     }
 
-    /// `_1` or `$1`: a mark with a number right behind it.
+    /// `_1` or `$1`: a mark followed directly by a number.
     fn numbered(&mut self, mark: char) -> Result<Option<u32>, SyntaxError> {
         self.space();
         let rest = &self.text[self.at..];
@@ -195,7 +195,7 @@ impl Reader<'_> {
         Ok(Operand::Value(Value::of_token(token)))
     }
 
-    /// A bare token, without the space around it; empty where there is none.
+    /// A bare token, trimmed; empty if there is none.
     fn token(&mut self) -> &str {
         self.space();
         let rest = &self.text[self.at..];
@@ -204,7 +204,7 @@ impl Reader<'_> {
         rest[..end].trim_end()
     }
 
-    /// A value, or a call of something.
+    /// A value or a call.
     fn expression(&mut self) -> Result<Expression, SyntaxError> {
         let begins = self.at;
         let operand = self.operand()?;
@@ -213,7 +213,7 @@ impl Reader<'_> {
         if quoted || !matches!(self.peek(), Some(',' | '(')) && !is_name(self.text[begins..self.at].trim()) {
             return Ok(Expression::Operand(operand));
         }
-        // A bare word may be a text or a skill without arguments: who runs it knows the skills.
+        // A bare word may be a string or a skill without arguments, which the interpreter decides.
         self.at = begins;
         self.call().map(Expression::Call)
     }
@@ -251,7 +251,7 @@ impl Reader<'_> {
         loop {
             self.space();
             let Some(joint @ ('&' | '|')) = self.peek() else { break };
-            // `&&` and `||` are forgiven.
+            // `&&` and `||` are accepted.
             while self.peek() == Some(joint) {
                 self.at += 1;
             }
@@ -292,7 +292,7 @@ impl Reader<'_> {
     }
 }
 
-/// Letters, digits and underscores, beginning with a letter.
+/// Letters, digits and underscores, starting with a letter.
 fn is_name(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic()) && word.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
 }

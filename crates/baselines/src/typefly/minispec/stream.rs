@@ -1,12 +1,12 @@
-//! Programs that are still arriving: a statement can be run as soon as its end is there.
+//! Programs that are still arriving: a statement can run as soon as it is complete.
 //!
-//! A machine over bytes that never looks ahead of what has arrived finds where statements end; so how a program is cut into chunks
-//! cannot change what is read from it.
+//! A byte-wise state machine without look-ahead finds the ends of statements, so the way a program is split into chunks
+//! cannot change the result.
 
 use super::parse::{MAX_DEPTH, Manner, Precedence, SyntaxError, statements};
 use super::{Block, Statement};
 
-/// Longest program that is read, bytes.
+/// Maximum length of a program, bytes.
 pub const MAX_TEXT: usize = 16 * 1024;
 
 /// A program that is still arriving.
@@ -15,7 +15,7 @@ pub struct ProgramStream {
     manner: Manner,
     text: String,
     at: usize,
-    /// Where the statement begins that is being read.
+    /// Start of the current statement.
     start: usize,
     scan: Scan,
     error: Option<SyntaxError>,
@@ -26,9 +26,9 @@ enum Mode {
     /// Before a statement.
     #[default]
     Between,
-    /// In a run of this many backticks before a statement.
+    /// In a run of backticks of this length before a statement.
     Fence(usize),
-    /// In the rest of a line that began with a fence.
+    /// In the rest of a line that starts with a code fence.
     FenceLine,
     Statement,
     Quoted(u8),
@@ -39,11 +39,11 @@ struct Scan {
     mode: Mode,
     braces: usize,
     parentheses: usize,
-    /// The statement begins with `?`: a parenthesis in it closes a call and not the statement.
+    /// The statement starts with `?`: a parenthesis in it closes a call and not the statement.
     conditional: bool,
 }
 
-/// What a byte did.
+/// Effect of a byte.
 #[derive(PartialEq)]
 enum Event {
     Nothing,
@@ -55,25 +55,25 @@ enum Event {
 }
 
 impl ProgramStream {
-    /// A program of which nothing has arrived.
+    /// An empty stream.
     #[must_use]
     pub fn new(precedence: Precedence) -> Self {
         Self { manner: Manner { precedence, parameters: false }, ..Self::default() }
     }
 
-    /// What has arrived so far.
+    /// The text so far.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// Why nothing more is read; the statements before were right.
+    /// The error at which reading stopped; earlier statements are valid.
     #[must_use]
     pub fn error(&self) -> Option<&SyntaxError> {
         self.error.as_ref()
     }
 
-    /// Takes what has newly arrived and gives the statements that it completed.
+    /// Adds a chunk; returns the statements completed by it.
     pub fn push(&mut self, chunk: &str) -> Vec<Statement> {
         let mut found = Vec::new();
         if self.error.is_some() {
@@ -104,10 +104,10 @@ impl ProgramStream {
         found
     }
 
-    /// Everything has arrived: gives what was still open.
+    /// Finishes the stream; returns the remaining statements.
     ///
     /// # Errors
-    /// [`SyntaxError`], which may stand behind statements that were given before.
+    /// [`SyntaxError`], possibly after statements that were returned before.
     pub fn finish(&mut self) -> Result<Vec<Statement>, SyntaxError> {
         let mut found = Vec::new();
         if self.error.is_none() && self.scan.is_inside() {
@@ -142,7 +142,7 @@ impl Scan {
                     self.mode = Mode::Fence(ticks + 1);
                     Event::Nothing
                 }
-                // Behind three the language is named; one or two only hold the program.
+                // Three backticks are followed by a language name; one or two only enclose the program.
                 b'\n' => self.leave(),
                 _ if ticks >= 3 => {
                     self.mode = Mode::FenceLine;
@@ -173,7 +173,7 @@ impl Scan {
             b' ' | b'\t' | b'\r' | b'\n' | b';' => self.mode = Mode::Between,
             _ => {
                 *self = Self { mode: Mode::Statement, conditional: byte == b'?', ..Self::default() };
-                // A bracket or quote may come first; what it means is for the parser to refuse.
+                // A leading bracket or quote is left for the parser to reject.
                 return self.inside(byte);
             }
         }
@@ -199,7 +199,7 @@ impl Scan {
                 }
             }
             b';' if self.braces == 0 => return Event::Ends,
-            // A fence behind the program.
+            // A code fence after the program.
             b'`' if self.braces == 0 => return Event::Ended,
             _ => {}
         }
@@ -207,10 +207,10 @@ impl Scan {
     }
 }
 
-/// Reads a whole program.
+/// Parses a complete program.
 ///
 /// # Errors
-/// [`SyntaxError`] with its place.
+/// [`SyntaxError`] with its position.
 pub fn parse_program(text: &str, precedence: Precedence) -> Result<Vec<Statement>, SyntaxError> {
     let mut stream = ProgramStream::new(precedence);
     let mut found = stream.push(text);
@@ -218,10 +218,10 @@ pub fn parse_program(text: &str, precedence: Precedence) -> Result<Vec<Statement
     Ok(found)
 }
 
-/// Reads the body of a skill, in which `$1` stands for its first argument.
+/// Parses the body of a skill, in which `$1` is its first argument.
 ///
 /// # Errors
-/// [`SyntaxError`] with its place.
+/// [`SyntaxError`] with its position.
 pub fn parse_body(text: &str) -> Result<Block, SyntaxError> {
     let manner = Manner { precedence: Precedence::Published, parameters: true };
     let mut stream = ProgramStream { manner, ..ProgramStream::default() };

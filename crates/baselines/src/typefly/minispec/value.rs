@@ -1,11 +1,11 @@
-//! Values and how they compare.
+//! MiniSpec values and their comparison.
 
 use core::cmp::Ordering;
 use core::fmt;
 
 use super::Comparator;
 
-/// A value; types are found out while a program runs.
+/// A dynamically typed value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// A whole number.
@@ -20,7 +20,7 @@ pub enum Value {
     Text(String),
 }
 
-/// Values that have no order.
+/// Values without an order.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{left} and {right} cannot be compared by order")]
 pub struct TypeError {
@@ -31,7 +31,7 @@ pub struct TypeError {
 }
 
 impl Value {
-    /// The value that a token spells: a whole number, a number, `True`, `False`, `None`, else the text itself.
+    /// Parses a token: an integer, a float, `True`, `False`, `None`, otherwise the string itself.
     #[must_use]
     pub fn of_token(token: &str) -> Self {
         match token {
@@ -40,7 +40,7 @@ impl Value {
             "None" | "none" | "null" => return Self::None,
             _ => {}
         }
-        // Rust also reads `inf`, `nan` and `infinity`, which are names here.
+        // Rust also parses `inf`, `nan` and `infinity`, which are names here.
         if !token.bytes().any(|byte| byte.is_ascii_digit()) || token.bytes().any(|b| b.is_ascii_alphabetic() && b != b'e') {
             return Self::Text(token.to_owned());
         }
@@ -50,7 +50,7 @@ impl Value {
         token.parse().ok().filter(|number: &f64| number.is_finite()).map_or_else(|| Self::Text(token.to_owned()), Self::Float)
     }
 
-    /// The number that this is.
+    /// The value as a number.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match self {
@@ -60,10 +60,10 @@ impl Value {
         }
     }
 
-    /// Compares: across types `==` is false, `!=` true, and an order an error; whole numbers count as numbers.
+    /// Compares two values: across types `==` is false, `!=` true, and an order an error; integers count as numbers.
     ///
     /// # Errors
-    /// [`TypeError`] for an order between values that have none.
+    /// [`TypeError`] for an order between values without one.
     pub fn compare(&self, comparator: Comparator, other: &Self) -> Result<bool, TypeError> {
         let equal = match (self.number(), other.number()) {
             (Some(a), Some(b)) => a == b,

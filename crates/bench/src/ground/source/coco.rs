@@ -1,4 +1,4 @@
-//! COCO's annotations of instances: each kind of thing in each image is one question.
+//! COCO instance annotations: each kind of object in each image is one question.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,7 +10,7 @@ use spf_core::query::ImagePoint;
 use super::{Pixels, SourceError, beside, form_of};
 use crate::ground::{Item, Mask, Shape, Target, Truth};
 
-/// Most pixels of a run-length mask.
+/// Maximum number of pixels of a run-length mask.
 const MOST_PIXELS: usize = 1 << 26;
 
 #[derive(Deserialize)]
@@ -81,7 +81,7 @@ pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<Vec<Ite
     Ok(items)
 }
 
-/// Outlines where every instance has some; a single run-length mask; else none, and boxes must do.
+/// Polygons if every instance has some; a single run-length mask; otherwise `None`, and boxes are used.
 fn shape(annotations: &[&&Annotation], pixels: Pixels) -> Option<Shape> {
     if let [only] = annotations
         && only.iscrowd == 1
@@ -99,7 +99,7 @@ fn shape(annotations: &[&&Annotation], pixels: Pixels) -> Option<Shape> {
     Some(Shape::Polygons(polygons))
 }
 
-/// Lengths of runs outside and inside by turns, column by column.
+/// Alternating run lengths outside and inside, in column order.
 fn run_lengths(value: &Value) -> Option<Mask> {
     let size: Vec<usize> =
         value["size"].as_array()?.iter().map(|side| usize::try_from(side.as_u64()?).ok()).collect::<Option<_>>()?;

@@ -1,4 +1,4 @@
-//! Folders of pictures with what is meant in them (docs/guide/grounding.md, "Datasets").
+//! Datasets: folders of images with ground truth (docs/guide/grounding.md, "Datasets").
 
 mod coco;
 mod layouts;
@@ -17,32 +17,32 @@ use super::{Item, Shape, Truth, photo};
 use crate::fnv;
 pub use sim::SimExample;
 
-/// Longest file of rows that is read, bytes.
+/// Maximum size of a file of rows, bytes.
 const LONGEST: u64 = 512 << 20;
 
 /// Why a dataset cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SourceError {
-    /// A file.
+    /// A file could not be read.
     #[error("cannot read `{}`", path.display())]
     Read {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: std::io::Error,
     },
-    /// Nothing that is known.
+    /// Unknown format.
     #[error("there is no dataset of a known form in `{}`", path.display())]
     Unknown {
-        /// Where.
+        /// The path.
         path: PathBuf,
     },
-    /// A file of a known form that is not sound.
+    /// A file of a known format is invalid.
     #[error("`{}`{}: {what}", path.display(), row.map_or(String::new(), |row| format!(", row {row}")))]
     Form {
-        /// Which.
+        /// The file.
         path: PathBuf,
         /// Its row or entry, from 1.
         row: Option<usize>,
@@ -51,21 +51,21 @@ pub enum SourceError {
     },
 }
 
-/// Images with instructions.
+/// A dataset of images with instructions.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// Which form it has, in words.
+    /// Its format, in words.
     pub form: &'static str,
-    /// What is in it, in order.
+    /// Its items, in order.
     pub items: Vec<Item>,
-    /// A number of the files that say what is asked (FNV-1a, 64 bits): for telling datasets apart, not for safety.
+    /// Digest of the annotation files (FNV-1a, 64 bits): for distinguishing datasets, not for security.
     pub digest: u64,
 }
 
-/// Reads a dataset: a folder, or the file in it that names the images.
+/// Reads a dataset: a folder, or its file that lists the images.
 ///
 /// # Errors
-/// [`SourceError`].
+/// [`SourceError`] if it cannot be read or its format is unknown.
 pub fn open(path: &Path) -> Result<Source, SourceError> {
     let file = if path.is_dir() { find(path)? } else { path.to_owned() };
     let folder = file.parent().unwrap_or(Path::new("")).to_owned();
@@ -97,10 +97,10 @@ pub fn open(path: &Path) -> Result<Source, SourceError> {
 }
 
 impl Source {
-    /// Reads every mask, so that nothing is asked that cannot be graded.
+    /// Reads every mask, so that every question can be graded.
     ///
     /// # Errors
-    /// [`TruthError`] of the first that cannot be read or is black.
+    /// [`TruthError`] for the first mask that cannot be read or is empty.
     pub fn check_masks(&self) -> Result<(), TruthError> {
         let targets =
             self.items.iter().filter_map(|item| if let Truth::Target(target) = &item.truth { Some(target) } else { None });
@@ -109,7 +109,7 @@ impl Source {
     }
 }
 
-/// The file that names the images of a folder.
+/// The file that lists the images of a folder.
 fn find(folder: &Path) -> Result<PathBuf, SourceError> {
     for name in ["dataset.json", "question.json", "data.json"] {
         if folder.join(name).is_file() {
@@ -138,8 +138,8 @@ fn form_of(path: &Path, what: &str) -> SourceError {
     form(path, None, what)
 }
 
-/// A file that a dataset names, beside it or in one of the folders that such files lie in. Names that lead out of the folder are
-/// refused: a dataset is other people's.
+/// A file named in a dataset, beside it or in one of the usual folders. Names that lead out of the folder are refused,
+/// since datasets come from others.
 fn beside(folder: &Path, name: &str, folders: &[&str]) -> Option<PathBuf> {
     let relative = Path::new(name);
     if !stays(name) {
@@ -149,7 +149,7 @@ fn beside(folder: &Path, name: &str, folders: &[&str]) -> Option<PathBuf> {
     places.into_iter().find(|path| path.is_file())
 }
 
-/// Whether a name leads to no place outside of the folder that it is joined to.
+/// Whether a relative name stays inside the folder it is joined to.
 fn stays(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, std::path::Component::Normal(_) | std::path::Component::CurDir))
 }

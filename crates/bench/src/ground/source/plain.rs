@@ -1,4 +1,4 @@
-//! Photographs in a folder, and a JSONL file that says what is meant in them.
+//! Photographs in a folder, with a JSONL file of ground truth.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::{Pixels, SourceError, beside, form};
 use crate::ground::{Item, Shape, Target, Truth};
 
-/// A row. Places are pixels of the upright image from its upper left, unless `units` says `shares`.
+/// A row. Positions are pixels of the upright image from its upper left, unless `units` is `shares`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Row {

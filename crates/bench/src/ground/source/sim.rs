@@ -1,4 +1,4 @@
-//! What `spf sim dataset` wrote (docs/guide/dataset.md).
+//! Datasets written by `spf sim dataset` (docs/guide/dataset.md).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,20 +14,20 @@ use spf_oracle::masks;
 use super::{SourceError, form, form_of, read, stays};
 use crate::ground::{Item, Shape, Target, Truth};
 
-/// An example with all that the oracle reads.
+/// An example with everything the oracle reads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimExample {
     /// The dataset's folder.
     pub folder: PathBuf,
     /// Its row.
     pub row: Arc<Row>,
-    /// What all rows share.
+    /// The data common to all rows.
     pub head: Arc<Head>,
-    /// The scene's objects by their names.
+    /// The scene's objects with their names.
     pub tags: Arc<Vec<Tagged>>,
 }
 
-/// The images of truth of an example.
+/// The ground truth images of an example.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Layers {
     pub(crate) ids: Vec<u16>,
@@ -37,7 +37,7 @@ pub(crate) struct Layers {
 }
 
 impl SimExample {
-    /// Reads the images of truth.
+    /// Loads the ground truth images.
     pub(crate) fn layers(&self) -> Result<Layers, FileError> {
         let files = &self.row.files;
         let grey = |name: &str| {
@@ -118,7 +118,7 @@ fn item(example: SimExample) -> Item {
 }
 
 impl SimExample {
-    /// True boxes of all things in the image, of the openings too.
+    /// True boxes of all objects in the image, including openings.
     pub(crate) fn boxes(&self, layers: &Layers) -> Vec<ImageBox> {
         let (width, height) = (self.head.camera.width as usize, self.head.camera.height as usize);
         let shares = |x: usize, y: usize| (x as f64 / width as f64, y as f64 / height as f64);

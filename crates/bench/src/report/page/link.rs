@@ -1,4 +1,4 @@
-//! Links from the page to files beside it, and commands for readers.
+//! Links to files, and commands for repeating trials.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -10,7 +10,7 @@ use super::super::source::Run;
 use crate::run::shell_word;
 use crate::trial::Record;
 
-/// What must not stand as it is in a part of a relative link.
+/// Characters to be escaped in a relative link.
 const RESERVED: &AsciiSet =
     &CONTROLS.add(b' ').add(b'"').add(b'#').add(b'%').add(b'<').add(b'>').add(b'?').add(b'`').add(b':').add(b'\\').add(b'\'');
 
@@ -29,7 +29,7 @@ pub(super) fn relative(folder: &Path, file: &Path) -> Option<String> {
     Some(parts.join("/"))
 }
 
-/// The command that flies a trial again.
+/// The command that repeats a trial.
 pub(super) fn show(run: Option<&Run>, arm: &Arm, record: &Record) -> String {
     let mut words = vec!["spf bench show".to_owned(), shell_word(&record.run_id)];
     if let Some(file) = run.and_then(|run| run.made.as_ref()?.files.get(&record.task)) {

@@ -1,4 +1,4 @@
-//! The page: figures and tables first, then maps, videos and every failure.
+//! The page: charts and tables first, then maps, videos and all failures.
 
 mod link;
 mod published;
@@ -13,11 +13,11 @@ use super::map::Draw;
 use super::source::Source;
 use super::{chart, curve};
 
-/// Nothing is loaded but videos from the same place, and nothing runs.
+/// Only videos from the same origin, and no scripts.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; media-src 'self' file:";
 const STYLE: &str = include_str!("style.css");
 
-/// The whole page, which will stand in the folder `into`.
+/// The complete page, to be placed in the folder `into`.
 pub(super) fn page(source: &Source, into: &Path) -> String {
     let draws = Draw::all(source);
     let films = trials::Films::of(source, into);
@@ -52,7 +52,7 @@ pub(super) fn page(source: &Source, into: &Path) -> String {
                 meta http-equiv="Content-Security-Policy" content=(POLICY);
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { "Flights by plain words: a report" }
-                // A style sheet of our own, without anything from elsewhere in it.
+                // Our own style sheet, without external text.
                 style { (PreEscaped(STYLE)) }
             }
             body { (body) }
@@ -61,7 +61,7 @@ pub(super) fn page(source: &Source, into: &Path) -> String {
     page.into_string()
 }
 
-/// What made a figure.
+/// The origin of a figure.
 fn from(source: &Source) -> Markup {
     html! {
         @for command in source.commands() { p class="from" { "Made by " code { (command) } } }
@@ -144,7 +144,7 @@ fn latency(source: &Source) -> Markup {
     }
 }
 
-/// A figure that is not drawn, and what would make it.
+/// A figure without data, and how to create them.
 fn lacking(why: &str, command: &str, with: &str) -> Markup {
     html! {
         p { "Not drawn: " (why) ". What would make it: " code { (command) } @if !with.is_empty() { ", " (with) } "." }

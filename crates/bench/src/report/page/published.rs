@@ -1,4 +1,4 @@
-//! The paper's figures in a block of their own, and beside them what real models did here.
+//! The paper's figures, with results of real models beside them.
 
 use maud::{Markup, html};
 
@@ -11,7 +11,7 @@ use crate::contrast::Scoring;
 use crate::stats::Rate;
 use crate::task::Set;
 
-/// The block, with real models beside it where there are some.
+/// The section, with real models beside it if there are any.
 pub(super) fn published(source: &Source) -> Markup {
     let real: Vec<&Arm> = source.arms.iter().filter(|arm| arm.is_real()).collect();
     html! {
@@ -62,7 +62,7 @@ fn others() -> Markup {
     }
 }
 
-/// What real models did in these trials.
+/// Results of real models in these trials.
 fn measured(source: &Source, real: &[&Arm]) -> Markup {
     html! {
         h3 { "Measured here, in the embedded simulator" }
@@ -74,7 +74,7 @@ fn measured(source: &Source, real: &[&Arm]) -> Markup {
     }
 }
 
-/// The models that answered, as they told.
+/// The models, as they name themselves.
 fn models(source: &Source, arm: &Arm) -> String {
     let mut models: Vec<&str> =
         source.of_arm(arm).flat_map(|record| record.vlm_details.models.iter().map(String::as_str)).collect();
@@ -83,7 +83,7 @@ fn models(source: &Source, arm: &Arm) -> String {
     if models.is_empty() { "no model told its name".to_owned() } else { format!("answered by {}", models.join(", ")) }
 }
 
-/// On which days it flew.
+/// The days on which it was flown.
 fn days(source: &Source, arm: &Arm) -> String {
     let flew = source.records.iter().enumerate().filter(|(_, record)| arm.flew(record));
     let mut days: Vec<String> = flew.filter_map(|(row, _)| Some(source.run_of(row)?.days())).collect();

@@ -13,10 +13,10 @@ use crate::stats::Rate;
 use crate::table::words;
 use crate::trial::Record;
 
-/// More pairs than this are folded.
+/// Pairs beyond this number are collapsed.
 const OPEN: usize = 15;
 
-/// `7/10 = 70.0 %`, the interval in small below it.
+/// `7/10 = 70.0 %`, with the interval in small print below.
 pub(super) fn cell(rate: Rate) -> Markup {
     let words = words(rate);
     let (value, interval) = words.split_once(" [").unwrap_or((&words, ""));
@@ -63,7 +63,7 @@ fn seconds(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), |seconds| format!("{seconds:.1} s"))
 }
 
-/// Success of some arms by category; `head` stands above the categories.
+/// Success of some arms by category; `head` is the header above the categories.
 pub(super) fn by_category(source: &Source, arms: &[&Arm], scoring: Scoring, head: &str) -> Markup {
     html! {
         div class="wide" { table {
@@ -96,7 +96,7 @@ pub(super) fn compared(source: &Source) -> Markup {
     }
 }
 
-/// Numbers with a true minus sign.
+/// Replaces hyphens by minus signs.
 fn minus(figures: &str) -> String {
     figures.replace('-', "−")
 }
@@ -119,7 +119,7 @@ fn pairs(pairs: &[Contrast]) -> Markup {
     }
 }
 
-/// Successes of every task by every method, with links to the failures.
+/// Successes by task and method, with links to the failures.
 pub(super) fn tasks(source: &Source) -> Markup {
     html! {
         section id="tasks" {

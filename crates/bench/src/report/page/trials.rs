@@ -1,4 +1,4 @@
-//! Ways from above, videos, and every failure.
+//! Maps of paths, videos, and all failures.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,17 +12,17 @@ use super::{from, link};
 use crate::run::video_of;
 use crate::trial::Record;
 
-/// Maps of one task at most, one for each seed.
+/// Maximum number of maps per task, one per seed.
 const MAPS: usize = 6;
-/// With more videos than this none is loaded before it is played.
+/// With more videos than this, none is preloaded.
 const EAGER: usize = 40;
 
-/// The name of a draw's plan.
+/// The id of a draw's plan.
 fn plan(draw: usize) -> String {
     format!("plan-{draw}")
 }
 
-/// All methods in one map for each seed of each task.
+/// One map per seed of each task, with all methods.
 pub(super) fn ways(source: &Source, draws: &[Draw]) -> Markup {
     let unknown = source.records.iter().filter(|record| record.flight.is_some() && way(source, record).is_none()).count();
     let undrawn: Vec<&str> = draws.iter().filter(|draw| !draw.has_ground()).map(|draw| draw.scene.as_str()).collect();
@@ -71,11 +71,11 @@ fn instruction<'a>(source: &'a Source, task: &str) -> Option<&'a str> {
     of_task.filter_map(|record| record.flight.as_ref()).map(|flight| flight.instruction.as_str()).next()
 }
 
-/// Videos that are there, by trial: links.
+/// Links to the available videos, by trial.
 pub(super) struct Films(BTreeMap<String, String>);
 
 impl Films {
-    /// Looks for the video of every row, beside its folder's results; `into` is where the page will stand.
+    /// Finds the video of every row beside its results; `into` is the folder of the page.
     pub(super) fn of(source: &Source, into: &Path) -> Self {
         let link = |(row, record): (usize, &Record)| {
             let video = video_of(&source.run_of(row)?.folder, &record.run_id);
@@ -118,7 +118,7 @@ impl Films {
     }
 }
 
-/// Every failure by self stop: what happened, its way, its video, and how it is flown again.
+/// Every failure by self stop: result, path, video and the command to repeat it.
 pub(super) fn failures(source: &Source, draws: &[Draw], films: &Films) -> Markup {
     let failed = || source.records.iter().enumerate().filter(|(_, record)| !record.scores.self_stop);
     html! {
@@ -152,7 +152,7 @@ fn failure(source: &Source, draws: &[Draw], films: &Films, row: usize, record: &
     }
 }
 
-/// What happened, in a few lines.
+/// A summary of the trial in a few lines.
 fn happened(record: &Record) -> Markup {
     let scores = &record.scores;
     html! {

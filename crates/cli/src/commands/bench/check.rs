@@ -1,4 +1,4 @@
-//! `spf bench check`: a task's file, its predicate, its draws.
+//! `spf bench check`: validates a task's file, its predicate and its draws.
 
 use std::path::Path;
 use std::sync::Arc;

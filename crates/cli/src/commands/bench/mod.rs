@@ -1,4 +1,4 @@
-//! `spf bench`: tasks, trials, how often they were done (docs/guide/bench.md).
+//! `spf bench`: runs tasks in trials and reports success rates (docs/guide/bench.md).
 
 mod check;
 mod report;
@@ -46,7 +46,7 @@ fn task_of(name: &str) -> Result<Task, CliError> {
     })
 }
 
-/// Who points, by a name as for `spf fly --vlm`; an oracle may be told how long it takes.
+/// The VLM for a name as in `spf fly --vlm`; an oracle's latency may be fixed.
 fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
     let (who, latency) = split_latency(name);
     settings.fly.vlm.flag(Some(who));

@@ -1,4 +1,4 @@
-//! `spf bench show`: one trial again, with its files.
+//! `spf bench show`: repeats one trial and records its files.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -62,7 +62,7 @@ fn name_of(args: &BenchShow, part: &str) -> Result<String, CliError> {
     if let Some(name) = &args.vlm {
         return Ok(name.clone());
     }
-    // The last word may be the latency that it was told.
+    // The last part may be a fixed latency.
     let told = part.rsplit_once('-').map(|(_, seconds)| format!("@{seconds}"));
     let shipped = ErrorFile::shipped().into_iter().map(|name| format!("oracle:{name}")).chain(["oracle".to_owned()]);
     let mut oracles = shipped.flat_map(|name| [Some(name.clone()), told.as_ref().map(|told| name + told)]).flatten();

@@ -1,4 +1,4 @@
-//! Flying by hand from the terminal: only keys typed to it, and only while it flies on the wall clock.
+//! Manual flight from the terminal: only keys typed in it, and only during a flight on the wall clock.
 
 use std::sync::mpsc::Receiver;
 
@@ -14,7 +14,7 @@ impl Manual {
         (Self(None), None)
     }
 
-    /// Whether someone can fly by hand.
+    /// Whether manual flight is possible.
     pub(super) fn is_on(&self) -> bool {
         self.0.is_some()
     }

@@ -1,4 +1,4 @@
-//! What the oracle makes of an instruction, printed before take-off.
+//! Prints before take-off how the oracle reads an instruction.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! `spf fly --drone` with any but the simulated one: a real craft, or one that nobody can tell from it.
+//! `spf fly --drone` with any drone but the embedded simulator.
 
 use std::sync::Arc;
 use std::time::Instant;

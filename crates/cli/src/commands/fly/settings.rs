@@ -1,4 +1,4 @@
-//! From settings to what a flight is made of.
+//! Converts settings to a flight plan.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -120,7 +120,7 @@ pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, 
     Ok(limits)
 }
 
-/// The events that a file says happen to the flight.
+/// The events of an events file.
 pub(super) fn script(path: &Path) -> Result<Script, CliError> {
     Script::from_toml(&read(path, "events")?).map_err(|error| {
         CliError::usage(format!("the events file `{}` is refused", path.display()))

@@ -1,4 +1,4 @@
-//! Grading on a dataset.
+//! Grades models on a dataset.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

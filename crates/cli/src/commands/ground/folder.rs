@@ -1,4 +1,4 @@
-//! The folder of a grading: answers that are whole or not there, so that it can be gone on with.
+//! The result folder of a grading: answers are written atomically, so that it can be resumed.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};

@@ -1,4 +1,4 @@
-//! `spf ground`: who points where in pictures, and how well (docs/guide/grounding.md).
+//! `spf ground`: pointing in images, and its accuracy (docs/guide/grounding.md).
 
 mod dataset;
 mod folder;

@@ -1,4 +1,4 @@
-//! Photographs, frames of videos, standard input.
+//! Input images: photographs, video frames, standard input.
 
 use std::fs::File;
 use std::io::Read;
@@ -168,7 +168,7 @@ fn bytes(from: impl Read, name: &str) -> Result<Vec<u8>, CliError> {
     Ok(bytes)
 }
 
-/// One image, or the frames of a video; told apart by their first bytes.
+/// One image, or the frames of a video, depending on the first bytes.
 fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<Shown>, CliError> {
     let is_picture = bytes.starts_with(&[0xff, 0xd8]) || bytes.starts_with(b"\x89PNG");
     let is_video = bytes.get(4..8) == Some(b"ftyp") || bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]);

@@ -30,7 +30,7 @@ pub(super) fn cat(args: &Cat, printer: &Printer) -> Result<Exit, CliError> {
         };
         any = true;
         if (wanted.is_empty() || wanted.contains(&entry.topic)) && writeln!(out, "{}", line(&entry)).is_err() {
-            // Whoever read the lines has had enough.
+            // The reader has closed the pipe.
             return Ok(Exit::Success);
         }
         seen.insert(entry.topic);

@@ -1,4 +1,4 @@
-//! `spf log export`: messages of a topic as one table.
+//! `spf log export`: the messages of a topic as one table.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 
-/// What every row tells of its flight: columns, and where they stand in the log's head.
+/// Columns with data of the flight, and their positions in the log's head.
 const CONTEXT: [(&str, &str); 6] = [
     ("flight.instruction", "/instruction"),
     ("flight.vlm", "/vlm"),

@@ -1,4 +1,4 @@
-//! `spf log info`: what is in a flight log.
+//! `spf log info`: contents of a flight log.
 
 use std::collections::BTreeMap;
 

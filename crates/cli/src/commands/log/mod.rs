@@ -1,4 +1,4 @@
-//! `spf log`: flight logs for people who want what is in them.
+//! `spf log`: tools for flight logs.
 
 mod cat;
 mod export;

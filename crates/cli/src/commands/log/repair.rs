@@ -1,4 +1,4 @@
-//! `spf log repair`: a whole log of a torn one.
+//! `spf log repair`: repairs a truncated log.
 
 use spf_record::log::{ReadError, RepairError};
 

@@ -1,4 +1,4 @@
-//! The contact sheet: scenes under every light and weather, and variants of scenes, small, on one image.
+//! The contact sheet: thumbnails of scenes under every light and weather, and of variants, in one image.
 
 use spf_media::frame::Rgb;
 use spf_media::marks::{Canvas, Colour, Point, TextStyle};

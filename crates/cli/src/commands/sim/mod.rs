@@ -1,4 +1,4 @@
-//! `spf sim`: the embedded simulator by itself.
+//! `spf sim`: direct use of the embedded simulator.
 
 mod contact_sheet;
 mod dataset;
@@ -51,12 +51,12 @@ pub(super) fn colour(picture: &Picture) -> Result<Vec<u8>, CliError> {
     png::encode(&rgb).map_err(|error| CliError::internal("the picture cannot be encoded").because(&error))
 }
 
-/// Writes a file; the error says what is wrong with its place.
+/// Writes a file, with its path in errors.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     std::fs::write(path, bytes).map_err(|error| {
         let what = format!("cannot write `{}`", path.display());
         match error.kind() {
-            // A full disk is nobody's wrong usage; a folder that is not there is.
+            // A full disk is not a usage error; a missing folder is.
             ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::IsADirectory | ErrorKind::PermissionDenied => {
                 CliError::usage(what).because(&error).hint("name a file in a folder that exists and can be written to")
             }

@@ -1,4 +1,4 @@
-//! `spf sim scenes`: what scenes there are and what is in them.
+//! `spf sim scenes`: lists scenes and their objects.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
@@ -116,7 +116,7 @@ fn encoder(path: &Path) -> Result<Encoder, CliError> {
     }
 }
 
-/// Loads a scene and takes down what is asked for.
+/// Loads a scene and collects the requested data.
 fn look_at(name: &str, args: &Scenes) -> Result<(LoadedScene, Entry), CliError> {
     let resident = resident_bytes();
     let started = Instant::now();

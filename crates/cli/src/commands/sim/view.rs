@@ -1,4 +1,4 @@
-//! `spf sim view`: flying around in a scene from a browser.
+//! `spf sim view`: interactive view of a scene in a browser.
 
 use std::net::SocketAddr;
 use std::sync::Arc;

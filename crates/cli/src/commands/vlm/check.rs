@@ -1,4 +1,4 @@
-//! `spf vlm check NAME`: does it answer, does it point where we think, and if not, what is wrong, in a person's words.
+//! `spf vlm check NAME`: checks whether a model replies and points as expected, and explains what is wrong if not.
 
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
 use spf_vlm::check::{Check, Verdict, check as ask};

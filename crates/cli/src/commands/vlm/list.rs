@@ -1,4 +1,4 @@
-//! `spf vlm list`: which models there are, what they cost, and which of them can be asked here and now.
+//! `spf vlm list`: the known models, their prices, and which of them can be used.
 
 use serde::Serialize;
 use spf_vlm::table::{Model, ModelRow, Status, Table};

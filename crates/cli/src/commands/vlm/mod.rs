@@ -1,4 +1,4 @@
-//! Who points: the oracle, a vision-language model of the table, or a recording of one.
+//! Creates the VLM: the oracle, a vision-language model of the table, or a recording of one.
 
 mod check;
 mod list;

@@ -1,4 +1,4 @@
-//! The `vary` tables as written: what may change from variant to variant.
+//! The `vary` tables as parsed: what may change between variants.
 
 use std::collections::BTreeMap;
 

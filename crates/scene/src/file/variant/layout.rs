@@ -1,4 +1,4 @@
-//! Other places: shuffled, moved a little, begun elsewhere, added.
+//! Layout changes of variants: objects are shuffled, moved, added, or start elsewhere.
 
 use core::f64::consts::TAU;
 

@@ -1,9 +1,9 @@
-//! Variants of a scene: laid out, coloured, peopled and lit otherwise, from a seed
-//! (`docs/reference/scene-format.md`, "Variants").
+//! Variants of a scene: layout, colours, people and light changed from a seed (`docs/reference/scene-format.md`,
+//! "Variants").
 //!
-//! What may change stands in the file's `vary` tables. Each table draws from the seed and its own number alone, so a table
-//! more leaves what the others do as it was. A change that would put one thing into another, or something before the start,
-//! is drawn again, and given up after some tries.
+//! The `vary` tables of the file define what may change. Each table draws from the seed and its own number, so that an
+//! additional table does not affect the others. A change that would make objects overlap, or block the start, is drawn
+//! again, and dropped after some attempts.
 
 mod layout;
 mod paint;

@@ -1,4 +1,4 @@
-//! Other colours, and the words that go with them.
+//! Colour changes of variants, with the names that depend on them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,7 +16,7 @@ use crate::limits::LONGEST_TAG;
 /// Longest word for a colour, characters.
 const LONGEST_WORD: usize = 40;
 
-/// Colours as they are written, word and material, in an order drawn by chance.
+/// Colours as written, word and material, in random order.
 pub(super) fn order(colours: &BTreeMap<String, Spanned<String>>, draw: &mut Draw) -> Vec<(String, (String, Span))> {
     let written: Vec<_> = colours.iter().collect();
     let named = |at: usize| {

@@ -1,4 +1,4 @@
-//! What stands where: whether things have room at other places.
+//! Free space for objects at other positions.
 
 use core::cell::Cell;
 
@@ -14,7 +14,7 @@ use crate::pose::parse_pose;
 
 /// What keeps its foot this near to a top stands on it, metres.
 const ON_TOP: f64 = 0.06;
-/// Room above the ways of persons and vehicles, metres: a crown or a jib is walked under.
+/// Free height above the paths of people and vehicles, metres: crowns and jibs may extend above it.
 const HEAD: f64 = 2.2;
 const ROOF: f64 = 4.0;
 /// Vehicles cut corners by less than this, metres.
@@ -42,7 +42,7 @@ pub(super) struct Move {
     pub(super) tenant: Option<usize>,
 }
 
-/// The way of an actor: points, and how far it needs room about them.
+/// The path of an actor: points, and the clearance needed around them.
 #[derive(Clone, Debug)]
 struct Way {
     points: Vec<DVec2>,

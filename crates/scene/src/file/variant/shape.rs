@@ -1,4 +1,4 @@
-//! Things as they stand: cut into slices one above the other, each a convex polygon on the map.
+//! Approximate shapes of objects: stacked slices, each a convex polygon.
 
 use core::cell::OnceCell;
 

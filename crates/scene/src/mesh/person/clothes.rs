@@ -1,4 +1,4 @@
-//! What people wear and carry.
+//! Clothes and carried items.
 
 use glam::Vec3;
 

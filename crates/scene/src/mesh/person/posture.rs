@@ -1,4 +1,4 @@
-//! Where the joints are: postures and the gait, for a person of 1.75 m, x right, y forward, z up, metres.
+//! Joint positions: postures and gait, for a person of 1.75 m, x right, y forward, z up, metres.
 
 use core::f64::consts::{PI, TAU};
 
@@ -47,7 +47,7 @@ pub(super) struct Pose {
     pub(super) look: f64,
 }
 
-/// What a posture says; the rest follows.
+/// The parameters of a posture.
 struct Plan {
     pelvis: Vec3,
     /// Lean of the trunk forward and turn of the shoulders to the left, radians.

@@ -1,4 +1,4 @@
-//! Commands that take a while: begun, gone on with, and answered when they end.
+//! Commands with a duration: started, continued, and answered at their end.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -13,12 +13,12 @@ use super::VirtualTello;
 use crate::tello::command::{Direction, Offset, Request};
 use crate::tello::manoeuvre::{Manoeuvre, Step, arc, place};
 
-/// A correction of a manoeuvre holds so long unless the next replaces it.
+/// How long a manoeuvre's correction holds unless replaced by the next.
 const HOLDS: Duration = Duration::from_millis(200);
-/// A take-off whose motors do not turn by then is none.
+/// A take-off fails if the motors do not start within this time.
 const NO_LIFT: Duration = Duration::from_secs(1);
 
-/// What is under way.
+/// The current task.
 #[derive(Clone, Debug)]
 pub(super) enum Task {
     TakeOff,
@@ -26,7 +26,7 @@ pub(super) enum Task {
     Fly(Box<Manoeuvre>),
 }
 
-/// A command under way, and who is waiting for it.
+/// A command in progress, and the client waiting for it.
 #[derive(Clone, Debug)]
 pub(super) struct Running {
     pub(super) to: SocketAddr,
@@ -47,7 +47,7 @@ fn offset_of(direction: Direction, cm: i32) -> Offset {
 }
 
 impl VirtualTello {
-    /// A command that waits for motion arrived: it is refused, or begins.
+    /// Handles a motion command: it is refused, or starts.
     pub(super) fn begin(&mut self, now: Time, from: SocketAddr, request: Request, craft: &mut SimCraft) {
         match self.task(now, request, craft) {
             Ok(task) => {
@@ -103,7 +103,7 @@ impl VirtualTello {
                 let points = arc(via, to).ok_or("error")?;
                 Ok(self.through(now, craft, &points, metres_a_second(speed), length(to)))
             }
-            // No scene has a pad.
+            // Scenes have no mission pads.
             _ => Err("error No valid marker"),
         }
     }
@@ -120,7 +120,7 @@ impl VirtualTello {
         }
     }
 
-    /// A way through offsets, longer or shorter by chance. `cm` is its length.
+    /// A path through offsets, with a random length error. `cm` is its length.
     fn through(&mut self, now: Time, craft: &SimCraft, offsets: &[Offset], speed: f64, cm: i32) -> Task {
         let length = f64::from(cm.max(1)) * 0.01;
         let error = self.figures.move_share * self.draw.normal() + self.figures.move_fixed * self.draw.normal() / length;
@@ -129,7 +129,7 @@ impl VirtualTello {
         Task::Fly(Box::new(Manoeuvre::through(now, craft, points, speed, self.figures.run_timeout)))
     }
 
-    /// Goes on with what is under way; answers when it ends.
+    /// Continues the current task; responds when it ends.
     pub(super) fn go_on(&mut self, now: Time, craft: &mut SimCraft) {
         let Some(mut running) = self.running.take() else { return };
         let phase = craft.dynamics().phase();

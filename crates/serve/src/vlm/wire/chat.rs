@@ -1,4 +1,4 @@
-//! OpenAI's chat completions, which many servers and clients speak.
+//! OpenAI's chat completions, supported by many servers and clients.
 
 use serde_json::{Value, json};
 

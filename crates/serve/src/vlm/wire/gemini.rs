@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::{Answered, Question};
 
-/// A member in either spelling: proto JSON has both.
+/// A member in either camelCase or snake_case: proto JSON allows both.
 fn either<'a>(value: &'a Value, camel: &str, snake: &str) -> &'a Value {
     value.get(camel).unwrap_or(&value[snake])
 }

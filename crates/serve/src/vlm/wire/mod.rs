@@ -1,4 +1,4 @@
-//! What vendors' clients send, and what they are answered, as far as a question about an image goes.
+//! Request and response formats of the vendors, as needed for a query about an image.
 
 mod anthropic;
 mod chat;
@@ -11,13 +11,13 @@ use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
 use serde_json::Value;
 
-/// Letters of a piece of a streamed answer.
+/// Number of letters per part of a streamed answer.
 const PIECE: usize = 12;
-/// Characters to a token, and tokens of an image: nobody counts them here, and clients want numbers.
+/// Estimated characters per token, and tokens per image, since clients expect token counts.
 const CHARACTERS_A_TOKEN: usize = 4;
 const PICTURE_TOKENS: usize = 1000;
 
-/// A vendor's form.
+/// A vendor's format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Wire {
     Chat,
@@ -26,32 +26,32 @@ pub(super) enum Wire {
     Anthropic,
 }
 
-/// A question as it was sent.
+/// A received query.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Question {
-    /// The model that was asked for; it is told back.
+    /// The requested model, returned in the response.
     pub(super) model: String,
-    /// All text.
+    /// The complete text.
     pub(super) prompt: String,
     /// The last image.
     pub(super) picture: Option<Vec<u8>>,
-    /// Whether the answer is to be streamed.
+    /// Whether the answer should be streamed.
     pub(super) stream: bool,
 }
 
-/// What is told about an answer besides its text.
+/// Response data besides the text.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Answered<'a> {
     pub(super) model: &'a str,
     pub(super) text: &'a str,
     pub(super) tokens_in: usize,
     pub(super) tokens_out: usize,
-    /// The number of the question, for ids.
+    /// Number of the query, for ids.
     pub(super) number: u64,
 }
 
 impl Wire {
-    /// Reads a question.
+    /// Parses a query.
     pub(super) fn question(self, body: &Value) -> Question {
         let mut question = Question {
             model: body["model"].as_str().unwrap_or_default().to_owned(),
@@ -67,7 +67,7 @@ impl Wire {
         question
     }
 
-    /// A whole answer.
+    /// A complete response.
     pub(super) fn whole(self, answered: &Answered<'_>) -> Value {
         match self {
             Self::Chat => chat::whole(answered),
@@ -77,7 +77,7 @@ impl Wire {
         }
     }
 
-    /// The same as a stream of server-sent events.
+    /// A response as a stream of server-sent events.
     pub(super) fn stream(self, answered: &Answered<'_>) -> String {
         let events = match self {
             Self::Chat => chat::events(answered),
@@ -96,7 +96,7 @@ impl Wire {
         stream
     }
 
-    /// An error as the vendor would word it.
+    /// An error in the vendor's format.
     pub(super) fn error(self, status: u16, message: &str) -> Value {
         match self {
             Self::Chat | Self::Responses => chat::error(message),
@@ -139,7 +139,7 @@ impl<'a> Answered<'a> {
     }
 }
 
-/// Both alphabets, with padding or without: the SDKs use either.
+/// Both base64 alphabets, with or without padding: SDKs differ.
 fn decode(text: &str) -> Option<Vec<u8>> {
     let config = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
     let alphabet = if text.contains(['-', '_']) { alphabet::URL_SAFE } else { alphabet::STANDARD };

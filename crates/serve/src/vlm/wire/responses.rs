@@ -1,4 +1,4 @@
-//! OpenAI's responses.
+//! OpenAI's responses API.
 
 use serde_json::{Value, json};
 

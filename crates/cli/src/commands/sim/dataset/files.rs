@@ -1,4 +1,4 @@
-//! The images of an example as files.
+//! Writes the images of an example.
 
 use spf_flight::dataset::Example;
 use spf_flight::dataset::record::Files;

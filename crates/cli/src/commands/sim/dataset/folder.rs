@@ -1,4 +1,4 @@
-//! The folder of a dataset: whose it is, what is in it already, and rows that are whole or not there.
+//! The folder of a dataset: checks whether it can be resumed, and appends complete rows.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, ErrorKind, Write};

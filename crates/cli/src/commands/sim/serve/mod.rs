@@ -1,4 +1,4 @@
-//! `spf sim serve`: parts of the simulator over the interfaces of real ones.
+//! `spf sim serve`: exposes the simulator over the interfaces of real systems.
 
 mod tello;
 mod vlm;
@@ -19,7 +19,7 @@ use crate::printer::Printer;
 /// How often Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Serves what is asked for until Ctrl-C.
+/// Runs the requested servers until Ctrl-C.
 pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
     if args.vlm.is_none() && !args.tello {
         return Err(CliError::usage("nothing is named to be served").hint("spf sim serve --vlm, or --tello, or both"));

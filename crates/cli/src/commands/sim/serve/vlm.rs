@@ -1,4 +1,4 @@
-//! The endpoint for programs that ask a VLM.
+//! The VLM endpoint.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
