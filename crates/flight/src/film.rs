@@ -15,7 +15,7 @@ use spf_drone::frames::Photo;
 use spf_media::Scaler;
 use spf_media::frame::Rgb;
 use spf_media::jpeg::Jpeg;
-use spf_media::marks::{self, Colour, Hud};
+use spf_media::marks::{self, Hud};
 use spf_record::log::foxglove::Marks;
 use spf_record::video::{VideoError, VideoWriter};
 
@@ -212,12 +212,10 @@ fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
 }
 
 fn annotate(picture: &mut Rgb, shot: &Shot, drawn: &Marks) {
-    marks::draw(picture, &shot.asked);
-    marks::draw(picture, &drawn.as_marks());
+    let mut boxes = drawn.as_marks();
+    boxes.splice(..0, shot.asked.iter().cloned());
     // Perception on one line and the resulting step on the next: together they are too long for the frame.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
-    marks::draw_hud(picture, &Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] });
-    if let Some((point, caption)) = &drawn.waypoint {
-        marks::draw_waypoint(picture, *point, caption, Colour::WAYPOINT);
-    }
+    let hud = Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] };
+    marks::annotate(picture, &boxes, drawn.waypoint.as_ref().map(|(point, caption)| (*point, caption.as_str())), &hud);
 }

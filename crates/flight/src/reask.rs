@@ -15,7 +15,7 @@ use spf_core::reply::{Reply, Status, parse_reply};
 use spf_core::time::{Duration, Time};
 use spf_media::Scaler;
 use spf_media::frame::Rgb;
-use spf_media::marks::{self, Colour, Hud};
+use spf_media::marks::{self, Hud};
 use spf_oracle::ErrorFile;
 use spf_record::log::{Entry, ReadError};
 use spf_sim::frame_clock::FrameClock;
@@ -247,10 +247,9 @@ impl Asker {
             let mut half = clean.clone();
             let words = pointed.as_ref().map_or_else(|| "no answer in time".to_owned(), Pointed::words);
             let status = format!("frame {}", opinion.frame);
-            marks::draw_hud(&mut half, &Hud { title: who, status: &status, lines: &[&words] });
-            if let Some(point) = pointed.as_ref().and_then(|pointed| pointed.point) {
-                marks::draw_waypoint(&mut half, point, "", Colour::WAYPOINT);
-            }
+            let point = pointed.as_ref().and_then(|pointed| pointed.point);
+            let hud = Hud { title: who, status: &status, lines: &[&words] };
+            marks::annotate(&mut half, &[], point.map(|point| (point, "")), &hud);
             half
         };
         beside(&half(&format!("flight: {vlm_then}"), &opinion.then), &half(&format!("now: {}", self.name), &opinion.now))

@@ -84,20 +84,17 @@ pub fn side_by_side(picture: &Rgb, instruction: &str, rows: &[AnswerRow]) -> Rgb
 
 fn panel(picture: &Rgb, instruction: &str, row: &AnswerRow) -> Rgb {
     let mut panel = picture.clone();
-    if let Some(reply) = row.reply() {
-        let boxes: Vec<Mark> = reply
-            .boxes
-            .iter()
-            .map(|obstacle| Mark::Box { area: obstacle.area, label: format!("{} {}", obstacle.depth, obstacle.name) })
-            .collect();
-        marks::draw(&mut panel, &boxes);
-        if let Some(point) = reply.point {
-            let label = reply.depth.map_or(String::new(), |depth| depth.to_string());
-            marks::draw_waypoint(&mut panel, point, &label, Colour::WAYPOINT);
-        }
-    }
+    let reply = row.reply();
+    let boxes: Vec<Mark> = reply
+        .iter()
+        .flat_map(|reply| &reply.boxes)
+        .map(|obstacle| Mark::Box { area: obstacle.area, label: format!("{} {}", obstacle.depth, obstacle.name) })
+        .collect();
+    let label = reply.as_ref().and_then(|reply| reply.depth).map_or(String::new(), |depth| depth.to_string());
+    let point = reply.as_ref().and_then(|reply| reply.point);
     let (said, took) = (words(row), account(row));
-    marks::draw_hud(&mut panel, &Hud { title: &row.answerer, status: "", lines: &[instruction, &said, &took] });
+    let hud = Hud { title: &row.answerer, status: "", lines: &[instruction, &said, &took] };
+    marks::annotate(&mut panel, &boxes, point.map(|point| (point, label.as_str())), &hud);
     panel
 }
 

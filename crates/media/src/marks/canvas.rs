@@ -98,6 +98,11 @@ impl Rect {
         Some(Self { left: a.x.min(b.x), top: a.y.min(b.y), right: a.x.max(b.x), bottom: a.y.max(b.y) })
     }
 
+    /// Whether the two have an area in common.
+    pub(super) fn overlaps(&self, other: &Self) -> bool {
+        self.left < other.right && other.left < self.right && self.top < other.bottom && other.top < self.bottom
+    }
+
     fn grown(self, by: f64) -> Self {
         Self { left: self.left - by, top: self.top - by, right: self.right + by, bottom: self.bottom + by }
     }
@@ -107,13 +112,52 @@ impl Rect {
 #[derive(Debug)]
 pub struct Canvas<'a> {
     picture: &'a mut Rgb,
+    /// Where captions may be placed.
+    room: Rect,
+    /// The captions placed so far.
+    captions: Vec<Rect>,
 }
 
 impl<'a> Canvas<'a> {
     /// A canvas over an image.
     #[must_use]
     pub fn new(picture: &'a mut Rgb) -> Self {
-        Self { picture }
+        let room = Rect { left: 0.0, top: 0.0, right: f64::from(picture.width()), bottom: f64::from(picture.height()) };
+        Self { picture, room, captions: Vec::new() }
+    }
+
+    /// Keeps captions within `room`, such as between the bars of an overlay.
+    pub(super) fn keep_captions_in(&mut self, room: Rect) {
+        self.room = room;
+    }
+
+    /// An area of a caption's size inside the room that touches no other caption: the nearest one above or below
+    /// `wanted`, moved sideways only as far as the room requires. `None` if there is no such area.
+    pub(super) fn reserve(&mut self, wanted: Rect) -> Option<Rect> {
+        let (width, height) = (wanted.right - wanted.left, wanted.bottom - wanted.top);
+        let inside = |place: f64, extent: f64, low: f64, high: f64| place.min(high - extent).max(low).round();
+        let left = inside(wanted.left, width, self.room.left, self.room.right);
+        let at = |top: f64| {
+            let top = inside(top, height, self.room.top, self.room.bottom);
+            Rect { left, top, right: left + width, bottom: top + height }
+        };
+        let first = at(wanted.top);
+        // Free areas begin at the lower or end at the upper edge of a caption, one pixel apart.
+        let neighbours = self.captions.iter().flat_map(|other| [at(other.bottom + 1.0), at(other.top - height - 1.0)]);
+        let away = |area: &Rect| (area.top - first.top).abs();
+        let mut candidates: Vec<Rect> = std::iter::once(first).chain(neighbours).collect();
+        candidates.sort_by(|a, b| away(a).total_cmp(&away(b)));
+        let area = candidates
+            .into_iter()
+            .find(|area| area.bottom <= self.room.bottom + 0.5 && !self.captions.iter().any(|other| other.overlaps(area)))?;
+        self.captions.push(area);
+        Some(area)
+    }
+
+    /// The areas of the captions placed so far.
+    #[cfg(test)]
+    pub(super) fn captions(&self) -> &[Rect] {
+        &self.captions
     }
 
     /// Width, pixels.

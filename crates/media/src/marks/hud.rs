@@ -1,5 +1,7 @@
 //! Text overlay of the annotated video: instruction, time and decision.
 
+use spf_core::query::{ImagePoint, Mark};
+
 use super::canvas::{Canvas, Colour, Point, Rect};
 use super::text::TextStyle;
 use crate::frame::Rgb;
@@ -15,38 +17,114 @@ pub struct Hud<'a> {
     pub lines: &'a [&'a str],
 }
 
+/// Draws marks, the waypoint with its caption, and a [`Hud`] over them. Captions stay between the bars of the overlay and
+/// off each other; one for which there is no room is left out.
+pub fn annotate(picture: &mut Rgb, marks: &[Mark], waypoint: Option<(ImagePoint, &str)>, hud: &Hud<'_>) {
+    annotate_canvas(&mut Canvas::new(picture), marks, waypoint, hud);
+}
+
+fn annotate_canvas(canvas: &mut Canvas<'_>, marks: &[Mark], waypoint: Option<(ImagePoint, &str)>, hud: &Hud<'_>) {
+    canvas.keep_captions_in(hud.free_area(canvas));
+    // The caption of the waypoint is the more important one and takes its place first; the ring is drawn over the marks.
+    for mark in marks {
+        canvas.mark_without_caption(mark);
+    }
+    if let Some((at, caption)) = waypoint {
+        canvas.waypoint(at, caption, Colour::WAYPOINT);
+    }
+    for mark in marks {
+        canvas.caption_of(mark);
+    }
+    hud.draw(canvas);
+}
+
 /// Draws a [`Hud`] on an image.
 pub fn draw_hud(picture: &mut Rgb, hud: &Hud<'_>) {
-    let mut canvas = Canvas::new(picture);
-    let style = TextStyle::outlined(16.0 * canvas.unit());
-    let (_, height) = style.measure("");
-    let pad = (height / 4.0).round();
-    let (right, bottom) = (canvas.width(), canvas.height());
-    let ground = Colour::INK.with_opacity(130);
+    hud.draw(&mut Canvas::new(picture));
+}
 
-    if !hud.title.is_empty() || !hud.status.is_empty() {
-        canvas.fill(Rect { left: 0.0, top: 0.0, right, bottom: height + 2.0 * pad }, ground);
-        let (status_width, _) = style.measure(hud.status);
-        let room = right - status_width - 4.0 * pad;
-        canvas.text(Point::new(pad, pad), &style.fitted(hud.title, room), style);
-        canvas.text(Point::new(right - status_width - pad, pad), hud.status, style);
+impl Hud<'_> {
+    fn style(canvas: &Canvas<'_>) -> (TextStyle, f64, f64) {
+        let style = TextStyle::outlined(16.0 * canvas.unit());
+        let (_, height) = style.measure("");
+        (style, height, (height / 4.0).round())
     }
-    let lines = hud.lines.iter().filter(|line| !line.is_empty());
-    let block = lines.clone().count() as f64 * height;
-    if block > 0.0 {
-        let top = bottom - block - 2.0 * pad;
-        canvas.fill(Rect { left: 0.0, top, right, bottom }, ground);
-        let mut y = top + pad;
-        for line in lines {
-            canvas.text(Point::new(pad, y), &style.fitted(line, right - 2.0 * pad), style);
-            y += height;
+
+    fn shown_lines(&self) -> impl Iterator<Item = &str> {
+        self.lines.iter().copied().filter(|line| !line.is_empty())
+    }
+
+    /// The image between the bars.
+    fn free_area(&self, canvas: &Canvas<'_>) -> Rect {
+        let (_, height, pad) = Self::style(canvas);
+        let headed = !self.title.is_empty() || !self.status.is_empty();
+        let block = self.shown_lines().count() as f64 * height;
+        Rect {
+            left: 0.0,
+            top: if headed { height + 2.0 * pad } else { 0.0 },
+            right: canvas.width(),
+            bottom: canvas.height() - if block > 0.0 { block + 2.0 * pad } else { 0.0 },
+        }
+    }
+
+    fn draw(&self, canvas: &mut Canvas<'_>) {
+        let (style, height, pad) = Self::style(canvas);
+        let (right, bottom) = (canvas.width(), canvas.height());
+        let ground = Colour::INK.with_opacity(130);
+        let free = self.free_area(canvas);
+        if free.top > 0.0 {
+            canvas.fill(Rect { left: 0.0, top: 0.0, right, bottom: free.top }, ground);
+            let (status_width, _) = style.measure(self.status);
+            let room = right - status_width - 4.0 * pad;
+            canvas.text(Point::new(pad, pad), &style.fitted(self.title, room), style);
+            canvas.text(Point::new(right - status_width - pad, pad), self.status, style);
+        }
+        if free.bottom < bottom {
+            canvas.fill(Rect { left: 0.0, top: free.bottom, right, bottom }, ground);
+            let mut y = free.bottom + pad;
+            for line in self.shown_lines() {
+                canvas.text(Point::new(pad, y), &style.fitted(line, right - 2.0 * pad), style);
+                y += height;
+            }
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+    use spf_core::query::ImageBox;
+
     use super::*;
+
+    proptest! {
+        /// Text over text cannot be read: no caption touches another one or a bar.
+        #[test]
+        fn no_text_is_on_another(
+            corners in prop::collection::vec((0.0..1.0_f64, 0.0..1.0_f64, 0.0..0.5_f64, 0.0..0.5_f64), 0..12),
+            (u, v) in (-0.2..1.2_f64, -0.2..1.2_f64),
+            lines in 0..4_usize,
+        ) {
+            let boxes: Vec<Mark> = corners
+                .iter()
+                .map(|&(left, top, width, height)| Mark::Box {
+                    area: ImageBox { left, top, right: left + width, bottom: top + height },
+                    label: "grey street lamp 5".to_owned(),
+                })
+                .collect();
+            let mut picture = Rgb::new(640, 480);
+            let mut canvas = Canvas::new(&mut picture);
+            let hud = Hud { title: "Fly to the taxi", status: "12.0 s  flying", lines: &["height 2.4 m"; 4][..lines] };
+            let free = hud.free_area(&canvas);
+            annotate_canvas(&mut canvas, &boxes, Some((ImagePoint { u, v }, "2.2 m")), &hud);
+            let captions = canvas.captions();
+            prop_assert!(!captions.is_empty());
+            for (index, caption) in captions.iter().enumerate() {
+                prop_assert!(caption.top >= free.top && caption.bottom <= free.bottom, "{caption:?} outside {free:?}");
+                prop_assert!(captions[..index].iter().all(|other| !other.overlaps(caption)), "{caption:?} on {captions:?}");
+            }
+        }
+    }
 
     #[test]
     fn an_empty_hud_leaves_the_picture_alone() {

@@ -8,10 +8,10 @@ mod hud;
 mod text;
 
 pub use canvas::{Canvas, Colour, Point, Rect};
-pub use hud::{Hud, draw_hud};
+pub use hud::{Hud, annotate, draw_hud};
 pub use text::{Glyph, TextStyle, glyph};
 
-use spf_core::query::{ImagePoint, Mark};
+use spf_core::query::{ImageBox, ImagePoint, Mark};
 
 use crate::frame::Rgb;
 
@@ -37,6 +37,11 @@ impl Canvas<'_> {
 
     /// Draws one mark of a query.
     pub fn mark(&mut self, mark: &Mark) {
+        self.mark_without_caption(mark);
+        self.caption_of(mark);
+    }
+
+    fn mark_without_caption(&mut self, mark: &Mark) {
         match mark {
             Mark::Arrow { from, to } => self.arrow(self.place(*from), self.place(*to), Colour::CANDIDATE),
             Mark::Number { at, number } => self.numbered(self.place(*at), *number, Colour::CANDIDATE),
@@ -44,15 +49,20 @@ impl Canvas<'_> {
                 let (centre, unit) = (self.place(*at), self.unit());
                 self.edged_ring(centre, radius * self.width(), 2.0 * unit, Colour::CANDIDATE);
             }
-            Mark::Box { area, label } => {
-                let (from, to) = (
-                    self.place(ImagePoint { u: area.left, v: area.top }),
-                    self.place(ImagePoint { u: area.right, v: area.bottom }),
-                );
-                let area = Rect { left: from.x, top: from.y, right: to.x, bottom: to.y };
-                self.captioned_box(area, label, Colour::OBSTACLE);
-            }
+            Mark::Box { area, .. } => self.outlined_box(self.place_area(area), Colour::OBSTACLE),
         }
+    }
+
+    fn caption_of(&mut self, mark: &Mark) {
+        if let Mark::Box { area, label } = mark {
+            self.caption(self.place_area(area), label, Colour::OBSTACLE);
+        }
+    }
+
+    fn place_area(&self, area: &ImageBox) -> Rect {
+        let from = self.place(ImagePoint { u: area.left, v: area.top });
+        let to = self.place(ImagePoint { u: area.right, v: area.bottom });
+        Rect { left: from.x, top: from.y, right: to.x, bottom: to.y }
     }
 
     /// A ring with a cross hair that leaves the centre free, and a label to its lower right (kept inside the image).
@@ -114,11 +124,15 @@ impl Canvas<'_> {
         self.text(centre.shifted(-width / 2.0, -height / 2.0), &text, style);
     }
 
-    /// A rectangle with a caption above it, or inside if there is no room above.
-    pub fn captioned_box(&mut self, area: Rect, caption: &str, colour: Colour) {
+    fn outlined_box(&mut self, area: Rect, colour: Colour) {
         let unit = self.unit();
         self.frame(area, 4.0 * unit, Colour::INK.with_opacity(200));
         self.frame(area, 2.0 * unit, colour);
+    }
+
+    /// The caption of a rectangle: above it, or inside if there is no room above.
+    fn caption(&mut self, area: Rect, caption: &str, colour: Colour) {
+        let unit = self.unit();
         let finite = [area.left, area.top].iter().all(|edge| edge.is_finite());
         if !caption.is_empty() && finite {
             let style = TextStyle::plain(16.0 * unit, Colour::INK);

@@ -188,19 +188,17 @@ impl Canvas<'_> {
         self.line_of_text(x, y, text, size, style.colour);
     }
 
-    /// Text on a background of colour `plate` with its upper left corner at `at`, moved into the image if it fits;
-    /// returns the background's area.
-    pub fn label(&mut self, at: Point, text: &str, style: TextStyle, plate: Colour) -> Rect {
+    /// Text on a background of colour `plate` with its upper left corner at `at`, moved into the image and off other
+    /// labels of this canvas. Returns the background's area, or `None` if there is no room left and nothing is drawn.
+    pub fn label(&mut self, at: Point, text: &str, style: TextStyle, plate: Colour) -> Option<Rect> {
         let pad = (style.height / 6.0).round().max(2.0);
         let text = style.fitted(text, self.width() - 2.0 * pad);
         let (width, height) = style.measure(&text);
-        let inside = |place: f64, extent: f64, limit: f64| place.min(limit - extent).max(0.0).round();
-        let left = inside(at.x, width + 2.0 * pad, self.width());
-        let top = inside(at.y, height + pad, self.height());
-        let area = Rect { left, top, right: left + width + 2.0 * pad, bottom: top + height + pad };
+        let (right, bottom) = (at.x + width + 2.0 * pad, at.y + height + pad);
+        let area = self.reserve(Rect { left: at.x, top: at.y, right, bottom })?;
         self.fill(area, plate);
-        self.text(Point::new(left + pad, top + (pad / 2.0).floor()), &text, style);
-        area
+        self.text(Point::new(area.left + pad, area.top + (pad / 2.0).floor()), &text, style);
+        Some(area)
     }
 
     fn line_of_text(&mut self, left: i64, top: i64, text: &str, size: &Size, colour: Colour) {

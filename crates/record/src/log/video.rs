@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 
 use spf_core::time::Time;
-use spf_media::marks::{self, Colour, Hud};
+use spf_media::marks::{self, Hud};
 use spf_media::{Rgb, jpeg};
 
 use super::foxglove::{self, Marks};
@@ -111,13 +111,11 @@ impl Reel<'_> {
         while let Some((_, line)) = self.lines.pop_front_if(|(of, _)| *of <= at) {
             self.line = line;
         }
-        marks::draw(&mut picture, &marks.as_marks());
         let (seen, then) = self.line.split_once(" → ").unwrap_or((&self.line, ""));
         let status = format!("{:.1} s", at.as_secs_f64());
-        marks::draw_hud(&mut picture, &Hud { title: "", status: &status, lines: &[seen, then] });
-        if let Some((point, caption)) = &marks.waypoint {
-            marks::draw_waypoint(&mut picture, *point, caption, Colour::WAYPOINT);
-        }
+        let hud = Hud { title: "", status: &status, lines: &[seen, then] };
+        let waypoint = marks.waypoint.as_ref().map(|(point, caption)| (*point, caption.as_str()));
+        marks::annotate(&mut picture, &marks.as_marks(), waypoint, &hud);
         let writer = match &mut self.writer {
             Some(writer) => writer,
             none => none.insert(VideoWriter::create(self.out, picture.width(), picture.height(), FPS)?),

@@ -5,6 +5,9 @@ use spf_core::geometry::EnuPosition;
 use super::svg::{Svg, escaped};
 use super::{Outline, TrajectoryInput, colours, figure, round_step};
 
+/// Half the height of the largest sign, that of the target, in image units.
+const SIGN: f64 = 11.0;
+
 /// Transforms metres to image coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
@@ -79,8 +82,10 @@ pub(super) fn draw(svg: &mut Svg, input: &TrajectoryInput, view: &View) {
     for outline in &input.outlines {
         draw_outline(svg, outline, view);
     }
+    let ends = [input.path.first(), input.path.last()].into_iter().flatten().map(|(_, at)| *at);
+    let signs: Vec<_> = ends.chain(input.target).map(|at| view.position(at)).collect();
     for outline in &input.outlines {
-        draw_name(svg, outline, view);
+        draw_name(svg, outline, view, &signs);
     }
     for decision in &input.decisions {
         if let Some(waypoint) = decision.waypoint {
@@ -150,11 +155,15 @@ fn draw_outline(svg: &mut Svg, outline: &Outline, view: &View) {
     }
 }
 
-/// Labels objects that are large enough on the map.
-fn draw_name(svg: &mut Svg, outline: &Outline, view: &View) {
+/// Labels objects that are large enough on the map; below a sign where one would cover the name.
+fn draw_name(svg: &mut Svg, outline: &Outline, view: &View, signs: &[[f64; 2]]) {
     let Some((low, high)) = bounds(outline.polygons.iter().flatten().map(|&point| view.place(point))) else { return };
     let needed = outline.name.chars().count() as f64 * 6.4 + 6.0;
-    let [x, y] = [f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1])];
+    let [x, mut y] = [f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1])];
+    let covering = signs.iter().filter(|sign| (sign[0] - x).abs() < needed / 2.0 + SIGN && (sign[1] - y).abs() < SIGN + 6.0);
+    if let Some(lowest) = covering.map(|sign| sign[1]).max_by(f64::total_cmp) {
+        y = lowest + SIGN + 8.0;
+    }
     let inside = view.shows([x - needed / 2.0, y - 6.0], [x + needed / 2.0, y + 6.0]);
     let filling = high[0] - low[0] > view.width && high[1] - low[1] > view.height;
     if inside && !filling && high[0] - low[0] >= needed && high[1] - low[1] >= 14.0 {
