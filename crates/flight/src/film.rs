@@ -207,6 +207,10 @@ fn encode(mut writer: VideoWriter, camera: &Camera, shots: &Receiver<Shot>, log:
 /// projection.
 fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
     let ahead = shot.known.position.displacement_to(shot.waypoint?, shot.known.attitude.heading);
+    // A turn on the spot has no waypoint to show.
+    if ahead.length() < 0.1 {
+        return None;
+    }
     let point = project_displacement(ahead, camera, shot.known.attitude, Lifting::Levelled)?;
     Some((point, format!("{:.1} m", ahead.length())))
 }

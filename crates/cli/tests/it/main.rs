@@ -3,6 +3,7 @@
 
 mod bench;
 mod circles;
+mod code_blocks;
 mod dataset;
 mod determinism;
 mod disk;

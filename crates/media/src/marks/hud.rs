@@ -6,7 +6,7 @@ use super::canvas::{Canvas, Colour, Point, Rect};
 use super::text::TextStyle;
 use crate::frame::Rgb;
 
-/// Texts on translucent bars at the upper and lower edges. Empty texts take no space; long ones are truncated.
+/// Texts on translucent bars at the upper and lower edges. Empty texts take no space; a long line continues on a second one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Hud<'a> {
     /// At the top left, such as the instruction.
@@ -50,15 +50,27 @@ impl Hud<'_> {
         (style, height, (height / 4.0).round())
     }
 
-    fn shown_lines(&self) -> impl Iterator<Item = &str> {
-        self.lines.iter().copied().filter(|line| !line.is_empty())
+    fn shown_lines(&self, canvas: &Canvas<'_>) -> Vec<String> {
+        let (style, _, pad) = Self::style(canvas);
+        // More than two lines for one text would hide the image.
+        self.lines
+            .iter()
+            .flat_map(|line| {
+                let mut lines = style.wrapped(line, canvas.width() - 2.0 * pad);
+                if lines.len() > 2 {
+                    let rest = lines.split_off(1).join(" ");
+                    lines.push(style.fitted(&rest, canvas.width() - 2.0 * pad));
+                }
+                lines
+            })
+            .collect()
     }
 
     /// The image between the bars.
     fn free_area(&self, canvas: &Canvas<'_>) -> Rect {
         let (_, height, pad) = Self::style(canvas);
         let headed = !self.title.is_empty() || !self.status.is_empty();
-        let block = self.shown_lines().count() as f64 * height;
+        let block = self.shown_lines(canvas).len() as f64 * height;
         Rect {
             left: 0.0,
             top: if headed { height + 2.0 * pad } else { 0.0 },
@@ -82,8 +94,8 @@ impl Hud<'_> {
         if free.bottom < bottom {
             canvas.fill(Rect { left: 0.0, top: free.bottom, right, bottom }, ground);
             let mut y = free.bottom + pad;
-            for line in self.shown_lines() {
-                canvas.text(Point::new(pad, y), &style.fitted(line, right - 2.0 * pad), style);
+            for line in self.shown_lines(canvas) {
+                canvas.text(Point::new(pad, y), &line, style);
                 y += height;
             }
         }

@@ -169,6 +169,24 @@ impl TextStyle {
     }
 }
 
+impl TextStyle {
+    /// The text in lines of at most `width` pixels, broken between words. A word that is longer than a line is cut.
+    #[must_use]
+    pub fn wrapped(&self, text: &str, width: f64) -> Vec<String> {
+        let mut lines: Vec<String> = Vec::new();
+        for word in text.split_whitespace() {
+            match lines.last_mut() {
+                Some(line) if self.measure(line).0 + self.measure(" ").0 + self.measure(word).0 <= width => {
+                    line.push(' ');
+                    line.push_str(word);
+                }
+                _ => lines.push(self.fitted(word, width)),
+            }
+        }
+        lines
+    }
+}
+
 impl Canvas<'_> {
     /// Draws one line of text with its upper left corner at `at`, rounded to whole pixels. Control characters are drawn
     /// as spaces, missing ones as `?`.
@@ -259,6 +277,14 @@ mod tests {
         assert_eq!(style.fitted("to the red crane", 128.0), "to the red crane");
         assert_eq!(style.fitted("to", 3.0), "");
         assert_eq!(style.fitted("to", f64::NAN), "");
+    }
+
+    #[test]
+    fn lines_break_between_words() {
+        let style = TextStyle::outlined(16.0);
+        assert_eq!(style.wrapped("to the red  crane", 80.0), ["to the red", "crane"]);
+        assert_eq!(style.wrapped("unfathomably far", 80.0), ["unfathom..", "far"]);
+        assert_eq!(style.wrapped("  ", 80.0), Vec::<String>::new());
     }
 
     #[test]

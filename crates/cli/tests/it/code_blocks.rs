@@ -1,0 +1,255 @@
+//! Code blocks of README and guides: every `spf` command is accepted by the parser, and runs where it needs neither a drone nor a
+//! key; every block of data is read by the program or at least by a parser of its format.
+
+use std::fs;
+use std::path::Path;
+
+use super::documents::root;
+use super::harness::{Lab, Run};
+
+/// A code block: fenced, or indented by four spaces.
+struct Block {
+    /// Of the first line of code, from 1.
+    line: usize,
+    /// After the fence; empty for indented blocks.
+    language: String,
+    text: String,
+}
+
+fn blocks(text: &str) -> Vec<Block> {
+    let mut blocks: Vec<Block> = Vec::new();
+    let (mut fenced, mut indented) = (false, false);
+    for (line, content) in (1..).zip(text.lines()) {
+        if let Some(language) = content.strip_prefix("```") {
+            fenced = !fenced;
+            indented = false;
+            if fenced {
+                blocks.push(Block { line: line + 1, language: language.to_owned(), text: String::new() });
+            }
+        } else if fenced {
+            if let Some(block) = blocks.last_mut() {
+                block.text += content;
+                block.text.push('\n');
+            }
+        } else if let Some(code) = content.strip_prefix("    ") {
+            if !indented {
+                blocks.push(Block { line, language: String::new(), text: String::new() });
+            }
+            indented = true;
+            if let Some(block) = blocks.last_mut() {
+                block.text += code;
+                block.text.push('\n');
+            }
+        } else {
+            indented = false;
+        }
+    }
+    blocks
+}
+
+/// README and the guides: name and text.
+fn documents() -> Vec<(String, String)> {
+    let guides = fs::read_dir(root().join("docs/guide")).unwrap().map(|entry| entry.unwrap().path());
+    let mut paths: Vec<_> = guides.filter(|path| path.extension().is_some_and(|ending| ending == "md")).collect();
+    paths.sort();
+    paths.insert(0, root().join("README.md"));
+    let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
+    paths.iter().map(|path| (name(path), fs::read_to_string(path).unwrap())).collect()
+}
+
+/// The arguments of every `spf` command of a text, with the line that it starts on.
+fn commands(text: &str) -> Vec<(usize, Vec<String>)> {
+    let mut found = Vec::new();
+    for block in blocks(text).iter().filter(|block| matches!(block.language.as_str(), "" | "sh")) {
+        let joined = block.text.replace("\\\n", " ");
+        for (offset, line) in joined.lines().enumerate() {
+            let words = shlex::split(line.trim_start_matches("$ ")).unwrap_or_default();
+            let program = words.iter().position(|word| !is_variable(word)).unwrap_or_default();
+            if words.get(program).is_some_and(|word| word == "spf") {
+                found.push((block.line + offset, words[program + 1..].to_vec()));
+            }
+        }
+    }
+    found
+}
+
+/// `NAME=value`, which sets a variable for the command after it.
+fn is_variable(word: &str) -> bool {
+    word.split_once('=').is_some_and(|(name, _)| !name.is_empty() && name.chars().all(|c| c.is_ascii_uppercase() || c == '_'))
+}
+
+/// Why a command is not run here; `None` if it is.
+fn exempt(args: &[String]) -> Option<&'static str> {
+    let has =
+        |wanted: &[&str]| args.iter().any(|word| wanted.iter().any(|part| word.split(',').any(|one| one.starts_with(part))));
+    let starts = |wanted: &[&str]| args.iter().map(String::as_str).take(wanted.len()).eq(wanted.iter().copied());
+    if has(&["gemini", "openai@", "anthropic", "ollama", "vllm"]) {
+        Some("needs a key or a server")
+    } else if has(&["--drone", "tello"]) {
+        Some("needs a drone; module tello flies a virtual one")
+    } else if starts(&["sim", "serve"]) || starts(&["sim", "view"]) || has(&["--live", "--realtime"]) {
+        Some("runs until it is ended, or on the wall clock; modules serve, view, log and manual do it")
+    } else if has(&["yolov8n.onnx", "yard.glb"]) {
+        Some("needs a file that a user has; modules gltf and, in the crate detect, the models' own tests have one")
+    } else if starts(&["bench", "show"])
+        || has(&["--shard", "results/part*"])
+        || starts(&["bench", "merge"])
+        || has(&["ablation-"])
+    {
+        Some("takes minutes; module bench has shorter ones, and .ci/slurm runs a whole array")
+    } else {
+        None
+    }
+}
+
+/// The same command made short: one task, trial, method and VLM, a few images, no video.
+fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
+    let mut short: Vec<String> = Vec::new();
+    let mut args = args.iter().cloned();
+    let mut seen_task = false;
+    while let Some(word) = args.next() {
+        match word.as_str() {
+            "--suite" => {
+                args.next();
+                short.extend(["--task".to_owned(), "sim-nav-red-crane".to_owned()]);
+            }
+            "--task" if seen_task => _ = args.next(),
+            "--task" => {
+                seen_task = true;
+                short.extend([word, args.next().unwrap()]);
+            }
+            "--trials" => _ = args.next(),
+            "--method" | "--vlm" => {
+                let first = args.next().unwrap().split(',').next().unwrap().to_owned();
+                short.extend([word, first]);
+            }
+            "-n" => {
+                args.next();
+                short.extend([word, "2".to_owned()]);
+            }
+            "docs/bench/example" => short.push("example".to_owned()),
+            _ if word.contains("001-…") => {
+                let flight = lab.names("flights").into_iter().next().unwrap_or_else(|| panic!("no flight before it"));
+                short.push(word.replace("001-…", &flight));
+            }
+            _ => short.push(word),
+        }
+    }
+    match short.first().map(String::as_str) {
+        Some("fly") => short.push("--no-video".to_owned()),
+        Some("bench") if short[1] == "run" => short.extend(["--trials".to_owned(), "1".to_owned()]),
+        _ => {}
+    }
+    short
+}
+
+fn run(lab: &Lab, args: &[String]) -> Run {
+    lab.spf(&args.iter().map(String::as_str).collect::<Vec<_>>())
+}
+
+#[test]
+fn every_command_is_accepted() {
+    let lab = Lab::new();
+    let mut refused = String::new();
+    let mut count = 0;
+    for (document, text) in documents() {
+        for (line, args) in commands(&text) {
+            count += 1;
+            // Flags and values are checked before the help is printed, and nothing is flown.
+            let help = run(&lab, &[args.clone(), vec!["--help".to_owned()]].concat());
+            if help.code != Some(0) {
+                refused += &format!("{document}:{line}: spf {}\n{}\n", args.join(" "), help.stderr);
+            }
+        }
+    }
+    assert!(refused.is_empty(), "{refused}");
+    assert!(count > 40, "{count} commands");
+}
+
+#[test]
+fn a_command_that_is_none_is_refused() {
+    let text = "    spf fly \"go\" --sceen city  # no such flag\n\n```sh\nKEY=x spf \\\n  fli\n```\n";
+    let found = commands(text);
+    assert_eq!(found, [(1, vec!["fly".into(), "go".into(), "--sceen".into(), "city".into()]), (4, vec!["fli".into()])]);
+    for (_, args) in found {
+        assert_eq!(run(&Lab::new(), &[args, vec!["--help".to_owned()]].concat()).code, Some(2));
+    }
+}
+
+/// What a reader of the guides has in the folder.
+fn own_files(lab: &Lab, document: &str, text: &str) {
+    let block = |start: &str| blocks(text).into_iter().find(|block| block.text.starts_with(start)).map(|block| block.text);
+    match document {
+        "bench.md" => {
+            fs::create_dir(lab.path("my")).unwrap();
+            lab.write("my/task.toml", block("format = 1").unwrap());
+        }
+        "fly.md" => {
+            let reference = |name: &str| fs::read_to_string(root().join("docs").join(name)).unwrap();
+            let first = |text: &str, part: &str| blocks(text).into_iter().find(|block| block.text.contains(part)).unwrap().text;
+            lab.write("fence.geojson", first(&reference("explanation/safety.md"), "\"Polygon\""));
+            lab.write("operator.toml", first(&reference("reference/flight-files.md"), "[[event"));
+        }
+        _ => {}
+    }
+}
+
+#[test]
+fn commands_that_need_nothing_run() {
+    let documents = documents();
+    let failed: Vec<String> = std::thread::scope(|scope| {
+        let runs: Vec<_> = documents
+            .iter()
+            .map(|(document, text)| {
+                scope.spawn(move || {
+                    let lab = Lab::new();
+                    own_files(&lab, document, text);
+                    let runnable = commands(text).into_iter().filter(|(_, args)| exempt(args).is_none());
+                    let mut failed = Vec::new();
+                    for (line, args) in runnable {
+                        let args = shortened(&args, &lab);
+                        let began = std::time::Instant::now();
+                        let run = run(&lab, &args);
+                        println!(
+                            "{document}:{line}: spf {}: {:?}, {:.1} s",
+                            args.join(" "),
+                            run.code,
+                            began.elapsed().as_secs_f64()
+                        );
+                        if run.code != Some(0) {
+                            failed.push(format!("{document}:{line}: spf {}: {:?}\n{}", args.join(" "), run.code, run.stderr));
+                        }
+                    }
+                    failed
+                })
+            })
+            .collect();
+        runs.into_iter().flat_map(|run| run.join().unwrap()).collect()
+    });
+    assert!(failed.is_empty(), "{}", failed.join("\n"));
+}
+
+#[test]
+fn blocks_of_data_are_whole() {
+    let lab = Lab::new();
+    for (document, text) in documents() {
+        for Block { line, language, text } in blocks(&text) {
+            let at = format!("{document}:{line}");
+            match language.as_str() {
+                "toml" => _ = text.parse::<toml::Table>().unwrap_or_else(|error| panic!("{at}: {error}")),
+                "json" => {
+                    for row in text.lines() {
+                        let _: serde_json::Value = serde_json::from_str(row).unwrap_or_else(|error| panic!("{at}: {error}"));
+                    }
+                }
+                "" | "sh" | "bibtex" | "yaml" => {}
+                other => panic!("{at}: no test reads {other}"),
+            }
+            if text.starts_with("[[family]]") {
+                lab.write("models.toml", &text);
+                let list = lab.spf(&["vlm", "list", "--vlm-models", "models.toml"]);
+                assert!(list.code == Some(0) && list.stdout.contains("falcon-vl"), "{at}: {}{}", list.stdout, list.stderr);
+            }
+        }
+    }
+}
