@@ -8,8 +8,8 @@ use spf_media::Rgb;
 
 const BALL: EnuPosition = EnuPosition { east: 4.0, north: 14.0, up: 3.5 };
 
-/// Light blue, and the ball where a camera sees it from there. A dark dot in the first row goes on from picture to picture: a
-/// camera never shows the same one twice, and one that does counts as frozen.
+/// Light blue, and the ball where a camera sees it from there. A dark dot in the first row moves on from image to image,
+/// since a camera that repeats an image counts as frozen (`FrameStore` says what exactly is compared).
 pub(super) fn paint(camera: &Camera, from: &Pose, at: Time) -> Rgb {
     let mut picture = Rgb::filled(camera.width, camera.height, [200, 220, 255]);
     picture.set_pixel((20.0 * at.as_secs_f64()).round() as u32 % camera.width, 0, [0; 3]);
