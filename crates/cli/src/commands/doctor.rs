@@ -78,7 +78,8 @@ fn watch(path: &str) -> Check {
 /// The check result for something unusable.
 fn refused(what: &'static str, error: &CliError) -> Check {
     let text = error.to_string();
-    let (found, advice) = text.split_once("\nhint: ").map_or((text.as_str(), None), |(found, hint)| (found, Some(hint)));
+    let text = text.strip_prefix("error: ").unwrap_or(&text);
+    let (found, advice) = text.split_once("\n\nhint: ").map_or((text, None), |(found, hint)| (found, Some(hint)));
     Check { what, finding: Finding::Bad, found: found.replace('\n', " "), advice: advice.map(str::to_owned) }
 }
 
