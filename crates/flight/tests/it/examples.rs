@@ -12,7 +12,7 @@ mod read_log;
 #[allow(dead_code, reason = "an example's own `main` is not called here")]
 #[path = "../../examples/vlm.rs"]
 mod vlm;
-#[allow(dead_code, reason = "an example's own `main` is not called here")]
+#[allow(dead_code, clippy::duplicate_mod, reason = "its own `main` is not called here; `red` is a part of two examples")]
 #[path = "../../examples/vlm_server.rs"]
 mod vlm_server;
 
