@@ -16,17 +16,17 @@ use crate::options::Options;
 pub struct Driver {
     /// The scheme with which their names start.
     pub scheme: &'static str,
-    /// Description.
-    pub about: &'static str,
-    /// Form of their names, for help texts.
+    /// Form of their names, such as `tello[@ADDRESS]`, for help texts and errors.
     pub form: &'static str,
+    /// What they are, and where one without an address is, in words that fit into parentheses, for help texts.
+    pub about: &'static str,
     /// Parses the part of a name after the scheme (`@ADDRESS`, or nothing); `None` if it is not a valid address.
     pub target: fn(&str) -> Option<Box<dyn Target>>,
 }
 
 /// A craft named by the user, not connected yet.
 pub trait Target: Send + Sync {
-    /// Its parameters.
+    /// Its parameters, those of [`Capabilities::craft`](crate::Capabilities::craft).
     fn craft(&self) -> Craft;
 
     /// Default envelope limits for it.
@@ -46,7 +46,8 @@ pub trait Target: Send + Sync {
     /// [`ConnectError`] if the craft cannot be reached or refuses.
     fn connect(&self, options: &Options, start: Instant) -> Result<Connected, ConnectError>;
 
-    /// Checks the craft on the ground: network path, telemetry, images.
+    /// Checks the craft on the ground for `spf doctor`: network path, telemetry, images. The checks that apply to any craft
+    /// are in [`examine`](crate::examine); `tello/doctor.rs` is a model.
     fn examine(&self, options: &Options) -> Vec<Check>;
 }
 

@@ -27,7 +27,8 @@ use crate::frames::Frames;
 /// Properties of a craft: the parameters needed by executor, envelope and geometry, and its optional equipment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capabilities {
-    /// Speeds, accelerations, size.
+    /// Speeds, accelerations, size. They must be the craft's own: the executor predicts with them where the craft comes to
+    /// rest and how long a move takes.
     pub craft: Craft,
     /// Its camera.
     pub camera: Camera,
@@ -102,9 +103,14 @@ pub trait Drone: Send {
     fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError>;
 
     /// The next event at or before `until`, with its time; call repeatedly to drain events in order.
+    ///
+    /// It must not block: on the wall clock the flight loop calls it from the thread that sends the setpoints, at least
+    /// every 50 ms, and each time until it returns `None`. A driver receives in threads of its own and returns here what
+    /// has arrived.
     fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)>;
 
-    /// Time of the next event, for a craft that knows it (a simulated one).
+    /// Time of the next event, for a craft that knows it (a simulated one); for any other the time by which it is to be
+    /// polled again, or `None` for the flight loop's 50 ms.
     fn next_event_at(&self) -> Option<Time>;
 }
 

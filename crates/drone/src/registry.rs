@@ -19,10 +19,23 @@ pub struct UnknownDrone {
 }
 
 impl UnknownDrone {
-    /// The forms of drone names, for help texts.
-    #[must_use]
-    pub fn forms() -> String {
-        DRIVERS.iter().map(|driver| driver.form).collect::<Vec<_>>().join(", ")
+    fn forms() -> String {
+        alternatives(&forms())
+    }
+}
+
+/// The forms of the names of all drivers' craft, such as `tello[@ADDRESS]`.
+#[must_use]
+pub fn forms() -> Vec<&'static str> {
+    DRIVERS.iter().map(|driver| driver.form).collect()
+}
+
+/// The words as a list of alternatives: `a`, `a or b`, `a, b or c`.
+#[must_use]
+pub fn alternatives(words: &[&str]) -> String {
+    match words {
+        [first @ .., before, last] => [first, &[&format!("{before} or {last}")]].concat().join(", "),
+        _ => words.concat(),
     }
 }
 
@@ -57,9 +70,17 @@ mod tests {
         }
         for word in ["", "sim", "telo", "tello@", "tello@nowhere", "tello:192.168.10.1", "@192.168.10.1"] {
             let error = named(word).err().unwrap().to_string();
-            assert_eq!(error, format!("`{word}` is no drone: {}", UnknownDrone::forms()));
-            assert!(error.contains("tello, or tello@ADDRESS such as tello@192.168.10.1"), "{error}");
+            assert!(error.starts_with(&format!("`{word}` ")) && error.contains("tello[@ADDRESS]"), "{error}");
         }
+    }
+
+    #[test]
+    fn alternatives_read_well_whatever_their_number() {
+        assert_eq!(alternatives(&[]), "");
+        assert_eq!(alternatives(&["tello[@ADDRESS]"]), "tello[@ADDRESS]");
+        assert_eq!(alternatives(&["tello[@ADDRESS]", "toy"]), "tello[@ADDRESS] or toy");
+        assert_eq!(alternatives(&["sim", "tello[@ADDRESS]", "toy"]), "sim, tello[@ADDRESS] or toy");
+        assert_eq!(alternatives(&["sim", "a", "b:PORT", "c"]), "sim, a, b:PORT or c");
     }
 
     #[test]

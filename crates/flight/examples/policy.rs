@@ -1,5 +1,5 @@
-//! A policy of one's own, flown in the simulator: a square of three metres. It asks nobody; one that does answers a frame with
-//! `Step::Ask` and a reply with a move.
+//! A policy of one's own, flown in the simulator: a square of three metres. It sends no query; one that does answers a frame
+//! with `Step::Ask` and a reply with a move.
 //!
 //! `cargo run -p spf-flight --example policy`
 
@@ -29,6 +29,11 @@ impl Policy for Square {
 
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
+            // An instruction, the first or an operator's new one, starts the policy over.
+            PolicyEvent::Instruction(_) => {
+                self.sides = 0;
+                Step::Look
+            }
             PolicyEvent::Frame(_) if self.sides == 4 => Step::Done,
             PolicyEvent::Frame(_) => {
                 self.sides += 1;
@@ -44,6 +49,11 @@ impl Policy for Square {
     }
 }
 
+/// After so many sides.
+pub(crate) fn square(sides: u32) -> impl Policy {
+    Square { sides }
+}
+
 /// Makes one for each flight.
 struct Squares;
 
@@ -53,11 +63,12 @@ impl PolicyMaker for Squares {
     }
 
     fn prompt(&self) -> PromptKind {
+        // Without use: it sends no query.
         PromptKind::Point
     }
 
     fn policy(&self, _parts: PolicyParts) -> Box<dyn Policy> {
-        Box::new(Square { sides: 0 })
+        Box::new(square(0))
     }
 }
 

@@ -47,7 +47,8 @@ pub struct MethodRow {
     pub bench: Option<Manner>,
 }
 
-/// A policy family with its parameters.
+/// A policy family with its parameters. A family without options has braces too (`Name {}`), so that a row with an
+/// unknown option is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[cfg_attr(test, derive(serde::Serialize))]
 #[serde(tag = "family", rename_all = "lowercase", deny_unknown_fields)]

@@ -30,7 +30,8 @@ pub trait PolicyMaker: Send + Sync {
     /// Its name, for summary and log.
     fn name(&self) -> &str;
 
-    /// Kind of prompt it uses; the built-in one of this kind is the default.
+    /// Kind of prompt it uses; the built-in one of this kind is the default, and `--prompt` takes no other. A policy that
+    /// sends no query returns any kind, such as [`PromptKind::Point`].
     fn prompt(&self) -> PromptKind;
 
     /// Creates the policy.

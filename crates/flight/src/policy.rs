@@ -73,7 +73,7 @@ impl PolicyKind {
         self.0.fly.as_deref().unwrap_or_default()
     }
 
-    /// The kind of prompt it uses.
+    /// The kind of prompt it uses; without meaning for a policy that sends no query.
     #[must_use]
     pub fn prompt(self) -> PromptKind {
         match self.0.policy {

@@ -4,6 +4,7 @@
 #![allow(rustdoc::broken_intra_doc_links, reason = "`heading_deg[,pitch_deg]` is no link")]
 
 mod bench;
+mod drones;
 mod ground;
 mod log;
 mod methods;
@@ -135,8 +136,7 @@ pub(crate) struct WorldArgs {
     /// Where to start: east,north,up,heading_deg; the craft stands on what is below [default: the scene's]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pub(crate) start: Option<String>,
-    /// The drone: sim, or tello[@ADDRESS], a DJI Tello at 192.168.10.1 unless said (see docs/guide/tello.md) [default: sim]
-    #[arg(long, value_name = "DRONE")]
+    #[arg(long, value_name = "DRONE", help = drones::drones())]
     pub(crate) drone: Option<String>,
     /// How a Tello flies: rc (velocities, which it holds when the link is cut) or go (each step as moves that it ends by itself;
     /// stop-and-think, sequential) [default: rc]
@@ -270,8 +270,7 @@ pub(crate) struct OutputArgs {
 Nothing takes off. A VLM is asked about three small pictures, which costs less than a cent. Exit code 0: one can fly; 6: one \
 should not, and what to do is said.")]
 pub(crate) struct Doctor {
-    /// The drone: sim, or tello[@ADDRESS] [default: sim]
-    #[arg(long, value_name = "DRONE")]
+    #[arg(long, value_name = "DRONE", help = drones::forms_of_drones())]
     pub(crate) drone: Option<String>,
     /// Who points, as for `spf fly --vlm` [default: oracle; auto with a real drone]
     #[arg(long, value_name = "VLM")]

@@ -6,7 +6,7 @@ use spf_flight::doctor::{self, Check, Finding};
 use spf_scene::SceneLook;
 
 use super::detector;
-use super::fly::settings::options;
+use super::fly::{real::NO_ORACLE, settings::options};
 use super::load_scene;
 use super::vlm::pointing;
 use crate::args::Doctor;
@@ -21,7 +21,11 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     let mut checks = match settings.fly.drone.or_default()? {
         DroneName::Real(_, target) => {
             settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
-            target.examine(&options(&settings)?)
+            let mut checks = target.examine(&options(&settings)?);
+            if is_oracle(settings.fly.vlm.text_or_default()) {
+                checks.push(refused("VLM", &CliError::usage(NO_ORACLE).hint("choose one with --vlm; `spf vlm list` lists them")));
+            }
+            checks
         }
         DroneName::Sim => {
             let loaded = load_scene(settings.fly.scene.text_or_default(), &SceneLook::default())?;
@@ -42,9 +46,13 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     Ok(if bad { Exit::Failed } else { Exit::Success })
 }
 
+fn is_oracle(vlm: &str) -> bool {
+    vlm == "oracle" || vlm.starts_with("oracle:")
+}
+
 /// The VLM, if it can be tested.
 fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
-    if settings.fly.vlm.text().is_none_or(|name| name.starts_with("oracle") || name.starts_with("replay:")) {
+    if settings.fly.vlm.text().is_none_or(|name| is_oracle(name) || name.starts_with("replay:")) {
         return Ok(None);
     }
     let bad = |error: &CliError| Some(refused("VLM", error));
@@ -70,7 +78,8 @@ fn watch(path: &str) -> Check {
 /// The check result for something unusable.
 fn refused(what: &'static str, error: &CliError) -> Check {
     let text = error.to_string();
-    let (found, advice) = text.split_once("\nhint: ").map_or((text.as_str(), None), |(found, hint)| (found, Some(hint)));
+    let text = text.strip_prefix("error: ").unwrap_or(&text);
+    let (found, advice) = text.split_once("\n\nhint: ").map_or((text, None), |(found, hint)| (found, Some(hint)));
     Check { what, finding: Finding::Bad, found: found.replace('\n', " "), advice: advice.map(str::to_owned) }
 }
 

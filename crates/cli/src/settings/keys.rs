@@ -29,7 +29,7 @@ settings! {
         weather: Weather = "", Word, "SPF_WEATHER", "--weather";
         /// start pose east,north,up,heading_deg[,pitch_deg]; empty: the scene's
         start: Pose = "", Start, "SPF_START", "--start";
-        /// the drone: sim, or tello[@ADDRESS]
+        /// the drone: sim, or the name of a real one (spf fly --help lists the forms)
         drone: DroneName = "sim", Drone, "SPF_DRONE", "--drone";
         /// craft to simulate, quad or tello; empty: the scene's
         drone_model: CraftKind = "", Word, "SPF_DRONE_MODEL", "--drone-model";

@@ -10,7 +10,7 @@ use spf_core::geometry::Pose;
 use spf_core::pilot::{Preset, Think};
 use spf_core::step::StepRule;
 use spf_drone::driver::{Driver, Target};
-use spf_drone::registry::{DRIVERS, UnknownDrone, named};
+use spf_drone::registry::{DRIVERS, alternatives, forms, named};
 use spf_drone::tello::TelloMotion;
 use spf_flight::policy::PolicyKind;
 use spf_flight::pose::parse_pose;
@@ -202,7 +202,7 @@ impl Reading<DroneName> for Drone {
         }
         named(text).map(|(driver, target)| DroneName::Real(driver, target)).map_err(|_| Refusal {
             near: nearest(text, ["sim"].into_iter().chain(DRIVERS.iter().map(|driver| driver.scheme))),
-            ..Refusal::of(format!("sim, {}", UnknownDrone::forms()))
+            ..Refusal::of(alternatives(&[&["sim"], forms().as_slice()].concat()))
         })
     }
 }

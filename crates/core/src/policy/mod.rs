@@ -2,6 +2,11 @@
 //!
 //! A policy never moves the craft itself. It answers each event with one [`Step`], which the pilot carries out through
 //! executor and envelope, so that methods differ only in how they perceive and decide.
+//!
+//! **How a flight ends.** By [`Step::Done`] or [`Step::Fail`], by the envelope or the operator, or by one of two limits:
+//! flight time (`--max-time`), and decisions (`--max-decisions`). A decision is a reply on which the policy acts. A policy
+//! that sends no query therefore makes 0 decisions and leaves no rows in `decisions.jsonl`, and unless it returns `Done`
+//! or `Fail` only `--max-time` ends its flight.
 
 pub mod search;
 pub mod spf;
@@ -33,7 +38,9 @@ pub struct View {
 /// Input of a policy.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PolicyEvent<'a> {
-    /// A new instruction; everything before it is void, and earlier queries are cancelled.
+    /// A new instruction, the first one of the flight or an operator's during it. The policy must start over: everything
+    /// before it is void, and earlier queries are cancelled. The returned step is not carried out; the policy then
+    /// receives a frame taken at rest.
     Instruction(&'a str),
     /// A fresh frame, with a decision due: no query is open, and no earlier step is pending.
     Frame(&'a View),

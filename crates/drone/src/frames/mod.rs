@@ -10,7 +10,7 @@ use spf_media::{Rgb, Scaler};
 pub use store::FrameStore;
 
 /// The images of a craft's camera. The pilot only gets a frame's [`FrameMeta`]; its pixels are available here by its
-/// id.
+/// id. [`FrameStore`] implements it for a camera that pushes its images, and documents which images count as frozen.
 pub trait Frames: Send + Sync {
     /// A frame; `None` if it is no longer kept.
     fn photo(&self, id: FrameId) -> Option<Photo>;
@@ -83,13 +83,13 @@ impl Photo {
 pub struct FrameTally {
     /// Transmission.
     pub video: VideoTally,
-    /// Images decoded.
+    /// Images decoded, including those that a newer one replaced before they became a frame.
     pub decoded: u64,
     /// Images that the decoder rejected.
     pub refused: u64,
     /// Changes of the image's size.
     pub sizes: u64,
-    /// Images identical to an earlier one.
+    /// Images that repeat an earlier one (see [`FrameStore`]).
     pub repeated: u64,
     /// Images dropped because newer ones had arrived.
     pub overtaken: u64,

@@ -13,10 +13,10 @@ use super::{FrameTally, Frames, Photo};
 
 /// Number of frames kept: about one second.
 const KEPT: usize = 24;
-/// Number of image digests kept. A live camera never produces the same image twice, bit for bit; a frozen one repeats a
-/// few, one for each position in the group of images.
+/// Number of digests kept, of images that differ. A live camera never produces the same image twice, bit for bit; a
+/// frozen one repeats a few, one for each position in the group of images.
 const DIGESTS: usize = 128;
-/// Only every n-th row is included in the digest.
+/// The digest includes rows 0, 8, 16 and so on.
 const DIGEST_ROWS: usize = 8;
 
 #[derive(Default)]
@@ -32,8 +32,14 @@ struct Kept {
     tally: FrameTally,
 }
 
-/// The newest frames of a camera, shared by receiver and readers. It numbers them, and distinguishes a frozen image
+/// The newest frames of a camera, shared by receiver and readers. It numbers them, and distinguishes a repeated image
 /// from a new one.
+///
+/// **What counts as repeated.** Of each image, rows 0, 8, 16 and so on are compared, bit for bit, with those of the last
+/// 128 different images. An image equal to one of them does not advance [`FrameMeta::capture_counter`]: the pilot
+/// ignores it, and the envelope holds once the counter has not advanced for 1 s and lands 10 s later
+/// (`docs/explanation/safety.md`). A driver that shows something synthetic must therefore change one of these rows in
+/// every image, and must not return to any of its last 128 images; any real sensor does so through its noise.
 #[derive(Clone, Default)]
 pub struct FrameStore(Arc<Mutex<Kept>>);
 
@@ -43,12 +49,13 @@ impl FrameStore {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds an image, captured and received at these flight times, as the newest frame.
+    /// Adds an image, captured and received at these flight times, as the newest frame, and counts it as decoded.
     pub fn receive(&self, captured: Time, received: Time, picture: Rgb) {
         let digest = digest(&picture);
         let size = (picture.width(), picture.height());
         let mut guard = self.kept();
         let kept = &mut *guard;
+        kept.tally.decoded += 1;
         if kept.size.replace(size).is_some_and(|before| before != size) {
             kept.tally.sizes += 1;
         }
@@ -84,7 +91,8 @@ impl FrameStore {
         self.kept().news.take()
     }
 
-    /// Updates the statistics.
+    /// Updates the statistics: what [`receive`](Self::receive) cannot know, such as losses in transmission and images that
+    /// were decoded but never became a frame.
     pub fn count(&self, count: impl FnOnce(&mut FrameTally)) {
         count(&mut self.kept().tally);
     }
@@ -135,6 +143,35 @@ mod tests {
         assert!(frames.photo(first.id).is_none() && frames.take_news().is_none());
         assert_eq!(*held.pixels(), Rgb::filled(8, 8, [1; 3]));
         assert_eq!(frames.newest().unwrap().0.id, FrameId(KEPT as u64));
+    }
+
+    #[test]
+    fn a_received_image_counts_as_decoded() {
+        let frames = FrameStore::default();
+        (0..3).for_each(|level| _ = receive(&frames, 0, Rgb::filled(8, 8, [level; 3])));
+        frames.count(|tally| tally.decoded += 2);
+        assert_eq!(frames.tally(), FrameTally { decoded: 5, ..FrameTally::default() });
+    }
+
+    #[test]
+    fn rows_0_8_16_of_the_last_128_different_images_are_compared() {
+        let frames = FrameStore::default();
+        let image = |row: u32, level: u8| {
+            let mut image = Rgb::filled(4, 24, [0; 3]);
+            image.set_pixel(3, row, [level; 3]);
+            image
+        };
+        let advanced = |image: Rgb| {
+            let before = frames.kept().counter;
+            receive(&frames, 0, image).capture_counter > before
+        };
+        assert!(advanced(image(0, 0)) && advanced(image(8, 9)) && advanced(image(16, 9)));
+        for row in [1, 7, 9, 23] {
+            assert!(!advanced(image(row, 9)), "row {row} is not compared");
+        }
+        // With the three above, 128 different images; the next one replaces the first.
+        assert!((1..=125).all(|level| advanced(image(0, level))) && !advanced(image(0, 0)));
+        assert!(advanced(image(0, 126)) && advanced(image(0, 0)));
     }
 
     #[test]

@@ -45,7 +45,8 @@ impl Eye {
             decoded += 1;
         }
         frames.count(|tally| {
-            tally.decoded += decoded;
+            // `receive` counts the one that becomes a frame.
+            tally.decoded += decoded - u64::from(newest.is_some());
             tally.refused += u64::from(!whole);
         });
         if let Some((at, picture)) = newest {

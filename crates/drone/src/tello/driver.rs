@@ -28,8 +28,8 @@ const OWN_WARNING: &str = "Each step ends by itself: when the link is cut the Te
 /// The driver.
 pub const DRIVER: Driver = Driver {
     scheme: "tello",
-    about: "a DJI Tello",
-    form: "tello, or tello@ADDRESS such as tello@192.168.10.1",
+    form: "tello[@ADDRESS]",
+    about: "a DJI Tello, at 192.168.10.1 without an address; see docs/guide/tello.md",
     target: |rest| {
         let at = if rest.is_empty() { Some(USUAL) } else { rest.strip_prefix('@').and_then(address) };
         at.map(|drone| Box::new(NamedTello(drone)) as Box<dyn Target>)

@@ -1,16 +1,16 @@
 //! A drone of one's own: a point that moves as it is told, and a camera that paints what it sees, a red ball.
 
 mod ball;
+mod craft;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use spf_core::camera::Camera;
 use spf_core::command::{Command, Setpoint};
-use spf_core::craft::Craft;
 use spf_core::envelope::Cleared;
 use spf_core::estimator::Senses;
-use spf_core::geometry::{BodyDisplacement, Pose};
+use spf_core::geometry::{BodyDisplacement, EnuVelocity, Pose};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::{FrameStore, Frames};
@@ -38,7 +38,7 @@ impl Drone for Toy {
 
     fn capabilities(&self) -> Capabilities {
         let camera = Camera::tello().resized(320, 240);
-        Capabilities { position: true, ..Capabilities::of(Craft::quad(), camera, Senses::EXACT) }
+        Capabilities { position: true, ..Capabilities::of(craft::figures(), camera, Senses::EXACT) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {
@@ -71,10 +71,10 @@ impl Drone for Toy {
 impl Toy {
     fn step(&mut self) {
         self.now += TICK;
-        let (up, rest) = (self.pose.position.up, Setpoint::HOLD);
+        let (before, rest, seconds) = (self.pose.position, Setpoint::HOLD, TICK.as_secs_f64());
         let setpoint = match self.phase {
-            FlightPhase::TakingOff if up < Craft::quad().take_off_height => Setpoint { up: 1.0, ..rest },
-            FlightPhase::Landing if up > 0.0 => Setpoint { up: -1.0, ..rest },
+            FlightPhase::TakingOff if before.up < craft::figures().take_off_height => Setpoint { up: 1.0, ..rest },
+            FlightPhase::Landing if before.up > 0.0 => Setpoint { up: -1.0, ..rest },
             FlightPhase::Flying if self.now < self.wanted.1 => self.wanted.0,
             _ => rest,
         };
@@ -84,13 +84,14 @@ impl Toy {
             phase => phase,
         };
         let Setpoint { right, forward, up, yaw_rate } = setpoint;
-        let seconds = TICK.as_secs_f64();
         let way = BodyDisplacement { right: right * seconds, forward: forward * seconds, up: up * seconds };
-        self.pose.position = self.pose.position.displaced(way, self.pose.attitude.heading);
+        self.pose.position = before.displaced(way, self.pose.attitude.heading);
         self.pose.attitude.heading += yaw_rate * seconds;
         let Pose { position, attitude } = self.pose;
-        let (height, position) = (Some(position.up), Some(position));
-        let telemetry = Telemetry { time: self.now, position, attitude, height, phase: self.phase, ..Telemetry::default() };
+        let [east, north] = [position.east - before.east, position.north - before.north].map(|metres| metres / seconds);
+        let (height, position, velocity) = (Some(position.up), Some(position), Some(EnuVelocity { east, north, up }));
+        let (time, phase) = (self.now, self.phase);
+        let telemetry = Telemetry { time, attitude, height, position, velocity, phase, ..Telemetry::default() };
         self.frames.receive(self.now, self.now, ball::paint(&self.capabilities().camera, &self.pose, self.now));
         let frame = self.frames.take_news().map(DroneEvent::Frame);
         self.events.extend([Some(DroneEvent::Telemetry(telemetry)), frame].into_iter().flatten().map(|event| (self.now, event)));

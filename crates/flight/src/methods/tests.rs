@@ -96,14 +96,56 @@ fn the_document_lists_the_methods_of_the_bench() {
     assert_eq!(told.collect::<Vec<_>>(), benched.collect::<Vec<_>>());
 }
 
+/// One member of each family of the built-in table, with the family's word there.
+fn shipped() -> Vec<(String, Family)> {
+    let mut families: Vec<(String, Family)> = Vec::new();
+    for row in rows() {
+        let word = toml::Value::try_from(row.policy).unwrap()["family"].as_str().unwrap().to_owned();
+        if families.iter().all(|(other, _)| *other != word) {
+            families.push((word, row.policy));
+        }
+    }
+    families
+}
+
+/// Every set of options of a family. A new family does not compile until it has an arm.
+fn members(family: Family) -> BoxedStrategy<Family> {
+    match family {
+        Family::Spf { .. } => any::<bool>().prop_map(|detector| Family::Spf { detector }).boxed(),
+        Family::Plain { .. } => {
+            let form = prop_oneof![Just(ActForm::Commands), Just(ActForm::Numeric), Just(ActForm::Discrete)];
+            form.prop_map(|form| Family::Plain { form }).boxed()
+        }
+        Family::Pivot { .. } => RUNS.prop_map(|runs| Family::Pivot { runs }).boxed(),
+        Family::TypeFly { .. } => {
+            any::<(bool, bool)>().prop_map(|(coco, replanning)| Family::TypeFly { coco, replanning }).boxed()
+        }
+    }
+}
+
 fn families() -> impl Strategy<Value = Family> {
-    let form = prop_oneof![Just(ActForm::Commands), Just(ActForm::Numeric), Just(ActForm::Discrete)];
-    prop_oneof![
-        any::<bool>().prop_map(|detector| Family::Spf { detector }),
-        form.prop_map(|form| Family::Plain { form }),
-        RUNS.prop_map(|runs| Family::Pivot { runs }),
-        any::<(bool, bool)>().prop_map(|(coco, replanning)| Family::TypeFly { coco, replanning }),
-    ]
+    proptest::strategy::Union::new(shipped().into_iter().map(|(_, family)| members(family)))
+}
+
+#[test]
+fn the_head_of_the_table_describes_every_family() {
+    let described: Vec<&str> =
+        SHIPPED.lines().filter_map(|line| line.strip_prefix("#            ")?.split("  ").next()).collect();
+    let mut places = Vec::new();
+    for (word, family) in shipped() {
+        assert!(described.contains(&word.as_str()), "the head of methods.toml has no line about `{word}`");
+        places.push(family.place());
+    }
+    places.sort_unstable();
+    assert_eq!(places, (0..places.len()).collect::<Vec<_>>(), "each family has its own place in the help");
+}
+
+#[test]
+fn documents_name_every_policy() {
+    let baselines = include_str!("../../../../docs/explanation/baselines.md");
+    for row in rows().iter().filter(|row| row.fly.is_some() && !matches!(row.policy, Family::Spf { .. })) {
+        assert!(baselines.contains(&format!("`{}`", row.name)), "docs/explanation/baselines.md does not name `{}`", row.name);
+    }
 }
 
 fn manners() -> impl Strategy<Value = Manner> {

@@ -12,14 +12,50 @@ mod read_log;
 #[allow(dead_code, reason = "an example's own `main` is not called here")]
 #[path = "../../examples/vlm.rs"]
 mod vlm;
+#[allow(dead_code, clippy::duplicate_mod, reason = "its own `main` is not called here; `red` is a part of two examples")]
+#[path = "../../examples/vlm_server.rs"]
+mod vlm_server;
+
+use std::net::TcpListener;
+use std::sync::Arc;
+use std::sync::atomic::AtomicU32;
 
 use spf_core::pilot::Outcome;
+use spf_core::policy::{Policy, PolicyEvent, Step};
+use spf_core::time::Duration;
+use spf_media::Rgb;
+use spf_vlm::check::{Verdict, check};
+use spf_vlm::table::Table;
+use spf_vlm::{Strategy, setup};
 
 #[test]
 fn a_drone_of_one_s_own_is_flown_to_its_ball() {
-    let summary = drone::fly().unwrap().summary;
+    let summary = drone::fly("red", drone::sees_red()).unwrap().summary;
     assert_eq!((summary.outcome, summary.drone.as_str()), (Outcome::Reached, "toy"), "{summary:?}");
-    assert!(summary.path_length_m > 10.0, "{}", summary.path_length_m);
+    // 3 m up, and the ball is some 14 m away: the figures are the toy's, so nothing is corrected to and fro.
+    assert!((10.0..20.0).contains(&summary.path_length_m), "{}", summary.path_length_m);
+}
+
+#[test]
+fn a_vlm_behind_http_flies_a_drone_of_one_s_own_without_a_key() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let name = format!("http://{}/v1#red", listener.local_addr().unwrap());
+    std::thread::spawn(move || vlm_server::serve(&listener));
+    let mut vlm = setup::remote(&Table::shipped(), &[&name], &|_| None, Strategy::default()).unwrap();
+    let verdict = check(&mut vlm, Duration::from_secs(20)).verdict;
+    assert!(matches!(verdict, Verdict::Good(_)), "{verdict:?}");
+    let summary = drone::fly(&name, Arc::new(move |_, _| Ok(Box::new(vlm.clone())))).unwrap().summary;
+    assert_eq!((summary.outcome, summary.vlm), (Outcome::Reached, name));
+}
+
+#[test]
+fn a_vlm_behind_http_points_straight_ahead_three_times_where_nothing_is_red() {
+    let (grey, ahead) = (Rgb::filled(64, 48, [128; 3]), AtomicU32::default());
+    for _flight in 0..2 {
+        let prompts = ["first", "What came before: …", "What came before: …", "What came before: …", "What came before: …"];
+        let said = prompts.map(|prompt| vlm_server::reply(prompt, &grey, &ahead)["status"].clone());
+        assert_eq!(said, ["navigating", "navigating", "navigating", "done", "done"]);
+    }
 }
 
 #[test]
@@ -27,6 +63,14 @@ fn a_policy_of_one_s_own_flies_its_square() {
     let summary = policy::fly().unwrap().summary;
     assert_eq!((summary.outcome, summary.policy.as_str()), (Outcome::Reached, "square"), "{summary:?}");
     assert!((10.0..16.0).contains(&summary.path_length_m), "{}", summary.path_length_m);
+    assert_eq!(summary.decisions, 0, "it sends no query");
+}
+
+#[test]
+fn an_instruction_starts_a_policy_of_one_s_own_over() {
+    let mut square = policy::square(4);
+    assert_eq!(square.handle(PolicyEvent::Instruction("fly a square")), Step::Look);
+    assert_eq!(square.reading().actions, ["side 0"]);
 }
 
 #[test]

@@ -22,6 +22,9 @@ use crate::error::CliError;
 use crate::printer::{Printer, one_line};
 use crate::settings::Settings;
 
+/// Why the oracle is refused, before anything connects.
+pub(crate) const NO_ORACLE: &str = "the oracle reads the simulator's own images; a real drone needs a VLM";
+
 /// Connects, and makes the flight ready.
 pub(super) fn ready(
     args: &Fly,
@@ -43,6 +46,11 @@ pub(super) fn ready(
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let pointing = pointing(settings, prompt.clone())?;
+    if pointing.is_oracle {
+        return Err(
+            CliError::usage(NO_ORACLE).hint("`spf vlm list` lists the models, and docs/guide/vlm.md says how to choose one")
+        );
+    }
     check_vlm(settings, &pointing, printer)?;
     let (pointing, detector) = detector::beside(settings, policy, pointing)?;
     let interrupts = interrupts()?;
@@ -93,10 +101,9 @@ pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, pr
 
 /// A VLM that points astray is found out on the ground.
 fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Result<(), CliError> {
-    // A recording and the oracle have no answer to images of a dot.
-    let answers =
-        !(pointing.name.starts_with("oracle") || settings.fly.vlm.text().is_some_and(|name| name.starts_with("replay:")));
-    if !answers || !settings.fly.vlm_check.is_on()? {
+    // A recording has no answer to images of a dot.
+    let recorded = settings.fly.vlm.text().is_some_and(|name| name.starts_with("replay:"));
+    if recorded || !settings.fly.vlm_check.is_on()? {
         return Ok(());
     }
     printer.say("Asking the VLM about three pictures of a dot …");

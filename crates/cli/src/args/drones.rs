@@ -1,0 +1,14 @@
+//! What help says of drones, from the registry of their drivers.
+
+use spf_drone::registry::{DRIVERS, alternatives, forms};
+
+/// Of `spf fly --drone`: the forms of names, and what each is.
+pub(super) fn drones() -> String {
+    let real: String = DRIVERS.iter().map(|driver| format!("; {} ({})", driver.form, driver.about)).collect();
+    format!("The drone: sim (the simulator's){real} [default: sim]")
+}
+
+/// The same without explanations.
+pub(super) fn forms_of_drones() -> String {
+    format!("The drone: {} [default: sim]", alternatives(&[&["sim"], forms().as_slice()].concat()))
+}
