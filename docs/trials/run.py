@@ -2,15 +2,19 @@
 """Flies every instruction of a file with several seeds, oracles and presets, and prints a table of outcomes.
 
     python3 docs/trials/run.py target/release/spf docs/trials/twenty.txt OUT_FOLDER [--seeds 5] [--scene city]
-        [--only ORACLE,PRESET] [-- MORE FLAGS OF spf fly]
+        [--only ORACLE,PRESET] [--tsv FILE] [-- MORE FLAGS OF spf fly]
 
 `twenty.txt` is for the city, the others are named for their scene. `--only oracle,default` flies one column of the table.
 
 One letter a flight: V reached and verified by ground truth, u believed reached but not verified, n not found, t timeout,
-C collision, a aborted, f failed, E no flight at all.
+C collision, a aborted, f failed, E no flight at all. The target is resolved by the oracle's parser (`verified_by`).
+
+`--tsv` appends the letters to a file of the form of docs/results/trials-parser.tsv, and deletes each flight's log, which holds
+its images.
 """
 
 import argparse
+import contextlib
 import json
 import os
 import subprocess
@@ -35,6 +39,7 @@ def main() -> None:
     parser.add_argument("out")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--scene", default="city")
+    parser.add_argument("--tsv")
     parser.add_argument("--only", type=lambda text: tuple(text.split(",")))
     given = parser.parse_args(own)
     spf, instructions, out, seeds = given.spf, given.instructions, given.out, range(given.seeds)
@@ -50,6 +55,9 @@ def main() -> None:
         command = [spf, "fly", texts[i], "--seed", str(seed), "--vlm", oracle, "--preset", preset]
         command += ["--scene", given.scene, "--no-video", "--json", "--out", folder, *more]
         run = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "RAYON_NUM_THREADS": "1"})
+        if given.tsv:
+            with contextlib.suppress(FileNotFoundError):
+                os.remove(os.path.join(folder, "flight.mcap"))
         try:
             return json.loads(run.stdout)
         except ValueError:
@@ -62,6 +70,15 @@ def main() -> None:
     def letter(flight):
         return "V" if flight["verified"] else LETTERS.get(flight["outcome"], "E")
 
+    def letters(i, column):
+        return "".join(letter(flights[i, seed, column]) for seed in seeds)
+
+    if given.tsv:
+        with open(given.tsv, "a", encoding="utf-8") as file:
+            for (oracle, preset), (i, text) in ((column, line) for column in columns for line in enumerate(texts)):
+                method = {"default": "spf", "paper": "spf-paper"}[preset] + ("-avoid" if "--avoid" in more else "")
+                vlm = oracle if ":" in oracle else oracle + ":default"
+                print(given.scene, text, method, vlm, letters(i, (oracle, preset)), sep="\t", file=file)
     for column in columns:
         mine = [flight for (_, _, of), flight in flights.items() if of == column]
         outcomes = dict(Counter(flight["outcome"] for flight in mine))
@@ -71,8 +88,7 @@ def main() -> None:
     print("\n| instruction | " + " | ".join(f"{oracle}, {preset}" for oracle, preset in columns) + " |")
     print("|---|" + "---|" * len(columns))
     for i, text in enumerate(texts):
-        cells = ["".join(letter(flights[i, seed, column]) for seed in seeds) for column in columns]
-        print(f"| {text} | " + " | ".join(cells) + " |")
+        print(f"| {text} | " + " | ".join(letters(i, column) for column in columns) + " |")
 
 
 if __name__ == "__main__":

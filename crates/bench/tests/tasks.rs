@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 use spf_bench::judge::judge_trajectory;
 use spf_bench::task::{Category, SUITES, Set, Task, View, suite};
@@ -13,7 +14,7 @@ use spf_scene::Lighting;
 
 /// Every task that ships, once.
 fn shipped() -> Vec<Arc<Task>> {
-    ["paper", "hard"].iter().flat_map(|name| suite(name).unwrap().tasks().unwrap()).collect()
+    ["paper", "hard", "trials"].iter().flat_map(|name| suite(name).unwrap().tasks().unwrap()).collect()
 }
 
 fn paper() -> Vec<Arc<Task>> {
@@ -61,6 +62,31 @@ fn the_hard_suite_has_what_it_says() {
     assert!(count(&|task| task.start.range[0] >= 70.0) >= 2);
 }
 
+/// One task for each line of `docs/trials`, with the words of the line, in its scene, from the scene's own start.
+#[test]
+fn the_trials_are_the_lines_of_their_files() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/trials");
+    let mut lines = Vec::new();
+    for (file, scene) in [("twenty", "city"), ("park", "park"), ("office", "office"), ("yard", "yard")] {
+        let text = std::fs::read_to_string(format!("{folder}/{file}.txt")).unwrap();
+        lines.extend(text.lines().map(|line| (scene.to_owned(), line.to_owned())));
+    }
+    let tasks = suite("trials").unwrap().tasks().unwrap();
+    let told: Vec<(String, String)> = tasks.iter().map(|task| (task.scene.clone(), task.instruction.clone())).collect();
+    assert_eq!((told.len(), told), (50, lines));
+    for task in &tasks {
+        assert!(!task.variants && !task.avoid && task.wind.is_none() && task.vlm_delay.is_none(), "{}", task.id);
+        assert_eq!(task.craft.name(), if ["city", "park"].contains(&&*task.scene) { "quad" } else { "tello" }, "{}", task.id);
+    }
+    // The same for every seed; one task of each scene, since each draw loads it.
+    for scene in ["city", "park", "office", "yard"] {
+        let task = tasks.iter().find(|task| task.scene == scene).unwrap();
+        let [one, other] = [0, 1].map(|seed| draw(task, seed).unwrap());
+        assert_eq!((one.start, &*one.scene), (one.loaded.scene.start, scene));
+        assert_eq!(one.start, other.start);
+    }
+}
+
 /// A suite that compares oracles names them so that the program knows them.
 #[test]
 fn suites_name_methods_and_oracles_that_there_are() {
@@ -78,7 +104,7 @@ fn the_detector_is_compared_where_there_are_obstacles() {
     let obstacles = suite("ablation-detector").unwrap();
     assert_eq!((obstacles.methods, obstacles.names().len()), ("spf,spf-detector", 7));
     assert!(obstacles.tasks().unwrap().iter().all(|task| task.avoid && task.category == Category::ObstacleAvoidance));
-    // Every task there is, once.
+    // Every task with drawn starts, once.
     let all: Vec<&str> = suite("all").unwrap().names().collect();
     let parts: Vec<&str> = ["paper", "hard"].iter().flat_map(|name| suite(name).unwrap().names()).collect();
     assert_eq!(all, parts);
@@ -103,19 +129,30 @@ fn targets_are_in_view_as_the_instruction_has_it() {
 
 #[test]
 fn every_task_judges_its_own_trajectories() {
-    let mut loaded_scenes: BTreeMap<String, Arc<LoadedScene>> = BTreeMap::new();
-    let mut wrong = Vec::new();
-    for task in shipped() {
-        let loaded = loaded_scenes.entry(task.scene.clone()).or_insert_with(|| Arc::new(LoadedScene::load(&task.scene).unwrap()));
+    let tasks = shipped();
+    let scenes: BTreeMap<&str, Arc<LoadedScene>> =
+        ["city", "park", "office", "yard"].map(|name| (name, Arc::new(LoadedScene::load(name).unwrap()))).into();
+    let judged = |task: &Task| {
         let accepted = task.trajectories.iter().filter(|trajectory| trajectory.accepted).count();
         assert_eq!((accepted, task.trajectories.len()), (1, 3), "{}", task.id);
-        for trajectory in &task.trajectories {
-            let judgement = judge_trajectory(&task, loaded, trajectory).unwrap();
-            if judgement.accepted != trajectory.accepted {
-                wrong.push(format!("{}: {}: {judgement:?}", task.id, trajectory.why));
-            }
+        let wrong = task.trajectories.iter().filter_map(|trajectory| {
+            let judgement = judge_trajectory(task, &scenes[&*task.scene], trajectory).unwrap();
+            (judgement.accepted != trajectory.accepted).then(|| format!("{}: {}: {judgement:?}", task.id, trajectory.why))
+        });
+        wrong.collect::<Vec<_>>()
+    };
+    // On all cores: each trajectory renders five images a second.
+    let (next, wrong) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                while let Some(task) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    wrong.lock().unwrap().extend(judged(task));
+                }
+            });
         }
-    }
+    });
+    let wrong = wrong.into_inner().unwrap();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

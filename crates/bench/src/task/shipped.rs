@@ -84,6 +84,60 @@ const HARD: &[(&str, &str)] = tasks!("hard":
     "hard-delay-radio-mast",
 );
 
+/// The 50 instructions of `docs/trials`, in order, each from the start of its scene, as `spf fly` would fly it.
+const TRIALS: &[(&str, &str)] = tasks!("trials":
+    "trial-city-red-crane",
+    "trial-city-white-building",
+    "trial-city-needle-tower",
+    "trial-city-black-car",
+    "trial-city-bridge",
+    "trial-city-yellow-crane",
+    "trial-city-nearest-tree",
+    "trial-city-hollow-building",
+    "trial-city-taxi",
+    "trial-city-car-park",
+    "trial-city-fountain",
+    "trial-city-red-shirt",
+    "trial-city-excavator",
+    "trial-city-blue-car",
+    "trial-city-red-bus",
+    "trial-city-park-bench",
+    "trial-city-church",
+    "trial-city-tunnel",
+    "trial-city-unfinished-building",
+    "trial-city-white-car",
+    "trial-park-red-balloon",
+    "trial-park-locomotive",
+    "trial-park-plane",
+    "trial-park-lake",
+    "trial-park-monorail",
+    "trial-park-first-gate",
+    "trial-park-nearest-tree",
+    "trial-park-carriage",
+    "trial-park-tower",
+    "trial-park-hill",
+    "trial-office-vending-machine",
+    "trial-office-green-shirt",
+    "trial-office-thirsty",
+    "trial-office-nearest-chair",
+    "trial-office-door",
+    "trial-office-dark",
+    "trial-office-exit-sign",
+    "trial-office-cone",
+    "trial-office-armchair",
+    "trial-office-bottle",
+    "trial-yard-dry-chair",
+    "trial-yard-help",
+    "trial-yard-red-cone",
+    "trial-yard-green-shirt",
+    "trial-yard-cone",
+    "trial-yard-umbrella",
+    "trial-yard-door",
+    "trial-yard-nearest-chair",
+    "trial-yard-bottle",
+    "trial-yard-dark",
+);
+
 /// The five tasks on which the paper compares reply formats.
 const NAVIGATION: &[(&str, &str)] = &[PAPER[0], PAPER[1], PAPER[2], PAPER[3], PAPER[4]];
 
@@ -91,7 +145,7 @@ const NAVIGATION: &[(&str, &str)] = &[PAPER[0], PAPER[1], PAPER[2], PAPER[3], PA
 /// 18 trials with a detector belong.
 const OBSTACLES: &[(&str, &str)] = &[PAPER[5], PAPER[6], PAPER[7], PAPER[8], PAPER[9], PAPER[24], PAPER[25]];
 
-/// Every task.
+/// Every task with drawn starts.
 const EVERY: &[(&str, &str)] = &every();
 
 const fn every() -> [(&'static str, &'static str); PAPER.len() + HARD.len()] {
@@ -146,8 +200,15 @@ pub const SUITES: &[Suite] = &[
         tasks: HARD,
     },
     Suite {
+        name: "trials",
+        description: "50 instructions as users type them, ten or twenty in each scene, from its start",
+        methods: "spf,spf-avoid,spf-paper,spf-paper-avoid",
+        vlms: "oracle:default,oracle:perfect",
+        tasks: TRIALS,
+    },
+    Suite {
         name: "table1",
-        description: "the same, flown by SPF, PIVOT, TypeFly, plain text and blindly straight on",
+        description: "the paper's 34, flown by SPF, PIVOT, TypeFly, plain text and blindly straight on",
         methods: "spf,pivot,typefly,plain,straight",
         vlms: ORACLE,
         tasks: PAPER,
@@ -210,7 +271,7 @@ pub const SUITES: &[Suite] = &[
     },
     Suite {
         name: "all",
-        description: "all 64 tasks, flown by SPF with and without a detector, PIVOT, TypeFly, plain text and blindly straight on",
+        description: "the 64 of paper and hard, flown by SPF with and without a detector, PIVOT, TypeFly, plain text and blindly straight on",
         methods: "spf,spf-detector,pivot,typefly,plain,straight",
         vlms: ORACLE,
         tasks: EVERY,

@@ -22,6 +22,7 @@ mod operator;
 mod python;
 mod scenes;
 mod serve;
+mod tables;
 #[cfg(target_os = "linux")]
 mod tello;
 mod video;
