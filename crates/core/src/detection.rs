@@ -40,10 +40,10 @@ pub struct Detection {
 #[non_exhaustive]
 pub enum DetectionsError {
     /// The text is too long and was not parsed.
-    #[error("the list of detections is longer than {MAX_TEXT} bytes")]
+    #[error("the list of detections exceeds {MAX_TEXT} bytes")]
     TooLong,
     /// The text has no valid line, and does not state that nothing was found.
-    #[error("the answer has no line like `chair_1 x:0.5 y:0.5 width:0.1 height:0.2`")]
+    #[error("the reply has no line like `chair_1 x:0.5 y:0.5 width:0.1 height:0.2`")]
     NoLine,
 }
 

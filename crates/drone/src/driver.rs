@@ -62,7 +62,7 @@ pub struct Connected {
 
 /// Why the connection failed.
 #[derive(Debug, thiserror::Error)]
-#[error("{craft} cannot be flown")]
+#[error("cannot connect to {craft}")]
 pub struct ConnectError {
     /// The craft, in words.
     pub craft: &'static str,

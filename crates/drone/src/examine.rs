@@ -126,7 +126,7 @@ impl Watched {
 #[must_use]
 pub fn battery(charge: Option<u8>, advice: &str) -> Check {
     let Some(charge) = charge else {
-        return Check::new("battery", Finding::Warning, "not told", Some("look at it in the app"));
+        return Check::new("battery", Finding::Warning, "unknown", Some("check it in the app"));
     };
     let finding = match charge {
         0..BATTERY => Finding::Bad,

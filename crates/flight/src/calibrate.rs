@@ -66,10 +66,10 @@ impl Leg {
 #[non_exhaustive]
 pub enum CalibrateError {
     /// The flight ended before all legs were flown.
-    #[error("the flight ended before everything was measured: {0}")]
+    #[error("the flight ended before the calibration was complete: {0}")]
     Ended(String),
     /// The flight could not start.
-    #[error("the flight cannot be started")]
+    #[error("cannot start the flight")]
     Start(#[from] FlightError),
 }
 
@@ -244,7 +244,7 @@ impl Vlm for Nobody {
     }
 
     fn answer(&mut self, _asked: &Asked<'_>, _picture: &mut dyn Picture) -> Answer {
-        let refused = VlmError::Refused { model: "nobody".to_owned(), reason: "the drone is being measured".to_owned() };
+        let refused = VlmError::Refused { model: "nobody".to_owned(), reason: "calibrating the drone".to_owned() };
         Answer { text: Err(refused), latency: Duration::ZERO, model: String::new(), account: Account::default() }
     }
 }

@@ -55,7 +55,7 @@ impl Vlm for Watching {
         let detect = |pixels| self.0.detect(&pixels).map_err(|error| VlmError::Detector(error.to_string()));
         let text = match asked.query.kind {
             QueryKind::Detect { .. } => pixels.and_then(detect).map(|found| write_detections(&found)),
-            _ => Err(VlmError::Refused { model: self.0.name().to_owned(), reason: "it lists what is in a picture".to_owned() }),
+            _ => Err(VlmError::Refused { model: self.0.name().to_owned(), reason: "lists the objects in an image".to_owned() }),
         };
         Answer { text, latency: began.elapsed(), model: self.0.name().to_owned(), account: Account::default() }
     }

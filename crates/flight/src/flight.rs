@@ -129,13 +129,13 @@ pub enum FlightError {
     #[error(transparent)]
     Start(#[from] StartError),
     /// The plan needs manoeuvres that the craft does not support.
-    #[error("`{0}` flies no manoeuvres by itself")]
+    #[error("`{0}` does not support autonomous manoeuvres")]
     Manoeuvres(String),
     /// The VLM could not be created.
-    #[error("the VLM cannot be asked")]
+    #[error("cannot query the VLM")]
     Vlm(#[source] VlmFactoryError),
     /// A thread could not be started.
-    #[error("no thread could be started for the VLM")]
+    #[error("cannot start a thread for the VLM")]
     Thread(#[source] std::io::Error),
 }
 

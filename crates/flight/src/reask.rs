@@ -114,7 +114,7 @@ impl Pointed {
             }
             (Some(Status::Done), _) => "done".to_owned(),
             (Some(_), _) => "not visible".to_owned(),
-            (None, _) => "no usable answer".to_owned(),
+            (None, _) => "no usable reply".to_owned(),
         }
     }
 }
@@ -172,16 +172,16 @@ pub struct Asker {
 #[non_exhaustive]
 pub enum AskError {
     /// The flight was not simulated.
-    #[error("the flight was not flown in the simulator: what its camera saw cannot be drawn again")]
+    #[error("the flight was not simulated: its camera frames cannot be rendered again")]
     NoSimulator,
     /// The craft or the conditions are unknown to this version.
-    #[error("the log's `{0}` is not known here")]
+    #[error("unknown value `{0}` in the log")]
     Unknown(String),
     /// The prompt in the head is invalid.
     #[error(transparent)]
     Head(#[from] ReplayError),
     /// The VLM could not be created.
-    #[error("nobody answers")]
+    #[error("cannot create the VLM")]
     Who(#[source] VlmFactoryError),
 }
 
@@ -245,7 +245,7 @@ impl Asker {
         let clean = self.world.photograph(&shot, Some(HALF));
         let half = |who: &str, pointed: &Option<Pointed>| {
             let mut half = clean.clone();
-            let words = pointed.as_ref().map_or_else(|| "no answer in time".to_owned(), Pointed::words);
+            let words = pointed.as_ref().map_or_else(|| "no reply in time".to_owned(), Pointed::words);
             let status = format!("frame {}", opinion.frame);
             marks::draw_hud(&mut half, &Hud { title: who, status: &status, lines: &[&words] });
             if let Some(point) = pointed.as_ref().and_then(|pointed| pointed.point) {

@@ -154,7 +154,7 @@ impl Recorder {
             match self.problems.kept(LOG, log.finish(summary)) {
                 Some(0) | None => {}
                 Some(lost) => {
-                    let why = format!("the flight log lacks {lost} messages: the disk was too slow for them");
+                    let why = format!("{lost} messages are missing from the flight log: the disk was too slow");
                     self.problems.note(LOG, why);
                 }
             }

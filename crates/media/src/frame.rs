@@ -9,7 +9,7 @@ use fnv::FnvHasher;
 #[non_exhaustive]
 pub enum FrameError {
     /// The buffer does not hold `width × height` pixels of three bytes.
-    #[error("a picture of {width}×{height} needs {needed} bytes, the buffer holds `{actual}`")]
+    #[error("an image of {width}×{height} needs {needed} bytes, the buffer has `{actual}`")]
     WrongLength {
         /// Width, pixels.
         width: u32,

@@ -33,7 +33,7 @@ pub struct Picture {
 #[non_exhaustive]
 pub enum SaveError {
     /// The image was drawn without this channel.
-    #[error("the picture has no `{0}` channel; ask for it when rendering")]
+    #[error("the image has no `{0}` channel; request it when rendering")]
     Missing(&'static str),
     /// The file could not be written.
     #[error("cannot write `{}`", path.display())]

@@ -29,7 +29,7 @@ impl Judge {
     /// Starts a judging thread. If `file` is given, the results are written to it.
     ///
     /// # Errors
-    /// The operating system's error if no thread can be started.
+    /// The operating system's error if cannot start a thread.
     pub(crate) fn start(world: SimWorld, instruction: Heard, file: Option<File>) -> std::io::Result<Self> {
         let stopped = Arc::new(AtomicBool::new(false));
         let judging = Judging { world, instruction, file, flights: 0, flight: None };
@@ -126,7 +126,7 @@ impl Judging {
         let Some(file) = &mut self.file else { return };
         let written = serde_json::to_string(line).map_err(std::io::Error::from).and_then(|text| writeln!(file, "{text}"));
         if let Err(error) = written {
-            tracing::warn!(%error, "the truth about a flight could not be written");
+            tracing::warn!(%error, "cannot write the ground truth of a flight");
         }
     }
 }

@@ -146,7 +146,7 @@ impl Backend {
             if !again || Instant::now() + pause + WORTH_ASKING > deadline {
                 return Outcome { text, model, account };
             }
-            tracing::debug!(host = %self.endpoint.host, error = ?text.as_ref().err(), "asking again");
+            tracing::debug!(host = %self.endpoint.host, error = ?text.as_ref().err(), "retrying");
             if self.left_alone().is_none() {
                 tokio::time::sleep(pause).await;
             }
@@ -181,7 +181,7 @@ impl Backend {
         let asked = &self.model.id;
         let same = served.contains(asked.as_str()) || asked.contains(served);
         if !same && self.model.vendor.key_needed && !self.told.swap(true, Ordering::Relaxed) {
-            tracing::warn!("{} was asked for {asked}, and {served} answers", self.model.vendor.title);
+            tracing::warn!("{}: requested {asked}, served by {served}", self.model.vendor.title);
         }
     }
 

@@ -60,10 +60,10 @@ struct Told {
 #[non_exhaustive]
 pub enum CassetteError {
     /// Reading or writing the file failed.
-    #[error("the recording cannot be opened")]
+    #[error("cannot open the recording")]
     File(#[from] std::io::Error),
     /// The file could not be created.
-    #[error("the recording `{path}` cannot be made; what is there is not written over")]
+    #[error("cannot create the recording `{path}`; existing files are not overwritten")]
     Create {
         /// Its path.
         path: std::path::PathBuf,
@@ -72,7 +72,7 @@ pub enum CassetteError {
         source: std::io::Error,
     },
     /// An invalid line.
-    #[error("line {line} of the recording cannot be read: {reason}")]
+    #[error("invalid line {line} of the recording: {reason}")]
     Line {
         /// Line number.
         line: usize,
@@ -133,7 +133,7 @@ impl Vlm for Recording {
         };
         // A full disk ends the recording, not the flight.
         if let Some(Err(error)) = self.file.as_mut().map(|file| write_line(file, &row)) {
-            tracing::warn!(%error, "the recording of the VLM's answers ends here");
+            tracing::warn!(%error, "the recording of VLM replies ends here");
             self.file = None;
         }
         answer
@@ -161,9 +161,9 @@ impl Replay {
     /// # Errors
     /// [`CassetteError`] if it cannot be read.
     pub fn read(mut lines: impl BufRead) -> Result<Self, CassetteError> {
-        let head: Head = read_line(&mut lines, 1)?.ok_or_else(|| wrong(1, "the file is empty"))?;
+        let head: Head = read_line(&mut lines, 1)?.ok_or_else(|| wrong(1, "empty file"))?;
         if head.spf_recording != FORMAT {
-            return Err(wrong(1, format!("its format is {}, and only {FORMAT} is known", head.spf_recording)));
+            return Err(wrong(1, format!("unsupported format {}; expected {FORMAT}", head.spf_recording)));
         }
         let mut rows = VecDeque::new();
         while let Some(row) = read_line(&mut lines, rows.len() + 2)? {
@@ -207,10 +207,13 @@ impl Vlm for Replay {
             account: Account::default(),
         };
         let Some(row) = self.rows.pop_front() else {
-            return refused(format!("it ended before question {}", query.id.0));
+            return refused(format!("it ends before question {}", query.id.0));
         };
         if row.query != query.id || row.prompt_fnv1a != digest(&query.prompt) {
-            return refused(format!("question {} is not the one that was recorded: this is another flight", query.id.0));
+            return refused(format!(
+                "question {} differs from the recorded one: the recording is of a different flight",
+                query.id.0
+            ));
         }
         let text = match (row.text, row.error) {
             (Some(text), _) => Ok(text),

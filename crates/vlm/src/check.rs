@@ -148,7 +148,7 @@ fn verdict(pointed: &[Pointed], asked: &GroundingProfile, (width, height): (u32,
     let unread =
         pointed.iter().filter_map(|pointed| pointed.answer.text.as_ref().ok()).find_map(|text| match parse_reply(text, asked) {
             Err(error) => Some(error.to_string()),
-            Ok(reply) if reply.point.is_none() => Some("it does not see the dot".to_owned()),
+            Ok(reply) if reply.point.is_none() => Some("it reports the dot as not visible".to_owned()),
             Ok(_) => None,
         });
     Verdict::Unreadable(unread.unwrap_or_default())

@@ -102,7 +102,7 @@ impl Answerer {
                 let query = query(number, &item.instruction, String::new(), manner, None);
                 let answer = match &item.sim {
                     Some(example) => oracle::answer(&self.name, errors, *seed, &query, example),
-                    None => failed(&self.name, "there is nothing that the oracle could read".to_owned()),
+                    None => failed(&self.name, "no ID and depth images for the oracle".to_owned()),
                 };
                 AnswerRow::of(&self.name, &item.key, answer, &profile)
             }
@@ -114,7 +114,7 @@ impl Answerer {
                         self.show(make().as_mut(), prompt, &picture, &item.key, &item.instruction, number, manner, cancel)
                     }
                     Err(error) => {
-                        let why = format!("`{}` cannot be read: {error}", item.picture.display());
+                        let why = format!("cannot read `{}`: {error}", item.picture.display());
                         AnswerRow::of(&self.name, &item.key, failed(&self.name, why), &profile)
                     }
                 }

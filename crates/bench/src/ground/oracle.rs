@@ -21,7 +21,7 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
     };
     let layers = match example.layers() {
         Ok(layers) => layers,
-        Err(error) => return failed(format!("the pictures of truth of example {} cannot be read: {error}", row.number)),
+        Err(error) => return failed(format!("cannot read the ground-truth images of example {}: {error}", row.number)),
     };
     let of = |value: fn(&spf_flight::dataset::Visible) -> f32| -> BTreeMap<u16, f32> {
         row.visible.iter().map(|thing| (thing.id, value(thing))).collect()

@@ -72,9 +72,9 @@ pub fn comparisons(report: &Report) -> Vec<Vec<String>> {
 #[must_use]
 pub fn about(report: &Report) -> String {
     let Report { items, with_target, absent, without_truth, .. } = report;
-    let mut text = format!("{items} questions: {with_target} with their target in the picture, {absent} without it");
+    let mut text = format!("{items} questions: {with_target} with the target in the image, {absent} without");
     if *without_truth > 0 {
-        text += &format!(", {without_truth} of which nobody said what is meant: there is no hit rate of those");
+        text += &format!(", {without_truth} without ground truth, which are not included in the hit rate");
     }
     text
 }

@@ -26,7 +26,7 @@ pub const EVERY: core::time::Duration = core::time::Duration::from_millis(200);
 
 /// The scene lacks the target of a goal.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("nothing in the scene `{scene}` is what goal {goal} of the task `{task}` is about")]
+#[error("no object in the scene `{scene}` matches goal {goal} of the task `{task}`")]
 pub struct NoTarget {
     /// The scene.
     pub scene: String,

@@ -70,7 +70,7 @@ impl Store {
         match std::fs::read_to_string(&head_path) {
             Ok(text) => {
                 let other = |what| StoreError::Other { path: folder.to_owned(), what };
-                let there: Head = serde_json::from_str(&text).map_err(|_| other("`bench.json` is not one of this program"))?;
+                let there: Head = serde_json::from_str(&text).map_err(|_| other("`bench.json` was not written by spf"))?;
                 if there != *head {
                     return Err(other(difference(&there, head)));
                 }
@@ -130,13 +130,13 @@ fn append(file: &mut File, row: &impl Serialize, path: &Path) -> Result<(), Stor
 
 fn difference(there: &Head, wanted: &Head) -> &'static str {
     if there.program != wanted.program {
-        "another version of the program made them"
+        "they were made by another version of spf"
     } else if there.trials != wanted.trials {
-        "other tasks, methods, models, seeds or numbers of trials"
+        "different tasks, methods, models, seeds or numbers of trials"
     } else if there.shard != wanted.shard {
-        "another share"
+        "a different shard"
     } else {
-        "the tasks' files or the models' settings have changed"
+        "the task files or the model settings have changed"
     }
 }
 
@@ -191,7 +191,7 @@ pub fn read_paths(folder: &Path) -> Result<BTreeMap<String, FlownPath>, StoreErr
 pub fn read_head(folder: &Path) -> Result<Head, StoreError> {
     let path = folder.join("bench.json");
     let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
-    let other = |_| StoreError::Other { path: folder.to_owned(), what: "`bench.json` is not one of this program" };
+    let other = |_| StoreError::Other { path: folder.to_owned(), what: "`bench.json` was not written by spf" };
     serde_json::from_str(&text).map_err(other)
 }
 
@@ -218,10 +218,10 @@ pub fn merge(shares: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
         ways.extend(whole_rows(&folder.join(PATHS))?);
         made.extend(RunManifest::read(folder)?);
     }
-    let head = whole.ok_or_else(|| StoreError::Shares("none is given".to_owned()))?;
+    let head = whole.ok_or_else(|| StoreError::Shares("no folders given".to_owned()))?;
     let missing: Vec<&String> = head.trials.iter().filter(|id| !rows.contains_key(*id)).collect();
     if let Some(first) = missing.first() {
-        return Err(StoreError::Shares(format!("{} trials are missing, the first is {first}", missing.len())));
+        return Err(StoreError::Shares(format!("{} trials are missing, first {first}", missing.len())));
     }
     let (store, _) = Store::open(into, &head)?;
     replace(&store.folder.join(RESULTS), &in_order(&head, rows))?;

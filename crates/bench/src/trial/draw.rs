@@ -36,7 +36,7 @@ const BEHIND: f64 = 1.6;
 #[non_exhaustive]
 pub enum DrawError {
     /// The scene could not be loaded.
-    #[error("the scene `{scene}` of the task `{task}` cannot be flown in")]
+    #[error("cannot load the scene `{scene}` of the task `{task}`")]
     Scene {
         /// The scene.
         scene: String,
@@ -47,7 +47,7 @@ pub enum DrawError {
         source: Box<SceneLoadError>,
     },
     /// No suitable start was found.
-    #[error("no start was found for the task `{task}` with seed {seed}: ask for less under `start`")]
+    #[error("no valid start for the task `{task}` with seed {seed}: relax `start` in the task file")]
     NoStart {
         /// The task.
         task: String,

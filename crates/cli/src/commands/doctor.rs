@@ -33,7 +33,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     checks.extend(doctor::disk(Path::new(".")));
     if printer.is_json() {
         let text = serde_json::to_string(&checks)
-            .map_err(|error| CliError::internal("the checks cannot be written as JSON").because(&error))?;
+            .map_err(|error| CliError::internal("cannot write the checks as JSON").because(&error))?;
         printer.data(&text);
     } else {
         printer.result(&table(&checks.iter().map(row).collect::<Vec<_>>()));
@@ -55,7 +55,7 @@ fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
     let time = settings.reply_timeout()?;
     match (pointing.who)(None, 0) {
         Ok(mut vlm) => Ok(Some(doctor::vlm(&pointing.name, vlm.as_mut(), time))),
-        Err(error) => Ok(bad(&CliError::usage("the VLM cannot be asked").because(&*error))),
+        Err(error) => Ok(bad(&CliError::usage("cannot query the VLM").because(&*error))),
     }
 }
 

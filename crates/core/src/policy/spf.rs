@@ -314,7 +314,7 @@ impl Spf {
             self.turned_first = turn;
             primitives = Primitives { yaw: primitives.yaw, ..Primitives::default() };
             (self.reading.step, self.reading.displacement) = (None, None);
-            self.reading.actions.push("turns first, for nobody has seen what lies beside the picture".to_owned());
+            self.reading.actions.push("turns first: the area beside the image has not been observed".to_owned());
             self.reading.primitives = Some(primitives);
             return Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true });
         }

@@ -32,22 +32,22 @@ pub struct Completion {
 #[non_exhaustive]
 pub enum ShortReplyError {
     /// No answer found in the text.
-    #[error("the answer holds no JSON with `{wanted}`; ask again, or for a model that obeys schemas")]
+    #[error("the reply contains no JSON with `{wanted}`; retry, or use a model that follows schemas")]
     NoReply {
         /// The expected key.
         wanted: &'static str,
     },
     /// The answer ends inside its JSON.
-    #[error("the answer ends in the middle of its JSON; raise the limit on output tokens")]
+    #[error("the reply ends inside its JSON; raise the limit on output tokens")]
     Truncated,
     /// The answer is longer than [`MAX_TEXT`].
-    #[error("the answer is longer than {limit} bytes")]
+    #[error("the reply exceeds {limit} bytes")]
     TooLong {
         /// The limit, bytes.
         limit: usize,
     },
     /// A field has the wrong type.
-    #[error("`{field}` should be {wanted}, but is `{found}`")]
+    #[error("`{field}` must be {wanted}, found `{found}`")]
     WrongType {
         /// The field.
         field: &'static str,

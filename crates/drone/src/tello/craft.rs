@@ -73,13 +73,13 @@ impl Shared {
         while let Some(notice) = link.take_notice() {
             match notice {
                 Notice::Refused { command, answer, meaning } => {
-                    tracing::warn!("the drone answers `{answer}` to `{command}`: {meaning}");
+                    tracing::warn!("the drone replied `{answer}` to `{command}`: {meaning}");
                 }
-                Notice::Unanswered { command } => tracing::warn!("the drone did not answer `{command}`"),
+                Notice::Unanswered { command } => tracing::warn!("no reply from the drone to `{command}`"),
                 Notice::Unsaid { command } => {
-                    tracing::warn!("`{command}` was not said: an answer to what went before it may still come");
+                    tracing::warn!("`{command}` was not sent: a reply to the previous command may still arrive");
                 }
-                Notice::MotorsOff => tracing::warn!("the drone stopped its motors by itself"),
+                Notice::MotorsOff => tracing::warn!("the drone stopped its motors"),
             }
         }
     }

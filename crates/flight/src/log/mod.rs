@@ -212,8 +212,8 @@ impl FlightLog {
                 (Level::Info, format!("{}. {}", decision.number, words::decision(decision)))
             }
             Note::Envelope(cause) => (Level::Warning, format!("envelope: {cause}")),
-            Note::LateReply(id) => (Level::Warning, format!("query {} ended after it had been given up: it moves nothing", id.0)),
-            Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable answer: {reason}")),
+            Note::LateReply(id) => (Level::Warning, format!("query {} completed after its timeout: ignored", id.0)),
+            Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable reply: {reason}")),
             Note::Operator(event) => (Level::Info, format!("operator: {}", words::operator(event))),
             Note::OperatorIgnored(event, why) => (Level::Warning, format!("operator: {} ignored: {why}", words::operator(event))),
         };

@@ -65,7 +65,7 @@ pub enum SceneLoadError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// Its meshes are invalid.
-    #[error("the scene's meshes cannot be touched: {0}")]
+    #[error("the scene has an invalid mesh: {0}")]
     Collider(#[from] ColliderError),
 }
 

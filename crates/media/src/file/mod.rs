@@ -181,7 +181,7 @@ impl<'a> PictureFile<'a> {
     fn open_jpeg(bytes: &'a [u8], limits: Limits) -> Result<Self, FileError> {
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), jpeg_options(u32::MAX));
         decoder.decode_headers()?;
-        let headless = || FileError::from(DecodeErrors::FormatStatic("there is no frame header"));
+        let headless = || FileError::from(DecodeErrors::FormatStatic("no frame header"));
         let (width, height) = decoder.dimensions().ok_or_else(headless)?;
         // The format stores sides in 16 bits.
         let size = (width as u32, height as u32);

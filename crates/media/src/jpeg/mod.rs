@@ -23,7 +23,7 @@ use baseline::Sampling;
 #[non_exhaustive]
 pub enum EncodeError {
     /// The format does not support this image size (JPEG: 1 to 65535 pixels per side).
-    #[error("cannot encode a picture of {width}×{height} as {format}")]
+    #[error("cannot encode an image of {width}×{height} as {format}")]
     Picture {
         /// Name of the format.
         format: &'static str,
@@ -44,7 +44,7 @@ const LONGEST_SIDE: u32 = 8192;
 
 /// Why an image could not be decoded.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot decode the picture: it is no JPEG or PNG, damaged, or a side is longer than {LONGEST_SIDE} pixels")]
+#[error("cannot decode the image: not a JPEG or PNG, damaged, or more than {LONGEST_SIDE} pixels per side")]
 pub struct DecodeError(#[from] FileError);
 
 /// Decodes a JPEG file of at most 8192 pixels per side; grey becomes colour.
@@ -126,7 +126,7 @@ impl Jpeg {
 
 /// An image without pixels, or larger than a frame header can express.
 #[derive(Debug, thiserror::Error)]
-#[error("the sides of a JPEG are 1 to 65535 pixels long")]
+#[error("JPEG sides must be 1 to 65535 pixels")]
 struct Sides;
 
 fn encoded(picture: &Rgb, quality: u8, level: Level) -> Result<Vec<u8>, Sides> {

@@ -103,10 +103,7 @@ pub(super) fn advertisement(topics: &[Topic]) -> String {
 
 /// A status about dropped messages.
 pub(super) fn left_out(messages: u64) -> String {
-    text(&Told::Status {
-        level: WARNING,
-        message: format!("{messages} messages were left out: this viewer is too slow for them"),
-    })
+    text(&Told::Status { level: WARNING, message: format!("{messages} messages were dropped: this viewer is too slow") })
 }
 
 /// A message for a subscription.

@@ -21,13 +21,13 @@ const LINES: usize = 256;
 #[non_exhaustive]
 pub enum LogVideoError {
     /// The log could not be read.
-    #[error("the log cannot be read")]
+    #[error("cannot read the log")]
     Read(#[from] ReadError),
     /// The log contains no images.
-    #[error("the log has no pictures: the flight was recorded with `--no-video`")]
+    #[error("the log has no camera images: the flight was recorded with `--no-video`")]
     NoPictures,
     /// An image is invalid.
-    #[error("the picture at {at} cannot be read")]
+    #[error("cannot read the image at {at}")]
     Picture {
         /// Flight time.
         at: Time,

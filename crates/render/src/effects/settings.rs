@@ -50,13 +50,13 @@ pub struct Effects {
 #[non_exhaustive]
 pub enum EffectsError {
     /// No effect has that name.
-    #[error("`{0}` is no camera effect: blur, noise, exposure, lens, compression, all or none")]
+    #[error("unknown camera effect `{0}`: use blur, noise, exposure, lens, compression, all or none")]
     Unknown(String),
     /// Named more than once.
-    #[error("`{0}` is named twice")]
+    #[error("duplicate effect `{0}`")]
     Twice(&'static str),
     /// The strength makes no sense.
-    #[error("`{value}` is no strength of `{effect}`: {expected}")]
+    #[error("invalid strength `{value}` for `{effect}`: expected {expected}")]
     Strength {
         /// The effect.
         effect: &'static str,
@@ -66,7 +66,7 @@ pub enum EffectsError {
         expected: String,
     },
     /// The list is too long to be one.
-    #[error("the list of camera effects is longer than {LONGEST} bytes")]
+    #[error("the list of camera effects exceeds {LONGEST} bytes")]
     TooLong,
 }
 

@@ -61,7 +61,7 @@ pub(super) fn load(source: &Source<'_>, conditions: &SceneLook) -> Result<Scene,
     };
     let name = raw.gltf.file.get_ref();
     if !gltf::is_model(name) {
-        let hint = "write `file = \"harbour.glb\"`, a path from this file's folder".to_owned();
+        let hint = "for example `file = \"harbour.glb\"`, relative to this file's folder".to_owned();
         return Err(source.error(&at, format!("`{name}` does not end in `.glb` or `.gltf`"), Some(hint)));
     }
     let scale = match &raw.gltf.scale {

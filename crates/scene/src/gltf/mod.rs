@@ -95,8 +95,9 @@ pub(crate) fn load(path: &str, wishes: &Wishes, shining: Shining) -> Result<Scen
 fn open(path: &Path) -> Result<std::io::Result<Vec<u8>>, Problem> {
     match std::fs::metadata(path) {
         Ok(about) if about.len() > container::MAX_BYTES => {
-            let message = format!("the file has {} MiB, at most {} are read", about.len() >> 20, container::MAX_BYTES >> 20);
-            Err(Problem::new(message).hint("make the textures smaller and the meshes coarser"))
+            let message =
+                format!("the file has {} MiB, at most {} MiB is supported", about.len() >> 20, container::MAX_BYTES >> 20);
+            Err(Problem::new(message).hint("reduce the textures and simplify the meshes"))
         }
         Ok(_) => Ok(std::fs::read(path)),
         Err(e) => Ok(Err(e)),
@@ -175,7 +176,8 @@ fn world(
     let Assembly { mut objects, parts, materials, textures, skipped } = assembly;
     let corners = || parts.iter().flat_map(|part| part.vertices.iter().map(|v| v.position));
     let Some(mut extent) = Aabb::around(corners()) else {
-        let cloud = if skipped > 0 { "points and lines are not drawn: make a mesh of them" } else { "export its meshes too" };
+        let cloud =
+            if skipped > 0 { "points and lines are not rendered: convert them to a mesh" } else { "export its meshes too" };
         return Err(Problem::new("it has no triangles").hint(cloud));
     };
     let span = (extent.max.east - extent.min.east).max(extent.max.north - extent.min.north);
@@ -183,7 +185,7 @@ fn world(
     let start = match (wishes.start, &said.start) {
         (Some(pose), _) => Some(pose),
         (None, Some(text)) => Some(pose::parse_pose(text).ok_or_else(|| {
-            Problem::new(format!("the extras of the scene: `{text}` is no pose")).hint("write `east,north,up,heading_deg`")
+            Problem::new(format!("the extras of the scene: invalid pose `{text}`")).hint("use `east,north,up,heading_deg`")
         })?),
         (None, None) => None,
     };
@@ -218,10 +220,10 @@ fn world(
         .or_else(|| view.and_then(|view| start::below(&collider, &view)))
         .or_else(|| start::find(&collider, &extent, room))
         .or_else(|| start::below(&collider, &Viewpoint { position: above_middle(&extent), heading: 0.0 }))
-        .ok_or_else(|| Problem::new("there is nowhere to start").hint("add an empty called `spf_start` above the ground"))?;
+        .ok_or_else(|| Problem::new("no start position found").hint("add an empty called `spf_start` above the ground"))?;
     if !bounds.contains(start.position) {
         let EnuPosition { east, north, up } = start.position;
-        let message = format!("the start {east:.1},{north:.1},{up:.1} lies outside `bounds`");
+        let message = format!("the start {east:.1},{north:.1},{up:.1} is outside `bounds`");
         return Err(Problem::new(message));
     }
     let craft = wishes.craft.or(said.craft).unwrap_or(if wide { CraftKind::Quad } else { CraftKind::Tello });

@@ -119,7 +119,7 @@ fn encode(reel: &mut Option<Reel>, wish: &VideoWish, at: Time, picture: &Rgb) ->
             Some(unit.annex_b)
         }
         Err(error) => {
-            tracing::warn!(%error, "a picture is lost");
+            tracing::warn!(%error, "frame dropped");
             *reel = None;
             None
         }

@@ -41,7 +41,7 @@ pub enum EndpointError {
         source: std::io::Error,
     },
     /// A thread could not be started.
-    #[error("the endpoint's thread cannot be started")]
+    #[error("cannot start the endpoint thread")]
     Thread(#[source] std::io::Error),
 }
 
@@ -98,7 +98,7 @@ impl Endpoint {
                 tokio::select! {
                     served = serving.into_future() => {
                         if let Err(error) = served {
-                            tracing::error!(%error, "the endpoint broke off");
+                            tracing::error!(%error, "the endpoint failed");
                         }
                     }
                     // A dropped sender also means shutdown.
@@ -148,7 +148,7 @@ async fn frame(State(shared): State<Arc<Shared>>) -> Response {
 async fn pose(State(shared): State<Arc<Shared>>, body: String) -> Response {
     match parse_pose(body.trim()) {
         Ok(pose) if shared.lens.put(pose) => StatusCode::NO_CONTENT.into_response(),
-        Ok(_) => (StatusCode::CONFLICT, "the camera is on a drone: fly it\n").into_response(),
+        Ok(_) => (StatusCode::CONFLICT, "the camera is on a drone and moves with it\n").into_response(),
         Err(expected) => (StatusCode::UNPROCESSABLE_ENTITY, format!("the body must be {expected}\n")).into_response(),
     }
 }
@@ -160,7 +160,7 @@ async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String
             let asked = (model.to_owned(), method.starts_with("stream"));
             ask(shared, Wire::Gemini, body, Some(asked)).await
         }
-        _ => refused(Wire::Gemini, StatusCode::NOT_FOUND, "only generateContent and streamGenerateContent are answered"),
+        _ => refused(Wire::Gemini, StatusCode::NOT_FOUND, "only generateContent and streamGenerateContent are supported"),
     }
 }
 
@@ -168,14 +168,14 @@ async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String
 async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String, bool)>) -> Response {
     let began = Instant::now();
     let Ok(body) = serde_json::from_slice::<Value>(&body) else {
-        return refused(wire, StatusCode::BAD_REQUEST, "the body is no JSON");
+        return refused(wire, StatusCode::BAD_REQUEST, "the body is not valid JSON");
     };
     let mut question = wire.question(&body);
     if let Some((model, stream)) = named {
         (question.model, question.stream) = (model, stream);
     }
     let Some(picture) = question.picture.take() else {
-        return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, "there is no picture in the question (base64, JPEG)");
+        return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, "the request contains no image (base64, JPEG)");
     };
     let number = shared.questions.fetch_add(1, Ordering::Relaxed);
     let prompt = question.prompt.clone();

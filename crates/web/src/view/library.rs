@@ -49,7 +49,7 @@ impl Library {
     /// A message for the page if it cannot be loaded.
     pub(super) fn get(&self, name: &str, conditions: &SceneLook) -> Result<Arc<LoadedScene>, String> {
         if !self.names.iter().any(|known| known == name) {
-            return Err(format!("no scene `{name}` in the list"));
+            return Err(format!("unknown scene `{name}`"));
         }
         let is_it = |loaded: &&Loaded| loaded.name == name && loaded.conditions == *conditions;
         if let Some(found) = self.loaded().iter().find(is_it) {

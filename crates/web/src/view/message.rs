@@ -103,7 +103,7 @@ impl FromPage {
     /// A message for the page if it is invalid.
     pub(super) fn read(text: &str) -> Result<Self, String> {
         if text.len() > LONGEST {
-            return Err(format!("a message of {} bytes is longer than {LONGEST}", text.len()));
+            return Err(format!("a message of {} bytes exceeds the limit of {LONGEST}", text.len()));
         }
         let message: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
         message.check()?;

@@ -178,7 +178,7 @@ async fn guarded(State(shared): State<Arc<Shared>>, request: Request, next: Next
 
 async fn socket(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
     let Some(slot) = PageSlot::take(&shared) else {
-        let text = format!("{MOST_PAGES} pages are open already; close one\n");
+        let text = format!("{MOST_PAGES} pages are already open; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
     };
     upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(async move |socket| {

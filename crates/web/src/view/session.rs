@@ -25,7 +25,7 @@ const SILENCE: Duration = Duration::from_secs(50);
 /// Time limit for the closing handshake.
 pub(super) const SHUTDOWN_GRACE: Duration = Duration::from_secs(1);
 
-/// Serves a page, starting with `beginning`, until it disconnects or the server stops.
+/// Serves a page, starting with `beginning`, until it disconnects or server shutting down.
 pub(super) async fn converse(
     mut socket: WebSocket,
     library: Arc<Library>,
@@ -43,7 +43,7 @@ pub(super) async fn converse(
         }
     });
     if let Err(error) = spawned {
-        tracing::error!("no thread for a page: {error}");
+        tracing::error!("cannot start a thread for the page: {error}");
         return;
     }
     let mut ping = interval_at(Instant::now() + PING, PING);
@@ -55,7 +55,7 @@ pub(super) async fn converse(
                 heard = Instant::now();
                 let refused = match received {
                     Message::Text(text) => hand_over(&text, |message| to_eye.try_send(message)),
-                    Message::Binary(_) => Err("messages are text".to_owned()),
+                    Message::Binary(_) => Err("expected a text message".to_owned()),
                     Message::Ping(_) | Message::Pong(_) => Ok(()),
                     Message::Close(_) => return,
                 };
@@ -77,7 +77,7 @@ pub(super) async fn converse(
             }
             // The value seen is a lock that must not be held while sending.
             () = async { drop(stop.wait_for(|stop| *stop).await) } => {
-                let frame = CloseFrame { code: close_code::AWAY, reason: "the server stops".into() };
+                let frame = CloseFrame { code: close_code::AWAY, reason: "server shutting down".into() };
                 drop(timeout(SHUTDOWN_GRACE, farewell(&mut socket, frame)).await);
                 return;
             }
@@ -99,7 +99,7 @@ async fn farewell(socket: &mut WebSocket, frame: CloseFrame) {
 /// Passes a message to the rendering thread, or returns the error.
 fn hand_over(text: &str, give: impl FnOnce(FromPage) -> Result<(), TrySendError<FromPage>>) -> Result<(), String> {
     match give(FromPage::read(text)?) {
-        Err(TrySendError::Full(_)) => Err("too many messages at once".to_owned()),
+        Err(TrySendError::Full(_)) => Err("too many messages".to_owned()),
         // The rendering thread is gone; the closed image channel shows the same.
         Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
     }

@@ -34,7 +34,7 @@ pub enum SourceError {
         source: std::io::Error,
     },
     /// Unknown format.
-    #[error("there is no dataset of a known form in `{}`", path.display())]
+    #[error("no dataset in a known format in `{}`", path.display())]
     Unknown {
         /// The path.
         path: PathBuf,
@@ -87,13 +87,9 @@ pub fn open(path: &Path) -> Result<Source, SourceError> {
     };
     let mut keys = BTreeSet::new();
     if let Some((row, twice)) = items.iter().enumerate().find(|(_, item)| !keys.insert(item.key.as_str())) {
-        return Err(self::form(&file, Some(row + 1), format!("the id `{}` stands in it twice", twice.key)));
+        return Err(self::form(&file, Some(row + 1), format!("duplicate id `{}`", twice.key)));
     }
-    if items.is_empty() {
-        Err(form_of(&file, "there is nothing in it"))
-    } else {
-        Ok(Source { form, items, digest: fnv(said.as_bytes()) })
-    }
+    if items.is_empty() { Err(form_of(&file, "it is empty")) } else { Ok(Source { form, items, digest: fnv(said.as_bytes()) }) }
 }
 
 impl Source {

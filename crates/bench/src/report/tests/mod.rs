@@ -100,13 +100,13 @@ fn latex_is_balanced_and_its_rows_are_as_wide_as_its_head() {
 #[test]
 fn curves_are_drawn_from_what_was_flown_alone() {
     let page = page_of(&two_methods());
-    assert!(page.contains("aria-label=\"Success over the oracle's level of errors\""));
+    assert!(page.contains("aria-label=\"Success rate over the oracle's error level\""));
     assert!(page.contains("no method flew with several latencies"));
     let slow = |vlm, ms| Row { vlm, latency_ms: ms, ..Row::default() };
     let page = page_of(&Folder::of(&[slow("oracle:./quick.toml", 500.0), slow("oracle:./slow.toml", 6000.0)]));
-    assert!(page.contains("aria-label=\"Success over the latency of answers\""));
+    assert!(page.contains("aria-label=\"Success rate over reply latency\""));
     let page = page_of(&Folder::of(&[Row::default()]));
-    assert!(page.contains("one level of errors, or none, is in these trials") && !page.contains("Success over the latency of"));
+    assert!(page.contains("the trials have fewer than two error levels") && !page.contains("Success over the latency of"));
 }
 
 #[test]

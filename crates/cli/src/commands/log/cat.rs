@@ -59,7 +59,7 @@ fn line(entry: &Entry) -> Value {
 }
 
 fn unknown(topic: &str, seen: &BTreeSet<String>) -> CliError {
-    let error = CliError::usage(format!("no topic is called `{topic}`"));
+    let error = CliError::usage(format!("unknown topic `{topic}`"));
     match nearest(topic, seen.iter().map(String::as_str)) {
         Some(near) => error.hint(format!("did you mean `{near}`?")),
         None => error.hint("`spf log info` lists the topics of a log"),

@@ -49,14 +49,14 @@ struct TopicContent {
 pub(super) fn info(args: &Info, printer: &Printer) -> Result<Exit, CliError> {
     let content = content(args)?;
     if args.json {
-        let text = serde_json::to_string(&content).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+        let text = serde_json::to_string(&content).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         printer.data(&text);
         return Ok(Exit::Success);
     }
     if let Some(instruction) = &content.instruction {
         let outcome = content.outcome.map_or("no outcome recorded", words::outcome);
-        let vlm = content.vlm.as_deref().unwrap_or("somebody");
-        printer.result(&format!("\"{}\", pointed by {}: {outcome}", one_line(instruction), one_line(vlm)));
+        let vlm = content.vlm.as_deref().unwrap_or("unknown");
+        printer.result(&format!("\"{}\", VLM {}: {outcome}", one_line(instruction), one_line(vlm)));
     }
     let Content { format, until_s, messages, bytes, .. } = content;
     let size = bytes as f64 / 1e6;

@@ -69,8 +69,8 @@ fn distinct(args: &Render, legend: Option<&PathBuf>) -> Result<(), CliError> {
         [Some(&args.output), args.depth.as_ref(), args.ids.as_ref(), legend].into_iter().flatten().collect();
     match paths.iter().enumerate().find(|(index, path)| paths[..*index].contains(path)) {
         None => Ok(()),
-        Some((_, path)) => Err(CliError::usage(format!("`{}` would be written twice", path.display()))
-            .hint("give picture, depth and ids a file each; the legend of the ids takes their name with `.json`")),
+        Some((_, path)) => Err(CliError::usage(format!("`{}` is given for two outputs", path.display()))
+            .hint("use a different file for the image, depth and IDs; the legend of the IDs has their name with `.json`")),
     }
 }
 
@@ -79,7 +79,7 @@ fn grey(picture: &Picture, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
 }
 
 fn encoded(file: Result<Vec<u8>, EncodeError>) -> Result<Vec<u8>, CliError> {
-    file.map_err(|error| CliError::internal("the picture cannot be encoded").because(&error))
+    file.map_err(|error| CliError::internal("cannot encode the image").because(&error))
 }
 
 /// A time at which the shutter has had time to open.

@@ -22,7 +22,7 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Runs the requested servers until Ctrl-C.
 pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
     if args.vlm.is_none() && !args.tello {
-        return Err(CliError::usage("nothing is named to be served").hint("spf sim serve --vlm, or --tello, or both"));
+        return Err(CliError::usage("nothing to serve").hint("use --vlm, --tello or both"));
     }
     let interrupts = interrupts()?;
     let heard = Heard::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));

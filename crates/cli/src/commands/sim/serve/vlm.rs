@@ -43,7 +43,7 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
         "gemini-point" => AnswerForm::GeminiPoint,
         other => {
             return Err(
-                wrong("--answer", other, "spf or gemini-point").hint("spf is the reply contract of docs/reference/reply.md")
+                wrong("--answer", other, "spf or gemini-point").hint("spf is the reply format of docs/reference/reply.md")
             );
         }
     };
@@ -59,9 +59,7 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
     let conditions = conditions(&args.conditions)?;
     // The port first: an endpoint that cannot be had is not worth loading a scene for.
     let endpoint = Endpoint::bind(address).map_err(|error| {
-        CliError::usage("the endpoint cannot be served")
-            .because(&error)
-            .hint("--vlm-listen 127.0.0.1:0 takes a port that is free")
+        CliError::usage("cannot serve the endpoint").because(&error).hint("--vlm-listen 127.0.0.1:0 picks a free port")
     })?;
     let mind = |world: &SimWorld, memory: Arc<Memory>| {
         Mind::new(OracleVlm::new(name.clone(), world.clone(), errors, args.seed), memory, instruction, form)
@@ -83,14 +81,14 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
         }
     };
     let address = endpoint.address();
-    let serving = endpoint.serve(lens, mind).map_err(|error| CliError::internal("no endpoint").because(&error))?;
+    let serving = endpoint.serve(lens, mind).map_err(|error| CliError::internal("cannot start the endpoint").because(&error))?;
     printer.result(&format!("http://{address}"));
     printer.say(&format!(
-        "{name} answers as OpenAI (http://{address}/v1), Gemini and Anthropic (http://{address}) about pictures of {scene} \
-         (http://{address}/frame.jpg); it is no VLM. Ctrl-C ends.",
+        "Serving {name} as OpenAI (http://{address}/v1), Gemini and Anthropic (http://{address}) for images of {scene} \
+            (http://{address}/frame.jpg); it is not a VLM. Stop with Ctrl-C.",
     ));
     if !address.ip().is_loopback() {
-        printer.say("warning: whoever can reach this address can ask, move the camera, and use this machine's time for it");
+        printer.say("warning: anyone who can reach this address can send questions, move the camera, and use CPU time");
     }
     Ok(serving)
 }
