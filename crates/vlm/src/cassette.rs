@@ -250,7 +250,7 @@ mod tests {
         assert!(Replay::read(head.as_bytes()).is_ok());
         assert!(refused("").contains("line 1"));
         assert!(refused(&format!("{head}\n{{\"query\":0")).contains("line 2"));
-        assert!(refused(&head.replace("\"spf_recording\":1", "\"spf_recording\":2")).contains("only 1 is known"));
+        assert!(refused(&head.replace("\"spf_recording\":1", "\"spf_recording\":2")).contains("expected 1"));
     }
 
     proptest! {

@@ -277,14 +277,14 @@ fn wrong_messages_are_told_and_change_nothing() {
         ("{", "EOF"),
         (r#"{"type":"fly"}"#, "missing field"),
         (r#"{"type":"fly","right":9,"forward":0,"up":0,"yaw":0,"pitch":0,"fast":false}"#, "`right` must be from -1 to 1"),
-        (r#"{"type":"scene","name":"/etc/passwd"}"#, "no scene `/etc/passwd` in the list"),
+        (r#"{"type":"scene","name":"/etc/passwd"}"#, "unknown scene `/etc/passwd`"),
     ] {
         page.0.send(Message::text(message)).unwrap();
         let said = page.text("refused");
         assert!(said["reason"].as_str().unwrap().contains(reason), "{said}");
     }
     page.0.send(Message::binary(vec![1, 2, 3])).unwrap();
-    assert_eq!(page.text("refused")["reason"], "messages are text");
+    assert_eq!(page.text("refused")["reason"], "expected a text message");
     page.say(json!({"type": "turn", "yaw_deg": 5, "pitch_deg": 0}));
     let turned = |shown: &Shown| (shown.number("heading_deg") - before.number("heading_deg")).rem_euclid(360.0).round();
     let after = page.show_until("a turn", |shown| turned(shown) == 5.0);
@@ -354,7 +354,7 @@ fn the_end_is_told_to_pages() {
         Message::Close(frame) => frame,
         _ => None,
     });
-    assert_eq!(closed.unwrap().reason.as_str(), "the server stops");
+    assert_eq!(closed.unwrap().reason.as_str(), "server shutting down");
     assert!(TcpStream::connect(served.address).is_err());
 }
 

@@ -35,7 +35,7 @@ fn colour(answerer: usize) -> Colour {
 #[must_use]
 pub fn words(row: &AnswerRow) -> String {
     match &row.said {
-        Said::Nothing(code, why) => format!("no answer ({code}): {why}"),
+        Said::Nothing(code, why) => format!("no reply ({code}): {why}"),
         Said::Refused(why) => format!("not usable: {why}"),
         Said::Reply(reply) => {
             let place = reply.point.map_or(String::new(), |point| format!(" at ({:.3}, {:.3})", point.u, point.v));

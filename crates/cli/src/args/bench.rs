@@ -54,7 +54,7 @@ pub(crate) struct BenchRun {
     /// Trials per task
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(crate) trials: u64,
-    /// Seed of the first trial trial; later trials count up from it
+    /// Seed of the first trial; later trials count up from it
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
     /// Number of parallel trials [default: number of processors]

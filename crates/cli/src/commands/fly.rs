@@ -250,7 +250,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         counted(summary.collisions, "collision"),
     ));
     if let Some(GlassToDecision { median_s, worst_s }) = summary.glass_to_decision {
-        printer.result(&format!("glass to decision: median {median_s:.2} s, worst {worst_s:.2} s"));
+        printer.result(&format!("frame-to-decision latency: median {median_s:.2} s, worst {worst_s:.2} s"));
     }
     if let Some(used) = &summary.vlm_use {
         printer.result(&words::vlm_use(used));

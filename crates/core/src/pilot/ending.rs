@@ -43,7 +43,7 @@ impl Pilot {
                 FlightPhase::Landing | FlightPhase::OnGround | FlightPhase::Stopped,
             )
             | (Phase::TakeOff, FlightPhase::Stopped) => {
-                self.finish(now, Outcome::Failed, "the craft landed or stopped by itself".to_owned());
+                self.finish(now, Outcome::Failed, "the craft landed or stopped its motors".to_owned());
             }
             _ => {}
         }

@@ -356,7 +356,8 @@ pub(super) fn bounds(raw: &Spanned<RawBounds>, source: &Source<'_>) -> Result<Aa
 pub(super) fn pose(text: &Spanned<String>, key: &str, bounds: Option<&Aabb>, source: &Source<'_>) -> Result<Pose, SceneError> {
     let at = text.span();
     let hint = || Some(format!("use `{key} = \"east,north,up,heading_deg\"`"));
-    let pose = parse_pose(text.get_ref()).ok_or_else(|| source.error(&at, format!("`{}` is no pose", text.get_ref()), hint()))?;
+    let pose =
+        parse_pose(text.get_ref()).ok_or_else(|| source.error(&at, format!("invalid pose `{}`", text.get_ref()), hint()))?;
     if bounds.is_some_and(|bounds| !bounds.contains(pose.position)) {
         return Err(source.error(&at, format!("the {key} is outside `bounds`"), hint()));
     }

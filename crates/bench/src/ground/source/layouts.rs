@@ -46,7 +46,7 @@ enum Entry {
 
 pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<(&'static str, Vec<Item>), SourceError> {
     let list = value.as_array().ok_or_else(|| form_of(file, "neither COCO nor a list of images"))?;
-    let mut form_name = "a list of pictures";
+    let mut form_name = "a list of images";
     let mut items = Vec::new();
     for (number, value) in list.iter().enumerate() {
         let wrong = |what: String| form(file, Some(number + 1), what);

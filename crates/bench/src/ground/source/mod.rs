@@ -76,7 +76,7 @@ pub fn open(path: &Path) -> Result<Source, SourceError> {
         said.push_str(&rows);
         ("a dataset of `spf sim dataset`", sim::items(&folder, &text, &rows)?)
     } else if file.extension().is_some_and(|end| end == "jsonl") {
-        ("pictures with a JSONL of what is meant", plain::items(&folder, &file, &text)?)
+        ("images with a JSONL of targets", plain::items(&folder, &file, &text)?)
     } else {
         let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| form(&file, None, error.to_string()))?;
         if value.get("annotations").is_some() {
