@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::primitives::Primitives;
 pub use crate::query::ActForm;
-use crate::reply::{MAX_TEXT, Unfound, Value, Verdict, search};
+use crate::reply::{MAX_TEXT, ScanError, Value, Verdict, search};
 
 /// Maximum number of actions flown per reply.
 pub const MAX_ACTIONS: usize = 3;
@@ -205,11 +205,11 @@ pub fn parse_actions(text: &str) -> Result<ActionsReply, ActionsError> {
 /// Returns the first JSON value in `text` that `judge` accepts.
 fn find<T>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, ActionsError>) -> Result<T, ActionsError> {
     search(text, judge).map_err(|unfound| match unfound {
-        Unfound::TooLong => ActionsError::TooLong { limit: MAX_TEXT },
-        Unfound::Refused(error) => error,
-        Unfound::Truncated => ActionsError::Truncated,
-        Unfound::NoReply => ActionsError::NoReply,
-        Unfound::NoJson => ActionsError::NoJson,
+        ScanError::TooLong => ActionsError::TooLong { limit: MAX_TEXT },
+        ScanError::Refused(error) => error,
+        ScanError::Truncated => ActionsError::Truncated,
+        ScanError::NoReply => ActionsError::NoReply,
+        ScanError::NoJson => ActionsError::NoJson,
     })
 }
 

@@ -441,15 +441,12 @@ mod tests {
             let rules = vec![Rule { stream: Stream::Replies, from, until, fault }];
             FaultMachine::new(FaultPlan { rules, ..FaultPlan::default() }, 0).unwrap_err().to_string()
         };
-        assert_eq!(refused(Fault::Drop { p: 1.5 }, 0.0, None), "fault rule `0`: probability `1.5` is not within 0 and 1");
+        assert_eq!(refused(Fault::Drop { p: 1.5 }, 0.0, None), "fault rule `0`: probability `1.5` is not in 0 to 1");
         assert_eq!(
             refused(Fault::Delay { mean: f64::NAN, jitter: 0.0 }, 0.0, None),
-            "fault rule `0`: `mean` is `NaN` s, give a time from 0 to 86400 s"
+            "fault rule `0`: `mean` is `NaN` s, must be 0 to 86400 s"
         );
-        assert_eq!(
-            refused(Fault::Freeze, 2.0, Some(1.0)),
-            "fault rule `0`: it ends at `1` s and begins at `2` s, it would never apply"
-        );
+        assert_eq!(refused(Fault::Freeze, 2.0, Some(1.0)), "fault rule `0`: it ends at `1` s, before it begins at `2` s");
     }
 
     #[test]

@@ -247,8 +247,8 @@ mod tests {
             Ok(layout) => panic!("{layout:?}"),
         };
         let old = words(&[1, 25_200, 85], Some(80));
-        assert!(old.contains("1×25200×85 and it has 80 class names") && old.contains("objectness"), "{old}");
-        assert!(words(&[1, 1000], None).contains("1×1000, where"));
+        assert!(old.contains("1×25200×85 with 80 class names") && old.contains("objectness"), "{old}");
+        assert!(words(&[1, 1000], None).contains("1×1000, expected"));
         for none in [&[][..], &[2, 84, 8400], &[1, 84, 8400, 1], &[1, 4, 8400], &[1, 0, 0]] {
             words(none, None);
         }

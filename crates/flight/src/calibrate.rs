@@ -17,7 +17,7 @@ use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
 use spf_drone::tello::sticks::Calibration;
-use spf_vlm::{Account, Answer, Asked, Picture, Vlm, VlmError};
+use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
 
 use crate::flight::{FlightError, FlightPlan, Site, fly};
 use crate::policy::PolicyKind;
@@ -236,14 +236,14 @@ impl Observer for Routine {
 }
 
 /// A VLM for a flight that sends no queries.
-struct Nobody;
+struct NoVlm;
 
-impl Vlm for Nobody {
+impl Vlm for NoVlm {
     fn name(&self) -> &str {
         "nobody"
     }
 
-    fn answer(&mut self, _asked: &Asked<'_>, _picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, _asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
         let refused = VlmError::Refused { model: "nobody".to_owned(), reason: "calibrating the drone".to_owned() };
         Answer { text: Err(refused), latency: Duration::ZERO, model: String::new(), account: Account::default() }
     }
@@ -252,7 +252,7 @@ impl Vlm for Nobody {
 /// The plan of a calibration flight: only the inputs of `operator` are flown, and no VLM is queried.
 #[must_use]
 pub fn plan(drone: Box<dyn Drone>, clock: Clock, operator: Receiver<OperatorEvent>, interrupts: Arc<AtomicU32>) -> FlightPlan {
-    let (site, nobody) = (Site::Real(Real { drone, clock }), Arc::new(|_: Option<&_>, _| Ok(Box::new(Nobody) as Box<dyn Vlm>)));
+    let (site, nobody) = (Site::Real(Real { drone, clock }), Arc::new(|_: Option<&_>, _| Ok(Box::new(NoVlm) as Box<dyn Vlm>)));
     let plan = FlightPlan::new(site, "measure", "nobody", nobody);
     FlightPlan { policy: Arc::new(PolicyKind::plain()), operator: Some(operator), interrupts, ..plan }
 }

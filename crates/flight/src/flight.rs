@@ -154,7 +154,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl")));
     let vlm = (plan.who)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
     let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
-    let eyesight = vlm.eyesight((camera.width, camera.height));
+    let image_spec = vlm.image_spec((camera.width, camera.height));
     let head = Head {
         format: spf_record::log::FORMAT,
         program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -168,8 +168,8 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         limits: plan.limits,
         vlm: plan.vlm,
         detector: plan.detector,
-        grounding: eyesight.grounding,
-        image_size: eyesight.image_size,
+        grounding: image_spec.grounding,
+        image_size: image_spec.image_size,
         prompt: prompt.as_ref().map(|prompt| prompt.source().to_owned()),
         drone: drone.name().to_owned(),
         sim,

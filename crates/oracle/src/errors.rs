@@ -344,7 +344,7 @@ mod tests {
         let text = SHIPPED[1].1;
         assert_eq!(
             ErrorFile::from_toml(&text.replace("median_s", "medain_s")).unwrap_err().to_string(),
-            "error file: unknown key `latency.medain_s`; the nearest is `latency.median_s`"
+            "error file: unknown key `latency.medain_s`; did you mean `latency.median_s`?"
         );
         assert_eq!(
             ErrorFile::from_toml(&text.replace("confused = 0.03", "confused = 3.0")).unwrap_err().to_string(),

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::query::QueryId;
 use spf_core::time::Duration;
 
-use crate::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
+use crate::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
 
 /// Version of the recording format.
 const FORMAT: u32 = 1;
@@ -30,7 +30,7 @@ struct Head {
     /// The VLM, as named on the command line.
     vlm: String,
     #[serde(flatten)]
-    eyesight: Eyesight,
+    image_spec: ImageSpec,
 }
 
 /// A query and its reply.
@@ -95,7 +95,7 @@ impl Recording {
     pub fn new(vlm: Box<dyn Vlm>, path: &Path, camera: (u32, u32)) -> Result<Self, CassetteError> {
         let made = File::create_new(path).map_err(|source| CassetteError::Create { path: path.to_owned(), source })?;
         let mut file = BufWriter::new(made);
-        write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), eyesight: vlm.eyesight(camera) })?;
+        write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), image_spec: vlm.image_spec(camera) })?;
         Ok(Self { vlm, file: Some(file) })
     }
 }
@@ -111,15 +111,15 @@ impl Vlm for Recording {
         self.vlm.name()
     }
 
-    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
-        self.vlm.eyesight(camera)
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
+        self.vlm.image_spec(camera)
     }
 
     fn temperature(&self) -> Option<f64> {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         let answer = self.vlm.answer(asked, picture);
         let told = |error: &VlmError| Told { code: error.code().to_owned(), message: error.to_string() };
         let row = Row {
@@ -194,11 +194,11 @@ impl Vlm for Replay {
         &self.head.vlm
     }
 
-    fn eyesight(&self, _camera: (u32, u32)) -> Eyesight {
-        self.head.eyesight
+    fn image_spec(&self, _camera: (u32, u32)) -> ImageSpec {
+        self.head.image_spec
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
         let query = asked.query;
         let refused = |reason: String| Answer {
             text: Err(VlmError::Replay(reason)),
@@ -245,8 +245,8 @@ mod tests {
     #[test]
     fn other_files_are_refused_by_line() {
         let refused = |text: &str| Replay::read(text.as_bytes()).unwrap_err().to_string();
-        let head =
-            serde_json::to_string(&Head { spf_recording: 1, vlm: "gemini".to_owned(), eyesight: Eyesight::default() }).unwrap();
+        let head = serde_json::to_string(&Head { spf_recording: 1, vlm: "gemini".to_owned(), image_spec: ImageSpec::default() })
+            .unwrap();
         assert!(Replay::read(head.as_bytes()).is_ok());
         assert!(refused("").contains("line 1"));
         assert!(refused(&format!("{head}\n{{\"query\":0")).contains("line 2"));

@@ -12,7 +12,7 @@ const LONGEST_QUOTE: usize = 300;
 pub enum VlmError {
     /// The image is not available.
     #[error("cannot prepare the camera frame: {0}")]
-    Picture(String),
+    Image(String),
     /// The detector failed on an image.
     #[error("the detector failed: {0}")]
     Detector(String),
@@ -154,7 +154,7 @@ impl VlmError {
     #[must_use]
     pub fn code(&self) -> &str {
         match self {
-            Self::Picture(_) => "picture",
+            Self::Image(_) => "picture",
             Self::Detector(_) => "detector",
             Self::Refused { .. } => "refused",
             Self::Cancelled => "cancelled",

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use spf_flight::sim::LoadedScene;
 use spf_scene::SceneLook;
-use spf_web::view::{Beginning, Library, Stopper, ViewError, Viewer};
+use spf_web::view::{InitialView, Library, Stopper, ViewError, Viewer};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
@@ -29,7 +29,7 @@ impl Served {
         let viewer = Viewer::bind("127.0.0.1:0".parse().unwrap()).unwrap();
         let (address, stopper) = (viewer.address(), viewer.stopper());
         let library = Library::new(["city".to_owned()], "city", SceneLook::default(), CITY.clone());
-        let beginning = Beginning { scene: "city".to_owned(), conditions: SceneLook::default(), craft: None, pose: None };
+        let beginning = InitialView { scene: "city".to_owned(), conditions: SceneLook::default(), craft: None, pose: None };
         let thread = std::thread::spawn(move || viewer.serve(library, beginning));
         Self { address, stopper, thread: Some(thread) }
     }
@@ -69,7 +69,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 enum Received {
     Text(Value),
-    Picture(Shown),
+    Image(Shown),
 }
 
 /// A picture's head and its JPEG.
@@ -106,7 +106,7 @@ impl Page {
                     let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
                     let head: Value = serde_json::from_slice(&bytes[4..4 + length]).unwrap();
                     self.say(json!({"type": "shown", "frame": head["frame"]}));
-                    return Received::Picture(Shown { head, jpeg: bytes[4 + length..].to_vec() });
+                    return Received::Image(Shown { head, jpeg: bytes[4 + length..].to_vec() });
                 }
                 _ => {}
             }
@@ -130,7 +130,7 @@ impl Page {
     /// The next picture.
     fn show(&mut self) -> Shown {
         loop {
-            if let Received::Picture(shown) = self.next() {
+            if let Received::Image(shown) = self.next() {
                 return shown;
             }
         }

@@ -14,7 +14,7 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
     let (camera, row) = (&example.head.camera, &example.row);
     let oracle = Oracle::new(errors.clone(), row.near_m, seed);
     let failed = |error: String| Answer {
-        text: Err(VlmError::Picture(error)),
+        text: Err(VlmError::Image(error)),
         latency: spf_core::time::Duration::ZERO,
         model: name.to_owned(),
         account: Account::default(),

@@ -5,10 +5,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use mp4_atom::{Any, Avcc, Codec, Moov, ReadFrom, StszSamples, Trak};
-use spf_media::file::{FileError, Limits, PictureFile};
+use spf_media::file::{FileError, ImageFile, Limits};
 use spf_media::h264::Decoder;
 use spf_media::{Jpeg, Rgb, resize};
-use spf_vlm::{Picture, VlmError};
+use spf_vlm::{QueryImage, VlmError};
 
 /// Longest side of an image that is read, pixels.
 const LONGEST_SIDE: u32 = 16_384;
@@ -25,7 +25,7 @@ const MOST_SAMPLES: usize = 1_300_000;
 pub enum PhotoError {
     /// No image of a known format, damaged, or too large.
     #[error("not a PNG or JPEG image of at most {LONGEST_SIDE} pixels per side")]
-    Picture(#[from] FileError),
+    QueryImage(#[from] FileError),
     /// No MP4 file.
     #[error("not a readable MP4 file: {0}")]
     Container(String),
@@ -40,9 +40,9 @@ pub enum PhotoError {
 /// Decodes a PNG or JPEG file, rotated according to EXIF and scaled to at most 2576 pixels on its longer side.
 ///
 /// # Errors
-/// [`PhotoError::Picture`] if it cannot be decoded or is too large.
+/// [`PhotoError::QueryImage`] if it cannot be decoded or is too large.
 pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
-    let file = PictureFile::open(bytes, LIMITS)?;
+    let file = ImageFile::open(bytes, LIMITS)?;
     let orientation = file.orientation();
     let rgb = orientation.turned(file.decode()?.into_rgb());
     let (width, height) = (rgb.width(), rgb.height());
@@ -57,10 +57,10 @@ pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
 /// Width and height of an image file after [`decode`]'s rotation, from its header alone.
 ///
 /// # Errors
-/// [`PhotoError::Picture`] if the header is invalid.
+/// [`PhotoError::QueryImage`] if the header is invalid.
 pub fn size(path: &Path) -> Result<(u32, u32), PhotoError> {
     let bytes = std::fs::read(path).map_err(FileError::from)?;
-    let file = PictureFile::open(&bytes, LIMITS)?;
+    let file = ImageFile::open(&bytes, LIMITS)?;
     Ok(file.orientation().turned_size(file.size()))
 }
 
@@ -264,7 +264,7 @@ impl Photograph {
     }
 }
 
-impl Picture for Photograph {
+impl QueryImage for Photograph {
     fn size(&self) -> (u32, u32) {
         (self.picture.width(), self.picture.height())
     }
@@ -274,7 +274,7 @@ impl Picture for Photograph {
             return Ok(bytes.clone());
         }
         let jpeg = Jpeg::encode(&resize(&self.picture, size.0, size.1), quality);
-        let bytes = jpeg.map_err(|error| VlmError::Picture(error.to_string()))?.shared();
+        let bytes = jpeg.map_err(|error| VlmError::Image(error.to_string()))?.shared();
         self.encoded = Some((size, quality, bytes.clone()));
         Ok(bytes)
     }

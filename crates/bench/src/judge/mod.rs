@@ -37,7 +37,7 @@ pub struct NoTarget {
 }
 
 /// Input of the judge.
-pub(crate) struct Shown<'a> {
+pub(crate) struct JudgeInput<'a> {
     pub(crate) at: Time,
     pub(crate) snapshot: &'a WorldSnapshot,
     pub(crate) before: Option<&'a WorldSnapshot>,
@@ -80,7 +80,7 @@ impl Judge {
 
     /// Evaluates an instant.
     pub fn look(&mut self, at: Time, snapshot: &WorldSnapshot) {
-        let shown = Shown {
+        let shown = JudgeInput {
             at,
             snapshot,
             before: self.last.as_ref(),

@@ -87,7 +87,7 @@ pub struct Progress {
 
 /// How a plan is run, without effect on its rows.
 #[derive(Clone, Debug)]
-pub struct Manner {
+pub struct RunOptions {
     /// Number of parallel trials.
     pub jobs: usize,
     /// Whether to record videos.
@@ -107,7 +107,7 @@ pub fn run(
     plan: &Plan,
     head: &Head,
     folder: &Path,
-    manner: &Manner,
+    manner: &RunOptions,
     stop: &dyn Fn() -> bool,
     told: &mut dyn FnMut(Progress, Option<&Record>),
 ) -> Result<Progress, StoreError> {

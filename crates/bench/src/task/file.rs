@@ -447,7 +447,7 @@ path = ["0,0,3,0", "10,0,3,90"]
         assert!(task.start.own && !Task::parse(GOOD, "a.toml").unwrap().start.own);
         let error = |start: &str| Task::parse(&GOOD.replace(drawn, start), "a.toml").unwrap_err().to_string();
         let both = error("scene = true\nblocked = true");
-        assert!(both.starts_with("a.toml:13: `blocked` means nothing"), "{both}");
+        assert!(both.starts_with("a.toml:13: `blocked` has no effect"), "{both}");
         let without = error("view = \"half\"");
         assert!(without.starts_with("a.toml:13: missing field `range_m`") && without.contains("scene = true"), "{without}");
     }
@@ -464,16 +464,16 @@ path = ["0,0,3,0", "10,0,3,90"]
     fn what_is_wrong_is_named_with_its_line() {
         let cases = [
             ("craft = \"quad\"", "craft = \"quad\"\ncolur = 1", "a.toml:9:", "unknown field"),
-            ("range_m = [15.0, 100.0]", "range_m = [100.0, 15.0]", "a.toml:15:", "must rise"),
+            ("range_m = [15.0, 100.0]", "range_m = [100.0, 15.0]", "a.toml:15:", "increasing range"),
             ("max_time_s = 180.0", "max_time_s = nan", "a.toml:10:", "max_time_s"),
-            ("{ name = \"crane\", colour = \"red\" }", "{}", "a.toml:19:", "which objects"),
+            ("{ name = \"crane\", colour = \"red\" }", "{}", "a.toml:19:", "select any objects"),
             ("kind = \"reach\"", "kind = \"reach\"\nangle_deg = 3.0", "a.toml:17:", "angle_deg"),
             ("\"10,0,3,90\"", "\"10,0,3\"", "a.toml:24:", "corner"),
             ("format = 1", "format = 2", "a.toml:2:", "format 1"),
             ("format = 1", "format = 1\nvlm_delay_s = [0.0, 60.0]", "a.toml:3:", "vlm_delay_s"),
-            ("[start]", "[wind]\nspeed_m_s = [4.0, 2.0]\n[start]", "a.toml:14:", "must rise"),
+            ("[start]", "[wind]\nspeed_m_s = [4.0, 2.0]\n[start]", "a.toml:14:", "increasing range"),
             ("[start]", "[wind]\nspeed_m_s = [2.0, 4.0]\ngust_ms = 1\n[start]", "a.toml:15:", "did you mean `gust_m_s`"),
-            ("id = \"sim-nav-red-crane\"", "id = \"Red Crane\"", "a.toml:3:", "lower case"),
+            ("id = \"sim-nav-red-crane\"", "id = \"Red Crane\"", "a.toml:3:", "lower-case"),
         ];
         for (good, bad, place, words) in cases {
             assert!(GOOD.contains(good));

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 use spf_flight::log::Head;
-use spf_flight::reask::{Asker, Mind, Opinion, Pointed, Question, questions};
+use spf_flight::reask::{Asker, Pointed, Question, ReplyPair, Responder, questions};
 use spf_media::jpeg::Jpeg;
 use spf_record::log::LogReader;
 use spf_scene::{Lighting, SceneLook, Weather};
@@ -27,7 +27,7 @@ const QUALITY: u8 = 90;
 struct Printed<'a> {
     flight: &'a str,
     now: &'a str,
-    opinions: &'a [Opinion],
+    opinions: &'a [ReplyPair],
 }
 
 /// Sends the queries and compares the replies.
@@ -35,9 +35,9 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
     let reader = LogReader::open(&args.file).map_err(|error| unreadable(&args.file, &error))?;
     let (head, questions) = questions(reader).map_err(|error| unreplayable(&args.file, &error))?;
     let settings = Settings::of(args, printer)?;
-    let (name, mind) = mind(&settings, vlm)?;
+    let (name, responder) = responder(&settings, vlm)?;
     let mut asker = stage_of(&head).and_then(|loaded| {
-        Asker::new(&head, Arc::new(loaded), &name, mind)
+        Asker::new(&head, Arc::new(loaded), &name, responder)
             .map_err(|error| CliError::usage("cannot query a VLM about this flight").because(&error))
     })?;
     if let Some(out) = &args.out {
@@ -66,16 +66,16 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
 }
 
 /// The model that is queried.
-fn mind(settings: &Settings, vlm: &str) -> Result<(String, Mind), CliError> {
+fn responder(settings: &Settings, vlm: &str) -> Result<(String, Responder), CliError> {
     if vlm == "oracle" || vlm.starts_with("oracle:") {
         let (name, errors) = oracle_named(vlm, |expected, near| settings.fly.vlm.wrong(expected, near))?;
-        return Ok((name, Mind::Oracle(Box::new(errors))));
+        return Ok((name, Responder::Oracle(Box::new(errors))));
     }
     if vlm.starts_with("replay:") {
         return Err(CliError::usage(format!("`{vlm}` can only replay its own flight")).hint("for example oracle:poor or gemini"));
     }
     let pointing = pointing(settings, None)?;
-    Ok((pointing.name, Mind::Other(pointing.who)))
+    Ok((pointing.name, Responder::Other(pointing.who)))
 }
 
 fn stage_of(head: &Head) -> Result<spf_flight::sim::LoadedScene, CliError> {
@@ -87,7 +87,7 @@ fn stage_of(head: &Head) -> Result<spf_flight::sim::LoadedScene, CliError> {
     load_scene(&sim.scene, &SceneLook { lighting, weather })
 }
 
-fn write_picture(out: &Path, asker: &Asker, question: &Question, opinion: &Opinion, then: &str) -> Result<(), CliError> {
+fn write_picture(out: &Path, asker: &Asker, question: &Question, opinion: &ReplyPair, then: &str) -> Result<(), CliError> {
     let picture = asker.picture(question, opinion, then);
     let path = out.join(format!("{:04}.jpg", opinion.query.0));
     let jpeg = Jpeg::encode(&picture, QUALITY).map_err(|error| CliError::internal("cannot render the image").because(&error))?;
@@ -95,7 +95,7 @@ fn write_picture(out: &Path, asker: &Asker, question: &Question, opinion: &Opini
         .map_err(|error| CliError::internal(format!("cannot write `{}`", path.display())).because(&error))
 }
 
-fn line(opinion: &Opinion) -> String {
+fn line(opinion: &ReplyPair) -> String {
     let words = |pointed: &Option<Pointed>, none: &str| pointed.as_ref().map_or(none.to_owned(), Pointed::words);
     let apart = opinion.apart.map_or(String::new(), |apart| format!("; {:.1} % apart", 100.0 * apart));
     let failed = opinion.failed.as_deref().unwrap_or("no reply");

@@ -13,7 +13,7 @@ fn every_built_in_scene_is_listed_in_one_line() {
     let city = lines.iter().find(|line| line.starts_with("city ")).unwrap_or_else(|| panic!("{}", run.stdout));
     assert!(city.contains(" quad ") && city.contains("260 x 290 x 92 m") && city.contains("crane"), "{city}");
     // The description column says something of every scene.
-    let column = lines[0].find("WHAT").unwrap();
+    let column = lines[0].find("DESCRIPTION").unwrap();
     assert!(lines[1..].iter().all(|line| line.len() > column + 10), "{}", run.stdout);
 }
 

@@ -116,7 +116,7 @@ fn the_vendors_own_sdks_ask_it() {
 fn what_cannot_be_served_is_said() {
     let lab = Lab::new();
     for (args, words) in [
-        (&["sim", "serve"][..], "nothing is named"),
+        (&["sim", "serve"][..], "nothing to serve"),
         (&["sim", "serve", "--vlm=orcle"], "--vlm=oracle"),
         (&["sim", "serve", "--vlm", "--answer", "poem"], "spf or gemini-point"),
         (&["sim", "serve", "--vlm", "--vlm-listen", "here"], "an address and a port"),

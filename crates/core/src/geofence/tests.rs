@@ -55,9 +55,9 @@ fn a_ray_leaves_at_edges_and_holes_and_passes_a_common_edge() {
 #[test]
 fn way_back_is_the_nearest_edge() {
     let fence = fence();
-    assert_eq!(fence.way_back((-60.0, 7.0), LOW), Some((-50.0, 7.0)));
-    assert_eq!(fence.way_back((1.0, 22.0), LOW), Some((1.0, 20.0)));
-    assert_eq!(fence.way_back((0.0, 0.0), (100.0, 100.0)), None);
+    assert_eq!(fence.nearest_inside((-60.0, 7.0), LOW), Some((-50.0, 7.0)));
+    assert_eq!(fence.nearest_inside((1.0, 22.0), LOW), Some((1.0, 20.0)));
+    assert_eq!(fence.nearest_inside((0.0, 0.0), (100.0, 100.0)), None);
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn errors_say_what_where_and_what_to_do() {
         (
             ring("[[0,0],[9,9],[9,0],[0,9],[0,0]]"),
             // The bow-tie has no area by the shoelace rule.
-            "`coordinates[0]` encloses `0.000` m²; at least 1 m² is needed",
+            "`coordinates[0]` encloses `0.000` m²; at least 1 m² is required",
         ),
         (
             ring("[[0,0],[9,9],[9,0],[0,20],[0,0]]"),

@@ -276,7 +276,7 @@ mod tests {
         let refused = |body: &str| PromptText::parse(&format!("spf-prompt point 1\n{body}")).unwrap_err().to_string();
         assert!(
             refused("{{instruction}}\n{{colour}}\n")
-                .starts_with("line 3: nothing fills `{{colour}}`; a point prompt has instruction, ")
+                .starts_with("line 3: unknown variable `{{colour}}`; a point prompt has instruction, ")
         );
         assert!(refused("{{instruction}}\n{{#avoid}}\nx\n").contains("section `avoid`"));
         assert!(refused("{{/avoid}}\n").starts_with("line 2: "));

@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{MAX_STAGE, MAX_TEXT, Unfound, Value, Verdict, closed_schema, search};
+use super::{MAX_STAGE, MAX_TEXT, ScanError, Value, Verdict, closed_schema, search};
 
 /// Maximum number of choices parsed from an answer; further ones are ignored.
 pub const MAX_CHOSEN: usize = 64;
@@ -99,10 +99,10 @@ fn find<T>(
     judge: impl Fn(&Value, bool) -> Verdict<T, ShortReplyError>,
 ) -> Result<T, ShortReplyError> {
     search(text, judge).map_err(|unfound| match unfound {
-        Unfound::TooLong => ShortReplyError::TooLong { limit: MAX_TEXT },
-        Unfound::Refused(error) => error,
-        Unfound::Truncated => ShortReplyError::Truncated,
-        Unfound::NoReply | Unfound::NoJson => ShortReplyError::NoReply { wanted },
+        ScanError::TooLong => ShortReplyError::TooLong { limit: MAX_TEXT },
+        ScanError::Refused(error) => error,
+        ScanError::Truncated => ShortReplyError::Truncated,
+        ScanError::NoReply | ScanError::NoJson => ShortReplyError::NoReply { wanted },
     })
 }
 

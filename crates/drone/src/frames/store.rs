@@ -9,7 +9,7 @@ use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::time::Time;
 use spf_media::Rgb;
 
-use super::{FrameTally, Frames, Photo};
+use super::{FrameStats, Frames, Photo};
 
 /// Number of frames kept: about one second.
 const KEPT: usize = 24;
@@ -20,7 +20,7 @@ const DIGESTS: usize = 128;
 const DIGEST_ROWS: usize = 8;
 
 #[derive(Default)]
-struct Kept {
+struct StoredFrame {
     frames: VecDeque<(FrameMeta, Arc<Rgb>)>,
     /// Frame not yet reported to the pilot.
     news: Option<FrameMeta>,
@@ -29,16 +29,16 @@ struct Kept {
     counter: u64,
     size: Option<(u32, u32)>,
     digests: VecDeque<u64>,
-    tally: FrameTally,
+    tally: FrameStats,
 }
 
 /// The newest frames of a camera, shared by receiver and readers. It numbers them, and distinguishes a frozen image
 /// from a new one.
 #[derive(Clone, Default)]
-pub struct FrameStore(Arc<Mutex<Kept>>);
+pub struct FrameStore(Arc<Mutex<StoredFrame>>);
 
 impl FrameStore {
-    fn kept(&self) -> MutexGuard<'_, Kept> {
+    fn kept(&self) -> MutexGuard<'_, StoredFrame> {
         // The value is consistent between calls.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -85,7 +85,7 @@ impl FrameStore {
     }
 
     /// Updates the statistics.
-    pub fn count(&self, count: impl FnOnce(&mut FrameTally)) {
+    pub fn count(&self, count: impl FnOnce(&mut FrameStats)) {
         count(&mut self.kept().tally);
     }
 }
@@ -99,7 +99,7 @@ impl Frames for FrameStore {
         self.kept().frames.back().map(|(meta, picture)| (*meta, Photo::received(picture.clone())))
     }
 
-    fn tally(&self) -> FrameTally {
+    fn tally(&self) -> FrameStats {
         self.kept().tally
     }
 }

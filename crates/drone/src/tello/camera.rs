@@ -16,12 +16,12 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 const MISSING: Duration = Duration::from_secs(3);
 
 /// Decodes access units to frames.
-pub(super) struct Eye {
+pub(super) struct FrameDecoder {
     decoder: Decoder,
     latency: Duration,
 }
 
-impl Eye {
+impl FrameDecoder {
     /// `latency`: estimated time from the shutter to the last datagram.
     pub(super) fn new(decoder: Decoder, latency: Duration) -> Self {
         Self { decoder, latency }
@@ -69,7 +69,7 @@ pub(super) fn gather(socket: &UdpSocket, from: IpAddr, inlet: &Inlet, start: Ins
 }
 
 /// Decodes received video until stopped. While nothing decodable arrives, `missing` is called every [`MISSING`].
-pub(super) fn watch(inlet: &Inlet, mut eye: Eye, frames: &FrameStore, stopped: &AtomicBool, mut missing: impl FnMut()) {
+pub(super) fn watch(inlet: &Inlet, mut eye: FrameDecoder, frames: &FrameStore, stopped: &AtomicBool, mut missing: impl FnMut()) {
     let mut last = Instant::now();
     while !stopped.load(Ordering::Relaxed) {
         let units = inlet.take(POLL_INTERVAL);
@@ -95,8 +95,8 @@ mod tests {
     use super::*;
     use crate::frames::Frames;
 
-    fn eye() -> Eye {
-        Eye::new(Decoder::new().unwrap(), Duration::from_millis(150))
+    fn eye() -> FrameDecoder {
+        FrameDecoder::new(Decoder::new().unwrap(), Duration::from_millis(150))
     }
 
     fn encoder(width: u32, height: u32) -> Encoder {

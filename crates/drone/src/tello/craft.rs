@@ -14,7 +14,7 @@ use spf_core::estimator::Senses;
 use spf_core::time::{Duration, Time};
 use spf_media::h264::Decoder;
 
-use super::camera::{Eye, gather, watch};
+use super::camera::{FrameDecoder, gather, watch};
 use super::conversation::Order;
 use super::inlet::Inlet;
 use super::link::{Link, Notice};
@@ -127,7 +127,7 @@ impl Tello {
             polled: Time::ZERO,
             threads: Vec::new(),
         };
-        let eye = Eye::new(Decoder::new()?, video_latency);
+        let eye = FrameDecoder::new(Decoder::new()?, video_latency);
         let (one, two, three, four, seen) = (shared.clone(), shared.clone(), shared.clone(), shared, frames);
         let inlet = Arc::<Inlet>::default();
         let received = inlet.clone();

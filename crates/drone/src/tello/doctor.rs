@@ -7,7 +7,7 @@ use super::answer::explain;
 use super::craft::{Connected, Tello};
 use super::opening::ConnectError;
 use super::settings::TelloSettings;
-use crate::examine::{Check, FIRST_PICTURE, Finding, Watched, battery, light};
+use crate::examine::{Check, FIRST_PICTURE, Finding, Observation, battery, light};
 
 /// The drone shuts down slightly above this temperature, °C.
 const HOT: i32 = 80;
@@ -31,7 +31,7 @@ pub(super) fn examine(address: SocketAddr, settings: &TelloSettings) -> Vec<Chec
             Some("switch the drone off and let it cool: it shuts down above about 85 °C"),
         ));
     }
-    let watched = Watched::of(&mut drone);
+    let watched = Observation::of(&mut drone);
     checks.push(Check::new(
         "state",
         watched.reports(STATES),

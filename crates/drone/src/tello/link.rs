@@ -9,7 +9,7 @@ use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time, duration_from_secs};
 
 use super::answer::{Answer, explain};
-use super::conversation::{Conversation, Fate, Order};
+use super::conversation::{Conversation, Order, OrderOutcome};
 use super::manoeuvre::{self, Move, Stage};
 use super::state::State;
 use super::sticks::{Calibration, Sticks};
@@ -228,7 +228,7 @@ impl Link {
         while let Some((order, fate)) = self.conversation.take_ended() {
             let command = order.text.clone();
             match fate {
-                Fate::Answered(Answer::Refused(answer)) => {
+                OrderOutcome::Answered(Answer::Refused(answer)) => {
                     if command == "takeoff" && self.phase == FlightPhase::TakingOff {
                         self.on_ground();
                     }
@@ -236,13 +236,13 @@ impl Link {
                     self.manoeuvre_over(now, &command);
                     self.notices.push_back(Notice::Refused { command, answer, meaning });
                 }
-                Fate::Answered(_) => {
+                OrderOutcome::Answered(_) => {
                     if command == "takeoff" && self.phase == FlightPhase::TakingOff {
                         self.begin_flying(now);
                     }
                     self.manoeuvre_over(now, &command);
                 }
-                Fate::TimedOut => {
+                OrderOutcome::TimedOut => {
                     self.manoeuvre_over(now, &command);
                     self.notices.push_back(Notice::Unanswered { command });
                 }

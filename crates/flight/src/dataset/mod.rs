@@ -22,9 +22,9 @@ use spf_media::frame::Rgb;
 
 use spf_core::tags::Tagged;
 use spf_oracle::{Mask, Placed, SIZE_SENT, masks, resolve_truth};
-use spf_render::effects::{Effects, Eye, Shot};
+use spf_render::effects::{Effects, Shot, SimCamera};
 use spf_render::surroundings::Surroundings;
-use spf_render::{Channels, Picture, Renderer};
+use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::actors::ActorPlace;
 use spf_scene::geometry::{ObjectId, Part, SceneGeometry};
 
@@ -163,7 +163,7 @@ pub struct Example {
     /// The camera image.
     pub photograph: Rgb,
     /// Ground truth images: ids, depth, openings and their depth, as the oracle reads them.
-    pub truth: Picture,
+    pub truth: RenderedImage,
     /// All visible objects, by ascending id.
     pub visible: Vec<Visible>,
 }
@@ -182,7 +182,7 @@ impl Example {
 pub struct Generator<'a> {
     loaded: &'a LoadedScene,
     recipe: Recipe,
-    eye: Eye,
+    eye: SimCamera,
     around: Surroundings,
     /// Objects by first name: each name has the same probability, however many objects share it.
     groups: Vec<Vec<ObjectId>>,
@@ -190,8 +190,8 @@ pub struct Generator<'a> {
     alike: Vec<Vec<ObjectId>>,
     /// Renderers of single objects, for their complete silhouettes.
     alone: BTreeMap<ObjectId, Renderer>,
-    glance: Picture,
-    scratch: Picture,
+    glance: RenderedImage,
+    scratch: RenderedImage,
 }
 
 impl<'a> Generator<'a> {
@@ -199,7 +199,7 @@ impl<'a> Generator<'a> {
     #[must_use]
     pub fn new(loaded: &'a LoadedScene, recipe: Recipe) -> Self {
         let tags = &loaded.tags;
-        let eye = Eye::new(recipe.camera, recipe.effects.clone(), recipe.seed);
+        let eye = SimCamera::new(recipe.camera, recipe.effects.clone(), recipe.seed);
         let around = Surroundings::of(eye.camera());
         let groups = groups(tags.iter().filter(|tags| !tags.is_surface() && !BACKDROPS.contains(&tags.kind.as_str())));
         let alike = groups
@@ -215,8 +215,8 @@ impl<'a> Generator<'a> {
             groups,
             alike,
             alone: BTreeMap::new(),
-            glance: Picture::default(),
-            scratch: Picture::default(),
+            glance: RenderedImage::default(),
+            scratch: RenderedImage::default(),
         }
     }
 
@@ -251,7 +251,7 @@ impl<'a> Generator<'a> {
         if !self.glance_shows(&snapshot, kind, focus) {
             return None;
         }
-        let mut truth = Picture::default();
+        let mut truth = RenderedImage::default();
         self.eye.look(self.eye.camera(), &mut truth, |camera, picture| {
             self.loaded.render_into(camera, &snapshot, Channels::TRUTH, picture);
         });
@@ -300,20 +300,20 @@ impl<'a> Generator<'a> {
     }
 
     /// Whether `pixels` in `picture` correspond to at least `least` at [`SIZE_SENT`].
-    fn is_large(&self, pixels: u64, least: f64, picture: &Picture) -> bool {
+    fn is_large(&self, pixels: u64, least: f64, picture: &RenderedImage) -> bool {
         let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
         pixels as f64 * sent >= least * f64::from(picture.width) * f64::from(picture.height)
     }
 
     /// Whether another object close to the lens blocks the view.
-    fn is_blocked(&self, truth: &Picture, focus: ObjectId) -> bool {
+    fn is_blocked(&self, truth: &RenderedImage, focus: ObjectId) -> bool {
         let (Some(ids), Some(depth)) = (&truth.ids, &truth.depth) else { return true };
         let close = (0.5 * self.loaded.scene.near) as f32;
         let blocked = ids.iter().zip(depth).filter(|(id, depth)| **id != focus && (0.01..close).contains(*depth)).count();
         blocked as f64 > BLOCKED * ids.len() as f64
     }
 
-    fn visible(&mut self, snapshot: &WorldSnapshot, truth: &Picture, seen: &[Mask]) -> Vec<Visible> {
+    fn visible(&mut self, snapshot: &WorldSnapshot, truth: &RenderedImage, seen: &[Mask]) -> Vec<Visible> {
         let light = self.loaded.renderer.light_on(self.eye.camera(), &snapshot.pose, truth);
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(self.around.camera(), snapshot, channels, &mut self.scratch);
@@ -406,7 +406,7 @@ impl<'a> Generator<'a> {
         placed
     }
 
-    fn target(&mut self, mask: &Mask, snapshot: &WorldSnapshot, truth: &Picture) -> Option<Target> {
+    fn target(&mut self, mask: &Mask, snapshot: &WorldSnapshot, truth: &RenderedImage) -> Option<Target> {
         let tags = self.tags_of(mask.id)?;
         let (key, opening) = (tags.key.clone(), tags.opening);
         let (w, h) = (truth.width as usize, truth.height as usize);
@@ -465,7 +465,7 @@ fn is_look_alike(tags: &[Tagged], of: ObjectId, other: &Tagged) -> bool {
 }
 
 /// Masks of both id images, by ascending id. Each object is in one of the two.
-fn seen(truth: &Picture) -> Vec<Mask> {
+fn seen(truth: &RenderedImage) -> Vec<Mask> {
     let channels = [truth.ids.as_deref(), truth.opening_ids.as_deref()];
     let mut all: Vec<Mask> = channels.into_iter().flatten().flat_map(|ids| masks(ids, truth.width as usize)).collect();
     all.sort_by_key(|mask| mask.id);
@@ -473,7 +473,7 @@ fn seen(truth: &Picture) -> Vec<Mask> {
 }
 
 /// Number of pixels per object in both id images.
-fn counts(picture: &Picture) -> BTreeMap<ObjectId, u64> {
+fn counts(picture: &RenderedImage) -> BTreeMap<ObjectId, u64> {
     let mut counts = BTreeMap::new();
     for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {
         for run in ids.chunk_by(|a, b| a == b) {

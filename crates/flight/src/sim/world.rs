@@ -9,9 +9,9 @@ use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
-use spf_render::effects::{Effects, Eye, Shot};
+use spf_render::effects::{Effects, Shot, SimCamera};
 use spf_render::surroundings::Surroundings;
-use spf_render::{Channels, Picture};
+use spf_render::{Channels, RenderedImage};
 use spf_sim::craft::{SimCraft, Truth};
 use spf_sim::dynamics::SimConditions;
 use spf_sim::frame_clock::FrameClock;
@@ -42,7 +42,7 @@ impl Default for FlightConditions {
 #[derive(Clone)]
 pub struct SimWorld {
     loaded: Arc<LoadedScene>,
-    eye: Arc<Eye>,
+    eye: Arc<SimCamera>,
     surroundings: Arc<Surroundings>,
     craft: Arc<Mutex<SimCraft>>,
 }
@@ -66,7 +66,7 @@ impl SimWorld {
         let FlightConditions { wind, battery, effects } = flight_conditions;
         let conditions = SimConditions { wind: *wind, battery: *battery, ..SimConditions::new(seed) };
         let craft = SimCraft::with_traffic(loaded.cast.clone(), loaded.collider.clone(), Model::of(kind), start, conditions);
-        let eye = Eye::new(kind.camera(), effects.clone(), seed);
+        let eye = SimCamera::new(kind.camera(), effects.clone(), seed);
         let surroundings = Arc::new(Surroundings::of(eye.camera()));
         Self { loaded, eye: Arc::new(eye), surroundings, craft: Arc::new(Mutex::new(craft)) }
     }
@@ -147,8 +147,8 @@ impl SimWorld {
 
     /// Renders what the camera sees in a snapshot.
     #[must_use]
-    pub fn look(&self, snapshot: &WorldSnapshot, channels: Channels) -> Picture {
-        let mut picture = Picture::default();
+    pub fn look(&self, snapshot: &WorldSnapshot, channels: Channels) -> RenderedImage {
+        let mut picture = RenderedImage::default();
         self.look_into(snapshot, channels, &mut picture);
         picture
     }
@@ -166,7 +166,7 @@ impl SimWorld {
     }
 
     /// Renders a snapshot into existing buffers: allocating new ones takes a fifth of a decision's time.
-    pub fn look_into(&self, snapshot: &WorldSnapshot, channels: Channels, picture: &mut Picture) {
+    pub fn look_into(&self, snapshot: &WorldSnapshot, channels: Channels, picture: &mut RenderedImage) {
         self.eye.look(self.camera(), picture, |camera, picture| {
             self.loaded.render_into(camera, snapshot, channels, picture);
         });
@@ -176,14 +176,14 @@ impl SimWorld {
     ///
     /// [`Renderer::light_on`]: spf_render::Renderer::light_on
     #[must_use]
-    pub fn light_on(&self, snapshot: &WorldSnapshot, picture: &Picture) -> BTreeMap<u16, f32> {
+    pub fn light_on(&self, snapshot: &WorldSnapshot, picture: &RenderedImage) -> BTreeMap<u16, f32> {
         self.loaded.renderer.light_on(self.camera(), &snapshot.pose, picture)
     }
 
     /// Fraction of each object's silhouette inside the frame, openings separately. The wider view in which they are
     /// counted is rendered into `picture`.
     #[must_use]
-    pub fn in_frame(&self, snapshot: &WorldSnapshot, picture: &mut Picture) -> BTreeMap<u16, f32> {
+    pub fn in_frame(&self, snapshot: &WorldSnapshot, picture: &mut RenderedImage) -> BTreeMap<u16, f32> {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(self.surroundings.camera(), snapshot, channels, picture);
         self.surroundings.shares(picture)

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use fearless_simd::Level;
 
-use crate::file::{FileError, Format, Limits, PictureFile};
+use crate::file::{FileError, Format, ImageFile, Limits};
 use crate::frame::Rgb;
 use baseline::Sampling;
 
@@ -24,7 +24,7 @@ use baseline::Sampling;
 pub enum EncodeError {
     /// The format does not support this image size (JPEG: 1 to 65535 pixels per side).
     #[error("cannot encode an image of {width}×{height} as {format}")]
-    Picture {
+    Image {
         /// Name of the format.
         format: &'static str,
         /// Width, pixels.
@@ -65,7 +65,7 @@ pub fn decode_any(bytes: &[u8]) -> Result<Rgb, DecodeError> {
 
 fn decode_as(format: Format, bytes: &[u8]) -> Result<Rgb, DecodeError> {
     let limits = Limits { side: LONGEST_SIDE, ..Limits::default() };
-    Ok(PictureFile::open_as(format, bytes, limits)?.decode()?.into_rgb())
+    Ok(ImageFile::open_as(format, bytes, limits)?.decode()?.into_rgb())
 }
 
 /// A JPEG image. Cloning shares the bytes.
@@ -87,10 +87,10 @@ impl Jpeg {
     /// is (4:2:0). The bytes are equal on every machine.
     ///
     /// # Errors
-    /// [`EncodeError::Picture`] if a side is zero or longer than 65535 pixels.
+    /// [`EncodeError::Image`] if a side is zero or longer than 65535 pixels.
     pub fn encode(picture: &Rgb, quality: u8) -> Result<Self, EncodeError> {
         let (width, height) = (picture.width(), picture.height());
-        let bytes = encoded(picture, quality.clamp(1, 100), Level::new()).map_err(|source| EncodeError::Picture {
+        let bytes = encoded(picture, quality.clamp(1, 100), Level::new()).map_err(|source| EncodeError::Image {
             format: "JPEG",
             width,
             height,

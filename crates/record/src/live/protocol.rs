@@ -47,7 +47,7 @@ pub(super) struct Subscription {
 
 #[derive(Serialize)]
 #[serde(tag = "op", rename_all = "camelCase")]
-enum Told<'a> {
+enum ServerMessage<'a> {
     #[serde(rename_all = "camelCase")]
     ServerInfo {
         name: &'a str,
@@ -77,7 +77,7 @@ struct Channel<'a> {
 /// The server's first message.
 pub(super) fn greeting(name: &str) -> String {
     // One session per flight: a viewer that reconnects to another process starts anew.
-    text(&Told::ServerInfo { name, capabilities: [], session_id: std::process::id().to_string() })
+    text(&ServerMessage::ServerInfo { name, capabilities: [], session_id: std::process::id().to_string() })
 }
 
 /// The topics as channels, each with its index as id.
@@ -98,12 +98,12 @@ pub(super) fn advertisement(topics: &[Topic]) -> String {
         schema_encoding: topic.schema_encoding,
         schema,
     });
-    text(&Told::Advertise { channels: channels.collect() })
+    text(&ServerMessage::Advertise { channels: channels.collect() })
 }
 
 /// A status about dropped messages.
 pub(super) fn left_out(messages: u64) -> String {
-    text(&Told::Status { level: WARNING, message: format!("{messages} messages were dropped: this viewer is too slow") })
+    text(&ServerMessage::Status { level: WARNING, message: format!("{messages} messages were dropped: this viewer is too slow") })
 }
 
 /// A message for a subscription.
@@ -116,7 +116,7 @@ pub(super) fn message(subscription: u32, message: &Message) -> Bytes {
     frame.freeze()
 }
 
-fn text(told: &Told<'_>) -> String {
+fn text(told: &ServerMessage<'_>) -> String {
     // Plain structs always have a JSON form.
     serde_json::to_string(told).unwrap_or_default()
 }

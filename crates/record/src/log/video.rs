@@ -28,7 +28,7 @@ pub enum LogVideoError {
     NoPictures,
     /// An image is invalid.
     #[error("cannot read the image at {at}")]
-    Picture {
+    Image {
         /// Flight time.
         at: Time,
         /// The cause.
@@ -88,7 +88,7 @@ impl Reel<'_> {
     fn picture(&mut self, at: Time, bytes: Option<&[u8]>) -> Result<(), LogVideoError> {
         self.flush(&Marks::default())?;
         if let Some(bytes) = bytes {
-            let picture = jpeg::decode(bytes).map_err(|source| LogVideoError::Picture { at, source })?;
+            let picture = jpeg::decode(bytes).map_err(|source| LogVideoError::Image { at, source })?;
             self.picture = Some((at, picture));
         }
         Ok(())

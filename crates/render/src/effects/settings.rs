@@ -209,13 +209,13 @@ mod tests {
     fn errors_say_what_can_be_said() {
         assert_eq!(
             read("blurr").unwrap_err(),
-            "`blurr` is no camera effect: blur, noise, exposure, lens, compression, all or none"
+            "unknown camera effect `blurr`: use blur, noise, exposure, lens, compression, all or none"
         );
-        assert_eq!(read("blur=0").unwrap_err(), "`0` is no strength of `blur`: milliseconds from 0.1 to 200");
-        assert_eq!(read("noise,noise=2").unwrap_err(), "`noise` is named twice");
+        assert_eq!(read("blur=0").unwrap_err(), "invalid strength `0` for `blur`: expected milliseconds from 0.1 to 200");
+        assert_eq!(read("noise,noise=2").unwrap_err(), "duplicate effect `noise`");
         assert_eq!(
             read("lens=fish").unwrap_err(),
-            "`fish` is no strength of `lens`: tello_ros, tello_ros2, tello_course, wide or k1:k2:p1:p2"
+            "invalid strength `fish` for `lens`: expected tello_ros, tello_ros2, tello_course, wide or k1:k2:p1:p2"
         );
         for text in ["none,blur", "compression=png", "compression=jpeg:101", "exposure=NaN", "lens=1:2:3", "lens=1:2:3:inf", ","]
         {

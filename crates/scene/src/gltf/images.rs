@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use gltf::json::{Root, texture};
-use spf_media::file::{FileError, Format, Limits, PictureFile, Samples};
+use spf_media::file::{FileError, Format, ImageFile, Limits, Samples};
 
 use super::files::{Buffers, Surroundings};
 use super::problem::{Problem, missing};
@@ -103,7 +103,7 @@ fn open<'a>(root: &Root, image: usize, buffers: &'a Buffers<'_>, around: &mut Su
         let message = format!("image {image} is neither PNG nor JPEG");
         return Err(Problem::new(message).hint("export the textures as PNG or JPEG"));
     }
-    let size = PictureFile::open(&bytes, LIMITS).map_err(|e| unreadable(image, &e))?.size();
+    let size = ImageFile::open(&bytes, LIMITS).map_err(|e| unreadable(image, &e))?.size();
     if size.0.max(size.1) > MAX_SIDE {
         let message = format!("image {image} has {} × {} pixels, at most {MAX_SIDE} per side are supported", size.0, size.1);
         return Err(Problem::new(message).hint("reduce the texture"));
@@ -117,8 +117,8 @@ fn unreadable(image: usize, error: &FileError) -> Problem {
 }
 
 fn decode(encoded: &Encoded<'_>) -> Result<Texture, Problem> {
-    let file = PictureFile::open(&encoded.bytes, LIMITS);
-    let picture = file.and_then(PictureFile::decode).map_err(|e| unreadable(encoded.image, &e))?;
+    let file = ImageFile::open(&encoded.bytes, LIMITS);
+    let picture = file.and_then(ImageFile::decode).map_err(|e| unreadable(encoded.image, &e))?;
     let (width, height) = (picture.width(), picture.height());
     let rgb = if picture.has_alpha() { filled(picture) } else { picture.into_rgb().into_data() };
     Texture::from_srgb(width, height, &rgb).ok_or_else(|| Problem::new(format!("image {} has no pixels", encoded.image)))

@@ -59,7 +59,7 @@ pub(crate) enum UpAxis {
 
 /// Settings of a scene file for its model; they override the model's own extras.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Wishes {
+pub(crate) struct ModelOverrides {
     pub(crate) name: Option<String>,
     pub(crate) craft: Option<CraftKind>,
     pub(crate) description: String,
@@ -85,7 +85,7 @@ pub(crate) fn is_model(path: &str) -> bool {
 }
 
 /// Loads a `.glb` or `.gltf` with the files it names, which must lie in its folder.
-pub(crate) fn load(path: &str, wishes: &Wishes, shining: Shining) -> Result<Scene, SceneError> {
+pub(crate) fn load(path: &str, wishes: &ModelOverrides, shining: Shining) -> Result<Scene, SceneError> {
     let read = open(Path::new(path)).map_err(|problem| refused(path, problem))?;
     let bytes = read.map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
     parse(&bytes, path, Path::new(path).parent(), wishes, shining)
@@ -110,7 +110,7 @@ pub(crate) fn parse(
     bytes: &[u8],
     file: &str,
     folder: Option<&Path>,
-    wishes: &Wishes,
+    wishes: &ModelOverrides,
     shining: Shining,
 ) -> Result<Scene, SceneError> {
     import(bytes, file, folder, wishes, shining).map_err(|problem| refused(file, problem))
@@ -120,7 +120,7 @@ fn refused(file: &str, problem: Problem) -> SceneError {
     SceneError::Model { file: file.to_owned(), message: problem.message, hint: problem.hint }
 }
 
-fn import(bytes: &[u8], file: &str, folder: Option<&Path>, wishes: &Wishes, shining: Shining) -> Result<Scene, Problem> {
+fn import(bytes: &[u8], file: &str, folder: Option<&Path>, wishes: &ModelOverrides, shining: Shining) -> Result<Scene, Problem> {
     let Assembled { assembly, start, said } = assemble(bytes, folder, wishes.scale, wishes.up)?;
     world(assembly, start, &said, wishes, file, shining)
 }
@@ -169,7 +169,7 @@ fn world(
     assembly: Assembly,
     view: Option<Viewpoint>,
     said: &SceneSpec,
-    wishes: &Wishes,
+    wishes: &ModelOverrides,
     file: &str,
     shining: Shining,
 ) -> Result<Scene, Problem> {

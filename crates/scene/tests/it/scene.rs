@@ -366,7 +366,7 @@ fn rows_and_sizes_are_bounded() {
     assert!(refused(&format!("{HEAD}{TREE}{row}")).contains("`count` must be from 1 to 1000"));
     let row = "\nrepeat = { count = 1000, step = [0.0, 0.001] }\n";
     let heavy = TREE.replace("conifer", "broadleaf");
-    assert!(refused(&format!("{HEAD}{heavy}{row}")).contains("more than 500000 triangles"));
+    assert!(refused(&format!("{HEAD}{heavy}{row}")).contains("exceeds 500000 triangles"));
 }
 
 fn toml_value() -> impl Strategy<Value = String> {

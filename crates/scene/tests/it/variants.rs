@@ -328,7 +328,7 @@ kind = "tree"
     let refused = load("").unwrap_err();
     assert!(refused.contains("has no variants") && refused.contains("[vary]"), "{refused}");
     for (vary, message) in [
-        ("[[vary.shuffle]]\nobjects = [\"treee\"]\n", "no object `treee`"),
+        ("[[vary.shuffle]]\nobjects = [\"treee\"]\n", "unknown object `treee`"),
         ("[[vary.jitter]]\nobjects = [\"tree\"]\ndistance_m = -1\n", "`distance_m` must be from 0 to 1000"),
         ("[[vary.depart]]\nobjects = [\"tree\"]\n", "`tree` does not move"),
         ("[[vary.repaint]]\nobjects = [\"tree\"]\nslot = \"leaf\"\ncolours = {}\n", "`colours` is empty"),

@@ -19,7 +19,7 @@ use tokio::sync::watch;
 
 use super::lens::Lens;
 use super::memory::Unrecognised;
-use super::mind::{Mind, Thought};
+use super::responder::{OracleReply, Responder};
 use super::wire::{Answered, Wire};
 
 /// Maximum request size, bytes.
@@ -60,7 +60,7 @@ pub struct Serving {
 
 struct Shared {
     lens: Arc<dyn Lens>,
-    mind: Mind,
+    responder: Responder,
     questions: AtomicU64,
 }
 
@@ -87,9 +87,9 @@ impl Endpoint {
     ///
     /// # Errors
     /// [`EndpointError::Thread`] if it cannot be started.
-    pub fn serve(self, lens: Arc<dyn Lens>, mind: Mind) -> Result<Serving, EndpointError> {
+    pub fn serve(self, lens: Arc<dyn Lens>, responder: Responder) -> Result<Serving, EndpointError> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(EndpointError::Thread)?;
-        let shared = Arc::new(Shared { lens, mind, questions: AtomicU64::new(0) });
+        let shared = Arc::new(Shared { lens, responder, questions: AtomicU64::new(0) });
         let (stop, mut stopped) = watch::channel(false);
         let work = move || {
             runtime.block_on(async {
@@ -180,7 +180,7 @@ async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String
     let number = shared.questions.fetch_add(1, Ordering::Relaxed);
     let prompt = question.prompt.clone();
     let thought = tokio::task::spawn_blocking(move || think(&shared, number, &prompt, &picture)).await;
-    let Thought { text, latency } = match thought {
+    let OracleReply { text, latency } = match thought {
         Ok(Ok(thought)) => thought,
         Ok(Err(why)) => return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, &why),
         Err(_) => return refused(wire, StatusCode::INTERNAL_SERVER_ERROR, "the oracle failed"),
@@ -195,9 +195,9 @@ async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String
     ([(header::CONTENT_TYPE, kind)], body).into_response()
 }
 
-fn think(shared: &Shared, number: u64, prompt: &str, picture: &[u8]) -> Result<Thought, String> {
+fn think(shared: &Shared, number: u64, prompt: &str, picture: &[u8]) -> Result<OracleReply, String> {
     let picture = jpeg::decode_any(picture).map_err(|error| error.to_string())?;
-    let answer = shared.mind.answer(shared.lens.now(), number, prompt, &picture);
+    let answer = shared.responder.answer(shared.lens.now(), number, prompt, &picture);
     answer.map_err(|why: Unrecognised| why.to_string())
 }
 

@@ -89,7 +89,7 @@ mod tests {
         let library = Library::new(["city".to_owned()], "city", own, scene.clone());
         assert_eq!(library.names(), ["city"]);
         assert!(Arc::ptr_eq(&library.get("city", &own).unwrap(), &scene));
-        assert_eq!(library.get("/etc/passwd.toml", &own).err().unwrap(), "no scene `/etc/passwd.toml` in the list");
+        assert_eq!(library.get("/etc/passwd.toml", &own).err().unwrap(), "unknown scene `/etc/passwd.toml`");
         let library = Library::new(["city".to_owned()], "./mine.toml", own, scene);
         assert_eq!(library.names(), ["city", "./mine.toml"]);
         assert!(library.get("city", &own).is_ok());

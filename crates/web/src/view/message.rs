@@ -230,7 +230,7 @@ mod tests {
             (r#"{"type":"go","pose":{"east":1e9,"north":0,"up":0,"heading_deg":0,"pitch_deg":0}}"#.to_owned(), "`east` must be"),
             (r#"{"type":"shown","frame":1,"more":2}"#.to_owned(), "unknown field `more`"),
             ("[".to_owned(), "EOF"),
-            (" ".repeat(LONGEST + 1), "longer than 4096"),
+            (" ".repeat(LONGEST + 1), "exceeds the limit of 4096"),
         ] {
             let said = FromPage::read(&text).unwrap_err();
             assert!(said.contains(reason), "{said}");

@@ -8,9 +8,9 @@ use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, interval_at, timeout};
 
-use super::eye::{Eye, Out};
 use super::message::{FromPage, ToPage};
-use super::{Beginning, Library};
+use super::renderer::{Out, ViewRenderer};
+use super::{InitialView, Library};
 
 /// Maximum number of messages queued for the rendering thread, which reads them all between two images.
 const INBOX: usize = 256;
@@ -29,7 +29,7 @@ pub(super) const SHUTDOWN_GRACE: Duration = Duration::from_secs(1);
 pub(super) async fn converse(
     mut socket: WebSocket,
     library: Arc<Library>,
-    beginning: Beginning,
+    beginning: InitialView,
     mut stop: watch::Receiver<bool>,
 ) {
     let (to_eye, inbox) = sync_channel(INBOX);
@@ -37,7 +37,7 @@ pub(super) async fn converse(
     // The scene is loaded and rendered in its own thread, which ends when either channel does.
     let spawned = std::thread::Builder::new().name("view".to_owned()).spawn(move || {
         let refused = |reason| Out::Text(text(&ToPage::Refused { reason }));
-        match Eye::open(library, &beginning, out.clone()) {
+        match ViewRenderer::open(library, &beginning, out.clone()) {
             Ok(eye) => drop(eye.run(&inbox)),
             Err(reason) => drop(out.blocking_send(refused(reason))),
         }
@@ -66,7 +66,7 @@ pub(super) async fn converse(
             }
             out = outbox.recv() => match out {
                 Some(Out::Text(text)) => Message::text(text),
-                Some(Out::Picture(bytes)) => Message::binary(bytes),
+                Some(Out::Image(bytes)) => Message::binary(bytes),
                 None => return,
             },
             _ = ping.tick() => {

@@ -102,7 +102,7 @@ mod tests {
     fn a_row_that_contradicts_itself_is_refused() {
         let folder = std::env::temp_dir();
         let refused = |row: &str| items(&folder, Path::new("rows.jsonl"), row).unwrap_err().to_string();
-        assert!(refused(r#"{"picture": "no-such.jpg", "instruction": "go"}"#).contains("row 1: there is no file `no-such.jpg`"));
+        assert!(refused(r#"{"picture": "no-such.jpg", "instruction": "go"}"#).contains("row 1: no file `no-such.jpg`"));
         assert!(refused("\n{\"pictur\": 3}").contains("row 2: unknown field `pictur`"));
     }
 

@@ -20,7 +20,7 @@ const STYLE: &str = include_str!("style.css");
 /// The complete page, to be placed in the folder `into`.
 pub(super) fn page(source: &Source, into: &Path) -> String {
     let draws = Draw::all(source);
-    let films = trials::Films::of(source, into);
+    let films = trials::VideoLinks::of(source, into);
     let body = html! {
         h1 { "SPF benchmark report" }
         p class="note" { (source.records.len()) " trials of " (source.tasks().len()) " tasks by " (source.arms.len())

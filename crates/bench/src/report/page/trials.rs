@@ -74,9 +74,9 @@ fn instruction<'a>(source: &'a Source, task: &str) -> Option<&'a str> {
 }
 
 /// Links to the available videos, by trial.
-pub(super) struct Films(BTreeMap<String, String>);
+pub(super) struct VideoLinks(BTreeMap<String, String>);
 
-impl Films {
+impl VideoLinks {
     /// Finds the video of every row beside its results; `into` is the folder of the page.
     pub(super) fn of(source: &Source, into: &Path) -> Self {
         let link = |(row, record): (usize, &Record)| {
@@ -122,7 +122,7 @@ impl Films {
 }
 
 /// Every failure by self stop: result, path, video and the command to repeat it.
-pub(super) fn failures(source: &Source, draws: &[Draw], films: &Films) -> Markup {
+pub(super) fn failures(source: &Source, draws: &[Draw], films: &VideoLinks) -> Markup {
     let failed = || source.records.iter().enumerate().filter(|(_, record)| !record.scores.self_stop);
     html! {
         section id="failures" {
@@ -133,7 +133,7 @@ pub(super) fn failures(source: &Source, draws: &[Draw], films: &Films) -> Markup
     }
 }
 
-fn failure(source: &Source, draws: &[Draw], films: &Films, row: usize, record: &Record) -> Markup {
+fn failure(source: &Source, draws: &[Draw], films: &VideoLinks, row: usize, record: &Record) -> Markup {
     let draw = draws.iter().zip(0..).find(|(draw, _)| draw.rows.contains(&row));
     let arm = source.arms.iter().find(|arm| arm.flew(record));
     html! {

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 
 use serde_json::json;
 use spf_bench::contrast::{Contrast, Scoring, contrasts};
-use spf_bench::run::{Manner, Plan, Shard, read_records, run as run_plan, shell_word};
+use spf_bench::run::{Plan, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::stats::Rate;
 use spf_bench::table::{Line, table as lines, words};
 use spf_bench::task::{SUITES, Task, suite};
@@ -33,7 +33,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     }
     let shard = shard(args)?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let manner = Manner { jobs, videos: args.videos, command: command(args, vlms), files };
+    let manner = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files };
     let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: args.max_cost };
     let head = plan.head(shard, vlms);
     let interrupts = interrupts()?;

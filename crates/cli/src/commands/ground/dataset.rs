@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use spf_bench::ground::ask::{Ended, Manner, Mind, Plan};
+use spf_bench::ground::ask::{AnswererKind, AskOptions, Ended, Plan};
 use spf_bench::ground::measure::{Report, grades, report};
 use spf_bench::ground::source::{self, Source};
 use spf_bench::ground::{AnswerRow, Answerer, page, table};
@@ -36,7 +36,7 @@ pub(super) fn grade(
     args: &Ground,
     path: &Path,
     settings: &Settings,
-    manner: Manner,
+    manner: AskOptions,
     printer: &mut Printer,
 ) -> Result<Exit, CliError> {
     let max_cost = settings.fly.max_cost_usd.get()?;
@@ -59,7 +59,7 @@ pub(super) fn grade(
         avoid: args.avoid,
         seed: args.seed,
         questions: format!("{:016x}", source.digest),
-        manners: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.mind.manner())).collect(),
+        manners: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.kind.manner())).collect(),
     };
     let (mut folder, mut rows) = Folder::open(&out, &head, args.resume, args.overwrite)?;
     let plan = Plan {
@@ -87,7 +87,7 @@ pub(super) fn grade(
     }
     tell(&report, &source, &answerers, &page, printer);
     let silent = |answerer: &Answerer| !rows.iter().any(|row| row.answerer == answerer.name && is_answered(row));
-    let mut models = answerers.iter().filter(|answerer| matches!(answerer.mind, Mind::Model(..))).peekable();
+    let mut models = answerers.iter().filter(|answerer| matches!(answerer.kind, AnswererKind::Model(..))).peekable();
     let unanswered = models.peek().is_some() && models.all(silent);
     Ok(match ended {
         Ended::Complete if unanswered => {
@@ -122,7 +122,7 @@ fn everybody(args: &Ground, settings: &Settings, source: &Source) -> Result<(Vec
     let mut all = vec![Answerer::centre()];
     if simulated && !named.iter().any(is_oracle) {
         let errors = ErrorFile::named("default").map_err(|error| CliError::internal("no oracle").because(&error))?;
-        all.push(Answerer { name: "oracle".to_owned(), mind: Mind::Oracle(Box::new(errors), args.seed) });
+        all.push(Answerer { name: "oracle".to_owned(), kind: AnswererKind::Oracle(Box::new(errors), args.seed) });
     }
     all.extend(named);
     Ok((all, sentences))

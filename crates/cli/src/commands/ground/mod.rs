@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use spf_bench::ground::Answerer;
-use spf_bench::ground::ask::{Manner, Mind};
+use spf_bench::ground::ask::{AnswererKind, AskOptions};
 use spf_core::prompt::{PromptKind, PromptText};
 
 use super::read;
@@ -25,7 +25,7 @@ pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliEr
     if args.rate.is_some_and(|rate| !(rate > 0.0 && rate <= 1e6)) {
         return Err(CliError::usage("--rate must be a number of questions per minute above 0").hint("--rate 60"));
     }
-    let manner = Manner { avoid: args.avoid, time: settings.reply_timeout()? };
+    let manner = AskOptions { avoid: args.avoid, time: settings.reply_timeout()? };
     match &args.dataset {
         Some(path) => dataset::grade(args, path, &settings, manner, printer),
         None => photos::ask(args, &settings, manner, printer),
@@ -40,7 +40,7 @@ fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<S
         if name == "oracle" || name.starts_with("oracle:") {
             let (name, errors) = oracle_named(name, |expected, near| settings.fly.vlm.wrong(expected, near))?;
             sentences.push(format!("{name} reads the simulator's own ID and depth images; it is not a VLM."));
-            answerers.push(Answerer { name, mind: Mind::Oracle(Box::new(errors), args.seed) });
+            answerers.push(Answerer { name, kind: AnswererKind::Oracle(Box::new(errors), args.seed) });
             continue;
         }
         if name.starts_with("replay:") {
@@ -52,7 +52,7 @@ fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<S
         for (file, prompt) in &prompts {
             let name = if prompts.len() > 1 { format!("{} · {file}", chosen.name) } else { chosen.name.clone() };
             let (model, prompt) = (chosen.remote.clone().with_prompt(prompt.clone()), prompt.clone());
-            answerers.push(Answerer { name, mind: Mind::Model(Arc::new(move || Box::new(model.clone())), prompt) });
+            answerers.push(Answerer { name, kind: AnswererKind::Model(Arc::new(move || Box::new(model.clone())), prompt) });
         }
     }
     let mut names: Vec<&str> = answerers.iter().map(|answerer| answerer.name.as_str()).collect();
@@ -83,5 +83,5 @@ fn prompts(args: &Ground) -> Result<Vec<(String, Arc<PromptText>)>, CliError> {
 
 /// Whether it is the oracle, which photographs hold nothing for.
 fn is_oracle(answerer: &Answerer) -> bool {
-    matches!(answerer.mind, Mind::Oracle(..))
+    matches!(answerer.kind, AnswererKind::Oracle(..))
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Serialize;
-use spf_bench::ground::ask::{Manner, Mind};
+use spf_bench::ground::ask::{AnswererKind, AskOptions};
 use spf_bench::ground::page::{account, side_by_side, words};
 use spf_bench::ground::photo::{self, PhotoError};
 use spf_bench::ground::{AnswerRow, Answerer, Said};
@@ -25,7 +25,7 @@ const LONGEST: u64 = 2 << 30;
 const QUALITY: u8 = 90;
 
 /// An image to ask about.
-struct Shown {
+struct ImageInput {
     name: String,
     picture: Arc<Rgb>,
 }
@@ -44,7 +44,7 @@ struct Answered {
     answers: Vec<AnswerRow>,
 }
 
-pub(super) fn ask(args: &Ground, settings: &Settings, manner: Manner, printer: &Printer) -> Result<Exit, CliError> {
+pub(super) fn ask(args: &Ground, settings: &Settings, manner: AskOptions, printer: &Printer) -> Result<Exit, CliError> {
     let Some((instruction, images)) = args.words.split_last().filter(|(_, images)| !images.is_empty()) else {
         return Err(CliError::usage("an image and an instruction are required")
             .hint("spf ground photo.jpg \"the blue door\" --vlm gemini"));
@@ -87,13 +87,13 @@ pub(super) fn ask(args: &Ground, settings: &Settings, manner: Manner, printer: &
 }
 
 /// Everybody at once about one image.
-fn put(answerers: &[Answerer], shown: &Shown, instruction: &str, number: u64, manner: Manner) -> Vec<AnswerRow> {
-    let ask = |answerer: &Answerer| match &answerer.mind {
-        Mind::Model(make, prompt) => {
+fn put(answerers: &[Answerer], shown: &ImageInput, instruction: &str, number: u64, manner: AskOptions) -> Vec<AnswerRow> {
+    let ask = |answerer: &Answerer| match &answerer.kind {
+        AnswererKind::Model(make, prompt) => {
             let (key, cancel) = (&shown.name, Cancel::default());
             Some(answerer.show(make().as_mut(), prompt, &shown.picture, key, instruction, number, manner, &cancel))
         }
-        Mind::Centre | Mind::Oracle(..) => None,
+        AnswererKind::Centre | AnswererKind::Oracle(..) => None,
     };
     std::thread::scope(|scope| {
         let asking: Vec<_> = answerers.iter().map(|answerer| scope.spawn(|| ask(answerer))).collect();
@@ -131,7 +131,7 @@ fn free_name(folder: &Path, name: &str) -> PathBuf {
 }
 
 /// The images that an argument names.
-fn open(image: &str, args: &Ground) -> Result<Vec<Shown>, CliError> {
+fn open(image: &str, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
     let path = Path::new(image);
     if image == "-" {
         return decoded("standard input", &bytes(std::io::stdin().lock(), image)?, args);
@@ -153,7 +153,7 @@ fn open(image: &str, args: &Ground) -> Result<Vec<Shown>, CliError> {
     files.iter().map(|path| file(path, args)).collect::<Result<Vec<_>, _>>().map(|found| found.into_iter().flatten().collect())
 }
 
-fn file(path: &Path, args: &Ground) -> Result<Vec<Shown>, CliError> {
+fn file(path: &Path, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
     let open = File::open(path).map_err(|error| {
         CliError::usage(format!("cannot read the image `{}`", path.display()))
             .because(&error)
@@ -171,7 +171,7 @@ fn bytes(from: impl Read, name: &str) -> Result<Vec<u8>, CliError> {
 }
 
 /// One image, or the frames of a video, depending on the first bytes.
-fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<Shown>, CliError> {
+fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<ImageInput>, CliError> {
     let is_picture = bytes.starts_with(&[0xff, 0xd8]) || bytes.starts_with(b"\x89PNG");
     let is_video = bytes.get(4..8) == Some(b"ftyp") || bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]);
     let wrong = |error: &PhotoError| CliError::usage(format!("cannot decode `{name}`")).because(error);
@@ -184,10 +184,10 @@ fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<Shown>, CliErr
             wrong(&error).hint("convert it to H.264 in MP4, or extract frames: ffmpeg -i VIDEO -vf fps=1 frame-%03d.jpg")
         })?;
         let shown =
-            |frame: photo::VideoFrame| Shown { name: format!("{name}-{:.2}s", frame.at), picture: Arc::new(frame.picture) };
+            |frame: photo::VideoFrame| ImageInput { name: format!("{name}-{:.2}s", frame.at), picture: Arc::new(frame.picture) };
         return Ok(frames.into_iter().map(shown).collect());
     }
     let picture =
         photo::decode(bytes).map_err(|error| wrong(&error).hint("supported are PNG and JPEG images and H.264 videos"))?;
-    Ok(vec![Shown { name: name.to_owned(), picture: Arc::new(picture) }])
+    Ok(vec![ImageInput { name: name.to_owned(), picture: Arc::new(picture) }])
 }

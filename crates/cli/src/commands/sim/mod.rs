@@ -13,7 +13,7 @@ use std::path::Path;
 use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
 use spf_media::{frame::Rgb, png};
-use spf_render::Picture;
+use spf_render::RenderedImage;
 use spf_render::effects::{Effects, EffectsError};
 use spf_scene::{Lighting, SceneLook, Weather};
 use spf_sim::model::Model;
@@ -44,7 +44,7 @@ pub(super) fn above_start(mut start: Pose, kind: CraftKind) -> Pose {
 }
 
 /// The colour image as a PNG file.
-pub(super) fn colour(picture: &Picture) -> Result<Vec<u8>, CliError> {
+pub(super) fn colour(picture: &RenderedImage) -> Result<Vec<u8>, CliError> {
     let data = picture.rgb.clone().unwrap_or_default();
     let rgb = Rgb::from_raw(picture.width, picture.height, data)
         .map_err(|error| CliError::internal("cannot render the image").because(&error))?;

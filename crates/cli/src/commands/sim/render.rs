@@ -6,8 +6,8 @@ use spf_core::geometry::{Attitude, BodyDisplacement, Pose, wrap_angle};
 use spf_core::time::Time;
 use spf_media::jpeg::EncodeError;
 use spf_media::png;
-use spf_render::effects::Eye;
-use spf_render::{Channels, Picture};
+use spf_render::effects::SimCamera;
+use spf_render::{Channels, RenderedImage};
 
 use super::{above_start, centimetres, conditions, parse_effects, parse_kind, parse_size, write};
 use crate::args::Render;
@@ -34,14 +34,14 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let kind = kind.unwrap_or(loaded.scene.default_craft);
     let pose = pose.unwrap_or_else(|| above_start(loaded.scene.start, kind));
     let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
-    let eye = Eye::new(camera, effects, 0);
+    let eye = SimCamera::new(camera, effects, 0);
     let shot = eye.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
     let shot = shot.ok_or_else(|| CliError::internal("the shutter is open at times that have no pose"))?;
     let photograph = eye.photograph(&shot, None, |camera, pose, picture| {
         loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, picture);
     });
     let channels = Channels { depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
-    let mut picture = Picture::default();
+    let mut picture = RenderedImage::default();
     eye.look(eye.camera(), &mut picture, |camera, picture| {
         loaded.render_into(camera, &loaded.beginning(pose), channels, picture);
     });
@@ -74,7 +74,7 @@ fn distinct(args: &Render, legend: Option<&PathBuf>) -> Result<(), CliError> {
     }
 }
 
-fn grey(picture: &Picture, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
+fn grey(picture: &RenderedImage, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
     encoded(png::encode_grey16(picture.width, picture.height, pixels))
 }
 

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use spf_scene::Scene;
-use spf_web::view::{Beginning, Library, ViewError, Viewer};
+use spf_web::view::{InitialView, Library, ViewError, Viewer};
 
 use super::{conditions, parse_kind};
 use crate::args::View;
@@ -39,7 +39,7 @@ pub(super) fn view(args: &View, printer: &Printer) -> Result<Exit, CliError> {
         printer.say("warning: anyone who can reach this address can open the view and use CPU time");
     }
     let library = Library::new(Scene::built_in().into_iter().map(str::to_owned), &args.scene, conditions, loaded);
-    let beginning = Beginning { scene: args.scene.clone(), conditions, craft, pose };
+    let beginning = InitialView { scene: args.scene.clone(), conditions, craft, pose };
     viewer.serve(library, beginning).map_err(|error: ViewError| CliError::internal("the page server failed").because(&error))?;
     Ok(Exit::Success)
 }

@@ -114,7 +114,7 @@ fn a_port_that_is_taken_is_named() {
     let (run, _) = fly(&lab, "127.0.0.45", "127.0.0.46", &model(0), &[]);
     drop(state);
     assert_eq!(run.code, Some(6));
-    assert!(run.stderr.contains("8890") && run.stderr.contains("end it"), "{}", run.stderr);
+    assert!(run.stderr.contains("8890") && run.stderr.contains("close the program"), "{}", run.stderr);
     served.end();
 }
 
@@ -125,7 +125,7 @@ fn the_oracle_needs_the_simulator() {
     let mut command = lab.command(&["fly", "go", "--drone", "tello@127.0.0.47", "--vlm", "oracle"]);
     let run = Run::of(&command.env("SPF_TELLO_LOCAL", "127.0.0.48").output().unwrap());
     assert_eq!(run.code, Some(2), "{}", run.stderr);
-    assert!(run.stderr.contains("a real drone needs a VLM"), "{}", run.stderr);
+    assert!(run.stderr.contains("use a VLM with a real drone"), "{}", run.stderr);
     served.end();
 }
 

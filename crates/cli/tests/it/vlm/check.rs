@@ -90,7 +90,7 @@ fn every_refusal_is_explained() {
     };
     for (status, code, hint) in [
         (401, "invalid_api_key", "the API key is invalid"),
-        (402, "billing", "no money"),
+        (402, "billing", "no credit"),
         (403, "permission", "region"),
         (404, "model_not_found", "unknown or retired model"),
         (429, "insufficient_quota", "quota is used up"),

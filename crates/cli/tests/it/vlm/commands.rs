@@ -144,7 +144,7 @@ fn a_model_is_asked_about_the_frames_of_a_flight() {
 fn what_cannot_be_asked_is_said_before_anything_flies() {
     let lab = Lab::new();
     for (args, said) in [
-        (vec!["--vlm", "gemini"], vec!["answers nobody without a key", "set GOOGLE_API_KEY or GEMINI_API_KEY", "https://"]),
+        (vec!["--vlm", "gemini"], vec!["no API key set for Google Gemini", "set GOOGLE_API_KEY or GEMINI_API_KEY", "https://"]),
         (vec!["--vlm", "auto"], vec!["no API key set for any vendor", "ANTHROPIC_API_KEY"]),
         (vec!["--vlm", "gemni"], vec!["did you mean `gemini`?"]),
         (
@@ -152,9 +152,9 @@ fn what_cannot_be_asked_is_said_before_anything_flies() {
             vec!["was retired by Google Gemini on 2026-06-01", "--vlm gemini#gemini-3.5-flash-lite"],
         ),
         (vec!["--vlm", "anthropic#claude-3-7-sonnet"], vec!["--vlm anthropic#claude-sonnet-5-5"]),
-        (vec!["--vlm", "http://localhost:1/v1"], vec!["none is named", "http://localhost:1/v1#MODEL"]),
-        (vec!["--vlm", "http://me:secret@localhost:1/v1#m"], vec!["a key belongs into the environment"]),
-        (vec!["--vlm", "vllm@http://localhost:1/v1?key=secret"], vec!["a key belongs into the environment"]),
+        (vec!["--vlm", "http://localhost:1/v1"], vec!["a model name is required", "http://localhost:1/v1#MODEL"]),
+        (vec!["--vlm", "http://me:secret@localhost:1/v1#m"], vec!["set API keys in the environment"]),
+        (vec!["--vlm", "vllm@http://localhost:1/v1?key=secret"], vec!["set API keys in the environment"]),
         (vec!["--vlm", "vllm@http://"], vec!["is not a server URL"]),
         (vec!["--vlm-models", "none.toml", "--vlm", "vllm"], vec!["cannot read the models file"]),
     ] {

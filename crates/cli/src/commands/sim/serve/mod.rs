@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use spf_serve::truth::Heard;
+use spf_serve::truth::SharedInstruction;
 use spf_serve::vlm::OnboardCamera;
 
 use crate::args::Serve;
@@ -25,7 +25,7 @@ pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
         return Err(CliError::usage("nothing to serve").hint("use --vlm, --tello or both"));
     }
     let interrupts = interrupts()?;
-    let heard = Heard::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
+    let heard = SharedInstruction::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
     let onboard = args.vlm.as_ref().map(|_| Arc::new(OnboardCamera::default()));
     let service = args.tello.then(|| tello::start(args, onboard.clone(), heard.clone(), printer)).transpose()?;
     let flown =

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use spf_core::fault::FaultPlan;
 use spf_flight::sim::FlightConditions;
 use spf_serve::tello::{FaultSource, Firmware, ServerError, TelloPlan, TelloService, VideoQuality};
-use spf_serve::truth::{Heard, truth_file};
+use spf_serve::truth::{SharedInstruction, truth_file};
 use spf_serve::vlm::OnboardCamera;
 use spf_sim::wind::WindError;
 
@@ -23,7 +23,7 @@ const PORT: u16 = 8889;
 pub(super) fn start(
     args: &Serve,
     onboard: Option<Arc<OnboardCamera>>,
-    instruction: Heard,
+    instruction: SharedInstruction,
     printer: &Printer,
 ) -> Result<TelloService, CliError> {
     let plan = TelloPlan { onboard, instruction, ..plan(args)? };
@@ -83,7 +83,7 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
         firmware,
         quality,
         faults: args.fault.clone().map_or_else(|| FaultSource::Plan(FaultPlan::default()), FaultSource::File),
-        instruction: Heard::default(),
+        instruction: SharedInstruction::default(),
         onboard: None,
         truth: truth.transpose()?,
         loaded: Arc::new(load_scene(args.scene.as_deref().unwrap_or("office"), &conditions(&args.conditions)?)?),

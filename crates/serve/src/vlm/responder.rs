@@ -12,7 +12,7 @@ use spf_flight::sim::OracleVlm;
 use spf_media::Rgb;
 
 use super::memory::{Memory, Remembered, Unrecognised};
-use crate::truth::Heard;
+use crate::truth::SharedInstruction;
 
 /// Source of the instruction.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,7 +35,7 @@ pub enum AnswerForm {
 
 /// An answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Thought {
+pub struct OracleReply {
     /// The text.
     pub text: String,
     /// The oracle's latency.
@@ -43,15 +43,15 @@ pub struct Thought {
 }
 
 /// Answers queries with the oracle of a world, given image and prompt.
-pub struct Mind {
+pub struct Responder {
     oracle: OracleVlm,
     memory: Arc<Memory>,
     instruction: Instruction,
     form: AnswerForm,
-    heard: Option<Heard>,
+    heard: Option<SharedInstruction>,
 }
 
-impl Mind {
+impl Responder {
     /// Uses the frames of `memory` for recognition.
     #[must_use]
     pub fn new(oracle: OracleVlm, memory: Arc<Memory>, instruction: Instruction, form: AnswerForm) -> Self {
@@ -60,7 +60,7 @@ impl Mind {
 
     /// Reports the last instruction to `heard`.
     #[must_use]
-    pub fn telling(self, heard: Heard) -> Self {
+    pub fn telling(self, heard: SharedInstruction) -> Self {
         Self { heard: Some(heard), ..self }
     }
 
@@ -69,7 +69,7 @@ impl Mind {
     ///
     /// # Errors
     /// [`Unrecognised`] if the image is not a frame of the last ten seconds.
-    pub fn answer(&self, now: Time, number: u64, prompt: &str, picture: &Rgb) -> Result<Thought, Unrecognised> {
+    pub fn answer(&self, now: Time, number: u64, prompt: &str, picture: &Rgb) -> Result<OracleReply, Unrecognised> {
         let Remembered { frame, snapshot } = self.memory.recognise(now, picture)?;
         let avoid = prompt.contains("\"boxes\"") || prompt.contains("- boxes:");
         let query = Query {
@@ -80,7 +80,7 @@ impl Mind {
         };
         let answer = self.oracle.answer_at(&query, &snapshot);
         let text = answer.text.unwrap_or_default();
-        Ok(Thought { text: self.written(&text, prompt, picture, avoid), latency: answer.latency })
+        Ok(OracleReply { text: self.written(&text, prompt, picture, avoid), latency: answer.latency })
     }
 
     fn heard(&self, prompt: &str) -> String {
