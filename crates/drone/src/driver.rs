@@ -55,7 +55,7 @@ pub struct Connected {
     /// The craft.
     pub drone: Box<dyn Drone>,
     /// A sentence describing what was found.
-    pub told: String,
+    pub summary: String,
     /// A warning to show to the user before take-off.
     pub warning: &'static str,
 }

@@ -187,11 +187,11 @@ impl Routine {
                 }
             }
             Stage::Leg(number, since) => {
-                let told = now.since(since);
-                if told < LEG {
+                let elapsed = now.since(since);
+                if elapsed < LEG {
                     self.say(now, Leg::ALL[number].setpoint(&self.full));
                 } else {
-                    self.before.1 = told.as_secs_f64();
+                    self.before.1 = elapsed.as_secs_f64();
                     (self.stage, self.said) = (Stage::Rest(number + 1, now + REST), None);
                     self.say(now, Setpoint::HOLD);
                 }
@@ -207,8 +207,8 @@ impl Routine {
     }
 
     fn measure(&mut self, leg: Leg) {
-        let (before, told) = self.before;
-        let [turned, travelled, climbed] = core::array::from_fn(|i| (self.place()[i] - before[i]).abs() / (told * SHARE));
+        let (before, elapsed) = self.before;
+        let [turned, travelled, climbed] = core::array::from_fn(|i| (self.place()[i] - before[i]).abs() / (elapsed * SHARE));
         self.measured.push(match leg {
             Leg::Round => turned,
             Leg::Up | Leg::Down => climbed,

@@ -174,8 +174,8 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         drone: drone.name().to_owned(),
         sim,
     };
-    let told = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
-    let mut pilot = pilot(&head, policy.as_ref(), told);
+    let prompt_text = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
+    let mut pilot = pilot(&head, policy.as_ref(), prompt_text);
     let live = clock != Clock::Virtual;
     let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
     let mut course = Course { instruction: head.instruction.clone(), judge, settled: None };

@@ -139,15 +139,15 @@ impl View<'_> {
                 let height = (thing.bounds.bottom - thing.bounds.top) * f64::from(self.percept.camera.height)
                     / self.percept.camera.fy
                     * forward;
-                let told = thing.range.is_finite();
+                let known = thing.range.is_finite();
                 Item {
                     tags: &thing.tags,
                     across: Some(0.5 * (thing.bounds.left + thing.bounds.right)),
                     half: 0.5 * (thing.bounds.right - thing.bounds.left),
                     range: Some(thing.range),
-                    size: Some(thing.area as f64 * if told { thing.range * thing.range } else { 1e12 }),
-                    height: Some(if told { height } else { 1e6 }),
-                    position: told.then_some([right * forward, forward, up * forward]),
+                    size: Some(thing.area as f64 * if known { thing.range * thing.range } else { 1e12 }),
+                    height: Some(if known { height } else { 1e6 }),
+                    position: known.then_some([right * forward, forward, up * forward]),
                     weight: thing.area as f64,
                 }
             })

@@ -42,7 +42,7 @@ struct Row {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     text: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    error: Option<Told>,
+    error: Option<RecordedError>,
     latency_ns: u64,
     model: String,
     account: Account,
@@ -50,7 +50,7 @@ struct Row {
 
 /// An error, by code and message.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Told {
+struct RecordedError {
     code: String,
     message: String,
 }
@@ -121,12 +121,12 @@ impl Vlm for Recording {
 
     fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         let answer = self.vlm.answer(asked, picture);
-        let told = |error: &VlmError| Told { code: error.code().to_owned(), message: error.to_string() };
+        let recorded = |error: &VlmError| RecordedError { code: error.code().to_owned(), message: error.to_string() };
         let row = Row {
             query: asked.query.id,
             prompt_fnv1a: digest(&asked.query.prompt),
             text: answer.text.as_ref().ok().cloned(),
-            error: answer.text.as_ref().err().map(told),
+            error: answer.text.as_ref().err().map(recorded),
             latency_ns: u64::try_from(answer.latency.as_nanos()).unwrap_or(u64::MAX),
             model: answer.model.clone(),
             account: answer.account.clone(),
@@ -217,7 +217,7 @@ impl Vlm for Replay {
         }
         let text = match (row.text, row.error) {
             (Some(text), _) => Ok(text),
-            (None, Some(Told { code, message })) => Err(VlmError::Told { code, message }),
+            (None, Some(RecordedError { code, message })) => Err(VlmError::Recorded { code, message }),
             (None, None) => Err(VlmError::Replay(format!("question {} has neither text nor error", query.id.0))),
         };
         Answer { text, latency: Duration::from_nanos(row.latency_ns), model: row.model, account: row.account }

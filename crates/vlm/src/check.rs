@@ -183,7 +183,7 @@ mod tests {
         }
     }
 
-    fn told(asked: GroundingProfile, own: GroundingProfile, shift: f64) -> Verdict {
+    fn verdict_of(asked: GroundingProfile, own: GroundingProfile, shift: f64) -> Verdict {
         check(&mut Pointer { asked, own, shift }, Duration::from_secs(1)).verdict
     }
 
@@ -196,7 +196,7 @@ mod tests {
         let all: Vec<_> = all.collect();
         for asked in &all {
             for own in &all {
-                match told(*asked, *own, 0.0) {
+                match verdict_of(*asked, *own, 0.0) {
                     Verdict::Good(worst) => assert!(asked == own && worst < 0.01, "{asked:?} {own:?}"),
                     Verdict::Other(found) => assert!(asked != own && found == *own, "{asked:?} {own:?} {found:?}"),
                     other => panic!("{asked:?} {own:?}: {other:?}"),
@@ -204,7 +204,7 @@ mod tests {
             }
         }
         let profile = GroundingProfile::default();
-        assert!(matches!(told(profile, profile, 0.15), Verdict::Astray(worst) if (worst - 0.15).abs() < 1e-3));
+        assert!(matches!(verdict_of(profile, profile, 0.15), Verdict::Astray(worst) if (worst - 0.15).abs() < 1e-3));
     }
 
     #[test]

@@ -130,7 +130,7 @@ pub enum VlmError {
     },
     /// An error from a recording.
     #[error("{message}")]
-    Told {
+    Recorded {
         /// Its code.
         code: String,
         /// Its message.
@@ -179,7 +179,7 @@ impl VlmError {
             Self::CutOff { .. } => "cut_off",
             Self::Empty { .. } => "empty",
             Self::TooLong { .. } => "too_long",
-            Self::Told { code, .. } => code,
+            Self::Recorded { code, .. } => code,
             Self::Spent { .. } => "spent",
             Self::Replay(_) => "replay",
         }

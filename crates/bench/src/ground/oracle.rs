@@ -39,6 +39,6 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
         light: &light,
     };
     let percept = oracle.percept(FrameId(row.number), &sight, &example.tags);
-    let told = oracle.answer(query, &percept);
-    Answer { text: Ok(told.text), latency: told.latency, model: name.to_owned(), account: Account::default() }
+    let reply = oracle.answer(query, &percept);
+    Answer { text: Ok(reply.text), latency: reply.latency, model: name.to_owned(), account: Account::default() }
 }

@@ -87,8 +87,8 @@ pub struct Pilot {
     /// The last setpoint requested from the envelope.
     wanted: Setpoint,
     /// The envelope's reaction and setpoint change that were last reported.
-    told_reaction: Option<Cause>,
-    told_change: Option<Cause>,
+    last_reaction: Option<Cause>,
+    last_change: Option<Cause>,
 }
 
 /// The components of a pilot.
@@ -147,8 +147,8 @@ impl Pilot {
             next_tick: Time::ZERO,
             kept_since: None,
             wanted: Setpoint::HOLD,
-            told_reaction: None,
-            told_change: None,
+            last_reaction: None,
+            last_change: None,
         };
         let text = pilot.instruction.clone();
         // A policy answers an instruction with Look or Wait; on the ground there is nothing to look at yet.

@@ -127,14 +127,14 @@ impl Tello {
             polled: Time::ZERO,
             threads: Vec::new(),
         };
-        let eye = FrameDecoder::new(Decoder::new()?, video_latency);
+        let decoder = FrameDecoder::new(Decoder::new()?, video_latency);
         let (one, two, three, four, seen) = (shared.clone(), shared.clone(), shared.clone(), shared, frames);
         let inlet = Arc::<Inlet>::default();
         let received = inlet.clone();
         tello.spawn("answers", move || answers(&one))?;
         tello.spawn("state", move || states(&two, &state, drone.ip()))?;
         tello.spawn("video", move || gather(&video, drone.ip(), &received, three.start, &three.stopped))?;
-        tello.spawn("pictures", move || watch(&inlet, eye, &seen, &four.stopped, || four.link().ask_for_video()))?;
+        tello.spawn("pictures", move || watch(&inlet, decoder, &seen, &four.stopped, || four.link().ask_for_video()))?;
         Ok(Connected { drone: tello, state: first, firmware })
     }
 

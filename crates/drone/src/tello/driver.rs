@@ -58,7 +58,7 @@ impl Target for NamedTello {
         let battery = state.battery.map_or("battery unknown".to_owned(), |charge| format!("battery {charge} %"));
         Ok(driver::Connected {
             drone: Box::new(drone),
-            told: format!("Connected to the Tello at {}: {firmware}, {battery}.", self.0.ip()),
+            summary: format!("Connected to the Tello at {}: {firmware}, {battery}.", self.0.ip()),
             warning: if options.tello.motion == TelloMotion::Go { OWN_WARNING } else { WARNING },
         })
     }

@@ -156,16 +156,16 @@ fn ask(socket: &UdpSocket, question: &str) -> Option<String> {
     // Discard late responses to earlier commands.
     receive(socket, SPACING, |_, _| false);
     socket.send(question.as_bytes()).ok()?;
-    let mut told = None;
+    let mut latest = None;
     receive(socket, ANSWER_WAIT, |bytes, _| match Answer::read(bytes) {
         Answer::Value(value) => {
-            told = Some(value);
+            latest = Some(value);
             true
         }
         Answer::Refused(_) => true,
         _ => false,
     });
-    told
+    latest
 }
 
 /// The first state line of the drone.

@@ -182,7 +182,7 @@ impl Example {
 pub struct Generator<'a> {
     loaded: &'a LoadedScene,
     recipe: Recipe,
-    eye: SimCamera,
+    sim_camera: SimCamera,
     around: Surroundings,
     /// Objects by first name: each name has the same probability, however many objects share it.
     groups: Vec<Vec<ObjectId>>,
@@ -199,8 +199,8 @@ impl<'a> Generator<'a> {
     #[must_use]
     pub fn new(loaded: &'a LoadedScene, recipe: Recipe) -> Self {
         let tags = &loaded.tags;
-        let eye = SimCamera::new(recipe.camera, recipe.effects.clone(), recipe.seed);
-        let around = Surroundings::of(eye.camera());
+        let sim_camera = SimCamera::new(recipe.camera, recipe.effects.clone(), recipe.seed);
+        let around = Surroundings::of(sim_camera.camera());
         let groups = groups(tags.iter().filter(|tags| !tags.is_surface() && !BACKDROPS.contains(&tags.kind.as_str())));
         let alike = groups
             .iter()
@@ -210,7 +210,7 @@ impl<'a> Generator<'a> {
         Self {
             loaded,
             recipe,
-            eye,
+            sim_camera,
             around,
             groups,
             alike,
@@ -223,7 +223,7 @@ impl<'a> Generator<'a> {
     /// The camera of the images, including lens distortion.
     #[must_use]
     pub fn camera(&self) -> &Camera {
-        self.eye.camera()
+        self.sim_camera.camera()
     }
 
     /// Whether the scene has the objects needed for this kind of example.
@@ -246,13 +246,13 @@ impl<'a> Generator<'a> {
         let group = groups.get(draw.below(groups.len()))?;
         let focus = *group.get(draw.below(group.len()))?;
         let object = self.loaded.scene.object(focus)?;
-        let pose = Views { loaded: self.loaded, actors, camera: self.eye.camera() }.of(object, &mut draw)?;
+        let pose = Views { loaded: self.loaded, actors, camera: self.sim_camera.camera() }.of(object, &mut draw)?;
         let snapshot = WorldSnapshot { pose, actors: actors.to_vec() };
         if !self.glance_shows(&snapshot, kind, focus) {
             return None;
         }
         let mut truth = RenderedImage::default();
-        self.eye.look(self.eye.camera(), &mut truth, |camera, picture| {
+        self.sim_camera.look(self.sim_camera.camera(), &mut truth, |camera, picture| {
             self.loaded.render_into(camera, &snapshot, Channels::TRUTH, picture);
         });
         let seen = seen(&truth);
@@ -276,7 +276,7 @@ impl<'a> Generator<'a> {
             _ => Some(self.target(mask, &snapshot, &truth).filter(|target| target.occlusion <= HIDDEN_SHARE)?),
         };
         let shot = Shot::still(Time::from_nanos(number), snapshot);
-        let photograph = self.eye.photograph(&shot, None, |camera, snapshot, picture| {
+        let photograph = self.sim_camera.photograph(&shot, None, |camera, snapshot, picture| {
             self.loaded.render_into(camera, snapshot, Channels::RGB, picture);
         });
         Some(Example { kind, instruction, wording, target, look_alikes, pose, photograph, truth, visible })
@@ -284,7 +284,7 @@ impl<'a> Generator<'a> {
 
     /// Whether a coarse preview shows the objects that the example needs.
     fn glance_shows(&mut self, snapshot: &WorldSnapshot, kind: Kind, focus: ObjectId) -> bool {
-        let camera = self.eye.camera();
+        let camera = self.sim_camera.camera();
         let camera = camera.resized((camera.width / GLANCE).max(1), (camera.height / GLANCE).max(1));
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(&camera, snapshot, channels, &mut self.glance);
@@ -314,7 +314,7 @@ impl<'a> Generator<'a> {
     }
 
     fn visible(&mut self, snapshot: &WorldSnapshot, truth: &RenderedImage, seen: &[Mask]) -> Vec<Visible> {
-        let light = self.loaded.renderer.light_on(self.eye.camera(), &snapshot.pose, truth);
+        let light = self.loaded.renderer.light_on(self.sim_camera.camera(), &snapshot.pose, truth);
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(self.around.camera(), snapshot, channels, &mut self.scratch);
         let shares = self.around.shares(&self.scratch);
@@ -414,7 +414,7 @@ impl<'a> Generator<'a> {
         let depth = if opening { &truth.opening_depth } else { &truth.depth };
         let along = f64::from(*depth.as_ref()?.get(y * w + x)?);
         let point = ImagePoint { u: (x as f64 + 0.5) / w as f64, v: (y as f64 + 0.5) / h as f64 };
-        let ray = self.eye.camera().ray(point);
+        let ray = self.sim_camera.camera().ray(point);
         let nearest_m = self.loaded.distance_to(mask.id, &snapshot.actors, snapshot.pose.position)?;
         let whole = self.silhouette(mask.id, opening, snapshot)?;
         let pixel = |at: usize| at as u32;
@@ -440,7 +440,7 @@ impl<'a> Generator<'a> {
             Renderer::new(&SceneGeometry { parts, ..scene.geometry.clone() })
         });
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        self.eye.look(self.eye.camera(), &mut self.scratch, |camera, picture| {
+        self.sim_camera.look(self.sim_camera.camera(), &mut self.scratch, |camera, picture| {
             alone.render_into(camera, &snapshot.pose, channels, &moving, picture);
         });
         let ids = if opening { &self.scratch.opening_ids } else { &self.scratch.ids };

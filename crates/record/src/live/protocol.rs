@@ -116,9 +116,9 @@ pub(super) fn message(subscription: u32, message: &Message) -> Bytes {
     frame.freeze()
 }
 
-fn text(told: &ServerMessage<'_>) -> String {
+fn text(message: &ServerMessage<'_>) -> String {
     // Plain structs always have a JSON form.
-    serde_json::to_string(told).unwrap_or_default()
+    serde_json::to_string(message).unwrap_or_default()
 }
 
 #[cfg(test)]

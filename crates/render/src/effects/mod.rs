@@ -177,9 +177,9 @@ mod tests {
 
     fn photograph(effects: &str, at: Time) -> Rgb {
         let camera = Camera { width: 96, height: 16, fx: 200.0, fy: 200.0, cx: 48.0, cy: 8.0, ..Camera::tello() };
-        let eye = SimCamera::new(camera, effects.parse().unwrap(), 3);
-        let shot = eye.shot(at, turning).unwrap();
-        eye.photograph(&shot, None, stripe)
+        let sim_camera = SimCamera::new(camera, effects.parse().unwrap(), 3);
+        let shot = sim_camera.shot(at, turning).unwrap();
+        sim_camera.photograph(&shot, None, stripe)
     }
 
     #[test]
@@ -212,8 +212,8 @@ mod tests {
 
     #[test]
     fn a_craft_at_rest_is_sharp() {
-        let eye = SimCamera::new(Camera::tello(), "blur=50".parse().unwrap(), 3);
-        let shot = eye.shot(Time::from_millis(1000), |_| Some(Pose::default())).unwrap();
+        let sim_camera = SimCamera::new(Camera::tello(), "blur=50".parse().unwrap(), 3);
+        let shot = sim_camera.shot(Time::from_millis(1000), |_| Some(Pose::default())).unwrap();
         assert_eq!(shot.moments().len(), 1);
     }
 
@@ -231,13 +231,13 @@ mod tests {
     #[test]
     fn a_stop_doubles_the_light() {
         let grey = |stops: &str| {
-            let eye = SimCamera::new(Camera::quad().resized(16, 16), format!("exposure={stops}").parse().unwrap(), 0);
-            let shot = eye.shot(Time::ZERO, |_| Some(Pose::default())).unwrap();
+            let sim_camera = SimCamera::new(Camera::quad().resized(16, 16), format!("exposure={stops}").parse().unwrap(), 0);
+            let shot = sim_camera.shot(Time::ZERO, |_| Some(Pose::default())).unwrap();
             let draw = |camera: &Camera, _: &Pose, picture: &mut RenderedImage| {
                 (picture.width, picture.height) = (camera.width, camera.height);
                 picture.rgb = Some(vec![100; 16 * 16 * 3]);
             };
-            eye.photograph(&shot, None, draw).data()[0]
+            sim_camera.photograph(&shot, None, draw).data()[0]
         };
         // sRGB 100 is 0.127 of full light; twice that is 137.6, half of it 71.4.
         assert_eq!([grey("1"), grey("-1"), grey("0")], [138, 71, 100]);

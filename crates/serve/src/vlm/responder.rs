@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 use serde_json::json;
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
 use spf_core::prompt::MAX_INSTRUCTION;
-use spf_core::query::{Memory as Told, Query, QueryId, QueryKind};
+use spf_core::query::{Memory as PilotMemory, Query, QueryId, QueryKind};
 use spf_core::reply::parse_reply;
 use spf_core::time::{Duration, Time};
 use spf_flight::sim::OracleVlm;
@@ -74,7 +74,7 @@ impl Responder {
         let avoid = prompt.contains("\"boxes\"") || prompt.contains("- boxes:");
         let query = Query {
             instruction: self.heard(prompt),
-            memory: Told { stage: stage_of(prompt), ..Told::default() },
+            memory: PilotMemory { stage: stage_of(prompt), ..PilotMemory::default() },
             image_size: Some((picture.width(), picture.height())),
             ..Query::new(QueryId(number), frame, QueryKind::Point { avoid })
         };
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn our_own_prompts_are_understood() {
-        let memory = Told { stage: 3, ..Told::default() };
+        let memory = PilotMemory { stage: 3, ..PilotMemory::default() };
         for order in [AxisOrder::Yx, AxisOrder::Xy] {
             for scale in [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width: 640, height: 480 }] {
                 let profile = GroundingProfile { order, scale };

@@ -32,13 +32,13 @@ pub(super) async fn converse(
     beginning: InitialView,
     mut stop: watch::Receiver<bool>,
 ) {
-    let (to_eye, inbox) = sync_channel(INBOX);
+    let (to_renderer, inbox) = sync_channel(INBOX);
     let (out, mut outbox) = mpsc::channel(OUTBOX);
     // The scene is loaded and rendered in its own thread, which ends when either channel does.
     let spawned = std::thread::Builder::new().name("view".to_owned()).spawn(move || {
         let refused = |reason| Out::Text(text(&ToPage::Refused { reason }));
         match ViewRenderer::open(library, &beginning, out.clone()) {
-            Ok(eye) => drop(eye.run(&inbox)),
+            Ok(renderer) => drop(renderer.run(&inbox)),
             Err(reason) => drop(out.blocking_send(refused(reason))),
         }
     });
@@ -54,7 +54,7 @@ pub(super) async fn converse(
                 let Some(Ok(received)) = received else { return };
                 heard = Instant::now();
                 let refused = match received {
-                    Message::Text(text) => hand_over(&text, |message| to_eye.try_send(message)),
+                    Message::Text(text) => hand_over(&text, |message| to_renderer.try_send(message)),
                     Message::Binary(_) => Err("expected a text message".to_owned()),
                     Message::Ping(_) | Message::Pong(_) => Ok(()),
                     Message::Close(_) => return,

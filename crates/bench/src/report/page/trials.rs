@@ -29,7 +29,7 @@ pub(super) fn ways(source: &Source, draws: &[Draw]) -> Markup {
     html! {
         section id="ways" {
             h2 { "Top-down trajectories" }
-            @if unknown > 0 { p class="warn" { "Of " (unknown) " flights have no trajectory: they were flown by a version \
+            @if unknown > 0 { p class="warn" { (unknown) " flights have no trajectory: they were flown by a version \
                 that did not record "
                 code { "paths.jsonl" } ". Repeat them in a new folder to get one." } }
             @if let Some(scene) = undrawn.first() { p class="warn" { "The plan of " (undrawn.len()) " trials is not shown: \

@@ -66,9 +66,9 @@ fn name_of(args: &BenchShow, part: &str) -> Result<String, CliError> {
         return Ok(name.clone());
     }
     // The last part may be a fixed latency.
-    let told = part.rsplit_once('-').map(|(_, seconds)| format!("@{seconds}"));
+    let latency = part.rsplit_once('-').map(|(_, seconds)| format!("@{seconds}"));
     let shipped = ErrorFile::shipped().into_iter().map(|name| format!("oracle:{name}")).chain(["oracle".to_owned()]);
-    let mut oracles = shipped.flat_map(|name| [Some(name.clone()), told.as_ref().map(|told| name + told)]).flatten();
+    let mut oracles = shipped.flat_map(|name| [Some(name.clone()), latency.as_ref().map(|latency| name + latency)]).flatten();
     let same = |name: &String| run_id("", "", name, 0) == run_id("", "", part, 0);
     let found = oracles.find(same);
     found.ok_or_else(|| {

@@ -87,7 +87,7 @@ pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, pr
             None => said,
         }
     })?;
-    printer.say(&connected.told);
+    printer.say(&connected.summary);
     Ok(connected)
 }
 

@@ -29,11 +29,11 @@ pub(crate) fn log(command: &Log, printer: &Printer) -> Result<Exit, CliError> {
 
 /// The error for a log that cannot be read.
 pub(crate) fn unreadable(path: &Path, error: &ReadError) -> CliError {
-    let told = CliError::usage(format!("cannot read the flight log `{}`", path.display())).because(error);
+    let unreadable_log = CliError::usage(format!("cannot read the flight log `{}`", path.display())).because(error);
     match error {
-        ReadError::Format(_) => told.hint("it was written by a later version of spf: use that version"),
-        ReadError::Read(_) => told.hint("give the flight.mcap in a flight's folder"),
-        _ => told.hint(format!("`spf log repair {}` recovers the readable part of a flight log", path.display())),
+        ReadError::Format(_) => unreadable_log.hint("it was written by a later version of spf: use that version"),
+        ReadError::Read(_) => unreadable_log.hint("give the flight.mcap in a flight's folder"),
+        _ => unreadable_log.hint(format!("`spf log repair {}` recovers the readable part of a flight log", path.display())),
     }
 }
 

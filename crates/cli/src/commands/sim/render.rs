@@ -34,15 +34,15 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let kind = kind.unwrap_or(loaded.scene.default_craft);
     let pose = pose.unwrap_or_else(|| above_start(loaded.scene.start, kind));
     let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
-    let eye = SimCamera::new(camera, effects, 0);
-    let shot = eye.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
+    let sim_camera = SimCamera::new(camera, effects, 0);
+    let shot = sim_camera.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
     let shot = shot.ok_or_else(|| CliError::internal("the shutter is open at times that have no pose"))?;
-    let photograph = eye.photograph(&shot, None, |camera, pose, picture| {
+    let photograph = sim_camera.photograph(&shot, None, |camera, pose, picture| {
         loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, picture);
     });
     let channels = Channels { depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
     let mut picture = RenderedImage::default();
-    eye.look(eye.camera(), &mut picture, |camera, picture| {
+    sim_camera.look(sim_camera.camera(), &mut picture, |camera, picture| {
         loaded.render_into(camera, &loaded.beginning(pose), channels, picture);
     });
     let mut written = vec![args.output.as_path()];
