@@ -31,7 +31,7 @@ impl<'a> Progress<'a> {
             }
             Note::Envelope(cause) => format!("envelope: {cause}"),
             Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
-            Note::LateReply(id) => format!("query {} completed after its timeout: ignored", id.0),
+            Note::LateReply(id) => format!("query {} completed too late: ignored", id.0),
             // A held key repeats its setpoint ten times a second; the phase says enough.
             Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _) => return,
             Note::Operator(event) => format!("operator: {}", words::operator(event)),

@@ -76,9 +76,9 @@ fn refused(what: &'static str, error: &CliError) -> Check {
 
 fn row(check: &Check) -> Vec<String> {
     let finding = match check.finding {
-        Finding::Good => "good",
-        Finding::Warning => "look",
-        Finding::Bad => "BAD",
+        Finding::Good => "ok",
+        Finding::Warning => "warn",
+        Finding::Bad => "FAIL",
     };
     let advice = check.advice.as_deref().map_or(String::new(), |advice| format!(" → {advice}"));
     vec![finding.to_owned(), check.what.to_owned(), format!("{}{advice}", check.found)]

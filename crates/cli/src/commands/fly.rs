@@ -258,7 +258,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     printer.result(&format!("files: {}", out_dir.display()));
     // A real flight has neither scene nor truth.
     if summary.targets.is_empty() && !summary.scene.is_empty() {
-        printer.say("hint: no object in this scene matches the instruction");
+        printer.say("hint: the simulator found no target for this instruction in the scene");
     }
     Ok(())
 }

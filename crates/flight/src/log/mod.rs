@@ -212,7 +212,7 @@ impl FlightLog {
                 (Level::Info, format!("{}. {}", decision.number, words::decision(decision)))
             }
             Note::Envelope(cause) => (Level::Warning, format!("envelope: {cause}")),
-            Note::LateReply(id) => (Level::Warning, format!("query {} completed after its timeout: ignored", id.0)),
+            Note::LateReply(id) => (Level::Warning, format!("query {} completed too late: ignored", id.0)),
             Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable reply: {reason}")),
             Note::Operator(event) => (Level::Info, format!("operator: {}", words::operator(event))),
             Note::OperatorIgnored(event, why) => (Level::Warning, format!("operator: {} ignored: {why}", words::operator(event))),
