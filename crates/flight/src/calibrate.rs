@@ -99,7 +99,7 @@ pub struct Routine {
     heading: Option<f64>,
     turned: f64,
     travelled: f64,
-    heard: Option<Time>,
+    last_update: Option<Time>,
     /// Yaw, distance and height at the start of the leg, and its commanded duration.
     before: ([f64; 3], f64),
     /// The result of each completed leg at full stick.
@@ -121,7 +121,7 @@ impl Routine {
             heading: None,
             turned: 0.0,
             travelled: 0.0,
-            heard: None,
+            last_update: None,
             before: ([0.0; 3], 0.0),
             measured: Vec::new(),
             ended: String::new(),
@@ -153,7 +153,7 @@ impl Routine {
         if let Some(before) = self.heading.replace(heading) {
             self.turned += wrap_angle(heading - before);
         }
-        let since = self.heard.replace(now).map_or(0.0, |before| now.since(before).as_secs_f64());
+        let since = self.last_update.replace(now).map_or(0.0, |before| now.since(before).as_secs_f64());
         // Only while flying a leg: at hover, the reported velocity is sensor noise.
         if let Some(velocity) = telemetry.velocity {
             self.travelled += libm::hypot(velocity.east, velocity.north) * since;

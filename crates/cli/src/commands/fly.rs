@@ -81,7 +81,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     printer.start_live();
     said.iter().for_each(|line| printer.say(line));
     if let Some(view) = &view {
-        tell_view(view, &printer);
+        print_live_address(view, &printer);
     }
     if manual.is_on() {
         printer.say(HELP);
@@ -130,7 +130,7 @@ fn live_view(address: SocketAddr) -> Result<Live, CliError> {
     })
 }
 
-fn tell_view(view: &Live, printer: &Printer) {
+fn print_live_address(view: &Live, printer: &Printer) {
     let address = view.address();
     printer.say(&format!("Live view: open a Foxglove WebSocket connection to ws://{address}"));
     if !address.ip().is_loopback() {

@@ -4,7 +4,7 @@ use serde_json::Value;
 use spf_flight::replay::{Changes, Difference, Report, replay as fly_again};
 use spf_record::log::LogReader;
 
-use super::log::{unreadable, unreplayable, warn_torn};
+use super::log::{unreadable, unreplayable, warn_truncated};
 use super::reask::reask;
 use crate::args::Replay;
 use crate::error::CliError;
@@ -25,7 +25,7 @@ pub(crate) fn replay(args: &Replay, printer: &Printer) -> Result<Exit, CliError>
         tell(&report, printer);
     }
     if report.torn {
-        warn_torn(&args.file, printer);
+        warn_truncated(&args.file, printer);
     }
     Ok(if report.differences.is_empty() { Exit::Success } else { Exit::Internal })
 }

@@ -148,7 +148,7 @@ const ALONG: f64 = 0.05;
 
 /// Shortens a straight path, given in the body frame, so that it stays inside the limits by the margin. Returns nothing
 /// if it starts outside a limit.
-pub(super) fn confine_way(
+pub(super) fn confine_path(
     limits: &Limits,
     craft: &Craft,
     is: &Situation,

@@ -61,7 +61,7 @@ pub struct Pilot {
     phase: Phase,
     craft_phase: FlightPhase,
     /// Measurement time of the newest telemetry.
-    heard: Option<Time>,
+    last_telemetry: Option<Time>,
     link_lost: bool,
     entered: Time,
     outbox: VecDeque<Action>,
@@ -125,7 +125,7 @@ impl Pilot {
             now: Time::ZERO,
             phase: Phase::Ground,
             craft_phase: FlightPhase::OnGround,
-            heard: None,
+            last_telemetry: None,
             link_lost: false,
             entered: Time::ZERO,
             outbox: VecDeque::new(),
@@ -263,10 +263,10 @@ impl Pilot {
     fn telemetry(&mut self, now: Time, mut telemetry: Telemetry) {
         // A craft clock that runs ahead must not make all its later reports look old.
         telemetry.time = telemetry.time.min(now);
-        if self.heard.is_some_and(|heard| telemetry.time <= heard) {
+        if self.last_telemetry.is_some_and(|last_telemetry| telemetry.time <= last_telemetry) {
             return;
         }
-        self.heard = Some(telemetry.time);
+        self.last_telemetry = Some(telemetry.time);
         self.envelope.observe_telemetry(now, &telemetry);
         self.estimator.observe(&telemetry);
         self.executor.observe(telemetry.time, telemetry.phase);

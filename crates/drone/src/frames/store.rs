@@ -80,7 +80,7 @@ impl FrameStore {
 
     /// The newest frame, if it was not taken yet.
     #[must_use]
-    pub fn take_news(&self) -> Option<FrameMeta> {
+    pub fn take_new_frame(&self) -> Option<FrameMeta> {
         self.kept().news.take()
     }
 
@@ -120,7 +120,7 @@ mod tests {
     fn receive(frames: &FrameStore, at: u64, picture: Rgb) -> FrameMeta {
         let received = Time::from_millis(at + 150);
         frames.receive(Time::from_millis(at), received, picture);
-        frames.take_news().unwrap()
+        frames.take_new_frame().unwrap()
     }
 
     #[test]
@@ -132,7 +132,7 @@ mod tests {
             let meta = receive(&frames, 100 * n, Rgb::filled(8, 8, [1 + n as u8; 3]));
             assert_eq!((meta.id, meta.capture_counter), (FrameId(n), n + 1));
         }
-        assert!(frames.photo(first.id).is_none() && frames.take_news().is_none());
+        assert!(frames.photo(first.id).is_none() && frames.take_new_frame().is_none());
         assert_eq!(*held.pixels(), Rgb::filled(8, 8, [1; 3]));
         assert_eq!(frames.newest().unwrap().0.id, FrameId(KEPT as u64));
     }

@@ -126,10 +126,10 @@ mod tests {
         let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));
         let units: Vec<Unit> = (0..3).map(|n| unit(800 + 100 * n, &mut encoder, &red(96, 64, n as u32))).collect();
         assert!(eye.see(&units, &frames));
-        let meta = frames.take_news().unwrap();
+        let meta = frames.take_new_frame().unwrap();
         // Time of arrival, not of decoding.
         assert_eq!((meta.id, meta.captured, meta.received), (FrameId(0), Time::from_millis(850), Time::from_millis(1000)));
-        assert_eq!((frames.take_news(), frames.tally().decoded), (None, 3));
+        assert_eq!((frames.take_new_frame(), frames.tally().decoded), (None, 3));
         assert!(frames.photo(FrameId(0)).is_some());
     }
 
@@ -141,7 +141,7 @@ mod tests {
         for n in 0..60_u64 {
             let shown = n.min(20) as u32;
             eye.see(&[unit(100 * n, &mut encoder, &red(96, 64, shown))], &frames);
-            counters.push(frames.take_news().unwrap().capture_counter);
+            counters.push(frames.take_new_frame().unwrap().capture_counter);
         }
         assert!(counters[..21].windows(2).all(|pair| pair[1] == pair[0] + 1), "{counters:?}");
         // The encoder refines a still image for a while, and its next key frame differs slightly once more.
@@ -162,7 +162,7 @@ mod tests {
         let (mut eye, frames) = (eye(), FrameStore::default());
         for (width, height) in [(96, 64), (192, 128), (96, 64)] {
             eye.see(&[unit(0, &mut encoder(width, height), &red(width, height, 0))], &frames);
-            let meta = frames.take_news().unwrap();
+            let meta = frames.take_new_frame().unwrap();
             assert_eq!((meta.width, meta.height), (width, height));
         }
         assert_eq!(frames.tally().sizes, 2);

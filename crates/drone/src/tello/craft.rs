@@ -194,7 +194,7 @@ impl Drone for Tello {
         if let Some(event) = self.shared.link().take_event() {
             return Some(event);
         }
-        let meta = self.frames.take_news()?;
+        let meta = self.frames.take_new_frame()?;
         Some((meta.received, DroneEvent::Frame(meta)))
     }
 

@@ -51,7 +51,7 @@ pub(super) fn number(words: &[String], first: bool) -> Option<(usize, u32)> {
 pub(super) const CARDINALS: [&str; 10] = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
 
 /// Whether a word right after "somebody" tells of them: "someone *I could ask*", and not "somebody *in red*" or "someone *near*".
-pub(super) fn tells_of_somebody(words: &[String], at: usize) -> bool {
+pub(super) fn describes_person(words: &[String], at: usize) -> bool {
     let (before, word) = (at.checked_sub(1).map(|at| words[at].as_str()), words[at].as_str());
     let explicit = matches!(word, "i" | "we" | "you" | "they" | "he" | "she" | "can" | "could" | "to" | "has" | "needs" | "need");
     before.is_some_and(|word| PHRASES.somebody.contains(word)) && explicit

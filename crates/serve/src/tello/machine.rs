@@ -167,7 +167,7 @@ impl VirtualTello {
                 self.next_control = due + CONTROL;
             }
             if self.next_state <= due {
-                self.tell_state(due, craft);
+                self.send_state(due, craft);
                 self.next_state = due + duration_from_secs(self.figures.state_period);
             }
         }
@@ -348,7 +348,7 @@ impl VirtualTello {
         State { battery: if empty { state.battery.min(4) } else { state.battery }, ..state }
     }
 
-    fn tell_state(&mut self, now: Time, craft: &SimCraft) {
+    fn send_state(&mut self, now: Time, craft: &SimCraft) {
         let Some(client) = self.client.filter(|_| now >= self.booted) else { return };
         let line = self.state(craft).line(self.firmware);
         self.link.send(now, Stream::Telemetry, SocketAddr::new(client, self.ports.0), line.as_bytes());

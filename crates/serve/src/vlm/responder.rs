@@ -48,20 +48,20 @@ pub struct Responder {
     memory: Arc<Memory>,
     instruction: Instruction,
     form: AnswerForm,
-    heard: Option<SharedInstruction>,
+    shared_instruction: Option<SharedInstruction>,
 }
 
 impl Responder {
     /// Uses the frames of `memory` for recognition.
     #[must_use]
     pub fn new(oracle: OracleVlm, memory: Arc<Memory>, instruction: Instruction, form: AnswerForm) -> Self {
-        Self { oracle, memory, instruction, form, heard: None }
+        Self { oracle, memory, instruction, form, shared_instruction: None }
     }
 
-    /// Reports the last instruction to `heard`.
+    /// Reports the last instruction to `shared_instruction`.
     #[must_use]
-    pub fn telling(self, heard: SharedInstruction) -> Self {
-        Self { heard: Some(heard), ..self }
+    pub fn sharing_instruction(self, shared_instruction: SharedInstruction) -> Self {
+        Self { shared_instruction: Some(shared_instruction), ..self }
     }
 
     /// Answers a prompt about an image. `number` is the query's number, which determines the random errors of the
@@ -73,7 +73,7 @@ impl Responder {
         let Remembered { frame, snapshot } = self.memory.recognise(now, picture)?;
         let avoid = prompt.contains("\"boxes\"") || prompt.contains("- boxes:");
         let query = Query {
-            instruction: self.heard(prompt),
+            instruction: self.instruction_for(prompt),
             memory: PilotMemory { stage: stage_of(prompt), ..PilotMemory::default() },
             image_size: Some((picture.width(), picture.height())),
             ..Query::new(QueryId(number), frame, QueryKind::Point { avoid })
@@ -83,10 +83,10 @@ impl Responder {
         Ok(OracleReply { text: self.written(&text, prompt, picture, avoid), latency: answer.latency })
     }
 
-    fn heard(&self, prompt: &str) -> String {
+    fn instruction_for(&self, prompt: &str) -> String {
         let instruction = self.instruction_of(prompt);
-        if let Some(heard) = &self.heard {
-            *heard.lock().unwrap_or_else(PoisonError::into_inner) = Some(instruction.clone());
+        if let Some(shared_instruction) = &self.shared_instruction {
+            *shared_instruction.lock().unwrap_or_else(PoisonError::into_inner) = Some(instruction.clone());
         }
         instruction
     }

@@ -71,7 +71,7 @@ pub(super) struct ViewRenderer {
     /// Whether the image is outdated.
     stale: bool,
     /// Whether only the outline under the pointer is outdated.
-    marked_anew: bool,
+    mark_changed: bool,
     drawn_at: Option<Instant>,
     draw_ms: f64,
     frame: u64,
@@ -112,7 +112,7 @@ impl ViewRenderer {
             picture: RenderedImage::default(),
             lens,
             stale: true,
-            marked_anew: false,
+            mark_changed: false,
             drawn_at: None,
             draw_ms: 0.0,
             frame: 0,
@@ -136,7 +136,7 @@ impl ViewRenderer {
             lights: Lighting::ALL.map(Lighting::name).to_vec(),
             weathers: Weather::ALL.map(Weather::name).to_vec(),
         })?;
-        self.tell_scene()?;
+        self.send_scene()?;
         let mut before = Instant::now();
         loop {
             match inbox.recv_timeout(self.wait(Instant::now())) {
@@ -183,7 +183,7 @@ impl ViewRenderer {
 
     fn wants_picture(&self, now: Instant) -> bool {
         let coarse = !self.is_moving(now) && self.manner != Some(self.next_manner(now));
-        self.stale || self.marked_anew || coarse
+        self.stale || self.mark_changed || coarse
     }
 
     fn kind(&self) -> CraftKind {
@@ -234,7 +234,7 @@ impl ViewRenderer {
             FromPage::Detail { detail } => (self.budget.detail, self.stale) = (detail, true),
             FromPage::Craft { craft } => {
                 (self.craft, self.stale) = (Some(craft), true);
-                return self.tell_scene();
+                return self.send_scene();
             }
             FromPage::Collide { on } => self.collide = on,
             FromPage::Run { on } => self.running = on,
@@ -263,7 +263,7 @@ impl ViewRenderer {
             }
             Err(reason) => self.tell(&ToPage::Refused { reason })?,
         }
-        self.tell_scene()
+        self.send_scene()
     }
 
     /// Handles pointer motion over a static image.
@@ -273,7 +273,7 @@ impl ViewRenderer {
         self.under = self.seen_under_pointer();
         let id = |under: &Option<(u16, Under)>| under.as_ref().map(|(id, _)| *id);
         if id(&before) != id(&self.under) {
-            self.marked_anew = true;
+            self.mark_changed = true;
         } else if before != self.under && !self.stale {
             self.tell(&ToPage::Under { under: self.under.as_ref().map(|(_, under)| under.clone()) })?;
         }
@@ -297,7 +297,7 @@ impl ViewRenderer {
             self.loaded.render_into(&self.lens, &snapshot, channels, &mut self.picture);
             self.draw_ms = milliseconds(now.elapsed());
         }
-        (self.manner, self.stale, self.marked_anew, self.drawn_at) = (Some(manner), false, false, Some(now));
+        (self.manner, self.stale, self.mark_changed, self.drawn_at) = (Some(manner), false, false, Some(now));
         self.under = self.seen_under_pointer();
         let encoding = Instant::now();
         // An outline of the ground would surround every object on it.
@@ -327,7 +327,7 @@ impl ViewRenderer {
         self.send(Out::Image(head.with(jpeg.bytes())))
     }
 
-    fn tell_scene(&self) -> Result<(), PageClosed> {
+    fn send_scene(&self) -> Result<(), PageClosed> {
         let scene = &self.loaded.scene;
         self.tell(&ToPage::Scene {
             name: self.name.clone(),

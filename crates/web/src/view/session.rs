@@ -47,12 +47,12 @@ pub(super) async fn converse(
         return;
     }
     let mut ping = interval_at(Instant::now() + PING, PING);
-    let mut heard = Instant::now();
+    let mut last_message = Instant::now();
     loop {
         let message = tokio::select! {
             received = socket.recv() => {
                 let Some(Ok(received)) = received else { return };
-                heard = Instant::now();
+                last_message = Instant::now();
                 let refused = match received {
                     Message::Text(text) => hand_over(&text, |message| to_renderer.try_send(message)),
                     Message::Binary(_) => Err("expected a text message".to_owned()),
@@ -70,7 +70,7 @@ pub(super) async fn converse(
                 None => return,
             },
             _ = ping.tick() => {
-                if heard.elapsed() > SILENCE {
+                if last_message.elapsed() > SILENCE {
                     return;
                 }
                 Message::Ping(Vec::new().into())
@@ -78,7 +78,7 @@ pub(super) async fn converse(
             // The value seen is a lock that must not be held while sending.
             () = async { drop(stop.wait_for(|stop| *stop).await) } => {
                 let frame = CloseFrame { code: close_code::AWAY, reason: "server shutting down".into() };
-                drop(timeout(SHUTDOWN_GRACE, farewell(&mut socket, frame)).await);
+                drop(timeout(SHUTDOWN_GRACE, send_close(&mut socket, frame)).await);
                 return;
             }
         };
@@ -90,7 +90,7 @@ pub(super) async fn converse(
 
 /// Closes a page and waits for its close frame: closing with unread messages resets the connection, and the page would
 /// lose the frame.
-async fn farewell(socket: &mut WebSocket, frame: CloseFrame) {
+async fn send_close(socket: &mut WebSocket, frame: CloseFrame) {
     if socket.send(Message::Close(Some(frame))).await.is_ok() {
         while let Some(Ok(_)) = socket.recv().await {}
     }

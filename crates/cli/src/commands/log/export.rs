@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use spf_flight::log::Channel;
 use spf_record::log::export::{Export, ExportError, Format};
 
-use super::warn_torn;
+use super::warn_truncated;
 use crate::args::Export as Args;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -50,7 +50,7 @@ pub(super) fn export(args: &Args, printer: &Printer) -> Result<Exit, CliError> {
         _ => CliError::internal("cannot write the table").because(&error),
     })?;
     for path in &table.torn {
-        warn_torn(path, printer);
+        warn_truncated(path, printer);
     }
     let (rows, columns) = (table.rows, table.columns.len());
     printer.result(&format!("{}: {rows} rows, {columns} columns, from {} logs", args.output.display(), logs.len()));

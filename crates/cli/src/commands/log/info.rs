@@ -10,7 +10,7 @@ use spf_flight::summary::{Summary, VerifiedBy};
 use spf_flight::words;
 use spf_record::log::{LogReader, ReadError};
 
-use super::{unreadable, warn_torn};
+use super::{unreadable, warn_truncated};
 use crate::args::Info;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -67,7 +67,7 @@ pub(super) fn info(args: &Info, printer: &Printer) -> Result<Exit, CliError> {
     }));
     printer.result(&table(&rows));
     if !content.whole {
-        warn_torn(&args.file, printer);
+        warn_truncated(&args.file, printer);
     }
     Ok(Exit::Success)
 }

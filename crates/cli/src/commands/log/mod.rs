@@ -48,7 +48,7 @@ pub(crate) fn unreplayable(path: &Path, error: &ReplayError) -> CliError {
 }
 
 /// Says that a log ends early; what came before is all there.
-pub(crate) fn warn_torn(path: &Path, printer: &Printer) {
+pub(crate) fn warn_truncated(path: &Path, printer: &Printer) {
     let path = path.display();
     printer.say(&format!("warning: `{path}` ends during the flight; after the flight, `spf log repair {path}` completes it"));
 }

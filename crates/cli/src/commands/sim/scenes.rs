@@ -195,7 +195,7 @@ fn tell(listing: &Listing, printer: &Printer) {
     }));
     printer.result(&table(&rows));
     if listing.scenes.iter().any(|scene| scene.stats.is_some()) {
-        tell_stats(listing, printer);
+        print_stats(listing, printer);
     }
     let pictures: Vec<_> = listing.scenes.iter().filter_map(|scene| scene.picture.as_ref()).collect();
     if !pictures.is_empty() {
@@ -206,7 +206,7 @@ fn tell(listing: &Listing, printer: &Printer) {
     }
 }
 
-fn tell_stats(listing: &Listing, printer: &Printer) {
+fn print_stats(listing: &Listing, printer: &Printer) {
     let head = ["SCENE", "MESHES", "KINDS", "TRIANGLES", "MATERIALS", "OPENINGS", "ACTORS", "LOAD TIME", "FIRST FRAME", "MEMORY"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     rows.extend(listing.scenes.iter().filter_map(|scene| scene.stats.as_ref().map(|stats| (scene, stats))).map(

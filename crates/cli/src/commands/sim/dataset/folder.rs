@@ -54,7 +54,7 @@ impl Folder {
             .map_err(|error| CliError::internal("cannot write the dataset header as JSON").because(&error))?;
         write(&path.join(HEAD), format!("{text}\n").as_bytes())?;
         let file = path.join(ROWS);
-        let (length, examples) = if file.exists() { whole_rows(&file)? } else { (0, 0) };
+        let (length, examples) = if file.exists() { complete_rows(&file)? } else { (0, 0) };
         let rows = OpenOptions::new().create(true).append(true).open(&file).map_err(|error| unusable(&file, &error))?;
         // A row that was cut short is no row.
         rows.set_len(length).map_err(|error| unusable(&file, &error))?;
@@ -73,7 +73,7 @@ impl Folder {
 
     /// Writes a file of the folder.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), CliError> {
-        write(&self.path.join(name), bytes).map_err(with_way_on)
+        write(&self.path.join(name), bytes).map_err(with_resume_hint)
     }
 
     /// Appends a row, whole or not at all. Its images must be there already.
@@ -85,7 +85,7 @@ impl Folder {
             // What was written of it is taken back; if that fails too, the next --resume does it.
             self.rows.set_len(self.length).ok();
             let what = format!("cannot write `{}`", self.path.join(ROWS).display());
-            return Err(with_way_on(CliError::internal(what).because(&error)));
+            return Err(with_resume_hint(CliError::internal(what).because(&error)));
         }
         self.length += line.len() as u64;
         self.examples += 1;
@@ -93,14 +93,14 @@ impl Folder {
     }
 }
 
-fn with_way_on(error: CliError) -> CliError {
+fn with_resume_hint(error: CliError) -> CliError {
     error.hint("the examples so far are complete: free some disk space, then repeat the command with --resume")
 }
 
 fn unusable(path: &Path, error: &std::io::Error) -> CliError {
     let what = format!("cannot use `{}` for the dataset", path.display());
     match error.kind() {
-        ErrorKind::StorageFull => with_way_on(CliError::internal(what).because(error)),
+        ErrorKind::StorageFull => with_resume_hint(CliError::internal(what).because(error)),
         _ => CliError::usage(what).because(error).hint("give a writable folder with -o DIR"),
     }
 }
@@ -135,7 +135,7 @@ fn clear(path: &Path) -> Result<(), CliError> {
 }
 
 /// Length and number of the whole rows at the beginning of the file, numbered from 0 without a gap.
-fn whole_rows(file: &Path) -> Result<(u64, u64), CliError> {
+fn complete_rows(file: &Path) -> Result<(u64, u64), CliError> {
     let mut reader = BufReader::new(File::open(file).map_err(|error| unusable(file, &error))?);
     let (mut length, mut rows, mut line) = (0, 0, Vec::new());
     loop {

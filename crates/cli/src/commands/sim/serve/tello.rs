@@ -43,7 +43,7 @@ pub(super) fn start(
 }
 
 /// What video it has sent.
-pub(super) fn tell_video(service: &TelloService, printer: &Printer) {
+pub(super) fn print_video_stats(service: &TelloService, printer: &Printer) {
     let tally = service.tally();
     if tally.frames > 0 {
         printer.say(&format!("video: {} frames, {:.1} per second, {} late", tally.frames, tally.rate(), tally.late));

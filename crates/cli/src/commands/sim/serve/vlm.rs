@@ -23,8 +23,8 @@ pub(super) struct Flown {
     pub(super) world: SimWorld,
     /// What its camera sees.
     pub(super) onboard: Arc<OnboardCamera>,
-    /// Where the instruction that is heard goes.
-    pub(super) heard: SharedInstruction,
+    /// Receives the instruction in use.
+    pub(super) shared_instruction: SharedInstruction,
 }
 
 /// Starts it; it answers until what is returned is dropped. Its eye is the drone's, where one flies, else a camera that stands.
@@ -65,8 +65,8 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
         Responder::new(OracleVlm::new(name.clone(), world.clone(), errors, args.seed), memory, instruction, form)
     };
     let (scene, lens, responder): (String, Arc<dyn Lens>, Responder) = match flown {
-        Some(Flown { world, onboard, heard }) => {
-            let responder = responder(&world, onboard.memory().clone()).telling(heard);
+        Some(Flown { world, onboard, shared_instruction }) => {
+            let responder = responder(&world, onboard.memory().clone()).sharing_instruction(shared_instruction);
             (world.loaded().scene.name.clone(), onboard, responder)
         }
         None => {
