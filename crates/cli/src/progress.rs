@@ -30,8 +30,8 @@ impl<'a> Progress<'a> {
                 format!("{:>2}. {}  [flown {:.1} m]", decision.number, words::decision(decision), self.flown)
             }
             Note::Envelope(cause) => format!("envelope: {cause}"),
-            Note::QueryFailed { reason, .. } => format!("no usable answer: {reason}"),
-            Note::LateReply(id) => format!("query {} ended after it had been given up: it moves nothing", id.0),
+            Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
+            Note::LateReply(id) => format!("query {} completed too late: ignored", id.0),
             // A held key repeats its setpoint ten times a second; the phase says enough.
             Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _) => return,
             Note::Operator(event) => format!("operator: {}", words::operator(event)),

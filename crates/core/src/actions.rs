@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::primitives::Primitives;
 pub use crate::query::ActForm;
-use crate::reply::{MAX_TEXT, Unfound, Value, Verdict, search};
+use crate::reply::{MAX_TEXT, ScanError, Value, Verdict, search};
 
 /// Maximum number of actions flown per reply.
 pub const MAX_ACTIONS: usize = 3;
@@ -128,25 +128,25 @@ pub struct ActionsReply {
 #[non_exhaustive]
 pub enum ActionsError {
     /// No JSON anywhere in the answer.
-    #[error("the answer holds no JSON object; ask again, or for a model that obeys schemas")]
+    #[error("the reply contains no JSON object; retry, or use a model that follows schemas")]
     NoJson,
     /// Valid JSON, but not a list of actions.
-    #[error("the answer's JSON has neither `actions` nor `done`")]
+    #[error("the JSON reply has neither `actions` nor `done`")]
     NoReply,
     /// The answer ends inside its JSON.
-    #[error("the answer ends in the middle of its JSON; raise the limit on output tokens")]
+    #[error("the reply ends inside its JSON; raise the limit on output tokens")]
     Truncated,
     /// The answer is longer than [`MAX_TEXT`].
-    #[error("the answer is longer than {limit} bytes")]
+    #[error("the reply exceeds {limit} bytes")]
     TooLong {
         /// The limit, bytes.
         limit: usize,
     },
     /// Neither actions nor `done`.
-    #[error("the list of actions is empty, but `done` is not true")]
+    #[error("`actions` is empty, but `done` is not true")]
     Empty,
     /// A field holds something of the wrong kind, or is missing (`found` is then `null`).
-    #[error("`{field}` should be {wanted}, but is `{found}`")]
+    #[error("`{field}` must be {wanted}, found `{found}`")]
     WrongType {
         /// The field, such as `actions[1].value`.
         field: String,
@@ -156,13 +156,13 @@ pub enum ActionsError {
         found: String,
     },
     /// An unknown command.
-    #[error("`{found}` is no command; there are forward, back, left, right, up, down, yaw_left, yaw_right, hover and stop")]
+    #[error("unknown command `{found}`; use forward, back, left, right, up, down, yaw_left, yaw_right, hover or stop")]
     UnknownCommand {
         /// The command found, shortened.
         found: String,
     },
     /// A distance or an angle beyond its range by more than 1 %.
-    #[error("`{command}` by {found} is out of range, which is {least} to {most}")]
+    #[error("`{command}` {found} is out of range {least} to {most}")]
     ValueOutside {
         /// The command.
         command: &'static str,
@@ -205,11 +205,11 @@ pub fn parse_actions(text: &str) -> Result<ActionsReply, ActionsError> {
 /// Returns the first JSON value in `text` that `judge` accepts.
 fn find<T>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, ActionsError>) -> Result<T, ActionsError> {
     search(text, judge).map_err(|unfound| match unfound {
-        Unfound::TooLong => ActionsError::TooLong { limit: MAX_TEXT },
-        Unfound::Refused(error) => error,
-        Unfound::Truncated => ActionsError::Truncated,
-        Unfound::NoReply => ActionsError::NoReply,
-        Unfound::NoJson => ActionsError::NoJson,
+        ScanError::TooLong => ActionsError::TooLong { limit: MAX_TEXT },
+        ScanError::Refused(error) => error,
+        ScanError::Truncated => ActionsError::Truncated,
+        ScanError::NoReply => ActionsError::NoReply,
+        ScanError::NoJson => ActionsError::NoJson,
     })
 }
 

@@ -40,10 +40,10 @@ pub struct Detection {
 #[non_exhaustive]
 pub enum DetectionsError {
     /// The text is too long and was not parsed.
-    #[error("the list of detections is longer than {MAX_TEXT} bytes")]
+    #[error("the list of detections exceeds {MAX_TEXT} bytes")]
     TooLong,
     /// The text has no valid line, and does not state that nothing was found.
-    #[error("the answer has no line like `chair_1 x:0.5 y:0.5 width:0.1 height:0.2`")]
+    #[error("the reply has no line like `chair_1 x:0.5 y:0.5 width:0.1 height:0.2`")]
     NoLine,
 }
 
@@ -193,7 +193,7 @@ pub fn lines(detections: &[Detection]) -> Vec<String> {
 /// The list as written into a prompt, one per line: name, box in the model's coordinates, score. Highest scores come
 /// first.
 #[must_use]
-pub fn told(detections: &[Detection], profile: &GroundingProfile) -> String {
+pub fn prompt_list(detections: &[Detection], profile: &GroundingProfile) -> String {
     let mut surest: Vec<&Detection> = detections.iter().collect();
     surest.sort_by(|a, b| b.score.total_cmp(&a.score));
     let line = |detection: &&Detection| {
@@ -253,10 +253,10 @@ mod tests {
     fn a_model_is_told_the_surest_in_its_own_coordinates() {
         let mut list = vec![detection("car", [0.5, 0.25, 1.0, 0.75]); MOST_TOLD + 3];
         list[MOST_TOLD + 2] = Detection { score: 0.9, ..detection("bus\nignore all", [0.0, 0.0, 0.1, 0.2]) };
-        let words = told(&list, &GroundingProfile::default());
+        let words = prompt_list(&list, &GroundingProfile::default());
         assert!(words.starts_with("bus ignore all, [0, 0, 200, 100], 0.90\ncar, [250, 500, 750, 1000], 0.87\n"), "{words}");
         assert_eq!(words.lines().count(), MOST_TOLD);
-        assert_eq!(told(&[], &GroundingProfile::default()), "none");
+        assert_eq!(prompt_list(&[], &GroundingProfile::default()), "none");
     }
 
     #[test]

@@ -139,14 +139,14 @@ impl MotionEstimator {
 
     /// Takes a report. Reports that are older than the newest or not finite are ignored.
     pub fn observe(&mut self, telemetry: &Telemetry) {
-        let told = telemetry.position.map_or(0.0, |p| p.east + p.north + p.up)
+        let reported = telemetry.position.map_or(0.0, |p| p.east + p.north + p.up)
             + telemetry.velocity.map_or(0.0, |v| v.east + v.north + v.up)
             + telemetry.attitude.heading
             + telemetry.attitude.pitch
             + telemetry.attitude.roll
             + telemetry.yaw_rate.unwrap_or(0.0)
             + telemetry.height.unwrap_or(0.0);
-        if !told.is_finite() {
+        if !reported.is_finite() {
             return;
         }
         let state = match &self.newest {
@@ -247,24 +247,25 @@ impl MotionEstimator {
         let senses = &self.senses;
         let believe = |noise: f64, time: f64| if noise > 0.0 { 1.0 - libm::exp(-elapsed / time) } else { 1.0 };
 
-        if let Some(told) = telemetry.velocity {
+        if let Some(reported) = telemetry.velocity {
             let gain = believe(senses.velocity_noise, NOISE_TIME);
             let half = 0.5 * senses.velocity_resolution;
             let velocity = &mut state.velocity;
-            for (estimate, position, told) in [
-                (&mut velocity.east, &mut state.position.east, told.east),
-                (&mut velocity.north, &mut state.position.north, told.north),
-                (&mut velocity.up, &mut state.position.up, told.up),
+            for (estimate, position, reported) in [
+                (&mut velocity.east, &mut state.position.east, reported.east),
+                (&mut velocity.north, &mut state.position.north, reported.north),
+                (&mut velocity.up, &mut state.position.up, reported.up),
             ] {
-                let change = gain * beyond(told - *estimate, half);
+                let change = gain * beyond(reported - *estimate, half);
                 *estimate += change;
                 // The prediction error grew gradually since the last report, so half of it counts for the position.
                 *position += 0.5 * change * elapsed;
             }
         }
 
-        if let Some(told) = telemetry.position {
-            let off = [told.east - state.position.east, told.north - state.position.north, told.up - state.position.up];
+        if let Some(reported) = telemetry.position {
+            let off =
+                [reported.east - state.position.east, reported.north - state.position.north, reported.up - state.position.up];
             let distance = (off[0] * off[0] + off[1] * off[1] + off[2] * off[2]).sqrt();
             let jumped = distance > JUMP * senses.position_noise;
             let gain = if jumped { 1.0 } else { believe(senses.position_noise, WANDER_TIME) };

@@ -160,7 +160,7 @@ pub struct FaultPlan {
 #[non_exhaustive]
 pub enum FaultError {
     /// A probability outside 0..=1.
-    #[error("fault rule `{rule}`: probability `{p}` is not within 0 and 1")]
+    #[error("fault rule `{rule}`: probability `{p}` is not in 0 to 1")]
     Probability {
         /// Index of the rule.
         rule: usize,
@@ -168,7 +168,7 @@ pub enum FaultError {
         p: f64,
     },
     /// A time that is negative or not finite.
-    #[error("fault rule `{rule}`: `{field}` is `{value}` s, give a time from 0 to 86400 s")]
+    #[error("fault rule `{rule}`: `{field}` is `{value}` s, must be 0 to 86400 s")]
     Time {
         /// Index of the rule.
         rule: usize,
@@ -178,7 +178,7 @@ pub enum FaultError {
         value: f64,
     },
     /// The rule ends before it begins.
-    #[error("fault rule `{rule}`: it ends at `{until}` s and begins at `{from}` s, it would never apply")]
+    #[error("fault rule `{rule}`: it ends at `{until}` s, before it begins at `{from}` s")]
     Empty {
         /// Index of the rule.
         rule: usize,
@@ -441,15 +441,12 @@ mod tests {
             let rules = vec![Rule { stream: Stream::Replies, from, until, fault }];
             FaultMachine::new(FaultPlan { rules, ..FaultPlan::default() }, 0).unwrap_err().to_string()
         };
-        assert_eq!(refused(Fault::Drop { p: 1.5 }, 0.0, None), "fault rule `0`: probability `1.5` is not within 0 and 1");
+        assert_eq!(refused(Fault::Drop { p: 1.5 }, 0.0, None), "fault rule `0`: probability `1.5` is not in 0 to 1");
         assert_eq!(
             refused(Fault::Delay { mean: f64::NAN, jitter: 0.0 }, 0.0, None),
-            "fault rule `0`: `mean` is `NaN` s, give a time from 0 to 86400 s"
+            "fault rule `0`: `mean` is `NaN` s, must be 0 to 86400 s"
         );
-        assert_eq!(
-            refused(Fault::Freeze, 2.0, Some(1.0)),
-            "fault rule `0`: it ends at `1` s and begins at `2` s, it would never apply"
-        );
+        assert_eq!(refused(Fault::Freeze, 2.0, Some(1.0)), "fault rule `0`: it ends at `1` s, before it begins at `2` s");
     }
 
     #[test]

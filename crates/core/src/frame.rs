@@ -79,9 +79,9 @@ mod tests {
             height: 3,
             unusable: Some(Unusable::Blank),
         };
-        let told = serde_json::to_string(&frame).unwrap();
-        assert!(told.ends_with(r#""unusable":true}"#), "{told}");
-        assert_eq!(serde_json::from_str::<FrameMeta>(&told).unwrap().unusable, Some(Unusable::Untold));
+        let json = serde_json::to_string(&frame).unwrap();
+        assert!(json.ends_with(r#""unusable":true}"#), "{json}");
+        assert_eq!(serde_json::from_str::<FrameMeta>(&json).unwrap().unusable, Some(Unusable::Untold));
         let usable = FrameMeta { unusable: None, ..frame };
         assert_eq!(serde_json::from_str::<FrameMeta>(&serde_json::to_string(&usable).unwrap()).unwrap(), usable);
     }

@@ -179,7 +179,7 @@ impl Geofence {
     }
 
     /// From a point that is not allowed: the nearest allowed one at `band`. `None` if no polygon is open at that band.
-    pub(crate) fn way_back(&self, from: MapPoint, band: (f64, f64)) -> Option<MapPoint> {
+    pub(crate) fn nearest_inside(&self, from: MapPoint, band: (f64, f64)) -> Option<MapPoint> {
         self.open_at(band).map(|a| a.nearest_edge_point(from)).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(point, _)| point)
     }
 }

@@ -61,7 +61,7 @@ pub struct GroundingProfile {
 #[non_exhaustive]
 pub enum GroundingError {
     /// More than [`EDGE_TOLERANCE`] outside, or not a finite number.
-    #[error("`[{first}, {second}]` lies outside the picture, whose coordinates are {limits}")]
+    #[error("`[{first}, {second}]` is outside the image, whose coordinates are {limits}")]
     Outside {
         /// The first number as the model wrote it.
         first: f64,
@@ -72,7 +72,7 @@ pub enum GroundingError {
     },
     /// Fractions below one where whole thousandths, percent or pixels were expected: read as requested they would all
     /// mean the upper left corner, and the craft would turn there.
-    #[error("`[{first}, {second}]` are shares of the picture, but its coordinates are {limits}")]
+    #[error("`[{first}, {second}]` are normalized coordinates, but the prompt asks for {limits}")]
     WrongScale {
         /// The first number as the model wrote it.
         first: f64,

@@ -36,7 +36,7 @@ pub enum Lifting {
 #[non_exhaustive]
 pub enum UnprojectError {
     /// A coordinate is not a number, or infinite.
-    #[error("waypoint (`{u}`, `{v}`) is not a finite point of the picture; hold and ask again")]
+    #[error("waypoint (`{u}`, `{v}`) is not finite")]
     NotFinite {
         /// Fraction of the image width.
         u: f64,
@@ -44,7 +44,7 @@ pub enum UnprojectError {
         v: f64,
     },
     /// The point lies outside the image.
-    #[error("waypoint (`{u}`, `{v}`) lies outside the picture, whose coordinates run from 0 to 1; hold and ask again")]
+    #[error("waypoint (`{u}`, `{v}`) is outside the image; coordinates must be 0 to 1")]
     OutsideImage {
         /// Fraction of the image width.
         u: f64,
@@ -52,7 +52,7 @@ pub enum UnprojectError {
         v: f64,
     },
     /// No viewing direction leads there: the camera's distortion coefficients fold the image back before this point.
-    #[error("waypoint (`{u}`, `{v}`) lies beyond what the camera's distortion coefficients describe; check the calibration")]
+    #[error("waypoint (`{u}`, `{v}`) is beyond the valid range of the camera's distortion model; check the calibration")]
     BeyondLens {
         /// Fraction of the image width.
         u: f64,
@@ -60,7 +60,7 @@ pub enum UnprojectError {
         v: f64,
     },
     /// The step is not a positive length.
-    #[error("step of `{step}` m is not a positive length; check the step rule's constants")]
+    #[error("step length `{step}` m is not positive; check the constants of the step rule")]
     BadStep {
         /// Step, metres.
         step: f64,

@@ -202,11 +202,11 @@ fn area(candidate: &Candidate) -> ImageBox {
 /// The error for an output of this shape.
 fn unfit(shape: &[usize], classes: Option<usize>) -> DetectError {
     let shown = shape.iter().map(usize::to_string).collect::<Vec<_>>().join("×");
-    let names = classes.map_or(String::new(), |classes| format!(" and it has {classes} class names"));
+    let names = classes.map_or(String::new(), |classes| format!(" with {classes} class names"));
     let old = classes.map_or(85, |classes| 5 + classes);
-    let hint = if shape.last() == Some(&old) { "; a head with objectness (YOLOv5 and older) is not read" } else { "" };
-    let known = "1×(4+classes)×cells, 1×cells×(4+classes), or 1×boxes×6 with suppression exported";
-    DetectError::Unfit(format!("its output is {shown}{names}, where a YOLO detector's is {known}{hint}"))
+    let hint = if shape.last() == Some(&old) { "; heads with objectness (YOLOv5 and older) are not supported" } else { "" };
+    let known = "1×(4+classes)×cells, 1×cells×(4+classes), or 1×boxes×6 with NMS exported";
+    DetectError::Unfit(format!("its output is {shown}{names}, expected {known}{hint}"))
 }
 
 #[cfg(test)]
@@ -247,8 +247,8 @@ mod tests {
             Ok(layout) => panic!("{layout:?}"),
         };
         let old = words(&[1, 25_200, 85], Some(80));
-        assert!(old.contains("1×25200×85 and it has 80 class names") && old.contains("objectness"), "{old}");
-        assert!(words(&[1, 1000], None).contains("1×1000, where"));
+        assert!(old.contains("1×25200×85 with 80 class names") && old.contains("objectness"), "{old}");
+        assert!(words(&[1, 1000], None).contains("1×1000, expected"));
         for none in [&[][..], &[2, 84, 8400], &[1, 84, 8400, 1], &[1, 4, 8400], &[1, 0, 0]] {
             words(none, None);
         }

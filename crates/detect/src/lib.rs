@@ -35,22 +35,22 @@ pub const MAX_SIDE: usize = 4096;
 #[non_exhaustive]
 pub enum DetectError {
     /// Built without the feature `onnx`.
-    #[error("this program was built without ONNX models: build it with `--features onnx`")]
+    #[error("this program was built without ONNX support: build it with `--features onnx`")]
     NotBuilt,
     /// The file could not be read.
-    #[error("the model cannot be read")]
+    #[error("cannot read the model")]
     Read(#[source] std::io::Error),
     /// The file is too large.
-    #[error("the model has `{0}` bytes, more than {MAX_MODEL}")]
+    #[error("the model has `{0}` bytes, more than the limit of {MAX_MODEL}")]
     TooLarge(u64),
     /// Not valid ONNX, or with unsupported operators.
-    #[error("the model cannot be loaded: {0}")]
+    #[error("cannot load the model: {0}")]
     Load(String),
     /// Not a supported kind of detector.
-    #[error("the model is none that is read here: {0}")]
+    #[error("unsupported model: {0}")]
     Unfit(String),
     /// The network failed on an image.
-    #[error("the network cannot be run: {0}")]
+    #[error("cannot run the network: {0}")]
     Run(String),
 }
 

@@ -30,11 +30,11 @@ impl Network {
         let model = options.load(bytes).map_err(|error| unread(&error.to_string()))?;
         check_task(&model)?;
         let &[input] = model.input_ids() else {
-            return Err(DetectError::Unfit(format!("it has {} inputs, where a detector has one", model.input_ids().len())));
+            return Err(DetectError::Unfit(format!("it has {} inputs, expected one", model.input_ids().len())));
         };
         let boxes = model.output_ids().iter().copied().find(|id| name(&model, *id) == Some(BOXES));
         let Some(output) = boxes.or_else(|| model.output_ids().first().copied()) else {
-            return Err(DetectError::Unfit("it has no output".to_owned()));
+            return Err(DetectError::Unfit("it has no outputs".to_owned()));
         };
         let is_masks = |id: &NodeId| *id != output && shape(&model, *id).len() == 4;
         let masks = model.output_ids().iter().any(is_masks);
@@ -56,9 +56,9 @@ impl Network {
         let input = NdTensorView::<f32, 4>::from_data([1, 3, height, width], values);
         let failed = |error: &dyn std::error::Error| DetectError::Run(one_line(&error.to_string()));
         let outputs = self.model.run(vec![(self.input, input.into())], &[self.output], None).map_err(|error| failed(&error))?;
-        let Some(output) = outputs.into_iter().next() else { return Err(DetectError::Run("it gave nothing".to_owned())) };
+        let Some(output) = outputs.into_iter().next() else { return Err(DetectError::Run("it returned no output".to_owned())) };
         let output: Tensor<f32> =
-            output.try_into().map_err(|_| DetectError::Unfit("its output is no tensor of 32-bit floats".to_owned()))?;
+            output.try_into().map_err(|_| DetectError::Unfit("its output is not a tensor of 32-bit floats".to_owned()))?;
         Ok(Output { shape: output.shape().to_vec(), values: output.into_data(), masks: self.masks })
     }
 }
@@ -67,7 +67,7 @@ impl Network {
 fn check_task(model: &Model) -> Result<(), DetectError> {
     match model.metadata().get("task") {
         None | Some("detect" | "segment") => Ok(()),
-        Some(other) => Err(DetectError::Unfit(format!("it is a model for the task `{}`, not `detect`", one_line(other)))),
+        Some(other) => Err(DetectError::Unfit(format!("its task is `{}`, expected `detect`", one_line(other)))),
     }
 }
 
@@ -89,8 +89,7 @@ fn input_size(model: &Model, input: NodeId) -> Result<(usize, usize), DetectErro
         };
         shape.iter().map(side).collect::<Vec<_>>().join("×")
     };
-    let refused =
-        |why: &str| DetectError::Unfit(format!("its input is {}, where a detector's is 1×3×height×width{why}", shown()));
+    let refused = |why: &str| DetectError::Unfit(format!("its input is {}, expected 1×3×height×width{why}", shown()));
     let float = model.node_info(input).and_then(|node| node.dtype());
     if float.is_some_and(|float| float != ValueType::Tensor(DataType::Float)) {
         return Err(refused(" of 32-bit floats"));
@@ -129,9 +128,9 @@ fn end_to_end(model: &Model) -> Option<bool> {
 /// The error for a file that cannot be loaded, with advice.
 fn unread(error: &str) -> DetectError {
     let hint = if error.contains("FLOAT16") {
-        "; half precision is not read: export without `half`"
+        "; half precision is not supported: export without `half`"
     } else if error.contains("external data") {
-        "; its weights stand in another file: export it as one"
+        "; its weights are in a separate file: export it as a single file"
     } else {
         ""
     };

@@ -124,13 +124,13 @@ fn what_does_not_fit_is_refused_in_words() {
     let with = |key, value| Export { metadata: vec![(key, value)], ..Export::default() };
     let plain = model(&Export::default());
     let cases: [(Vec<u8>, &str); 7] = [
-        (b"no model at all".to_vec(), "cannot be loaded"),
-        (plain[..plain.len() / 2].to_vec(), "cannot be loaded"),
+        (b"no model at all".to_vec(), "cannot load"),
+        (plain[..plain.len() / 2].to_vec(), "cannot load"),
         (model(&Export { half: true, ..Export::default() }), "export without `half`"),
-        (model(&Export { channels: 1, ..Export::default() }), "its input is 1×1×64×64, where a detector's is 1×3×height×width"),
-        (model(&with("task", "pose")), "for the task `pose`, not `detect`"),
-        (model(&with("names", "{0: 'a'}")), "its output is 1×6×84 and it has 1 class names"),
-        (Vec::new(), "cannot be loaded"),
+        (model(&Export { channels: 1, ..Export::default() }), "its input is 1×1×64×64, expected 1×3×height×width"),
+        (model(&with("task", "pose")), "task is `pose`, expected `detect`"),
+        (model(&with("names", "{0: 'a'}")), "its output is 1×6×84 with 1 class names"),
+        (Vec::new(), "cannot load"),
     ];
     for (bytes, words) in cases {
         let said = folder.refused(&bytes);

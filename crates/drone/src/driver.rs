@@ -56,14 +56,14 @@ pub struct Connected {
     /// The craft.
     pub drone: Box<dyn Drone>,
     /// A sentence describing what was found.
-    pub told: String,
+    pub summary: String,
     /// A warning to show to the user before take-off.
     pub warning: &'static str,
 }
 
 /// Why the connection failed.
 #[derive(Debug, thiserror::Error)]
-#[error("{craft} cannot be flown")]
+#[error("cannot connect to {craft}")]
 pub struct ConnectError {
     /// The craft, in words.
     pub craft: &'static str,

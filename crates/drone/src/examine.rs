@@ -55,7 +55,7 @@ const BATTERY_LONG: u8 = 40;
 const DARK: f64 = 40.0;
 
 /// What a drone reported while it was observed.
-pub struct Watched {
+pub struct Observation {
     /// Telemetry reports per second.
     pub telemetry: f64,
     /// The newest image; `None` if none arrived within [`FIRST_PICTURE`].
@@ -68,7 +68,7 @@ pub struct Watched {
     gaps: u64,
 }
 
-impl Watched {
+impl Observation {
     /// Observes a drone for some seconds.
     pub fn of(drone: &mut dyn Drone) -> Self {
         let frames = drone.frames();
@@ -126,7 +126,7 @@ impl Watched {
 #[must_use]
 pub fn battery(charge: Option<u8>, advice: &str) -> Check {
     let Some(charge) = charge else {
-        return Check::new("battery", Finding::Warning, "not told", Some("look at it in the app"));
+        return Check::new("battery", Finding::Warning, "unknown", Some("check it in the app"));
     };
     let finding = match charge {
         0..BATTERY => Finding::Bad,

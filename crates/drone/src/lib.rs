@@ -75,10 +75,10 @@ pub enum DroneEvent {
 #[non_exhaustive]
 pub enum DroneError {
     /// The link is lost.
-    #[error("the link to `{0}` is gone")]
+    #[error("link to `{0}` lost")]
     LinkLost(String),
     /// The craft does not support manoeuvres.
-    #[error("`{0}` flies no manoeuvres by itself")]
+    #[error("`{0}` does not support autonomous manoeuvres")]
     NoManoeuvres(String),
 }
 

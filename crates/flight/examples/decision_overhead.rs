@@ -28,11 +28,11 @@ use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::policy::{Policy, PolicyEvent, Step, View};
 use spf_core::time::{Duration, Time};
 use spf_media::{Jpeg, Rgb, Scaler};
-use spf_render::{Channels, Picture as Drawn, Renderer};
+use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::Scene;
 use spf_vlm::setup;
 use spf_vlm::table::Table;
-use spf_vlm::{Asked, Picture, Strategy, Vlm, VlmError};
+use spf_vlm::{Asked, QueryImage, Strategy, Vlm, VlmError};
 
 type Failure = Box<dyn Error + Send + Sync>;
 
@@ -42,7 +42,7 @@ const DECISIONS: u64 = 400;
 /// A camera's frame, as `spf_flight::picture` shows it.
 struct Frame<'a>(&'a Rgb, &'a mut Scaler);
 
-impl Picture for Frame<'_> {
+impl QueryImage for Frame<'_> {
     fn size(&self) -> (u32, u32) {
         (self.0.width(), self.0.height())
     }
@@ -51,7 +51,7 @@ impl Picture for Frame<'_> {
         let scaled = self.1.scale(self.0, width, height);
         let encoded = Jpeg::encode(&scaled, quality);
         self.1.reuse(scaled);
-        Ok(encoded.map_err(|error| VlmError::Picture(error.to_string()))?.shared())
+        Ok(encoded.map_err(|error| VlmError::Image(error.to_string()))?.shared())
     }
 }
 
@@ -117,7 +117,7 @@ fn serve(connection: TcpStream, answer: &str, server: &Server) -> Result<(), Fai
     }
 }
 
-fn frame(drawn: Drawn) -> Result<Rgb, Failure> {
+fn frame(drawn: RenderedImage) -> Result<Rgb, Failure> {
     Ok(Rgb::from_raw(drawn.width, drawn.height, drawn.rgb.ok_or("nothing was drawn")?)?)
 }
 
@@ -172,7 +172,7 @@ fn measure(name: &str, frames: &[Rgb], camera: &Camera) -> Result<(), Failure> {
     let variables = |variable: &str| variable.ends_with("_API_KEY").then(|| "none".to_owned());
     let table = Table::shipped();
     let mut remote = setup::remote(&table, &[&format!("{name}@http://{address}")], &variables, Strategy::default())?;
-    let eyes = remote.eyesight((camera.width, camera.height));
+    let eyes = remote.image_spec((camera.width, camera.height));
     let preset = PilotSettings::preset(Preset::Default);
     let mut spf = Spf::new(SpfSettings {
         step: preset.step,

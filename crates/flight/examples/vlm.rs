@@ -10,7 +10,7 @@ use std::sync::Arc;
 use spf_core::time::Duration;
 use spf_flight::flight::{self, FlightPlan, Flown, Site};
 use spf_flight::sim::{LoadedScene, Simulated};
-use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
+use spf_vlm::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
 
 /// Counts what it was asked.
 #[derive(Default)]
@@ -19,13 +19,13 @@ struct Lightest(u32);
 impl Lightest {
     /// Here stands the call of a model: `asked.query.prompt` is what it is told, `picture` what it is shown, `asked.time_left` how long
     /// it may take. Its words are read by the parser that reads everybody's (docs/reference/reply.md).
-    fn ask(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Result<String, VlmError> {
+    fn ask(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Result<String, VlmError> {
         self.0 += 1;
         if self.0 > 3 || asked.query.memory.confirming {
             return Ok(r#"{"status":"done","look":null,"stage":null,"point":null,"depth":null,"target":null}"#.to_owned());
         }
         let jpeg = picture.jpeg((64, 48), 80)?;
-        let small = spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Picture(error.to_string()))?;
+        let small = spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Image(error.to_string()))?;
         let light = |(_, pixel): &(usize, &[u8])| pixel.iter().map(|byte| u32::from(*byte)).sum::<u32>();
         let at = small.data().chunks_exact(3).enumerate().max_by_key(light).map_or(0, |(at, _)| at);
         // The profile that `eyesight` tells: [y, x] in thousandths.
@@ -39,11 +39,11 @@ impl Vlm for Lightest {
         "lightest"
     }
 
-    fn eyesight(&self, _camera: (u32, u32)) -> Eyesight {
-        Eyesight { image_size: Some((64, 48)), ..Eyesight::default() }
+    fn image_spec(&self, _camera: (u32, u32)) -> ImageSpec {
+        ImageSpec { image_size: Some((64, 48)), ..ImageSpec::default() }
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         // What the flight waits. A fixed time keeps it the same from run to run; a model's own is measured.
         let (latency, model) = (Duration::from_secs(1), "lightest".to_owned());
         Answer { text: self.ask(asked, picture), latency, model, account: Account::default() }

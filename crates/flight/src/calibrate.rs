@@ -17,7 +17,7 @@ use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
 use spf_drone::tello::sticks::Calibration;
-use spf_vlm::{Account, Answer, Asked, Picture, Vlm, VlmError};
+use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
 
 use crate::flight::{FlightError, FlightPlan, Site, fly};
 use crate::policy::PolicyKind;
@@ -66,10 +66,10 @@ impl Leg {
 #[non_exhaustive]
 pub enum CalibrateError {
     /// The flight ended before all legs were flown.
-    #[error("the flight ended before everything was measured: {0}")]
+    #[error("the flight ended before the calibration was complete: {0}")]
     Ended(String),
     /// The flight could not start.
-    #[error("the flight cannot be started")]
+    #[error("cannot start the flight")]
     Start(#[from] FlightError),
 }
 
@@ -99,7 +99,7 @@ pub struct Routine {
     heading: Option<f64>,
     turned: f64,
     travelled: f64,
-    heard: Option<Time>,
+    last_update: Option<Time>,
     /// Yaw, distance and height at the start of the leg, and its commanded duration.
     before: ([f64; 3], f64),
     /// The result of each completed leg at full stick.
@@ -121,7 +121,7 @@ impl Routine {
             heading: None,
             turned: 0.0,
             travelled: 0.0,
-            heard: None,
+            last_update: None,
             before: ([0.0; 3], 0.0),
             measured: Vec::new(),
             ended: String::new(),
@@ -153,7 +153,7 @@ impl Routine {
         if let Some(before) = self.heading.replace(heading) {
             self.turned += wrap_angle(heading - before);
         }
-        let since = self.heard.replace(now).map_or(0.0, |before| now.since(before).as_secs_f64());
+        let since = self.last_update.replace(now).map_or(0.0, |before| now.since(before).as_secs_f64());
         // Only while flying a leg: at hover, the reported velocity is sensor noise.
         if let Some(velocity) = telemetry.velocity {
             self.travelled += libm::hypot(velocity.east, velocity.north) * since;
@@ -187,11 +187,11 @@ impl Routine {
                 }
             }
             Stage::Leg(number, since) => {
-                let told = now.since(since);
-                if told < LEG {
+                let elapsed = now.since(since);
+                if elapsed < LEG {
                     self.say(now, Leg::ALL[number].setpoint(&self.full));
                 } else {
-                    self.before.1 = told.as_secs_f64();
+                    self.before.1 = elapsed.as_secs_f64();
                     (self.stage, self.said) = (Stage::Rest(number + 1, now + REST), None);
                     self.say(now, Setpoint::HOLD);
                 }
@@ -207,8 +207,8 @@ impl Routine {
     }
 
     fn measure(&mut self, leg: Leg) {
-        let (before, told) = self.before;
-        let [turned, travelled, climbed] = core::array::from_fn(|i| (self.place()[i] - before[i]).abs() / (told * SHARE));
+        let (before, elapsed) = self.before;
+        let [turned, travelled, climbed] = core::array::from_fn(|i| (self.place()[i] - before[i]).abs() / (elapsed * SHARE));
         self.measured.push(match leg {
             Leg::Round => turned,
             Leg::Up | Leg::Down => climbed,
@@ -236,15 +236,15 @@ impl Observer for Routine {
 }
 
 /// A VLM for a flight that sends no queries.
-struct Nobody;
+struct NoVlm;
 
-impl Vlm for Nobody {
+impl Vlm for NoVlm {
     fn name(&self) -> &str {
         "nobody"
     }
 
-    fn answer(&mut self, _asked: &Asked<'_>, _picture: &mut dyn Picture) -> Answer {
-        let refused = VlmError::Refused { model: "nobody".to_owned(), reason: "the drone is being measured".to_owned() };
+    fn answer(&mut self, _asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
+        let refused = VlmError::Refused { model: "nobody".to_owned(), reason: "calibrating the drone".to_owned() };
         Answer { text: Err(refused), latency: Duration::ZERO, model: String::new(), account: Account::default() }
     }
 }
@@ -252,7 +252,7 @@ impl Vlm for Nobody {
 /// The plan of a calibration flight: only the inputs of `operator` are flown, and no VLM is queried.
 #[must_use]
 pub fn plan(drone: Box<dyn Drone>, clock: Clock, operator: Receiver<OperatorEvent>, interrupts: Arc<AtomicU32>) -> FlightPlan {
-    let (site, nobody) = (Site::Real(Real { drone, clock }), Arc::new(|_: Option<&_>, _| Ok(Box::new(Nobody) as Box<dyn Vlm>)));
+    let (site, nobody) = (Site::Real(Real { drone, clock }), Arc::new(|_: Option<&_>, _| Ok(Box::new(NoVlm) as Box<dyn Vlm>)));
     let plan = FlightPlan::new(site, "measure", "nobody", nobody);
     FlightPlan { policy: Arc::new(PolicyKind::plain()), operator: Some(operator), interrupts, ..plan }
 }

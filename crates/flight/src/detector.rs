@@ -7,7 +7,7 @@ use std::time::Instant;
 use spf_core::detection::write_detections;
 use spf_core::query::QueryKind;
 use spf_detect::Detector;
-use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
+use spf_vlm::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
 
 use crate::sim::VlmFactory;
 
@@ -22,11 +22,11 @@ impl Vlm for WithDetector {
         self.vlm.name()
     }
 
-    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
-        self.vlm.eyesight(camera)
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
+        self.vlm.image_spec(camera)
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         match asked.query.kind {
             QueryKind::Detect { .. } => self.detector.answer(asked, picture),
             _ => self.vlm.answer(asked, picture),
@@ -41,21 +41,21 @@ pub fn with_detector(who: VlmFactory, detector: VlmFactory) -> VlmFactory {
 }
 
 /// A detection model as a [`Vlm`]. Its latency is the measured inference time.
-struct Watching(Detector);
+struct DetectorVlm(Detector);
 
-impl Vlm for Watching {
+impl Vlm for DetectorVlm {
     fn name(&self) -> &str {
         self.0.name()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         // In the simulator this renders the frame; a camera's frame is available immediately.
         let pixels = picture.pixels();
         let began = Instant::now();
         let detect = |pixels| self.0.detect(&pixels).map_err(|error| VlmError::Detector(error.to_string()));
         let text = match asked.query.kind {
             QueryKind::Detect { .. } => pixels.and_then(detect).map(|found| write_detections(&found)),
-            _ => Err(VlmError::Refused { model: self.0.name().to_owned(), reason: "it lists what is in a picture".to_owned() }),
+            _ => Err(VlmError::Refused { model: self.0.name().to_owned(), reason: "lists the objects in an image".to_owned() }),
         };
         Answer { text, latency: began.elapsed(), model: self.0.name().to_owned(), account: Account::default() }
     }
@@ -64,5 +64,5 @@ impl Vlm for Watching {
 /// A detection model for use with [`with_detector`]; all flights share its network.
 #[must_use]
 pub fn model_detects(detector: Detector) -> VlmFactory {
-    Arc::new(move |_, _| Ok(Box::new(Watching(detector.clone()))))
+    Arc::new(move |_, _| Ok(Box::new(DetectorVlm(detector.clone()))))
 }

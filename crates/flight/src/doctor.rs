@@ -33,8 +33,8 @@ pub fn simulator(loaded: &LoadedScene) -> Check {
     let rate = f64::from(drawn) / begun.elapsed().as_secs_f64();
     // The video of a flight has ten frames per second.
     let finding = if rate < 10.0 { Finding::Warning } else { Finding::Good };
-    let said = format!("{} is drawn {rate:.1} times a second", loaded.scene.name);
-    Check::new("simulator", finding, said, Some("end what keeps this machine busy, or fly with --no-video"))
+    let said = format!("{} renders at {rate:.1} frames per second", loaded.scene.name);
+    Check::new("simulator", finding, said, Some("reduce the load on this machine, or fly with --no-video"))
 }
 
 /// Sends test images of a dot to a VLM.
@@ -46,16 +46,24 @@ pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration) -> Check {
     match checked.verdict {
         Verdict::Good(worst) => {
             let finding = if slowest > 5.0 { Finding::Warning } else { Finding::Good };
-            let said = format!("{name} points within {:.1} % of the picture, after {slowest:.2} s at most", 100.0 * worst);
-            Check::new("VLM", finding, said, Some("a faster model: the drone waits, or flies on, while it thinks"))
+            let said = format!("{name} points within {:.1} % of the image width, latency up to {slowest:.2} s", 100.0 * worst);
+            Check::new("VLM", finding, said, Some("use a faster model: the drone holds, or flies on, while waiting for a reply"))
         }
         Verdict::Failed(error) => Check::new(
             "VLM",
             Finding::Bad,
             format!("{name}: {error}"),
-            Some("is the key set, and is the Internet reached beside the drone's Wi-Fi?"),
+            Some("check that the API key is set and that the Internet is reachable besides the drone's Wi-Fi"),
         ),
-        _ => Check::new("VLM", Finding::Bad, format!("{name} answers, and points astray"), Some("`spf vlm check` tells how")),
+        _ => Check::new(
+            "VLM",
+            Finding::Bad,
+            format!("{name} responds, but points inaccurately"),
+            Some(
+                "`spf vlm check` shows \
+            details",
+            ),
+        ),
     }
 }
 
@@ -68,11 +76,11 @@ pub fn detector(model: &Detector) -> Check {
     let (width, height) = model.input();
     let found = format!("{} knows {} classes, {width}×{height} pixels", model.name(), model.classes().len());
     match seen {
-        Err(error) => Check::new("detector", Finding::Bad, error.to_string(), Some("take another model: docs/guide/detector.md")),
+        Err(error) => Check::new("detector", Finding::Bad, error.to_string(), Some("use another model: docs/guide/detector.md")),
         Ok(_) => {
             let finding = if took > SLOW_DETECTOR { Finding::Warning } else { Finding::Good };
-            let advice = "every decision waits so long before the VLM is asked: take a smaller model or input";
-            Check::new("detector", finding, format!("{found}, a picture in {:.2} s", took.as_secs_f64()), Some(advice))
+            let advice = "this delays every decision: use a smaller model or input size";
+            Check::new("detector", finding, format!("{found}, {:.2} s per image", took.as_secs_f64()), Some(advice))
         }
     }
 }
@@ -82,7 +90,15 @@ pub fn detector(model: &Detector) -> Check {
 pub fn disk(folder: &Path) -> Option<Check> {
     let free = free_bytes(folder)?;
     let finding = if free < SPACE { Finding::Warning } else { Finding::Good };
-    Some(Check::new("disk", finding, format!("{:.1} GB free", free as f64 * 1e-9), Some("make room, or fly with --no-video")))
+    Some(Check::new(
+        "disk",
+        finding,
+        format!("{:.1} GB free", free as f64 * 1e-9),
+        Some(
+            "free some space, or fly with \
+        --no-video",
+        ),
+    ))
 }
 
 #[cfg(unix)]

@@ -129,13 +129,13 @@ pub enum FlightError {
     #[error(transparent)]
     Start(#[from] StartError),
     /// The plan needs manoeuvres that the craft does not support.
-    #[error("`{0}` flies no manoeuvres by itself")]
+    #[error("`{0}` does not support autonomous manoeuvres")]
     Manoeuvres(String),
     /// The VLM could not be created.
-    #[error("the VLM cannot be asked")]
+    #[error("cannot query the VLM")]
     Vlm(#[source] VlmFactoryError),
     /// A thread could not be started.
-    #[error("no thread could be started for the VLM")]
+    #[error("cannot start a thread for the VLM")]
     Thread(#[source] std::io::Error),
 }
 
@@ -154,7 +154,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl")));
     let vlm = (plan.who)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
     let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
-    let eyesight = vlm.eyesight((camera.width, camera.height));
+    let image_spec = vlm.image_spec((camera.width, camera.height));
     let head = Head {
         format: spf_record::log::FORMAT,
         program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -168,14 +168,14 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         limits: plan.limits,
         vlm: plan.vlm,
         detector: plan.detector,
-        grounding: eyesight.grounding,
-        image_size: eyesight.image_size,
+        grounding: image_spec.grounding,
+        image_size: image_spec.image_size,
         prompt: prompt.as_ref().map(|prompt| prompt.source().to_owned()),
         drone: drone.name().to_owned(),
         sim,
     };
-    let told = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
-    let mut pilot = pilot(&head, policy.as_ref(), told);
+    let prompt_text = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
+    let mut pilot = pilot(&head, policy.as_ref(), prompt_text);
     let live = clock != Clock::Virtual;
     let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
     let mut course = Course { instruction: head.instruction.clone(), judge, settled: None };

@@ -73,7 +73,8 @@ pub fn keys_of(bytes: &[u8]) -> Vec<Key> {
 const LONGEST: usize = 2000;
 
 /// Help text for the keys.
-pub const HELP: &str = "Keys: arrows fly, W/S climb and sink, A/D turn, Space holds, T goes on, L lands, E cuts the motors, Enter types another instruction.";
+pub const HELP: &str = "Keys: arrows fly, W/S climb and descend, A/D yaw, Space holds, T resumes, L lands, E stops the \
+motors, Enter opens a prompt for a new instruction.";
 
 /// Keyboard state.
 #[derive(Clone, Debug)]

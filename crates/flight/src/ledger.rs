@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::frame::FrameId;
 use spf_core::query::{QueryId, QueryKind};
 use spf_record::jsonl::JsonLines;
-use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
+use spf_vlm::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
 
 /// Total VLM usage of a flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -205,15 +205,15 @@ impl Vlm for Accounted {
         self.vlm.name()
     }
 
-    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
-        self.vlm.eyesight(camera)
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
+        self.vlm.image_spec(camera)
     }
 
     fn temperature(&self) -> Option<f64> {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         if let Some(error) = self.spent() {
             let (latency, model) = (spf_core::time::Duration::ZERO, self.vlm.name().to_owned());
             return Answer { text: Err(error), latency, model, account: Account::default() };

@@ -6,7 +6,7 @@ use spf_core::query::Query;
 use spf_drone::Drone;
 use spf_drone::frames::{Frames, Photo};
 use spf_media::{Rgb, Scaler};
-use spf_vlm::{Picture, VlmError};
+use spf_vlm::{QueryImage, VlmError};
 
 /// Prepares images from the frames of a craft's camera.
 pub struct Pictures {
@@ -24,7 +24,7 @@ impl Pictures {
     }
 
     /// The image for a query. Its frame is held from now on, since a camera may drop it within a second.
-    pub fn about<'a>(&'a mut self, query: &'a Query) -> impl Picture + 'a {
+    pub fn about<'a>(&'a mut self, query: &'a Query) -> impl QueryImage + 'a {
         Marked::new(query, self.size, self.frames.photo(query.frame), &mut self.scaler)
     }
 }
@@ -53,14 +53,14 @@ impl<'a> Marked<'a> {
     }
 
     fn draw(&mut self, size: (u32, u32)) -> Result<Rgb, VlmError> {
-        let gone = || VlmError::Picture(format!("frame {} is no longer kept", self.query.frame.0));
+        let gone = || VlmError::Image(format!("frame {} is no longer kept", self.query.frame.0));
         let mut picture = self.photo.as_ref().ok_or_else(gone)?.at(size, self.scaler);
         spf_media::marks::draw(&mut picture, &self.query.marks);
         Ok(picture)
     }
 }
 
-impl Picture for Marked<'_> {
+impl QueryImage for Marked<'_> {
     fn size(&self) -> (u32, u32) {
         self.size
     }
@@ -87,7 +87,7 @@ impl Picture for Marked<'_> {
         };
         let encoded = spf_media::Jpeg::encode(&picture, quality);
         self.scaler.reuse(picture);
-        let encoded = encoded.map_err(|error| VlmError::Picture(error.to_string()))?.shared();
+        let encoded = encoded.map_err(|error| VlmError::Image(error.to_string()))?.shared();
         self.encoded.push((size, quality, encoded.clone()));
         Ok(encoded)
     }

@@ -6,7 +6,7 @@ use spf_core::craft::Craft;
 use spf_core::pilot::{Pilot, PilotParts, PilotSettings};
 use spf_core::policy::Policy;
 use spf_core::prompt::{PromptKind, PromptText};
-use spf_vlm::Eyesight;
+use spf_vlm::ImageSpec;
 
 use crate::log::Head;
 
@@ -18,7 +18,7 @@ pub struct PolicyParts {
     /// Craft parameters.
     pub craft: Craft,
     /// How the VLM receives the camera's images.
-    pub eyesight: Eyesight,
+    pub image_spec: ImageSpec,
     /// The prompt.
     pub prompt: Arc<PromptText>,
     /// Seed of its random choices.
@@ -40,7 +40,7 @@ pub trait PolicyMaker: Send + Sync {
 
 /// Creates the pilot for the flight with this head.
 pub(crate) fn pilot(head: &Head, policy: &dyn PolicyMaker, prompt: Arc<PromptText>) -> Pilot {
-    let eyesight = Eyesight { grounding: head.grounding, image_size: head.image_size };
+    let image_spec = ImageSpec { grounding: head.grounding, image_size: head.image_size };
     let seed = head.sim.as_ref().map_or(0, |sim| sim.seed);
     Pilot::new(PilotParts {
         settings: head.settings,
@@ -48,7 +48,7 @@ pub(crate) fn pilot(head: &Head, policy: &dyn PolicyMaker, prompt: Arc<PromptTex
         senses: head.senses,
         camera: head.camera,
         limits: head.limits.clone(),
-        policy: policy.policy(PolicyParts { settings: head.settings, craft: head.craft, eyesight, prompt, seed }),
+        policy: policy.policy(PolicyParts { settings: head.settings, craft: head.craft, image_spec, prompt, seed }),
         instruction: head.instruction.clone(),
     })
 }

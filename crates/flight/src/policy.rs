@@ -124,8 +124,8 @@ impl PolicyMaker for PolicyKind {
     }
 
     fn policy(&self, parts: PolicyParts) -> Box<dyn Policy> {
-        let PolicyParts { settings, craft, eyesight, prompt, seed } = parts;
-        let image_size = eyesight.image_size;
+        let PolicyParts { settings, craft, image_spec, prompt, seed } = parts;
+        let image_size = image_spec.image_size;
         match self.0.policy {
             Family::Spf { detector } => {
                 let settings = SpfSettings {
@@ -133,7 +133,7 @@ impl PolicyMaker for PolicyKind {
                     lifting: settings.lifting,
                     avoid: settings.avoid,
                     confirm_done: settings.confirm_done,
-                    grounding: eyesight.grounding,
+                    grounding: image_spec.grounding,
                     image_size,
                     craft,
                     shape: match settings.motion {

@@ -26,14 +26,14 @@ impl Real {
     pub(crate) fn open(self) -> Parts {
         let Self { drone, clock } = self;
         let frame_source = Arc::new(CameraFrameSource::new(drone.as_ref()));
-        let judge = Belief { drone: drone.name().to_owned(), ..Belief::default() };
+        let judge = FinalEstimate { drone: drone.name().to_owned(), ..FinalEstimate::default() };
         Parts { drone, clock, seed: 0, frame_source, judge: Box::new(judge), sim: None }
     }
 }
 
 /// The pilot's estimate when the outcome was settled.
 #[derive(Default)]
-struct Belief {
+struct FinalEstimate {
     drone: String,
     last: Option<Pose>,
     flown: f64,
@@ -41,7 +41,7 @@ struct Belief {
     frame_age: FrameAge,
 }
 
-impl Observer for Belief {
+impl Observer for FinalEstimate {
     fn time(&mut self, now: Time, pilot: &Pilot) {
         let pose = pilot.known_pose(now);
         if let Some(last) = self.last.replace(pose)
@@ -56,7 +56,7 @@ impl Observer for Belief {
     }
 }
 
-impl Judge for Belief {
+impl Judge for FinalEstimate {
     fn settle(&mut self, _now: Time, _instruction: &str) {
         self.settled = true;
     }

@@ -19,7 +19,7 @@ use spf_media::marks::{self, Hud};
 use spf_oracle::ErrorFile;
 use spf_record::log::{Entry, ReadError};
 use spf_sim::frame_clock::FrameClock;
-use spf_vlm::{Answer, Asked, Eyesight, Vlm};
+use spf_vlm::{Answer, Asked, ImageSpec, Vlm};
 
 use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
 use crate::picture::Marked;
@@ -114,14 +114,14 @@ impl Pointed {
             }
             (Some(Status::Done), _) => "done".to_owned(),
             (Some(_), _) => "not visible".to_owned(),
-            (None, _) => "no usable answer".to_owned(),
+            (None, _) => "no usable reply".to_owned(),
         }
     }
 }
 
 /// Two replies to one query.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Opinion {
+pub struct ReplyPair {
     /// The query's number.
     pub query: QueryId,
     /// The frame's number.
@@ -142,7 +142,7 @@ pub struct Opinion {
 }
 
 /// The model that receives the queries of a log.
-pub enum Mind {
+pub enum Responder {
     /// An oracle with these errors.
     Oracle(Box<ErrorFile>),
     /// Any other VLM. Its reply timeout is that of the flight.
@@ -158,7 +158,7 @@ enum Answerer {
 /// Sends the queries of a log to a model.
 pub struct Asker {
     world: SimWorld,
-    mind: Answerer,
+    responder: Answerer,
     /// The prompt used in the flight.
     prompt: Arc<PromptText>,
     name: String,
@@ -172,16 +172,16 @@ pub struct Asker {
 #[non_exhaustive]
 pub enum AskError {
     /// The flight was not simulated.
-    #[error("the flight was not flown in the simulator: what its camera saw cannot be drawn again")]
+    #[error("the flight was not simulated: its camera frames cannot be rendered again")]
     NoSimulator,
     /// The craft or the conditions are unknown to this version.
-    #[error("the log's `{0}` is not known here")]
+    #[error("unknown value `{0}` in the log")]
     Unknown(String),
     /// The prompt in the head is invalid.
     #[error(transparent)]
     Head(#[from] ReplayError),
     /// The VLM could not be created.
-    #[error("nobody answers")]
+    #[error("cannot create the VLM")]
     Who(#[source] VlmFactoryError),
 }
 
@@ -191,21 +191,25 @@ impl Asker {
     ///
     /// # Errors
     /// [`AskError`] if the flight was not simulated, its conditions are unknown, or the VLM cannot be created.
-    pub fn new(head: &Head, loaded: Arc<LoadedScene>, name: &str, mind: Mind) -> Result<Self, AskError> {
+    pub fn new(head: &Head, loaded: Arc<LoadedScene>, name: &str, responder: Responder) -> Result<Self, AskError> {
         let sim = head.sim.as_ref().ok_or(AskError::NoSimulator)?;
         let kind = CraftKind::from_name(&sim.drone_model).ok_or_else(|| AskError::Unknown(sim.drone_model.clone()))?;
         let policy = PolicyKind::of_name(&head.policy).ok_or_else(|| AskError::Unknown(head.policy.clone()))?;
         let prompt = prompt_of(head, policy)?;
         let world = SimWorld::under(&flight_conditions(sim)?, loaded, kind, sim.start, sim.seed);
-        let mind = match mind {
-            Mind::Oracle(errors) => Answerer::Oracle(Box::new(OracleVlm::new(name.to_owned(), world.clone(), *errors, sim.seed))),
-            Mind::Other(who) => Answerer::Vlm(who(Some(&world), sim.seed).map_err(AskError::Who)?, head.settings.reply_timeout),
+        let responder = match responder {
+            Responder::Oracle(errors) => {
+                Answerer::Oracle(Box::new(OracleVlm::new(name.to_owned(), world.clone(), *errors, sim.seed)))
+            }
+            Responder::Other(who) => {
+                Answerer::Vlm(who(Some(&world), sim.seed).map_err(AskError::Who)?, head.settings.reply_timeout)
+            }
         };
-        Ok(Self { world, mind, prompt, name: name.to_owned(), seed: sim.seed, grounding: head.grounding })
+        Ok(Self { world, responder, prompt, name: name.to_owned(), seed: sim.seed, grounding: head.grounding })
     }
 
     /// Sends one query.
-    pub fn ask(&mut self, question: &Question) -> Opinion {
+    pub fn ask(&mut self, question: &Question) -> ReplyPair {
         let snapshot = self.snapshot(question);
         let (answer, grounding) = self.answer(question, &snapshot);
         let then = question.answer.as_deref().map(|text| Pointed::of(text, &self.grounding));
@@ -217,35 +221,35 @@ impl Asker {
         let apart = point(&then).zip(point(&now)).map(|(a, b)| libm::hypot(a.u - b.u, shape * (a.v - b.v)));
         let latency_s = answer.latency.as_secs_f64();
         let cost_usd = answer.account.cost_usd;
-        Opinion { query: question.query.id, frame: question.query.frame.0, then, now, failed, apart, latency_s, cost_usd }
+        ReplyPair { query: question.query.id, frame: question.query.frame.0, then, now, failed, apart, latency_s, cost_usd }
     }
 
     /// The reply to a query, and its coordinate convention.
     fn answer(&mut self, question: &Question, snapshot: &WorldSnapshot) -> (Answer, GroundingProfile) {
         let query = &question.query;
-        match &mut self.mind {
+        match &mut self.responder {
             Answerer::Oracle(oracle) => (oracle.answer_at(query, snapshot), GroundingProfile::default()),
             Answerer::Vlm(vlm, patience) => {
                 let camera = self.world.camera();
-                let eyesight = vlm.eyesight((camera.width, camera.height));
-                let query = rewritten(query, &self.prompt, &eyesight);
+                let image_spec = vlm.image_spec((camera.width, camera.height));
+                let query = rewritten(query, &self.prompt, &image_spec);
                 let photo = self.world.still(captured(question), snapshot).map(|shot| photo(&self.world, shot));
                 let mut scaler = Scaler::default();
                 let mut picture = Marked::new(&query, (camera.width, camera.height), photo, &mut scaler);
-                (vlm.answer(&Asked::new(&query, *patience), &mut picture), eyesight.grounding)
+                (vlm.answer(&Asked::new(&query, *patience), &mut picture), image_spec.grounding)
             }
         }
     }
 
     /// Both replies drawn on the frame, side by side: the recorded one on the left.
     #[must_use]
-    pub fn picture(&self, question: &Question, opinion: &Opinion, vlm_then: &str) -> Rgb {
+    pub fn picture(&self, question: &Question, opinion: &ReplyPair, vlm_then: &str) -> Rgb {
         let snapshot = self.snapshot(question);
         let Some(shot) = self.world.still(captured(question), &snapshot) else { return Rgb::new(2 * HALF.0, HALF.1) };
         let clean = self.world.photograph(&shot, Some(HALF));
         let half = |who: &str, pointed: &Option<Pointed>| {
             let mut half = clean.clone();
-            let words = pointed.as_ref().map_or_else(|| "no answer in time".to_owned(), Pointed::words);
+            let words = pointed.as_ref().map_or_else(|| "no reply in time".to_owned(), Pointed::words);
             let status = format!("frame {}", opinion.frame);
             let point = pointed.as_ref().and_then(|pointed| pointed.point);
             let hud = Hud { title: who, status: &status, lines: &[&words] };
@@ -261,12 +265,12 @@ impl Asker {
 }
 
 /// The query rewritten for another model's image size and coordinates. Only points contain coordinates.
-fn rewritten(query: &Query, prompt: &PromptText, eyesight: &Eyesight) -> Query {
-    let image_size = eyesight.image_size;
+fn rewritten(query: &Query, prompt: &PromptText, image_spec: &ImageSpec) -> Query {
+    let image_size = image_spec.image_size;
     if !matches!(query.kind, QueryKind::Point { .. }) {
         return Query { image_size, ..query.clone() };
     }
-    Query { prompt: prompt.write_point(query, &eyesight.grounding), image_size, ..query.clone() }
+    Query { prompt: prompt.write_point(query, &image_spec.grounding), image_size, ..query.clone() }
 }
 
 fn captured(question: &Question) -> Time {

@@ -62,7 +62,7 @@ struct Problems {
     /// The affected files.
     files: Vec<String>,
     /// The reasons, for a person.
-    told: Vec<String>,
+    reasons: Vec<String>,
 }
 
 impl Problems {
@@ -74,7 +74,7 @@ impl Problems {
     fn note(&mut self, file: &str, why: String) {
         if !self.files.iter().any(|known| known == file) {
             self.files.push(file.to_owned());
-            self.told.push(why);
+            self.reasons.push(why);
         }
     }
 }
@@ -94,8 +94,8 @@ impl Recorder {
         let RecordPlan { out, video, view } = plan.clone();
         let mut problems = Problems::default();
         let file = problems.kept(LOG, log::open(&out.file(LOG), live));
-        let told = file.is_some() || view.is_some();
-        let log = told.then(|| FlightLog::start(file, view, head, &frame_source.prisms(), frame_source.clone()));
+        let logged = file.is_some() || view.is_some();
+        let log = logged.then(|| FlightLog::start(file, view, head, &frame_source.prisms(), frame_source.clone()));
         let decisions = problems.kept(DECISIONS, JsonLines::create(&out.file(DECISIONS)));
         let pictures = log.as_ref().filter(|_| video).map(|log| log.pictures(film::SIZE));
         let film = video
@@ -154,14 +154,14 @@ impl Recorder {
             match self.problems.kept(LOG, log.finish(summary)) {
                 Some(0) | None => {}
                 Some(lost) => {
-                    let why = format!("the flight log lacks {lost} messages: the disk was too slow for them");
+                    let why = format!("{lost} messages are missing from the flight log: the disk was too slow");
                     self.problems.note(LOG, why);
                 }
             }
             summary.not_recorded.clone_from(&self.problems.files);
         }
         self.problems.kept("summary.json", self.out.write_summary(summary));
-        self.problems.told
+        self.problems.reasons
     }
 }
 

@@ -28,10 +28,10 @@ pub enum ReplayError {
     #[error(transparent)]
     Read(#[from] ReadError),
     /// It does not start with a flight's head.
-    #[error("the log does not begin with a flight's head on `/flight`")]
+    #[error("the log does not begin with a header on `/flight`")]
     NoHead,
     /// A message does not match its topic's format.
-    #[error("message {sequence} on `{topic}` cannot be read")]
+    #[error("cannot parse message {sequence} on `{topic}`")]
     Message {
         /// The topic.
         topic: String,
@@ -42,13 +42,13 @@ pub enum ReplayError {
         source: serde_json::Error,
     },
     /// A policy unknown to this version.
-    #[error("the policy `{0}` is not known")]
+    #[error("unknown policy `{0}`")]
     Policy(String),
     /// The prompt in the head is invalid.
-    #[error("the flight's own prompt cannot be read")]
+    #[error("cannot parse the prompt in the log")]
     Prompt(#[from] PromptError),
     /// Messages were dropped at this time because the disk was too slow.
-    #[error("messages are missing at {0}, for which the disk was too slow: the flight cannot be replayed from there")]
+    #[error("messages are missing at {0}, because the disk was too slow: cannot replay beyond that point")]
     Gap(Time),
 }
 

@@ -81,19 +81,19 @@ impl Script {
         for (index, row) in file.event.iter().enumerate() {
             let wrong = |message: &str| ScriptError::Event { number: index + 1, message: message.to_owned() };
             if !(0.0..=86_400.0).contains(&row.at_s) {
-                return Err(wrong("`at_s` must be a time from 0 to 86400 s"));
+                return Err(wrong("`at_s` must be from 0 to 86400 s"));
             }
             let at = Time::from_secs_f64(row.at_s);
             let axes = [row.right_m_s, row.forward_m_s, row.up_m_s, row.yaw_rate_deg_s];
             if row.what != What::Setpoint && (axes.iter().any(Option::is_some) || row.for_s.is_some()) {
-                return Err(wrong("velocities and `for_s` belong to `do = \"setpoint\"`"));
+                return Err(wrong("velocities and `for_s` are only valid with `do = \"setpoint\"`"));
             }
             match (row.what, &row.text) {
                 (What::Instruction, Some(text)) if !text.trim().is_empty() => {
                     events.push((at, OperatorEvent::Instruction(text.clone())))
                 }
-                (What::Instruction, _) => return Err(wrong("an instruction needs its `text`")),
-                (_, Some(_)) => return Err(wrong("`text` belongs to `do = \"instruction\"`")),
+                (What::Instruction, _) => return Err(wrong("an instruction needs `text`")),
+                (_, Some(_)) => return Err(wrong("`text` is only valid with `do = \"instruction\"`")),
                 (What::Hold, None) => events.push((at, OperatorEvent::Hold)),
                 (What::Resume, None) => events.push((at, OperatorEvent::Resume)),
                 (What::Land, None) => events.push((at, OperatorEvent::Land)),
@@ -104,7 +104,7 @@ impl Script {
                     }
                     let held = row.for_s.unwrap_or(0.0);
                     if !(0.0..=3600.0).contains(&held) {
-                        return Err(wrong("`for_s` must be a time from 0 to 3600 s"));
+                        return Err(wrong("`for_s` must be from 0 to 3600 s"));
                     }
                     let setpoint = Setpoint {
                         right: row.right_m_s.unwrap_or(0.0),
@@ -127,7 +127,7 @@ impl Script {
                 }
             }
             if events.len() > MAX_EVENTS {
-                return Err(wrong("the file comes to more than 100000 events"));
+                return Err(wrong("the file has more than 100000 events"));
             }
         }
         Ok(Self::new(events))
@@ -171,8 +171,8 @@ mod tests {
     fn errors_say_where() {
         let message = |text: &str| Script::from_toml(text).unwrap_err().to_string();
         assert!(message("[[event]]\nat_s = 1\ndo = \"dance\"\n").starts_with("line 3: unknown variant `dance`"));
-        assert_eq!(message("[[event]]\nat_s = -1\ndo = \"hold\"\n"), "event 1: `at_s` must be a time from 0 to 86400 s");
-        assert_eq!(message("[[event]]\nat_s = 1\ndo = \"instruction\"\n"), "event 1: an instruction needs its `text`");
+        assert_eq!(message("[[event]]\nat_s = -1\ndo = \"hold\"\n"), "event 1: `at_s` must be from 0 to 86400 s");
+        assert_eq!(message("[[event]]\nat_s = 1\ndo = \"instruction\"\n"), "event 1: an instruction needs `text`");
     }
 
     proptest! {

@@ -27,7 +27,7 @@ pub fn phase(phase: Phase) -> &'static str {
         Phase::TakeOff => "taking off",
         Phase::Flying => "flying",
         Phase::Held => "held by the operator",
-        Phase::Manual => "flown by hand",
+        Phase::Manual => "under manual control",
         Phase::Landing => "landing",
         Phase::Ended => "ended",
     }
@@ -67,7 +67,7 @@ pub fn decision(decision: &Decision) -> String {
     }
     let mut line = match &reading.reply {
         Some(reply) => match reply.status {
-            Status::Done if decision.step == "look" => "says done: holding for a second look".to_owned(),
+            Status::Done if decision.step == "look" => "reports done: holding to confirm".to_owned(),
             Status::Done => "done".to_owned(),
             Status::NotVisible => match reply.look {
                 Some(way) => format!("not visible, looks {}", look(way)),
@@ -88,14 +88,14 @@ pub fn decision(decision: &Decision) -> String {
         None | Some(Avoidance::Clear) => {}
         Some(Avoidance::Shifted { .. }) => line.push_str(", shifted clear of an obstacle"),
         Some(Avoidance::Shortened { .. }) => line.push_str(", shortened before an obstacle"),
-        Some(Avoidance::Hold { .. }) => line.push_str(", way blocked"),
+        Some(Avoidance::Hold { .. }) => line.push_str(", path blocked"),
     }
     let held = matches!(reading.avoidance, Some(Avoidance::Hold { .. }));
     if reading.waypoint.is_some() && reading.step.is_none() && reading.primitives.is_some() && !held {
-        line.push_str(", turns to it before it flies");
+        line.push_str(", yaws first");
     }
     if decision.passed {
-        line.push_str(" → passed already, turns at most");
+        line.push_str(" → already passed, yaw only");
     } else if let Some(p) = &reading.primitives {
         let mut parts = Vec::new();
         if p.yaw.abs() > 0.005 {
@@ -117,9 +117,9 @@ pub fn decision(decision: &Decision) -> String {
 #[must_use]
 pub fn vlm_use(used: &VlmUse) -> String {
     let models: Vec<&str> = used.models.keys().map(String::as_str).collect();
-    let who = if models.is_empty() { "nobody".to_owned() } else { models.join(", ") };
+    let who = if models.is_empty() { "none".to_owned() } else { models.join(", ") };
     let failed: u32 = used.failed.values().sum();
-    let failed = if failed > 0 { format!(" ({failed} not answered)") } else { String::new() };
+    let failed = if failed > 0 { format!(" ({failed} failed)") } else { String::new() };
     let latency = used.median_latency_s.map_or(String::new(), |seconds| format!(", median {seconds:.2} s"));
     let about = if used.tokens_estimated { "about " } else { "" };
     let cost = used.cost_usd.map_or("price unknown".to_owned(), |cost| format!("{about}{cost:.4} $"));

@@ -8,7 +8,7 @@ use crate::jpeg::EncodeError;
 /// Encodes a colour image.
 ///
 /// # Errors
-/// [`EncodeError::Picture`] if a side is zero.
+/// [`EncodeError::Image`] if a side is zero.
 pub fn encode(picture: &Rgb) -> Result<Vec<u8>, EncodeError> {
     encode_rgb8(picture.width(), picture.height(), picture.data())
 }
@@ -16,7 +16,7 @@ pub fn encode(picture: &Rgb) -> Result<Vec<u8>, EncodeError> {
 /// Encodes colours of three bytes a pixel, rows from the top.
 ///
 /// # Errors
-/// [`EncodeError::Picture`] if a side is zero.
+/// [`EncodeError::Image`] if a side is zero.
 ///
 /// # Panics
 /// If `pixels` does not hold `width × height × 3` bytes: a programming error of the caller.
@@ -27,7 +27,7 @@ pub fn encode_rgb8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, En
 /// Encodes red, green, blue and alpha of a byte each, rows from the top.
 ///
 /// # Errors
-/// [`EncodeError::Picture`] if a side is zero.
+/// [`EncodeError::Image`] if a side is zero.
 ///
 /// # Panics
 /// If `pixels` does not hold `width × height × 4` bytes: a programming error of the caller.
@@ -38,7 +38,7 @@ pub fn encode_rgba8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, E
 /// Encodes a grey image of 8 bits a pixel, rows from the top.
 ///
 /// # Errors
-/// [`EncodeError::Picture`] if a side is zero.
+/// [`EncodeError::Image`] if a side is zero.
 ///
 /// # Panics
 /// If `pixels` does not hold `width × height` values: a programming error of the caller.
@@ -49,7 +49,7 @@ pub fn encode_grey8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, E
 /// Encodes a grey image of 16 bits a pixel, rows from the top.
 ///
 /// # Errors
-/// [`EncodeError::Picture`] if a side is zero.
+/// [`EncodeError::Image`] if a side is zero.
 ///
 /// # Panics
 /// If `pixels` does not hold `width × height` values: a programming error of the caller.
@@ -73,7 +73,7 @@ fn write(bytes: &[u8], width: u32, height: u32, colour: ColorType, depth: BitDep
         writer.finish()?;
         Ok(file)
     };
-    encoded().map_err(|source| EncodeError::Picture { format: "PNG", width, height, source: source.into() })
+    encoded().map_err(|source| EncodeError::Image { format: "PNG", width, height, source: source.into() })
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::language::item::Item;
 use super::language::order::numbered;
 use super::language::parse;
 use super::language::resolve::meant;
-use super::percept::{Percept, Thing, logistic, slopes};
+use super::percept::{PerceivedObject, Percept, logistic, slopes};
 use super::stages::{self, Aim, View};
 use super::{ErrorFile, Oracle};
 
@@ -35,7 +35,7 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
 
 /// The aim of the instruction in this percept: target, stage and whether it is done.
 pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
-    let seen: Vec<&Thing> = percept.seen(&oracle.errors, query.image_size).collect();
+    let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
     let view = View { oracle, query, percept, seen: &seen };
     stages::aim(&parse(&query.instruction, &percept.words), &view)
 }
@@ -74,7 +74,7 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
                 reply.point = Some(beside);
             }
             if avoid || !query.detections.is_empty() {
-                let seen: Vec<&Thing> = percept.seen(&oracle.errors, query.image_size).collect();
+                let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
                 let in_way = |point| {
                     let Aim { target, .. } = &aim;
                     let way = corridor::Way { point, range: place.range, target: target.as_deref(), opening: place.opening };
@@ -139,15 +139,15 @@ impl View<'_> {
                 let height = (thing.bounds.bottom - thing.bounds.top) * f64::from(self.percept.camera.height)
                     / self.percept.camera.fy
                     * forward;
-                let told = thing.range.is_finite();
+                let known = thing.range.is_finite();
                 Item {
                     tags: &thing.tags,
                     across: Some(0.5 * (thing.bounds.left + thing.bounds.right)),
                     half: 0.5 * (thing.bounds.right - thing.bounds.left),
                     range: Some(thing.range),
-                    size: Some(thing.area as f64 * if told { thing.range * thing.range } else { 1e12 }),
-                    height: Some(if told { height } else { 1e6 }),
-                    position: told.then_some([right * forward, forward, up * forward]),
+                    size: Some(thing.area as f64 * if known { thing.range * thing.range } else { 1e12 }),
+                    height: Some(if known { height } else { 1e6 }),
+                    position: known.then_some([right * forward, forward, up * forward]),
                     weight: thing.area as f64,
                 }
             })
@@ -156,12 +156,12 @@ impl View<'_> {
 
     /// The object that a phrase means in this image: highest tag score, ties to the larger mask; at the error file's
     /// rate, the most similar other object instead.
-    pub(super) fn find(&self, phrase: &Phrase) -> Option<&Thing> {
+    pub(super) fn find(&self, phrase: &Phrase) -> Option<&PerceivedObject> {
         self.find_among(phrase, |_| true)
     }
 
     /// Like [`View::find`], restricted to the objects that `fits` accepts if there are any.
-    pub(super) fn find_among(&self, phrase: &Phrase, fits: impl Fn(&Thing) -> bool) -> Option<&Thing> {
+    pub(super) fn find_among(&self, phrase: &Phrase, fits: impl Fn(&PerceivedObject) -> bool) -> Option<&PerceivedObject> {
         let items = self.items();
         let mut found = meant(phrase, &items);
         // The anchor of a relation is out of view: an earlier target is still recognised, and after a full turn any
@@ -193,12 +193,12 @@ impl View<'_> {
     }
 
     /// All objects that a phrase may mean in this image.
-    pub(super) fn all(&self, phrase: &Phrase) -> Vec<&Thing> {
+    pub(super) fn all(&self, phrase: &Phrase) -> Vec<&PerceivedObject> {
         meant(phrase, &self.items()).into_iter().map(|i| self.seen[i]).collect()
     }
 
     /// The objects of `found` with a number in their name; `None` if no visible object has one.
-    pub(super) fn numbered(&self, number: i32, found: &[&Thing]) -> Option<Vec<&Thing>> {
+    pub(super) fn numbered(&self, number: i32, found: &[&PerceivedObject]) -> Option<Vec<&PerceivedObject>> {
         let items = self.items();
         let among: Vec<usize> =
             (0..items.len()).filter(|&i| found.iter().any(|thing| core::ptr::eq(*thing, self.seen[i]))).collect();
@@ -209,7 +209,7 @@ impl View<'_> {
     /// other object has anything in common with it.
     fn most_similar(&self, of: usize) -> Option<usize> {
         let tags = &self.seen[of].tags;
-        let like = |thing: &Thing| -> u32 {
+        let like = |thing: &PerceivedObject| -> u32 {
             4 * u32::from(thing.tags.kind == tags.kind && thing.tags.opening == tags.opening)
                 + 2 * u32::from(thing.tags.names.iter().any(|name| tags.names.contains(name)))
                 + u32::from(thing.tags.colour.is_some() && thing.tags.colour == tags.colour)

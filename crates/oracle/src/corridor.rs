@@ -6,7 +6,7 @@ use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::rng::Draw;
 
 use super::Oracle;
-use super::percept::{Percept, Thing};
+use super::percept::{PerceivedObject, Percept};
 
 /// The planned path.
 pub(super) struct Way<'a> {
@@ -32,14 +32,14 @@ pub(super) struct Found {
 }
 
 impl Found {
-    fn of(thing: &Thing) -> Self {
+    fn of(thing: &PerceivedObject) -> Self {
         Self { area: thing.bounds, range: thing.nearest, name: thing.tags.words() }
     }
 }
 
 /// Boxes nearer than the target that intersect the corridor. The error file gives the fraction that is missed, and the
 /// rate of spurious boxes. Drawn by frame, like the rest of the percept.
-pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &Way<'_>) -> Vec<Found> {
+pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&PerceivedObject], way: &Way<'_>) -> Vec<Found> {
     let errors = &oracle.errors.boxes;
     let mut out: Vec<Found> = seen
         .iter()
@@ -65,11 +65,17 @@ pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &W
 }
 
 /// The listed boxes that match a visible object nearer than the target and in the corridor.
-pub(super) fn listed(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &Way<'_>, lines: &[String]) -> Vec<Found> {
+pub(super) fn listed(
+    oracle: &Oracle,
+    percept: &Percept,
+    seen: &[&PerceivedObject],
+    way: &Way<'_>,
+    lines: &[String],
+) -> Vec<Found> {
     // An invalid list counts as empty.
     let detections = parse_detections(&lines.join("\n")).unwrap_or_default();
-    let is_listed = |thing: &Thing| detections.iter().any(|detection| detection.area.iou(&thing.bounds) >= SAME_THING);
-    let in_way = |thing: &&&Thing| is_listed(thing) && is_in_way(oracle, percept, thing, way);
+    let is_listed = |thing: &PerceivedObject| detections.iter().any(|detection| detection.area.iou(&thing.bounds) >= SAME_THING);
+    let in_way = |thing: &&&PerceivedObject| is_listed(thing) && is_in_way(oracle, percept, thing, way);
     seen.iter().filter(in_way).map(|thing| Found::of(thing)).collect()
 }
 
@@ -77,7 +83,7 @@ pub(super) fn listed(oracle: &Oracle, percept: &Percept, seen: &[&Thing], way: &
 const SAME_THING: f64 = 0.5;
 
 /// Whether an object is nearer than the end of the path and intersects it.
-fn is_in_way(oracle: &Oracle, percept: &Percept, thing: &Thing, way: &Way<'_>) -> bool {
+fn is_in_way(oracle: &Oracle, percept: &Percept, thing: &PerceivedObject, way: &Way<'_>) -> bool {
     let tags = &thing.tags;
     let own = way.target.is_some_and(|key| key == tags.key || tags.opening_of.as_deref() == Some(key));
     !tags.opening
@@ -89,7 +95,7 @@ fn is_in_way(oracle: &Oracle, percept: &Percept, thing: &Thing, way: &Way<'_>) -
 }
 
 /// Whether an object surrounds the opening: a hill around a tunnel entrance does not block the way into it.
-fn frames(thing: &Thing, way: &Way<'_>) -> bool {
+fn frames(thing: &PerceivedObject, way: &Way<'_>) -> bool {
     way.opening.is_some_and(|(hole, range)| {
         let b = thing.bounds;
         let about = b.left <= hole.left && b.top <= hole.top && b.right >= hole.right;

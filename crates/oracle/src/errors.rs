@@ -36,7 +36,7 @@ const KEYS: [(&str, &[&str]); 9] = [
 #[non_exhaustive]
 pub enum ErrorFileError {
     /// No built-in file has this name.
-    #[error("no error file is called `{name}`; shipped are {}", names())]
+    #[error("unknown error file `{name}`; built in are {}", names())]
     Name {
         /// The name given.
         name: String,
@@ -45,7 +45,7 @@ pub enum ErrorFileError {
     #[error("error file: {0}")]
     Format(String),
     /// An unknown key.
-    #[error("error file: unknown key `{key}`; the nearest is `{nearest}`")]
+    #[error("error file: unknown key `{key}`; did you mean `{nearest}`?")]
     UnknownKey {
         /// Table and key, `table.key`.
         key: String,
@@ -344,7 +344,7 @@ mod tests {
         let text = SHIPPED[1].1;
         assert_eq!(
             ErrorFile::from_toml(&text.replace("median_s", "medain_s")).unwrap_err().to_string(),
-            "error file: unknown key `latency.medain_s`; the nearest is `latency.median_s`"
+            "error file: unknown key `latency.medain_s`; did you mean `latency.median_s`?"
         );
         assert_eq!(
             ErrorFile::from_toml(&text.replace("confused = 0.03", "confused = 3.0")).unwrap_err().to_string(),

@@ -14,7 +14,7 @@ use super::language::lexicon::{NOUNS, PHRASES};
 use super::language::resolve::meant;
 use super::language::score::vocabulary;
 use super::language::{Phrase, Verb, parse};
-use super::percept::{Percept, Thing};
+use super::percept::{PerceivedObject, Percept};
 use super::stages::{Aim, clause_of};
 
 /// Farther than this fraction of the width from the percept's point, no candidate is chosen (`docs/explanation/oracle.md`).
@@ -45,7 +45,7 @@ pub(super) fn done(aim: &Aim) -> String {
 
 /// One line per object: `name_id x:… y:… width:… height:… color:…`, as fractions of the image to two decimals. `coco`:
 /// only objects of COCO classes, by class name.
-pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a Thing>, coco: bool) -> String {
+pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a PerceivedObject>, coco: bool) -> String {
     let mut out = String::new();
     for thing in seen {
         let b = thing.bounds;
@@ -67,7 +67,7 @@ pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a Thing>, coco: bool) -> S
 }
 
 /// The same in a detector's format: four decimals, and as score the probability of noticing the object.
-pub(super) fn detect_scored<'a>(seen: impl Iterator<Item = (&'a Thing, f64)>, coco: bool) -> String {
+pub(super) fn detect_scored<'a>(seen: impl Iterator<Item = (&'a PerceivedObject, f64)>, coco: bool) -> String {
     let found = seen.filter_map(|(thing, score)| {
         let name = if coco { class(&thing.tags)? } else { called(&thing.tags) };
         Some(Detection { name: name.to_owned(), score, area: thing.bounds })

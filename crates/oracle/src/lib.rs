@@ -38,7 +38,7 @@ pub use errors::{
     SeenErrors, WhichErrors,
 };
 pub use masks::{Mask, masks};
-pub use percept::{Percept, SIZE_SENT, Sight, Thing};
+pub use percept::{PerceivedObject, Percept, SIZE_SENT, Sight};
 pub use place::{Place, Placed, Viewpoint};
 pub use reading::{Correction, InstructionReading, ReadStep, UnknownWord, read_instruction};
 pub use truth::{TruthTarget, resolve_truth};

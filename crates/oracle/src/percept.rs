@@ -42,7 +42,7 @@ pub struct Sight<'a> {
 
 /// A visible object as perceived by the oracle.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Thing {
+pub struct PerceivedObject {
     /// Its tags.
     pub tags: Tagged,
     /// Visible pixels of the frame.
@@ -84,7 +84,7 @@ pub struct Percept {
     pub ahead: f64,
     /// The image point with the most room for level flight, and its range, metres, at most 40.
     pub open: (ImagePoint, f64),
-    pub(super) things: Vec<Thing>,
+    pub(super) things: Vec<PerceivedObject>,
     /// All words of the scene's tags, seen or not: an instruction is read alike in every frame.
     pub(super) words: BTreeSet<String>,
 }
@@ -108,7 +108,7 @@ impl Percept {
     }
 
     /// The objects noticed if the image is sent at `size`, by default [`SIZE_SENT`].
-    pub fn seen<'a>(&'a self, errors: &'a ErrorFile, size: Option<(u32, u32)>) -> impl Iterator<Item = &'a Thing> {
+    pub fn seen<'a>(&'a self, errors: &'a ErrorFile, size: Option<(u32, u32)>) -> impl Iterator<Item = &'a PerceivedObject> {
         self.seen_with_chance(errors, size).map(|(thing, _)| thing)
     }
 
@@ -117,7 +117,7 @@ impl Percept {
         &'a self,
         errors: &'a ErrorFile,
         size: Option<(u32, u32)>,
-    ) -> impl Iterator<Item = (&'a Thing, f64)> {
+    ) -> impl Iterator<Item = (&'a PerceivedObject, f64)> {
         let pixels = |(w, h): (u32, u32)| f64::from(w) * f64::from(h);
         let scale = sqrt(pixels(size.unwrap_or(SIZE_SENT)) / pixels(SIZE_SENT));
         let chances = self.things.iter().map(move |thing| (thing, chance_seen(errors, thing.size * scale)));
@@ -141,7 +141,7 @@ pub(super) fn logistic(x: f64, width: f64) -> f64 {
 }
 
 /// The tagged objects of the ordinary image, or of the image of openings, in ascending order of id.
-fn things(of: (&ErrorFile, u64, FrameId), sight: &Sight<'_>, tags: &[Tagged], opening: bool) -> Vec<Thing> {
+fn things(of: (&ErrorFile, u64, FrameId), sight: &Sight<'_>, tags: &[Tagged], opening: bool) -> Vec<PerceivedObject> {
     let (errors, seed, frame) = of;
     let (w, h) = (sight.width, sight.height);
     let (ids, depth) = if opening { (sight.opening_ids, sight.opening_depth) } else { (sight.ids, sight.depth) };
@@ -168,7 +168,7 @@ fn thing(
     (depth, nearest): (&[f32], f64),
     mask: &Mask,
     tags: &Tagged,
-) -> Thing {
+) -> PerceivedObject {
     let (w, h) = (sight.width as f64, sight.height as f64);
     let key = [frame.0, u64::from(mask.id)];
     let area = mask.area as f64;
@@ -192,7 +192,7 @@ fn thing(
     let range = along * stretch(sight.camera, deepest) * slip;
     let past = f64::from(sight.depth.get(mask.deepest.1 * sight.width + mask.deepest.0).copied().unwrap_or(0.0));
     let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
-    Thing {
+    PerceivedObject {
         tags: tags.clone(),
         area: mask.area,
         bounds,
@@ -342,7 +342,7 @@ pub(super) fn slopes(camera: &Camera, at: ImagePoint) -> (f64, f64) {
 }
 
 #[cfg(test)]
-impl Thing {
+impl PerceivedObject {
     /// The same object with another random number for being noticed.
     pub(super) fn redraw(&mut self, luck: f64) {
         self.luck = luck;

@@ -10,7 +10,7 @@ use super::language::lexicon::NOUNS;
 use super::language::resolve::entrances;
 use super::language::score::knows;
 use super::language::{Clause, Instruction, Phrase, Verb};
-use super::percept::{Percept, Thing};
+use super::percept::{PerceivedObject, Percept};
 
 /// The inputs of an answer.
 pub(super) struct View<'a> {
@@ -18,7 +18,7 @@ pub(super) struct View<'a> {
     pub(super) query: &'a Query,
     pub(super) percept: &'a Percept,
     /// Objects noticed at the size sent.
-    pub(super) seen: &'a [&'a Thing],
+    pub(super) seen: &'a [&'a PerceivedObject],
 }
 
 /// A point to aim at.
@@ -191,21 +191,21 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
 
 /// On the way to another of several objects, the nearer ones, except the object to which the intended opening belongs
 /// and its other openings, since the path leads through it.
-fn past(stage: Stage<'_>, thing: Option<&Thing>, view: &View<'_>) -> Vec<Found> {
+fn past(stage: Stage<'_>, thing: Option<&PerceivedObject>, view: &View<'_>) -> Vec<Found> {
     let Some(thing) = thing.filter(|_| stage.another) else { return Vec::new() };
     let alike = Phrase { ordinal: None, other: false, ..stage.clause.target.clone() };
-    let nearer = |other: &&Thing| whole_key(other) != whole_key(thing) && other.nearest < thing.nearest;
-    let found = |other: &Thing| Found { area: other.bounds, range: other.nearest, name: other.tags.words() };
+    let nearer = |other: &&PerceivedObject| whole_key(other) != whole_key(thing) && other.nearest < thing.nearest;
+    let found = |other: &PerceivedObject| Found { area: other.bounds, range: other.nearest, name: other.tags.words() };
     view.all(&alike).into_iter().filter(nearer).map(found).collect()
 }
 
 /// The key of the object an opening belongs to; for other objects their own.
-fn whole_key(thing: &Thing) -> &str {
+fn whole_key(thing: &PerceivedObject) -> &str {
     thing.tags.opening_of.as_deref().unwrap_or(&thing.tags.key)
 }
 
 /// The words for the target: of the object if visible, else of the phrase.
-fn words(stage: Stage<'_>, thing: Option<&Thing>) -> String {
+fn words(stage: Stage<'_>, thing: Option<&PerceivedObject>) -> String {
     let name = thing.map(|t| t.tags.words());
     match (stage.step, name) {
         (Step::Beside, Some(name)) => format!("{LEFT_OF}{name}"),
@@ -227,7 +227,7 @@ const TOO_NEAR: f64 = 1.5;
 const NEXT: &str = "next ";
 
 /// Evaluates one stage. `begins`: the previous stage has just been completed.
-fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<&'v Thing>) {
+fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<&'v PerceivedObject>) {
     let phrase = &stage.clause.target;
     let find = || if stage.another { another(phrase, begins, view) } else { view.find(phrase) };
     match stage.step {
@@ -270,7 +270,7 @@ fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<
 }
 
 /// A stage whose object is in view.
-fn in_view(step: Step, thing: &Thing, view: &View<'_>) -> Met {
+fn in_view(step: Step, thing: &PerceivedObject, view: &View<'_>) -> Met {
     let here = place(thing);
     match step {
         Step::Approach(times) if view.arrived(thing.nearest, times * view.near()) => Met::Yes(Some(here)),
@@ -314,7 +314,7 @@ fn out_of_view(step: Step, phrase: &Phrase, lost: Option<Look>, view: &View<'_>)
 }
 
 /// An object that counts as in view, or the edge that cuts it off.
-fn sighting(thing: Option<&Thing>) -> (Option<&Thing>, Option<Look>) {
+fn sighting(thing: Option<&PerceivedObject>) -> (Option<&PerceivedObject>, Option<Look>) {
     match thing {
         Some(thing) if thing.in_view => (Some(thing), None),
         Some(thing) => (None, thing.cut),
@@ -324,14 +324,14 @@ fn sighting(thing: Option<&Thing>) -> (Option<&Thing>, Option<Look>) {
 
 /// An object to be flown through, if its tags contain every word of shape and material given: an ordinary building is
 /// not a hollow one.
-fn whole<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<&'v Thing> {
+fn whole<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<&'v PerceivedObject> {
     view.find(phrase).filter(|thing| phrase.soft.iter().all(|word| knows(&thing.tags, word)))
 }
 
 /// The object being circled, by its name in the history: the nearest of that name, within the circling distance. `None`
 /// if no circuit is in progress: since the last point beside an object, the target was something other than that object
 /// or a straight move.
-fn gone_round<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<Option<&'v Thing>> {
+fn gone_round<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<Option<&'v PerceivedObject>> {
     let targets = &view.query.memory.targets;
     let begun = targets.iter().rposition(|target| target.starts_with(LEFT_OF))?;
     let name = targets[begun].strip_prefix(LEFT_OF)?;
@@ -340,7 +340,7 @@ fn gone_round<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<Option<&'v Thin
     if !targets[begun + 1..].iter().all(on_the_way) {
         return None;
     }
-    let near = |thing: &&Thing| thing.nearest < ROUND * view.near() && thing.tags.words() == name;
+    let near = |thing: &&PerceivedObject| thing.nearest < ROUND * view.near() && thing.tags.words() == name;
     Some(view.seen.iter().copied().filter(near).min_by(|a, b| a.nearest.total_cmp(&b.nearest)))
 }
 
@@ -353,7 +353,7 @@ const ROUND: f64 = 8.0;
 
 /// Whether the craft is inside the opening it just aimed at: the opening went out of view without a search, and any
 /// remaining part of it, or of its object, is very close.
-fn is_within(found: Option<&Thing>, view: &View<'_>) -> bool {
+fn is_within(found: Option<&PerceivedObject>, view: &View<'_>) -> bool {
     let memory = &view.query.memory;
     let is_opening = |last: &String| last.split(' ').next_back().is_some_and(|head| NOUNS.openings.contains(head));
     let is_here = found.is_none_or(|thing| thing.nearest < 2.0 * view.near());
@@ -361,12 +361,13 @@ fn is_within(found: Option<&Thing>, view: &View<'_>) -> bool {
 }
 
 /// The nearest or the farthest opening in view that the phrase names, directly or through its object.
-fn opening<'v>(phrase: &Phrase, view: &'v View<'_>, farthest: bool) -> Option<&'v Thing> {
-    let belongs = |named: &Thing| view.seen.iter().any(|thing| thing.tags.opening && whole_key(thing) == whole_key(named));
+fn opening<'v>(phrase: &Phrase, view: &'v View<'_>, farthest: bool) -> Option<&'v PerceivedObject> {
+    let belongs =
+        |named: &PerceivedObject| view.seen.iter().any(|thing| thing.tags.opening && whole_key(thing) == whole_key(named));
     let named = view.find_among(phrase, |thing| thing.tags.opening).filter(|named| belongs(named)).or_else(|| {
         entrances(phrase).find_map(|entrance| view.find_among(&entrance, |thing| thing.tags.opening).filter(|of| of.tags.opening))
     })?;
-    let family = |thing: &&&Thing| {
+    let family = |thing: &&&PerceivedObject| {
         thing.tags.opening && (thing.tags.key == named.tags.key || thing.tags.opening_of.as_deref() == Some(whole_key(named)))
     };
     let openings = view.seen.iter().filter(family);
@@ -382,7 +383,7 @@ fn side(view: &View<'_>) -> Look {
     view.query.memory.last_seen.unwrap_or(Look::Right)
 }
 
-fn place(thing: &Thing) -> Place {
+fn place(thing: &PerceivedObject) -> Place {
     Place {
         point: thing.point,
         range: thing.range,
@@ -392,7 +393,7 @@ fn place(thing: &Thing) -> Place {
 }
 
 /// Through an opening: its centre, at the range of what is visible there, limited to a move or two.
-fn through(opening: &Thing) -> Place {
+fn through(opening: &PerceivedObject) -> Place {
     Place { range: opening.beyond.min(opening.range + MOVE_M), ..place(opening) }
 }
 
@@ -406,7 +407,7 @@ fn edge(u: f64, view: &View<'_>) -> Place {
 
 /// An object other than the previous target, according to the history. Among objects of the same name, one that is not
 /// right here, while starting and searching; after that the one turned to, hence the most central.
-fn another<'v>(phrase: &Phrase, begins: bool, view: &'v View<'_>) -> Option<&'v Thing> {
+fn another<'v>(phrase: &Phrase, begins: bool, view: &'v View<'_>) -> Option<&'v PerceivedObject> {
     let alike = Phrase { ordinal: None, other: false, ..phrase.clone() };
     let found = view.all(&alike);
     let numbered = phrase.ordinal.and_then(|ordinal| view.numbered(ordinal.number, &found));
@@ -414,8 +415,8 @@ fn another<'v>(phrase: &Phrase, begins: bool, view: &'v View<'_>) -> Option<&'v 
         return numbered.first().copied();
     }
     let spent = view.query.memory.targets.iter().rev().find(|target| !target.starts_with(NEXT));
-    let named_otherwise: Vec<&Thing> = found.iter().copied().filter(|t| Some(&t.tags.words()) != spent).collect();
-    let nearest = |a: &&Thing, b: &&Thing| a.range.total_cmp(&b.range);
+    let named_otherwise: Vec<&PerceivedObject> = found.iter().copied().filter(|t| Some(&t.tags.words()) != spent).collect();
+    let nearest = |a: &&PerceivedObject, b: &&PerceivedObject| a.range.total_cmp(&b.range);
     if !named_otherwise.is_empty() {
         return named_otherwise.into_iter().min_by(nearest);
     }
@@ -423,7 +424,7 @@ fn another<'v>(phrase: &Phrase, begins: bool, view: &'v View<'_>) -> Option<&'v 
     if begins || view.query.memory.turned != 0.0 {
         return found.into_iter().filter(|thing| thing.range > here).min_by(nearest);
     }
-    let off = |thing: &Thing| (0.5 * (thing.bounds.left + thing.bounds.right) - 0.5).abs();
+    let off = |thing: &PerceivedObject| (0.5 * (thing.bounds.left + thing.bounds.right) - 0.5).abs();
     found.into_iter().min_by(|a, b| off(a).total_cmp(&off(b)))
 }
 
@@ -434,7 +435,7 @@ fn ahead(view: &View<'_>) -> Place {
 }
 
 /// A point left of the object by one and a half times `near` at its range; at the image edge if that cuts it off.
-fn beside(thing: &Thing, view: &View<'_>) -> Place {
+fn beside(thing: &PerceivedObject, view: &View<'_>) -> Place {
     if thing.bounds.left <= 0.0 {
         return edge(0.0, view);
     }
@@ -445,13 +446,13 @@ fn beside(thing: &Thing, view: &View<'_>) -> Place {
 }
 
 /// The middle of its upper edge.
-fn summit(thing: &Thing) -> Place {
+fn summit(thing: &PerceivedObject) -> Place {
     let u = 0.5 * (thing.bounds.left + thing.bounds.right);
     Place { point: ImagePoint { u, v: (thing.bounds.top + 0.02).min(1.0) }, ..place(thing) }
 }
 
 /// Above its top by a tenth of the image, centred.
-fn over(thing: &Thing) -> Place {
+fn over(thing: &PerceivedObject) -> Place {
     let u = 0.5 * (thing.bounds.left + thing.bounds.right);
     Place { point: ImagePoint { u, v: (thing.bounds.top - 0.1).max(0.0) }, ..place(thing) }
 }

@@ -38,7 +38,7 @@ pub enum OutDirError {
 #[non_exhaustive]
 pub enum FileError {
     /// Writing failed.
-    #[error("cannot write `{path}`: check the space on the disk and the rights of its folder")]
+    #[error("cannot write `{path}`: check the disk space and the folder's permissions")]
     Write {
         /// The file.
         path: PathBuf,
@@ -47,7 +47,7 @@ pub enum FileError {
         source: io::Error,
     },
     /// The value has no JSON form: a map with keys that are not strings.
-    #[error("cannot write `{path}`: its content has no JSON form")]
+    #[error("cannot write `{path}`: its content cannot be represented as JSON")]
     Json {
         /// The file.
         path: PathBuf,

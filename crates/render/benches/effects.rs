@@ -6,8 +6,8 @@ use divan::Bencher;
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 use spf_core::time::Time;
-use spf_render::effects::{Eye, Shot};
-use spf_render::{Channels, Picture, Renderer};
+use spf_render::effects::{Shot, SimCamera};
+use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::Scene;
 
 fn main() {
@@ -15,7 +15,7 @@ fn main() {
 }
 
 /// The city as a camera sees it, drawn once.
-fn city(camera: &Camera, channels: Channels) -> Picture {
+fn city(camera: &Camera, channels: Channels) -> RenderedImage {
     let scene = Scene::load("city").expect("a built-in scene is sound");
     let mut pose = scene.start;
     pose.position.up += 3.0;
@@ -24,10 +24,10 @@ fn city(camera: &Camera, channels: Channels) -> Picture {
 
 #[divan::bench(args = ["none", "lens", "exposure", "noise", "compression=jpeg:50", "compression=h264:30", "all"])]
 fn photograph(bencher: Bencher<'_, '_>, effects: &str) {
-    let eye = Eye::new(Camera::quad(), effects.parse().expect("these are effects"), 1);
+    let eye = SimCamera::new(Camera::quad(), effects.parse().expect("these are effects"), 1);
     let shot = Shot::still(Time::ZERO, Pose::default());
     // The lens asks for a larger picture; both are drawn before the time is taken.
-    let mut drawn: Option<Picture> = None;
+    let mut drawn: Option<RenderedImage> = None;
     bencher.bench_local(|| {
         eye.photograph(&shot, None, |camera, _, picture| {
             let city = drawn.get_or_insert_with(|| city(camera, Channels::RGB));
@@ -38,9 +38,9 @@ fn photograph(bencher: Bencher<'_, '_>, effects: &str) {
 
 #[divan::bench]
 fn truth_through_a_lens(bencher: Bencher<'_, '_>) {
-    let eye = Eye::new(Camera::quad(), "lens".parse().expect("these are effects"), 1);
-    let mut drawn: Option<Picture> = None;
-    let mut seen = Picture::default();
+    let eye = SimCamera::new(Camera::quad(), "lens".parse().expect("these are effects"), 1);
+    let mut drawn: Option<RenderedImage> = None;
+    let mut seen = RenderedImage::default();
     bencher.bench_local(|| {
         eye.look(eye.camera(), &mut seen, |camera, picture| {
             let city = drawn.get_or_insert_with(|| city(camera, Channels::TRUTH));

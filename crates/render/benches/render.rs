@@ -6,7 +6,7 @@ mod yard;
 use divan::{Bencher, black_box};
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
-use spf_render::{Channels, Picture, Renderer};
+use spf_render::{Channels, RenderedImage, Renderer};
 
 fn main() {
     divan::main();
@@ -19,7 +19,7 @@ fn picture(bencher: Bencher<'_, '_>, up: f64, channels: Channels) {
     let renderer = Renderer::new(&yard::town().geometry);
     let attitude = Attitude { heading: 0.2, ..Attitude::default() };
     let pose = Pose { position: EnuPosition { east: 0.0, north: -100.0, up }, attitude };
-    let mut picture = Picture::default();
+    let mut picture = RenderedImage::default();
     renderer.render_into(&Camera::quad(), &pose, channels, &[], &mut picture);
     bencher.bench_local(|| renderer.render_into(&Camera::quad(), black_box(&pose), channels, &[], &mut picture));
 }
@@ -41,7 +41,7 @@ fn prepare() -> Renderer {
 
 /// Scene, sun's map, sky light and one small picture.
 #[divan::bench(sample_count = 3)]
-fn first_colour() -> Picture {
+fn first_colour() -> RenderedImage {
     let renderer = Renderer::new(&yard::town().geometry);
     renderer.render(&Camera::from_fov(64, 64, 1.0, 1.0, 0.0), &Pose::default(), Channels::RGB)
 }

@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
-use spf_render::{Channels, Picture, Quality, Renderer};
+use spf_render::{Channels, Quality, RenderedImage, Renderer};
 use spf_scene::Scene;
 
 type Failure = Box<dyn Error + Send + Sync>;
@@ -88,7 +88,7 @@ impl Took {
 fn fly(renderer: &Renderer, camera: &Camera, poses: &[Pose], channels: Channels, threads: usize) -> Result<Took, Failure> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     pool.install(|| {
-        let mut picture = Picture::default();
+        let mut picture = RenderedImage::default();
         for pose in poses.iter().step_by(8) {
             renderer.render_into(camera, pose, channels, &[], &mut picture);
         }

@@ -14,7 +14,7 @@ use std::time::Instant;
 use serde_json::json;
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
-use spf_render::{Channels, Picture, Renderer};
+use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::Scene;
 use spf_scene::geometry::{Part, Role};
 
@@ -128,7 +128,7 @@ fn time(width: u32, frames: usize) -> Result<(), Box<dyn Error>> {
     let scene = Scene::load("city")?;
     let renderer = Renderer::new(&scene.geometry);
     let (camera, path) = (camera(width), path());
-    let mut picture = Picture::default();
+    let mut picture = RenderedImage::default();
     let mut covered = 0;
     for pose in &path {
         renderer.render_into(&camera, pose, Channels { ids: true, ..Channels::RGB }, &[], &mut picture);

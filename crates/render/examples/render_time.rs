@@ -7,7 +7,7 @@ use std::error::Error;
 
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
-use spf_render::{Channels, Picture, Renderer};
+use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::Scene;
 
 /// East, north, up (metres), heading, pitch (degrees): plaza, avenue, park, car park, above the roofs, straight down, canal, site.
@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
                 for [east, north, up, heading, pitch] in EYES {
                     let attitude = Attitude { heading: heading.to_radians(), pitch: pitch.to_radians(), ..Attitude::default() };
                     let pose = Pose { position: EnuPosition { east, north, up }, attitude };
-                    let (mut picture, mut least) = (Picture::default(), f64::INFINITY);
+                    let (mut picture, mut least) = (RenderedImage::default(), f64::INFINITY);
                     renderer.render_into(&camera, &pose, channels, &[], &mut picture);
                     for _ in 0..REPEATS {
                         let start = on_core()?;

@@ -5,7 +5,7 @@
 //! addition, multiplication, division and square root without fused operations, with integers for edges; other
 //! functions are tables from `libm`.
 //!
-//! The main types are [`Renderer`], a scene prepared for rendering, and [`Picture`], its channels. [`effects`]
+//! The main types are [`Renderer`], a scene prepared for rendering, and [`RenderedImage`], its channels. [`effects`]
 //! simulates a craft's camera, and [`surroundings`] renders the view around the frame. No input is refused: cameras of
 //! more than [`MAX_SIDE`] pixels per side are limited to that, and missing textures are white.
 
@@ -53,7 +53,7 @@ use lanes::{Instructions, with_instructions};
 use meter::Meter;
 use noise::Noise;
 use pattern::Paint;
-pub use picture::{Picture, SaveError};
+pub use picture::{RenderedImage, SaveError};
 use prepare::Soup;
 use raster::{NONE, SUB, TILE, TILE_AREA, Tile};
 use setup::{Bins, Wanted, tiles};
@@ -178,15 +178,15 @@ impl Renderer {
 
     /// A new image from `pose`. Lens distortion is not drawn: the image is that of the undistorted camera.
     #[must_use]
-    pub fn render(&self, camera: &Camera, pose: &Pose, channels: Channels) -> Picture {
-        let mut picture = Picture::default();
+    pub fn render(&self, camera: &Camera, pose: &Pose, channels: Channels) -> RenderedImage {
+        let mut picture = RenderedImage::default();
         self.render_into(camera, pose, channels, &[], &mut picture);
         picture
     }
 
     /// Draws into `picture`, whose memory is used again; `actors` are parts that this image alone has (things that move), in
     /// world coordinates, with materials of the scene. Actors stand in the scene's shadows but cast none.
-    pub fn render_into(&self, camera: &Camera, pose: &Pose, channels: Channels, actors: &[Part], picture: &mut Picture) {
+    pub fn render_into(&self, camera: &Camera, pose: &Pose, channels: Channels, actors: &[Part], picture: &mut RenderedImage) {
         let mut view = View::new(camera, pose);
         (view.width, view.height) = (view.width.min(MAX_SIDE), view.height.min(MAX_SIDE));
         picture.shape(view.width, view.height, channels);
@@ -199,7 +199,7 @@ impl Renderer {
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
     }
 
-    fn draw(&self, view: &View, channels: Channels, actors: &Soup, scratch: &mut Scratch, picture: &mut Picture) {
+    fn draw(&self, view: &View, channels: Channels, actors: &Soup, scratch: &mut Scratch, picture: &mut RenderedImage) {
         let soups = [&self.soup, actors];
         let centres = !channels.rgb;
         scratch.solid.fill(self.instructions, &soups, view, Wanted { openings: false, centres });

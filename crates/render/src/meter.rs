@@ -14,7 +14,7 @@ use super::lanes::{F, Instructions, V3, smooth, with_instructions};
 use super::shadow::ShadowMap;
 use super::sky::Sky;
 use super::view::View;
-use super::{Palette, Picture, Renderer};
+use super::{Palette, RenderedImage, Renderer};
 
 /// Exposure under a roof over that outside, at most.
 const GREATEST: f32 = 5.0;
@@ -80,7 +80,7 @@ impl Renderer {
     ///
     /// Nothing is worked out in scenes without dark places, and all things there are clear.
     #[must_use]
-    pub fn light_on(&self, camera: &Camera, pose: &Pose, picture: &Picture) -> BTreeMap<u16, f32> {
+    pub fn light_on(&self, camera: &Camera, pose: &Pose, picture: &RenderedImage) -> BTreeMap<u16, f32> {
         let (Some(ids), Some(depth)) = (&picture.ids, &picture.depth) else { return BTreeMap::new() };
         if picture.width == 0 || !self.light.dark_places {
             return BTreeMap::new();

@@ -11,7 +11,7 @@ use super::raster::{NONE, TILE, TILE_AREA, place};
 
 /// An image; the channels that were asked for are there. Rows run from the top, pixels from the left.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Picture {
+pub struct RenderedImage {
     /// Pixels.
     pub width: u32,
     /// Pixels.
@@ -33,7 +33,7 @@ pub struct Picture {
 #[non_exhaustive]
 pub enum SaveError {
     /// The image was drawn without this channel.
-    #[error("the picture has no `{0}` channel; ask for it when rendering")]
+    #[error("the image has no `{0}` channel; request it when rendering")]
     Missing(&'static str),
     /// The file could not be written.
     #[error("cannot write `{}`", path.display())]
@@ -45,7 +45,7 @@ pub enum SaveError {
     },
 }
 
-impl Picture {
+impl RenderedImage {
     /// Gives the image its size and the channels asked for, keeping memory.
     pub(crate) fn shape(&mut self, width: u32, height: u32, channels: Channels) {
         fn fit<T: Clone + Default>(channel: &mut Option<Vec<T>>, wanted: bool, len: usize) {
@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_missing_channel_is_named() {
-        let error = Picture::default().save_depth(Path::new("x.png")).unwrap_err();
-        assert_eq!(error.to_string(), "the picture has no `depth` channel; ask for it when rendering");
+        let error = RenderedImage::default().save_depth(Path::new("x.png")).unwrap_err();
+        assert_eq!(error.to_string(), "the image has no `depth` channel; request it when rendering");
     }
 }

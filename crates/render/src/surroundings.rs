@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use spf_core::camera::{Camera, Distortion};
 use spf_scene::geometry::ObjectId;
 
-use crate::Picture;
+use crate::RenderedImage;
 
 /// How much wider than the camera's the view is.
 const WIDE: f64 = 2.5;
@@ -38,7 +38,7 @@ impl Surroundings {
     /// Fraction of each object's silhouette inside the frame, 0..=1, from that image; openings by their own. Objects beside the
     /// view are not listed.
     #[must_use]
-    pub fn shares(&self, picture: &Picture) -> BTreeMap<ObjectId, f32> {
+    pub fn shares(&self, picture: &RenderedImage) -> BTreeMap<ObjectId, f32> {
         let channels = || [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten();
         let most = channels().flatten().max().copied().unwrap_or(0);
         let mut counts = vec![(0u32, 0u32); usize::from(most) + 1];
@@ -96,9 +96,9 @@ mod tests {
     use super::*;
 
     /// An image whose left half is object 1 and whose right half is 2.
-    fn halves(camera: &Camera) -> Picture {
+    fn halves(camera: &Camera) -> RenderedImage {
         let ids = (0..camera.width * camera.height).map(|i| if i % camera.width < camera.width / 2 { 1 } else { 2 }).collect();
-        Picture { width: camera.width, height: camera.height, ids: Some(ids), ..Picture::default() }
+        RenderedImage { width: camera.width, height: camera.height, ids: Some(ids), ..RenderedImage::default() }
     }
 
     #[test]

@@ -159,7 +159,7 @@ impl Work {
                 self.packets.blend(pixel);
             }
             for group in &groups[..count] {
-                let like = shaded_beside(edges, area, x, y)
+                let like = shaded_neighbours(edges, area, x, y)
                     .into_iter()
                     .flatten()
                     .find(|&(x, y)| count > 1 && self.joins.continuous(shader, group.id, self.ids[(y + 1) * RIMMED + x + 1]));
@@ -244,7 +244,7 @@ impl Work {
 }
 
 /// Pixels of the tile left, right, above and below that are not on edges.
-fn shaded_beside(edges: &[u64; TILE as usize], area: Area, x: usize, y: usize) -> [Option<(usize, usize)>; 4] {
+fn shaded_neighbours(edges: &[u64; TILE as usize], area: Area, x: usize, y: usize) -> [Option<(usize, usize)>; 4] {
     let shaded = |x: usize, y: usize| {
         // Before the first is beyond the last.
         (x < area.width && y < area.height && edges[y] >> x & 1 == 0).then_some((x, y))

@@ -29,9 +29,7 @@ const LEAST_ADVANCE: f64 = 1e-3;
 #[non_exhaustive]
 pub enum ColliderError {
     /// A triangle names a corner that its part lacks.
-    #[error(
-        "part `{part}` of object `{object}` names corner `{corner}` of `{corners}`: its triangle list does not fit its corners"
-    )]
+    #[error("part `{part}` of object `{object}` refers to vertex `{corner}` of `{corners}`: index out of range")]
     CornerOutOfRange {
         /// Index of the part in the scene's list.
         part: usize,
@@ -43,7 +41,7 @@ pub enum ColliderError {
         corners: usize,
     },
     /// A corner is not a finite point.
-    #[error("part `{part}` of object `{object}` has a corner that is not a finite point: check the numbers it is made from")]
+    #[error("part `{part}` of object `{object}` has a vertex that is not finite: check its parameters")]
     NotFinite {
         /// Index of the part in the scene's list.
         part: usize,

@@ -9,7 +9,7 @@ use crate::limits::MAX_BYTES;
 #[non_exhaustive]
 pub enum SceneError {
     /// No built-in scene has this name.
-    #[error("no built-in scene `{name}`\n\nhint: {hint}")]
+    #[error("unknown scene `{name}`\n\nhint: {hint}")]
     Unknown {
         /// What was asked for.
         name: String,
@@ -52,20 +52,19 @@ pub enum SceneError {
 impl SceneError {
     pub(crate) fn unknown(name: &str, known: &[&str]) -> Self {
         let hint = nearest(name, known.iter().copied()).map_or_else(
-            || format!("built-in scenes are `{}`; a scene file's path ends in `.toml`, `.glb` or `.gltf`", known.join("`, `")),
+            || format!("built-in scenes are `{}`; scene files end in `.toml`, `.glb` or `.gltf`", known.join("`, `")),
             |near| format!("did you mean `{near}`?"),
         );
         Self::Unknown { name: name.to_owned(), hint }
     }
 
     pub(crate) fn bad_seed(scene: &str, seed: &str) -> Self {
-        let hint = format!("the seed of a variant is a whole number from 0 to {}, as in `{scene}@17`", u64::MAX);
+        let hint = format!("the variant seed must be a whole number from 0 to {}, as in `{scene}@17`", u64::MAX);
         Self::Unknown { name: format!("{scene}@{seed}"), hint }
     }
 
     pub(crate) fn no_variants(file: &str, line: usize) -> Self {
-        let hint =
-            "leave out `@` and the number, or say under `[vary]` what may change (docs/reference/scene-format.md)".to_owned();
+        let hint = "remove `@` and the number, or define variations under `[vary]` (docs/reference/scene-format.md)".to_owned();
         Self::Invalid { file: file.to_owned(), line, message: "this scene has no variants".to_owned(), hint: Some(hint) }
     }
 
@@ -73,8 +72,8 @@ impl SceneError {
         Self::Invalid {
             file: file.to_owned(),
             line: 1,
-            message: format!("the file is longer than {MAX_BYTES} bytes"),
-            hint: Some("use templates, `places` and `repeat` for things that come often".to_owned()),
+            message: format!("the file exceeds {MAX_BYTES} bytes"),
+            hint: Some("use templates, `places` and `repeat` for repeated objects".to_owned()),
         }
     }
 }
@@ -97,7 +96,7 @@ pub fn hint_from(message: &str) -> Option<String> {
     let known: Vec<&str> = quoted.collect();
     match nearest(wrong, known.iter().copied()) {
         Some(near) => Some(format!("did you mean `{near}`?")),
-        None => Some(format!("known here: `{}`", known.join("`, `"))),
+        None => Some(format!("known keys: `{}`", known.join("`, `"))),
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use crate::error::SceneError;
 use crate::file;
-use crate::gltf::{self, Wishes};
+use crate::gltf::{self, ModelOverrides};
 use crate::light::SceneLook;
 use crate::limits::MAX_BYTES;
 use crate::mesh::KINDS;
@@ -67,7 +67,7 @@ impl Scene {
             if seed.is_some() {
                 return Err(SceneError::no_variants(name_or_path, 1));
             }
-            return gltf::load(name_or_path, &Wishes::default(), file::own_light(conditions)?);
+            return gltf::load(name_or_path, &ModelOverrides::default(), file::own_light(conditions)?);
         }
         if !is_file(name_or_path) {
             return Err(SceneError::unknown(name_or_path, &Self::built_in()));
@@ -102,7 +102,7 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Model`] if it cannot be used as a world.
     pub fn parse_model(bytes: &[u8], file: &str) -> Result<Self, SceneError> {
-        gltf::parse(bytes, file, None, &Wishes::default(), file::own_light(&SceneLook::default())?)
+        gltf::parse(bytes, file, None, &ModelOverrides::default(), file::own_light(&SceneLook::default())?)
     }
 
     /// Names of the built-in scenes.

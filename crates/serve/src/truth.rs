@@ -17,7 +17,7 @@ use spf_flight::sim::{SimWorld, Verdict, judge};
 const LOOK: Duration = Duration::from_millis(20);
 
 /// The instruction by which flights are judged, set by the VLM endpoint or the command line.
-pub type Heard = Arc<Mutex<Option<String>>>;
+pub type SharedInstruction = Arc<Mutex<Option<String>>>;
 
 /// Judges a world's flights until it is dropped.
 pub(crate) struct Judge {
@@ -29,8 +29,8 @@ impl Judge {
     /// Starts a judging thread. If `file` is given, the results are written to it.
     ///
     /// # Errors
-    /// The operating system's error if no thread can be started.
-    pub(crate) fn start(world: SimWorld, instruction: Heard, file: Option<File>) -> std::io::Result<Self> {
+    /// The operating system's error if cannot start a thread.
+    pub(crate) fn start(world: SimWorld, instruction: SharedInstruction, file: Option<File>) -> std::io::Result<Self> {
         let stopped = Arc::new(AtomicBool::new(false));
         let judging = Judging { world, instruction, file, flights: 0, flight: None };
         let ends = stopped.clone();
@@ -71,7 +71,7 @@ struct Line<'a> {
 
 struct Judging {
     world: SimWorld,
-    instruction: Heard,
+    instruction: SharedInstruction,
     file: Option<File>,
     flights: u32,
     flight: Option<Flight>,
@@ -126,7 +126,7 @@ impl Judging {
         let Some(file) = &mut self.file else { return };
         let written = serde_json::to_string(line).map_err(std::io::Error::from).and_then(|text| writeln!(file, "{text}"));
         if let Err(error) = written {
-            tracing::warn!(%error, "the truth about a flight could not be written");
+            tracing::warn!(%error, "cannot write the ground truth of a flight");
         }
     }
 }

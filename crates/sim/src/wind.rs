@@ -28,7 +28,7 @@ const LONGEST_GUST: f64 = 600.0;
 
 /// Why a text is not a valid wind.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no wind: metres a second, then if wanted from=DEGREES, gust=METRES_A_SECOND and gust_time=SECONDS")]
+#[error("invalid wind `{0}`: expected M_S[,from=DEG][,gust=M_S][,gust_time=S]")]
 pub struct WindError(String);
 
 impl FromStr for Wind {

@@ -41,7 +41,7 @@ pub(crate) struct Backend {
     /// The vendor asked not to be queried before this time.
     not_before: Mutex<Option<(Instant, VlmError)>>,
     /// Whether it was already logged that another model replied.
-    told: AtomicBool,
+    warned: AtomicBool,
 }
 
 /// A query in the format of one backend.
@@ -76,7 +76,7 @@ pub(crate) struct Outcome {
 
 impl Backend {
     pub(crate) fn new(name: String, model: Model, endpoint: Endpoint) -> Self {
-        Self { name, model, endpoint, not_before: Mutex::new(None), told: AtomicBool::new(false) }
+        Self { name, model, endpoint, not_before: Mutex::new(None), warned: AtomicBool::new(false) }
     }
 
     /// Writes a query; includes the time from `began` to the encoded image.
@@ -146,7 +146,7 @@ impl Backend {
             if !again || Instant::now() + pause + WORTH_ASKING > deadline {
                 return Outcome { text, model, account };
             }
-            tracing::debug!(host = %self.endpoint.host, error = ?text.as_ref().err(), "asking again");
+            tracing::debug!(host = %self.endpoint.host, error = ?text.as_ref().err(), "retrying");
             if self.left_alone().is_none() {
                 tokio::time::sleep(pause).await;
             }
@@ -180,8 +180,8 @@ impl Backend {
     fn notice(&self, served: &str) {
         let asked = &self.model.id;
         let same = served.contains(asked.as_str()) || asked.contains(served);
-        if !same && self.model.vendor.key_needed && !self.told.swap(true, Ordering::Relaxed) {
-            tracing::warn!("{} was asked for {asked}, and {served} answers", self.model.vendor.title);
+        if !same && self.model.vendor.key_needed && !self.warned.swap(true, Ordering::Relaxed) {
+            tracing::warn!("{}: requested {asked}, served by {served}", self.model.vendor.title);
         }
     }
 

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::query::QueryId;
 use spf_core::time::Duration;
 
-use crate::{Account, Answer, Asked, Eyesight, Picture, Vlm, VlmError};
+use crate::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
 
 /// Version of the recording format.
 const FORMAT: u32 = 1;
@@ -30,7 +30,7 @@ struct Head {
     /// The VLM, as named on the command line.
     vlm: String,
     #[serde(flatten)]
-    eyesight: Eyesight,
+    image_spec: ImageSpec,
 }
 
 /// A query and its reply.
@@ -42,7 +42,7 @@ struct Row {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     text: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    error: Option<Told>,
+    error: Option<RecordedError>,
     latency_ns: u64,
     model: String,
     account: Account,
@@ -50,7 +50,7 @@ struct Row {
 
 /// An error, by code and message.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Told {
+struct RecordedError {
     code: String,
     message: String,
 }
@@ -60,10 +60,10 @@ struct Told {
 #[non_exhaustive]
 pub enum CassetteError {
     /// Reading or writing the file failed.
-    #[error("the recording cannot be opened")]
+    #[error("cannot open the recording")]
     File(#[from] std::io::Error),
     /// The file could not be created.
-    #[error("the recording `{path}` cannot be made; what is there is not written over")]
+    #[error("cannot create the recording `{path}`; existing files are not overwritten")]
     Create {
         /// Its path.
         path: std::path::PathBuf,
@@ -72,7 +72,7 @@ pub enum CassetteError {
         source: std::io::Error,
     },
     /// An invalid line.
-    #[error("line {line} of the recording cannot be read: {reason}")]
+    #[error("invalid line {line} of the recording: {reason}")]
     Line {
         /// Line number.
         line: usize,
@@ -95,7 +95,7 @@ impl Recording {
     pub fn new(vlm: Box<dyn Vlm>, path: &Path, camera: (u32, u32)) -> Result<Self, CassetteError> {
         let made = File::create_new(path).map_err(|source| CassetteError::Create { path: path.to_owned(), source })?;
         let mut file = BufWriter::new(made);
-        write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), eyesight: vlm.eyesight(camera) })?;
+        write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), image_spec: vlm.image_spec(camera) })?;
         Ok(Self { vlm, file: Some(file) })
     }
 }
@@ -111,29 +111,29 @@ impl Vlm for Recording {
         self.vlm.name()
     }
 
-    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
-        self.vlm.eyesight(camera)
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
+        self.vlm.image_spec(camera)
     }
 
     fn temperature(&self) -> Option<f64> {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         let answer = self.vlm.answer(asked, picture);
-        let told = |error: &VlmError| Told { code: error.code().to_owned(), message: error.to_string() };
+        let recorded = |error: &VlmError| RecordedError { code: error.code().to_owned(), message: error.to_string() };
         let row = Row {
             query: asked.query.id,
             prompt_fnv1a: digest(&asked.query.prompt),
             text: answer.text.as_ref().ok().cloned(),
-            error: answer.text.as_ref().err().map(told),
+            error: answer.text.as_ref().err().map(recorded),
             latency_ns: u64::try_from(answer.latency.as_nanos()).unwrap_or(u64::MAX),
             model: answer.model.clone(),
             account: answer.account.clone(),
         };
         // A full disk ends the recording, not the flight.
         if let Some(Err(error)) = self.file.as_mut().map(|file| write_line(file, &row)) {
-            tracing::warn!(%error, "the recording of the VLM's answers ends here");
+            tracing::warn!(%error, "the recording of VLM replies ends here");
             self.file = None;
         }
         answer
@@ -161,9 +161,9 @@ impl Replay {
     /// # Errors
     /// [`CassetteError`] if it cannot be read.
     pub fn read(mut lines: impl BufRead) -> Result<Self, CassetteError> {
-        let head: Head = read_line(&mut lines, 1)?.ok_or_else(|| wrong(1, "the file is empty"))?;
+        let head: Head = read_line(&mut lines, 1)?.ok_or_else(|| wrong(1, "empty file"))?;
         if head.spf_recording != FORMAT {
-            return Err(wrong(1, format!("its format is {}, and only {FORMAT} is known", head.spf_recording)));
+            return Err(wrong(1, format!("unsupported format {}; expected {FORMAT}", head.spf_recording)));
         }
         let mut rows = VecDeque::new();
         while let Some(row) = read_line(&mut lines, rows.len() + 2)? {
@@ -194,11 +194,11 @@ impl Vlm for Replay {
         &self.head.vlm
     }
 
-    fn eyesight(&self, _camera: (u32, u32)) -> Eyesight {
-        self.head.eyesight
+    fn image_spec(&self, _camera: (u32, u32)) -> ImageSpec {
+        self.head.image_spec
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
         let query = asked.query;
         let refused = |reason: String| Answer {
             text: Err(VlmError::Replay(reason)),
@@ -207,14 +207,17 @@ impl Vlm for Replay {
             account: Account::default(),
         };
         let Some(row) = self.rows.pop_front() else {
-            return refused(format!("it ended before question {}", query.id.0));
+            return refused(format!("it ends before question {}", query.id.0));
         };
         if row.query != query.id || row.prompt_fnv1a != digest(&query.prompt) {
-            return refused(format!("question {} is not the one that was recorded: this is another flight", query.id.0));
+            return refused(format!(
+                "question {} differs from the recorded one: the recording is of a different flight",
+                query.id.0
+            ));
         }
         let text = match (row.text, row.error) {
             (Some(text), _) => Ok(text),
-            (None, Some(Told { code, message })) => Err(VlmError::Told { code, message }),
+            (None, Some(RecordedError { code, message })) => Err(VlmError::Recorded { code, message }),
             (None, None) => Err(VlmError::Replay(format!("question {} has neither text nor error", query.id.0))),
         };
         Answer { text, latency: Duration::from_nanos(row.latency_ns), model: row.model, account: row.account }
@@ -242,12 +245,12 @@ mod tests {
     #[test]
     fn other_files_are_refused_by_line() {
         let refused = |text: &str| Replay::read(text.as_bytes()).unwrap_err().to_string();
-        let head =
-            serde_json::to_string(&Head { spf_recording: 1, vlm: "gemini".to_owned(), eyesight: Eyesight::default() }).unwrap();
+        let head = serde_json::to_string(&Head { spf_recording: 1, vlm: "gemini".to_owned(), image_spec: ImageSpec::default() })
+            .unwrap();
         assert!(Replay::read(head.as_bytes()).is_ok());
         assert!(refused("").contains("line 1"));
         assert!(refused(&format!("{head}\n{{\"query\":0")).contains("line 2"));
-        assert!(refused(&head.replace("\"spf_recording\":1", "\"spf_recording\":2")).contains("only 1 is known"));
+        assert!(refused(&head.replace("\"spf_recording\":1", "\"spf_recording\":2")).contains("expected 1"));
     }
 
     proptest! {

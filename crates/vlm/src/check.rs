@@ -10,7 +10,7 @@ use spf_core::reply::parse_reply;
 use spf_core::time::Duration;
 use spf_media::{Jpeg, Rgb, resize};
 
-use crate::{Account, Answer, Asked, Picture, Vlm, VlmError};
+use crate::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
 
 /// Positions of the dots, off the diagonal so that swapped coordinates show.
 pub const DOTS: [ImagePoint; 3] = [ImagePoint { u: 0.2, v: 0.7 }, ImagePoint { u: 0.75, v: 0.3 }, ImagePoint { u: 0.55, v: 0.9 }];
@@ -62,14 +62,14 @@ pub struct Check {
 /// One dot on grey, as the image of a query.
 struct Dotted(ImagePoint);
 
-impl Picture for Dotted {
+impl QueryImage for Dotted {
     fn size(&self) -> (u32, u32) {
         SIZE
     }
 
     fn jpeg(&mut self, (width, height): (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
         let picture = resize(&dotted(self.0), width, height);
-        Jpeg::encode(&picture, quality).map(|jpeg| jpeg.shared()).map_err(|error| VlmError::Picture(error.to_string()))
+        Jpeg::encode(&picture, quality).map(|jpeg| jpeg.shared()).map_err(|error| VlmError::Image(error.to_string()))
     }
 }
 
@@ -92,10 +92,10 @@ pub fn dotted(dot: ImagePoint) -> Rgb {
 
 /// Sends the dots to a model, one after the other, each with a time limit of `time`.
 pub fn check(vlm: &mut dyn Vlm, time: Duration) -> Check {
-    let eyesight = vlm.eyesight(SIZE);
+    let image_spec = vlm.image_spec(SIZE);
     let mut check = Check { pointed: Vec::new(), verdict: Verdict::Good(0.0), account: Account::default() };
     for (number, dot) in (0..).zip(DOTS) {
-        let query = query(number, &eyesight.grounding, eyesight.image_size);
+        let query = query(number, &image_spec.grounding, image_spec.image_size);
         let answer = vlm.answer(&Asked::new(&query, time), &mut Dotted(dot));
         check.account.add(&answer.account);
         check.account.parts = answer.account.parts;
@@ -104,10 +104,10 @@ pub fn check(vlm: &mut dyn Vlm, time: Duration) -> Check {
             check.pointed.push(Pointed { dot, answer, point: None });
             return check;
         }
-        let reply = answer.text.as_ref().ok().and_then(|text| parse_reply(text, &eyesight.grounding).ok());
+        let reply = answer.text.as_ref().ok().and_then(|text| parse_reply(text, &image_spec.grounding).ok());
         check.pointed.push(Pointed { dot, point: reply.and_then(|reply| reply.point), answer });
     }
-    check.verdict = verdict(&check.pointed, &eyesight.grounding, eyesight.image_size.unwrap_or(SIZE));
+    check.verdict = verdict(&check.pointed, &image_spec.grounding, image_spec.image_size.unwrap_or(SIZE));
     check
 }
 
@@ -148,7 +148,7 @@ fn verdict(pointed: &[Pointed], asked: &GroundingProfile, (width, height): (u32,
     let unread =
         pointed.iter().filter_map(|pointed| pointed.answer.text.as_ref().ok()).find_map(|text| match parse_reply(text, asked) {
             Err(error) => Some(error.to_string()),
-            Ok(reply) if reply.point.is_none() => Some("it does not see the dot".to_owned()),
+            Ok(reply) if reply.point.is_none() => Some("it reports the dot as not visible".to_owned()),
             Ok(_) => None,
         });
     Verdict::Unreadable(unread.unwrap_or_default())
@@ -157,7 +157,7 @@ fn verdict(pointed: &[Pointed], asked: &GroundingProfile, (width, height): (u32,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Eyesight;
+    use crate::ImageSpec;
 
     /// Points at the dots in its own coordinates, whatever the query.
     struct Pointer {
@@ -171,11 +171,11 @@ mod tests {
             "pointer"
         }
 
-        fn eyesight(&self, _: (u32, u32)) -> Eyesight {
-            Eyesight { grounding: self.asked, image_size: None }
+        fn image_spec(&self, _: (u32, u32)) -> ImageSpec {
+            ImageSpec { grounding: self.asked, image_size: None }
         }
 
-        fn answer(&mut self, asked: &Asked<'_>, _: &mut dyn Picture) -> Answer {
+        fn answer(&mut self, asked: &Asked<'_>, _: &mut dyn QueryImage) -> Answer {
             let dot = DOTS[usize::try_from(asked.query.id.0).unwrap()];
             let [a, b] = self.own.point_numbers(ImagePoint { u: dot.u + self.shift, v: dot.v });
             let text = format!("{{\"status\":\"navigating\",\"point\":[{a},{b}],\"depth\":2}}");
@@ -183,7 +183,7 @@ mod tests {
         }
     }
 
-    fn told(asked: GroundingProfile, own: GroundingProfile, shift: f64) -> Verdict {
+    fn verdict_of(asked: GroundingProfile, own: GroundingProfile, shift: f64) -> Verdict {
         check(&mut Pointer { asked, own, shift }, Duration::from_secs(1)).verdict
     }
 
@@ -196,7 +196,7 @@ mod tests {
         let all: Vec<_> = all.collect();
         for asked in &all {
             for own in &all {
-                match told(*asked, *own, 0.0) {
+                match verdict_of(*asked, *own, 0.0) {
                     Verdict::Good(worst) => assert!(asked == own && worst < 0.01, "{asked:?} {own:?}"),
                     Verdict::Other(found) => assert!(asked != own && found == *own, "{asked:?} {own:?} {found:?}"),
                     other => panic!("{asked:?} {own:?}: {other:?}"),
@@ -204,7 +204,7 @@ mod tests {
             }
         }
         let profile = GroundingProfile::default();
-        assert!(matches!(told(profile, profile, 0.15), Verdict::Astray(worst) if (worst - 0.15).abs() < 1e-3));
+        assert!(matches!(verdict_of(profile, profile, 0.15), Verdict::Astray(worst) if (worst - 0.15).abs() < 1e-3));
     }
 
     #[test]

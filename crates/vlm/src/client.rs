@@ -183,7 +183,7 @@ impl Exchange {
         }
         let object: Value = serde_json::from_str(data).map_err(|error| VlmError::Malformed {
             host: endpoint.host.clone(),
-            reason: format!("an event of the stream is no JSON: {}", quote(&error.to_string())),
+            reason: format!("a stream event is not valid JSON: {}", quote(&error.to_string())),
         })?;
         endpoint.wire.read(&endpoint.host, &object, &mut self.gathered)
     }
@@ -191,10 +191,10 @@ impl Exchange {
     /// How far the exchange had come at the timeout.
     pub(crate) fn stage(&self) -> String {
         match (self.parts.head_s, self.received, self.gathered.text.len()) {
-            (None, ..) => "it never began to answer".to_owned(),
-            (_, 0, _) => "its answer began, and nothing followed".to_owned(),
-            (_, bytes, 0) => format!("{bytes} bytes came, and no text among them"),
-            (_, _, characters) => format!("{characters} characters of text came, and no end"),
+            (None, ..) => "no data received".to_owned(),
+            (_, 0, _) => "reply headers received, but no body".to_owned(),
+            (_, bytes, 0) => format!("{bytes} bytes received, but no text"),
+            (_, _, characters) => format!("{characters} characters of text received, but not the end"),
         }
     }
 }
@@ -233,8 +233,7 @@ fn unreachable(host: &str, error: &reqwest::Error) -> VlmError {
     let mut reason = quote(&reason);
     // The name used by rustls.
     if reason.contains("UnknownIssuer") {
-        reason
-            .push_str(" (this machine does not trust whoever signed its certificate: SSL_CERT_FILE names a file of authorities)");
+        reason.push_str(" (untrusted certificate: set SSL_CERT_FILE to a file of trusted authorities)");
     }
     VlmError::Network { host: host.to_owned(), reason }
 }
@@ -254,7 +253,7 @@ fn refusal(host: &str, status: u16, content_type: &str, body: &[u8], wait: Optio
         Some(page) => page,
         None => {
             let message = match quote(&String::from_utf8_lossy(body)) {
-                words if words.is_empty() => "without a word".to_owned(),
+                words if words.is_empty() => "no message".to_owned(),
                 words => words,
             };
             VlmError::Vendor { host: host.to_owned(), status, code: None, message, retry_after: None }
@@ -273,7 +272,7 @@ fn no_json(host: &str, status: u16, content_type: &str, body: &[u8], error: &ser
         return page;
     }
     if body.iter().all(u8::is_ascii_whitespace) {
-        return VlmError::Empty { host: host.to_owned(), reason: Some("not a byte".to_owned()) };
+        return VlmError::Empty { host: host.to_owned(), reason: Some("empty body".to_owned()) };
     }
     if !content_type.to_lowercase().contains("json") {
         let content_type = if content_type.is_empty() { "no content type".to_owned() } else { quote(content_type) };

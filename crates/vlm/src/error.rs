@@ -11,13 +11,13 @@ const LONGEST_QUOTE: usize = 300;
 #[non_exhaustive]
 pub enum VlmError {
     /// The image is not available.
-    #[error("the camera frame could not be prepared: {0}")]
-    Picture(String),
+    #[error("cannot prepare the camera frame: {0}")]
+    Image(String),
     /// The detector failed on an image.
     #[error("the detector failed: {0}")]
     Detector(String),
     /// The model does not support this kind of query.
-    #[error("`{model}` cannot answer: {reason}")]
+    #[error("`{model}` cannot be queried: {reason}")]
     Refused {
         /// The model.
         model: String,
@@ -25,10 +25,10 @@ pub enum VlmError {
         reason: String,
     },
     /// The query was cancelled before the reply.
-    #[error("the question was taken back")]
+    #[error("the question was cancelled")]
     Cancelled,
     /// Timeout.
-    #[error("{host} did not finish its answer in {:.1} s: {stage}", waited.as_secs_f64())]
+    #[error("no complete reply from {host} within {:.1} s: {stage}", waited.as_secs_f64())]
     Deadline {
         /// The host.
         host: String,
@@ -38,7 +38,7 @@ pub enum VlmError {
         stage: String,
     },
     /// The connection failed.
-    #[error("{host} cannot be reached: {reason}")]
+    #[error("cannot reach {host}: {reason}")]
     Network {
         /// The host.
         host: String,
@@ -46,7 +46,7 @@ pub enum VlmError {
         reason: String,
     },
     /// The connection was closed during a response.
-    #[error("{host} broke off in the middle of its answer: {reason}")]
+    #[error("connection to {host} lost during the reply: {reason}")]
     BrokenOff {
         /// The host.
         host: String,
@@ -54,7 +54,7 @@ pub enum VlmError {
         reason: String,
     },
     /// The vendor returned an error, by status or in the body.
-    #[error("{host} answers {status}{}: {message}", code.as_ref().map_or(String::new(), |code| format!(" ({code})")))]
+    #[error("{host} returned HTTP {status}{}: {message}", code.as_ref().map_or(String::new(), |code| format!(" ({code})")))]
     Vendor {
         /// The host.
         host: String,
@@ -68,7 +68,7 @@ pub enum VlmError {
         retry_after: Option<Duration>,
     },
     /// An HTML page, from a proxy or a wrong address.
-    #[error("{host} answers {status} with a web page{}: a proxy, a sign-in page or a wrong address", title.as_ref().map_or(String::new(), |title| format!(" \"{title}\"")))]
+    #[error("{host} returned HTTP {status} with a web page{}: a proxy, a sign-in page or a wrong address", title.as_ref().map_or(String::new(), |title| format!(" \"{title}\"")))]
     WebPage {
         /// The host.
         host: String,
@@ -78,7 +78,7 @@ pub enum VlmError {
         title: Option<String>,
     },
     /// A response that is neither JSON nor an event stream.
-    #[error("{host} answers with {content_type} and not with JSON")]
+    #[error("{host} returned {content_type} instead of JSON")]
     ContentType {
         /// The host.
         host: String,
@@ -86,7 +86,7 @@ pub enum VlmError {
         content_type: String,
     },
     /// JSON that does not match the vendor's format.
-    #[error("{host} answers with JSON that is none of its answers: {reason}")]
+    #[error("{host} returned unexpected JSON: {reason}")]
     Malformed {
         /// The host.
         host: String,
@@ -94,7 +94,7 @@ pub enum VlmError {
         reason: String,
     },
     /// The vendor blocked the query or the reply.
-    #[error("{host} blocked this question: {reason}")]
+    #[error("{host} blocked the question: {reason}")]
     Blocked {
         /// The host.
         host: String,
@@ -102,10 +102,10 @@ pub enum VlmError {
         reason: String,
     },
     /// The model declined.
-    #[error("the model declined to answer: {0}")]
+    #[error("the model refused to answer: {0}")]
     Declined(String),
     /// The reply reached the token limit.
-    #[error("the answer was cut off ({reason}) after {characters} characters: raise `max_output_tokens`, or let it think less")]
+    #[error("the reply was cut off ({reason}) after {characters} characters: raise `max_output_tokens`, or reduce thinking")]
     CutOff {
         /// The vendor's reason.
         reason: String,
@@ -113,7 +113,7 @@ pub enum VlmError {
         characters: usize,
     },
     /// A reply without text.
-    #[error("{host} answers without any text{}", reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})")))]
+    #[error("{host} returned no text{}", reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})")))]
     Empty {
         /// The host.
         host: String,
@@ -121,7 +121,7 @@ pub enum VlmError {
         reason: Option<String>,
     },
     /// The response exceeds the size limit.
-    #[error("{host} sends without end: more than {limit} bytes")]
+    #[error("the reply from {host} exceeds {limit} bytes")]
     TooLong {
         /// The host.
         host: String,
@@ -130,14 +130,14 @@ pub enum VlmError {
     },
     /// An error from a recording.
     #[error("{message}")]
-    Told {
+    Recorded {
         /// Its code.
         code: String,
         /// Its message.
         message: String,
     },
     /// The cost limit of the flight is reached.
-    #[error("{spent:.4} $ of {limit} $ are spent (--max-cost)")]
+    #[error("cost limit reached: {spent:.4} $ of {limit} $ (--max-cost)")]
     Spent {
         /// Cost so far, US dollars.
         spent: f64,
@@ -145,7 +145,7 @@ pub enum VlmError {
         limit: f64,
     },
     /// The recording does not contain this query.
-    #[error("the recording cannot answer: {0}")]
+    #[error("cannot replay the recording: {0}")]
     Replay(String),
 }
 
@@ -154,7 +154,7 @@ impl VlmError {
     #[must_use]
     pub fn code(&self) -> &str {
         match self {
-            Self::Picture(_) => "picture",
+            Self::Image(_) => "picture",
             Self::Detector(_) => "detector",
             Self::Refused { .. } => "refused",
             Self::Cancelled => "cancelled",
@@ -179,7 +179,7 @@ impl VlmError {
             Self::CutOff { .. } => "cut_off",
             Self::Empty { .. } => "empty",
             Self::TooLong { .. } => "too_long",
-            Self::Told { code, .. } => code,
+            Self::Recorded { code, .. } => code,
             Self::Spent { .. } => "spent",
             Self::Replay(_) => "replay",
         }

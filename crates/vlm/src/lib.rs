@@ -41,7 +41,7 @@ pub use remote::{Remote, Strategy};
 pub use transport::TransportError;
 
 /// The image of a query, created only on request: the oracle needs none, and rendering is expensive.
-pub trait Picture {
+pub trait QueryImage {
     /// Width and height of the camera's frame, pixels.
     fn size(&self) -> (u32, u32);
 
@@ -53,17 +53,17 @@ pub trait Picture {
     /// The frame's pixels at its own size, with the query's marks drawn on it; for local use.
     ///
     /// # Errors
-    /// [`VlmError::Picture`] if the frame is not available.
+    /// [`VlmError::Image`] if the frame is not available.
     fn pixels(&mut self) -> Result<Rgb, VlmError> {
         let jpeg = self.jpeg(self.size(), 95)?;
-        spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Picture(error.to_string()))
+        spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Image(error.to_string()))
     }
 
     /// The frame as JPEG at a size and quality (1..=100), with the query's marks drawn on it; encoded once, even if
     /// requested several times.
     ///
     /// # Errors
-    /// [`VlmError::Picture`] if the frame is not available or cannot be encoded.
+    /// [`VlmError::Image`] if the frame is not available or cannot be encoded.
     fn jpeg(&mut self, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError>;
 }
 
@@ -82,7 +82,7 @@ pub struct Answer {
 
 /// How a model receives a camera's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Eyesight {
+pub struct ImageSpec {
     /// Its coordinate convention.
     pub grounding: GroundingProfile,
     /// The size at which images are sent, if not the camera's.
@@ -96,9 +96,9 @@ pub trait Vlm: Send {
 
     /// How it receives the images of a camera with frames of `camera` pixels (width, height). Queries must be written
     /// for this.
-    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
         let _ = camera;
-        Eyesight::default()
+        ImageSpec::default()
     }
 
     /// The sampling temperature requested; `None` for the vendor's default.
@@ -108,7 +108,7 @@ pub trait Vlm: Send {
 
     /// Answers a query; blocks until the reply is complete, the time is up or the query is cancelled. The reported
     /// latency is what the flight waits, also in virtual time.
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer;
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer;
 }
 
 /// The examples of the README, run as tests.

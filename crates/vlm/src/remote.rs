@@ -18,7 +18,7 @@ use crate::backend::{Backend, Outcome};
 use crate::error::VlmError;
 use crate::transport::Transport;
 use crate::wire::Question;
-use crate::{Answer, Eyesight, Picture, Vlm};
+use crate::{Answer, ImageSpec, QueryImage, Vlm};
 
 /// Extra waiting time for a query after its time limit, so that the flight times out first.
 const GRACE: Duration = Duration::from_millis(20);
@@ -70,7 +70,7 @@ struct Charge {
 }
 
 /// The result of a request.
-struct Came {
+struct RequestOutcome {
     /// Number of the request.
     number: usize,
     /// Index of the backend.
@@ -93,7 +93,7 @@ struct Asking<'a> {
     deadline: Instant,
     camera: (u32, u32),
     /// Results of requests; `None` when the query was cancelled.
-    results: (Sender<Option<Came>>, Receiver<Option<Came>>),
+    results: (Sender<Option<RequestOutcome>>, Receiver<Option<RequestOutcome>>),
     /// When a second request is sent although the first has not failed.
     hedge: Option<Duration>,
     sent: usize,
@@ -150,16 +150,16 @@ impl Vlm for Remote {
         &self.name
     }
 
-    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
         let (grounding, size) = self.sight(0, camera);
-        Eyesight { grounding, image_size: Some(size).filter(|size| *size != camera) }
+        ImageSpec { grounding, image_size: Some(size).filter(|size| *size != camera) }
     }
 
     fn temperature(&self) -> Option<f64> {
         self.backends[0].model.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         // The simulator renders its frame here, which must not count as latency; a real camera has it available.
         picture.prepare(self.sight(0, picture.size()).1);
         let began = Instant::now();
@@ -184,7 +184,7 @@ impl Vlm for Remote {
 
 impl Asking<'_> {
     /// The first valid reply; the error of the first backend if there is none.
-    fn first_good(&mut self, picture: &mut dyn Picture) -> (Result<String, VlmError>, String) {
+    fn first_good(&mut self, picture: &mut dyn QueryImage) -> (Result<String, VlmError>, String) {
         let remote = self.remote;
         let mut named = remote.backends[0].model.id.clone();
         let mut failed: Option<VlmError> = None;
@@ -199,13 +199,13 @@ impl Asking<'_> {
             let until = hedge_at.unwrap_or(self.deadline + GRACE).min(self.deadline + GRACE);
             match self.results.1.recv_timeout(until.saturating_duration_since(Instant::now())) {
                 Ok(None) => return (Err(VlmError::Cancelled), named),
-                Ok(Some(Came { number, index, outcome })) => {
+                Ok(Some(RequestOutcome { number, index, outcome })) => {
                     self.out.retain(|out| out.number != number);
                     self.settle(&outcome);
                     match outcome.text {
                         Ok(text) => return (self.translated(index, text), outcome.model),
                         Err(error) => {
-                            tracing::debug!(who = remote.backends[index].name, %error, "no answer");
+                            tracing::debug!(who = remote.backends[index].name, %error, "no reply");
                             failed.get_or_insert(error);
                             named = outcome.model;
                         }
@@ -234,14 +234,14 @@ impl Asking<'_> {
         }
     }
 
-    fn try_send(&mut self, index: usize, picture: &mut dyn Picture) {
+    fn try_send(&mut self, index: usize, picture: &mut dyn QueryImage) {
         if let Err(error) = self.send(index, picture) {
-            tracing::warn!(%error, who = self.remote.backends[index].name, "cannot be asked");
+            tracing::warn!(%error, who = self.remote.backends[index].name, "cannot be queried");
         }
     }
 
     /// Sends the query to a backend, in its own coordinates and image size.
-    fn send(&mut self, index: usize, picture: &mut dyn Picture) -> Result<(), VlmError> {
+    fn send(&mut self, index: usize, picture: &mut dyn QueryImage) -> Result<(), VlmError> {
         let remote = self.remote;
         let backend = remote.backends[index].clone();
         let (grounding, size) = remote.sight(index, self.camera);
@@ -260,7 +260,7 @@ impl Asking<'_> {
         let work = remote.transport.spawn(async move {
             let outcome = work.await;
             // An error means that the receiver is gone.
-            drop(results.send(Some(Came { number, index, outcome })));
+            drop(results.send(Some(RequestOutcome { number, index, outcome })));
         });
         self.out.push(Out { number, work, charge: Some(charge) });
         Ok(())

@@ -22,7 +22,7 @@ pub enum SetupError {
     #[error(transparent)]
     Select(#[from] SelectError),
     /// No API key.
-    #[error("{title} answers nobody without a key, and none is set")]
+    #[error("no API key set for {title}")]
     NoKey {
         /// The vendor's title.
         title: String,
@@ -32,25 +32,25 @@ pub enum SetupError {
         page: Option<String>,
     },
     /// No vendor has a key.
-    #[error("no vendor's key is set")]
+    #[error("no API key set for any vendor")]
     NoKeyAtAll {
         /// Variables that can hold one.
         variables: Vec<String>,
     },
     /// A key that is not valid in an HTTP header.
-    #[error("the key in {variable} holds characters that no key has")]
+    #[error("the API key in {variable} contains invalid characters")]
     BadKey {
         /// The variable.
         variable: String,
     },
     /// An invalid address.
-    #[error("`{0}` is no address of a server")]
+    #[error("`{0}` is not a server URL")]
     Url(String),
     /// An address with a user name, a password or a query, which could not be kept secret.
-    #[error("an address is written down in records, and so it may hold neither a name and password nor anything behind a `?`")]
+    #[error("URLs are stored in logs, so they must not contain a user name, a password or a query")]
     SecretInUrl,
     /// An invalid header in the table.
-    #[error("the header `{0}` of the table of models cannot be sent")]
+    #[error("invalid header `{0}` in the table of models")]
     Header(String),
     /// The HTTP client could not be created.
     #[error(transparent)]

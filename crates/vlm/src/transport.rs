@@ -19,10 +19,10 @@ const IDLE: Duration = Duration::from_secs(300);
 #[non_exhaustive]
 pub enum TransportError {
     /// The thread or runtime could not be started.
-    #[error("no thread could be started for the VLM")]
+    #[error("cannot start a thread for the VLM")]
     Thread(#[source] std::io::Error),
     /// The client could not be created, usually because of an unreadable certificate or proxy setting.
-    #[error("no connection can be prepared (proxy, certificates): {0}")]
+    #[error("cannot set up connections (proxy, certificates): {0}")]
     Client(String),
 }
 

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use spf_flight::sim::LoadedScene;
 use spf_scene::SceneLook;
-use spf_web::view::{Beginning, Library, Stopper, ViewError, Viewer};
+use spf_web::view::{InitialView, Library, Stopper, ViewError, Viewer};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
@@ -29,7 +29,7 @@ impl Served {
         let viewer = Viewer::bind("127.0.0.1:0".parse().unwrap()).unwrap();
         let (address, stopper) = (viewer.address(), viewer.stopper());
         let library = Library::new(["city".to_owned()], "city", SceneLook::default(), CITY.clone());
-        let beginning = Beginning { scene: "city".to_owned(), conditions: SceneLook::default(), craft: None, pose: None };
+        let beginning = InitialView { scene: "city".to_owned(), conditions: SceneLook::default(), craft: None, pose: None };
         let thread = std::thread::spawn(move || viewer.serve(library, beginning));
         Self { address, stopper, thread: Some(thread) }
     }
@@ -69,7 +69,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 enum Received {
     Text(Value),
-    Picture(Shown),
+    Image(Shown),
 }
 
 /// A picture's head and its JPEG.
@@ -106,7 +106,7 @@ impl Page {
                     let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
                     let head: Value = serde_json::from_slice(&bytes[4..4 + length]).unwrap();
                     self.say(json!({"type": "shown", "frame": head["frame"]}));
-                    return Received::Picture(Shown { head, jpeg: bytes[4 + length..].to_vec() });
+                    return Received::Image(Shown { head, jpeg: bytes[4 + length..].to_vec() });
                 }
                 _ => {}
             }
@@ -130,7 +130,7 @@ impl Page {
     /// The next picture.
     fn show(&mut self) -> Shown {
         loop {
-            if let Received::Picture(shown) = self.next() {
+            if let Received::Image(shown) = self.next() {
                 return shown;
             }
         }
@@ -277,14 +277,14 @@ fn wrong_messages_are_told_and_change_nothing() {
         ("{", "EOF"),
         (r#"{"type":"fly"}"#, "missing field"),
         (r#"{"type":"fly","right":9,"forward":0,"up":0,"yaw":0,"pitch":0,"fast":false}"#, "`right` must be from -1 to 1"),
-        (r#"{"type":"scene","name":"/etc/passwd"}"#, "no scene `/etc/passwd` in the list"),
+        (r#"{"type":"scene","name":"/etc/passwd"}"#, "unknown scene `/etc/passwd`"),
     ] {
         page.0.send(Message::text(message)).unwrap();
         let said = page.text("refused");
         assert!(said["reason"].as_str().unwrap().contains(reason), "{said}");
     }
     page.0.send(Message::binary(vec![1, 2, 3])).unwrap();
-    assert_eq!(page.text("refused")["reason"], "messages are text");
+    assert_eq!(page.text("refused")["reason"], "expected a text message");
     page.say(json!({"type": "turn", "yaw_deg": 5, "pitch_deg": 0}));
     let turned = |shown: &Shown| (shown.number("heading_deg") - before.number("heading_deg")).rem_euclid(360.0).round();
     let after = page.show_until("a turn", |shown| turned(shown) == 5.0);
@@ -354,7 +354,7 @@ fn the_end_is_told_to_pages() {
         Message::Close(frame) => frame,
         _ => None,
     });
-    assert_eq!(closed.unwrap().reason.as_str(), "the server stops");
+    assert_eq!(closed.unwrap().reason.as_str(), "server shutting down");
     assert!(TcpStream::connect(served.address).is_err());
 }
 

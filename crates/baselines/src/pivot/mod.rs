@@ -15,7 +15,7 @@ use spf_core::craft::Craft;
 use spf_core::geometry::BodyDisplacement;
 use spf_core::grounding::GroundingProfile;
 use spf_core::lift::{self, Lifting};
-use spf_core::policy::search::{Search, Sought};
+use spf_core::policy::search::{Search, SearchAction};
 use spf_core::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptInput, PromptKind, PromptText};
@@ -309,8 +309,8 @@ impl Pivot {
         let search = self.search.get_or_insert_with(|| Search::new(fov, climb));
         // A choice among marks reports no open way.
         match search.next(self.memory.last_seen.unwrap_or(Look::Right), view.pose.attitude.heading, None) {
-            Sought::Look(primitives) => self.fly(view, primitives),
-            Sought::Fly | Sought::Exhausted => Step::Fail(FailReason::NotFound),
+            SearchAction::Look(primitives) => self.fly(view, primitives),
+            SearchAction::Fly | SearchAction::Exhausted => Step::Fail(FailReason::NotFound),
         }
     }
 

@@ -33,7 +33,7 @@ pub type MakeVlm = Arc<dyn Fn() -> Box<dyn Vlm> + Send + Sync>;
 
 /// Kind of answerer.
 #[derive(Clone)]
-pub enum Mind {
+pub enum AnswererKind {
     /// Always the image centre.
     Centre,
     /// The oracle, for simulated images only; its errors and the seed of their draws.
@@ -42,7 +42,7 @@ pub enum Mind {
     Model(MakeVlm, Arc<PromptText>),
 }
 
-impl Mind {
+impl AnswererKind {
     /// A digest of its configuration: its prompt, or its error file and seed.
     #[must_use]
     pub fn manner(&self) -> String {
@@ -61,12 +61,12 @@ pub struct Answerer {
     /// The name.
     pub name: String,
     /// Its kind.
-    pub mind: Mind,
+    pub kind: AnswererKind,
 }
 
 /// How questions are asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Manner {
+pub struct AskOptions {
     /// Whether obstacle boxes are requested as well.
     pub avoid: bool,
     /// Reply timeout.
@@ -77,36 +77,36 @@ impl Answerer {
     /// The image-centre baseline.
     #[must_use]
     pub fn centre() -> Self {
-        Self { name: CENTRE.to_owned(), mind: Mind::Centre }
+        Self { name: CENTRE.to_owned(), kind: AnswererKind::Centre }
     }
 
     /// Whether it can answer questions about an item: the oracle needs simulated images.
     #[must_use]
     pub fn sees(&self, item: &Item) -> bool {
-        !matches!(self.mind, Mind::Oracle(..)) || item.sim.is_some()
+        !matches!(self.kind, AnswererKind::Oracle(..)) || item.sim.is_some()
     }
 
     /// Whether it may cost money and is rate-limited.
     #[must_use]
     pub fn is_model(&self) -> bool {
-        matches!(self.mind, Mind::Model(..))
+        matches!(self.kind, AnswererKind::Model(..))
     }
 
     /// Asks about an item; `number` is its index in the dataset.
     #[must_use]
-    pub fn ask(&self, item: &Item, number: u64, manner: Manner, cancel: &Cancel) -> AnswerRow {
+    pub fn ask(&self, item: &Item, number: u64, manner: AskOptions, cancel: &Cancel) -> AnswerRow {
         let profile = GroundingProfile::default();
-        match &self.mind {
-            Mind::Centre => centre(&item.key),
-            Mind::Oracle(errors, seed) => {
+        match &self.kind {
+            AnswererKind::Centre => centre(&item.key),
+            AnswererKind::Oracle(errors, seed) => {
                 let query = query(number, &item.instruction, String::new(), manner, None);
                 let answer = match &item.sim {
                     Some(example) => oracle::answer(&self.name, errors, *seed, &query, example),
-                    None => failed(&self.name, "there is nothing that the oracle could read".to_owned()),
+                    None => failed(&self.name, "no ID and depth images for the oracle".to_owned()),
                 };
                 AnswerRow::of(&self.name, &item.key, answer, &profile)
             }
-            Mind::Model(make, prompt) => {
+            AnswererKind::Model(make, prompt) => {
                 let read = std::fs::read(&item.picture).map_err(|error| error.to_string());
                 match read.and_then(|bytes| photo::decode(&bytes).map_err(|error| error.to_string())) {
                     Ok(picture) => {
@@ -114,7 +114,7 @@ impl Answerer {
                         self.show(make().as_mut(), prompt, &picture, &item.key, &item.instruction, number, manner, cancel)
                     }
                     Err(error) => {
-                        let why = format!("`{}` cannot be read: {error}", item.picture.display());
+                        let why = format!("cannot read `{}`: {error}", item.picture.display());
                         AnswerRow::of(&self.name, &item.key, failed(&self.name, why), &profile)
                     }
                 }
@@ -133,13 +133,13 @@ impl Answerer {
         key: &str,
         instruction: &str,
         number: u64,
-        manner: Manner,
+        manner: AskOptions,
         cancel: &Cancel,
     ) -> AnswerRow {
-        let eyesight = vlm.eyesight((picture.width(), picture.height()));
-        let (profile, memory) = (eyesight.grounding, Memory::default());
+        let image_spec = vlm.image_spec((picture.width(), picture.height()));
+        let (profile, memory) = (image_spec.grounding, Memory::default());
         let text = prompt.write(&PromptInput { instruction, memory: &memory, profile: &profile, avoid: manner.avoid });
-        let query = query(number, instruction, text, manner, eyesight.image_size);
+        let query = query(number, instruction, text, manner, image_spec.image_size);
         let asked = Asked { query: &query, time_left: manner.time, cancel: cancel.clone() };
         let answer = vlm.answer(&asked, &mut Photograph::new(picture.clone()));
         AnswerRow::of(&self.name, key, answer, &profile)
@@ -147,7 +147,7 @@ impl Answerer {
 }
 
 fn failed(model: &str, why: String) -> Answer {
-    Answer { text: Err(VlmError::Picture(why)), latency: Duration::ZERO, model: model.to_owned(), account: Account::default() }
+    Answer { text: Err(VlmError::Image(why)), latency: Duration::ZERO, model: model.to_owned(), account: Account::default() }
 }
 
 fn centre(key: &str) -> AnswerRow {
@@ -172,7 +172,7 @@ fn centre(key: &str) -> AnswerRow {
     }
 }
 
-fn query(number: u64, instruction: &str, prompt: String, manner: Manner, image_size: Option<(u32, u32)>) -> Query {
+fn query(number: u64, instruction: &str, prompt: String, manner: AskOptions, image_size: Option<(u32, u32)>) -> Query {
     Query {
         instruction: instruction.to_owned(),
         prompt,
@@ -188,7 +188,7 @@ pub struct Plan<'a> {
     /// The answerers.
     pub answerers: &'a [Answerer],
     /// How questions are asked.
-    pub manner: Manner,
+    pub manner: AskOptions,
     /// Number of parallel questions.
     pub parallel: usize,
     /// Questions per minute and model; `None` for no limit.

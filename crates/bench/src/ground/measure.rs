@@ -6,7 +6,7 @@ use serde::Serialize;
 use spf_core::query::ImageBox;
 use spf_vlm::Tokens;
 
-use super::ask::{Answerer, Mind};
+use super::ask::{Answerer, AnswererKind};
 use super::grade::{Grade, grade};
 use super::{AnswerRow, Item, Outline, Said, Truth, TruthError, expected, photo};
 use crate::stats::{
@@ -138,7 +138,7 @@ pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow], avoid:
             let Some(row) = row else { continue };
             let grade = grade(&item.truth, outline.as_ref(), &boxes, &row.said);
             by_answerer[which].push(Graded { item: number, row: (*row).clone(), grade });
-            if let (Mind::Oracle(errors, _), Some(sim), Some(outline)) = (&answerers[which].mind, &item.sim, &outline)
+            if let (AnswererKind::Oracle(errors, _), Some(sim), Some(outline)) = (&answerers[which].kind, &item.sim, &outline)
                 && !avoid
             {
                 expectations[which].extend(expected::hit(errors, sim, &item.truth, outline));

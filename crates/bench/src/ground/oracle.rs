@@ -14,14 +14,14 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
     let (camera, row) = (&example.head.camera, &example.row);
     let oracle = Oracle::new(errors.clone(), row.near_m, seed);
     let failed = |error: String| Answer {
-        text: Err(VlmError::Picture(error)),
+        text: Err(VlmError::Image(error)),
         latency: spf_core::time::Duration::ZERO,
         model: name.to_owned(),
         account: Account::default(),
     };
     let layers = match example.layers() {
         Ok(layers) => layers,
-        Err(error) => return failed(format!("the pictures of truth of example {} cannot be read: {error}", row.number)),
+        Err(error) => return failed(format!("cannot read the ground-truth images of example {}: {error}", row.number)),
     };
     let of = |value: fn(&spf_flight::dataset::Visible) -> f32| -> BTreeMap<u16, f32> {
         row.visible.iter().map(|thing| (thing.id, value(thing))).collect()
@@ -39,6 +39,6 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
         light: &light,
     };
     let percept = oracle.percept(FrameId(row.number), &sight, &example.tags);
-    let told = oracle.answer(query, &percept);
-    Answer { text: Ok(told.text), latency: told.latency, model: name.to_owned(), account: Account::default() }
+    let reply = oracle.answer(query, &percept);
+    Answer { text: Ok(reply.text), latency: reply.latency, model: name.to_owned(), account: Account::default() }
 }

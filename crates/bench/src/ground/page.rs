@@ -35,7 +35,7 @@ fn colour(answerer: usize) -> Colour {
 #[must_use]
 pub fn words(row: &AnswerRow) -> String {
     match &row.said {
-        Said::Nothing(code, why) => format!("no answer ({code}): {why}"),
+        Said::Nothing(code, why) => format!("no reply ({code}): {why}"),
         Said::Refused(why) => format!("not usable: {why}"),
         Said::Reply(reply) => {
             let place = reply.point.map_or(String::new(), |point| format!(" at ({:.3}, {:.3})", point.u, point.v));
@@ -106,11 +106,12 @@ pub fn page(title: &str, note: &str, items: &[Item], report: &Report, grades: &G
     for line in note.lines() {
         let _ = write!(html, "<p>{}</p>", escape(line));
     }
-    html += "<h2>Figures</h2><p class=note>Intervals of 95 %: Wilson for rates, bootstrap for the rest.</p>";
+    html += "<h2>Figures</h2><p class=note>95 % confidence intervals: Wilson for rates, bootstrap otherwise.</p>";
     html += &rows(&table::figures(report));
     if !report.comparisons.is_empty() {
-        html += "<h2>Compared on the same pictures</h2>";
-        html += "<p class=note>Interval of the difference after Newcombe; p values corrected after Holm for all comparisons here.</p>";
+        html += "<h2>Comparisons on the same images</h2>";
+        html += "<p class=note>Newcombe interval of the difference; p values with Holm correction over all comparisons in \
+            this table.</p>";
         html += &rows(&table::comparisons(report));
     }
     let misses = misses(items, grades);
@@ -124,11 +125,11 @@ pub fn page(title: &str, note: &str, items: &[Item], report: &Report, grades: &G
 
 fn legend(misses: usize) -> String {
     match misses {
-        0 => "None: nobody but who always points at the middle missed or was wrong about what is there.".to_owned(),
-        n if n > MOST => format!(
-            "{n} pictures on which somebody missed or was wrong about what is there; the first {MOST} are shown. The target is green."
-        ),
-        n => format!("{n} pictures on which somebody missed or was wrong about what is there. The target is green."),
+        0 => "None, apart from the baseline that always points at the image centre.".to_owned(),
+        n if n > MOST => {
+            format!("{n} images with a miss or a wrong visibility; the first {MOST} are shown. The target is green.")
+        }
+        n => format!("{n} images with a miss or a wrong visibility. The target is green."),
     }
 }
 
@@ -157,7 +158,7 @@ fn card(item: usize, items: &[Item], report: &Report, grades: &Grades) -> String
         Some(jpeg) => {
             let _ = write!(html, "<img alt=\"\" loading=lazy src=\"data:image/jpeg;base64,{}\">", STANDARD.encode(jpeg.bytes()));
         }
-        None => html += "<p>The picture cannot be read.</p>",
+        None => html += "<p>Cannot read the image.</p>",
     }
     html += "<ul>";
     for (which, graded) in answers {
@@ -166,7 +167,7 @@ fn card(item: usize, items: &[Item], report: &Report, grades: &Grades) -> String
             (Some(true), ..) => "hit",
             (Some(false), _, Some(true)) => "overlooked",
             (Some(false), ..) => "missed",
-            (None, Some(true), Some(true)) => "rightly not visible",
+            (None, Some(true), Some(true)) => "correctly reported as not visible",
             (None, Some(true), _) => "is not there",
             (None, ..) => "",
         };

@@ -5,10 +5,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use mp4_atom::{Any, Avcc, Codec, Moov, ReadFrom, StszSamples, Trak};
-use spf_media::file::{FileError, Limits, PictureFile};
+use spf_media::file::{FileError, ImageFile, Limits};
 use spf_media::h264::Decoder;
 use spf_media::{Jpeg, Rgb, resize};
-use spf_vlm::{Picture, VlmError};
+use spf_vlm::{QueryImage, VlmError};
 
 /// Longest side of an image that is read, pixels.
 const LONGEST_SIDE: u32 = 16_384;
@@ -24,25 +24,25 @@ const MOST_SAMPLES: usize = 1_300_000;
 #[non_exhaustive]
 pub enum PhotoError {
     /// No image of a known format, damaged, or too large.
-    #[error("no PNG or JPEG picture of at most {LONGEST_SIDE} pixels a side")]
-    Picture(#[from] FileError),
+    #[error("not a PNG or JPEG image of at most {LONGEST_SIDE} pixels per side")]
+    QueryImage(#[from] FileError),
     /// No MP4 file.
-    #[error("no MP4 file that can be read: {0}")]
+    #[error("not a readable MP4 file: {0}")]
     Container(String),
     /// A video of another codec.
-    #[error("the video is {0}: only H.264 (AVC) can be decoded here")]
+    #[error("unsupported video codec {0}: only H.264 (AVC) can be decoded")]
     Codec(String),
     /// A stream that cannot be decoded.
-    #[error("the video cannot be decoded: {0}")]
+    #[error("cannot decode the video: {0}")]
     Stream(String),
 }
 
 /// Decodes a PNG or JPEG file, rotated according to EXIF and scaled to at most 2576 pixels on its longer side.
 ///
 /// # Errors
-/// [`PhotoError::Picture`] if it cannot be decoded or is too large.
+/// [`PhotoError::QueryImage`] if it cannot be decoded or is too large.
 pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
-    let file = PictureFile::open(bytes, LIMITS)?;
+    let file = ImageFile::open(bytes, LIMITS)?;
     let orientation = file.orientation();
     let rgb = orientation.turned(file.decode()?.into_rgb());
     let (width, height) = (rgb.width(), rgb.height());
@@ -57,10 +57,10 @@ pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
 /// Width and height of an image file after [`decode`]'s rotation, from its header alone.
 ///
 /// # Errors
-/// [`PhotoError::Picture`] if the header is invalid.
+/// [`PhotoError::QueryImage`] if the header is invalid.
 pub fn size(path: &Path) -> Result<(u32, u32), PhotoError> {
     let bytes = std::fs::read(path).map_err(FileError::from)?;
-    let file = PictureFile::open(&bytes, LIMITS)?;
+    let file = ImageFile::open(&bytes, LIMITS)?;
     Ok(file.orientation().turned_size(file.size()))
 }
 
@@ -115,10 +115,10 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
     }
     match last_error {
         Some(error) if frames.is_empty() => Err(PhotoError::Stream(error)),
-        _ if frames.is_empty() => Err(PhotoError::Stream("there is no picture in it".to_owned())),
+        _ if frames.is_empty() => Err(PhotoError::Stream("it contains no frames".to_owned())),
         // A stream from which most frames cannot be decoded is an error.
         Some(error) if !enough && 2 * shown < times.len() => {
-            Err(PhotoError::Stream(format!("{} of its {} pictures: {error}", times.len() - shown, times.len())))
+            Err(PhotoError::Stream(format!("{} of its {} frames: {error}", times.len() - shown, times.len())))
         }
         _ => Ok(frames),
     }
@@ -150,11 +150,11 @@ fn bare(bytes: &[u8]) -> Vec<(f64, Vec<u8>)> {
 fn demux(bytes: &[u8]) -> Result<Vec<(f64, Vec<u8>)>, PhotoError> {
     let moov = find_moov(bytes)?;
     let wrong = |what: &str| PhotoError::Container(what.to_owned());
-    let track = moov.trak.iter().find(|track| track.mdia.minf.vmhd.is_some()).ok_or_else(|| wrong("it has no video track"))?;
-    let codec = track.mdia.minf.stbl.stsd.codecs.first().ok_or_else(|| wrong("its track has no description"))?;
+    let track = moov.trak.iter().find(|track| track.mdia.minf.vmhd.is_some()).ok_or_else(|| wrong("no video track"))?;
+    let codec = track.mdia.minf.stbl.stsd.codecs.first().ok_or_else(|| wrong("the video track has no sample description"))?;
     let Codec::Avc1(avc1) = codec else {
         let name = format!("{codec:?}");
-        return Err(PhotoError::Codec(name.split(['(', ' ', '{']).next().unwrap_or("of an unknown codec").to_owned()));
+        return Err(PhotoError::Codec(name.split(['(', ' ', '{']).next().unwrap_or("unknown").to_owned()));
     };
     samples(bytes, track, &avc1.avcc)
 }
@@ -174,7 +174,7 @@ fn find_moov(bytes: &[u8]) -> Result<Moov, PhotoError> {
             break;
         }
     }
-    Err(PhotoError::Container("it has no index (`moov`): a fragmented or unfinished file, or no MP4 at all".to_owned()))
+    Err(PhotoError::Container("no index (`moov`): a fragmented or incomplete file, or not an MP4".to_owned()))
 }
 
 /// Length and kind of the box at an offset; `None` at the end and for invalid lengths.
@@ -199,7 +199,7 @@ fn samples(bytes: &[u8], track: &Trak, avcc: &Avcc) -> Result<Vec<(f64, Vec<u8>)
     let chunks: Vec<u64> = match (&table.stco, &table.co64) {
         (Some(stco), _) => stco.entries.iter().map(|offset| u64::from(*offset)).collect(),
         (None, Some(co64)) => co64.entries.clone(),
-        (None, None) => return Err(wrong("it does not tell where its samples are")),
+        (None, None) => return Err(wrong("no sample table")),
     };
     let seconds = f64::from(track.mdia.mdhd.timescale.max(1));
     let mut steps = table.stts.entries.iter().flat_map(|run| std::iter::repeat_n(run.sample_delta, run.sample_count as usize));
@@ -211,14 +211,14 @@ fn samples(bytes: &[u8], track: &Trak, avcc: &Avcc) -> Result<Vec<(f64, Vec<u8>)
         avcc.sequence_parameter_sets.iter().chain(&avcc.picture_parameter_sets).flat_map(|set| behind(set)).collect();
     // In a valid file samples do not overlap, so their total is at most the file size.
     if sizes.iter().map(|size| u64::from(*size)).sum::<u64>() > bytes.len() as u64 {
-        return Err(wrong("its samples are together larger than the file"));
+        return Err(wrong("its samples exceed the file size"));
     }
     let (mut found, mut sample, mut time) = (Vec::new(), 0, 0_u64);
     for (number, offset) in chunks.iter().enumerate() {
-        let mut at = usize::try_from(*offset).map_err(|_| wrong("an offset lies beyond its end"))?;
+        let mut at = usize::try_from(*offset).map_err(|_| wrong("an offset is beyond the end of the file"))?;
         for _ in 0..per_chunk(number) {
             let Some(size) = sizes.get(sample).map(|size| *size as usize) else { return Ok(found) };
-            let data = bytes.get(at..at.saturating_add(size)).ok_or_else(|| wrong("a sample lies beyond its end"))?;
+            let data = bytes.get(at..at.saturating_add(size)).ok_or_else(|| wrong("a sample is beyond the end of the file"))?;
             let mut unit = if sample == 0 { head.clone() } else { Vec::new() };
             unit.extend(start_codes(data, usize::from(avcc.length_size)));
             found.push((time as f64 / seconds, unit));
@@ -264,7 +264,7 @@ impl Photograph {
     }
 }
 
-impl Picture for Photograph {
+impl QueryImage for Photograph {
     fn size(&self) -> (u32, u32) {
         (self.picture.width(), self.picture.height())
     }
@@ -274,7 +274,7 @@ impl Picture for Photograph {
             return Ok(bytes.clone());
         }
         let jpeg = Jpeg::encode(&resize(&self.picture, size.0, size.1), quality);
-        let bytes = jpeg.map_err(|error| VlmError::Picture(error.to_string()))?.shared();
+        let bytes = jpeg.map_err(|error| VlmError::Image(error.to_string()))?.shared();
         self.encoded = Some((size, quality, bytes.clone()));
         Ok(bytes)
     }

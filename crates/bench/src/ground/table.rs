@@ -9,9 +9,9 @@ type Figure = (&'static str, fn(&Measures) -> Option<String>);
 const FIGURES: [Figure; 17] = [
     ("asked", |m| Some(m.asked.to_string())),
     ("unreadable", |m| (m.unreadable > 0).then(|| m.unreadable.to_string())),
-    ("no answer", |m| (m.failed > 0).then(|| m.failed.to_string())),
+    ("no reply", |m| (m.failed > 0).then(|| m.failed.to_string())),
     ("hits %", |m| m.hits.map(percent)),
-    ("hits by its error file %", |m| m.hits_expected.map(|share| format!("{:.1}", 100.0 * share))),
+    ("hits expected from its error file %", |m| m.hits_expected.map(|share| format!("{:.1}", 100.0 * share))),
     ("error / target side, median", |m| m.error_sides.map(|e| number(e, 2))),
     ("error, % of width, median", |m| m.error_width.map(percent)),
     ("box IoU, mean", |m| m.box_iou.map(|e| number(e, 2))),
@@ -72,9 +72,9 @@ pub fn comparisons(report: &Report) -> Vec<Vec<String>> {
 #[must_use]
 pub fn about(report: &Report) -> String {
     let Report { items, with_target, absent, without_truth, .. } = report;
-    let mut text = format!("{items} questions: {with_target} with their target in the picture, {absent} without it");
+    let mut text = format!("{items} questions: {with_target} with the target in the image, {absent} without");
     if *without_truth > 0 {
-        text += &format!(", {without_truth} of which nobody said what is meant: there is no hit rate of those");
+        text += &format!(", {without_truth} without ground truth, which are not included in the hit rate");
     }
     text
 }

@@ -73,7 +73,7 @@ pub enum TruthError {
         source: FileError,
     },
     /// An empty mask.
-    #[error("the mask `{}` is black", path.display())]
+    #[error("the mask `{}` is empty", path.display())]
     Empty {
         /// The file.
         path: PathBuf,

@@ -11,7 +11,7 @@ use spf_scene::geometry::ObjectId;
 
 use super::geometry::{crossing, inside, vector};
 use super::sight::Sight;
-use super::{Shown, nearest};
+use super::{JudgeInput, nearest};
 use crate::task::{GoalKind, centre};
 
 /// A goal and its state.
@@ -70,7 +70,7 @@ impl Watch {
     }
 
     /// Whether it is met now.
-    pub(super) fn look(&mut self, shown: &Shown<'_>, sight: &mut Sight) -> bool {
+    pub(super) fn look(&mut self, shown: &JudgeInput<'_>, sight: &mut Sight) -> bool {
         match self.kind {
             GoalKind::Reach { other, up_share } => self.reach(shown, sight, other, up_share),
             GoalKind::Visit { count } => {
@@ -90,7 +90,7 @@ impl Watch {
     /// Targets that count, are within this many metres and clearly visible. Renders only if one is near enough.
     fn clear_within(
         &self,
-        shown: &Shown<'_>,
+        shown: &JudgeInput<'_>,
         sight: &mut Sight,
         within: f64,
         counts: impl Fn(ObjectId) -> bool,
@@ -106,7 +106,7 @@ impl Watch {
         near.into_iter().filter(|id| clear.contains(id)).collect()
     }
 
-    fn reach(&mut self, shown: &Shown<'_>, sight: &mut Sight, other: bool, up_share: f64) -> bool {
+    fn reach(&mut self, shown: &JudgeInput<'_>, sight: &mut Sight, other: bool, up_share: f64) -> bool {
         let is_high = |id| {
             let least = bounds(shown, id).map_or(f64::MIN, |b| b.min.up + up_share * (b.max.up - b.min.up));
             up_share == 0.0 || shown.snapshot.pose.position.up >= least
@@ -117,7 +117,7 @@ impl Watch {
         !here.is_empty()
     }
 
-    fn through(&mut self, shown: &Shown<'_>, count: Option<usize>, beyond: f64) -> bool {
+    fn through(&mut self, shown: &JudgeInput<'_>, count: Option<usize>, beyond: f64) -> bool {
         let to = shown.snapshot.pose.position;
         if let Some(from) = shown.before.map(|before| before.pose.position) {
             for &opening in &self.targets {
@@ -132,7 +132,7 @@ impl Watch {
         !self.passed.is_empty() && self.passed.len() >= wanted && on >= beyond
     }
 
-    fn around(&mut self, shown: &Shown<'_>, angle: f64, within: f64) -> bool {
+    fn around(&mut self, shown: &JudgeInput<'_>, angle: f64, within: f64) -> bool {
         let Some((id, distance)) = nearest(shown.loaded, &self.targets, shown.snapshot) else { return false };
         if let Some((bounds, before)) = bounds(shown, id).zip(shown.before)
             && distance <= within
@@ -146,7 +146,7 @@ impl Watch {
         self.turned[0].abs() >= angle
     }
 
-    fn over(&mut self, shown: &Shown<'_>) -> bool {
+    fn over(&mut self, shown: &JudgeInput<'_>) -> bool {
         let at = shown.snapshot.pose.position;
         let objects = || self.targets.iter().filter_map(|id| shown.loaded.scene.object(*id));
         let above = objects().any(|object| {
@@ -166,7 +166,7 @@ impl Watch {
         entered.horizontal_distance(at) >= 0.5 * lesser.fold(f64::MAX, f64::min)
     }
 
-    fn behind(&self, shown: &Shown<'_>, within: f64) -> bool {
+    fn behind(&self, shown: &JudgeInput<'_>, within: f64) -> bool {
         let Some((id, distance)) = nearest(shown.loaded, &self.targets, shown.snapshot) else { return false };
         let Some(bounds) = bounds(shown, id) else { return false };
         let middle = on_map(centre(&bounds));
@@ -178,7 +178,7 @@ impl Watch {
         beyond.dot(away) >= reach(away) && beyond.perp_dot(away).abs() <= reach(away.perp()) && distance <= within
     }
 
-    fn scan(&mut self, shown: &Shown<'_>, angle: f64) -> bool {
+    fn scan(&mut self, shown: &JudgeInput<'_>, angle: f64) -> bool {
         if let Some(before) = shown.before {
             let [now, least, most] = &mut self.turned;
             *now += wrap_angle(shown.snapshot.pose.attitude.heading - before.pose.attitude.heading);
@@ -188,7 +188,7 @@ impl Watch {
         self.turned[2] - self.turned[1] + shown.field >= angle
     }
 
-    fn follow(&mut self, shown: &Shown<'_>, sight: &mut Sight, within: f64, share: f64, window: f64) -> bool {
+    fn follow(&mut self, shown: &JudgeInput<'_>, sight: &mut Sight, within: f64, share: f64, window: f64) -> bool {
         let kept = !self.clear_within(shown, sight, within, |_| true).is_empty();
         self.kept.push_back((shown.at, kept));
         let gone = |at: Time| shown.at.since(at).as_secs_f64();
@@ -206,7 +206,7 @@ fn on_map(at: EnuPosition) -> DVec2 {
     DVec2::new(at.east, at.north)
 }
 
-fn bounds(shown: &Shown<'_>, id: ObjectId) -> Option<Aabb> {
+fn bounds(shown: &JudgeInput<'_>, id: ObjectId) -> Option<Aabb> {
     let snapshot: &WorldSnapshot = shown.snapshot;
     shown.loaded.scene.object(id).map(|object| shown.loaded.bounds(object, &snapshot.actors))
 }

@@ -26,7 +26,7 @@ pub const EVERY: core::time::Duration = core::time::Duration::from_millis(200);
 
 /// The scene lacks the target of a goal.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("nothing in the scene `{scene}` is what goal {goal} of the task `{task}` is about")]
+#[error("no object in the scene `{scene}` matches goal {goal} of the task `{task}`")]
 pub struct NoTarget {
     /// The scene.
     pub scene: String,
@@ -37,7 +37,7 @@ pub struct NoTarget {
 }
 
 /// Input of the judge.
-pub(crate) struct Shown<'a> {
+pub(crate) struct JudgeInput<'a> {
     pub(crate) at: Time,
     pub(crate) snapshot: &'a WorldSnapshot,
     pub(crate) before: Option<&'a WorldSnapshot>,
@@ -80,7 +80,7 @@ impl Judge {
 
     /// Evaluates an instant.
     pub fn look(&mut self, at: Time, snapshot: &WorldSnapshot) {
-        let shown = Shown {
+        let shown = JudgeInput {
             at,
             snapshot,
             before: self.last.as_ref(),

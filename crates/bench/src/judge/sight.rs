@@ -4,7 +4,7 @@ use spf_core::camera::Camera;
 use spf_core::craft::CraftKind;
 use spf_flight::sim::{LoadedScene, WorldSnapshot, sighted};
 use spf_render::surroundings::Surroundings;
-use spf_render::{Channels, Picture};
+use spf_render::{Channels, RenderedImage};
 use spf_scene::geometry::ObjectId;
 
 /// A target is clearly visible if it is at least this fraction of the frame high and a quarter of it is inside, or if
@@ -15,8 +15,8 @@ pub const CLEAR_HEIGHT: f64 = 0.015;
 pub struct Sight {
     camera: Camera,
     surroundings: Surroundings,
-    picture: Picture,
-    around: Picture,
+    picture: RenderedImage,
+    around: RenderedImage,
 }
 
 impl Sight {
@@ -24,7 +24,12 @@ impl Sight {
     #[must_use]
     pub fn of(craft: CraftKind) -> Self {
         let camera = craft.camera();
-        Self { camera, surroundings: Surroundings::of(&camera), picture: Picture::default(), around: Picture::default() }
+        Self {
+            camera,
+            surroundings: Surroundings::of(&camera),
+            picture: RenderedImage::default(),
+            around: RenderedImage::default(),
+        }
     }
 
     /// Its camera.

@@ -47,7 +47,7 @@ pub(super) fn overview(source: &Source) -> Markup {
             (lying(scale, y + 5.5, arm, sums.judge_stop, false, "judge stop"))
         }
     };
-    svg(bottom + 24.0, "Success of every method with its interval", &drawing)
+    svg(bottom + 24.0, "Success rate of each method with its confidence interval", &drawing)
 }
 
 fn lying(scale: Scale, y: f64, arm: &Arm, rate: Rate, filled: bool, what: &str) -> Markup {
@@ -124,10 +124,10 @@ pub(super) fn levels(levels: &Levels<'_>) -> Markup {
             (area.curve(curve, BESIDE * (f64::from(number) - middle)))
         }
     };
-    svg(area.bottom() + 28.0, "Success over the oracle's level of errors", &drawing)
+    svg(area.bottom() + 28.0, "Success rate over the oracle's error level", &drawing)
 }
 
-/// Success over latency.
+/// Success rate over latency.
 pub(super) fn latencies(curves: &[Curve<'_>]) -> Markup {
     let most = curves.iter().flat_map(|curve| &curve.points).map(|point| point.x).fold(0.0, f64::max);
     let area = Area::new([0.0, 1.05 * most]);
@@ -138,7 +138,7 @@ pub(super) fn latencies(curves: &[Curve<'_>]) -> Markup {
         }
         @for curve in curves { (area.curve(curve, 0.0)) }
     };
-    svg(area.bottom() + 28.0, "Success over the latency of answers", &drawing)
+    svg(area.bottom() + 28.0, "Success rate over reply latency", &drawing)
 }
 
 /// Completion times of the successes, with quartiles.
@@ -171,7 +171,7 @@ fn strip(scale: Scale, y: f64, arm: &Arm, sums: &Sums) -> Markup {
                 circle class=(format!("dot {class}")) cx=(n(scale.at(*seconds))) cy=(n(y)) r="2.6" {}
             }
             g { (line(&format!("median {class}"), [scale.at(middle), y - 9.0], [scale.at(middle), y + 9.0]))
-                title { (format!("{}: half of the successes within {middle:.1} s", arm.name())) } }
+                title { (format!("{}: median {middle:.1} s", arm.name())) } }
         }
     }
 }

@@ -161,7 +161,7 @@ impl Draw {
     pub(super) fn map(&self, source: &Source, rows: &[usize], plan: &str) -> Markup {
         let [x, y] = self.view.at(self.start);
         let records = rows.iter().filter_map(|row| source.records.get(*row));
-        let label = format!("Ways flown in {} with seed {}, from above", self.task, self.seed);
+        let label = format!("Top-down trajectories in {} with seed {}", self.task, self.seed);
         html! {
             svg class="map" viewBox=(format!("0 0 {WIDTH} {HEIGHT}")) role="img" aria-label=(label) {
                 use href=(format!("#{plan}")) {}

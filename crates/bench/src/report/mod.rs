@@ -31,19 +31,19 @@ pub enum ReportError {
     #[error(transparent)]
     Store(#[from] StoreError),
     /// A folder without results.
-    #[error("`{}` is no folder of results: it has no `bench.json`", path.display())]
+    #[error("`{}` is not a results folder: no `bench.json`", path.display())]
     NoResults {
         /// The folder.
         path: PathBuf,
     },
     /// The folders contain no results yet.
-    #[error("there is no trial in {folders} yet")]
+    #[error("no trials in {folders}")]
     Empty {
         /// The folders.
         folders: String,
     },
     /// A row that is not part of its plan, or whose parts are inconsistent.
-    #[error("`{}`: `{run_id}` is no trial of the plan in its `bench.json`", path.display())]
+    #[error("`{}`: `{run_id}` is not a trial of the plan in its `bench.json`", path.display())]
     Stranger {
         /// The folder.
         path: PathBuf,
@@ -51,7 +51,7 @@ pub enum ReportError {
         run_id: String,
     },
     /// A trial that is in two folders.
-    #[error("the trial `{run_id}` stands in `{}` and in `{}`", first.display(), second.display())]
+    #[error("duplicate trial `{run_id}` in `{}` and `{}`", first.display(), second.display())]
     Twice {
         /// The trial.
         run_id: String,

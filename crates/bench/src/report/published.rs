@@ -64,7 +64,7 @@ pub(super) const STEPS: [Stepped; 3] = [
 pub(super) const STEP_TRIALS: u64 = 5;
 
 /// Sources of obstacle boxes: seconds per decision, and the percentage with the corresponding successes out of 18.
-pub(super) const DETECTORS: [(&str, f64, f64, u64); 2] = [("in the same answer", 1.077, 88.8, 16), ("YOLOv8n", 1.726, 72.2, 13)];
+pub(super) const DETECTORS: [(&str, f64, f64, u64); 2] = [("in the same reply", 1.077, 88.8, 16), ("YOLOv8n", 1.726, 72.2, 13)];
 /// Number of trials that fits the percentages; the paper does not give it.
 pub(super) const DETECTOR_TRIALS: u64 = 18;
 

@@ -135,7 +135,7 @@ impl Run {
     /// The command for its rows, with the seeds.
     pub(super) fn command(&self) -> String {
         let command = self.made.as_ref().map_or_else(
-            || "spf bench run, by a version that did not keep its arguments; the trials stand in bench.json".to_owned(),
+            || "spf bench run, by a version that did not record its arguments; see bench.json for the trials".to_owned(),
             |made| made.command.clone(),
         );
         format!("{command} (seeds {})", self.seeds())
@@ -154,17 +154,17 @@ impl Run {
     /// The days on which it was flown, if known.
     pub(super) fn days(&self) -> String {
         match &self.made {
-            None => "on a day that was not kept".to_owned(),
+            None => "on an unrecorded date".to_owned(),
             Some(RunManifest { began, ended: Some(ended), .. }) if began == ended => format!("on {began}"),
             Some(RunManifest { began, ended: Some(ended), .. }) => format!("from {began} to {ended}"),
-            Some(RunManifest { began, .. }) => format!("begun on {began}, not finished"),
+            Some(RunManifest { began, .. }) => format!("started on {began}, not finished"),
         }
     }
 
     /// Folder, shard and number of rows in a few words.
     pub(super) fn words(&self) -> String {
         let share = self.head.shard;
-        let share = if share == Shard::WHOLE { String::new() } else { format!(", share {} of {}", share.index, share.count) };
+        let share = if share == Shard::WHOLE { String::new() } else { format!(", shard {} of {}", share.index, share.count) };
         format!("{} trials of {}{share}", self.records, self.head.trials.len())
     }
 }

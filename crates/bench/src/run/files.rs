@@ -18,7 +18,7 @@ pub enum StoreError {
         source: std::io::Error,
     },
     /// The folder contains something else.
-    #[error("`{path}` holds the results of another plan: {what}")]
+    #[error("`{path}` holds results of a different plan: {what}")]
     Other {
         /// The folder.
         path: PathBuf,
@@ -26,7 +26,7 @@ pub enum StoreError {
         what: &'static str,
     },
     /// An invalid row.
-    #[error("`{path}`, line {line}: this is no row of results")]
+    #[error("`{path}`, line {line}: not a valid result row")]
     Row {
         /// The file.
         path: PathBuf,
@@ -34,7 +34,7 @@ pub enum StoreError {
         line: usize,
     },
     /// Shards that do not form a complete plan.
-    #[error("the shares are not whole: {0}")]
+    #[error("incomplete shards: {0}")]
     Shares(String),
 }
 

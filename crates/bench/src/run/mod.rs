@@ -87,7 +87,7 @@ pub struct Progress {
 
 /// How a plan is run, without effect on its rows.
 #[derive(Clone, Debug)]
-pub struct Manner {
+pub struct RunOptions {
     /// Number of parallel trials.
     pub jobs: usize,
     /// Whether to record videos.
@@ -107,9 +107,9 @@ pub fn run(
     plan: &Plan,
     head: &Head,
     folder: &Path,
-    manner: &Manner,
+    manner: &RunOptions,
     stop: &dyn Fn() -> bool,
-    told: &mut dyn FnMut(Progress, Option<&Record>),
+    on_progress: &mut dyn FnMut(Progress, Option<&Record>),
 ) -> Result<Progress, StoreError> {
     let (mut store, there) = Store::open(folder, head)?;
     let made = RunManifest::begin(folder, &manner.command, &manner.files)?;
@@ -123,7 +123,7 @@ pub fn run(
         .filter(|trials: &Vec<Trial>| !trials.is_empty())
         .collect();
     let mut progress = Progress { of, done: of - left.iter().map(Vec::len).sum::<usize>(), stopped: false };
-    told(progress, None);
+    on_progress(progress, None);
     let (next, ending) = (AtomicUsize::new(0), AtomicBool::new(false));
     let (rows, arrived) = channel();
     std::thread::scope(|scope| {
@@ -153,7 +153,7 @@ pub fn run(
             }
             let record = kept?;
             progress.done += 1;
-            told(progress, Some(&record));
+            on_progress(progress, Some(&record));
         }
         Ok(())
     })?;

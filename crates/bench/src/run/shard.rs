@@ -15,7 +15,7 @@ pub struct Shard {
 
 /// An invalid shard.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("`{0}` is no share i/n: i counts from 0 and is less than n, as in 0/4")]
+#[error("`{0}` is not a shard i/n with 0 <= i < n, such as 0/4")]
 pub struct ShardError(pub String);
 
 impl Shard {

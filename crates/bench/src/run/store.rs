@@ -70,7 +70,7 @@ impl Store {
         match std::fs::read_to_string(&head_path) {
             Ok(text) => {
                 let other = |what| StoreError::Other { path: folder.to_owned(), what };
-                let there: Head = serde_json::from_str(&text).map_err(|_| other("`bench.json` is not one of this program"))?;
+                let there: Head = serde_json::from_str(&text).map_err(|_| other("`bench.json` was not written by spf"))?;
                 if there != *head {
                     return Err(other(difference(&there, head)));
                 }
@@ -101,7 +101,7 @@ impl Store {
     /// [`StoreError`] if they cannot be read or written.
     pub fn finish(&self, head: &Head) -> Result<(), StoreError> {
         for path in [RESULTS, PATHS].map(|name| self.folder.join(name)) {
-            replace(&path, &in_order(head, whole_rows(&path)?))?;
+            replace(&path, &in_order(head, complete_rows(&path)?))?;
         }
         Ok(())
     }
@@ -114,7 +114,7 @@ fn in_order(head: &Head, mut rows: BTreeMap<String, String>) -> String {
 
 /// Opens a file of rows for appending; also returns the trials in it.
 fn appended(path: &Path) -> Result<(File, Vec<String>), StoreError> {
-    let rows = whole_rows(path)?;
+    let rows = complete_rows(path)?;
     let there = rows.keys().cloned().collect();
     // A truncated last line is removed before anything is appended.
     let text: String = rows.into_values().collect();
@@ -130,25 +130,25 @@ fn append(file: &mut File, row: &impl Serialize, path: &Path) -> Result<(), Stor
 
 fn difference(there: &Head, wanted: &Head) -> &'static str {
     if there.program != wanted.program {
-        "another version of the program made them"
+        "they were made by another version of spf"
     } else if there.trials != wanted.trials {
-        "other tasks, methods, models, seeds or numbers of trials"
+        "different tasks, methods, models, seeds or numbers of trials"
     } else if there.shard != wanted.shard {
-        "another share"
+        "a different shard"
     } else {
-        "the tasks' files or the models' settings have changed"
+        "the task files or the model settings have changed"
     }
 }
 
 /// The complete rows of a file by trial, without a truncated last line. Empty if there is no file.
-fn whole_rows(path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
+fn complete_rows(path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => String::new(),
         Err(error) => return Err(failed(path)(error)),
     };
     let mut rows = BTreeMap::new();
-    for (row, line) in whole_lines(&text) {
+    for (row, line) in complete_lines(&text) {
         let id: Id = serde_json::from_str(row).map_err(|_| no_row(path, line))?;
         rows.insert(id.run_id, row.to_owned());
     }
@@ -156,7 +156,7 @@ fn whole_rows(path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
 }
 
 /// Complete lines with their numbers from 1.
-fn whole_lines(text: &str) -> impl Iterator<Item = (&str, usize)> {
+fn complete_lines(text: &str) -> impl Iterator<Item = (&str, usize)> {
     text.split_inclusive('\n').zip(1..).filter(|(row, _)| row.ends_with('\n'))
 }
 
@@ -167,7 +167,7 @@ fn whole_lines(text: &str) -> impl Iterator<Item = (&str, usize)> {
 pub fn read_records(folder: &Path) -> Result<Vec<Record>, StoreError> {
     let path = folder.join(RESULTS);
     let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
-    whole_lines(&text).map(|(row, line)| serde_json::from_str(row).map_err(|_| no_row(&path, line))).collect()
+    complete_lines(&text).map(|(row, line)| serde_json::from_str(row).map_err(|_| no_row(&path, line))).collect()
 }
 
 /// Reads the flown paths of a result folder by trial; empty for results of older versions without paths.
@@ -177,7 +177,7 @@ pub fn read_records(folder: &Path) -> Result<Vec<Record>, StoreError> {
 pub fn read_paths(folder: &Path) -> Result<BTreeMap<String, FlownPath>, StoreError> {
     let path = folder.join(PATHS);
     let mut found = BTreeMap::new();
-    for ((id, row), line) in whole_rows(&path)?.into_iter().zip(1..) {
+    for ((id, row), line) in complete_rows(&path)?.into_iter().zip(1..) {
         let row: Option<FlownPath> = serde_json::from_str(&row).ok().filter(FlownPath::is_sound);
         found.insert(id, row.ok_or_else(|| no_row(&path, line))?);
     }
@@ -191,7 +191,7 @@ pub fn read_paths(folder: &Path) -> Result<BTreeMap<String, FlownPath>, StoreErr
 pub fn read_head(folder: &Path) -> Result<Head, StoreError> {
     let path = folder.join("bench.json");
     let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
-    let other = |_| StoreError::Other { path: folder.to_owned(), what: "`bench.json` is not one of this program" };
+    let other = |_| StoreError::Other { path: folder.to_owned(), what: "`bench.json` was not written by spf" };
     serde_json::from_str(&text).map_err(other)
 }
 
@@ -214,14 +214,14 @@ pub fn merge(shares: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
             }
             _ => whole = Some(head),
         }
-        rows.extend(whole_rows(&folder.join(RESULTS))?);
-        ways.extend(whole_rows(&folder.join(PATHS))?);
+        rows.extend(complete_rows(&folder.join(RESULTS))?);
+        ways.extend(complete_rows(&folder.join(PATHS))?);
         made.extend(RunManifest::read(folder)?);
     }
-    let head = whole.ok_or_else(|| StoreError::Shares("none is given".to_owned()))?;
+    let head = whole.ok_or_else(|| StoreError::Shares("no folders given".to_owned()))?;
     let missing: Vec<&String> = head.trials.iter().filter(|id| !rows.contains_key(*id)).collect();
     if let Some(first) = missing.first() {
-        return Err(StoreError::Shares(format!("{} trials are missing, the first is {first}", missing.len())));
+        return Err(StoreError::Shares(format!("{} trials are missing, first {first}", missing.len())));
     }
     let (store, _) = Store::open(into, &head)?;
     replace(&store.folder.join(RESULTS), &in_order(&head, rows))?;

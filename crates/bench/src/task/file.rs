@@ -158,8 +158,8 @@ impl Source<'_> {
         if low <= from && from < to && to <= high {
             return Ok([from, to]);
         }
-        let message = format!("`{key}` must rise from {low} at least to {high} at most, not [{from}, {to}]");
-        Err(self.error(value.span(), message, Some("write `[15.0, 100.0]`")))
+        let message = format!("`{key}` must be an increasing range within [{low}, {high}], not [{from}, {to}]");
+        Err(self.error(value.span(), message, Some("for example `[15.0, 100.0]`")))
     }
 
     /// A text that is not empty and not too long.
@@ -173,12 +173,12 @@ impl Source<'_> {
 
     fn selectors(&self, raw: Vec<Spanned<Selector>>) -> Result<Vec<Selector>, TaskError> {
         if let Some(many) = raw.get(MOST) {
-            return Err(self.error(many.span(), format!("at most {MOST} are listed here"), None));
+            return Err(self.error(many.span(), format!("at most {MOST} entries are allowed"), None));
         }
         let check = |selector: Spanned<Selector>| {
             if selector.get_ref().is_empty() || selector.get_ref().words().any(|word| word.is_empty() || word.len() > LONGEST) {
-                let hint = "write `{ name = \"crane\", colour = \"red\" }` or `{ id = \"red_crane\" }`";
-                return Err(self.error(selector.span(), "this says not which objects are meant", Some(hint)));
+                let hint = "use `{ name = \"crane\", colour = \"red\" }` or `{ id = \"red_crane\" }`";
+                return Err(self.error(selector.span(), "this does not select any objects", Some(hint)));
             }
             Ok(selector.into_inner())
         };
@@ -189,7 +189,7 @@ impl Source<'_> {
 pub(super) fn parse(text: &str, file: &str) -> Result<Task, TaskError> {
     let source = Source { text, file };
     if text.len() > MAX_BYTES {
-        return Err(source.error(0..0, format!("the file is longer than {MAX_BYTES} bytes"), None));
+        return Err(source.error(0..0, format!("the file exceeds {MAX_BYTES} bytes"), None));
     }
     let raw: Raw = toml::from_str(text).map_err(|error| {
         let message = error.message().lines().next().unwrap_or_default().to_owned();
@@ -201,14 +201,18 @@ pub(super) fn parse(text: &str, file: &str) -> Result<Task, TaskError> {
 
 fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
     if *raw.format.get_ref() != FORMAT {
-        return Err(source.error(raw.format.span(), format!("this program reads format {FORMAT} of task files"), None));
+        return Err(source.error(
+            raw.format.span(),
+            format!("unsupported task file format; this version reads format {FORMAT}"),
+            None,
+        ));
     }
     let id = source.word("id", &raw.id)?;
     if !id.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-') {
         return Err(source.error(
             raw.id.span(),
-            "an `id` is lower case letters, digits and `-`",
-            Some("write `sim-nav-red-crane`"),
+            "`id` must consist of lower-case letters, digits and `-`",
+            Some("for example `sim-nav-red-crane`"),
         ));
     }
     let max_decisions = *raw.max_decisions.get_ref();
@@ -218,10 +222,10 @@ fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
     let goals_at = raw.goals.span();
     let goals: Vec<Goal> = raw.goals.into_inner().into_iter().map(|raw| goal(raw, source)).collect::<Result<_, _>>()?;
     if !(1..=MOST).contains(&goals.len()) {
-        return Err(source.error(goals_at, format!("a task has 1 to {MOST} goals"), None));
+        return Err(source.error(goals_at, format!("a task must have 1 to {MOST} goals"), None));
     }
     if let Some(many) = raw.trajectories.get(MOST) {
-        return Err(source.error(many.span(), format!("a task has at most {MOST} trajectories"), None));
+        return Err(source.error(many.span(), format!("a task can have at most {MOST} trajectories"), None));
     }
     Ok(Task {
         id,
@@ -258,7 +262,7 @@ fn start(raw: Spanned<RawStart>, source: &Source<'_>) -> Result<Start, TaskError
         return own_start(&raw, at, source);
     }
     let missing = |key: &str| {
-        source.error(at.clone(), format!("missing field `{key}`"), Some("or write `scene = true` for the scene's own start"))
+        source.error(at.clone(), format!("missing field `{key}`"), Some("or set `scene = true` to use the scene's own start"))
     };
     let view = raw.view.ok_or_else(|| missing("view"))?;
     let range = raw.range_m.ok_or_else(|| missing("range_m"))?;
@@ -293,7 +297,7 @@ fn own_start(raw: &RawStart, at: Range<usize>, source: &Source<'_>) -> Result<St
         ("blocked", blocked.is_some()),
     ];
     if let Some((key, _)) = others.iter().find(|(_, given)| *given) {
-        return Err(source.error(at, format!("`{key}` means nothing beside `scene = true`: nothing is drawn"), None));
+        return Err(source.error(at, format!("`{key}` has no effect with `scene = true`"), None));
     }
     Ok(Start {
         own: true,
@@ -311,7 +315,7 @@ fn goal(raw: Spanned<RawGoal>, source: &Source<'_>) -> Result<Goal, TaskError> {
     let at = raw.span();
     let raw = raw.into_inner();
     if raw.targets.is_empty() != (raw.kind == RawKind::Scan) {
-        let message = if raw.kind == RawKind::Scan { "a scan has no `targets`" } else { "this goal has no `targets`" };
+        let message = if raw.kind == RawKind::Scan { "a scan must not have `targets`" } else { "this goal needs `targets`" };
         return Err(source.error(at, message, None));
     }
     allowed(&raw, at, source)?;
@@ -354,7 +358,7 @@ fn allowed(raw: &RawGoal, at: Range<usize>, source: &Source<'_>) -> Result<(), T
         ("window_s", raw.window_s.is_some(), &[Follow]),
     ];
     match uses.iter().find(|(_, given, kinds)| *given && !kinds.contains(&raw.kind)) {
-        Some((key, ..)) => Err(source.error(at, format!("`{key}` means nothing to this kind of goal"), None)),
+        Some((key, ..)) => Err(source.error(at, format!("`{key}` does not apply to this kind of goal"), None)),
         None => Ok(()),
     }
 }
@@ -363,13 +367,13 @@ fn trajectory(raw: Spanned<RawTrajectory>, source: &Source<'_>) -> Result<Trajec
     let raw = raw.into_inner();
     let corners = raw.path.get_ref();
     if !(1..=MOST_CORNERS).contains(&corners.len()) {
-        return Err(source.error(raw.path.span(), format!("a path has 1 to {MOST_CORNERS} corners"), None));
+        return Err(source.error(raw.path.span(), format!("a path must have 1 to {MOST_CORNERS} corners"), None));
     }
     let path: Vec<Pose> = corners
         .iter()
         .map(|text| {
-            let hint = "write \"east,north,up,heading_deg\" in metres and degrees";
-            pose(text.get_ref()).ok_or_else(|| source.error(text.span(), "this is no corner of a path", Some(hint)))
+            let hint = "use \"east,north,up,heading_deg\" in metres and degrees";
+            pose(text.get_ref()).ok_or_else(|| source.error(text.span(), "invalid path corner", Some(hint)))
         })
         .collect::<Result<_, _>>()?;
     Ok(Trajectory {
@@ -443,7 +447,7 @@ path = ["0,0,3,0", "10,0,3,90"]
         assert!(task.start.own && !Task::parse(GOOD, "a.toml").unwrap().start.own);
         let error = |start: &str| Task::parse(&GOOD.replace(drawn, start), "a.toml").unwrap_err().to_string();
         let both = error("scene = true\nblocked = true");
-        assert!(both.starts_with("a.toml:13: `blocked` means nothing"), "{both}");
+        assert!(both.starts_with("a.toml:13: `blocked` has no effect"), "{both}");
         let without = error("view = \"half\"");
         assert!(without.starts_with("a.toml:13: missing field `range_m`") && without.contains("scene = true"), "{without}");
     }
@@ -460,16 +464,16 @@ path = ["0,0,3,0", "10,0,3,90"]
     fn what_is_wrong_is_named_with_its_line() {
         let cases = [
             ("craft = \"quad\"", "craft = \"quad\"\ncolur = 1", "a.toml:9:", "unknown field"),
-            ("range_m = [15.0, 100.0]", "range_m = [100.0, 15.0]", "a.toml:15:", "must rise"),
+            ("range_m = [15.0, 100.0]", "range_m = [100.0, 15.0]", "a.toml:15:", "increasing range"),
             ("max_time_s = 180.0", "max_time_s = nan", "a.toml:10:", "max_time_s"),
-            ("{ name = \"crane\", colour = \"red\" }", "{}", "a.toml:19:", "which objects"),
+            ("{ name = \"crane\", colour = \"red\" }", "{}", "a.toml:19:", "select any objects"),
             ("kind = \"reach\"", "kind = \"reach\"\nangle_deg = 3.0", "a.toml:17:", "angle_deg"),
             ("\"10,0,3,90\"", "\"10,0,3\"", "a.toml:24:", "corner"),
             ("format = 1", "format = 2", "a.toml:2:", "format 1"),
             ("format = 1", "format = 1\nvlm_delay_s = [0.0, 60.0]", "a.toml:3:", "vlm_delay_s"),
-            ("[start]", "[wind]\nspeed_m_s = [4.0, 2.0]\n[start]", "a.toml:14:", "must rise"),
+            ("[start]", "[wind]\nspeed_m_s = [4.0, 2.0]\n[start]", "a.toml:14:", "increasing range"),
             ("[start]", "[wind]\nspeed_m_s = [2.0, 4.0]\ngust_ms = 1\n[start]", "a.toml:15:", "did you mean `gust_m_s`"),
-            ("id = \"sim-nav-red-crane\"", "id = \"Red Crane\"", "a.toml:3:", "lower case"),
+            ("id = \"sim-nav-red-crane\"", "id = \"Red Crane\"", "a.toml:3:", "lower-case"),
         ];
         for (good, bad, place, words) in cases {
             assert!(GOOD.contains(good));

@@ -194,7 +194,8 @@ pub const SUITES: &[Suite] = &[
     },
     Suite {
         name: "hard",
-        description: "30 tasks of our own: far, small, cluttered, alike, moving, hidden, five in a row, wind, dusk, slow answers",
+        description: "30 additional tasks: far, small, cluttered, look-alike, moving and hidden targets, five in a row, wind, \
+            dusk, slow replies",
         methods: "spf",
         vlms: ORACLE,
         tasks: HARD,
@@ -208,7 +209,7 @@ pub const SUITES: &[Suite] = &[
     },
     Suite {
         name: "table1",
-        description: "the paper's 34, flown by SPF, PIVOT, TypeFly, plain text and blindly straight on",
+        description: "the paper's 34, flown with SPF, PIVOT, TypeFly, plain text and a blind straight-line control",
         methods: "spf,pivot,typefly,plain,straight",
         vlms: ORACLE,
         tasks: PAPER,
@@ -222,14 +223,14 @@ pub const SUITES: &[Suite] = &[
     },
     Suite {
         name: "ablation-vlm",
-        description: "the same five, flown by SPF with whoever --vlm names, joined by commas",
+        description: "the same five, flown with SPF and the VLMs of --vlm",
         methods: "spf",
         vlms: ORACLE,
         tasks: NAVIGATION,
     },
     Suite {
         name: "ablation-detector",
-        description: "the paper's seven with obstacles: boxes from the VLM's own answer, or from a detector of COCO's classes",
+        description: "the paper's seven with obstacles: boxes from the VLM's reply, or from a detector of the COCO classes",
         methods: "spf,spf-detector",
         vlms: ORACLE,
         tasks: OBSTACLES,
@@ -243,35 +244,36 @@ pub const SUITES: &[Suite] = &[
     },
     Suite {
         name: "ablation-motion",
-        description: "one task of each row of the table: primitives blended or one after the other, ended by what was flown or by time",
+        description: "one task per row of the table: blended or sequential primitives, ended by distance flown or by time",
         methods: "spf,spf-sequential,spf-timed,spf-stop,spf-stop-sequential",
         vlms: ORACLE,
         tasks: CROSS_SECTION,
     },
     Suite {
         name: "ablation-think",
-        description: "the same tasks: flying on or holding while the VLM thinks, for 1, 3 and 6 s",
+        description: "the same tasks: flying on or holding while waiting 1, 3 and 6 s for the VLM",
         methods: "spf,spf-stop",
         vlms: "oracle:default@1s,oracle:default@3s,oracle:default@6s",
         tasks: CROSS_SECTION,
     },
     Suite {
         name: "noise-sweep",
-        description: "the same tasks, pointed at without errors, with the default ones and with poor ones",
+        description: "the same tasks, with the perfect, default and poor oracle",
         methods: "spf",
         vlms: "oracle:perfect,oracle:default,oracle:poor",
         tasks: CROSS_SECTION,
     },
     Suite {
         name: "latency-sweep",
-        description: "the same tasks, each answer after 0.5, 1, 2, 3, 4.5 and 6 s",
+        description: "the same tasks, with reply latencies of 0.5, 1, 2, 3, 4.5 and 6 s",
         methods: "spf",
         vlms: "oracle:default@0.5s,oracle:default@1s,oracle:default@2s,oracle:default@3s,oracle:default@4.5s,oracle:default@6s",
         tasks: CROSS_SECTION,
     },
     Suite {
         name: "all",
-        description: "the 64 of paper and hard, flown by SPF with and without a detector, PIVOT, TypeFly, plain text and blindly straight on",
+        description: "the 64 of paper and hard, flown with SPF with and without a detector, PIVOT, TypeFly, plain text \
+             and a blind straight-line control",
         methods: "spf,spf-detector,pivot,typefly,plain,straight",
         vlms: ORACLE,
         tasks: EVERY,

@@ -36,7 +36,7 @@ const BEHIND: f64 = 1.6;
 #[non_exhaustive]
 pub enum DrawError {
     /// The scene could not be loaded.
-    #[error("the scene `{scene}` of the task `{task}` cannot be flown in")]
+    #[error("cannot load the scene `{scene}` of the task `{task}`")]
     Scene {
         /// The scene.
         scene: String,
@@ -47,7 +47,7 @@ pub enum DrawError {
         source: Box<SceneLoadError>,
     },
     /// No suitable start was found.
-    #[error("no start was found for the task `{task}` with seed {seed}: ask for less under `start`")]
+    #[error("no valid start for the task `{task}` with seed {seed}: relax `start` in the task file")]
     NoStart {
         /// The task.
         task: String,
@@ -274,7 +274,10 @@ impl Place {
         let (from, to) = (self.aloft(task), centre(&focus.bounds));
         let past = task.start.past.as_ref().is_none_or(|(selectors, near)| {
             let things = select_all(selectors, loaded, from);
-            things.iter().filter_map(|id| loaded.scene.object(*id)).any(|thing| off_way(from, to, centre(&thing.bounds)) <= *near)
+            things
+                .iter()
+                .filter_map(|id| loaded.scene.object(*id))
+                .any(|thing| distance_from_path(from, to, centre(&thing.bounds)) <= *near)
         });
         let radius = Model::of(task.craft).craft.radius;
         let is_met = |radius| loaded.collider.sweep(from, to, radius).is_some_and(|met| !self.is_target(loaded, met.object));
@@ -312,7 +315,7 @@ impl Place {
 }
 
 /// Horizontal distance of a position from the segment between two others, metres.
-fn off_way(from: EnuPosition, to: EnuPosition, at: EnuPosition) -> f64 {
+fn distance_from_path(from: EnuPosition, to: EnuPosition, at: EnuPosition) -> f64 {
     let (way, away) = ([to.east - from.east, to.north - from.north], [at.east - from.east, at.north - from.north]);
     let length = libm::hypot(way[0], way[1]).max(1e-9);
     let along = (away[0] * way[0] + away[1] * way[1]) / length;
@@ -329,7 +332,7 @@ mod tests {
     #[test]
     fn what_stands_beside_the_way_is_so_far_off_it() {
         let at = |east, north| EnuPosition { east, north, up: 0.0 };
-        assert_eq!(off_way(at(0.0, 0.0), at(10.0, 0.0), at(4.0, -3.0)), 3.0);
-        assert_eq!(off_way(at(0.0, 0.0), at(10.0, 0.0), at(11.0, 0.0)), f64::INFINITY);
+        assert_eq!(distance_from_path(at(0.0, 0.0), at(10.0, 0.0), at(4.0, -3.0)), 3.0);
+        assert_eq!(distance_from_path(at(0.0, 0.0), at(10.0, 0.0), at(11.0, 0.0)), f64::INFINITY);
     }
 }

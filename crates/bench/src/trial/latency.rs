@@ -3,7 +3,7 @@
 use spf_core::query::QueryKind;
 use spf_core::rng::Draw;
 use spf_core::time::duration_from_secs;
-use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
+use spf_vlm::{Answer, Asked, ImageSpec, QueryImage, Vlm};
 
 /// Maximum latency in a VLM name, seconds.
 const LONGEST_S: f64 = 600.0;
@@ -35,15 +35,15 @@ impl Vlm for Timed {
         self.vlm.name()
     }
 
-    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
-        self.vlm.eyesight(camera)
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
+        self.vlm.image_spec(camera)
     }
 
     fn temperature(&self) -> Option<f64> {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         let mut answer = self.vlm.answer(asked, picture);
         if matches!(asked.query.kind, QueryKind::Detect { .. }) {
             return answer;

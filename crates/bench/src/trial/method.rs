@@ -7,7 +7,7 @@ use spf_core::time::duration_from_secs;
 use spf_flight::methods::{Manner, MethodRow, rows};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::VlmFactory;
-use spf_vlm::{Account, Answer, Asked, Picture, Vlm};
+use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm};
 
 use crate::task::{Set, Task};
 
@@ -93,7 +93,7 @@ impl Vlm for Blind {
         NOBODY
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
         Answer {
             text: Ok(self.text(asked.query.memory.actions.len())),
             latency: duration_from_secs(LATENCY_S),

@@ -63,7 +63,7 @@ const GIT_REV: &str = git_version::git_version!(args = ["--always", "--dirty=+",
 
 /// How the VLM is queried.
 #[derive(Clone, Copy)]
-struct HowAsked {
+struct QuerySettings {
     /// Image width and height, pixels.
     size: (u32, u32),
     temperature: Option<f64>,
@@ -137,7 +137,7 @@ impl Trial {
         &self,
         drawn: &Drawn,
         world: Arc<OnceLock<SimWorld>>,
-        asked: Arc<OnceLock<HowAsked>>,
+        asked: Arc<OnceLock<QuerySettings>>,
         record: Option<RecordPlan>,
     ) -> FlightPlan {
         let task = &self.task;
@@ -153,8 +153,8 @@ impl Trial {
             if let Some(of) = of {
                 let camera = of.camera();
                 let frame = (camera.width, camera.height);
-                let size = vlm.eyesight(frame).image_size.unwrap_or(frame);
-                asked.get_or_init(|| HowAsked { size, temperature: vlm.temperature() });
+                let size = vlm.image_spec(frame).image_size.unwrap_or(frame);
+                asked.get_or_init(|| QuerySettings { size, temperature: vlm.temperature() });
                 drop(world.set(of.clone()));
             }
             Ok(Box::new(Timed { vlm, fixed, delay, seed }))

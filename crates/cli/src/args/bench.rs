@@ -1,4 +1,4 @@
-//! What can be typed after `spf bench`.
+//! Arguments of `spf bench`.
 
 use std::path::PathBuf;
 
@@ -6,26 +6,26 @@ use clap::{Args, Subcommand};
 
 use super::methods;
 
-/// Folder that results go to, and a report is about, unless another is named.
+/// Default folder of results.
 const RESULTS: &str = "bench-results";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Bench {
-    /// Fly a suite of tasks, many trials each, and say how often they were done
+    /// Fly a suite of tasks with many trials each, and report success rates
     Run(Box<BenchRun>),
-    /// Check a task: its file, its predicate on its own trajectories, and what its trials begin with
+    /// Check a task: its file, its success test on its own trajectories, and its sampled starts
     Check(BenchCheck),
-    /// Join the results of several machines
+    /// Merge the shards of a run flown on several machines
     Merge(BenchMerge),
-    /// Write a page with figures, tables, maps, videos and failures of runs; and CSV and LaTeX
+    /// Write an HTML report of runs (charts, tables, maps, videos, failures), with CSV and LaTeX tables
     Report(BenchReport),
-    /// Fly one trial of a run again, and write its video
+    /// Repeat one trial of a run and record its video
     Show(BenchShow),
     /// List the suites and their tasks
     List,
 }
 
-/// Flies tasks and says how often they were done.
+/// Flies tasks and reports success rates.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -36,43 +36,43 @@ Examples:
   spf bench run --suite latency-sweep --trials 20 -o out
   spf bench run --suite paper --shard 0/4 -o part0
 
-The same command in the same folder goes on where it was stopped. results.jsonl has a row a trial and no wall clock in it; \
-docs/guide/bench.md describes it. Exit code 0 when all trials were flown, however they went; 5 when it was stopped.")]
+The same command in the same folder resumes an interrupted run. results.jsonl has one row per trial and no wall-clock times; \
+docs/guide/bench.md describes it. Exit code 0 when all trials were flown, whatever their outcome; 5 when interrupted.")]
 pub(crate) struct BenchRun {
     /// Suite of tasks (see `spf bench list`)
     #[arg(long, value_name = "NAME")]
     pub(crate) suite: Option<String>,
-    /// A task by its name or its file; can be given several times
+    /// Task name or file; can be repeated
     #[arg(long, value_name = "ID|FILE")]
     pub(crate) task: Vec<String>,
     #[arg(long, value_name = "LIST", help = methods::methods())]
     pub(crate) method: Option<String>,
-    /// Who points, joined by commas: as for `spf fly --vlm`; `oracle:default@3s` answers after 3 s each time
-    /// [default: oracle:default, or those of the suite]
+    /// VLMs, comma-separated, as for `spf fly --vlm`; `oracle:default@3s` has a fixed latency of 3 s [default: oracle:default,
+    /// or the suite's]
     #[arg(long, value_name = "LIST")]
     pub(crate) vlm: Option<String>,
-    /// Trials of each task
+    /// Trials per task
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(crate) trials: u64,
-    /// Seed of the first trial; the others follow
+    /// Seed of the first trial; later trials count up from it
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
-    /// Trials flown at once [default: as many as there are processors]
+    /// Number of parallel trials [default: number of processors]
     #[arg(long, value_name = "N")]
     pub(crate) jobs: Option<usize>,
-    /// Fly share i of n only, counted from 0 [default: what Slurm or Kubernetes tells, else all]
+    /// Fly only shard i of n, counted from 0 [default: from Slurm or Kubernetes, else all]
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<String>,
-    /// Film each trial into videos/RUN_ID.mp4; takes several times as long
+    /// Record each trial to videos/RUN_ID.mp4; takes several times as long
     #[arg(long)]
     pub(crate) videos: bool,
-    /// US dollars for the VLM after which a trial ends [default: no limit]
+    /// VLM cost limit of a trial, US dollars [default: no limit]
     #[arg(long, value_name = "USD")]
     pub(crate) max_cost: Option<f64>,
-    /// Folder for the results
+    /// Output folder for the results
     #[arg(short, long, value_name = "DIR", default_value = RESULTS)]
     pub(crate) output: PathBuf,
-    /// Print the table as one JSON array on standard output, and nothing else there
+    /// Print only the table, as one JSON array, on standard output
     #[arg(long)]
     pub(crate) json: bool,
     /// Read this configuration file instead of ./spf.toml
@@ -87,36 +87,36 @@ Examples:
   spf bench check my/task.toml
   spf bench check sim-nav-red-crane --trials 3 --pictures views
 
-Exit code 2 when the file is no task, when a trajectory is judged otherwise than the file says, or when no start is found.")]
+Exit code 2 if the file is not a valid task, a trajectory is not judged as the file expects, or no valid start is found.")]
 pub(crate) struct BenchCheck {
-    /// The task: a file, or the name of one that comes with the program
+    /// Task file, or the name of a built-in task
     pub(crate) task: String,
-    /// Trials whose beginnings are shown
+    /// Number of trials whose starts are shown
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(0..=1000))]
     pub(crate) trials: u64,
-    /// Seed of the first
+    /// Seed of the first trial
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
-    /// Draw what each trial first sees into this folder
+    /// Render the first camera image of each trial into this folder
     #[arg(long, value_name = "DIR")]
     pub(crate) pictures: Option<PathBuf>,
 }
 
-/// Joins shares of one run: the rows, byte for byte those of a run in one piece.
+/// Joins the shards of one run; the rows are byte for byte those of an unsharded run.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
   spf bench merge part0 part1 part2 part3 -o whole")]
 pub(crate) struct BenchMerge {
-    /// Folders of the shares, all of them
+    /// Folders of all shards
     #[arg(value_name = "DIR", required = true)]
     pub(crate) shares: Vec<PathBuf>,
-    /// Folder for the whole; must be new or empty
+    /// Output folder for the merged results; must be new or empty
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
 }
 
-/// Writes what runs come to: `report.html`, one file with everything but videos in it, and folders `csv` and `latex`.
+/// Writes the report of one or more runs: `report.html`, self-contained except for videos, and folders `csv` and `latex`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -124,40 +124,41 @@ Examples:
   spf bench report out
   spf bench report oracle-run gemini-run -o report
 
-Success by category with intervals, paired tests, curves over errors and latency, times, ways from above, videos (of runs with \
---videos), every failure with the command that flies it again, and the paper's published figures in a block of their own. The \
-same folders give the same bytes. Exit code 2 when a folder is none of results, or is damaged.")]
+The report has success rates by category with confidence intervals, paired tests, curves over error level and latency, times, \
+top-down trajectories, videos (of runs with --videos), every failure with the command that repeats it, and the paper's \
+published results in a separate section. The output is reproducible byte for byte. Exit code 2 if a folder holds no results \
+or is damaged.")]
 pub(crate) struct BenchReport {
-    /// Folders of results
+    /// Result folders
     #[arg(value_name = "DIR", default_value = RESULTS)]
     pub(crate) folders: Vec<PathBuf>,
-    /// Folder for the report [default: DIR/report, of a single DIR]
+    /// Output folder for the report [default: DIR/report, for a single DIR]
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
 }
 
-/// Flies one trial again: the same trajectory, with its video and its log.
+/// Repeats one trial: the same trajectory, with its video and its log.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   spf bench show sim-nav-red-crane/spf/oracle-default/3 -o flight
   spf bench show my-task/spf/gemini/0 --task my/task.toml --vlm gemini -o flight
 
-The trial's name is the `run_id` of its row. In it, what is outside of A-Z a-z 0-9 . _ - stands as `-`; who pointed is therefore \
-named again with --vlm where it is not one of the shipped oracles.")]
+The trial is named by the `run_id` of its row. Characters outside A-Z a-z 0-9 . _ - are replaced by `-` there, so any VLM \
+other than a built-in oracle must be given again with --vlm.")]
 pub(crate) struct BenchShow {
-    /// The trial: task/method/vlm/seed
+    /// Trial: task/method/vlm/seed
     pub(crate) run_id: String,
-    /// The task's file, when it does not come with the program
+    /// Task file, for a task that is not built in
     #[arg(long, value_name = "FILE")]
     pub(crate) task: Option<String>,
-    /// Who points, when it is no shipped oracle
+    /// VLM, if it is not a built-in oracle
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
-    /// Folder for the flight's files; must be new or empty
+    /// Output folder for the flight's files; must be new or empty
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
-    /// Make no video
+    /// Do not record video
     #[arg(long)]
     pub(crate) no_video: bool,
     /// Read this configuration file instead of ./spf.toml

@@ -1,10 +1,10 @@
-//! What can be typed after `spf ground`.
+//! Arguments of `spf ground`.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-/// Asks who points about pictures: where is it, how far, and how well do they point?
+/// Queries VLMs about images and measures pointing accuracy.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -14,62 +14,63 @@ Examples:
   spf sim dataset --scene city -n 500 -o data && spf ground --dataset data --vlm gemini,oracle:poor -o graded
   spf ground --dataset data --vlm gemini --prompt prompts/point-2.txt,mine.txt --rate 60 --max-cost 2 -o wordings
 
-An IMAGE is a PNG or JPEG file, a folder of them, an H.264 video (.mp4, .mov, .h264), or - for standard input. Photographs need a \
-model: the oracle reads the simulator's ids, which photographs have not. With --dataset, always pointing at the middle of the \
-picture stands beside the models, and the oracle where there is what it reads. Without truth there is no hit rate \
+An IMAGE is a PNG or JPEG file, a folder of them, an H.264 video (.mp4, .mov, .h264), or - for standard input. Photographs \
+need a VLM: the oracle needs the simulator's ID images. With --dataset, the results include a baseline that always points at \
+the image centre, and the oracle where the dataset has ID images. Without ground truth there is no hit rate \
 (docs/guide/grounding.md).
 
-Exit codes: 0 asked and answered, 2 usage, 5 stopped or --max-cost spent (go on with --resume), 6 nobody answered.")]
+Exit codes: 0 success, 2 usage, 5 interrupted or --max-cost reached (continue with --resume), 6 no VLM replied.")]
 pub(crate) struct Ground {
-    /// Pictures, and last the instruction in any words
+    /// Images, followed by the instruction in natural language
     #[arg(value_name = "IMAGE… INSTRUCTION", required_unless_present = "dataset", conflicts_with = "dataset")]
     pub(crate) words: Vec<String>,
-    /// Grade on this dataset: of `spf sim dataset`, a folder with a JSONL of points, boxes or masks, COCO, or a public layout
+    /// Evaluate on this dataset: from `spf sim dataset`, a folder with a JSONL of points, boxes or masks, COCO, or a public
+    /// benchmark layout
     #[arg(long, value_name = "DIR|FILE")]
     pub(crate) dataset: Option<PathBuf>,
-    /// Who points, several joined by commas: NAME[#MODEL][@URL] (see `spf vlm list`), auto, oracle[:NAME|FILE]
+    /// VLMs, comma-separated: NAME[#MODEL][@URL] (see `spf vlm list`), auto, oracle[:NAME|FILE]
     #[arg(long, value_name = "VLM,…")]
     pub(crate) vlm: Option<String>,
-    /// What models are told: prompt files joined by commas, compared on the same pictures [default: the shipped one]
+    /// Prompt files, comma-separated, compared on the same images [default: built-in]
     #[arg(long, value_name = "FILE,…")]
     pub(crate) prompt: Option<String>,
-    /// TOML file with further rows for the table of models (see docs/guide/vlm.md)
+    /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
-    /// Ask for boxes of obstacles too
+    /// Also request obstacle boxes
     #[arg(long)]
     pub(crate) avoid: bool,
-    /// Folder for what is written [default: grounding, of a dataset grounding/NAME]
+    /// Output folder [default: grounding, for a dataset grounding/NAME]
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
-    /// Print one JSON object on standard output, and nothing else there
+    /// Print only one JSON object on standard output
     #[arg(long)]
     pub(crate) json: bool,
-    /// Of a video, one frame every so many seconds
+    /// Video sampling interval, seconds
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
     pub(crate) every: f64,
-    /// Most frames of a video
+    /// Maximum number of frames per video
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) frames: usize,
-    /// Only the first so many questions of the dataset
+    /// Only the first N questions of the dataset
     #[arg(short = 'n', long = "count", value_name = "N", requires = "dataset")]
     pub(crate) count: Option<usize>,
-    /// Questions at once
+    /// Number of parallel questions
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=256))]
     pub(crate) parallel: u16,
-    /// Questions a minute to each model [default: as fast as they are answered]
+    /// Questions per minute to each model [default: unlimited]
     #[arg(long, value_name = "N", allow_negative_numbers = true, requires = "dataset")]
     pub(crate) rate: Option<f64>,
-    /// US dollars after which no model is asked any more [default: no limit]
+    /// Cost limit, US dollars [default: no limit]
     #[arg(long, value_name = "USD", allow_negative_numbers = true, requires = "dataset")]
     pub(crate) max_cost: Option<String>,
-    /// Seed of the oracle's errors
+    /// Random seed of the oracle's errors
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
-    /// Go on with what is in the folder: only what was not answered is asked
+    /// Resume in the folder: only unanswered questions are sent
     #[arg(long, requires = "dataset", conflicts_with = "overwrite")]
     pub(crate) resume: bool,
-    /// Make what is in the folder anew
+    /// Overwrite the contents of the folder
     #[arg(long, requires = "dataset")]
     pub(crate) overwrite: bool,
     /// Read this configuration file instead of ./spf.toml

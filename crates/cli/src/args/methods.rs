@@ -1,4 +1,4 @@
-//! What help says of the ways of flying that have a name, from their table.
+//! Help texts of `--policy` and `--method`, from the table of methods.
 
 use spf_bench::trial::Method;
 use spf_flight::policy::PolicyKind;
@@ -10,11 +10,11 @@ pub(super) fn policies() -> String {
         let names: Vec<&str> = kind.iter().map(|policy| policy.name()).collect();
         format!("{} ({})", names.join(", "), kind[0].words())
     });
-    format!("How decisions are made: {} [default: {}]", kinds.collect::<Vec<_>>().join("; "), PolicyKind::spf().name())
+    format!("Decision policy: {} [default: {}]", kinds.collect::<Vec<_>>().join("; "), PolicyKind::spf().name())
 }
 
 /// Of the bench's `--method`: the names.
 pub(super) fn methods() -> String {
     let names: Vec<&str> = Method::all().map(Method::name).collect();
-    format!("Methods, joined by commas: {} [default: spf, or those of the suite]", names.join(", "))
+    format!("Methods, comma-separated: {} [default: spf, or the suite's]", names.join(", "))
 }

@@ -1,4 +1,4 @@
-//! What can be typed after `spf sim`.
+//! Arguments of `spf sim`.
 
 use std::path::PathBuf;
 
@@ -9,19 +9,19 @@ use super::serve::Serve;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Sim {
-    /// Draw a scene from a pose into a PNG
+    /// Render a scene from a pose to a PNG
     Render(Box<Render>),
-    /// List scenes and what is in them
+    /// List scenes and their contents
     Scenes(Scenes),
-    /// Fly around in a scene from a browser
+    /// Explore a scene in a browser
     View(View),
-    /// Make labelled pointing data: pictures, instructions, what they mean
+    /// Generate a labelled pointing dataset: images, instructions, targets
     Dataset(Box<Dataset>),
-    /// Serve a Tello to other programs, or an endpoint that they ask as a VLM with the oracle for a mind
+    /// Serve a simulated Tello, or a VLM endpoint backed by the oracle, to other programs
     Serve(Box<Serve>),
 }
 
-/// Draws what the simulated camera sees.
+/// Renders an image of the simulated camera.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -29,41 +29,40 @@ Examples:
   spf sim render city --light dusk --weather rain -o rain.png
   spf sim render city -o x.png --camera-effects blur=20,noise=5,lens=wide --moving 2,0,0,60
 
-Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). Ids are a 16-bit PNG; a JSON legend of \
-the same name is written beside it.")]
+Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). IDs are a 16-bit PNG with a JSON \
+legend of the same name next to it.")]
 pub(crate) struct Render {
-    /// Scene: a built-in name, scene file or .glb; with @ and a number a variant of it
+    /// Scene: a built-in name, scene file or .glb; NAME@N is a variant
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) conditions: ConditionArgs,
     /// Camera pose: east,north,up,heading_deg[,pitch_deg] [default: the scene's start, at take-off height]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pub(crate) pose: Option<String>,
-    /// The picture to write
+    /// Output image (.png)
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
-    /// Write the depth picture too
+    /// Also write the depth image
     #[arg(long, value_name = "FILE")]
     pub(crate) depth: Option<PathBuf>,
-    /// Write the id picture and its legend too
+    /// Also write the ID image and its legend
     #[arg(long, value_name = "FILE")]
     pub(crate) ids: Option<PathBuf>,
-    /// Picture size, WIDTHxHEIGHT [default: the camera's, 960x720]
+    /// Image size, WIDTHxHEIGHT [default: the camera's, 960x720]
     #[arg(long, value_name = "WxH")]
     pub(crate) size: Option<String>,
     /// Camera of this craft: quad or tello [default: the scene's]
     #[arg(long, value_name = "MODEL")]
     pub(crate) drone_model: Option<String>,
-    /// What the camera does to the picture: blur, noise, exposure, lens, compression, each with =STRENGTH, or all [default:
-    /// none]
+    /// Camera effects: blur, noise, exposure, lens, compression, each with =STRENGTH, or all [default: none]
     #[arg(long, value_name = "EFFECTS")]
     pub(crate) camera_effects: Option<String>,
-    /// How the craft moves, for motion blur: forward,right,up,yaw in m/s and degrees/s [default: at rest]
+    /// Velocity of the craft, for motion blur: forward,right,up,yaw in m/s and degrees/s [default: at rest]
     #[arg(long, value_name = "MOTION", allow_hyphen_values = true)]
     pub(crate) moving: Option<String>,
 }
 
-/// Lists scenes: what they show, how large they are, what is in them.
+/// Lists scenes: description, size, contents.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -73,50 +72,50 @@ Examples:
   spf sim scenes city@1 city@2 yard@1 yard@2 --contact-sheet variants.jpg
   spf sim scenes city my/yard.toml --json | jq '.scenes[].tags'")]
 pub(crate) struct Scenes {
-    /// Only these: built-in names or scene files, with @ and a number variants of them [default: all built-in scenes]
+    /// Scenes to list: built-in names or scene files; NAME@N is a variant [default: all built-in scenes]
     #[arg(value_name = "SCENE")]
     pub(crate) scenes: Vec<String>,
-    /// Meshes, triangles, materials, tags, loading time and memory too
+    /// Also show meshes, triangles, materials, tags, loading time and memory
     #[arg(long)]
     pub(crate) stats: bool,
-    /// Draw a picture of each scene into this folder, and print the paths
+    /// Render an image of each scene into this folder, and print the paths
     #[arg(long, value_name = "DIR")]
     pub(crate) pictures: Option<PathBuf>,
-    /// Draw them under every light and weather, and variants as they are, small, on one picture (.jpg or .png)
+    /// Render a contact sheet of the scenes in every light and weather, variants in their own (.jpg or .png)
     #[arg(long, value_name = "FILE")]
     pub(crate) contact_sheet: Option<PathBuf>,
-    /// Print one JSON object on standard output, and nothing else there
+    /// Print only one JSON object on standard output
     #[arg(long)]
     pub(crate) json: bool,
 }
 
-/// Flies around in a scene, by keyboard and mouse, in a page that a browser opens.
+/// Serves a page to explore a scene with keyboard and mouse in a browser.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   spf sim view
   spf sim view --scene city --light dusk --listen 127.0.0.1:8000
 
-The address is printed on standard output. The page needs nothing from elsewhere; keys and buttons are explained on it. It \
-answers on this machine alone unless --listen names another address.")]
+The address is printed on standard output. The page is self-contained and lists its keys and buttons. It is only reachable \
+from this machine unless --listen gives another address.")]
 pub(crate) struct View {
-    /// Scene to begin in: a built-in name or a scene file; with @ and a number a variant of it
+    /// Initial scene: a built-in name or a scene file; NAME@N is a variant
     #[arg(long, value_name = "SCENE", default_value = "city")]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) conditions: ConditionArgs,
-    /// Where to begin: east,north,up,heading_deg[,pitch_deg] [default: where the scene is best shown]
+    /// Initial pose: east,north,up,heading_deg[,pitch_deg] [default: the scene's preview pose]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pub(crate) pose: Option<String>,
     /// Camera of this craft: quad or tello [default: the scene's]
     #[arg(long, value_name = "MODEL")]
     pub(crate) drone_model: Option<String>,
-    /// Address and port to answer on; port 0 takes one that is free
+    /// Address and port to listen on; port 0 picks a free one
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
     pub(crate) listen: String,
 }
 
-/// Makes labelled pointing data: pictures, instructions, and what they mean in the picture.
+/// Generates a labelled pointing dataset: images, instructions, and their targets in the image.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -124,49 +123,49 @@ Examples:
   spf sim dataset --scene city -n 1000 --seed 7 -o data --camera-effects noise,lens=tello_ros --pictures png
   spf sim dataset --scene city -n 2000 --seed 7 -o data --resume
 
-A quarter of the targets are not in the picture, and a quarter of the pictures hold something of the target's name in another \
-colour or quality. docs/guide/dataset.md describes the files; the same command gives the same bytes. Ctrl-C leaves whole examples, \
-and --resume goes on with them.")]
+By default a quarter of the examples do not show their target, and a quarter show a look-alike: an object of the same name \
+that differs in colour or another attribute. docs/guide/dataset.md describes the files; the same command gives the same \
+bytes. After Ctrl-C the examples so far are complete, and --resume continues.")]
 pub(crate) struct Dataset {
-    /// Scene, or several joined by commas, shown in turn: built-in names or scene files, with @ and a number variants of them
+    /// Scenes, comma-separated, used in turn: built-in names or scene files; NAME@N is a variant
     #[arg(long, value_name = "SCENE", default_value = "city")]
     pub(crate) scene: String,
     #[command(flatten)]
     pub(crate) conditions: ConditionArgs,
-    /// How many examples
+    /// Number of examples
     #[arg(short = 'n', long = "count", value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub(crate) count: u64,
-    /// Folder for the files; must be new or empty
+    /// Output folder; must be new or empty
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,
-    /// Seed of views and words
+    /// Random seed of views and instructions
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
-    /// Share of examples whose target is not in the picture
-    #[arg(long, value_name = "SHARE", default_value_t = 0.25, allow_negative_numbers = true)]
+    /// Fraction of examples whose target is not in the image
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.25, allow_negative_numbers = true)]
     pub(crate) absent: f64,
-    /// Share of examples with something that resembles the target
-    #[arg(long, value_name = "SHARE", default_value_t = 0.25, allow_negative_numbers = true)]
+    /// Fraction of examples with a look-alike of the target
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.25, allow_negative_numbers = true)]
     pub(crate) look_alikes: f64,
-    /// Least pixels of a target, counted at 960x720
+    /// Minimum target area, pixels at 960x720
     #[arg(long, value_name = "N", default_value_t = 256)]
     pub(crate) min_pixels: u32,
-    /// Picture size, WIDTHxHEIGHT [default: the camera's, 960x720]
+    /// Image size, WIDTHxHEIGHT [default: the camera's, 960x720]
     #[arg(long, value_name = "WxH")]
     pub(crate) size: Option<String>,
     /// Camera of this craft: quad or tello [default: the first scene's]
     #[arg(long, value_name = "MODEL")]
     pub(crate) drone_model: Option<String>,
-    /// What the camera does to its pictures: noise, exposure, lens, compression, each with =STRENGTH, or all [default: none]
+    /// Camera effects: noise, exposure, lens, compression, each with =STRENGTH, or all [default: none]
     #[arg(long, value_name = "EFFECTS")]
     pub(crate) camera_effects: Option<String>,
-    /// How pictures are kept: png or jpeg:QUALITY
+    /// Image format: png or jpeg:QUALITY
     #[arg(long, value_name = "FORMAT", default_value = "jpeg:90")]
     pub(crate) pictures: String,
-    /// Go on with the dataset that is in the folder
+    /// Resume the dataset in the folder
     #[arg(long, conflicts_with = "overwrite")]
     pub(crate) resume: bool,
-    /// Make the dataset that is in the folder anew
+    /// Overwrite the dataset in the folder
     #[arg(long)]
     pub(crate) overwrite: bool,
 }

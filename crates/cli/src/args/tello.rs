@@ -1,4 +1,4 @@
-//! What can be typed after `spf tello`.
+//! Arguments of `spf tello`.
 
 use std::path::PathBuf;
 
@@ -7,25 +7,25 @@ use clap::{Args, Subcommand};
 /// A DJI Tello.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Tello {
-    /// Measure what full stick does, in flight, for spf.toml
+    /// Measure the speeds at full stick in flight, for spf.toml
     Calibrate(Calibrate),
 }
 
-/// Flies a Tello for some 45 s and measures what full stick does.
+/// Flies a Tello for about 45 s and measures its speeds at full stick.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   spf tello calibrate >> spf.toml
   spf tello calibrate --drone tello@127.0.0.1
 
-It takes off, turns by some two thirds of a round, climbs and sinks by some 1 m, and flies ahead and back by some 1.3 m, each at half stick: keep 3 m \
-ahead and 2 m above free. What it tells of itself is compared before and after, so its heights (steps of 10 cm) and speeds (steps of \
-10 cm/s) limit what is measured; docs/guide/tello.md says how well. Ctrl-C lands.")]
+The drone takes off, yaws by about 240 degrees, climbs and descends by about 1 m, and flies forward and back by about 1.3 m, \
+each at half stick: keep 3 m ahead and 2 m above clear. The result is limited by the telemetry's resolution (10 cm in height, \
+10 cm/s in speed); docs/guide/tello.md gives the accuracy. Ctrl-C lands.")]
 pub(crate) struct Calibrate {
-    /// The drone: tello, or tello@ADDRESS [default: tello]
+    /// Drone: tello, or tello@ADDRESS [default: tello]
     #[arg(long, value_name = "DRONE")]
     pub(crate) drone: Option<String>,
-    /// Configuration file [default: spf.toml here]
+    /// Configuration file [default: ./spf.toml]
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
 }

@@ -26,8 +26,8 @@ pub(crate) fn manner(
         return Ok((policy, method));
     }
     let Some(policy) = policy.with_detector() else {
-        return Err(CliError::usage(format!("the policy {} has no obstacle mode with a detector", policy.name()))
-            .hint("--detector goes with --policy spf; typefly has lists of its own"));
+        return Err(CliError::usage(format!("the policy {} does not support --detector", policy.name()))
+            .hint("--detector requires --policy spf; typefly has its own detector"));
     };
     Ok((policy, PilotSettings { avoid: true, ..method }))
 }
@@ -69,12 +69,12 @@ fn detecting(settings: &Settings, name: &str) -> Result<Detecting, CliError> {
         let detector = open(name)?;
         let (width, height) = detector.input();
         let (name, classes) = (detector.name().to_owned(), detector.classes().len());
-        let sentence = format!("{name} detects {classes} classes in {width}×{height} pixels.");
+        let sentence = format!("Detector: {name}, {classes} classes, {width}×{height} pixels.");
         return Ok(Detecting { name, who: model_detects(detector), sentence });
     }
     let expected = "FILE.onnx, oracle, oracle:NAME or oracle:FILE";
     let (name, errors) = oracle_named(name, |_, near| settings.fly.detector.wrong(expected, near))?;
-    let sentence = format!("{name} detects: it reads the simulator's id pictures and knows COCO's classes.");
+    let sentence = format!("Detector: {name}, which reads the simulator's ID images and simulates the COCO classes.");
     Ok(Detecting { who: oracle_factory(name.clone(), errors), name, sentence })
 }
 
@@ -83,10 +83,10 @@ pub(crate) fn open(path: &str) -> Result<Detector, CliError> {
     Detector::open(Path::new(path)).map_err(|error| {
         let hint = match error {
             DetectError::NotBuilt => "cargo install --path crates/cli --features onnx",
-            DetectError::Read(_) => "name an ONNX file that can be read",
-            _ => "docs/guide/detector.md says which models are read, and how they are exported",
+            DetectError::Read(_) => "give a readable ONNX file",
+            _ => "docs/guide/detector.md lists the supported models and how to export them",
         };
-        CliError::usage(format!("the detector `{path}` cannot be used")).because(&error).hint(hint)
+        CliError::usage(format!("cannot load the detector `{path}`")).because(&error).hint(hint)
     })
 }
 

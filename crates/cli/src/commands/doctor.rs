@@ -37,7 +37,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     checks.extend(doctor::disk(Path::new(".")));
     if printer.is_json() {
         let text = serde_json::to_string(&checks)
-            .map_err(|error| CliError::internal("the checks cannot be written as JSON").because(&error))?;
+            .map_err(|error| CliError::internal("cannot write the checks as JSON").because(&error))?;
         printer.data(&text);
     } else {
         printer.result(&table(&checks.iter().map(row).collect::<Vec<_>>()));
@@ -63,7 +63,7 @@ fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
     let time = settings.reply_timeout()?;
     match (pointing.who)(None, 0) {
         Ok(mut vlm) => Ok(Some(doctor::vlm(&pointing.name, vlm.as_mut(), time))),
-        Err(error) => Ok(bad(&CliError::usage("the VLM cannot be asked").because(&*error))),
+        Err(error) => Ok(bad(&CliError::usage("cannot query the VLM").because(&*error))),
     }
 }
 
@@ -85,9 +85,9 @@ fn refused(what: &'static str, error: &CliError) -> Check {
 
 fn row(check: &Check) -> Vec<String> {
     let finding = match check.finding {
-        Finding::Good => "good",
-        Finding::Warning => "look",
-        Finding::Bad => "BAD",
+        Finding::Good => "ok",
+        Finding::Warning => "warn",
+        Finding::Bad => "FAIL",
     };
     let advice = check.advice.as_deref().map_or(String::new(), |advice| format!(" → {advice}"));
     vec![finding.to_owned(), check.what.to_owned(), format!("{}{advice}", check.found)]

@@ -81,7 +81,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     printer.start_live();
     said.iter().for_each(|line| printer.say(line));
     if let Some(view) = &view {
-        tell_view(view, &printer);
+        print_live_address(view, &printer);
     }
     if manual.is_on() {
         printer.say(HELP);
@@ -94,19 +94,19 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
         give_back(&out);
         match error {
             FlightError::Start(_) => {
-                CliError::usage("the flight cannot begin").because(&error).hint("choose another start with --start")
+                CliError::usage("cannot start the flight").because(&error).hint("use another start with --start")
             }
-            FlightError::Vlm(_) => CliError::usage("the flight cannot begin").because(&error),
-            _ => CliError::internal("the flight cannot begin").because(&error),
+            FlightError::Vlm(_) => CliError::usage("cannot start the flight").because(&error),
+            _ => CliError::internal("cannot start the flight").because(&error),
         }
     })?;
     for problem in &flown.recording_problems {
-        printer.say(&format!("warning: not recorded: {problem}"));
+        printer.say(&format!("warning: recording failed: {problem}"));
     }
     if let Some(camera) = camera {
         let tally = camera.tally();
         printer.say(&format!(
-            "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} refused, {} overtaken by newer ones",
+            "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} rejected, {} superseded by newer ones",
             tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused, tally.overtaken
         ));
     }
@@ -117,26 +117,24 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
 /// Creates the output folder of the flight.
 fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
     OutDir::create(settings.fly.out.text().map(Path::new), instruction).map_err(|error| {
-        CliError::usage("no folder for the flight's files")
-            .because(&error)
-            .hint("name a new or an empty folder with --out DIR: one flight's files are not mixed with another's")
+        CliError::usage("no folder for the flight's files").because(&error).hint("give a new or empty folder with --out DIR")
     })
 }
 
 /// Starts the live view, if requested.
 fn live_view(address: SocketAddr) -> Result<Live, CliError> {
     Live::bind(address, "spf", spf_flight::log::topics()).map_err(|error| {
-        CliError::usage(format!("nobody can look on at {address}"))
+        CliError::usage(format!("cannot start the live view on {address}"))
             .because(&error)
-            .hint("--live=127.0.0.1:0 takes a port that is free")
+            .hint("--live=127.0.0.1:0 picks a free port")
     })
 }
 
-fn tell_view(view: &Live, printer: &Printer) {
+fn print_live_address(view: &Live, printer: &Printer) {
     let address = view.address();
     printer.say(&format!("Live view: open a Foxglove WebSocket connection to ws://{address}"));
     if !address.ip().is_loopback() {
-        printer.say("warning: whoever can reach this address sees the flight");
+        printer.say("warning: anyone who can reach this address can watch the flight");
     }
 }
 
@@ -149,14 +147,13 @@ fn give_back(out: &OutDir) {
 
 /// The VLM, and the craft's time from a zero setpoint to standstill at cruise speed.
 fn sentence(points: &str, craft: &Craft) -> String {
-    format!("{points} Standstill after a stop: {:.2} s at cruise.", craft.standstill_time(craft.cruise_speed))
+    format!("{points} Stopping time from cruise speed: {:.2} s.", craft.standstill_time(craft.cruise_speed))
 }
 
 /// A flight in the simulator.
 fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready, CliError> {
     if args.world.tello_motion.is_some() {
-        return Err(CliError::usage("--tello-motion is about a Tello, and this flight has none")
-            .hint("--drone tello flies one; --motion tells how the simulated craft moves"));
+        return Err(CliError::usage("--tello-motion requires --drone tello").hint("use --motion for the simulated craft"));
     }
     let (preset, policy) = manner(settings)?;
     let (policy, method) = detector::manner(settings, policy, method(settings, preset)?)?;
@@ -230,7 +227,7 @@ struct Printed<'a> {
 
 fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), CliError> {
     let printed = serde_json::to_string(&Printed { summary, out_dir })
-        .map_err(|error| CliError::internal("the summary cannot be written as JSON").because(&error))?;
+        .map_err(|error| CliError::internal("cannot write the summary as JSON").because(&error))?;
     if printer.is_json() {
         printer.data(&printed);
         return Ok(());
@@ -242,7 +239,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         None => "",
     };
     printer.result(&format!("{}{verified}: {}", words::outcome(summary.outcome), summary.cause));
-    let time = summary.completion_time_s.map_or("nothing moved".to_owned(), |time| format!("{time:.1} s from first motion"));
+    let time = summary.completion_time_s.map_or("no motion".to_owned(), |time| format!("{time:.1} s from first motion"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
     let touched: Vec<&str> = summary.touched.iter().map(|touch| touch.object.as_str()).collect();
     let touched = if touched.is_empty() { String::new() } else { format!(" (with {})", touched.join(", ")) };
@@ -253,7 +250,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         counted(summary.collisions, "collision"),
     ));
     if let Some(GlassToDecision { median_s, worst_s }) = summary.glass_to_decision {
-        printer.result(&format!("glass to decision: median {median_s:.2} s, worst {worst_s:.2} s"));
+        printer.result(&format!("frame-to-decision latency: median {median_s:.2} s, worst {worst_s:.2} s"));
     }
     if let Some(used) = &summary.vlm_use {
         printer.result(&words::vlm_use(used));
@@ -261,7 +258,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     printer.result(&format!("files: {}", out_dir.display()));
     // A real flight has neither scene nor truth.
     if summary.targets.is_empty() && !summary.scene.is_empty() {
-        printer.say("hint: nothing in this scene fits these words, as the simulator's ground truth reads them");
+        printer.say("hint: the simulator found no target for this instruction in the scene");
     }
     Ok(())
 }

@@ -28,7 +28,7 @@ use crate::error::CliError;
 pub(crate) fn load_scene(name: &str, conditions: &SceneLook) -> Result<LoadedScene, CliError> {
     LoadedScene::load_with(name, conditions).map_err(|error| {
         let built_in = Scene::built_in().join(", ");
-        CliError::usage(format!("the scene `{name}` cannot be flown in"))
+        CliError::usage(format!("cannot load the scene `{name}`"))
             .because(&error)
             .hint(format!("built-in scenes: {built_in}; or a scene file (docs/reference/scene-format.md)"))
     })
@@ -39,6 +39,6 @@ pub(crate) fn read(path: &Path, what: &str) -> Result<String, CliError> {
     std::fs::read_to_string(path).map_err(|error| {
         CliError::usage(format!("cannot read the {what} file `{}`", path.display()))
             .because(&error)
-            .hint("paths are taken from the working directory")
+            .hint("relative paths start at the working directory")
     })
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 use spf_flight::log::Head;
-use spf_flight::reask::{Asker, Mind, Opinion, Pointed, Question, questions};
+use spf_flight::reask::{Asker, Pointed, Question, ReplyPair, Responder, questions};
 use spf_media::jpeg::Jpeg;
 use spf_record::log::LogReader;
 use spf_scene::{Lighting, SceneLook, Weather};
@@ -27,7 +27,7 @@ const QUALITY: u8 = 90;
 struct Printed<'a> {
     flight: &'a str,
     now: &'a str,
-    opinions: &'a [Opinion],
+    opinions: &'a [ReplyPair],
 }
 
 /// Sends the queries and compares the replies.
@@ -35,10 +35,10 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
     let reader = LogReader::open(&args.file).map_err(|error| unreadable(&args.file, &error))?;
     let (head, questions) = questions(reader).map_err(|error| unreplayable(&args.file, &error))?;
     let settings = Settings::of(args, printer)?;
-    let (name, mind) = mind(&settings, vlm)?;
+    let (name, responder) = responder(&settings, vlm)?;
     let mut asker = stage_of(&head).and_then(|loaded| {
-        Asker::new(&head, Arc::new(loaded), &name, mind)
-            .map_err(|error| CliError::usage("nobody can be asked about this flight").because(&error))
+        Asker::new(&head, Arc::new(loaded), &name, responder)
+            .map_err(|error| CliError::usage("cannot query a VLM about this flight").because(&error))
     })?;
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out)
@@ -57,7 +57,7 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
     }
     let printed = Printed { flight: &head.vlm, now: &name, opinions: &opinions };
     if args.json {
-        let text = serde_json::to_string(&printed).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+        let text = serde_json::to_string(&printed).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         printer.data(&text);
     } else {
         printer.result(&summary(&printed));
@@ -66,42 +66,40 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
 }
 
 /// The model that is queried.
-fn mind(settings: &Settings, vlm: &str) -> Result<(String, Mind), CliError> {
+fn responder(settings: &Settings, vlm: &str) -> Result<(String, Responder), CliError> {
     if vlm == "oracle" || vlm.starts_with("oracle:") {
         let (name, errors) = oracle_named(vlm, |expected, near| settings.fly.vlm.wrong(expected, near))?;
-        return Ok((name, Mind::Oracle(Box::new(errors))));
+        return Ok((name, Responder::Oracle(Box::new(errors))));
     }
     if vlm.starts_with("replay:") {
-        return Err(CliError::usage(format!("`{vlm}` answers the questions of its own flight, not those of another"))
-            .hint("oracle:poor or gemini, for example"));
+        return Err(CliError::usage(format!("`{vlm}` can only replay its own flight")).hint("for example oracle:poor or gemini"));
     }
     let pointing = pointing(settings, None)?;
-    Ok((pointing.name, Mind::Other(pointing.who)))
+    Ok((pointing.name, Responder::Other(pointing.who)))
 }
 
 fn stage_of(head: &Head) -> Result<spf_flight::sim::LoadedScene, CliError> {
     let Some(sim) = &head.sim else {
-        return Err(CliError::usage("the flight was not flown in the simulator")
-            .hint("what its camera saw cannot be drawn again, so that nobody can be asked about it"));
+        return Err(CliError::usage("the flight was not simulated").hint("its camera frames cannot be rendered again"));
     };
     let lighting = Lighting::ALL.into_iter().find(|light| light.name() == sim.light);
     let weather = Weather::ALL.into_iter().find(|weather| weather.name() == sim.weather);
     load_scene(&sim.scene, &SceneLook { lighting, weather })
 }
 
-fn write_picture(out: &Path, asker: &Asker, question: &Question, opinion: &Opinion, then: &str) -> Result<(), CliError> {
+fn write_picture(out: &Path, asker: &Asker, question: &Question, opinion: &ReplyPair, then: &str) -> Result<(), CliError> {
     let picture = asker.picture(question, opinion, then);
     let path = out.join(format!("{:04}.jpg", opinion.query.0));
-    let jpeg = Jpeg::encode(&picture, QUALITY).map_err(|error| CliError::internal("no picture can be made").because(&error))?;
+    let jpeg = Jpeg::encode(&picture, QUALITY).map_err(|error| CliError::internal("cannot render the image").because(&error))?;
     std::fs::write(&path, jpeg.bytes())
         .map_err(|error| CliError::internal(format!("cannot write `{}`", path.display())).because(&error))
 }
 
-fn line(opinion: &Opinion) -> String {
+fn line(opinion: &ReplyPair) -> String {
     let words = |pointed: &Option<Pointed>, none: &str| pointed.as_ref().map_or(none.to_owned(), Pointed::words);
     let apart = opinion.apart.map_or(String::new(), |apart| format!("; {:.1} % apart", 100.0 * apart));
-    let failed = opinion.failed.as_deref().unwrap_or("no answer");
-    let (then, now) = (words(&opinion.then, "nothing in time"), words(&opinion.now, failed));
+    let failed = opinion.failed.as_deref().unwrap_or("no reply");
+    let (then, now) = (words(&opinion.then, "no reply in time"), words(&opinion.now, failed));
     format!("query {:>3}, frame {:>5}: {then} | {now}{apart}", opinion.query.0, opinion.frame)
 }
 
@@ -116,7 +114,7 @@ fn summary(printed: &Printed<'_>) -> String {
     let same_label = answers.clone().filter(|(a, b)| a.point.is_some() && b.point.is_some() && a.depth == b.depth).count();
     let same = answers.filter(|(a, b)| a.status == b.status).count();
     let failed = opinions.iter().filter(|opinion| opinion.failed.is_some()).count();
-    let failed = if failed > 0 { format!(" ({failed} without an answer)") } else { String::new() };
+    let failed = if failed > 0 { format!(" ({failed} without a reply)") } else { String::new() };
     let costs: Vec<f64> = opinions.iter().filter_map(|opinion| opinion.cost_usd).collect();
     let cost = if costs.is_empty() { String::new() } else { format!("; {:.4} $", costs.iter().sum::<f64>()) };
     format!(

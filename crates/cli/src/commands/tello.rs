@@ -36,7 +36,7 @@ fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
     let interrupts = interrupts()?;
     let start = Instant::now();
     let Connected { drone, warning, .. } = real::connect(target.as_ref(), &options, start, printer)?;
-    printer.say("Measuring for some 45 s: keep 3 m ahead and 2 m above free.");
+    printer.say("Measuring for about 45 s: keep 3 m ahead and 2 m above clear.");
     printer.say(warning);
     match calibrate(drone, options.tello.calibration, start, interrupts) {
         Ok(measured) => {
@@ -44,10 +44,10 @@ fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
             Ok(Exit::Success)
         }
         Err(error @ CalibrateError::Ended(_)) => {
-            printer.say(&format!("nothing is printed: {error}"));
+            printer.say(&format!("calibration incomplete: {error}"));
             Ok(Exit::Aborted)
         }
-        Err(error) => Err(CliError::internal("the drone cannot be measured").because(&error)),
+        Err(error) => Err(CliError::internal("cannot calibrate the drone").because(&error)),
     }
 }
 

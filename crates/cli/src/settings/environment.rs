@@ -63,7 +63,7 @@ impl Settings {
         let warning = |(name, place): (String, &str)| {
             let near = nearest(&name, known()).map_or(String::new(), |near| format!("did you mean `{near}`? "));
             let name = one_line(&name);
-            format!("warning: unknown variable `{name}` in {place} is left alone: {near}`spf config show` lists every key")
+            format!("warning: unknown variable `{name}` in {place} is ignored: {near}`spf config show` lists every key")
         };
         unknown.map(warning).collect()
     }
@@ -77,7 +77,7 @@ fn dotenv() -> Result<BTreeMap<String, String>, CliError> {
         for line in lines {
             // The error would quote the line, and with it perhaps a key.
             let (name, value) = line.map_err(|_| {
-                CliError::usage("a line of .env cannot be read").hint("write NAME=value, one a line; quote values with spaces")
+                CliError::usage("invalid line in .env").hint("use NAME=value, one per line; quote values with spaces")
             })?;
             variables.insert(name, value);
         }

@@ -14,8 +14,8 @@ impl Settings {
     pub(super) fn read_file(&mut self, path: &Path) -> Result<(), CliError> {
         let shown = path.display();
         let text = std::fs::read_to_string(path)
-            .map_err(|error| CliError::usage(format!("cannot read the configuration `{shown}`")).because(&error))
-            .map_err(|error| error.hint("name a file that can be read with --config, or leave it out for ./spf.toml"))?;
+            .map_err(|error| CliError::usage(format!("cannot read the configuration file `{shown}`")).because(&error))
+            .map_err(|error| error.hint("give a readable file with --config, or omit it to use ./spf.toml"))?;
         self.read_text(path, &text)
     }
 
@@ -43,8 +43,10 @@ impl Settings {
                     DeValue::Float(number) => number.to_string(),
                     DeValue::Boolean(value) => value.to_string(),
                     DeValue::Datetime(_) | DeValue::Array(_) | DeValue::Table(_) => {
-                        return Err(CliError::usage(format!("{shown}:{line}: `{full}` is not one text, number, true or false"))
-                            .hint(row.key().meaning()));
+                        return Err(CliError::usage(format!(
+                            "{shown}:{line}: `{full}` must be a string, a number, true or false"
+                        ))
+                        .hint(row.key().meaning()));
                     }
                 };
                 row.say(value, Origin::File(path.to_owned(), line));

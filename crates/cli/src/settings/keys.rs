@@ -33,9 +33,9 @@ settings! {
         drone: DroneName = "sim", Drone, "SPF_DRONE", "--drone";
         /// craft to simulate, quad or tello; empty: the scene's
         drone_model: CraftKind = "", Word, "SPF_DRONE_MODEL", "--drone-model";
-        /// how decisions are made: spf[-detector], plain[-numeric|-discrete], pivot[-parallel], typefly[-coco|-once]
+        /// decision policy: spf[-detector], plain[-numeric|-discrete], pivot[-parallel], typefly[-coco|-once]
         policy: PolicyKind = "spf", Word, "SPF_POLICY", "--policy";
-        /// named set of choices: default or paper
+        /// preset: default or paper
         preset: Preset = "default", Word, "SPF_PRESET", "--preset";
         /// step length: adaptive or fixed:METRES; empty: the preset's
         step: StepRule = "", Step, "SPF_STEP", "--step";
@@ -43,39 +43,39 @@ settings! {
         motion: Motion = "", Word, "SPF_MOTION", "--motion";
         /// stop or continuous; empty: the preset's
         think: Think = "", Word, "SPF_THINK", "--think";
-        /// setpoints a second, 5 to 100
+        /// setpoint rate, 5 to 100 Hz
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
         /// obstacle mode: true or false
         avoid: bool = "false", Word, "SPF_AVOID", "--avoid" says "true";
         /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM gives the boxes
         detector: String = "", Text, "SPF_DETECTOR", "--detector";
-        /// who points: NAME[#MODEL][@URL], auto, replay:FILE, oracle, oracle:NAME or oracle:FILE
+        /// VLM: NAME[#MODEL][@URL], auto, replay:FILE, oracle, oracle:NAME or oracle:FILE
         vlm: String = "oracle", Text, "SPF_VLM", "--vlm";
-        /// with a real drone, ask the VLM about images of a dot before take-off: true or false
+        /// with a real drone, check the VLM's pointing before take-off: true or false
         vlm_check: bool = "true", Word, "SPF_VLM_CHECK", "--no-vlm-check" says "false";
-        /// seed of all chance, a whole number
+        /// random seed, a whole number
         seed: u64 = "0", Count(0, u64::MAX), "SPF_SEED", "--seed";
-        /// wind m/s[,from=DEG][,gust=M_S][,gust_time=S], from the north unless said; empty: still air
+        /// wind m/s[,from=DEG][,gust=M_S][,gust_time=S], from the north by default; empty: still air
         wind: Wind = "", Explained("a wind"), "SPF_WIND", "--wind";
         /// battery charge at the start, 0 to 1
         battery: f64 = "1", Number(0.0, 1.0), "SPF_BATTERY", "--battery";
-        /// flight time after which the flight is a timeout, seconds
+        /// maximum flight time, seconds
         max_time_s: f64 = "180", Number(1.0, 86_400.0), "SPF_MAX_TIME_S", "--max-time";
-        /// decisions after which the flight is a timeout
+        /// maximum number of decisions
         max_decisions: u32 = "60", Count(1, 100_000), "SPF_MAX_DECISIONS", "--max-decisions";
-        /// how long a VLM's answer is waited for, seconds
+        /// timeout of a VLM reply, seconds
         reply_timeout_s: f64 = "20", Number(0.1, 600.0), "SPF_REPLY_TIMEOUT_S";
-        /// US dollars for the VLM after which the flight ends; empty: no limit
+        /// VLM cost limit of the flight, US dollars; empty: no limit
         max_cost_usd: f64 = "", Number(0.0, 1e6), "SPF_MAX_COST_USD", "--max-cost";
-        /// prompt file (docs/guide/vlm.md); empty: the shipped one
+        /// prompt file (docs/guide/vlm.md); empty: built-in
         prompt: String = "", Text, "SPF_PROMPT", "--prompt";
-        /// GeoJSON file with polygons to stay in, local east/north metres; empty: none
+        /// geofence: GeoJSON file with polygons in local east/north metres; empty: none
         geofence: String = "", Text, "SPF_GEOFENCE", "--geofence";
-        /// fly on the wall clock: true or false
+        /// fly in real time: true or false
         realtime: bool = "false", Word, "SPF_REALTIME", "--realtime" says "true";
-        /// make video.mp4: true or false
+        /// record video.mp4: true or false
         video: bool = "true", Word, "SPF_VIDEO", "--no-video" says "false";
-        /// address and port of the live view for Foxglove, such as 127.0.0.1:8765; empty: none
+        /// address and port of the Foxglove live view, such as 127.0.0.1:8765; empty: none
         live: SocketAddr = "", Parsed("an address and a port, such as 127.0.0.1:8765"), "SPF_LIVE", "--live";
         /// folder for the flight's files; empty: flights/NNN-instruction
         out: String = "", Text, "SPF_OUT", "--out";
@@ -89,37 +89,37 @@ settings! {
 
     /// Asking models: `[vlm]`.
     vlm: Vlm {
-        /// new file that the VLM's answers are recorded in; empty: none
+        /// new file to record the VLM's replies to; empty: none
         record: String = "", Text, "SPF_VLM_RECORD", "--vlm-record";
-        /// VLM that is asked when the first one fails; empty: none
+        /// fallback VLM, used when the first one fails; empty: none
         fallback: String = "", Text, "SPF_VLM_FALLBACK", "--vlm-fallback";
-        /// seconds without an answer after which a second request goes out; empty: never
+        /// seconds without a reply after which a second request is sent; empty: never
         hedge_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_HEDGE_S", "--vlm-hedge";
-        /// TOML file with rows for the table of models; empty: none
+        /// TOML file with additional model definitions; empty: none
         models: String = "", Text, "SPF_VLM_MODELS", "--vlm-models";
-        /// longest side of images sent, pixels; empty: the model's, 768
+        /// longest side of images sent to the VLM, pixels; empty: the model's, 768
         image_long_side: u32 = "", Count(64, 8192), "SPF_VLM_IMAGE_LONG_SIDE";
-        /// quality of images sent, 1 to 100
+        /// JPEG quality of images sent to the VLM, 1 to 100
         jpeg_quality: u8 = "70", Count(1, 100), "SPF_VLM_JPEG_QUALITY";
     }
 
     /// A Tello: `[tello]`.
     tello: Tello {
-        /// how a Tello flies: rc, or go (steps that it ends by itself; docs/guide/tello.md)
+        /// Tello control mode: rc (velocity commands) or go (self-terminating moves; docs/guide/tello.md)
         motion: TelloMotion = "rc", Word, "SPF_TELLO_MOTION", "--tello-motion";
-        /// this machine's address towards the Tello; empty: any
+        /// local address to bind for the Tello; empty: any
         local: IpAddr = "", Parsed("an address of this machine, such as 192.168.10.2"), "SPF_TELLO_LOCAL";
-        /// UDP port that the Tello's state comes to
+        /// local UDP port for the Tello's state
         state_port: u16 = "8890", Parsed("a port, 1 to 65535"), "SPF_TELLO_STATE_PORT";
-        /// UDP port that the Tello's video comes to
+        /// local UDP port for the Tello's video
         video_port: u16 = "11111", Parsed("a port, 1 to 65535"), "SPF_TELLO_VIDEO_PORT";
-        /// from the Tello's shutter to the arrival of the image, seconds
+        /// latency of the Tello's video, shutter to arrival, seconds
         video_latency_s: f64 = "0.15", Number(0.0, 2.0), "SPF_TELLO_VIDEO_LATENCY_S";
         /// horizontal speed of `rc 0 100 0 0`, m/s
         speed_m_s: f64 = "1.0", Number(0.1, 10.0), "SPF_TELLO_SPEED_M_S";
         /// climb rate of `rc 0 0 100 0`, m/s
         climb_m_s: f64 = "1.0", Number(0.1, 10.0), "SPF_TELLO_CLIMB_M_S";
-        /// sink rate of `rc 0 0 -100 0`, m/s
+        /// descent rate of `rc 0 0 -100 0`, m/s
         sink_m_s: f64 = "0.8", Number(0.1, 10.0), "SPF_TELLO_SINK_M_S";
         /// yaw rate of `rc 0 0 0 100`, degrees per second
         yaw_deg_s: f64 = "95", Number(10.0, 360.0), "SPF_TELLO_YAW_DEG_S";
@@ -129,19 +129,19 @@ settings! {
     envelope: Envelope {
         /// horizontal speed limit, m/s; empty: the craft's
         max_speed_m_s: f64 = "", Number(0.1, 30.0), "SPF_MAX_SPEED_M_S";
-        /// climb and sink rate limit, m/s; empty: the craft's
+        /// climb and descent rate limit, m/s; empty: the craft's
         max_climb_m_s: f64 = "", Number(0.1, 10.0), "SPF_MAX_CLIMB_M_S";
         /// yaw rate limit, degrees per second; empty: the craft's
         max_yaw_rate_deg_s: f64 = "", Number(1.0, 360.0), "SPF_MAX_YAW_RATE_DEG_S";
-        /// lowest height that is sunk to, metres above take-off; empty: 0.3
+        /// minimum height above take-off, metres; empty: 0.3
         min_altitude_m: f64 = "", Number(0.0, 100.0), "SPF_MIN_ALTITUDE_M";
-        /// greatest height above take-off, metres; empty: the scene's, else 120
+        /// maximum height above take-off, metres; empty: the scene's, else 120
         max_altitude_m: f64 = "", Number(1.0, 1000.0), "SPF_MAX_ALTITUDE_M";
-        /// greatest distance from take-off, metres; empty: 300
+        /// maximum distance from take-off, metres; empty: 300
         max_distance_m: f64 = "", Number(1.0, 10_000.0), "SPF_MAX_DISTANCE_M";
-        /// charge, 0 to 1, below which the flight ends; empty: the craft's
+        /// battery charge, 0 to 1, below which the flight ends; empty: the craft's
         low_battery: f64 = "", Number(0.0, 1.0), "SPF_LOW_BATTERY";
-        /// failed replies in a row after which it lands; empty: the envelope's
+        /// consecutive failed replies before landing; empty: the envelope's
         max_failed_replies: u32 = "", Count(1, 1000), "SPF_MAX_FAILED_REPLIES";
     }
 }

@@ -66,8 +66,8 @@ fn the_meaning_of_the_policy_tells_every_name() {
             kind.iter().map(|policy| &policy.name()[stem(policy).len()..]).filter(|rest| !rest.is_empty()).collect();
         if rest.is_empty() { stem(&kind[0]).to_owned() } else { format!("{}[{}]", stem(&kind[0]), rest.join("|")) }
     });
-    let told = format!("how decisions are made: {}", kinds.collect::<Vec<_>>().join(", "));
-    assert_eq!(row(&Settings::default(), "fly.policy").key().doc, told);
+    let documented = format!("decision policy: {}", kinds.collect::<Vec<_>>().join(", "));
+    assert_eq!(row(&Settings::default(), "fly.policy").key().doc, documented);
 }
 
 #[test]
@@ -157,9 +157,9 @@ fn unknown_variables_are_warned_about_once_each() {
     assert_eq!(
         warnings,
         [
-            "warning: unknown variable `SPF_ORGANISATION_CHART` in the environment is left alone: `spf config show` lists every key",
-            "warning: unknown variable `SPF_SCEEN` in the environment is left alone: did you mean `SPF_SCENE`? `spf config show` lists every key",
-            "warning: unknown variable `SPF_THNIK` in .env is left alone: did you mean `SPF_THINK`? `spf config show` lists every key",
+            "warning: unknown variable `SPF_ORGANISATION_CHART` in the environment is ignored: `spf config show` lists every key",
+            "warning: unknown variable `SPF_SCEEN` in the environment is ignored: did you mean `SPF_SCENE`? `spf config show` lists every key",
+            "warning: unknown variable `SPF_THNIK` in .env is ignored: did you mean `SPF_THINK`? `spf config show` lists every key",
         ]
     );
 }

@@ -78,7 +78,7 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     fs::copy(lab.path("whole/bench.json"), lab.path("torn/bench.json")).unwrap();
     lab.write("torn/results.jsonl", format!("{}{}{}", lines[6], lines[1], &lines[3][..40]));
     let resumed = run(&lab, &["--method", "spf,straight", "-o", "torn"]);
-    assert!(resumed.stderr.contains("2 of 8 trials are there already"), "{}", resumed.stderr);
+    assert!(resumed.stderr.contains("2 of 8 trials already done"), "{}", resumed.stderr);
     assert_eq!(lab.read("torn/results.jsonl"), bytes);
     // Ways of rows that were there are kept, not flown again.
     assert_eq!(rows(&lab.path("torn/paths.jsonl")).len(), 6);
@@ -97,7 +97,7 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     assert_eq!(merged["command"], made["command"]);
 
     let other = run(&lab, &["--method", "spf", "-o", "whole"]);
-    assert!(other.code == Some(2) && other.stderr.contains("another plan"), "{}", other.stderr);
+    assert!(other.code == Some(2) && other.stderr.contains("a different plan"), "{}", other.stderr);
 }
 
 #[test]
@@ -206,8 +206,8 @@ fn a_browser_shows_the_report() {
 fn folders_that_are_none_of_results_are_told() {
     let lab = Lab::new();
     for (args, said) in [
-        (["bench", "report"].as_slice(), "`bench-results` is no folder of results"),
-        (&["bench", "report", "a", "b"], "name it with -o DIR"),
+        (["bench", "report"].as_slice(), "`bench-results` is not a results folder"),
+        (&["bench", "report", "a", "b"], "set it with -o DIR"),
     ] {
         let run = lab.spf(args);
         assert!(run.code == Some(2) && run.stderr.contains(said), "{}", run.stderr);

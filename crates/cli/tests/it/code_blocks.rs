@@ -66,7 +66,10 @@ fn commands(text: &str) -> Vec<(usize, Vec<String>)> {
             let words = shlex::split(line.trim_start_matches("$ ")).unwrap_or_default();
             let program = words.iter().position(|word| !is_variable(word)).unwrap_or_default();
             if words.get(program).is_some_and(|word| word == "spf") {
-                found.push((block.line + offset, words[program + 1..].to_vec()));
+                let args = &words[program + 1..];
+                // What the shell does with the output is not the program's.
+                let end = args.iter().position(|word| matches!(word.as_str(), ">" | ">>" | "|")).unwrap_or(args.len());
+                found.push((block.line + offset, args[..end].to_vec()));
             }
         }
     }
@@ -125,9 +128,11 @@ fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
             }
             "-n" => {
                 args.next();
-                short.extend([word, "2".to_owned()]);
+                short.extend([word, "1".to_owned()]);
             }
             "docs/bench/example" => short.push("example".to_owned()),
+            // A new folder each time.
+            "DIR" => short.push((0..).map(|n| format!("DIR{n}")).find(|name| !lab.path(name).exists()).unwrap()),
             _ if word.contains("001-…") => {
                 let flight = lab.names("flights").into_iter().next().unwrap_or_else(|| panic!("no flight before it"));
                 short.push(word.replace("001-…", &flight));
@@ -136,8 +141,9 @@ fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
         }
     }
     match short.first().map(String::as_str) {
+        Some("sim") if short[1] == "scenes" => short.retain(|word| word != "--pictures" && word != "previews"),
         Some("fly") => short.push("--no-video".to_owned()),
-        Some("bench") if short[1] == "run" => short.extend(["--trials".to_owned(), "1".to_owned()]),
+        Some("bench") if matches!(short[1].as_str(), "run" | "check") => short.extend(["--trials".to_owned(), "1".to_owned()]),
         _ => {}
     }
     short

@@ -209,11 +209,11 @@ fn the_same_seed_gives_the_same_bytes_also_in_pieces() {
     std::fs::write(&path, &text[..text.len() - 40]).unwrap();
     let refused = make(&lab, "pieces", "6", &[]);
     assert_eq!(refused.code, Some(2));
-    assert!(refused.stderr.contains("--resume") && refused.stderr.contains("holds a dataset"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("--resume") && refused.stderr.contains("already holds a dataset"), "{}", refused.stderr);
     let other = make(&lab, "pieces", "6", &["--resume", "--min-pixels", "999"]);
-    assert!(other.code == Some(2) && other.stderr.contains("other settings"), "{}", other.stderr);
+    assert!(other.code == Some(2) && other.stderr.contains("different settings"), "{}", other.stderr);
     let resumed = make(&lab, "pieces", "6", &["--resume"]);
-    assert!(resumed.code == Some(0) && resumed.stderr.contains("3 of 6 examples are there"), "{}", resumed.stderr);
+    assert!(resumed.code == Some(0) && resumed.stderr.contains("3 of 6 examples already done"), "{}", resumed.stderr);
     for folder in ["pictures", "ids", "depth", "openings", "masks", "legends"] {
         let names = lab.names(&format!("whole/{folder}"));
         assert_eq!(names, lab.names(&format!("pieces/{folder}")));

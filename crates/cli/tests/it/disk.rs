@@ -31,7 +31,7 @@ fn flew_on(run: &crate::harness::Run) {
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     let summary: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
     assert_eq!((summary["outcome"].as_str(), &summary["finished_at_s"]), (Some("timeout"), &12.0.into()), "{summary}");
-    assert!(run.stderr.contains("warning: not recorded: cannot write"), "{}", run.stderr);
+    assert!(run.stderr.contains("warning: recording failed: cannot write"), "{}", run.stderr);
 }
 
 /// No file may grow past 12 KiB: a write fails in the middle, as on a full disk.

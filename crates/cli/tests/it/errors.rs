@@ -180,9 +180,9 @@ fn a_variable_that_nobody_knows_is_warned_about_and_left_alone() {
     let run = Run::of(&command.envs([("SPF_SEEDS", "1"), ("SPF_SCEEN", "city"), ("SPF_SHARDS", "4")]).output().unwrap());
     assert_eq!((run.code, run.stdout.starts_with('[')), (Some(0), true), "{}", run.stderr);
     insta::assert_snapshot!(run.stderr, @r"
-    warning: unknown variable `SPF_SCEEN` in the environment is left alone: did you mean `SPF_SCENE`? `spf config show` lists every key
-    warning: unknown variable `SPF_SEEDS` in the environment is left alone: did you mean `SPF_SEED`? `spf config show` lists every key
-    warning: unknown variable `SPF_THNIK` in .env is left alone: did you mean `SPF_THINK`? `spf config show` lists every key
+    warning: unknown variable `SPF_SCEEN` in the environment is ignored: did you mean `SPF_SCENE`? `spf config show` lists every key
+    warning: unknown variable `SPF_SEEDS` in the environment is ignored: did you mean `SPF_SEED`? `spf config show` lists every key
+    warning: unknown variable `SPF_THNIK` in .env is ignored: did you mean `SPF_THINK`? `spf config show` lists every key
     ");
 }
 
@@ -203,6 +203,6 @@ fn a_start_inside_something_leaves_no_folder() {
     // Half in the south wall of the tall white building.
     let run = lab.spf(&["fly", "crane", "--start", "-24,92,0.5,0", "--out", "mine"]);
     assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""), "{}", run.stderr);
-    assert!(run.stderr.contains("is inside `") && run.stderr.contains("hint: choose another start"), "{}", run.stderr);
+    assert!(run.stderr.contains("is inside `") && run.stderr.contains("hint: use another start"), "{}", run.stderr);
     assert_eq!(lab.names("."), Vec::<String>::new());
 }

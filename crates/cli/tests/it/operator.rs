@@ -75,7 +75,7 @@ fn setpoints_fly_by_hand() {
     let by_hand = "[[event]]\nat_s = 12\ndo = \"setpoint\"\nforward_m_s = -1.0\nup_m_s = 0.5\nfor_s = 4\n";
     let (code, summary, decisions, said) = fly("30", &format!("{by_hand}[[event]]\nat_s = 20\ndo = \"resume\"\n"));
     assert_eq!((code, summary["outcome"].as_str()), (3, Some("timeout")), "{said}");
-    assert!(said.contains("flown by hand"), "{said}");
+    assert!(said.contains("under manual control"), "{said}");
     let times: Vec<f64> = decisions.iter().map(|decision| seconds(decision, "answered")).collect();
     assert!(times.iter().all(|at| !(12.0..=20.0).contains(at)) && times.iter().any(|at| *at > 20.0), "{times:?}");
     // Four seconds backwards and up show in the pose known at the first decision after them.

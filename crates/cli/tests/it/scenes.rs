@@ -9,11 +9,11 @@ fn every_built_in_scene_is_listed_in_one_line() {
     let run = Lab::new().spf(&["sim", "scenes"]);
     assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""));
     let lines: Vec<&str> = run.stdout.lines().collect();
-    assert!(lines[0].starts_with("SCENE ") && lines[0].ends_with("WHAT IT SHOWS"), "{}", run.stdout);
+    assert!(lines[0].starts_with("SCENE ") && lines[0].ends_with("DESCRIPTION"), "{}", run.stdout);
     let city = lines.iter().find(|line| line.starts_with("city ")).unwrap_or_else(|| panic!("{}", run.stdout));
     assert!(city.contains(" quad ") && city.contains("260 x 290 x 92 m") && city.contains("crane"), "{city}");
     // The description column says something of every scene.
-    let column = lines[0].find("WHAT").unwrap();
+    let column = lines[0].find("DESCRIPTION").unwrap();
     assert!(lines[1..].iter().all(|line| line.len() > column + 10), "{}", run.stdout);
 }
 
@@ -60,7 +60,7 @@ fn a_scene_that_is_not_there_is_named() {
     lab.write("full", "a file");
     let run = lab.spf(&["sim", "scenes", "--pictures", "full"]);
     assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""));
-    assert!(run.stderr.contains("--pictures: cannot make the folder `full`"), "{}", run.stderr);
+    assert!(run.stderr.contains("--pictures: cannot create the folder `full`"), "{}", run.stderr);
 }
 
 #[test]

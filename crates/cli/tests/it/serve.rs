@@ -96,7 +96,7 @@ fn our_own_clients_get_the_same_answer_in_their_own_coordinates() {
     let (code, said) = ground(&lab, &serving, Vendor::Gemini, "other.jpg");
     assert!(code == Some(6), "{said}");
     let nothing = serving.request("POST /v1/chat/completions", br#"{"messages":[{"role":"user","content":"Where?"}]}"#);
-    assert!(nothing.0 == 422 && String::from_utf8_lossy(&nothing.1).contains("no picture"), "{nothing:?}");
+    assert!(nothing.0 == 422 && String::from_utf8_lossy(&nothing.1).contains("no image"), "{nothing:?}");
 }
 
 #[test]
@@ -116,7 +116,7 @@ fn the_vendors_own_sdks_ask_it() {
 fn what_cannot_be_served_is_said() {
     let lab = Lab::new();
     for (args, words) in [
-        (&["sim", "serve"][..], "nothing is named"),
+        (&["sim", "serve"][..], "nothing to serve"),
         (&["sim", "serve", "--vlm=orcle"], "--vlm=oracle"),
         (&["sim", "serve", "--vlm", "--answer", "poem"], "spf or gemini-point"),
         (&["sim", "serve", "--vlm", "--vlm-listen", "here"], "an address and a port"),

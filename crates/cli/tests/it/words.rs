@@ -108,7 +108,7 @@ fn tables_of_every_spelling_name_their_line() {
     let run = lab.spf(&["config", "show", "--config", "b.toml"]);
     insta::assert_snapshot!(said(&run.stdout), @r#"
     scene = "city"                     # b.toml:2; SPF_SCENE: scene: a built-in name, scene file or .glb
-    seed = 7                           # b.toml:1; SPF_SEED: seed of all chance, a whole number
-    max_altitude_m = 40                # b.toml:3; SPF_MAX_ALTITUDE_M: greatest height above take-off, metres; empty: the scene's, else 120
+    seed = 7                           # b.toml:1; SPF_SEED: random seed, a whole number
+    max_altitude_m = 40                # b.toml:3; SPF_MAX_ALTITUDE_M: maximum height above take-off, metres; empty: the scene's, else 120
     "#);
 }

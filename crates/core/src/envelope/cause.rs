@@ -56,15 +56,15 @@ impl fmt::Display for Cause {
             Self::SpeedLimit => "speed limited",
             Self::ClimbLimit => "climb rate limited",
             Self::YawRateLimit => "yaw rate limited",
-            Self::AltitudeLimit => "kept within the altitude limits",
-            Self::DistanceLimit => "kept within the distance limit",
-            Self::GeofenceLimit => "kept within the geofence",
+            Self::AltitudeLimit => "limited by the altitude limits",
+            Self::DistanceLimit => "limited by the distance limit",
+            Self::GeofenceLimit => "limited by the geofence",
             Self::NotFinite => "the setpoint was not a number",
             Self::NotFlying => "the craft is not flying",
             Self::FailedReplies => "the VLM's replies failed",
             Self::StaleFrame => "no fresh camera frame",
             Self::FrozenFrame => "the camera is frozen",
-            Self::UnusableFrame => "the camera's frames cannot be used",
+            Self::UnusableFrame => "camera frames unusable",
             Self::AltitudeBreach => "above the altitude limit",
             Self::DistanceBreach => "beyond the distance limit",
             Self::GeofenceBreach => "outside the geofence",
@@ -104,7 +104,7 @@ impl Reaction {
 #[non_exhaustive]
 pub enum Refusal {
     /// The battery charge is too low.
-    #[error("take-off refused: the battery is at {:.0} %, at least {:.0} % are needed; charge it", .charge * 100.0, .needed * 100.0)]
+    #[error("take-off refused: battery at {:.0} %, at least {:.0} % required; charge it", .charge * 100.0, .needed * 100.0)]
     LowBattery {
         /// Charge, 0..=1.
         charge: f64,
@@ -112,7 +112,7 @@ pub enum Refusal {
         needed: f64,
     },
     /// The link is lost.
-    #[error("take-off refused: the link to the craft is lost")]
+    #[error("take-off refused: link to the craft lost")]
     LinkLost,
     /// No telemetry yet, or none for too long.
     #[error("take-off refused: no telemetry from the craft")]
@@ -121,10 +121,10 @@ pub enum Refusal {
     #[error("take-off refused: the craft is already flying")]
     AlreadyFlying,
     /// It crashed, or its motors were cut in the air.
-    #[error("take-off refused: the craft has crashed or stopped its motors; look at it first")]
+    #[error("take-off refused: the craft has crashed or stopped its motors; inspect it first")]
     Crashed,
     /// The take-off height exceeds the ceiling.
-    #[error("take-off refused: it climbs to {height:.1} m and the altitude limit is {limit:.1} m; raise `max_altitude`")]
+    #[error("take-off refused: take-off height {height:.1} m exceeds the altitude limit {limit:.1} m; raise `max_altitude`")]
     TooLow {
         /// Take-off height, m.
         height: f64,

@@ -61,8 +61,8 @@ impl Estimate {
         self.velocity = telemetry.velocity.filter(|v| sane([v.east, v.north, v.up], MAX_VELOCITY));
 
         let grounded = telemetry.phase == FlightPhase::OnGround;
-        let told = telemetry.position.filter(|p| sane([p.east, p.north, p.up], MAX_POSITION));
-        if let Some(position) = told {
+        let reported = telemetry.position.filter(|p| sane([p.east, p.north, p.up], MAX_POSITION));
+        if let Some(position) = reported {
             self.position = position;
         } else if !grounded {
             let v = self.velocity.unwrap_or(reckoned);

@@ -63,7 +63,7 @@ pub struct Limits {
 #[non_exhaustive]
 pub enum LimitsError {
     /// A value is negative or NaN.
-    #[error("limit `{field}` is `{value}`: give a number that is not negative")]
+    #[error("limit `{field}` is `{value}`: must be a non-negative number")]
     Negative {
         /// Field name.
         field: &'static str,
@@ -71,7 +71,7 @@ pub enum LimitsError {
         value: f64,
     },
     /// Less than 0.5 m between floor and ceiling.
-    #[error("`min_altitude` is `{min}` m and `max_altitude` is `{max}` m: leave at least 0.5 m between them")]
+    #[error("`min_altitude` `{min}` m and `max_altitude` `{max}` m must be at least 0.5 m apart")]
     NoRoom {
         /// Floor, m.
         min: f64,

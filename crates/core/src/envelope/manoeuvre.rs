@@ -43,7 +43,7 @@ impl Envelope {
             return (None, Some(Cause::NoTelemetry));
         };
         let situation = Situation { at: self.ahead(now), home, heading };
-        let (allowed, confined) = reach::confine_way(limits, &self.craft, &situation, way);
+        let (allowed, confined) = reach::confine_path(limits, &self.craft, &situation, way);
         if allowed.longest_part() < Manoeuvre::LEAST_WAY {
             return (None, confined);
         }

@@ -148,7 +148,7 @@ const ALONG: f64 = 0.05;
 
 /// Shortens a straight path, given in the body frame, so that it stays inside the limits by the margin. Returns nothing
 /// if it starts outside a limit.
-pub(super) fn confine_way(
+pub(super) fn confine_path(
     limits: &Limits,
     craft: &Craft,
     is: &Situation,
@@ -244,7 +244,7 @@ impl<'a> Plane<'a> {
             reach: braking.reach(speed) + limits.margin,
         };
         if let Some(fence) = plane.fence.filter(|fence| !fence.allows(at, altitudes)) {
-            match fence.way_back(at, altitudes) {
+            match fence.nearest_inside(at, altitudes) {
                 None => plane.closed = true,
                 Some(to) => {
                     let (dx, dy) = (to.0 - at.0, to.1 - at.1);

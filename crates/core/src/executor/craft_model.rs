@@ -164,7 +164,7 @@ pub(crate) struct Coarse {
     position: [Wander; 3],
     heading: Wander,
     creep: [Wander; 2],
-    told: usize,
+    applied: usize,
     waiting: Option<Telemetry>,
 }
 
@@ -188,7 +188,7 @@ impl Coarse {
         let position = [(); 3].map(|()| Wander::new(place, place_time, draw));
         let heading = Wander::new(turn.to_radians(), turn_time, draw);
         let creep = [(); 2].map(|()| Wander::new(if quad { 0.0 } else { 0.02 }, 5.0, draw));
-        Self { estimator, quad, noise, position, heading, creep, told: 0, waiting: None }
+        Self { estimator, quad, noise, position, heading, creep, applied: 0, waiting: None }
     }
 
     fn report(&mut self, craft: &CraftModel, step: f64) -> Telemetry {
@@ -225,10 +225,10 @@ impl Coarse {
 
 impl Sense for Coarse {
     fn look(&mut self, craft: &mut CraftModel) {
-        for &(time, setpoint) in &craft.sent[self.told..] {
+        for &(time, setpoint) in &craft.sent[self.applied..] {
             self.estimator.commanded(time, setpoint);
         }
-        self.told = craft.sent.len();
+        self.applied = craft.sent.len();
         // 10 Hz (Tello) or 20 Hz, 30 ms after the tick.
         let millis = craft.now.as_nanos() / 1_000_000;
         let every = if self.quad { 50 } else { 100 };

@@ -15,7 +15,7 @@ use crate::time::{Duration, Time};
 /// Smaller turns cannot be commanded, radians.
 const LEAST_TURN: f64 = 1.0 * core::f64::consts::PI / 180.0;
 /// A craft that does not report within this time that it is flying a manoeuvre has refused it.
-const TOLD_WITHIN: Duration = Duration::from_millis(500);
+const REPORTED_WITHIN: Duration = Duration::from_millis(500);
 /// Overhead of a manoeuvre besides its flight time: command, start, end and acknowledgement, s.
 const OVERHEAD: f64 = 4.0;
 
@@ -31,7 +31,7 @@ enum Leg {
 struct UnderWay {
     since: Time,
     /// Whether the craft has reported that it is flying it.
-    told: bool,
+    reported: bool,
 }
 
 /// The manoeuvres of one decision, in order.
@@ -73,8 +73,8 @@ impl Manoeuvres {
     pub(super) fn observe(&mut self, time: Time, phase: FlightPhase) {
         let Some(under_way) = self.under_way.as_mut().filter(|under_way| time > under_way.since) else { return };
         if phase == FlightPhase::Manoeuvring {
-            under_way.told = true;
-        } else if under_way.told || time >= under_way.since + TOLD_WITHIN {
+            under_way.reported = true;
+        } else if under_way.reported || time >= under_way.since + REPORTED_WITHIN {
             self.under_way = None;
         }
     }
@@ -89,7 +89,7 @@ impl Manoeuvres {
         // Each starts where the previous one has come to rest.
         match if view.rest { self.legs.pop_front() } else { None } {
             Some(Leg::Manoeuvre(manoeuvre)) => {
-                self.under_way = Some(UnderWay { since: view.now, told: false });
+                self.under_way = Some(UnderWay { since: view.now, reported: false });
                 Outcome::Begin(manoeuvre)
             }
             Some(Leg::Short(primitives)) => {
@@ -113,14 +113,14 @@ mod tests {
     fn legs(yaw: f64, forward: f64, climb: f64) -> Vec<String> {
         let rules = Rules { craft: Craft::tello(), ending: Ending::Measured };
         let manoeuvres = Manoeuvres::new(Primitives { yaw, forward, right: 0.0, climb }, rules);
-        let told = |leg: &Leg| match leg {
+        let reported = |leg: &Leg| match leg {
             Leg::Manoeuvre(Manoeuvre::Turn { angle }) => format!("turn {:.0}", angle.to_degrees()),
             Leg::Manoeuvre(Manoeuvre::Go { displacement, speed }) => {
                 format!("go {:.2} {:.2} at {speed:.2}", displacement.forward, displacement.up)
             }
             Leg::Short(primitives) => format!("short {:.2} {:.2}", primitives.forward, primitives.climb),
         };
-        manoeuvres.legs.iter().map(told).collect()
+        manoeuvres.legs.iter().map(reported).collect()
     }
 
     #[test]

@@ -18,13 +18,13 @@ const MIN_AREA: f64 = 1.0;
 #[non_exhaustive]
 pub enum GeofenceError {
     /// The document is beyond [`MAX_BYTES`].
-    #[error("the geofence has `{bytes}` bytes, at most `{MAX_BYTES}` are read; simplify it")]
+    #[error("the geofence file has `{bytes}` bytes, at most `{MAX_BYTES}` are allowed; simplify it")]
     TooLarge {
         /// Its size.
         bytes: usize,
     },
     /// The document is not JSON.
-    #[error("the geofence is not JSON: {0}")]
+    #[error("the geofence is not valid JSON: {0}")]
     Json(String),
     /// A value of an unexpected type.
     #[error("`{at}` must be {expected}, found {found}")]
@@ -37,7 +37,7 @@ pub enum GeofenceError {
         found: String,
     },
     /// The document has no polygon.
-    #[error("the geofence has no polygon; without one nothing would be allowed")]
+    #[error("the geofence has no polygon")]
     Empty,
     /// More than [`MAX_VERTICES`].
     #[error("`{at}`: the geofence has more than `{MAX_VERTICES}` vertices; simplify it")]
@@ -46,7 +46,7 @@ pub enum GeofenceError {
         at: String,
     },
     /// A ring with fewer than three corners.
-    #[error("`{at}` has `{points}` points, a ring needs at least 4, the last equal to the first")]
+    #[error("`{at}` has `{points}` points; a ring needs at least 4, with the last equal to the first")]
     TooFewPoints {
         /// The ring.
         at: String,
@@ -54,13 +54,13 @@ pub enum GeofenceError {
         points: usize,
     },
     /// A ring whose last point is not its first.
-    #[error("`{at}` is not closed; repeat its first point at its end")]
+    #[error("`{at}` is not closed; repeat the first point at the end")]
     Open {
         /// The ring.
         at: String,
     },
     /// A coordinate that is out of range.
-    #[error("`{at}` is `{value}`, coordinates are metres within 100000 of the origin")]
+    #[error("`{at}` is `{value}`; coordinates must be within 100000 m of the origin")]
     Coordinate {
         /// The coordinate.
         at: String,
@@ -68,13 +68,13 @@ pub enum GeofenceError {
         value: f64,
     },
     /// The ring is tiny, and its coordinates could be degrees.
-    #[error("`{at}` looks like longitude and latitude; a geofence is in metres east and north of the origin, give it in metres")]
+    #[error("`{at}` looks like longitude and latitude; use metres east and north of the origin")]
     Degrees {
         /// The ring.
         at: String,
     },
     /// The ring's area is nearly zero.
-    #[error("`{at}` encloses `{area:.3}` m²; at least 1 m² is needed")]
+    #[error("`{at}` encloses `{area:.3}` m²; at least 1 m² is required")]
     TooSmall {
         /// The ring.
         at: String,
@@ -82,7 +82,7 @@ pub enum GeofenceError {
         area: f64,
     },
     /// Two edges of a ring cross or touch.
-    #[error("`{at}` crosses itself at its edges `{first}` and `{second}`; order its points along the outline")]
+    #[error("`{at}` intersects itself at edges `{first}` and `{second}`; order the points along the outline")]
     Crossing {
         /// The ring.
         at: String,
@@ -92,7 +92,7 @@ pub enum GeofenceError {
         second: usize,
     },
     /// A band whose floor is not below its ceiling.
-    #[error("`{at}`: `min_altitude_m` is `{min}` and `max_altitude_m` is `{max}`; the first must be the lesser")]
+    #[error("`{at}`: `min_altitude_m` `{min}` must be less than `max_altitude_m` `{max}`")]
     Band {
         /// The properties.
         at: String,
@@ -102,7 +102,7 @@ pub enum GeofenceError {
         max: f64,
     },
     /// A property whose name resembles an altitude property and would be ignored.
-    #[error("`{at}` has the unknown property `{name}`; the altitudes are `min_altitude_m` and `max_altitude_m`")]
+    #[error("`{at}` has an unknown property `{name}`; allowed are `min_altitude_m` and `max_altitude_m`")]
     Property {
         /// The properties.
         at: String,

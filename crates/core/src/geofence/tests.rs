@@ -55,9 +55,9 @@ fn a_ray_leaves_at_edges_and_holes_and_passes_a_common_edge() {
 #[test]
 fn way_back_is_the_nearest_edge() {
     let fence = fence();
-    assert_eq!(fence.way_back((-60.0, 7.0), LOW), Some((-50.0, 7.0)));
-    assert_eq!(fence.way_back((1.0, 22.0), LOW), Some((1.0, 20.0)));
-    assert_eq!(fence.way_back((0.0, 0.0), (100.0, 100.0)), None);
+    assert_eq!(fence.nearest_inside((-60.0, 7.0), LOW), Some((-50.0, 7.0)));
+    assert_eq!(fence.nearest_inside((1.0, 22.0), LOW), Some((1.0, 20.0)));
+    assert_eq!(fence.nearest_inside((0.0, 0.0), (100.0, 100.0)), None);
 }
 
 #[test]
@@ -73,36 +73,37 @@ fn errors_say_what_where_and_what_to_do() {
     let ring = |points: &str| Geofence::from_geojson(&format!(r#"{{"type":"Polygon","coordinates":[{points}]}}"#));
     let shown = |result: Result<Geofence, GeofenceError>| result.unwrap_err().to_string();
     for (result, message) in [
-        (Geofence::from_geojson("{"), "the geofence is not JSON: EOF while parsing an object at line 1 column 1"),
+        (Geofence::from_geojson("{"), "the geofence is not valid JSON: EOF while parsing an object at line 1 column 1"),
         (Geofence::from_geojson("[]"), "`geofence` must be an object, found an array"),
         (
             Geofence::from_geojson(r#"{"type":"Point","coordinates":[1,2]}"#),
             "`type` must be `Polygon`, `MultiPolygon`, `Feature` or `FeatureCollection`, found `\"Point\"`",
         ),
+        (Geofence::from_geojson(r#"{"type":"FeatureCollection","features":[]}"#), "the geofence has no polygon"),
         (
-            Geofence::from_geojson(r#"{"type":"FeatureCollection","features":[]}"#),
-            "the geofence has no polygon; without one nothing would be allowed",
+            ring("[[0,0],[9,0],[9,9]]"),
+            "`coordinates[0]` has `3` points; a ring needs at least 4, with the last equal to the \
+            first",
         ),
-        (ring("[[0,0],[9,0],[9,9]]"), "`coordinates[0]` has `3` points, a ring needs at least 4, the last equal to the first"),
-        (ring("[[0,0],[9,0],[9,9],[0,9]]"), "`coordinates[0]` is not closed; repeat its first point at its end"),
+        (ring("[[0,0],[9,0],[9,9],[0,9]]"), "`coordinates[0]` is not closed; repeat the first point at the end"),
         (
             ring("[[121.001,24.001],[121.002,24.001],[121.002,24.002],[121.001,24.001]]"),
-            "`coordinates[0]` looks like longitude and latitude; a geofence is in metres east and north of the origin, give it in metres",
+            "`coordinates[0]` looks like longitude and latitude; use metres east and north of the origin",
         ),
-        (ring("[[0,0],[1,0],[1,1],[0,0]]"), "`coordinates[0]` encloses `0.500` m²; at least 1 m² is needed"),
+        (ring("[[0,0],[1,0],[1,1],[0,0]]"), "`coordinates[0]` encloses `0.500` m²; at least 1 m² is required"),
         (
             ring("[[0,0],[9,9],[9,0],[0,9],[0,0]]"),
             // The bow-tie has no area by the shoelace rule.
-            "`coordinates[0]` encloses `0.000` m²; at least 1 m² is needed",
+            "`coordinates[0]` encloses `0.000` m²; at least 1 m² is required",
         ),
         (
             ring("[[0,0],[9,9],[9,0],[0,20],[0,0]]"),
-            "`coordinates[0]` crosses itself at its edges `0` and `2`; order its points along the outline",
+            "`coordinates[0]` intersects itself at edges `0` and `2`; order the points along the outline",
         ),
         (ring("[[0,0],[9,0],[9,\"x\"],[0,0]]"), "`coordinates[0][2][1]` must be a number of metres, found `\"x\"`"),
         (
             ring("[[0,0],[9,0],[9,1e6],[0,0]]"),
-            "`coordinates[0][2][1]` is `1000000`, coordinates are metres within 100000 of the origin",
+            "`coordinates[0][2][1]` is `1000000`; coordinates must be within 100000 m of the origin",
         ),
     ] {
         assert_eq!(shown(result), message);
@@ -114,11 +115,11 @@ fn errors_say_what_where_and_what_to_do() {
     };
     assert_eq!(
         shown(feature(r#"{"max_altitude":9}"#)),
-        "`properties` has the unknown property `max_altitude`; the altitudes are `min_altitude_m` and `max_altitude_m`"
+        "`properties` has an unknown property `max_altitude`; allowed are `min_altitude_m` and `max_altitude_m`"
     );
     assert_eq!(
         shown(feature(r#"{"min_altitude_m":9,"max_altitude_m":9}"#)),
-        "`properties`: `min_altitude_m` is `9` and `max_altitude_m` is `9`; the first must be the lesser"
+        "`properties`: `min_altitude_m` `9` must be less than `max_altitude_m` `9`"
     );
 }
 

@@ -47,7 +47,7 @@ impl Pilot {
             if self.executing {
                 return; // The last plan is flown to its end.
             }
-            return self.finish(now, Outcome::Timeout, format!("{} decisions were spent", self.decisions));
+            return self.finish(now, Outcome::Timeout, format!("the limit of {} decisions was reached", self.decisions));
         }
         self.used = Some(view.frame.id);
         self.needs_rest = false;
@@ -94,7 +94,7 @@ impl Pilot {
         while let Some(id) = self.waiting.iter().find(|(_, waiting)| waiting.query.deadline <= now).map(|(id, _)| *id) {
             if let Some(waiting) = self.waiting.remove(&id) {
                 self.outbox.push_back(Action::Cancel(id));
-                let reason = format!("no answer within {} s", self.settings.reply_timeout.as_secs_f64());
+                let reason = format!("no reply within {} s", self.settings.reply_timeout.as_secs_f64());
                 self.give_up(now, id, &waiting.view, reason);
             }
         }
@@ -134,8 +134,8 @@ impl Pilot {
                 Step::Reject(_) => return self.stop_motion(now),
                 Step::Fail(reason) => {
                     let (outcome, cause) = match reason {
-                        FailReason::NotFound => (Outcome::NotFound, "searched all round, twice, and did not see the target"),
-                        FailReason::NoProgram => (Outcome::Failed, "none of several programs in a row came to a good end"),
+                        FailReason::NotFound => (Outcome::NotFound, "searched a full turn twice without seeing the target"),
+                        FailReason::NoProgram => (Outcome::Failed, "several programs in a row failed"),
                     };
                     return self.finish(now, outcome, cause.to_owned());
                 }

@@ -19,7 +19,7 @@ impl Pilot {
         if crashed && self.phase != Phase::Ended {
             self.cancel_queries();
             self.stop_motion(now);
-            self.settle_outcome(Outcome::Collision, "the craft touched something".to_owned());
+            self.settle_outcome(Outcome::Collision, "the craft collided with something".to_owned());
             self.command(now, Command::EmergencyStop);
             return self.enter(now, Phase::Ended);
         }
@@ -43,7 +43,7 @@ impl Pilot {
                 FlightPhase::Landing | FlightPhase::OnGround | FlightPhase::Stopped,
             )
             | (Phase::TakeOff, FlightPhase::Stopped) => {
-                self.finish(now, Outcome::Failed, "the craft landed or stopped by itself".to_owned());
+                self.finish(now, Outcome::Failed, "the craft landed or stopped its motors".to_owned());
             }
             _ => {}
         }
@@ -59,7 +59,7 @@ impl Pilot {
             }
             Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff if now >= Time::ZERO + self.settings.max_time => {
                 let limit = self.settings.max_time.as_secs_f64();
-                self.finish(now, Outcome::Timeout, format!("the flight time of {limit} s was spent"));
+                self.finish(now, Outcome::Timeout, format!("the flight time limit of {limit} s was reached"));
             }
             Phase::Landing if waited >= LANDING_TIME => self.enter(now, Phase::Ended),
             Phase::Landing if now >= self.next_tick => self.command(now, Command::Land),
@@ -73,7 +73,7 @@ impl Pilot {
             return self.end_before_take_off(
                 now,
                 Outcome::Timeout,
-                format!("the flight time of {} s was spent on the ground", limit.as_secs_f64()),
+                format!("the flight time limit of {} s was reached on the ground", limit.as_secs_f64()),
             );
         }
         if self.hold_after_take_off || self.craft_phase != FlightPhase::OnGround || self.estimator.newest().is_none() {

@@ -61,7 +61,7 @@ pub struct Pilot {
     phase: Phase,
     craft_phase: FlightPhase,
     /// Measurement time of the newest telemetry.
-    heard: Option<Time>,
+    last_telemetry: Option<Time>,
     link_lost: bool,
     entered: Time,
     outbox: VecDeque<Action>,
@@ -87,8 +87,8 @@ pub struct Pilot {
     /// The last setpoint requested from the envelope.
     wanted: Setpoint,
     /// The envelope's reaction and setpoint change that were last reported.
-    told_reaction: Option<Cause>,
-    told_change: Option<Cause>,
+    last_reaction: Option<Cause>,
+    last_change: Option<Cause>,
 }
 
 /// The components of a pilot.
@@ -125,7 +125,7 @@ impl Pilot {
             now: Time::ZERO,
             phase: Phase::Ground,
             craft_phase: FlightPhase::OnGround,
-            heard: None,
+            last_telemetry: None,
             link_lost: false,
             entered: Time::ZERO,
             outbox: VecDeque::new(),
@@ -147,8 +147,8 @@ impl Pilot {
             next_tick: Time::ZERO,
             kept_since: None,
             wanted: Setpoint::HOLD,
-            told_reaction: None,
-            told_change: None,
+            last_reaction: None,
+            last_change: None,
         };
         let text = pilot.instruction.clone();
         // A policy answers an instruction with Look or Wait; on the ground there is nothing to look at yet.
@@ -263,10 +263,10 @@ impl Pilot {
     fn telemetry(&mut self, now: Time, mut telemetry: Telemetry) {
         // A craft clock that runs ahead must not make all its later reports look old.
         telemetry.time = telemetry.time.min(now);
-        if self.heard.is_some_and(|heard| telemetry.time <= heard) {
+        if self.last_telemetry.is_some_and(|last_telemetry| telemetry.time <= last_telemetry) {
             return;
         }
-        self.heard = Some(telemetry.time);
+        self.last_telemetry = Some(telemetry.time);
         self.envelope.observe_telemetry(now, &telemetry);
         self.estimator.observe(&telemetry);
         self.executor.observe(telemetry.time, telemetry.phase);

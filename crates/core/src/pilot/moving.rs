@@ -249,8 +249,8 @@ impl Pilot {
             (self.hold_since, self.settled) = (None, None);
             self.first_motion.get_or_insert(now);
         }
-        let told = core::mem::replace(&mut self.told_change, clearance.changed);
-        self.tell(clearance.changed, told);
+        let last = core::mem::replace(&mut self.last_change, clearance.changed);
+        self.note_change(clearance.changed, last);
         self.outbox.push_back(Action::Command(clearance.cleared));
     }
 }

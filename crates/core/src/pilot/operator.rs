@@ -24,7 +24,7 @@ impl Pilot {
             }
             OperatorEvent::Instruction(text) => self.instruct(now, text),
             OperatorEvent::Land if self.phase == Phase::Ground => {
-                self.end_before_take_off(now, Outcome::Aborted, "the operator ended it before take-off".to_owned());
+                self.end_before_take_off(now, Outcome::Aborted, "the operator ended the flight before take-off".to_owned());
             }
             OperatorEvent::Land => self.finish(now, Outcome::Aborted, "the operator ended the flight".to_owned()),
             OperatorEvent::Stop => {
@@ -44,7 +44,7 @@ impl Pilot {
             (Phase::Ended, Stop) if self.craft_phase != crate::telemetry::FlightPhase::OnGround => None,
             (Phase::Ended, _) => Some("the flight is over"),
             (Phase::Landing, Hold | Resume | Setpoint(_) | Instruction(_) | Land) => {
-                Some("landing; only a stop of the motors is taken now")
+                Some("landing; only a motor stop is accepted now")
             }
             (Phase::Ground | Phase::TakeOff, Setpoint(_)) => Some("not flying yet"),
             (Phase::Ground | Phase::TakeOff | Phase::Flying, Resume) if !self.hold_after_take_off => Some("not held"),

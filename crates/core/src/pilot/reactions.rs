@@ -16,8 +16,8 @@ impl Pilot {
         // An operator in manual flight sees the craft: a frozen camera does not end it.
         let by_hand = matches!(self.phase, Phase::Manual | Phase::Held);
         let reaction = if by_hand { self.envelope.manual_reaction(now) } else { self.envelope.reaction(now) };
-        let told = core::mem::replace(&mut self.told_reaction, reaction.cause());
-        self.tell(reaction.cause(), told);
+        let last = core::mem::replace(&mut self.last_reaction, reaction.cause());
+        self.note_change(reaction.cause(), last);
         match reaction {
             Reaction::Continue => {}
             Reaction::Hold(_) => {
@@ -33,8 +33,8 @@ impl Pilot {
     }
 
     /// Reports a cause once, until another replaces it.
-    pub(super) fn tell(&mut self, cause: Option<Cause>, told: Option<Cause>) {
-        if let Some(cause) = cause.filter(|cause| told != Some(*cause)) {
+    pub(super) fn note_change(&mut self, cause: Option<Cause>, last: Option<Cause>) {
+        if let Some(cause) = cause.filter(|cause| last != Some(*cause)) {
             self.note(Note::Envelope(cause));
         }
     }

@@ -32,7 +32,7 @@ pub struct Way {
 
 /// The next action of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sought {
+pub enum SearchAction {
     /// Turn or climb, then look again.
     Look(Primitives),
     /// Fly along the open way of the reply, whose frame was taken in that direction.
@@ -107,12 +107,12 @@ impl Search {
     }
 
     /// The next action after a look at `heading`, radians, that did not show the target but may have shown an open way.
-    pub fn next(&mut self, look: Look, heading: f64, way: Option<Way>) -> Sought {
+    pub fn next(&mut self, look: Look, heading: f64, way: Option<Way>) -> SearchAction {
         if let (Stage::Face | Stage::Excursion(1..), Some(way)) = (self.stage, way) {
             let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
             self.stage = Stage::Excursion(left - 1);
             self.gone = Some(way.heading);
-            return Sought::Fly;
+            return SearchAction::Fly;
         }
         if self.stage != Stage::Sweep {
             (self.stage, self.swept, self.open) = (Stage::Sweep, 0.0, None);
@@ -124,13 +124,13 @@ impl Search {
         match look {
             Look::Up if self.vertical < VERTICAL_LOOKS => {
                 self.vertical += 1;
-                return Sought::Look(Primitives { climb: 1.0, ..Primitives::default() });
+                return SearchAction::Look(Primitives { climb: 1.0, ..Primitives::default() });
             }
             // The camera cannot tilt: what is below comes into view from farther back, then from lower down.
             Look::Down if self.vertical < VERTICAL_LOOKS => {
                 let climb = if self.vertical < BACK_LOOKS { 0.0 } else { -1.0 };
                 self.vertical += 1;
-                return Sought::Look(Primitives { climb, forward: -1.0, ..Primitives::default() });
+                return SearchAction::Look(Primitives { climb, forward: -1.0, ..Primitives::default() });
             }
             _ => {}
         }
@@ -149,12 +149,12 @@ impl Search {
     }
 
     /// After a full turn: climb once, then move elsewhere.
-    fn swept_all(&mut self, heading: f64, way: Option<Way>) -> Sought {
+    fn swept_all(&mut self, heading: f64, way: Option<Way>) -> SearchAction {
         if !self.climbed {
             (self.climbed, self.swept, self.open) = (true, 0.0, None);
-            return Sought::Look(Primitives { climb: self.climb, ..Primitives::default() });
+            return SearchAction::Look(Primitives { climb: self.climb, ..Primitives::default() });
         }
-        let Some(open) = self.open.filter(|_| self.excursions < EXCURSIONS) else { return Sought::Exhausted };
+        let Some(open) = self.open.filter(|_| self.excursions < EXCURSIONS) else { return SearchAction::Exhausted };
         self.excursions += 1;
         self.stage = Stage::Face;
         let yaw = wrap_angle(open.heading - heading);
@@ -164,9 +164,9 @@ impl Search {
         self.turn_by(yaw)
     }
 
-    fn turn_by(&mut self, yaw: f64) -> Sought {
+    fn turn_by(&mut self, yaw: f64) -> SearchAction {
         self.turned += yaw;
-        Sought::Look(Primitives { yaw, ..Primitives::default() })
+        SearchAction::Look(Primitives { yaw, ..Primitives::default() })
     }
 }
 
@@ -179,11 +179,11 @@ mod tests {
         let (mut heading, mut out) = (0.0, Vec::new());
         while out.len() < 200 {
             match search.next(look, heading, way(heading)) {
-                Sought::Exhausted => break,
-                Sought::Fly => out.push("fly".to_owned()),
-                Sought::Look(step) if step.climb > 0.0 => out.push(format!("up {}", step.climb)),
-                Sought::Look(step) if step.forward < 0.0 => out.push(format!("back and down {}", -step.climb)),
-                Sought::Look(step) => {
+                SearchAction::Exhausted => break,
+                SearchAction::Fly => out.push("fly".to_owned()),
+                SearchAction::Look(step) if step.climb > 0.0 => out.push(format!("up {}", step.climb)),
+                SearchAction::Look(step) if step.forward < 0.0 => out.push(format!("back and down {}", -step.climb)),
+                SearchAction::Look(step) => {
                     heading = wrap_angle(heading + step.yaw);
                     out.push(format!("{:.0}", step.yaw.to_degrees()));
                 }
@@ -240,9 +240,9 @@ mod tests {
             // Twelve looks of the two sweeps show a way, and then none does any more.
             let way = (looks <= 12).then_some(Way { heading: 1.0, depth: 5 });
             match search.next(Look::Right, 0.0, way) {
-                Sought::Exhausted => break,
-                Sought::Fly => flew = true,
-                Sought::Look(_) => {}
+                SearchAction::Exhausted => break,
+                SearchAction::Fly => flew = true,
+                SearchAction::Look(_) => {}
             }
         }
         assert!(!flew && looks < 30, "{looks}");
@@ -253,7 +253,7 @@ mod tests {
         for looks in [[Look::Up, Look::Down], [Look::Left, Look::Right], [Look::Behind, Look::Left]] {
             for way in [None, Some(Way { heading: 1.0, depth: 9 })] {
                 let mut search = Search::new(1.0, 2.0);
-                let ended = (0..200).position(|i| search.next(looks[i % 2], 0.3 * i as f64, way) == Sought::Exhausted);
+                let ended = (0..200).position(|i| search.next(looks[i % 2], 0.3 * i as f64, way) == SearchAction::Exhausted);
                 assert!(ended.is_some_and(|n| n < 90), "{looks:?} {ended:?}");
             }
         }

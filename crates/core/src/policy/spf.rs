@@ -7,7 +7,7 @@ use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
 use crate::grounding::GroundingProfile;
 use crate::lift::{self, Lifting};
-use crate::policy::search::{Search, Sought, Way};
+use crate::policy::search::{Search, SearchAction, Way};
 use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
@@ -45,10 +45,10 @@ pub struct SpfSettings {
 
 /// The open query and the view it refers to.
 #[derive(Clone, Copy, Debug)]
-struct Asked {
+struct OpenQuery {
     id: QueryId,
     view: View,
-    about: About,
+    about: QuerySubject,
 }
 
 /// Turns flown instead of the step itself.
@@ -62,7 +62,7 @@ struct TurnedFirst {
 
 /// Subject of the query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum About {
+enum QuerySubject {
     /// To the detector: the objects in the frame.
     List,
     /// To the VLM: where to fly; or the confirmation of a `done`.
@@ -76,7 +76,7 @@ pub struct Spf {
     instruction: String,
     memory: Memory,
     search: Option<Search>,
-    asked: Option<Asked>,
+    asked: Option<OpenQuery>,
     confirming: bool,
     blocked: u32,
     /// Turns towards paths along an edge since the last other step.
@@ -131,7 +131,7 @@ impl Spf {
         }
         self.detections.clear();
         // A detector has neither a prompt nor an image size of its own: it receives the camera's frame.
-        let id = self.asking(view, About::List);
+        let id = self.asking(view, QuerySubject::List);
         Step::Ask(Box::new(Query {
             instruction: self.instruction.clone(),
             ..Query::new(id, view.frame.id, QueryKind::Detect { coco: true, scored: true })
@@ -143,17 +143,17 @@ impl Spf {
     }
 
     /// Records the open query.
-    fn asking(&mut self, view: &View, about: About) -> QueryId {
+    fn asking(&mut self, view: &View, about: QuerySubject) -> QueryId {
         let id = QueryId(self.next_id);
         self.next_id += 1;
-        self.asked = Some(Asked { id, view: *view, about });
+        self.asked = Some(OpenQuery { id, view: *view, about });
         id
     }
 
     fn ask(&mut self, view: &View) -> Step {
         self.memory.confirming = self.confirming;
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
-        let id = self.asking(view, About::Point { confirming: self.confirming });
+        let id = self.asking(view, QuerySubject::Point { confirming: self.confirming });
         let kind = QueryKind::Point { avoid: self.settings.avoid && !self.detector };
         let mut query = Query {
             instruction: self.instruction.clone(),
@@ -186,7 +186,7 @@ impl Spf {
         Step::Reject(error.to_string())
     }
 
-    fn answered(&mut self, asked: Asked, confirming: bool, text: &str) -> Step {
+    fn answered(&mut self, asked: OpenQuery, confirming: bool, text: &str) -> Step {
         self.reading = Reading::default();
         let mut reply = match parse_reply(text, &self.settings.grounding) {
             Ok(reply) => reply,
@@ -227,7 +227,7 @@ impl Spf {
         Step::Look
     }
 
-    fn not_visible(&mut self, asked: Asked, reply: &Reply) -> Step {
+    fn not_visible(&mut self, asked: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
         // Whatever follows is not the step to which it has turned.
         self.turned_first = None;
@@ -238,16 +238,16 @@ impl Spf {
         let look = reply.look.or(self.memory.last_seen).unwrap_or(Look::Right);
         let way = reply.open_way.map(|way| Way { heading: heading + libm::atan(camera.ray(way.point).right), depth: way.depth });
         match (search.next(look, heading, way), reply.open_way) {
-            (Sought::Look(primitives), _) => {
+            (SearchAction::Look(primitives), _) => {
                 self.reading.primitives = Some(primitives);
                 Step::Move(Move { primitives, anchor: Some(pose), then_rest: true })
             }
-            (Sought::Fly, Some(way)) => self.fly_to(asked, reply, way.point, way.depth),
-            (Sought::Fly | Sought::Exhausted, _) => Step::Fail(FailReason::NotFound),
+            (SearchAction::Fly, Some(way)) => self.fly_to(asked, reply, way.point, way.depth),
+            (SearchAction::Fly | SearchAction::Exhausted, _) => Step::Fail(FailReason::NotFound),
         }
     }
 
-    fn navigate(&mut self, asked: Asked, reply: &Reply) -> Step {
+    fn navigate(&mut self, asked: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
         let (Some(point), Some(depth)) = (reply.point, reply.depth) else {
             // The parser refuses such replies; a policy must not rely on that alone.
@@ -261,7 +261,7 @@ impl Spf {
     }
 
     /// A step towards an image point, clear of the obstacle boxes in obstacle mode.
-    fn fly_to(&mut self, asked: Asked, reply: &Reply, point: ImagePoint, depth: u8) -> Step {
+    fn fly_to(&mut self, asked: OpenQuery, reply: &Reply, point: ImagePoint, depth: u8) -> Step {
         let view = asked.view;
         let mut step = self.settings.step.length(depth);
         let mut waypoint = point;
@@ -314,7 +314,7 @@ impl Spf {
             self.turned_first = turn;
             primitives = Primitives { yaw: primitives.yaw, ..Primitives::default() };
             (self.reading.step, self.reading.displacement) = (None, None);
-            self.reading.actions.push("turns first, for nobody has seen what lies beside the picture".to_owned());
+            self.reading.actions.push("turns first: the area beside the image has not been observed".to_owned());
             self.reading.primitives = Some(primitives);
             return Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true });
         }
@@ -324,7 +324,7 @@ impl Spf {
     }
 
     /// No free direction: hold and ask again; if that repeats, the policy searches from higher up.
-    fn blocked(&mut self, asked: Asked) -> Step {
+    fn blocked(&mut self, asked: OpenQuery) -> Step {
         self.blocked += 1;
         if self.blocked < BLOCKED_LOOKS {
             return Step::Look;
@@ -362,8 +362,10 @@ impl Policy for Spf {
             }
             PolicyEvent::Frame(view) if self.asked.is_none() && (view.at_rest || !self.confirming) => self.decide(view),
             PolicyEvent::Reply { id, text } => match self.asked.take_if(|asked| asked.id == id) {
-                Some(Asked { view, about: About::List, .. }) => self.listed(&view, text),
-                Some(asked @ Asked { about: About::Point { confirming }, .. }) => self.answered(asked, confirming, text),
+                Some(OpenQuery { view, about: QuerySubject::List, .. }) => self.listed(&view, text),
+                Some(asked @ OpenQuery { about: QuerySubject::Point { confirming }, .. }) => {
+                    self.answered(asked, confirming, text)
+                }
                 None => Step::Wait,
             },
             PolicyEvent::ReplyFailed { id } => {

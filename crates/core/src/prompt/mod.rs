@@ -81,7 +81,7 @@ impl PromptText {
         self.write_with(&input, |place| {
             let listed = place == "detected" && !query.detections.is_empty();
             // Invalid lines were already dropped when the list arrived.
-            listed.then(|| detection::told(&parse_detections(&query.detections.join("\n")).unwrap_or_default(), profile))
+            listed.then(|| detection::prompt_list(&parse_detections(&query.detections.join("\n")).unwrap_or_default(), profile))
         })
     }
 

@@ -98,10 +98,10 @@ pub enum PromptError {
     #[error("line 1 is not `spf-prompt KIND VERSION` with a kind of {}", PromptKind::ALL.map(PromptKind::word).join(", "))]
     Head,
     /// Too long.
-    #[error("a prompt has at most {LONGEST} bytes")]
+    #[error("the prompt exceeds {LONGEST} bytes")]
     TooLong,
     /// An unknown placeholder.
-    #[error("line {line}: nothing fills `{{{{{name}}}}}`; a {kind} prompt has {}", known.join(", "))]
+    #[error("line {line}: unknown variable `{{{{{name}}}}}`; a {kind} prompt has {}", known.join(", "))]
     Unknown {
         /// Line number.
         line: usize,
@@ -113,7 +113,7 @@ pub enum PromptError {
         known: Vec<&'static str>,
     },
     /// A section that is not closed, or closed without being open.
-    #[error("line {line}: the section `{name}` is not opened and closed on lines of their own, one within no other")]
+    #[error("line {line}: the section `{name}` must open and close on lines of their own and cannot be nested")]
     Section {
         /// Line number.
         line: usize,
@@ -121,7 +121,7 @@ pub enum PromptError {
         name: String,
     },
     /// A required placeholder is missing.
-    #[error("the prompt has no `{{{{{0}}}}}`")]
+    #[error("the prompt lacks the required `{{{{{0}}}}}`")]
     Lacks(&'static str),
 }
 
@@ -276,7 +276,7 @@ mod tests {
         let refused = |body: &str| PromptText::parse(&format!("spf-prompt point 1\n{body}")).unwrap_err().to_string();
         assert!(
             refused("{{instruction}}\n{{colour}}\n")
-                .starts_with("line 3: nothing fills `{{colour}}`; a point prompt has instruction, ")
+                .starts_with("line 3: unknown variable `{{colour}}`; a point prompt has instruction, ")
         );
         assert!(refused("{{instruction}}\n{{#avoid}}\nx\n").contains("section `avoid`"));
         assert!(refused("{{/avoid}}\n").starts_with("line 2: "));

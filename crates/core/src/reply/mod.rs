@@ -15,7 +15,7 @@ mod stream;
 pub(crate) use json::Value;
 pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError, one_line, one_line_within};
 pub use scan::MAX_TEXT;
-pub(crate) use scan::{Unfound, Verdict, search};
+pub(crate) use scan::{ScanError, Verdict, search};
 pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
 pub(crate) use short::plain_numbers;

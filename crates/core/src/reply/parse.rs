@@ -18,22 +18,22 @@ pub const MAX_STAGE: u32 = 99;
 #[non_exhaustive]
 pub enum ReplyError {
     /// No JSON anywhere in the answer.
-    #[error("the answer holds no JSON object; ask again, or for a model that obeys schemas")]
+    #[error("the reply contains no JSON object; retry, or use a model that follows schemas")]
     NoJson,
     /// JSON without `status` and `point`.
-    #[error("the answer's JSON has neither `status` nor `point`")]
+    #[error("the JSON reply has neither `status` nor `point`")]
     NoReply,
     /// The answer ends inside its JSON.
-    #[error("the answer ends in the middle of its JSON; raise the limit on output tokens")]
+    #[error("the reply ends inside its JSON; raise the limit on output tokens")]
     Truncated,
     /// The answer is longer than [`MAX_TEXT`](super::MAX_TEXT).
-    #[error("the answer is longer than {limit} bytes")]
+    #[error("the reply exceeds {limit} bytes")]
     TooLong {
         /// The limit, bytes.
         limit: usize,
     },
     /// A field has the wrong type.
-    #[error("`{field}` should be {wanted}, but is `{found}`")]
+    #[error("`{field}` must be {wanted}, found `{found}`")]
     WrongType {
         /// The field, such as `boxes[2].depth`.
         field: String,
@@ -49,10 +49,10 @@ pub enum ReplyError {
         field: String,
     },
     /// `navigating` without a point to go to.
-    #[error("`status` is `navigating`, but there is no `point` to go to")]
+    #[error("`status` is `navigating`, but `point` is missing")]
     MissingPoint,
     /// `navigating` without a depth label.
-    #[error("`status` is `navigating`, but there is no `depth` label")]
+    #[error("`status` is `navigating`, but `depth` is missing")]
     MissingDepth,
     /// A point or box outside the image.
     #[error("`{field}`: {source}")]
@@ -64,7 +64,7 @@ pub enum ReplyError {
     },
     /// A depth label outside the scale. It is not clamped: a model that leaves the scale means something else by it,
     /// and clamping would give the longest possible step.
-    #[error("`{field}` is {found}, but depth labels run from 1 to {DEPTH_LABELS}")]
+    #[error("`{field}` is {found}; depth labels must be 1 to {DEPTH_LABELS}")]
     DepthOutside {
         /// The field.
         field: String,
@@ -72,13 +72,13 @@ pub enum ReplyError {
         found: f64,
     },
     /// A stage number below 0 or above [`MAX_STAGE`].
-    #[error("`stage` is {found}, but stages count from 1 to at most {MAX_STAGE}")]
+    #[error("`stage` is {found}; stages must be 1 to {MAX_STAGE}")]
     StageOutside {
         /// The number found.
         found: f64,
     },
     /// More than [`MAX_BOXES`] obstacles.
-    #[error("{found} boxes are more than the {MAX_BOXES} that a reply may hold")]
+    #[error("{found} boxes exceed the limit of {MAX_BOXES} per reply")]
     TooManyBoxes {
         /// Number of boxes.
         found: usize,

@@ -56,7 +56,7 @@ const THOUGHT: &[u8] = b"</think>";
 
 /// Why nothing was accepted in a complete answer.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Unfound<E> {
+pub(crate) enum ScanError<E> {
     /// Longer than [`MAX_TEXT`]: not parsed.
     TooLong,
     /// Intended as the value searched for, but invalid.
@@ -70,9 +70,9 @@ pub(crate) enum Unfound<E> {
 }
 
 /// The first value that `judge` accepts in the JSON of a complete answer.
-pub(crate) fn search<T, E>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, E>) -> Result<T, Unfound<E>> {
+pub(crate) fn search<T, E>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, E>) -> Result<T, ScanError<E>> {
     if text.len() > MAX_TEXT {
-        return Err(Unfound::TooLong);
+        return Err(ScanError::TooLong);
     }
     let mut scan = Scan::new();
     scan.advance(text, true, judge);
@@ -81,13 +81,13 @@ pub(crate) fn search<T, E>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T
 
 impl<T, E> Scan<T, E> {
     /// The result, once the answer is complete.
-    pub(super) fn outcome(self) -> Result<T, Unfound<E>> {
+    pub(super) fn outcome(self) -> Result<T, ScanError<E>> {
         match (self.accepted, self.refused) {
             (Some(found), _) => Ok(found),
-            (None, Some(error)) => Err(Unfound::Refused(error)),
-            (None, None) if self.truncated => Err(Unfound::Truncated),
-            (None, None) if self.any_json => Err(Unfound::NoReply),
-            (None, None) => Err(Unfound::NoJson),
+            (None, Some(error)) => Err(ScanError::Refused(error)),
+            (None, None) if self.truncated => Err(ScanError::Truncated),
+            (None, None) if self.any_json => Err(ScanError::NoReply),
+            (None, None) => Err(ScanError::NoJson),
         }
     }
 

@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{MAX_STAGE, MAX_TEXT, Unfound, Value, Verdict, closed_schema, search};
+use super::{MAX_STAGE, MAX_TEXT, ScanError, Value, Verdict, closed_schema, search};
 
 /// Maximum number of choices parsed from an answer; further ones are ignored.
 pub const MAX_CHOSEN: usize = 64;
@@ -32,22 +32,22 @@ pub struct Completion {
 #[non_exhaustive]
 pub enum ShortReplyError {
     /// No answer found in the text.
-    #[error("the answer holds no JSON with `{wanted}`; ask again, or for a model that obeys schemas")]
+    #[error("the reply contains no JSON with `{wanted}`; retry, or use a model that follows schemas")]
     NoReply {
         /// The expected key.
         wanted: &'static str,
     },
     /// The answer ends inside its JSON.
-    #[error("the answer ends in the middle of its JSON; raise the limit on output tokens")]
+    #[error("the reply ends inside its JSON; raise the limit on output tokens")]
     Truncated,
     /// The answer is longer than [`MAX_TEXT`].
-    #[error("the answer is longer than {limit} bytes")]
+    #[error("the reply exceeds {limit} bytes")]
     TooLong {
         /// The limit, bytes.
         limit: usize,
     },
     /// A field has the wrong type.
-    #[error("`{field}` should be {wanted}, but is `{found}`")]
+    #[error("`{field}` must be {wanted}, found `{found}`")]
     WrongType {
         /// The field.
         field: &'static str,
@@ -99,10 +99,10 @@ fn find<T>(
     judge: impl Fn(&Value, bool) -> Verdict<T, ShortReplyError>,
 ) -> Result<T, ShortReplyError> {
     search(text, judge).map_err(|unfound| match unfound {
-        Unfound::TooLong => ShortReplyError::TooLong { limit: MAX_TEXT },
-        Unfound::Refused(error) => error,
-        Unfound::Truncated => ShortReplyError::Truncated,
-        Unfound::NoReply | Unfound::NoJson => ShortReplyError::NoReply { wanted },
+        ScanError::TooLong => ShortReplyError::TooLong { limit: MAX_TEXT },
+        ScanError::Refused(error) => error,
+        ScanError::Truncated => ShortReplyError::Truncated,
+        ScanError::NoReply | ScanError::NoJson => ShortReplyError::NoReply { wanted },
     })
 }
 

@@ -2,7 +2,7 @@
 
 use super::Reply;
 use super::parse::{ReplyError, interpret};
-use super::scan::{MAX_TEXT, Scan, Unfound};
+use super::scan::{MAX_TEXT, Scan, ScanError};
 use crate::grounding::GroundingProfile;
 
 /// Parses the reply in `text`, in the coordinates of `profile`.
@@ -68,11 +68,11 @@ impl ReplyStream {
         }
         self.scan_to(true);
         self.scan.outcome().map_err(|unfound| match unfound {
-            Unfound::TooLong => ReplyError::TooLong { limit: MAX_TEXT },
-            Unfound::Refused(error) => error,
-            Unfound::Truncated => ReplyError::Truncated,
-            Unfound::NoReply => ReplyError::NoReply,
-            Unfound::NoJson => ReplyError::NoJson,
+            ScanError::TooLong => ReplyError::TooLong { limit: MAX_TEXT },
+            ScanError::Refused(error) => error,
+            ScanError::Truncated => ReplyError::Truncated,
+            ScanError::NoReply => ReplyError::NoReply,
+            ScanError::NoJson => ReplyError::NoJson,
         })
     }
 

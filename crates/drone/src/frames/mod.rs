@@ -19,8 +19,8 @@ pub trait Frames: Send + Sync {
     fn newest(&self) -> Option<(FrameMeta, Photo)>;
 
     /// Statistics of the video transmission; all zero if there is none.
-    fn tally(&self) -> FrameTally {
-        FrameTally::default()
+    fn tally(&self) -> FrameStats {
+        FrameStats::default()
     }
 }
 
@@ -80,9 +80,9 @@ impl Photo {
 
 /// Statistics of a camera's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FrameTally {
+pub struct FrameStats {
     /// Transmission.
-    pub video: VideoTally,
+    pub video: VideoStats,
     /// Images decoded, including those that a newer one replaced before they became a frame.
     pub decoded: u64,
     /// Images that the decoder rejected.
@@ -97,7 +97,7 @@ pub struct FrameTally {
 
 /// Transmission losses of a video.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct VideoTally {
+pub struct VideoStats {
     /// Complete images.
     pub units: u64,
     /// Gaps detected from frame numbers.

@@ -9,7 +9,7 @@ use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::time::Time;
 use spf_media::Rgb;
 
-use super::{FrameTally, Frames, Photo};
+use super::{FrameStats, Frames, Photo};
 
 /// Number of frames kept: about one second.
 const KEPT: usize = 24;
@@ -20,7 +20,7 @@ const DIGESTS: usize = 128;
 const DIGEST_ROWS: usize = 8;
 
 #[derive(Default)]
-struct Kept {
+struct StoredFrame {
     frames: VecDeque<(FrameMeta, Arc<Rgb>)>,
     /// Frame not yet reported to the pilot.
     news: Option<FrameMeta>,
@@ -29,7 +29,7 @@ struct Kept {
     counter: u64,
     size: Option<(u32, u32)>,
     digests: VecDeque<u64>,
-    tally: FrameTally,
+    tally: FrameStats,
 }
 
 /// The newest frames of a camera, shared by receiver and readers. It numbers them, and distinguishes a repeated image
@@ -41,10 +41,10 @@ struct Kept {
 /// (`docs/explanation/safety.md`). A driver that shows something synthetic must therefore change one of these rows in
 /// every image, and must not return to any of its last 128 images; any real sensor does so through its noise.
 #[derive(Clone, Default)]
-pub struct FrameStore(Arc<Mutex<Kept>>);
+pub struct FrameStore(Arc<Mutex<StoredFrame>>);
 
 impl FrameStore {
-    fn kept(&self) -> MutexGuard<'_, Kept> {
+    fn kept(&self) -> MutexGuard<'_, StoredFrame> {
         // The value is consistent between calls.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -87,13 +87,13 @@ impl FrameStore {
 
     /// The newest frame, if it was not taken yet.
     #[must_use]
-    pub fn take_news(&self) -> Option<FrameMeta> {
+    pub fn take_new_frame(&self) -> Option<FrameMeta> {
         self.kept().news.take()
     }
 
     /// Updates the statistics: what [`receive`](Self::receive) cannot know, such as losses in transmission and images that
     /// were decoded but never became a frame.
-    pub fn count(&self, count: impl FnOnce(&mut FrameTally)) {
+    pub fn count(&self, count: impl FnOnce(&mut FrameStats)) {
         count(&mut self.kept().tally);
     }
 }
@@ -107,7 +107,7 @@ impl Frames for FrameStore {
         self.kept().frames.back().map(|(meta, picture)| (*meta, Photo::received(picture.clone())))
     }
 
-    fn tally(&self) -> FrameTally {
+    fn tally(&self) -> FrameStats {
         self.kept().tally
     }
 }
@@ -128,7 +128,7 @@ mod tests {
     fn receive(frames: &FrameStore, at: u64, picture: Rgb) -> FrameMeta {
         let received = Time::from_millis(at + 150);
         frames.receive(Time::from_millis(at), received, picture);
-        frames.take_news().unwrap()
+        frames.take_new_frame().unwrap()
     }
 
     #[test]
@@ -140,7 +140,7 @@ mod tests {
             let meta = receive(&frames, 100 * n, Rgb::filled(8, 8, [1 + n as u8; 3]));
             assert_eq!((meta.id, meta.capture_counter), (FrameId(n), n + 1));
         }
-        assert!(frames.photo(first.id).is_none() && frames.take_news().is_none());
+        assert!(frames.photo(first.id).is_none() && frames.take_new_frame().is_none());
         assert_eq!(*held.pixels(), Rgb::filled(8, 8, [1; 3]));
         assert_eq!(frames.newest().unwrap().0.id, FrameId(KEPT as u64));
     }
@@ -150,7 +150,7 @@ mod tests {
         let frames = FrameStore::default();
         (0..3).for_each(|level| _ = receive(&frames, 0, Rgb::filled(8, 8, [level; 3])));
         frames.count(|tally| tally.decoded += 2);
-        assert_eq!(frames.tally(), FrameTally { decoded: 5, ..FrameTally::default() });
+        assert_eq!(frames.tally(), FrameStats { decoded: 5, ..FrameStats::default() });
     }
 
     #[test]

@@ -46,19 +46,19 @@ const REFUSALS: [&str; 5] = ["error", "out of range", "unknown command", "unacti
 
 /// Prefixes of error responses, longest first if one contains another, and what to do about them.
 const EXPLAINED: [(&str, &str); 10] = [
-    ("error motor stop", "its motors are off: it believes that it stands on the ground, or the battery is flat"),
+    ("error motor stop", "its motors are off: it reports being on the ground, or the battery is empty"),
     (
         "error no valid imu",
-        "it does not know its own motion: too dark, a glossy or even floor, or not calibrated in the app; velocity commands still work",
+        "no visual odometry: too dark, a glossy or featureless floor, or not calibrated in the app; velocity commands still work",
     ),
-    ("error not joystick", "the command before was still under way"),
-    ("error auto land", "it is landing by itself: battery low, or 15 s without a command"),
+    ("error not joystick", "the previous command was still in progress"),
+    ("error auto land", "automatic landing: low battery, or 15 s without a command"),
     ("error no valid marker", "no mission pad in view"),
     ("error not valid marker", "no mission pad in view"),
-    ("error run timeout", "it could not finish the move within 15 s"),
-    ("out of range", "a number outside the SDK's limits: this is a fault of this program"),
-    ("unknown command", "its firmware lacks this command: update it in the Tello app"),
-    ("unactive", "a new Tello must be activated once in the app"),
+    ("error run timeout", "the move did not finish within 15 s"),
+    ("out of range", "a value outside the SDK's limits: please report this as a bug"),
+    ("unknown command", "the firmware does not support this command: update it in the Tello app"),
+    ("unactive", "activate the Tello in the app"),
 ];
 
 /// Explains an error response to a user.
@@ -68,7 +68,7 @@ pub fn explain(refusal: &str) -> &'static str {
     EXPLAINED
         .iter()
         .find(|(beginning, _)| lower.starts_with(beginning))
-        .map_or("it gives no reason: battery below 10 %, not activated in the app, or not in a state to do so", |(_, meaning)| {
+        .map_or("no reason given: battery below 10 %, not activated in the app, or not in a suitable state", |(_, meaning)| {
             meaning
         })
 }

@@ -16,12 +16,12 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 const MISSING: Duration = Duration::from_secs(3);
 
 /// Decodes access units to frames.
-pub(super) struct Eye {
+pub(super) struct FrameDecoder {
     decoder: Decoder,
     latency: Duration,
 }
 
-impl Eye {
+impl FrameDecoder {
     /// `latency`: estimated time from the shutter to the last datagram.
     pub(super) fn new(decoder: Decoder, latency: Duration) -> Self {
         Self { decoder, latency }
@@ -70,7 +70,7 @@ pub(super) fn gather(socket: &UdpSocket, from: IpAddr, inlet: &Inlet, start: Ins
 }
 
 /// Decodes received video until stopped. While nothing decodable arrives, `missing` is called every [`MISSING`].
-pub(super) fn watch(inlet: &Inlet, mut eye: Eye, frames: &FrameStore, stopped: &AtomicBool, mut missing: impl FnMut()) {
+pub(super) fn watch(inlet: &Inlet, mut eye: FrameDecoder, frames: &FrameStore, stopped: &AtomicBool, mut missing: impl FnMut()) {
     let mut last = Instant::now();
     while !stopped.load(Ordering::Relaxed) {
         let units = inlet.take(POLL_INTERVAL);
@@ -96,8 +96,8 @@ mod tests {
     use super::*;
     use crate::frames::Frames;
 
-    fn eye() -> Eye {
-        Eye::new(Decoder::new().unwrap(), Duration::from_millis(150))
+    fn eye() -> FrameDecoder {
+        FrameDecoder::new(Decoder::new().unwrap(), Duration::from_millis(150))
     }
 
     fn encoder(width: u32, height: u32) -> Encoder {
@@ -127,10 +127,10 @@ mod tests {
         let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));
         let units: Vec<Unit> = (0..3).map(|n| unit(800 + 100 * n, &mut encoder, &red(96, 64, n as u32))).collect();
         assert!(eye.see(&units, &frames));
-        let meta = frames.take_news().unwrap();
+        let meta = frames.take_new_frame().unwrap();
         // Time of arrival, not of decoding.
         assert_eq!((meta.id, meta.captured, meta.received), (FrameId(0), Time::from_millis(850), Time::from_millis(1000)));
-        assert_eq!((frames.take_news(), frames.tally().decoded), (None, 3));
+        assert_eq!((frames.take_new_frame(), frames.tally().decoded), (None, 3));
         assert!(frames.photo(FrameId(0)).is_some());
     }
 
@@ -142,7 +142,7 @@ mod tests {
         for n in 0..60_u64 {
             let shown = n.min(20) as u32;
             eye.see(&[unit(100 * n, &mut encoder, &red(96, 64, shown))], &frames);
-            counters.push(frames.take_news().unwrap().capture_counter);
+            counters.push(frames.take_new_frame().unwrap().capture_counter);
         }
         assert!(counters[..21].windows(2).all(|pair| pair[1] == pair[0] + 1), "{counters:?}");
         // The encoder refines a still image for a while, and its next key frame differs slightly once more.
@@ -163,7 +163,7 @@ mod tests {
         let (mut eye, frames) = (eye(), FrameStore::default());
         for (width, height) in [(96, 64), (192, 128), (96, 64)] {
             eye.see(&[unit(0, &mut encoder(width, height), &red(width, height, 0))], &frames);
-            let meta = frames.take_news().unwrap();
+            let meta = frames.take_new_frame().unwrap();
             assert_eq!((meta.width, meta.height), (width, height));
         }
         assert_eq!(frames.tally().sizes, 2);

@@ -74,7 +74,7 @@ impl Order {
 
 /// The result of an order.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Fate {
+pub enum OrderOutcome {
     /// Answered.
     Answered(Answer),
     /// No response arrived.
@@ -99,7 +99,7 @@ pub struct Conversation {
     quiet_until: Time,
     /// No order of the kind is sent before these times: acts, reads.
     tombs: [Time; 2],
-    ended: VecDeque<(Order, Fate)>,
+    ended: VecDeque<(Order, OrderOutcome)>,
     strays: u64,
     /// An urgent order that replaces all others and has not been sent yet.
     urgent: Option<String>,
@@ -161,7 +161,7 @@ impl Conversation {
         self.quiet_until = now + SPACING;
         let tomb = &mut self.tombs[order.kind as usize];
         *tomb = (*tomb).max(now + ECHO).max(echoes_until);
-        self.ended.push_back((order, Fate::Answered(answer)));
+        self.ended.push_back((order, OrderOutcome::Answered(answer)));
     }
 
     /// The next datagram to send.
@@ -183,7 +183,7 @@ impl Conversation {
             let tomb = &mut self.tombs[flight.order.kind as usize];
             *tomb = (*tomb).max(now + GRACE);
             if let Some(InFlight { order, .. }) = self.flight.take() {
-                self.ended.push_back((order, Fate::TimedOut));
+                self.ended.push_back((order, OrderOutcome::TimedOut));
             }
         }
         let kind = self.waiting.front()?.kind;
@@ -198,7 +198,7 @@ impl Conversation {
     }
 
     /// The next completed order, and its result.
-    pub fn take_ended(&mut self) -> Option<(Order, Fate)> {
+    pub fn take_ended(&mut self) -> Option<(Order, OrderOutcome)> {
         self.ended.pop_front()
     }
 }
@@ -277,7 +277,7 @@ mod tests {
                     schedule.hear(now, &text, number, orders[number].repeats == 0);
                 }
                 while let Some((_, fate)) = conversation.take_ended() {
-                    assert_eq!(fate, Fate::TimedOut);
+                    assert_eq!(fate, OrderOutcome::TimedOut);
                     ended += 1;
                 }
                 schedule.under_way.sort_by_key(|(at, ..)| *at);
@@ -286,7 +286,7 @@ mod tests {
                     conversation.handle(now, &bytes);
                     while let Some((order, fate)) = conversation.take_ended() {
                         let number = orders.iter().position(|other| *other == order).unwrap();
-                        assert!(matches!(fate, Fate::Answered(_)));
+                        assert!(matches!(fate, OrderOutcome::Answered(_)));
                         assert_eq!(number, whose, "seed {seed}: {order:?} was given the answer of {:?}", orders.get(whose));
                         ended += 1;
                     }
@@ -307,7 +307,7 @@ mod tests {
         conversation.handle(Time::from_millis(300), b"ok");
         assert_eq!((conversation.take_ended(), conversation.strays()), (None, 1));
         conversation.handle(Time::from_millis(4000), b"ok");
-        assert!(matches!(conversation.take_ended(), Some((_, Fate::Answered(Answer::Ok)))));
+        assert!(matches!(conversation.take_ended(), Some((_, OrderOutcome::Answered(Answer::Ok)))));
     }
 
     #[test]

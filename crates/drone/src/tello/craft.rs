@@ -14,7 +14,7 @@ use spf_core::estimator::Senses;
 use spf_core::time::{Duration, Time};
 use spf_media::h264::Decoder;
 
-use super::camera::{Eye, gather, watch};
+use super::camera::{FrameDecoder, gather, watch};
 use super::conversation::Order;
 use super::inlet::Inlet;
 use super::link::{Link, Notice};
@@ -73,13 +73,13 @@ impl Shared {
         while let Some(notice) = link.take_notice() {
             match notice {
                 Notice::Refused { command, answer, meaning } => {
-                    tracing::warn!("the drone answers `{answer}` to `{command}`: {meaning}");
+                    tracing::warn!("the drone replied `{answer}` to `{command}`: {meaning}");
                 }
-                Notice::Unanswered { command } => tracing::warn!("the drone did not answer `{command}`"),
+                Notice::Unanswered { command } => tracing::warn!("no reply from the drone to `{command}`"),
                 Notice::Unsaid { command } => {
-                    tracing::warn!("`{command}` was not said: an answer to what went before it may still come");
+                    tracing::warn!("`{command}` was not sent: a reply to the previous command may still arrive");
                 }
-                Notice::MotorsOff => tracing::warn!("the drone stopped its motors by itself"),
+                Notice::MotorsOff => tracing::warn!("the drone stopped its motors"),
             }
         }
     }
@@ -127,14 +127,14 @@ impl Tello {
             polled: Time::ZERO,
             threads: Vec::new(),
         };
-        let eye = Eye::new(Decoder::new()?, video_latency);
+        let decoder = FrameDecoder::new(Decoder::new()?, video_latency);
         let (one, two, three, four, seen) = (shared.clone(), shared.clone(), shared.clone(), shared, frames);
         let inlet = Arc::<Inlet>::default();
         let received = inlet.clone();
         tello.spawn("answers", move || answers(&one))?;
         tello.spawn("state", move || states(&two, &state, drone.ip()))?;
         tello.spawn("video", move || gather(&video, drone.ip(), &received, three.start, &three.stopped))?;
-        tello.spawn("pictures", move || watch(&inlet, eye, &seen, &four.stopped, || four.link().ask_for_video()))?;
+        tello.spawn("pictures", move || watch(&inlet, decoder, &seen, &four.stopped, || four.link().ask_for_video()))?;
         Ok(Connected { drone: tello, state: first, firmware })
     }
 
@@ -194,7 +194,7 @@ impl Drone for Tello {
         if let Some(event) = self.shared.link().take_event() {
             return Some(event);
         }
-        let meta = self.frames.take_news()?;
+        let meta = self.frames.take_new_frame()?;
         Some((meta.received, DroneEvent::Frame(meta)))
     }
 

@@ -7,7 +7,7 @@ use super::answer::explain;
 use super::craft::{Connected, Tello};
 use super::opening::ConnectError;
 use super::settings::TelloSettings;
-use crate::examine::{Check, FIRST_PICTURE, Finding, Watched, battery, light};
+use crate::examine::{Check, FIRST_PICTURE, Finding, Observation, battery, light};
 
 /// The drone shuts down slightly above this temperature, °C.
 const HOT: i32 = 80;
@@ -20,27 +20,27 @@ pub(super) fn examine(address: SocketAddr, settings: &TelloSettings) -> Vec<Chec
         Ok(connected) => connected,
         Err(error) => return vec![unreachable(address, settings, &error)],
     };
-    let mut checks = vec![Check::new("drone", Finding::Good, format!("{address} answers, {firmware}"), None)];
-    checks.push(battery(state.battery, "charge it: below 20 % the envelope refuses a take-off, below 10 % the drone does"));
+    let mut checks = vec![Check::new("drone", Finding::Good, format!("connected to {address}, {firmware}"), None)];
+    checks.push(battery(state.battery, "charge the battery: the envelope refuses take-off below 20 %, the drone below 10 %"));
     if let Some([low, high]) = state.temperature {
         let finding = if high >= HOT { Finding::Bad } else { Finding::Good };
         checks.push(Check::new(
             "temperature",
             finding,
             format!("{low} to {high} °C"),
-            Some("switch it off and let it cool: it switches itself off above some 85 °C"),
+            Some("switch the drone off and let it cool: it shuts down above about 85 °C"),
         ));
     }
-    let watched = Watched::of(&mut drone);
+    let watched = Observation::of(&mut drone);
     checks.push(Check::new(
         "state",
         watched.reports(STATES),
-        format!("{:.1} lines a second of 10", watched.telemetry),
-        Some("go nearer to the drone, or to where fewer Wi-Fi networks are"),
+        format!("{:.1} Hz of 10 Hz", watched.telemetry),
+        Some("move closer to the drone, or to a place with fewer Wi-Fi networks"),
     ));
     let Some(picture) = &watched.newest else {
         let todo = format!(
-            "allow UDP {} from {} in the firewall; a Tello EDU that joined a router sends no video with SDK 2.0",
+            "allow UDP {} from {} in the firewall; a Tello EDU in station mode sends no video with SDK 2.0",
             settings.video_port,
             address.ip()
         );
@@ -48,8 +48,8 @@ pub(super) fn examine(address: SocketAddr, settings: &TelloSettings) -> Vec<Chec
         checks.push(Check::new("video", Finding::Bad, found, Some(&todo)));
         return checks;
     };
-    checks.push(watched.video(picture, "go nearer to the drone; each lost datagram costs the rest of a second"));
-    checks.push(light(picture, "switch on a light: in the dark it drifts, and answers `error No valid imu`"));
+    checks.push(watched.video(picture, "move closer to the drone; each lost datagram can lose up to a second of video"));
+    checks.push(light(picture, "switch on a light: in the dark the drone drifts and returns `error No valid imu`"));
     checks
 }
 
@@ -57,16 +57,17 @@ fn unreachable(address: SocketAddr, settings: &TelloSettings, error: &ConnectErr
     let ip = address.ip();
     let advice = match error {
         ConnectError::Port { port, .. } => {
-            format!("end the program that has UDP port {port}: another Tello program, or a second flight")
+            format!("close the program that uses UDP port {port}: another Tello program, or a second flight")
         }
         ConnectError::Unreachable { .. } | ConnectError::NoAnswer { .. } => {
             format!(
-                "switch it on and join its Wi-Fi TELLO-…; `ping {ip}` should answer; after the app was used, switch it off and on"
+                "switch the drone on and join its Wi-Fi TELLO-…; check with `ping {ip}`; after using the app, switch the \
+                    drone off and on"
             )
         }
         ConnectError::NoState { port } => format!("allow UDP {port} and {} from {ip} in the firewall", settings.video_port),
         ConnectError::Refused { answer, .. } => explain(answer).to_owned(),
-        _ => "start again; if it stays so, tell the project".to_owned(),
+        _ => "try again; if it persists, report a bug".to_owned(),
     };
     Check::new("drone", Finding::Bad, error.to_string(), Some(&advice))
 }

@@ -18,12 +18,12 @@ use crate::options::Options;
 const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(std::net::Ipv4Addr::new(192, 168, 10, 1)), COMMAND_PORT);
 
 /// Warning before take-off with `rc` motion.
-const WARNING: &str = "A Tello holds its last velocity: when the link is cut nothing can stop it before it lands by itself, 15 s \
-                       after the last command. Ctrl-C lands, a second one ends the program.";
+const WARNING: &str = "If the link is lost, the Tello holds its last velocity and cannot be stopped until it lands \
+automatically, 15 s after the last command. Ctrl-C lands, a second Ctrl-C ends the program.";
 
 /// Warning before take-off with `go` motion.
-const OWN_WARNING: &str = "Each step ends by itself: when the link is cut the Tello flies the rest of it, at most 5 m, hovers, and lands 15 s after the \
-                           last command. Steps within 20 cm are flown by rc. Ctrl-C lands, a second one ends the program.";
+const OWN_WARNING: &str = "If the link is lost, the Tello completes the current step (at most 5 m), hovers, and lands 15 s \
+after the last command. Steps of up to 20 cm use rc. Ctrl-C lands, a second Ctrl-C ends the program.";
 
 /// The driver.
 pub const DRIVER: Driver = Driver {
@@ -58,7 +58,7 @@ impl Target for NamedTello {
         let battery = state.battery.map_or("battery unknown".to_owned(), |charge| format!("battery {charge} %"));
         Ok(driver::Connected {
             drone: Box::new(drone),
-            told: format!("Connected to the Tello at {}: {firmware}, {battery}.", self.0.ip()),
+            summary: format!("Connected to the Tello at {}: {firmware}, {battery}.", self.0.ip()),
             warning: if options.tello.motion == TelloMotion::Go { OWN_WARNING } else { WARNING },
         })
     }
@@ -73,13 +73,14 @@ impl NamedTello {
         let ip = self.0.ip();
         let hint = match &error {
             ConnectError::Port { port, .. } => {
-                Some(format!("another program has port {port}: end it (other Tello programs, a second flight)"))
+                Some(format!("close the program that uses port {port} (another Tello program, a second flight)"))
             }
             ConnectError::Unreachable { .. } | ConnectError::NoAnswer { .. } => Some(format!(
-                "is it on, and is this machine in its Wi-Fi TELLO-…? `ping {ip}` should answer; a Tello that was flown by the app wants to be switched off and on"
+                "check that the drone is on, that this machine is in its Wi-Fi TELLO-…, and that `ping {ip}` works; after \
+                    using the app, switch the drone off and on"
             )),
             ConnectError::NoState { port } => {
-                Some(format!("a firewall lets commands out and nothing in: allow UDP {port} and 11111 from {ip}"))
+                Some(format!("a firewall may block incoming packets: allow UDP {port} and 11111 from {ip}"))
             }
             _ => None,
         };

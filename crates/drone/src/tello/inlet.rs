@@ -8,7 +8,7 @@ use spf_core::time::{Duration, Time};
 use spf_media::h264::AccessUnit;
 
 use super::video::Joiner;
-use crate::frames::VideoTally;
+use crate::frames::VideoStats;
 
 /// Maximum number of queued images: two seconds. More are dropped, since a decoder that far behind never catches up.
 const WAITING: usize = 60;
@@ -85,7 +85,7 @@ impl Inlet {
     }
 
     /// Transmission losses, and the number of images dropped because newer ones had arrived.
-    pub(super) fn tally(&self) -> (VideoTally, u64) {
+    pub(super) fn tally(&self) -> (VideoStats, u64) {
         let waiting = self.waiting();
         (waiting.joiner.tally(), waiting.overtaken)
     }

@@ -9,7 +9,7 @@ use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time, duration_from_secs};
 
 use super::answer::{Answer, explain};
-use super::conversation::{Conversation, Fate, Order};
+use super::conversation::{Conversation, Order, OrderOutcome};
 use super::manoeuvre::{self, Move, Stage};
 use super::state::State;
 use super::sticks::{Calibration, Sticks};
@@ -85,7 +85,7 @@ pub struct Link {
     /// Since when the drone is at take-off height.
     high_since: Option<Time>,
     /// Setpoints sent, with their times, for the direction of speeds.
-    told: VecDeque<(Time, Setpoint)>,
+    sent: VecDeque<(Time, Setpoint)>,
     modelled: [f64; 3],
     rc_sent: u64,
     /// The manoeuvre being flown.
@@ -111,7 +111,7 @@ impl Link {
             emergencies: VecDeque::new(),
             motors: None,
             high_since: None,
-            told: VecDeque::new(),
+            sent: VecDeque::new(),
             modelled: [0.0; 3],
             rc_sent: 0,
             manoeuvre: None,
@@ -174,7 +174,7 @@ impl Link {
                     self.end_manoeuvre(now);
                 } else if self.phase == FlightPhase::Flying {
                     self.sticks.set(self.calibration.sticks(setpoint), command.valid_until());
-                    self.told.push_back((now, setpoint));
+                    self.sent.push_back((now, setpoint));
                 }
             }
             Command::Manoeuvre(manoeuvre) if self.phase == FlightPhase::Flying => {
@@ -228,7 +228,7 @@ impl Link {
         while let Some((order, fate)) = self.conversation.take_ended() {
             let command = order.text.clone();
             match fate {
-                Fate::Answered(Answer::Refused(answer)) => {
+                OrderOutcome::Answered(Answer::Refused(answer)) => {
                     if command == "takeoff" && self.phase == FlightPhase::TakingOff {
                         self.on_ground();
                     }
@@ -236,13 +236,13 @@ impl Link {
                     self.manoeuvre_over(now, &command);
                     self.notices.push_back(Notice::Refused { command, answer, meaning });
                 }
-                Fate::Answered(_) => {
+                OrderOutcome::Answered(_) => {
                     if command == "takeoff" && self.phase == FlightPhase::TakingOff {
                         self.begin_flying(now);
                     }
                     self.manoeuvre_over(now, &command);
                 }
-                Fate::TimedOut => {
+                OrderOutcome::TimedOut => {
                     self.manoeuvre_over(now, &command);
                     self.notices.push_back(Notice::Unanswered { command });
                 }
@@ -261,7 +261,7 @@ impl Link {
                 self.conversation.interrupt(now, manoeuvre::stop());
                 // In addition, for a drone on which stick input also ends a manoeuvre.
                 self.sticks.set([0; 4], now);
-                self.told.push_back((now, Setpoint::HOLD));
+                self.sent.push_back((now, Setpoint::HOLD));
             }
             Stage::Stopping => {}
         }
@@ -279,7 +279,7 @@ impl Link {
     fn hover(&mut self, now: Time) {
         self.manoeuvre = None;
         self.sticks.set([0; 4], now);
-        self.told.push_back((now, Setpoint::HOLD));
+        self.sent.push_back((now, Setpoint::HOLD));
         if self.phase == FlightPhase::Manoeuvring {
             self.phase = FlightPhase::Flying;
         }
@@ -307,7 +307,7 @@ impl Link {
         self.manoeuvre = None;
         self.land_again = None;
         self.sticks.release();
-        self.told.clear();
+        self.sent.clear();
         self.modelled = [0.0; 3];
     }
 
@@ -361,10 +361,10 @@ impl Link {
     /// Models the direction of flight from the commands: the sign of the reported speeds is unreliable.
     fn model(&mut self, now: Time, before: Time) {
         let effective = now - duration_from_secs(DEAD_TIME);
-        while self.told.get(1).is_some_and(|(at, _)| *at <= effective) {
-            self.told.pop_front();
+        while self.sent.get(1).is_some_and(|(at, _)| *at <= effective) {
+            self.sent.pop_front();
         }
-        let setpoint = self.told.front().filter(|(at, _)| *at <= effective).map_or(Setpoint::HOLD, |(_, setpoint)| *setpoint);
+        let setpoint = self.sent.front().filter(|(at, _)| *at <= effective).map_or(Setpoint::HOLD, |(_, setpoint)| *setpoint);
         let heading = self.heading();
         let (sin, cos) = (libm::sin(heading), libm::cos(heading));
         let wanted = [setpoint.right * cos + setpoint.forward * sin, setpoint.forward * cos - setpoint.right * sin, setpoint.up];
@@ -445,7 +445,7 @@ impl Link {
         self.fly_manoeuvre(now);
         let said = self.conversation.poll(now);
         if let Some(flown) = self.manoeuvre.as_ref().filter(|flown| Some(&flown.text) == said.as_ref()) {
-            self.told.push_back((now, flown.velocity));
+            self.sent.push_back((now, flown.velocity));
         }
         self.settle(now);
         said

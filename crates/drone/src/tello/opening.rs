@@ -20,7 +20,7 @@ const STATE_WAIT: Duration = Duration::from_secs(2);
 #[non_exhaustive]
 pub enum ConnectError {
     /// A local port cannot be bound.
-    #[error("UDP port {port} of this machine cannot be had for the drone's {what}")]
+    #[error("cannot bind UDP port {port} for Tello {what}")]
     Port {
         /// The port.
         port: u16,
@@ -31,7 +31,7 @@ pub enum ConnectError {
         source: std::io::Error,
     },
     /// The drone's address cannot be reached.
-    #[error("{drone} cannot be reached")]
+    #[error("cannot reach {drone}")]
     Unreachable {
         /// The drone.
         drone: SocketAddr,
@@ -40,13 +40,13 @@ pub enum ConnectError {
         source: std::io::Error,
     },
     /// The drone does not answer.
-    #[error("{drone} does not answer `command`")]
+    #[error("no reply from {drone} to `command`")]
     NoAnswer {
         /// The drone.
         drone: SocketAddr,
     },
     /// The drone refuses a command.
-    #[error("the drone answers `{answer}` to `{command}`: {meaning}")]
+    #[error("the drone replied `{answer}` to `{command}`: {meaning}")]
     Refused {
         /// The command.
         command: &'static str,
@@ -56,13 +56,13 @@ pub enum ConnectError {
         meaning: &'static str,
     },
     /// The drone answers commands, but its state does not arrive.
-    #[error("the drone answers, but no state arrives on UDP port {port}")]
+    #[error("the drone replies, but no state arrives on UDP port {port}")]
     NoState {
         /// The state port.
         port: u16,
     },
     /// A thread could not be started.
-    #[error("the driver cannot be started")]
+    #[error("cannot start the driver")]
     Start(#[source] std::io::Error),
     /// The video decoder could not be created.
     #[error(transparent)]
@@ -156,16 +156,16 @@ fn ask(socket: &UdpSocket, question: &str) -> Option<String> {
     // Discard late responses to earlier commands.
     receive(socket, SPACING, |_, _| false);
     socket.send(question.as_bytes()).ok()?;
-    let mut told = None;
+    let mut latest = None;
     receive(socket, ANSWER_WAIT, |bytes, _| match Answer::read(bytes) {
         Answer::Value(value) => {
-            told = Some(value);
+            latest = Some(value);
             true
         }
         Answer::Refused(_) => true,
         _ => false,
     });
-    told
+    latest
 }
 
 /// The first state line of the drone.

@@ -3,7 +3,7 @@
 
 use spf_media::h264::{AccessUnit, NalKind};
 
-use crate::frames::VideoTally;
+use crate::frames::VideoStats;
 
 /// A datagram of this length is followed by more of its NAL unit, unless the unit ends with it.
 const FULL: usize = 1460;
@@ -22,13 +22,13 @@ pub struct Joiner {
     last_number: Option<u32>,
     /// Whether decoding can continue: nothing was lost since the last key frame.
     whole: bool,
-    tally: VideoTally,
+    tally: VideoStats,
 }
 
 impl Joiner {
     /// Losses so far.
     #[must_use]
-    pub fn tally(&self) -> VideoTally {
+    pub fn tally(&self) -> VideoStats {
         self.tally
     }
 
@@ -258,7 +258,7 @@ mod tests {
             assert_eq!(units[0].key, datagrams.len() > 2 && datagrams[0].get(4) == Some(&0x67));
             assert!(decoder.decode(&units[0].annex_b).unwrap().is_some());
         }
-        assert_eq!(joiner.tally(), VideoTally { units: 25, ..VideoTally::default() });
+        assert_eq!(joiner.tally(), VideoStats { units: 25, ..VideoStats::default() });
     }
 
     #[test]

@@ -93,7 +93,7 @@ impl Toy {
         let (time, phase) = (self.now, self.phase);
         let telemetry = Telemetry { time, attitude, height, position, velocity, phase, ..Telemetry::default() };
         self.frames.receive(self.now, self.now, ball::paint(&self.capabilities().camera, &self.pose, self.now));
-        let frame = self.frames.take_news().map(DroneEvent::Frame);
+        let frame = self.frames.take_new_frame().map(DroneEvent::Frame);
         self.events.extend([Some(DroneEvent::Telemetry(telemetry)), frame].into_iter().flatten().map(|event| (self.now, event)));
     }
 }

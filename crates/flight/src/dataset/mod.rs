@@ -22,9 +22,9 @@ use spf_media::frame::Rgb;
 
 use spf_core::tags::Tagged;
 use spf_oracle::{Mask, Placed, SIZE_SENT, masks, resolve_truth};
-use spf_render::effects::{Effects, Eye, Shot};
+use spf_render::effects::{Effects, Shot, SimCamera};
 use spf_render::surroundings::Surroundings;
-use spf_render::{Channels, Picture, Renderer};
+use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::actors::ActorPlace;
 use spf_scene::geometry::{ObjectId, Part, SceneGeometry};
 
@@ -163,7 +163,7 @@ pub struct Example {
     /// The camera image.
     pub photograph: Rgb,
     /// Ground truth images: ids, depth, openings and their depth, as the oracle reads them.
-    pub truth: Picture,
+    pub truth: RenderedImage,
     /// All visible objects, by ascending id.
     pub visible: Vec<Visible>,
 }
@@ -182,7 +182,7 @@ impl Example {
 pub struct Generator<'a> {
     loaded: &'a LoadedScene,
     recipe: Recipe,
-    eye: Eye,
+    sim_camera: SimCamera,
     around: Surroundings,
     /// Objects by first name: each name has the same probability, however many objects share it.
     groups: Vec<Vec<ObjectId>>,
@@ -190,8 +190,8 @@ pub struct Generator<'a> {
     alike: Vec<Vec<ObjectId>>,
     /// Renderers of single objects, for their complete silhouettes.
     alone: BTreeMap<ObjectId, Renderer>,
-    glance: Picture,
-    scratch: Picture,
+    glance: RenderedImage,
+    scratch: RenderedImage,
 }
 
 impl<'a> Generator<'a> {
@@ -199,8 +199,8 @@ impl<'a> Generator<'a> {
     #[must_use]
     pub fn new(loaded: &'a LoadedScene, recipe: Recipe) -> Self {
         let tags = &loaded.tags;
-        let eye = Eye::new(recipe.camera, recipe.effects.clone(), recipe.seed);
-        let around = Surroundings::of(eye.camera());
+        let sim_camera = SimCamera::new(recipe.camera, recipe.effects.clone(), recipe.seed);
+        let around = Surroundings::of(sim_camera.camera());
         let groups = groups(tags.iter().filter(|tags| !tags.is_surface() && !BACKDROPS.contains(&tags.kind.as_str())));
         let alike = groups
             .iter()
@@ -210,20 +210,20 @@ impl<'a> Generator<'a> {
         Self {
             loaded,
             recipe,
-            eye,
+            sim_camera,
             around,
             groups,
             alike,
             alone: BTreeMap::new(),
-            glance: Picture::default(),
-            scratch: Picture::default(),
+            glance: RenderedImage::default(),
+            scratch: RenderedImage::default(),
         }
     }
 
     /// The camera of the images, including lens distortion.
     #[must_use]
     pub fn camera(&self) -> &Camera {
-        self.eye.camera()
+        self.sim_camera.camera()
     }
 
     /// Whether the scene has the objects needed for this kind of example.
@@ -246,13 +246,13 @@ impl<'a> Generator<'a> {
         let group = groups.get(draw.below(groups.len()))?;
         let focus = *group.get(draw.below(group.len()))?;
         let object = self.loaded.scene.object(focus)?;
-        let pose = Views { loaded: self.loaded, actors, camera: self.eye.camera() }.of(object, &mut draw)?;
+        let pose = Views { loaded: self.loaded, actors, camera: self.sim_camera.camera() }.of(object, &mut draw)?;
         let snapshot = WorldSnapshot { pose, actors: actors.to_vec() };
         if !self.glance_shows(&snapshot, kind, focus) {
             return None;
         }
-        let mut truth = Picture::default();
-        self.eye.look(self.eye.camera(), &mut truth, |camera, picture| {
+        let mut truth = RenderedImage::default();
+        self.sim_camera.look(self.sim_camera.camera(), &mut truth, |camera, picture| {
             self.loaded.render_into(camera, &snapshot, Channels::TRUTH, picture);
         });
         let seen = seen(&truth);
@@ -276,7 +276,7 @@ impl<'a> Generator<'a> {
             _ => Some(self.target(mask, &snapshot, &truth).filter(|target| target.occlusion <= HIDDEN_SHARE)?),
         };
         let shot = Shot::still(Time::from_nanos(number), snapshot);
-        let photograph = self.eye.photograph(&shot, None, |camera, snapshot, picture| {
+        let photograph = self.sim_camera.photograph(&shot, None, |camera, snapshot, picture| {
             self.loaded.render_into(camera, snapshot, Channels::RGB, picture);
         });
         Some(Example { kind, instruction, wording, target, look_alikes, pose, photograph, truth, visible })
@@ -284,7 +284,7 @@ impl<'a> Generator<'a> {
 
     /// Whether a coarse preview shows the objects that the example needs.
     fn glance_shows(&mut self, snapshot: &WorldSnapshot, kind: Kind, focus: ObjectId) -> bool {
-        let camera = self.eye.camera();
+        let camera = self.sim_camera.camera();
         let camera = camera.resized((camera.width / GLANCE).max(1), (camera.height / GLANCE).max(1));
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(&camera, snapshot, channels, &mut self.glance);
@@ -300,21 +300,21 @@ impl<'a> Generator<'a> {
     }
 
     /// Whether `pixels` in `picture` correspond to at least `least` at [`SIZE_SENT`].
-    fn is_large(&self, pixels: u64, least: f64, picture: &Picture) -> bool {
+    fn is_large(&self, pixels: u64, least: f64, picture: &RenderedImage) -> bool {
         let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
         pixels as f64 * sent >= least * f64::from(picture.width) * f64::from(picture.height)
     }
 
     /// Whether another object close to the lens blocks the view.
-    fn is_blocked(&self, truth: &Picture, focus: ObjectId) -> bool {
+    fn is_blocked(&self, truth: &RenderedImage, focus: ObjectId) -> bool {
         let (Some(ids), Some(depth)) = (&truth.ids, &truth.depth) else { return true };
         let close = (0.5 * self.loaded.scene.near) as f32;
         let blocked = ids.iter().zip(depth).filter(|(id, depth)| **id != focus && (0.01..close).contains(*depth)).count();
         blocked as f64 > BLOCKED * ids.len() as f64
     }
 
-    fn visible(&mut self, snapshot: &WorldSnapshot, truth: &Picture, seen: &[Mask]) -> Vec<Visible> {
-        let light = self.loaded.renderer.light_on(self.eye.camera(), &snapshot.pose, truth);
+    fn visible(&mut self, snapshot: &WorldSnapshot, truth: &RenderedImage, seen: &[Mask]) -> Vec<Visible> {
+        let light = self.loaded.renderer.light_on(self.sim_camera.camera(), &snapshot.pose, truth);
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(self.around.camera(), snapshot, channels, &mut self.scratch);
         let shares = self.around.shares(&self.scratch);
@@ -406,7 +406,7 @@ impl<'a> Generator<'a> {
         placed
     }
 
-    fn target(&mut self, mask: &Mask, snapshot: &WorldSnapshot, truth: &Picture) -> Option<Target> {
+    fn target(&mut self, mask: &Mask, snapshot: &WorldSnapshot, truth: &RenderedImage) -> Option<Target> {
         let tags = self.tags_of(mask.id)?;
         let (key, opening) = (tags.key.clone(), tags.opening);
         let (w, h) = (truth.width as usize, truth.height as usize);
@@ -414,7 +414,7 @@ impl<'a> Generator<'a> {
         let depth = if opening { &truth.opening_depth } else { &truth.depth };
         let along = f64::from(*depth.as_ref()?.get(y * w + x)?);
         let point = ImagePoint { u: (x as f64 + 0.5) / w as f64, v: (y as f64 + 0.5) / h as f64 };
-        let ray = self.eye.camera().ray(point);
+        let ray = self.sim_camera.camera().ray(point);
         let nearest_m = self.loaded.distance_to(mask.id, &snapshot.actors, snapshot.pose.position)?;
         let whole = self.silhouette(mask.id, opening, snapshot)?;
         let pixel = |at: usize| at as u32;
@@ -440,7 +440,7 @@ impl<'a> Generator<'a> {
             Renderer::new(&SceneGeometry { parts, ..scene.geometry.clone() })
         });
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        self.eye.look(self.eye.camera(), &mut self.scratch, |camera, picture| {
+        self.sim_camera.look(self.sim_camera.camera(), &mut self.scratch, |camera, picture| {
             alone.render_into(camera, &snapshot.pose, channels, &moving, picture);
         });
         let ids = if opening { &self.scratch.opening_ids } else { &self.scratch.ids };
@@ -465,7 +465,7 @@ fn is_look_alike(tags: &[Tagged], of: ObjectId, other: &Tagged) -> bool {
 }
 
 /// Masks of both id images, by ascending id. Each object is in one of the two.
-fn seen(truth: &Picture) -> Vec<Mask> {
+fn seen(truth: &RenderedImage) -> Vec<Mask> {
     let channels = [truth.ids.as_deref(), truth.opening_ids.as_deref()];
     let mut all: Vec<Mask> = channels.into_iter().flatten().flat_map(|ids| masks(ids, truth.width as usize)).collect();
     all.sort_by_key(|mask| mask.id);
@@ -473,7 +473,7 @@ fn seen(truth: &Picture) -> Vec<Mask> {
 }
 
 /// Number of pixels per object in both id images.
-fn counts(picture: &Picture) -> BTreeMap<ObjectId, u64> {
+fn counts(picture: &RenderedImage) -> BTreeMap<ObjectId, u64> {
     let mut counts = BTreeMap::new();
     for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {
         for run in ids.chunk_by(|a, b| a == b) {

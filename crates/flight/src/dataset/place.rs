@@ -1,7 +1,7 @@
 //! Whether descriptions such as "leftmost" hold clearly in an image.
 
 use spf_oracle::Mask;
-use spf_render::Picture;
+use spf_render::RenderedImage;
 use spf_scene::geometry::ObjectId;
 
 /// Minimum distance of the leftmost object from the next, as a fraction of the image width.
@@ -16,7 +16,7 @@ pub(super) struct Plainly<'a> {
     /// The masks of the image.
     pub(super) masks: &'a [Mask],
     /// Ids and depth, including openings.
-    pub(super) truth: &'a Picture,
+    pub(super) truth: &'a RenderedImage,
 }
 
 impl Plainly<'_> {
@@ -58,7 +58,8 @@ mod tests {
         // Three objects side by side, the left two hardly apart in depth.
         let ids: Vec<u16> = (0..2).flat_map(|_| (0..100).map(|x| [1, 2, 3][(x / 34) as usize])).collect();
         let depth: Vec<f32> = ids.iter().map(|id| [5.0, 5.5, 20.0][usize::from(*id) - 1]).collect();
-        let truth = Picture { width: 100, height: 2, ids: Some(ids.clone()), depth: Some(depth), ..Picture::default() };
+        let truth =
+            RenderedImage { width: 100, height: 2, ids: Some(ids.clone()), depth: Some(depth), ..RenderedImage::default() };
         let masks = masks(&ids, 100);
         let plainly = Plainly { masks: &masks, truth: &truth };
         let all = [1, 2, 3];

@@ -76,16 +76,16 @@ pub(super) fn instructions(tags: &Tagged, draw: &mut Draw) -> Vec<(Wording, Stri
         shuffle(ways, draw);
     }
     let longest = kinds.iter().map(|(_, ways)| ways.len()).max().unwrap_or(0);
-    let mut told = Vec::new();
+    let mut worded = Vec::new();
     for nth in 0..longest {
         for (wording, ways) in &kinds {
             if let Some(way) = ways.get(nth) {
                 let orders: &[&str] = if *wording == Wording::Use { &USES } else { &ORDERS };
-                told.push((*wording, orders[draw.below(orders.len())].replace("{}", way)));
+                worded.push((*wording, orders[draw.below(orders.len())].replace("{}", way)));
             }
         }
     }
-    told
+    worded
 }
 
 /// Names that can follow an article.
@@ -159,9 +159,9 @@ mod tests {
         let people = [tags(1, "person", "red", "tall"), tags(2, "person", "blue", "low")]
             .map(|tags| Tagged { kind: "person".to_owned(), ..tags });
         let objects = people.each_ref().map(|tags| Placed { tags, place: None });
-        let told = coloured(&people[1]);
-        assert_eq!(told[0], "person in blue");
-        assert_eq!(resolve_truth(&format!("Fly to the {}", told[0]), &objects, None).objects, [2]);
+        let worded = coloured(&people[1]);
+        assert_eq!(worded[0], "person in blue");
+        assert_eq!(resolve_truth(&format!("Fly to the {}", worded[0]), &objects, None).objects, [2]);
         let lamp = Tagged { uses: vec!["give light".to_owned()], ..tags(3, "lamp", "white", "bright") };
         let objects = [Placed { tags: &red, place: None }, Placed { tags: &lamp, place: None }];
         for order in USES {
@@ -173,9 +173,9 @@ mod tests {
     #[test]
     fn words_vary_and_repeat_by_seed() {
         let red = tags(1, "chair", "red", "tall");
-        let told = |seed| instructions(&red, &mut Draw::new(seed, "test", &[]));
-        assert_eq!(told(4), told(4));
-        let firsts: std::collections::BTreeSet<Wording> = (0..60).map(|seed| told(seed)[0].0).collect();
+        let worded = |seed| instructions(&red, &mut Draw::new(seed, "test", &[]));
+        assert_eq!(worded(4), worded(4));
+        let firsts: std::collections::BTreeSet<Wording> = (0..60).map(|seed| worded(seed)[0].0).collect();
         assert_eq!(firsts.len(), 7, "{firsts:?}");
     }
 }

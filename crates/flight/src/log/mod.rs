@@ -100,18 +100,18 @@ impl FlightLog {
 
     /// Writes a message in one of our own formats.
     fn row<T: Serialize>(&mut self, channel: Channel, at: Time, row: &T) {
-        self.tell_gap(at);
+        self.log_gap(at);
         self.missing += u64::from(!self.out.row(channel, at, row));
     }
 
     /// Writes a Foxglove message.
     fn put<M: foxglove::Encode>(&mut self, channel: Channel, at: Time, message: &M) {
-        self.tell_gap(at);
+        self.log_gap(at);
         self.missing += u64::from(!self.out.put(channel, at, foxglove::encode(message)));
     }
 
     /// Logs the position of dropped messages, since a replay cannot continue past it.
-    fn tell_gap(&mut self, at: Time) {
+    fn log_gap(&mut self, at: Time) {
         if self.missing > 0 && self.out.row(Channel::Gap, at, &GapRow { messages: self.missing }) {
             self.missing = 0;
         }
@@ -179,7 +179,7 @@ impl FlightLog {
     pub(crate) fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
         self.wake();
         if let Some((channel, data)) = output(action, pilot) {
-            self.tell_gap(now);
+            self.log_gap(now);
             self.missing += u64::from(!self.out.put(channel, now, data));
         }
         match action {
@@ -212,8 +212,8 @@ impl FlightLog {
                 (Level::Info, format!("{}. {}", decision.number, words::decision(decision)))
             }
             Note::Envelope(cause) => (Level::Warning, format!("envelope: {cause}")),
-            Note::LateReply(id) => (Level::Warning, format!("query {} ended after it had been given up: it moves nothing", id.0)),
-            Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable answer: {reason}")),
+            Note::LateReply(id) => (Level::Warning, format!("query {} completed too late: ignored", id.0)),
+            Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable reply: {reason}")),
             Note::Operator(event) => (Level::Info, format!("operator: {}", words::operator(event))),
             Note::OperatorIgnored(event, why) => (Level::Warning, format!("operator: {} ignored: {why}", words::operator(event))),
         };

@@ -10,7 +10,7 @@ use spf_core::tags::Tagged;
 use spf_core::time::Time;
 use spf_oracle::{Place, Placed};
 use spf_render::effects::Posed;
-use spf_render::{Channels, Frustum, Picture, Renderer};
+use spf_render::{Channels, Frustum, RenderedImage, Renderer};
 use spf_scene::actors::{ActorPlace, Cast, Traffic};
 use spf_scene::collide::{Collider, ColliderError};
 use spf_scene::geometry::ObjectId;
@@ -32,14 +32,14 @@ pub struct LoadedScene {
     /// Names and properties of its objects.
     pub tags: Vec<Tagged>,
     /// Unused render buffers. Memory thus grows with the number of concurrent queries, not of flights.
-    eyes: Mutex<Vec<Eyes>>,
+    eyes: Mutex<Vec<PerceptBuffers>>,
 }
 
 /// Render buffers for one percept of the oracle: eight megabytes, reused.
 #[derive(Default)]
-pub(super) struct Eyes {
-    pub(super) sight: Picture,
-    pub(super) wide: Picture,
+pub(super) struct PerceptBuffers {
+    pub(super) sight: RenderedImage,
+    pub(super) wide: RenderedImage,
 }
 
 /// The state of the world at an instant: camera pose and actor positions.
@@ -65,7 +65,7 @@ pub enum SceneLoadError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// Its meshes are invalid.
-    #[error("the scene's meshes cannot be touched: {0}")]
+    #[error("the scene has an invalid mesh: {0}")]
     Collider(#[from] ColliderError),
 }
 
@@ -112,12 +112,12 @@ impl LoadedScene {
     }
 
     /// Takes render buffers; return them with [`LoadedScene::give_back`].
-    pub(super) fn eyes(&self) -> Eyes {
+    pub(super) fn eyes(&self) -> PerceptBuffers {
         self.eyes.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
 
     /// Returns render buffers.
-    pub(super) fn give_back(&self, eyes: Eyes) {
+    pub(super) fn give_back(&self, eyes: PerceptBuffers) {
         self.eyes.lock().unwrap_or_else(PoisonError::into_inner).push(eyes);
     }
 
@@ -137,14 +137,14 @@ impl LoadedScene {
 
     /// Renders an image of a snapshot.
     #[must_use]
-    pub fn render(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels) -> Picture {
-        let mut picture = Picture::default();
+    pub fn render(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels) -> RenderedImage {
+        let mut picture = RenderedImage::default();
         self.render_into(camera, snapshot, channels, &mut picture);
         picture
     }
 
     /// Renders a snapshot into existing buffers.
-    pub fn render_into(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels, picture: &mut Picture) {
+    pub fn render_into(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels, picture: &mut RenderedImage) {
         let frustum = Frustum::new(camera, &snapshot.pose);
         let actors = self.cast.parts(&snapshot.actors, |centre, radius| frustum.sees(centre, radius));
         self.renderer.render_into(camera, &snapshot.pose, channels, &actors, picture);

@@ -6,9 +6,9 @@ use spf_core::query::Query;
 use spf_core::time::Duration;
 use spf_oracle::{ErrorFile, Oracle, Percept, Sight};
 use spf_render::Channels;
-use spf_vlm::{Account, Answer, Asked, Picture, Vlm, VlmError};
+use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
 
-use super::loaded_scene::{Eyes, WorldSnapshot};
+use super::loaded_scene::{PerceptBuffers, WorldSnapshot};
 use super::world::SimWorld;
 
 /// The oracle of a simulated world.
@@ -46,7 +46,7 @@ impl OracleVlm {
             return Ok(percept.clone());
         }
         let snapshot =
-            self.world.capture(frame).ok_or_else(|| VlmError::Picture(format!("frame {} is no longer kept", frame.0)))?;
+            self.world.capture(frame).ok_or_else(|| VlmError::Image(format!("frame {} is no longer kept", frame.0)))?;
         let percept = self.look(frame, &snapshot);
         self.percept = Some((frame, percept.clone()));
         Ok(percept)
@@ -54,7 +54,7 @@ impl OracleVlm {
 
     fn look(&self, frame: FrameId, snapshot: &WorldSnapshot) -> Percept {
         let mut eyes = self.world.loaded().eyes();
-        let Eyes { sight, wide } = &mut eyes;
+        let PerceptBuffers { sight, wide } = &mut eyes;
         // Two images in parallel: much of rendering without colours is single-threaded.
         let ((), in_frame) =
             rayon::join(|| self.world.look_into(snapshot, Channels::TRUTH, sight), || self.world.in_frame(snapshot, wide));
@@ -84,7 +84,7 @@ impl Vlm for OracleVlm {
         &self.name
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
         match self.percept(asked.query.frame) {
             Ok(percept) => self.answer_from(asked.query, &percept),
             Err(error) => {

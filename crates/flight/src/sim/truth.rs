@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;
 use spf_oracle::resolve_truth;
-use spf_render::{Channels, Picture};
+use spf_render::{Channels, RenderedImage};
 use spf_scene::geometry::ObjectId;
 
 use super::loaded_scene::WorldSnapshot;
@@ -66,7 +66,7 @@ pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
 /// The subset of `objects` in view.
 fn in_view(world: &SimWorld, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> Vec<ObjectId> {
     let picture = world.look(snapshot, Channels { ids: true, openings: true, ..Channels::default() });
-    sighted(&picture, objects, VIEW_HEIGHT, || world.in_frame(snapshot, &mut Picture::default()))
+    sighted(&picture, objects, VIEW_HEIGHT, || world.in_frame(snapshot, &mut RenderedImage::default()))
 }
 
 /// The subset of `objects`, openings included, that an image with ids and openings shows well: at least `height` of the
@@ -74,7 +74,7 @@ fn in_view(world: &SimWorld, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> 
 /// filling a tenth of the frame. Only visible pixels count. `shares`, which needs another render, is called only if it
 /// decides.
 pub fn sighted(
-    picture: &Picture,
+    picture: &RenderedImage,
     objects: &[ObjectId],
     height: f64,
     shares: impl FnOnce() -> BTreeMap<ObjectId, f32>,
@@ -96,17 +96,17 @@ struct Extent {
 }
 
 impl Extent {
-    fn high(&self, picture: &Picture, share: f64) -> bool {
+    fn high(&self, picture: &RenderedImage, share: f64) -> bool {
         (self.bottom - self.top + 1) as f64 >= share * f64::from(picture.height)
     }
 
-    fn fills(&self, picture: &Picture) -> bool {
+    fn fills(&self, picture: &RenderedImage) -> bool {
         self.pixels as f64 >= VIEW_FILL * f64::from(picture.width) * f64::from(picture.height)
     }
 }
 
 /// The extents of `objects` in an image: first objects, then openings, each by ascending id.
-fn extents(picture: &Picture, objects: &[ObjectId]) -> Vec<(ObjectId, Extent)> {
+fn extents(picture: &RenderedImage, objects: &[ObjectId]) -> Vec<(ObjectId, Extent)> {
     let w = picture.width as usize;
     let objects = BTreeSet::from_iter(objects.iter().copied().filter(|id| *id != 0));
     let channels = [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten().filter(|_| w > 0);

@@ -19,7 +19,7 @@ pub type VlmFactoryError = Box<dyn std::error::Error + Send + Sync>;
 #[must_use]
 pub fn oracle_factory(name: String, errors: ErrorFile) -> VlmFactory {
     Arc::new(move |world, seed| {
-        let world = world.ok_or("the oracle reads the simulator's own images; a real drone needs a VLM")?;
+        let world = world.ok_or("the oracle needs the simulator's images; use a VLM with a real drone")?;
         Ok(Box::new(OracleVlm::new(name.clone(), world.clone(), errors.clone(), seed)))
     })
 }

@@ -9,9 +9,9 @@ use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
-use spf_render::effects::{Effects, Eye, Shot};
+use spf_render::effects::{Effects, Shot, SimCamera};
 use spf_render::surroundings::Surroundings;
-use spf_render::{Channels, Picture};
+use spf_render::{Channels, RenderedImage};
 use spf_sim::craft::{SimCraft, Truth};
 use spf_sim::dynamics::SimConditions;
 use spf_sim::frame_clock::FrameClock;
@@ -42,7 +42,7 @@ impl Default for FlightConditions {
 #[derive(Clone)]
 pub struct SimWorld {
     loaded: Arc<LoadedScene>,
-    eye: Arc<Eye>,
+    sim_camera: Arc<SimCamera>,
     surroundings: Arc<Surroundings>,
     craft: Arc<Mutex<SimCraft>>,
 }
@@ -66,9 +66,9 @@ impl SimWorld {
         let FlightConditions { wind, battery, effects } = flight_conditions;
         let conditions = SimConditions { wind: *wind, battery: *battery, ..SimConditions::new(seed) };
         let craft = SimCraft::with_traffic(loaded.cast.clone(), loaded.collider.clone(), Model::of(kind), start, conditions);
-        let eye = Eye::new(kind.camera(), effects.clone(), seed);
-        let surroundings = Arc::new(Surroundings::of(eye.camera()));
-        Self { loaded, eye: Arc::new(eye), surroundings, craft: Arc::new(Mutex::new(craft)) }
+        let sim_camera = SimCamera::new(kind.camera(), effects.clone(), seed);
+        let surroundings = Arc::new(Surroundings::of(sim_camera.camera()));
+        Self { loaded, sim_camera: Arc::new(sim_camera), surroundings, craft: Arc::new(Mutex::new(craft)) }
     }
 
     /// The craft, for its driver.
@@ -92,7 +92,7 @@ impl SimWorld {
     /// The camera, including its lens.
     #[must_use]
     pub fn camera(&self) -> &Camera {
-        self.eye.camera()
+        self.sim_camera.camera()
     }
 
     /// Advances the world to `now`.
@@ -130,7 +130,7 @@ impl SimWorld {
     /// The light for an image captured at `at`; `None` while its shutter is open, or if it is too long ago.
     #[must_use]
     pub fn shot(&self, at: Time) -> Option<Shot<WorldSnapshot>> {
-        self.eye.shot(at, |at| self.snapshot_at(at))
+        self.sim_camera.shot(at, |at| self.snapshot_at(at))
     }
 
     /// The light for the image of a frame.
@@ -142,13 +142,13 @@ impl SimWorld {
     /// The light for an image of a static world.
     #[must_use]
     pub fn still(&self, at: Time, snapshot: &WorldSnapshot) -> Option<Shot<WorldSnapshot>> {
-        self.eye.shot(at, |_| Some(snapshot.clone()))
+        self.sim_camera.shot(at, |_| Some(snapshot.clone()))
     }
 
     /// Renders what the camera sees in a snapshot.
     #[must_use]
-    pub fn look(&self, snapshot: &WorldSnapshot, channels: Channels) -> Picture {
-        let mut picture = Picture::default();
+    pub fn look(&self, snapshot: &WorldSnapshot, channels: Channels) -> RenderedImage {
+        let mut picture = RenderedImage::default();
         self.look_into(snapshot, channels, &mut picture);
         picture
     }
@@ -162,12 +162,13 @@ impl SimWorld {
     /// Renders a camera image with the quality given by `channels`.
     #[must_use]
     pub fn photograph_with(&self, shot: &Shot<WorldSnapshot>, size: Option<(u32, u32)>, channels: Channels) -> Rgb {
-        self.eye.photograph(shot, size, |camera, snapshot, picture| self.loaded.render_into(camera, snapshot, channels, picture))
+        self.sim_camera
+            .photograph(shot, size, |camera, snapshot, picture| self.loaded.render_into(camera, snapshot, channels, picture))
     }
 
     /// Renders a snapshot into existing buffers: allocating new ones takes a fifth of a decision's time.
-    pub fn look_into(&self, snapshot: &WorldSnapshot, channels: Channels, picture: &mut Picture) {
-        self.eye.look(self.camera(), picture, |camera, picture| {
+    pub fn look_into(&self, snapshot: &WorldSnapshot, channels: Channels, picture: &mut RenderedImage) {
+        self.sim_camera.look(self.camera(), picture, |camera, picture| {
             self.loaded.render_into(camera, snapshot, channels, picture);
         });
     }
@@ -176,14 +177,14 @@ impl SimWorld {
     ///
     /// [`Renderer::light_on`]: spf_render::Renderer::light_on
     #[must_use]
-    pub fn light_on(&self, snapshot: &WorldSnapshot, picture: &Picture) -> BTreeMap<u16, f32> {
+    pub fn light_on(&self, snapshot: &WorldSnapshot, picture: &RenderedImage) -> BTreeMap<u16, f32> {
         self.loaded.renderer.light_on(self.camera(), &snapshot.pose, picture)
     }
 
     /// Fraction of each object's silhouette inside the frame, openings separately. The wider view in which they are
     /// counted is rendered into `picture`.
     #[must_use]
-    pub fn in_frame(&self, snapshot: &WorldSnapshot, picture: &mut Picture) -> BTreeMap<u16, f32> {
+    pub fn in_frame(&self, snapshot: &WorldSnapshot, picture: &mut RenderedImage) -> BTreeMap<u16, f32> {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(self.surroundings.camera(), snapshot, channels, picture);
         self.surroundings.shares(picture)

@@ -143,7 +143,7 @@ impl World for Live {
                 let cancel = Cancel::default();
                 self.out.push((query.id, cancel.clone()));
                 if self.queries.send(((**query).clone(), cancel)).is_err() {
-                    tracing::warn!("the thread that asks the VLM is gone");
+                    tracing::warn!("the VLM thread has ended");
                 }
             }
             Action::Cancel(id) => {

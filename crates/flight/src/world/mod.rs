@@ -50,7 +50,7 @@ fn pilot_event(event: DroneEvent) -> Event {
         DroneEvent::Telemetry(telemetry) => Event::Telemetry(telemetry),
         DroneEvent::Frame(frame) => {
             if let Some(why) = frame.unusable {
-                tracing::debug!(frame = frame.id.0, ?why, "a frame is of no use");
+                tracing::debug!(frame = frame.id.0, ?why, "unusable frame");
             }
             Event::Frame(frame)
         }

@@ -120,7 +120,7 @@ impl From<DecodeErrors> for FileError {
 }
 
 /// An image file with its header read.
-pub struct PictureFile<'a> {
+pub struct ImageFile<'a> {
     limits: Limits,
     size: (u32, u32),
     orientation: Orientation,
@@ -132,9 +132,9 @@ enum Decoder<'a> {
     Jpeg(&'a [u8], ColorSpace),
 }
 
-impl core::fmt::Debug for PictureFile<'_> {
+impl core::fmt::Debug for ImageFile<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "PictureFile({}×{})", self.size.0, self.size.1)
+        write!(f, "ImageFile({}×{})", self.size.0, self.size.1)
     }
 }
 
@@ -143,10 +143,10 @@ impl core::fmt::Debug for PictureFile<'_> {
 /// # Errors
 /// [`FileError`] if it is neither, damaged or beyond the limits.
 pub fn decode(bytes: &[u8], limits: Limits) -> Result<Samples, FileError> {
-    PictureFile::open(bytes, limits)?.decode()
+    ImageFile::open(bytes, limits)?.decode()
 }
 
-impl<'a> PictureFile<'a> {
+impl<'a> ImageFile<'a> {
     /// Reads the header of a PNG or JPEG file.
     ///
     /// # Errors
@@ -181,7 +181,7 @@ impl<'a> PictureFile<'a> {
     fn open_jpeg(bytes: &'a [u8], limits: Limits) -> Result<Self, FileError> {
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), jpeg_options(u32::MAX));
         decoder.decode_headers()?;
-        let headless = || FileError::from(DecodeErrors::FormatStatic("there is no frame header"));
+        let headless = || FileError::from(DecodeErrors::FormatStatic("no frame header"));
         let (width, height) = decoder.dimensions().ok_or_else(headless)?;
         // The format stores sides in 16 bits.
         let size = (width as u32, height as u32);
@@ -263,7 +263,7 @@ mod tests {
         let jpeg = Jpeg::encode(&picture(), 90).unwrap();
         assert_eq!((Format::of(&png), Format::of(jpeg.bytes())), (Some(Format::Png), Some(Format::Jpeg)));
         assert_eq!(Format::of(b"GIF89a"), None);
-        assert_eq!(PictureFile::open(jpeg.bytes(), Limits::default()).unwrap().size(), (5, 4));
+        assert_eq!(ImageFile::open(jpeg.bytes(), Limits::default()).unwrap().size(), (5, 4));
         assert!(matches!(decode(b"GIF89a", Limits::default()), Err(FileError::Unknown)));
     }
 
@@ -271,7 +271,7 @@ mod tests {
     fn limits_hold_before_anything_is_decoded() {
         let (png, jpeg) = (ours::encode(&picture()).unwrap(), Jpeg::encode(&picture(), 90).unwrap());
         for bytes in [&png[..], jpeg.bytes()] {
-            assert!(matches!(PictureFile::open(bytes, Limits { side: 4, ..Limits::default() }), Err(FileError::TooLarge)));
+            assert!(matches!(ImageFile::open(bytes, Limits { side: 4, ..Limits::default() }), Err(FileError::TooLarge)));
             assert!(decode(bytes, Limits { side: 5, ..Limits::default() }).is_ok());
         }
         let memory = |memory| Limits { memory, ..Limits::default() };

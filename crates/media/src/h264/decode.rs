@@ -11,7 +11,7 @@ use crate::frame::Rgb;
 #[non_exhaustive]
 pub enum DecoderError {
     /// The codec failed. After damage, decoding resumes at the next key frame.
-    #[error("the H.264 decoder failed: the stream is damaged or begins without a key picture")]
+    #[error("the H.264 decoder failed: the stream is damaged or does not start with a key frame")]
     Codec(#[from] openh264::Error),
 }
 

@@ -24,7 +24,7 @@ pub enum EncoderError {
         height: u32,
     },
     /// The image has a different size from the video.
-    #[error("the video is {expected_width}×{expected_height}, this picture is {width}×{height}: resize it first")]
+    #[error("the video is {expected_width}×{expected_height}, this frame is {width}×{height}: resize it first")]
     SizeChanged {
         /// Width of the video, pixels.
         expected_width: u32,
@@ -39,7 +39,7 @@ pub enum EncoderError {
     #[error("the H.264 encoder failed")]
     Codec(#[from] openh264::Error),
     /// The codec dropped an image although configured not to.
-    #[error("the H.264 encoder gave no picture for the one at {time}")]
+    #[error("the H.264 encoder returned nothing for the frame at {time}")]
     Dropped {
         /// Flight time of the image.
         time: Time,

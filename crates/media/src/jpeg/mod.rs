@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use fearless_simd::Level;
 
-use crate::file::{FileError, Format, Limits, PictureFile};
+use crate::file::{FileError, Format, ImageFile, Limits};
 use crate::frame::Rgb;
 use baseline::Sampling;
 
@@ -23,8 +23,8 @@ use baseline::Sampling;
 #[non_exhaustive]
 pub enum EncodeError {
     /// The format does not support this image size (JPEG: 1 to 65535 pixels per side).
-    #[error("cannot encode a picture of {width}×{height} as {format}")]
-    Picture {
+    #[error("cannot encode an image of {width}×{height} as {format}")]
+    Image {
         /// Name of the format.
         format: &'static str,
         /// Width, pixels.
@@ -44,7 +44,7 @@ const LONGEST_SIDE: u32 = 8192;
 
 /// Why an image could not be decoded.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot decode the picture: it is no JPEG or PNG, damaged, or a side is longer than {LONGEST_SIDE} pixels")]
+#[error("cannot decode the image: not a JPEG or PNG, damaged, or more than {LONGEST_SIDE} pixels per side")]
 pub struct DecodeError(#[from] FileError);
 
 /// Decodes a JPEG file of at most 8192 pixels per side; grey becomes colour.
@@ -65,7 +65,7 @@ pub fn decode_any(bytes: &[u8]) -> Result<Rgb, DecodeError> {
 
 fn decode_as(format: Format, bytes: &[u8]) -> Result<Rgb, DecodeError> {
     let limits = Limits { side: LONGEST_SIDE, ..Limits::default() };
-    Ok(PictureFile::open_as(format, bytes, limits)?.decode()?.into_rgb())
+    Ok(ImageFile::open_as(format, bytes, limits)?.decode()?.into_rgb())
 }
 
 /// A JPEG image. Cloning shares the bytes.
@@ -87,10 +87,10 @@ impl Jpeg {
     /// is (4:2:0). The bytes are equal on every machine.
     ///
     /// # Errors
-    /// [`EncodeError::Picture`] if a side is zero or longer than 65535 pixels.
+    /// [`EncodeError::Image`] if a side is zero or longer than 65535 pixels.
     pub fn encode(picture: &Rgb, quality: u8) -> Result<Self, EncodeError> {
         let (width, height) = (picture.width(), picture.height());
-        let bytes = encoded(picture, quality.clamp(1, 100), Level::new()).map_err(|source| EncodeError::Picture {
+        let bytes = encoded(picture, quality.clamp(1, 100), Level::new()).map_err(|source| EncodeError::Image {
             format: "JPEG",
             width,
             height,
@@ -126,7 +126,7 @@ impl Jpeg {
 
 /// An image without pixels, or larger than a frame header can express.
 #[derive(Debug, thiserror::Error)]
-#[error("the sides of a JPEG are 1 to 65535 pixels long")]
+#[error("JPEG sides must be 1 to 65535 pixels")]
 struct Sides;
 
 fn encoded(picture: &Rgb, quality: u8, level: Level) -> Result<Vec<u8>, Sides> {

@@ -190,5 +190,5 @@ fn clones_share_the_bytes() {
 #[test]
 fn an_empty_picture_is_an_error_that_names_it() {
     let error = Jpeg::encode(&Rgb::new(0, 7), 90).unwrap_err();
-    assert_eq!(error.to_string(), "cannot encode a picture of 0×7 as JPEG");
+    assert_eq!(error.to_string(), "cannot encode an image of 0×7 as JPEG");
 }

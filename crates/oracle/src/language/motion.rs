@@ -10,14 +10,14 @@ pub(super) fn is_motion(words: &[String]) -> bool {
     let measure = |word: &str| PHRASES.measures.contains(word) || measured(word);
     let verb = |word: &String| starts_verb(core::slice::from_ref(word)).is_some() || PHRASES.turning.contains(word);
     let spoken: Vec<&String> = words.iter().filter(|word| !filler(word)).collect();
-    let told = spoken.iter().any(|word| motion(word) || PHRASES.turning.contains(word));
+    let commanded = spoken.iter().any(|word| motion(word) || PHRASES.turning.contains(word));
     let all = spoken.iter().all(|word| {
         let little = PHRASES.determiners.contains(word) || PHRASES.lead_in.contains(word);
         motion(word) || measure(word) || verb(word) || little
     });
     // "Fly 20 metres" says how far, though not where.
     let far = spoken.iter().any(|word| PHRASES.measures.contains(word)) && spoken.iter().any(|word| measured(word));
-    all && (told || far)
+    all && (commanded || far)
 }
 
 /// A number, or one with its unit: "20", "20m", "1.5".

@@ -4,8 +4,8 @@ use super::lex::{is_thing, singular};
 use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING, VERBS};
 use super::meaning::{Relation, Side, Size};
 use super::turns::{
-    ARTICLES, apposition, beside_it, clothes, ends_description, ends_phrase, has_noun, is_adjective, is_colour, number, place,
-    surroundings, tells_of_somebody,
+    ARTICLES, apposition, beside_it, clothes, describes_person, ends_description, ends_phrase, has_noun, is_adjective, is_colour,
+    number, place, surroundings,
 };
 
 /// "Second from the left".
@@ -179,7 +179,7 @@ impl Phrase {
                 self.relate(Relation::On, &rest[1..], depth);
                 return;
             } else if (matches!(word, "is" | "are" | "was" | "looks" | "seems") && !self.nouns.is_empty() && rest.len() > 1)
-                || (self.nouns == ["person"] && tells_of_somebody(words, i))
+                || (self.nouns == ["person"] && describes_person(words, i))
             {
                 self.relative(rest, depth);
                 return;

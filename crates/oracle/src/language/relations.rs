@@ -21,8 +21,8 @@ pub(super) fn related(
             found.iter().filter_map(|&i| pairs(i).filter_map(|a| cost(i, a)).min_by(f64::total_cmp).map(|c| (i, c))).collect();
         closest(&costs)
     };
-    let told = |i: usize| items[i].position.is_some();
-    if !found.iter().all(|&i| told(i)) || !anchors.iter().flatten().all(|&a| told(a)) {
+    let placed = |i: usize| items[i].position.is_some();
+    if !found.iter().all(|&i| placed(i)) || !anchors.iter().flatten().all(|&a| placed(a)) {
         return found;
     }
     match relation {

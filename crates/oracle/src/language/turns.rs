@@ -51,10 +51,10 @@ pub(super) fn number(words: &[String], first: bool) -> Option<(usize, u32)> {
 pub(super) const CARDINALS: [&str; 10] = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
 
 /// Whether a word right after "somebody" tells of them: "someone *I could ask*", and not "somebody *in red*" or "someone *near*".
-pub(super) fn tells_of_somebody(words: &[String], at: usize) -> bool {
+pub(super) fn describes_person(words: &[String], at: usize) -> bool {
     let (before, word) = (at.checked_sub(1).map(|at| words[at].as_str()), words[at].as_str());
-    let told = matches!(word, "i" | "we" | "you" | "they" | "he" | "she" | "can" | "could" | "to" | "has" | "needs" | "need");
-    before.is_some_and(|word| PHRASES.somebody.contains(word)) && told
+    let explicit = matches!(word, "i" | "we" | "you" | "they" | "he" | "she" | "can" | "could" | "to" | "has" | "needs" | "need");
+    before.is_some_and(|word| PHRASES.somebody.contains(word)) && explicit
 }
 
 /// "With a bottle *on it*": where that begins.
@@ -68,13 +68,13 @@ pub(super) fn beside_it(words: &[String]) -> Option<usize> {
 /// A relation to something with an article that a place is told by: "near the fountain", and what it is near.
 pub(super) fn place(words: &[String]) -> Option<(Relation, &[String])> {
     let (n, relation) = PHRASES.relations.longest(words)?;
-    let told = n > 1 || matches!(words[0].as_str(), "near" | "beside" | "behind" | "opposite");
+    let explicit = n > 1 || matches!(words[0].as_str(), "near" | "beside" | "behind" | "opposite");
     let article = words.get(n).is_some_and(|w| ARTICLES.contains(&w.as_str()));
     let beside = matches!(
         relation,
         Relation::Near | Relation::Behind | Relation::InFrontOf | Relation::LeftOf | Relation::RightOf | Relation::Between
     );
-    (told && article && beside).then_some((relation, &words[n..]))
+    (explicit && article && beside).then_some((relation, &words[n..]))
 }
 
 /// They lead in a noun.

@@ -201,7 +201,7 @@ fn answer(listener: &TcpListener, shared: &Arc<Shared>) {
         let inside = shared.clone();
         let viewer = std::thread::Builder::new().name("live viewer".to_owned());
         if let Err(error) = viewer.spawn(move || viewer::serve(stream, &inside)) {
-            tracing::warn!(%error, "a viewer cannot be let in");
+            tracing::warn!(%error, "cannot accept a viewer");
         }
     }
 }

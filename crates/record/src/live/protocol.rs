@@ -47,7 +47,7 @@ pub(super) struct Subscription {
 
 #[derive(Serialize)]
 #[serde(tag = "op", rename_all = "camelCase")]
-enum Told<'a> {
+enum ServerMessage<'a> {
     #[serde(rename_all = "camelCase")]
     ServerInfo {
         name: &'a str,
@@ -77,7 +77,7 @@ struct Channel<'a> {
 /// The server's first message.
 pub(super) fn greeting(name: &str) -> String {
     // One session per flight: a viewer that reconnects to another process starts anew.
-    text(&Told::ServerInfo { name, capabilities: [], session_id: std::process::id().to_string() })
+    text(&ServerMessage::ServerInfo { name, capabilities: [], session_id: std::process::id().to_string() })
 }
 
 /// The topics as channels, each with its index as id.
@@ -98,15 +98,12 @@ pub(super) fn advertisement(topics: &[Topic]) -> String {
         schema_encoding: topic.schema_encoding,
         schema,
     });
-    text(&Told::Advertise { channels: channels.collect() })
+    text(&ServerMessage::Advertise { channels: channels.collect() })
 }
 
 /// A status about dropped messages.
 pub(super) fn left_out(messages: u64) -> String {
-    text(&Told::Status {
-        level: WARNING,
-        message: format!("{messages} messages were left out: this viewer is too slow for them"),
-    })
+    text(&ServerMessage::Status { level: WARNING, message: format!("{messages} messages were dropped: this viewer is too slow") })
 }
 
 /// A message for a subscription.
@@ -119,9 +116,9 @@ pub(super) fn message(subscription: u32, message: &Message) -> Bytes {
     frame.freeze()
 }
 
-fn text(told: &Told<'_>) -> String {
+fn text(message: &ServerMessage<'_>) -> String {
     // Plain structs always have a JSON form.
-    serde_json::to_string(told).unwrap_or_default()
+    serde_json::to_string(message).unwrap_or_default()
 }
 
 #[cfg(test)]

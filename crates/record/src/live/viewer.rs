@@ -27,7 +27,7 @@ pub(super) fn serve(stream: TcpStream, shared: &Shared) {
     let Some(subscription) = shared.subscriber() else { return };
     match greet(stream, shared).and_then(|socket| show(socket, &subscription)) {
         Ok(()) | Err(Error::ConnectionClosed | Error::AlreadyClosed) => {}
-        Err(error) => tracing::debug!(%error, "a viewer is gone"),
+        Err(error) => tracing::debug!(%error, "viewer disconnected"),
     }
 }
 
@@ -61,7 +61,7 @@ fn choose(hello: &Hello, mut response: Response) -> Result<Response, ErrorRespon
             Ok(response)
         }
         None => {
-            let mut refusal = ErrorResponse::new(Some(format!("speak one of {}\n", SUBPROTOCOLS.join(", "))));
+            let mut refusal = ErrorResponse::new(Some(format!("use one of the subprotocols {}\n", SUBPROTOCOLS.join(", "))));
             *refusal.status_mut() = StatusCode::BAD_REQUEST;
             Err(refusal)
         }

@@ -23,16 +23,16 @@ const LONGEST_RECORD: usize = 64 * 1024 * 1024;
 #[non_exhaustive]
 pub enum ReadError {
     /// The file could not be opened or read.
-    #[error("the file cannot be read")]
+    #[error("cannot read the file")]
     Read(#[source] io::Error),
     /// The file is truncated: the writing process was killed, or the disk was full.
-    #[error("the log ends in the middle")]
+    #[error("the log is truncated")]
     Torn,
     /// The file is not a valid MCAP file.
-    #[error("the file is no MCAP file, or it is broken")]
+    #[error("not an MCAP file, or damaged")]
     Broken(#[source] McapError),
     /// The file was written by a later version.
-    #[error("the log has format {0}, and this program reads formats up to {FORMAT}")]
+    #[error("unsupported log format {0}; this version reads formats up to {FORMAT}")]
     Format(u32),
 }
 

@@ -17,7 +17,7 @@ use super::writer;
 #[non_exhaustive]
 pub enum RepairError {
     /// The log contains nothing readable.
-    #[error("nothing can be read from `{path}`")]
+    #[error("no readable data in `{path}`")]
     Nothing {
         /// The file.
         path: PathBuf,
@@ -26,7 +26,7 @@ pub enum RepairError {
         source: ReadError,
     },
     /// The log is being written by a flight.
-    #[error("`{path}` is still being written: it is repaired when its flight is over")]
+    #[error("`{path}` is still being written: repair it after the flight")]
     Busy {
         /// The file.
         path: PathBuf,

@@ -21,14 +21,14 @@ const LINES: usize = 256;
 #[non_exhaustive]
 pub enum LogVideoError {
     /// The log could not be read.
-    #[error("the log cannot be read")]
+    #[error("cannot read the log")]
     Read(#[from] ReadError),
     /// The log contains no images.
-    #[error("the log has no pictures: the flight was recorded with `--no-video`")]
+    #[error("the log has no camera images: the flight was recorded with `--no-video`")]
     NoPictures,
     /// An image is invalid.
-    #[error("the picture at {at} cannot be read")]
-    Picture {
+    #[error("cannot read the image at {at}")]
+    Image {
         /// Flight time.
         at: Time,
         /// The cause.
@@ -88,7 +88,7 @@ impl Reel<'_> {
     fn picture(&mut self, at: Time, bytes: Option<&[u8]>) -> Result<(), LogVideoError> {
         self.flush(&Marks::default())?;
         if let Some(bytes) = bytes {
-            let picture = jpeg::decode(bytes).map_err(|source| LogVideoError::Picture { at, source })?;
+            let picture = jpeg::decode(bytes).map_err(|source| LogVideoError::Image { at, source })?;
             self.picture = Some((at, picture));
         }
         Ok(())

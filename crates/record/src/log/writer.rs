@@ -20,7 +20,7 @@ const CHUNK_SIZE: u64 = 128 * 1024;
 #[non_exhaustive]
 pub enum LogError {
     /// The file could not be created or written.
-    #[error("cannot write the flight log `{path}`: check the space on the disk and the rights of its folder")]
+    #[error("cannot write the flight log `{path}`: check the disk space and the folder's permissions")]
     Write {
         /// The file.
         path: PathBuf,
@@ -29,7 +29,7 @@ pub enum LogError {
         source: io::Error,
     },
     /// The messages could not be encoded.
-    #[error("cannot form the flight log `{path}`")]
+    #[error("cannot encode the flight log `{path}`")]
     Form {
         /// The file.
         path: PathBuf,
@@ -38,7 +38,7 @@ pub enum LogError {
         source: McapError,
     },
     /// The writing thread could not be started.
-    #[error("no thread could be started to write the flight log `{path}`")]
+    #[error("cannot start a thread to write the flight log `{path}`")]
     Thread {
         /// The file.
         path: PathBuf,

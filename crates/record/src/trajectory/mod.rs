@@ -133,7 +133,7 @@ fn legend(svg: &mut Svg, input: &TrajectoryInput, y: f64) {
         entry(svg, "flown", &|svg, x| svg.line([x - 11.0, y], [x + 11.0, y], colours::PATH, 3.0, ""));
     }
     if !input.known_path.is_empty() {
-        entry(svg, "as known to the pilot", &|svg, x| {
+        entry(svg, "estimated position", &|svg, x| {
             svg.line([x - 11.0, y], [x + 11.0, y], colours::KNOWN, 1.8, "stroke-dasharray=\"5 3\"");
         });
     }
@@ -141,7 +141,7 @@ fn legend(svg: &mut Svg, input: &TrajectoryInput, y: f64) {
         entry(svg, "decision", &|svg, x| map::decision_sign(svg, x, y, 1, ""));
     }
     if input.decisions.iter().any(|decision| decision.waypoint.is_some()) {
-        entry(svg, "waypoint it set", &|svg, x| map::waypoint_sign(svg, x, y));
+        entry(svg, "commanded waypoint", &|svg, x| map::waypoint_sign(svg, x, y));
     }
     if input.target.is_some() {
         entry(svg, "target", &|svg, x| map::target_sign(svg, x, y));

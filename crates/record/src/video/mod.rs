@@ -17,9 +17,7 @@ use mp4::{MuxError, Muxer};
 #[non_exhaustive]
 pub enum VideoError {
     /// The file could not be created or written.
-    #[error(
-        "cannot write the video `{path}`: check the space on the disk and the rights of its folder, or fly with `--no-video`"
-    )]
+    #[error("cannot write the video `{path}`: check the disk space and the folder's permissions, or fly with `--no-video`")]
     Write {
         /// The file.
         path: PathBuf,
@@ -37,7 +35,7 @@ pub enum VideoError {
         source: EncoderError,
     },
     /// The encoder's output or the index could not be stored in the file format.
-    #[error("cannot form the video `{path}`: {reason}")]
+    #[error("cannot mux the video `{path}`: {reason}")]
     Form {
         /// The file.
         path: PathBuf,
@@ -45,7 +43,7 @@ pub enum VideoError {
         reason: String,
     },
     /// The image is not later than the previous one, at the file's resolution of 1/90000 s.
-    #[error("the picture at {time} does not follow the one at {last} in the video `{path}`")]
+    #[error("the frame at {time} is not later than the one at {last} in the video `{path}`")]
     Order {
         /// The file.
         path: PathBuf,
@@ -55,7 +53,7 @@ pub enum VideoError {
         time: Time,
     },
     /// Writing failed before; what was written until then can still be finished.
-    #[error("the video `{path}` takes no more pictures since writing failed")]
+    #[error("the video `{path}` accepts no more frames after a write error")]
     Stopped {
         /// The file.
         path: PathBuf,

@@ -109,7 +109,7 @@ impl<S: Sink> Muxer<S> {
             }
         }
         match (&self.parameters, sps.zip(pps)) {
-            (None, None) => return Err(MuxError::Form("the first picture has no parameter sets".into())),
+            (None, None) => return Err(MuxError::Form("the first frame has no parameter sets".into())),
             (None, Some((sps, pps))) => self.parameters = Some((sps.to_vec(), pps.to_vec())),
             (Some((old_sps, old_pps)), Some((sps, pps))) if (old_sps.as_slice(), old_pps.as_slice()) != (sps, pps) => {
                 return Err(MuxError::Form("the parameter sets changed in flight".into()));
@@ -120,7 +120,7 @@ impl<S: Sink> Muxer<S> {
             self.sink.seek(SeekFrom::Start(self.end))?;
             return Err(error.into());
         }
-        let size = u32::try_from(self.buffer.len()).map_err(|_| MuxError::Form("a picture above 4 GiB".into()))?;
+        let size = u32::try_from(self.buffer.len()).map_err(|_| MuxError::Form("a frame above 4 GiB".into()))?;
         self.end += u64::from(size);
         self.samples.push(Sample { start, size, key: unit.key });
         Ok(())
@@ -163,7 +163,7 @@ impl<S: Sink> Muxer<S> {
     }
 
     fn index(&self, end: u64) -> Result<Moov, MuxError> {
-        let Some((sps, pps)) = &self.parameters else { return Err(MuxError::Form("no picture".into())) };
+        let Some((sps, pps)) = &self.parameters else { return Err(MuxError::Form("no frames".into())) };
         let mut avcc = Avcc::new(sps, pps).map_err(|error| MuxError::Form(error.to_string()))?;
         // ISO/IEC 14496-15, 5.3.3.1.2: the High profiles also contain chroma format and bit depth; the default is 4:2:0
         // in 8 bits.

@@ -9,7 +9,7 @@ use spf_core::geometry::{Pose, wrap_angle};
 use spf_core::time::{Duration, Time};
 
 use super::light::Curve;
-use crate::Picture;
+use crate::RenderedImage;
 
 /// Pixels that the image may move from one moment to the next: anti-aliased edges then leave no steps.
 const STEP: f64 = 1.5;
@@ -88,7 +88,7 @@ fn moments(camera: &Camera, from: &Pose, to: &Pose) -> usize {
 }
 
 /// Draws every moment and puts the mean of their light into `picture`.
-pub(super) fn add_up<M>(moments: &[M], picture: &mut Picture, mut draw: impl FnMut(&M, &mut Picture)) {
+pub(super) fn add_up<M>(moments: &[M], picture: &mut RenderedImage, mut draw: impl FnMut(&M, &mut RenderedImage)) {
     let curve = Curve::get();
     let mut sum: Vec<f32> = Vec::new();
     for moment in moments {

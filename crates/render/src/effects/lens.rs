@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use spf_core::camera::{Camera, Distortion};
 use spf_core::query::ImagePoint;
 
-use crate::{MAX_SIDE, Picture};
+use crate::{MAX_SIDE, RenderedImage};
 
 /// The lenses that have a name: calibrations of a Tello's video at 960×720 that people published, and a plain wide angle.
 const CALIBRATED: [(&str, [f64; 8]); 3] = [
@@ -115,7 +115,7 @@ impl Remap {
     }
 
     /// Bends every channel of the pinhole's image that is there.
-    pub(super) fn bend(&self, from: &Picture, to: &mut Picture) {
+    pub(super) fn bend(&self, from: &RenderedImage, to: &mut RenderedImage) {
         (to.width, to.height) = (self.camera.width, self.camera.height);
         to.depth = from.depth.as_ref().map(|channel| self.nearest(channel, to.depth.take()));
         to.ids = from.ids.as_ref().map(|channel| self.nearest(channel, to.ids.take()));
@@ -214,22 +214,22 @@ mod tests {
     use super::*;
 
     /// An image of the pinhole that says at each pixel where it is: red across, green down, ids and depth in steps.
-    fn ruler(camera: &Camera) -> Picture {
+    fn ruler(camera: &Camera) -> RenderedImage {
         let (w, h) = (camera.width, camera.height);
         let pixels = || (0..h).flat_map(move |y| (0..w).map(move |x| (x, y)));
-        Picture {
+        RenderedImage {
             width: w,
             height: h,
             rgb: Some(pixels().flat_map(|(x, y)| [(x * 255 / w) as u8, (y * 255 / h) as u8, 0]).collect()),
             depth: Some(pixels().map(|(x, _)| x as f32).collect()),
             ids: Some(pixels().map(|(_, y)| y as u16).collect()),
-            ..Picture::default()
+            ..RenderedImage::default()
         }
     }
 
-    fn bent(camera: &Camera) -> (Remap, Picture) {
+    fn bent(camera: &Camera) -> (Remap, RenderedImage) {
         let remap = Remap::new(camera);
-        let mut picture = Picture::default();
+        let mut picture = RenderedImage::default();
         remap.bend(&ruler(&remap.pinhole), &mut picture);
         (remap, picture)
     }

@@ -19,7 +19,7 @@ use spf_core::camera::Camera;
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
 
-use crate::Picture;
+use crate::RenderedImage;
 pub use blur::{Posed, Shot};
 pub use compression::Compression;
 pub use lens::Lens;
@@ -32,16 +32,16 @@ const SIZES: usize = 4;
 
 /// A craft's camera and what it does to its images. Share it by reference.
 #[derive(Debug)]
-pub struct Eye {
+pub struct SimCamera {
     camera: Camera,
     effects: Effects,
     seed: u64,
     remaps: Mutex<Vec<Arc<Remap>>>,
     /// Images of the pinhole, whose memory is used again.
-    scratch: Mutex<Vec<Picture>>,
+    scratch: Mutex<Vec<RenderedImage>>,
 }
 
-impl Eye {
+impl SimCamera {
     /// The camera of a craft, whose pinhole camera is `camera`; noise depends on `seed`.
     #[must_use]
     pub fn new(camera: Camera, effects: Effects, seed: u64) -> Self {
@@ -63,7 +63,7 @@ impl Eye {
 
     /// Draws any channels as the lens shows them, at the size and with the lens of `camera`. `draw` draws what the perfect pinhole
     /// that it is given sees.
-    pub fn look(&self, camera: &Camera, picture: &mut Picture, draw: impl FnOnce(&Camera, &mut Picture)) {
+    pub fn look(&self, camera: &Camera, picture: &mut RenderedImage, draw: impl FnOnce(&Camera, &mut RenderedImage)) {
         if camera.distortion.is_none() {
             draw(camera, picture);
             return;
@@ -86,10 +86,10 @@ impl Eye {
         &self,
         shot: &Shot<M>,
         size: Option<(u32, u32)>,
-        mut draw: impl FnMut(&Camera, &M, &mut Picture),
+        mut draw: impl FnMut(&Camera, &M, &mut RenderedImage),
     ) -> Rgb {
         let camera = size.map_or(self.camera, |(width, height)| self.camera.resized(width, height));
-        let mut picture = Picture::default();
+        let mut picture = RenderedImage::default();
         if let [moment] = shot.moments() {
             self.look(&camera, &mut picture, |pinhole, picture| draw(pinhole, moment, picture));
         } else {
@@ -145,11 +145,11 @@ impl Eye {
         made
     }
 
-    fn take_scratch(&self) -> Picture {
+    fn take_scratch(&self) -> RenderedImage {
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
 
-    fn keep_scratch(&self, picture: Picture) {
+    fn keep_scratch(&self, picture: RenderedImage) {
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(picture);
     }
 }
@@ -160,7 +160,7 @@ mod tests {
     use spf_core::geometry::{Attitude, EnuPosition, Pose};
 
     /// A white stripe whose place follows the heading.
-    fn stripe(camera: &Camera, pose: &Pose, picture: &mut Picture) {
+    fn stripe(camera: &Camera, pose: &Pose, picture: &mut RenderedImage) {
         let (w, h) = (camera.width as usize, camera.height as usize);
         (picture.width, picture.height) = (camera.width, camera.height);
         let column = camera.cx - camera.fx * libm::tan(pose.attitude.heading);
@@ -177,14 +177,14 @@ mod tests {
 
     fn photograph(effects: &str, at: Time) -> Rgb {
         let camera = Camera { width: 96, height: 16, fx: 200.0, fy: 200.0, cx: 48.0, cy: 8.0, ..Camera::tello() };
-        let eye = Eye::new(camera, effects.parse().unwrap(), 3);
-        let shot = eye.shot(at, turning).unwrap();
-        eye.photograph(&shot, None, stripe)
+        let sim_camera = SimCamera::new(camera, effects.parse().unwrap(), 3);
+        let shot = sim_camera.shot(at, turning).unwrap();
+        sim_camera.photograph(&shot, None, stripe)
     }
 
     #[test]
     fn without_effects_the_picture_is_untouched() {
-        let mut plain = Picture::default();
+        let mut plain = RenderedImage::default();
         let camera = Camera { width: 96, height: 16, fx: 200.0, fy: 200.0, cx: 48.0, cy: 8.0, ..Camera::tello() };
         stripe(&camera, &Pose::default(), &mut plain);
         assert_eq!(photograph("none", Time::from_millis(1000)).data(), plain.rgb.unwrap());
@@ -212,8 +212,8 @@ mod tests {
 
     #[test]
     fn a_craft_at_rest_is_sharp() {
-        let eye = Eye::new(Camera::tello(), "blur=50".parse().unwrap(), 3);
-        let shot = eye.shot(Time::from_millis(1000), |_| Some(Pose::default())).unwrap();
+        let sim_camera = SimCamera::new(Camera::tello(), "blur=50".parse().unwrap(), 3);
+        let shot = sim_camera.shot(Time::from_millis(1000), |_| Some(Pose::default())).unwrap();
         assert_eq!(shot.moments().len(), 1);
     }
 
@@ -231,13 +231,13 @@ mod tests {
     #[test]
     fn a_stop_doubles_the_light() {
         let grey = |stops: &str| {
-            let eye = Eye::new(Camera::quad().resized(16, 16), format!("exposure={stops}").parse().unwrap(), 0);
-            let shot = eye.shot(Time::ZERO, |_| Some(Pose::default())).unwrap();
-            let draw = |camera: &Camera, _: &Pose, picture: &mut Picture| {
+            let sim_camera = SimCamera::new(Camera::quad().resized(16, 16), format!("exposure={stops}").parse().unwrap(), 0);
+            let shot = sim_camera.shot(Time::ZERO, |_| Some(Pose::default())).unwrap();
+            let draw = |camera: &Camera, _: &Pose, picture: &mut RenderedImage| {
                 (picture.width, picture.height) = (camera.width, camera.height);
                 picture.rgb = Some(vec![100; 16 * 16 * 3]);
             };
-            eye.photograph(&shot, None, draw).data()[0]
+            sim_camera.photograph(&shot, None, draw).data()[0]
         };
         // sRGB 100 is 0.127 of full light; twice that is 137.6, half of it 71.4.
         assert_eq!([grey("1"), grey("-1"), grey("0")], [138, 71, 100]);

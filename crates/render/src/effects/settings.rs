@@ -50,13 +50,13 @@ pub struct Effects {
 #[non_exhaustive]
 pub enum EffectsError {
     /// No effect has that name.
-    #[error("`{0}` is no camera effect: blur, noise, exposure, lens, compression, all or none")]
+    #[error("unknown camera effect `{0}`: use blur, noise, exposure, lens, compression, all or none")]
     Unknown(String),
     /// Named more than once.
-    #[error("`{0}` is named twice")]
+    #[error("duplicate effect `{0}`")]
     Twice(&'static str),
     /// The strength makes no sense.
-    #[error("`{value}` is no strength of `{effect}`: {expected}")]
+    #[error("invalid strength `{value}` for `{effect}`: expected {expected}")]
     Strength {
         /// The effect.
         effect: &'static str,
@@ -66,7 +66,7 @@ pub enum EffectsError {
         expected: String,
     },
     /// The list is too long to be one.
-    #[error("the list of camera effects is longer than {LONGEST} bytes")]
+    #[error("the list of camera effects exceeds {LONGEST} bytes")]
     TooLong,
 }
 
@@ -209,13 +209,13 @@ mod tests {
     fn errors_say_what_can_be_said() {
         assert_eq!(
             read("blurr").unwrap_err(),
-            "`blurr` is no camera effect: blur, noise, exposure, lens, compression, all or none"
+            "unknown camera effect `blurr`: use blur, noise, exposure, lens, compression, all or none"
         );
-        assert_eq!(read("blur=0").unwrap_err(), "`0` is no strength of `blur`: milliseconds from 0.1 to 200");
-        assert_eq!(read("noise,noise=2").unwrap_err(), "`noise` is named twice");
+        assert_eq!(read("blur=0").unwrap_err(), "invalid strength `0` for `blur`: expected milliseconds from 0.1 to 200");
+        assert_eq!(read("noise,noise=2").unwrap_err(), "duplicate effect `noise`");
         assert_eq!(
             read("lens=fish").unwrap_err(),
-            "`fish` is no strength of `lens`: tello_ros, tello_ros2, tello_course, wide or k1:k2:p1:p2"
+            "invalid strength `fish` for `lens`: expected tello_ros, tello_ros2, tello_course, wide or k1:k2:p1:p2"
         );
         for text in ["none,blur", "compression=png", "compression=jpeg:101", "exposure=NaN", "lens=1:2:3", "lens=1:2:3:inf", ","]
         {

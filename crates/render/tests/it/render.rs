@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_media::file;
-use spf_render::{Channels, Picture, Quality, Renderer};
+use spf_render::{Channels, Quality, RenderedImage, Renderer};
 use spf_scene::geometry::{Pattern, Role, SceneGeometry};
 use spf_scene::texture::Texture;
 
@@ -24,7 +24,7 @@ fn level() -> Camera {
 }
 
 /// FNV-1a over all channels, floats by their bits.
-fn digest(picture: &Picture) -> u64 {
+fn digest(picture: &RenderedImage) -> u64 {
     let mut hasher = FnvHasher::default();
     picture.rgb.iter().for_each(|bytes| hasher.write(bytes));
     for words in [&picture.ids, &picture.opening_ids] {
@@ -164,7 +164,7 @@ fn actors_are_drawn_like_the_scene() {
     scene.add_box(Vec3::new(-2.0, 20.0, 1.0), Vec3::new(2.0, 21.0, 3.0), 1, 9, Role::Solid);
     let actors: Vec<_> = scene.geometry.parts.drain(1..).collect();
     let eye = pose(0.0, 0.0, 2.0, 0.0);
-    let mut picture = Picture::default();
+    let mut picture = RenderedImage::default();
     Renderer::new(&scene.geometry).render_into(&Camera::quad(), &eye, Channels::TRUTH, &actors, &mut picture);
     assert_eq!(picture, Renderer::new(&whole.geometry).render(&Camera::quad(), &eye, Channels::TRUTH));
 }

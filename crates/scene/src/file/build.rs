@@ -51,10 +51,10 @@ impl Materials<'_> {
         let Some((material, span)) = own.or_else(|| palette().get(name).map(|m| (m, at.clone()))) else {
             let known = self.raw.materials.keys().chain(palette().keys()).map(String::as_str);
             let hint = nearest(name, known).map_or_else(
-                || "name one under `[materials]`, or one of the palette in docs/reference/scene-format.md".to_owned(),
+                || "define it under `[materials]`, or use one of the palette in docs/reference/scene-format.md".to_owned(),
                 |n| format!("did you mean `{n}`?"),
             );
-            return Err(source.error(at, format!("no material `{name}`"), Some(hint)));
+            return Err(source.error(at, format!("unknown material `{name}`"), Some(hint)));
         };
         let material =
             material.material(self.lit, self.wet).map_err(|e| source.error(&span, format!("material `{name}`: {e}"), None))?;
@@ -83,7 +83,7 @@ pub(super) fn build(
         expanded.placed.iter().enumerate().map(|(i, p)| (p.key.as_str(), i as ObjectId + 1)).collect();
     let mut textures = Vec::new();
     let Some(model_materials) = expanded.models.add_looks(&mut materials.list, &mut textures) else {
-        return Err(source.error(&(0..0), "a scene may have at most 65535 materials and as many pictures", None));
+        return Err(source.error(&(0..0), "a scene may have at most 65535 materials and as many textures", None));
     };
     let (mut all, mut objects, mut actors) = (Vec::new(), Vec::new(), Actors::default());
     let (mut triangles, mut gait_triangles) = (0, 0);
@@ -99,7 +99,7 @@ pub(super) fn build(
         generator.draw(&mut sketch, &placed.key);
         triangles += sketch.triangle_count();
         if triangles > MAX_TRIANGLES {
-            let message = format!("the scene has more than {MAX_TRIANGLES} triangles, counted up to `{}`", placed.key);
+            let message = format!("the scene exceeds {MAX_TRIANGLES} triangles at `{}`", placed.key);
             return Err(source.error(&placed.span, message, None));
         }
         let to_world = Frame::of(placed);
@@ -118,8 +118,8 @@ pub(super) fn build(
                 let gait = gait(generator.as_ref(), motion);
                 gait_triangles += gait.iter().map(Sketch::triangle_count).sum::<usize>();
                 if gait_triangles > MAX_GAIT_TRIANGLES {
-                    let message = format!("the postures of those who walk have more than {MAX_GAIT_TRIANGLES} triangles");
-                    return Err(source.error(&placed.span, message, Some("let fewer persons walk".to_owned())));
+                    let message = format!("the walking persons exceed {MAX_GAIT_TRIANGLES} triangles");
+                    return Err(source.error(&placed.span, message, Some("use fewer walking persons".to_owned())));
                 }
                 postures.extend(gait.iter().map(|sketch| parts(sketch, &slots, &to_world, id)));
                 actors.add(motion, postures, &mut object, placed, source)?;
@@ -196,8 +196,8 @@ fn slots(
         if !defaults.iter().any(|(name, _)| name == slot) {
             let names: Vec<&str> = defaults.iter().map(|(name, _)| *name).collect();
             let hint = nearest(slot, names.iter().copied())
-                .map_or_else(|| format!("this mesh has `{}`", names.join("`, `")), |n| format!("did you mean `{n}`?"));
-            return Err(source.error(at, format!("this mesh has no material slot `{slot}`"), Some(hint)));
+                .map_or_else(|| format!("this mesh has the slots `{}`", names.join("`, `")), |n| format!("did you mean `{n}`?"));
+            return Err(source.error(at, format!("unknown material slot `{slot}`"), Some(hint)));
         }
     }
     let mut slots = Vec::with_capacity(defaults.len());
@@ -263,7 +263,7 @@ fn object(
     let mut tags = placed.tags.clone();
     if let Some((of, at)) = &placed.opening_of {
         let hint = || nearest(of, ids.keys().copied()).map(|n| format!("did you mean `{n}`?"));
-        let id = ids.get(of.as_str()).ok_or_else(|| source.error(at, format!("no object `{of}`"), hint()))?;
+        let id = ids.get(of.as_str()).ok_or_else(|| source.error(at, format!("unknown object `{of}`"), hint()))?;
         tags.opening_of = Some(*id);
     }
     let opening = !parts.is_empty() && parts.iter().all(|p| p.role == Role::Opening);
@@ -288,7 +288,7 @@ impl Actors {
         source: &Source<'_>,
     ) -> Result<(), SceneError> {
         if self.list.len() >= MAX_ACTORS {
-            return Err(source.error(&placed.span, format!("a scene may have at most {MAX_ACTORS} objects that move"), None));
+            return Err(source.error(&placed.span, format!("a scene may have at most {MAX_ACTORS} moving objects"), None));
         }
         let outline = core::mem::take(&mut object.outline);
         let actor = Actor { object: object.id, motion: motion.clone(), postures, outline };
@@ -305,8 +305,8 @@ impl Actors {
     fn check(&self, placed: &[Placed], source: &Source<'_>) -> Result<(), SceneError> {
         let Some((first, second)) = first_clash(&self.courses) else { return Ok(()) };
         let of = |actor: usize| &placed[usize::from(self.list[actor].object) - 1];
-        let message = format!("`{}` begins on `{}`", of(second).key, of(first).key);
-        let hint = "give one of them another `start`, a share of its path from 0 to 1".to_owned();
+        let message = format!("`{}` overlaps `{}` at its start", of(second).key, of(first).key);
+        let hint = "give one of them another `start`, a fraction of its path from 0 to 1".to_owned();
         Err(source.error(&of(second).span, message, Some(hint)))
     }
 }
@@ -344,8 +344,8 @@ pub(super) fn bounds(raw: &Spanned<RawBounds>, source: &Source<'_>) -> Result<Aa
     let b = raw.get_ref();
     for range in [b.east, b.north, b.up] {
         if !(range[0] < range[1] && range.iter().all(|v| v.abs() <= 2000.0)) {
-            let hint = "write `bounds = { east = [-100, 100], north = [-100, 100], up = [0, 60] }`".to_owned();
-            return Err(source.error(&raw.span(), "each range of `bounds` rises and stays within 2000 m", Some(hint)));
+            let hint = "use `bounds = { east = [-100, 100], north = [-100, 100], up = [0, 60] }`".to_owned();
+            return Err(source.error(&raw.span(), "each range of `bounds` must be increasing and within 2000 m", Some(hint)));
         }
     }
     let corner = |i: usize| EnuPosition { east: b.east[i], north: b.north[i], up: b.up[i] };
@@ -355,10 +355,11 @@ pub(super) fn bounds(raw: &Spanned<RawBounds>, source: &Source<'_>) -> Result<Aa
 /// The pose of a key, within `bounds` where there are some.
 pub(super) fn pose(text: &Spanned<String>, key: &str, bounds: Option<&Aabb>, source: &Source<'_>) -> Result<Pose, SceneError> {
     let at = text.span();
-    let hint = || Some(format!("write `{key} = \"east,north,up,heading_deg\"`"));
-    let pose = parse_pose(text.get_ref()).ok_or_else(|| source.error(&at, format!("`{}` is no pose", text.get_ref()), hint()))?;
+    let hint = || Some(format!("use `{key} = \"east,north,up,heading_deg\"`"));
+    let pose =
+        parse_pose(text.get_ref()).ok_or_else(|| source.error(&at, format!("invalid pose `{}`", text.get_ref()), hint()))?;
     if bounds.is_some_and(|bounds| !bounds.contains(pose.position)) {
-        return Err(source.error(&at, format!("the {key} lies outside `bounds`"), hint()));
+        return Err(source.error(&at, format!("the {key} is outside `bounds`"), hint()));
     }
     Ok(pose)
 }

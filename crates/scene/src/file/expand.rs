@@ -86,8 +86,8 @@ pub(super) fn unroll(
     let merged = merge(raw, object.get_ref(), source)?;
     let key = merged.id.clone().unwrap_or_default();
     if key.is_empty() || !key.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_') {
-        let hint = "write `id = \"red_crane\"`: lower case letters, digits and `_`".to_owned();
-        return Err(source.error(&span, "an object has no usable `id`", Some(hint)));
+        let hint = "use lower-case letters, digits and `_`, for example `id = \"red_crane\"`".to_owned();
+        return Err(source.error(&span, "missing or invalid `id`", Some(hint)));
     }
     let tags = tags(&merged, &span, source)?;
     let materials: Vec<_> =
@@ -96,7 +96,7 @@ pub(super) fn unroll(
     check_opening(&merged, mesh.as_ref(), &span, source)?;
     let motion = motion(&merged, source)?;
     let places = match &motion {
-        Some(_) if mesh.is_opening() => return Err(source.error(&span, "an opening does not move by itself", None)),
+        Some(_) if mesh.is_opening() => return Err(source.error(&span, "an opening cannot move", None)),
         Some(_) => vec![([0.0; 3], 0.0)],
         None => places(&merged, &span, source)?,
     };
@@ -105,8 +105,8 @@ pub(super) fn unroll(
     for (i, (position, heading_deg)) in places.into_iter().enumerate() {
         let key = if single { key.clone() } else { format!("{key}_{}", i + 1) };
         if !out.keys.insert(key.clone()) {
-            let hint = "each `id` stands once; rows and places add `_1`, `_2`, …".to_owned();
-            return Err(source.error(&span, format!("the id `{key}` is given twice"), Some(hint)));
+            let hint = "each `id` must be unique; `repeat` and `places` append `_1`, `_2`, …".to_owned();
+            return Err(source.error(&span, format!("duplicate id `{key}`"), Some(hint)));
         }
         if out.placed.len() >= MAX_OBJECTS {
             return Err(source.error(&span, format!("a scene may have at most {MAX_OBJECTS} objects"), None));
@@ -136,12 +136,12 @@ fn merge(raw: &RawScene, object: &RawObject, source: &Source<'_>) -> Result<RawO
     let Some(template) = raw.templates.get(like.get_ref()) else {
         let near = nearest(like.get_ref(), raw.templates.keys().map(String::as_str));
         let hint = near.map(|n| format!("did you mean `{n}`?"));
-        return Err(source.error(&like.span(), format!("no template `{}`", like.get_ref()), hint));
+        return Err(source.error(&like.span(), format!("unknown template `{}`", like.get_ref()), hint));
     };
     let base = template.get_ref().clone();
     if base.like.is_some() || base.id.is_some() || base.places.is_some() || base.repeat.is_some() {
-        let hint = "put these keys at the objects".to_owned();
-        return Err(source.error(&template.span(), "a template has no `id`, `like`, `places` or `repeat`", Some(hint)));
+        let hint = "set these keys on the objects".to_owned();
+        return Err(source.error(&template.span(), "a template must not have `id`, `like`, `places` or `repeat`", Some(hint)));
     }
     let mut materials = base.materials;
     materials.extend(object.materials.clone());
@@ -171,14 +171,20 @@ fn merge(raw: &RawScene, object: &RawObject, source: &Source<'_>) -> Result<RawO
 }
 
 fn tags(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<Tags, SceneError> {
-    let missing = |key: &str, example: &str| source.error(span, format!("an object has no `{key}`"), Some(example.to_owned()));
+    let missing = |key: &str, example: &str| source.error(span, format!("missing `{key}`"), Some(example.to_owned()));
     let names = object.names.clone().filter(|n| !n.is_empty());
     let tags = Tags {
-        names: names.ok_or_else(|| missing("names", "write `names = [\"tower crane\", \"crane\"]`, the most fitting first"))?,
+        names: names.ok_or_else(|| {
+            missing(
+                "names",
+                "for example `names = [\"tower crane\", \"crane\"]`, the most specific \
+            first",
+            )
+        })?,
         synonyms: object.synonyms.clone().unwrap_or_default(),
         qualities: object.qualities.clone().unwrap_or_default(),
         colour: object.colour.clone(),
-        kind: object.kind.clone().ok_or_else(|| missing("kind", "write `kind = \"building\"`, a category"))?,
+        kind: object.kind.clone().ok_or_else(|| missing("kind", "for example `kind = \"building\"`"))?,
         uses: object.uses.clone().unwrap_or_default(),
         group: object.group.clone(),
         number: object.number,
@@ -188,8 +194,8 @@ fn tags(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<
     let mut words = lists.chain(tags.colour.as_ref()).chain(tags.group.as_ref()).chain([&tags.kind]);
     let unusable = |w: &&String| w.trim().is_empty() || w.chars().count() > LONGEST_TAG || w.chars().any(char::is_uppercase);
     if let Some(word) = words.find(unusable) {
-        let hint = format!("tags are 1 to {LONGEST_TAG} lower case characters");
-        return Err(source.error(span, format!("the tag `{word}` cannot be used"), Some(hint)));
+        let hint = format!("tags must be 1 to {LONGEST_TAG} lower-case characters");
+        return Err(source.error(span, format!("invalid tag `{word}`"), Some(hint)));
     }
     drop(words);
     Ok(tags)
@@ -201,13 +207,17 @@ type Drawing = (&'static str, Box<dyn Generator>, Option<usize>);
 /// How an object is drawn.
 fn generator(object: &RawObject, models: &mut Models, span: &Range<usize>, source: &Source<'_>) -> Result<Drawing, SceneError> {
     let Some(mesh) = &object.mesh else {
-        let hint = "write `mesh = { kind = \"tree\", style = \"conifer\", height = 9.0 }`".to_owned();
-        return Err(source.error(span, "an object has no `mesh`", Some(hint)));
+        let hint = "for example `mesh = { kind = \"tree\", style = \"conifer\", height = 9.0 }`".to_owned();
+        return Err(source.error(span, "missing `mesh`", Some(hint)));
     };
     let at = mesh.span();
     let mut table = mesh.get_ref().clone();
     let Some(toml::Value::String(kind)) = table.remove("kind") else {
-        return Err(source.error(&at, "a mesh has no `kind`", Some("write `mesh = { kind = \"tree\", … }`".to_owned())));
+        return Err(source.error(
+            &at,
+            "missing `kind` of the mesh",
+            Some("for example `mesh = { kind = \"tree\", … }`".to_owned()),
+        ));
     };
     if kind == model::KIND {
         let number = models.get(object, table, &at, source)?;
@@ -218,7 +228,7 @@ fn generator(object: &RawObject, models: &mut Models, span: &Range<usize>, sourc
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("kinds are `{}`", KINDS.iter().map(|(name, _)| *name).collect::<Vec<_>>().join("`, `")),
         };
-        return Err(source.error(&at, format!("no mesh of kind `{kind}`"), Some(hint)));
+        return Err(source.error(&at, format!("unknown mesh kind `{kind}`"), Some(hint)));
     };
     let generator = read(table).map_err(|e| {
         let message = first_line(e.message());
@@ -231,12 +241,12 @@ fn generator(object: &RawObject, models: &mut Models, span: &Range<usize>, sourc
 fn check_opening(object: &RawObject, mesh: &dyn Generator, span: &Range<usize>, source: &Source<'_>) -> Result<(), SceneError> {
     match (&object.opening_of, mesh.is_opening()) {
         (Some(of), false) => {
-            let hint = "an opening's mesh is `{ kind = \"opening\", shape = \"rectangle\", width = …, height = … }`".to_owned();
-            Err(source.error(&of.span(), "`opening_of` stands at an object that is no opening", Some(hint)))
+            let hint = "use `mesh = { kind = \"opening\", shape = \"rectangle\", width = …, height = … }`".to_owned();
+            Err(source.error(&of.span(), "`opening_of` is only valid on an opening", Some(hint)))
         }
         (None, true) => {
-            let hint = "write `opening_of = \"ID\"`, the object that it leads through".to_owned();
-            Err(source.error(span, "an opening does not say what it is an opening of", Some(hint)))
+            let hint = "set `opening_of = \"ID\"`, the object it belongs to".to_owned();
+            Err(source.error(span, "an opening needs `opening_of`", Some(hint)))
         }
         _ => Ok(()),
     }
@@ -258,12 +268,12 @@ fn places(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Resul
     let heading = object.heading_deg.as_ref().map_or(0.0, |h| *h.get_ref());
     let checked = |position: [f64; 3], heading: f64, at: &Range<usize>| {
         let fits = position.iter().all(|v| v.abs() <= FARTHEST) && heading.abs() <= 360.0;
-        let message = format!("a place must lie within {FARTHEST} m and its heading within 360 degrees");
+        let message = format!("a place must be within {FARTHEST} m and its heading within 360 degrees");
         if fits { Ok((position, heading)) } else { Err(source.error(at, message, None)) }
     };
     if let Some(places) = &object.places {
         if object.position.is_some() || object.repeat.is_some() {
-            return Err(source.error(&places.span(), "`places` stands instead of `position` and `repeat`", None));
+            return Err(source.error(&places.span(), "`places` cannot be combined with `position` or `repeat`", None));
         }
         let at = places.span();
         let place = |p: &Vec<f64>| match p[..] {
@@ -271,23 +281,23 @@ fn places(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Resul
             [e, n, h] => checked([e, n, 0.0], h, &at),
             [e, n, u, h] => checked([e, n, u], h, &at),
             _ => {
-                let hint = "write `[east, north]`, `[east, north, heading_deg]` or `[east, north, up, heading_deg]`".to_owned();
-                Err(source.error(&at, "a place has two to four numbers", Some(hint)))
+                let hint = "use `[east, north]`, `[east, north, heading_deg]` or `[east, north, up, heading_deg]`".to_owned();
+                Err(source.error(&at, "a place must have two to four numbers", Some(hint)))
             }
         };
         return places.get_ref().iter().map(place).collect();
     }
     let Some(position) = &object.position else {
-        let hint = "write `position = [east, north]` in metres, or `places = [[east, north], …]`".to_owned();
-        return Err(source.error(span, "an object has no `position`", Some(hint)));
+        let hint = "use `position = [east, north]` in metres, or `places = [[east, north], …]`".to_owned();
+        return Err(source.error(span, "missing `position`", Some(hint)));
     };
     let at = position.span();
     let first = match position.get_ref()[..] {
         [e, n] => [e, n, 0.0],
         [e, n, u] => [e, n, u],
         _ => {
-            let hint = "write `[east, north]` or `[east, north, up]`, metres".to_owned();
-            return Err(source.error(&at, "a position has two or three numbers", Some(hint)));
+            let hint = "use `[east, north]` or `[east, north, up]`, in metres".to_owned();
+            return Err(source.error(&at, "a position must have two or three numbers", Some(hint)));
         }
     };
     let (count, step) = object.repeat.as_ref().map_or((1, [0.0; 2]), |r| (r.get_ref().count, r.get_ref().step));

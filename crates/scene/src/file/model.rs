@@ -58,10 +58,10 @@ impl Models {
             source.error(at, format!("mesh `{KIND}`: {message}"), hint)
         })?;
         if let Some(moves) = object.walk.as_ref().or(object.drive.as_ref()) {
-            return Err(source.error(&moves.span(), "a model does not move by itself", None));
+            return Err(source.error(&moves.span(), "a model cannot move", None));
         }
         if let Some((_, own)) = object.materials.first_key_value() {
-            return Err(source.error(&own.span(), "a model has its own materials", Some("leave out `materials`".to_owned())));
+            return Err(source.error(&own.span(), "a model has its own materials", Some("remove `materials`".to_owned())));
         }
         if let Some(number) = self.list.iter().position(|(known, _)| *known == raw) {
             return Ok(number);
@@ -70,7 +70,7 @@ impl Models {
             return Err(source.error(at, "a scene with a model must be loaded from its path", None));
         };
         if !gltf::is_model(&raw.file) {
-            let hint = "write `file = \"chair.glb\"`, a path from this file's folder".to_owned();
+            let hint = "for example `file = \"chair.glb\"`, relative to this file's folder".to_owned();
             return Err(source.error(at, format!("`{}` does not end in `.glb` or `.gltf`", raw.file), Some(hint)));
         }
         if self.list.len() >= MAX_MODELS {
@@ -80,7 +80,7 @@ impl Models {
             .map_err(|problem| source.error(at, format!("the model `{}`: {}", raw.file, problem.message), problem.hint))?;
         self.pictures += model.textures.iter().map(Texture::bytes).sum::<usize>();
         if self.pictures > MAX_PICTURES {
-            let message = format!("the pictures of the models take more than {} MiB", MAX_PICTURES >> 20);
+            let message = format!("the textures of the models exceed {} MiB", MAX_PICTURES >> 20);
             return Err(source.error(at, message, Some("make them smaller".to_owned())));
         }
         self.list.push((raw, Arc::new(model)));

@@ -20,21 +20,21 @@ pub(super) fn motion(object: &RawObject, source: &Source<'_>) -> Result<Option<M
         (Some(walk), None) => (walk, Gait::Walk),
         (None, Some(drive)) => (drive, Gait::Drive),
         (Some(_), Some(drive)) => {
-            return Err(source.error(&drive.span(), "an object has `walk` or `drive`, not both", None));
+            return Err(source.error(&drive.span(), "`walk` and `drive` cannot be combined", None));
         }
     };
     let at = raw.span();
     if object.position.is_some() || object.places.is_some() || object.repeat.is_some() || object.heading_deg.is_some() {
         let hint =
-            "leave out `position`, `heading_deg`, `places` and `repeat`; `start` says where on its path it begins".to_owned();
-        return Err(source.error(&at, "an object that moves stands on its path", Some(hint)));
+            "remove `position`, `heading_deg`, `places` and `repeat`; `start` sets its initial position on the path".to_owned();
+        return Err(source.error(&at, "a moving object is placed by its path", Some(hint)));
     }
     let raw = raw.get_ref();
     let on_foot = gait == Gait::Walk;
     let round = match &raw.round {
         Some(round) if !on_foot && *round.get_ref() == Round::ThereAndBack => {
-            let hint = "write `loop = \"circle\"` or `loop = \"once\"`".to_owned();
-            return Err(source.error(&round.span(), "a vehicle does not turn on the spot", Some(hint)));
+            let hint = "use `loop = \"circle\"` or `loop = \"once\"`".to_owned();
+            return Err(source.error(&round.span(), "a vehicle cannot turn on the spot", Some(hint)));
         }
         Some(round) => *round.get_ref(),
         None if on_foot => Round::ThereAndBack,
@@ -53,7 +53,7 @@ pub(super) fn motion(object: &RawObject, source: &Source<'_>) -> Result<Option<M
         return Err(source.error(&raw.speed_m_s.span(), message, None));
     }
     if let (Some(aside), false) = (&raw.aside_m, on_foot) {
-        return Err(source.error(&aside.span(), "a vehicle does not step aside", None));
+        return Err(source.error(&aside.span(), "`aside_m` is not valid for a vehicle", None));
     }
     Ok(Some(Motion {
         gait,
@@ -76,15 +76,15 @@ fn corners(path: &Spanned<Vec<Vec<f64>>>, round: Round, source: &Source<'_>) -> 
     let least = if round == Round::Circle { 3 } else { 2 };
     let points = path.get_ref();
     if !(least..=MAX_CORNERS).contains(&points.len()) {
-        return refuse(format!("this path must have {least} to {MAX_CORNERS} corners"), "write `path = [[east, north], …]`");
+        return refuse(format!("this path must have {least} to {MAX_CORNERS} corners"), "use `path = [[east, north], …]`");
     }
     if !points.iter().flatten().all(|v| v.abs() <= FARTHEST) {
         return refuse(format!("a path must stay within {FARTHEST} m"), "metres from the scene's origin");
     }
     let level = points.iter().all(|p| p.len() == 2);
     if !level && !points.iter().all(|p| p.len() == 3) {
-        let hint = "write `[east, north]` to keep to the ground, or `[east, north, up]` at every corner";
-        return refuse("the corners of a path have two numbers each, or three each".to_owned(), hint);
+        let hint = "use `[east, north]` to follow the ground, or `[east, north, up]` at every corner";
+        return refuse("path corners must all have two numbers, or all three".to_owned(), hint);
     }
     let ground: Vec<[f64; 2]> = points.iter().map(|p| [p[0], p[1]]).collect();
     let gap = |a: &[f64; 2], b: &[f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
@@ -93,8 +93,8 @@ fn corners(path: &Spanned<Vec<Vec<f64>>>, round: Round, source: &Source<'_>) -> 
         gaps.extend(ground.first().zip(ground.last()).map(|(first, last)| gap(first, last)));
     }
     if gaps.iter().any(|gap| *gap < 0.1) || gaps.iter().sum::<f64>() > LONGEST {
-        let hint = "a circle closes by itself: the first corner is not written again";
-        return refuse(format!("corners of a path lie at least 0.1 m apart, {LONGEST} m in all at most"), hint);
+        let hint = "a circular path closes automatically: remove the repeated first corner";
+        return refuse(format!("path corners must be at least 0.1 m apart, and the path at most {LONGEST} m long"), hint);
     }
     Ok((ground, (!level).then(|| points.iter().map(|p| p[2]).collect())))
 }

@@ -49,8 +49,8 @@ pub(super) fn add(
         return Ok(());
     }
     if shining.light.lamps.len() >= MAX_LAMPS {
-        let hint = "lamps that light nothing near where one flies can be materials with `emission_lit` alone";
-        return Err(source.error(at, format!("more than {MAX_LAMPS} lamps shine"), Some(hint.to_owned())));
+        let hint = "use a material with `emission_lit` for lamps that do not need to light their surroundings";
+        return Err(source.error(at, format!("more than {MAX_LAMPS} lamps"), Some(hint.to_owned())));
     }
     let Lamp { position, colour, reach } = bulb.lamp;
     // As bright at the scaled distances.
@@ -62,7 +62,7 @@ fn bulb(lamp: &Spanned<RawLamp>, source: &Source<'_>) -> Result<Bulb, SceneError
     let raw = lamp.get_ref();
     let wrong = |message: String| Err(source.error(&lamp.span(), message, None));
     if raw.position.iter().any(|v| v.is_nan() || v.abs() > 2000.0) {
-        return wrong("a lamp must hang within 2000 m of the origin".to_owned());
+        return wrong("a lamp must be within 2000 m of the origin".to_owned());
     }
     if !(0.0..=10_000.0).contains(&raw.strength) {
         return wrong(format!("`strength` must be from 0 to 10000, not `{}`", raw.strength));

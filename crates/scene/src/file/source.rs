@@ -57,8 +57,8 @@ impl<'a> Source<'a> {
         // The version is looked at before the keys, so that a newer file is not blamed for keys that this program does not know.
         let format = toml::from_str::<Version>(self.text).map_err(|e| self.toml_error(&e))?.format;
         if *format.get_ref() != FORMAT {
-            let message = format!("scene format `{}` is not known, this program reads format {FORMAT}", format.get_ref());
-            return Err(self.error(&format.span(), message, Some("update the program, or write `format = 1`".to_owned())));
+            let message = format!("unsupported scene format `{}`; this version reads format {FORMAT}", format.get_ref());
+            return Err(self.error(&format.span(), message, Some("update spf, or use `format = 1`".to_owned())));
         }
         toml::from_str(self.text).map_err(|e| self.toml_error(&e))
     }

@@ -18,7 +18,7 @@ impl<'de> Deserialize<'de> for Colour {
         let text = String::deserialize(deserializer)?;
         let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
         let value = digits.and_then(|d| u32::from_str_radix(d, 16).ok());
-        let value = value.ok_or_else(|| serde::de::Error::custom(format!("`{text}` is no colour: write `#rrggbb`")))?;
+        let value = value.ok_or_else(|| serde::de::Error::custom(format!("invalid colour `{text}`: use `#rrggbb`")))?;
         let linear = |shift: u32| srgb_to_linear(f64::from((value >> shift) & 0xff) / 255.0) as f32;
         Ok(Self(Vec3::new(linear(16), linear(8), linear(0))))
     }
@@ -84,7 +84,7 @@ impl RawMaterial {
             ("period", self.period.is_some(), PatternName::Stripes),
         ];
         if let Some((name, _, _)) = given.iter().find(|(_, given, wanted)| *given && *wanted != self.pattern) {
-            return Err(format!("`{name}` means nothing to this pattern"));
+            return Err(format!("`{name}` does not apply to this pattern"));
         }
         let pattern = match self.pattern {
             PatternName::Plain => Pattern::Plain,

@@ -9,7 +9,7 @@ use super::raw::{RawBounds, RawLight};
 use super::source::Source;
 use super::{build, shine};
 use crate::error::SceneError;
-use crate::gltf::{self, UpAxis, Wishes};
+use crate::gltf::{self, ModelOverrides, UpAxis};
 use crate::light::SceneLook;
 use crate::world::Scene;
 
@@ -61,7 +61,7 @@ pub(super) fn load(source: &Source<'_>, conditions: &SceneLook) -> Result<Scene,
     };
     let name = raw.gltf.file.get_ref();
     if !gltf::is_model(name) {
-        let hint = "write `file = \"harbour.glb\"`, a path from this file's folder".to_owned();
+        let hint = "for example `file = \"harbour.glb\"`, relative to this file's folder".to_owned();
         return Err(source.error(&at, format!("`{name}` does not end in `.glb` or `.gltf`"), Some(hint)));
     }
     let scale = match &raw.gltf.scale {
@@ -72,7 +72,7 @@ pub(super) fn load(source: &Source<'_>, conditions: &SceneLook) -> Result<Scene,
         s => s.as_ref().map(|s| *s.get_ref()),
     };
     let bounds = raw.bounds.as_ref().map(|bounds| build::bounds(bounds, source)).transpose()?;
-    let wishes = Wishes {
+    let wishes = ModelOverrides {
         name: raw.name.as_ref().map(|name| build::checked_name(name, source)).transpose()?,
         description: build::description(raw.description.as_ref(), source)?,
         craft: raw.craft,

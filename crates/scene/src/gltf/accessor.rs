@@ -62,8 +62,8 @@ impl<'a> Accessors<'a> {
         let accessor = self.accessor(index)?;
         usize::try_from(accessor.count.0).ok().filter(|count| *count <= MAX_ELEMENTS).ok_or_else(|| {
             let message =
-                format!("accessor {} has {} elements, at most {MAX_ELEMENTS} are read", index.value(), accessor.count.0);
-            Problem::new(message).hint("make the meshes coarser or split them")
+                format!("accessor {} has {} elements, at most {MAX_ELEMENTS} are supported", index.value(), accessor.count.0);
+            Problem::new(message).hint("simplify or split the meshes")
         })
     }
 
@@ -83,7 +83,7 @@ impl<'a> Accessors<'a> {
             || (fractions && accessor.normalized && matches!(component, ComponentType::U8 | ComponentType::U16));
         let flat = !matches!(kind, Type::Mat2 | Type::Mat3 | Type::Mat4);
         if !fits || !flat || !(least..=N).contains(&width) {
-            let message = format!("accessor {} holds {kind:?} of {component:?}, which does not fit its use", index.value());
+            let message = format!("accessor {} has {kind:?} of {component:?}, which is not valid for its use", index.value());
             return Err(Problem::new(message).hint("export coordinates as 32-bit floats"));
         }
         let size = component_size(component);
@@ -103,7 +103,7 @@ impl<'a> Accessors<'a> {
         let (component, kind) = self.kind(accessor, index)?;
         let unsigned = matches!(component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
         if !unsigned || kind != Type::Scalar {
-            return Err(Problem::new(format!("accessor {} is no list of corner numbers", index.value())));
+            return Err(Problem::new(format!("accessor {} is not a valid index list", index.value())));
         }
         self.elements(accessor, index, component_size(component), whole)
     }
@@ -115,7 +115,7 @@ impl<'a> Accessors<'a> {
     fn kind(&self, accessor: &Accessor, index: Index<Accessor>) -> Result<(ComponentType, Type), Problem> {
         match (&accessor.component_type, &accessor.type_) {
             (Checked::Valid(component), Checked::Valid(kind)) => Ok((component.0, *kind)),
-            _ => Err(Problem::new(format!("accessor {} has no known type", index.value()))),
+            _ => Err(Problem::new(format!("accessor {} has an unknown type", index.value()))),
         }
     }
 
@@ -127,7 +127,7 @@ impl<'a> Accessors<'a> {
         read: impl Fn(&[u8]) -> T,
     ) -> Result<Vec<T>, Problem> {
         let count = self.count(index)?;
-        let beyond = || Problem::new(format!("accessor {} reaches beyond its buffer view", index.value()));
+        let beyond = || Problem::new(format!("accessor {} exceeds its buffer view", index.value()));
         let mut values = match accessor.buffer_view {
             Some(view) => {
                 let offset = accessor.byte_offset.unwrap_or_default().0;

@@ -49,11 +49,11 @@ fn split(bytes: &[u8]) -> Result<Chunks<'_>, Problem> {
     // The reader subtracts the header's length from the one that the file claims.
     let claimed = bytes.get(8..12).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
     if claimed < 12 {
-        return Err(Problem::new("the file is cut short in its header"));
+        return Err(Problem::new("the file is truncated in its header"));
     }
     let glb = gltf::Glb::from_slice(bytes).map_err(|e| {
-        let cut = "the file is cut short or is no glTF 2.0: fetch or export it again";
-        Problem::new(format!("the binary container cannot be read: {}", said(&e))).hint(cut)
+        let cut = "the file is truncated or not glTF 2.0: download or export it again";
+        Problem::new(format!("cannot read the binary container: {}", said(&e))).hint(cut)
     })?;
     Ok((glb.json, glb.bin))
 }
@@ -68,19 +68,24 @@ fn said(error: &gltf::Error) -> String {
 
 fn root(text: &[u8]) -> Result<Root, Problem> {
     if text.len() > MAX_JSON_BYTES {
-        let message = format!("its description is longer than {} MiB", MAX_JSON_BYTES >> 20);
-        return Err(Problem::new(message).hint("save as .glb, or keep buffers and images in files of their own"));
+        let message = format!("its JSON exceeds {} MiB", MAX_JSON_BYTES >> 20);
+        return Err(Problem::new(message).hint("save as .glb, or store buffers and images in separate files"));
     }
     // Each value but the first stands after one of these, so this bounds what reading can allocate.
     let values = text.iter().filter(|byte| matches!(byte, b'{' | b'[' | b',')).count();
     if values > MAX_JSON_VALUES {
-        let message = format!("its description has more than {MAX_JSON_VALUES} values");
-        return Err(Problem::new(message).hint("join meshes and leave out animations"));
+        let message = format!("its JSON has more than {MAX_JSON_VALUES} values");
+        return Err(Problem::new(message).hint("join meshes and export without animations"));
     }
-    let broken = |e: serde_json::Error| Problem::new(format!("its description cannot be read: {e}"));
-    let head: Head = serde_json::from_slice(text).map_err(|e| broken(e).hint("a scene is a .glb or .gltf file of glTF 2.0"))?;
+    let broken = |e: serde_json::Error| Problem::new(format!("cannot parse its JSON: {e}"));
+    let head: Head = serde_json::from_slice(text).map_err(|e| {
+        broken(e).hint(
+            "the file must be a .glb or .gltf file in glTF \
+        2.0",
+        )
+    })?;
     if !head.asset.version.starts_with("2.") {
-        let message = format!("it is glTF {}", short(&head.asset.version));
+        let message = format!("unsupported glTF version {}", short(&head.asset.version));
         return Err(Problem::new(message).hint("export it as glTF 2.0"));
     }
     head.extensions_required.iter().try_for_each(|name| supported(name))?;
@@ -108,7 +113,7 @@ fn supported(name: &str) -> Result<(), Problem> {
         "EXT_mesh_gpu_instancing" => "export each instance as a node",
         _ => "export without it",
     };
-    Err(Problem::new(format!("it needs the extension `{}`, which is not supported", short(name))).hint(remedy))
+    Err(Problem::new(format!("unsupported extension `{}`", short(name))).hint(remedy))
 }
 
 /// The reader's check demands the extent of positions, which nothing here uses, and follows their index before it has looked
@@ -139,7 +144,9 @@ fn validate(root: &Root) -> Result<(), Problem> {
     });
     match first {
         None => Ok(()),
-        Some(found) => Err(Problem::new(format!("it is no sound glTF 2.0: {found}"))
-            .hint("export it again; the Khronos glTF Validator says more")),
+        Some(found) => {
+            Err(Problem::new(format!("invalid glTF 2.0: {found}"))
+                .hint("export it again; the Khronos glTF Validator gives details"))
+        }
     }
 }

@@ -36,12 +36,12 @@ impl Surroundings {
     }
 
     fn too_much() -> Problem {
-        Problem::new(format!("its buffers and images are larger than {} MiB", MAX_BYTES >> 20))
-            .hint("make the textures smaller and the meshes coarser")
+        Problem::new(format!("its buffers and images exceed {} MiB", MAX_BYTES >> 20))
+            .hint("reduce the textures and simplify the meshes")
     }
 
     fn embedded(&self, data: &str) -> Result<Vec<u8>, Problem> {
-        let bad = || Problem::new("it holds a data URI that is not base64");
+        let bad = || Problem::new("it contains a data URI that is not base64");
         let (kind, payload) = data.split_once(',').ok_or_else(bad)?;
         if !kind.ends_with(";base64") {
             return Err(bad());
@@ -56,12 +56,15 @@ impl Surroundings {
         let shown: String = uri.chars().take(120).collect();
         let path = self.path(uri, &shown)?;
         let unreadable = |e: std::io::Error| {
-            Problem::new(format!("cannot read `{shown}`, which it names: {e}")).hint("keep the file and its parts together")
+            Problem::new(format!("cannot read the referenced file `{shown}`: {e}")).hint(
+                "keep the file and its resources \
+                together",
+            )
         };
         let file = File::open(&path).map_err(unreadable)?;
         let about = file.metadata().map_err(unreadable)?;
         if !about.is_file() {
-            return Err(Problem::new(format!("`{shown}`, which it names, is no file")));
+            return Err(Problem::new(format!("the referenced `{shown}` is not a file")));
         }
         if about.len() > self.left {
             return Err(Self::too_much());
@@ -74,8 +77,8 @@ impl Surroundings {
     /// The path behind a relative URI, inside the folder.
     fn path(&self, uri: &str, shown: &str) -> Result<PathBuf, Problem> {
         let outside = || {
-            Problem::new(format!("it names `{shown}`, which is not a file in its folder"))
-                .hint("copy it beside the scene and name it relatively, or save all in one .glb")
+            Problem::new(format!("the referenced `{shown}` is not a file in its folder"))
+                .hint("copy it next to the scene and use a relative path, or save everything in one .glb")
         };
         let folder = self.folder.as_ref().ok_or_else(outside)?;
         let decoded = percent_decode_str(uri).decode_utf8().map_err(|_| outside())?;
@@ -113,8 +116,8 @@ impl<'a> Buffers<'a> {
                 None => blob.take().ok_or_else(|| Problem::new(format!("buffer {i} has no data")))?,
             };
             if (bytes.len() as u64) < buffer.byte_length.0 {
-                let message = format!("buffer {i} is cut short: {} of {} bytes", bytes.len(), buffer.byte_length.0);
-                return Err(Problem::new(message).hint("fetch or export the file again"));
+                let message = format!("buffer {i} is truncated: {} of {} bytes", bytes.len(), buffer.byte_length.0);
+                return Err(Problem::new(message).hint("download or export the file again"));
             }
             buffers.push(bytes);
         }
@@ -128,7 +131,7 @@ impl<'a> Buffers<'a> {
         let start = view.byte_offset.unwrap_or_default().0;
         let range = usize::try_from(start).ok().zip(start.checked_add(view.byte_length.0).and_then(|e| usize::try_from(e).ok()));
         let bytes = range.and_then(|(start, end)| buffer.get(start..end));
-        let bytes = bytes.ok_or_else(|| Problem::new(format!("buffer view {} reaches beyond its buffer", index.value())))?;
+        let bytes = bytes.ok_or_else(|| Problem::new(format!("buffer view {} exceeds its buffer", index.value())))?;
         Ok((bytes, view.byte_stride.map(|stride| stride.0)))
     }
 }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use gltf::json::{Root, texture};
-use spf_media::file::{FileError, Format, Limits, PictureFile, Samples};
+use spf_media::file::{FileError, Format, ImageFile, Limits, Samples};
 
 use super::files::{Buffers, Surroundings};
 use super::problem::{Problem, missing};
@@ -49,8 +49,8 @@ impl Images {
         }
         let pixels = |e: &Encoded<'_>| u64::from(e.size.0) * u64::from(e.size.1);
         if encoded.iter().map(pixels).sum::<u64>() > MAX_PIXELS {
-            let message = format!("its textures have more than {} million pixels", MAX_PIXELS >> 20);
-            return Err(Problem::new(message).hint("make the textures smaller"));
+            let message = format!("its textures exceed {} million pixels", MAX_PIXELS >> 20);
+            return Err(Problem::new(message).hint("reduce the textures"));
         }
         let halvings = halvings(&encoded.iter().map(|e| e.size).collect::<Vec<_>>());
         let mut images = Self::default();
@@ -103,22 +103,22 @@ fn open<'a>(root: &Root, image: usize, buffers: &'a Buffers<'_>, around: &mut Su
         let message = format!("image {image} is neither PNG nor JPEG");
         return Err(Problem::new(message).hint("export the textures as PNG or JPEG"));
     }
-    let size = PictureFile::open(&bytes, LIMITS).map_err(|e| unreadable(image, &e))?.size();
+    let size = ImageFile::open(&bytes, LIMITS).map_err(|e| unreadable(image, &e))?.size();
     if size.0.max(size.1) > MAX_SIDE {
-        let message = format!("image {image} has {} × {} pixels, at most {MAX_SIDE} a side are read", size.0, size.1);
-        return Err(Problem::new(message).hint("make the texture smaller"));
+        let message = format!("image {image} has {} × {} pixels, at most {MAX_SIDE} per side are supported", size.0, size.1);
+        return Err(Problem::new(message).hint("reduce the texture"));
     }
     Ok(Encoded { image, bytes, size })
 }
 
 fn unreadable(image: usize, error: &FileError) -> Problem {
-    Problem::new(format!("image {image} cannot be read: {error}"))
-        .hint("export the texture again as PNG or JPEG, 8 bits a channel")
+    Problem::new(format!("cannot read image {image}: {error}"))
+        .hint("export the texture again as PNG or JPEG, 8 bits per channel")
 }
 
 fn decode(encoded: &Encoded<'_>) -> Result<Texture, Problem> {
-    let file = PictureFile::open(&encoded.bytes, LIMITS);
-    let picture = file.and_then(PictureFile::decode).map_err(|e| unreadable(encoded.image, &e))?;
+    let file = ImageFile::open(&encoded.bytes, LIMITS);
+    let picture = file.and_then(ImageFile::decode).map_err(|e| unreadable(encoded.image, &e))?;
     let (width, height) = (picture.width(), picture.height());
     let rgb = if picture.has_alpha() { filled(picture) } else { picture.into_rgb().into_data() };
     Texture::from_srgb(width, height, &rgb).ok_or_else(|| Problem::new(format!("image {} has no pixels", encoded.image)))

@@ -27,7 +27,7 @@ pub(super) struct Look {
     /// Mean colour, linear RGB.
     pub(super) mean: Vec3,
     /// The image on it.
-    pub(super) picture: Option<Picture>,
+    pub(super) picture: Option<TextureUse>,
     /// Whether its corners bring the colours.
     pub(super) by_corner: bool,
     /// Clear: touched, not drawn.
@@ -36,7 +36,7 @@ pub(super) struct Look {
 
 /// How an image lies on a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Picture {
+pub(super) struct TextureUse {
     /// Which texture coordinates.
     pub(super) set: u32,
     offset: Vec2,
@@ -44,7 +44,7 @@ pub(super) struct Picture {
     columns: [Vec2; 2],
 }
 
-impl Picture {
+impl TextureUse {
     /// Texture coordinates of a corner.
     pub(super) fn at(&self, uv: [f32; 2]) -> Vec2 {
         let at = self.offset + self.columns[0] * uv[0] + self.columns[1] * uv[1];
@@ -129,7 +129,7 @@ impl<'a> Looks<'a> {
         let material = u16::try_from(self.materials.len()).map_err(|_| Problem::new("it has more than 65535 materials"))?;
         self.materials.push(made);
         let clear = found.alpha_mode != Checked::Valid(AlphaMode::Opaque) && alpha < 0.05;
-        let picture = texture.and(base).map(Picture::new);
+        let picture = texture.and(base).map(TextureUse::new);
         Ok(Look { material, mean, picture, by_corner, invisible: clear })
     }
 
@@ -194,7 +194,7 @@ mod tests {
     fn pictures_are_turned_as_the_extension_says() {
         // A quarter turn counter-clockwise with v down: u goes to −v.
         let (c, s) = (0.0, 1.0);
-        let picture = Picture { set: 0, offset: Vec2::new(0.5, 0.0), columns: [Vec2::new(c, -s) * 2.0, Vec2::new(s, c)] };
+        let picture = TextureUse { set: 0, offset: Vec2::new(0.5, 0.0), columns: [Vec2::new(c, -s) * 2.0, Vec2::new(s, c)] };
         assert_eq!(picture.at([1.0, 0.25]), Vec2::new(0.75, -2.0));
         assert_eq!(picture.at([f32::INFINITY, 0.0]), Vec2::ZERO);
     }

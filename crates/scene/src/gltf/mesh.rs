@@ -60,7 +60,7 @@ impl<'a> Meshes<'a> {
 
     /// The triangles of a primitive, none for points and lines. `of` says whose they are.
     pub(super) fn draw(&mut self, primitive: &Primitive, placed: &Placed, look: &Look, of: &str) -> Result<Drawn, Problem> {
-        let Checked::Valid(mode) = primitive.mode else { return Err(Problem::new(format!("{of} has no known mode"))) };
+        let Checked::Valid(mode) = primitive.mode else { return Err(Problem::new(format!("{of} has an unknown mode"))) };
         if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
             self.skipped += 1;
             return Ok(Drawn::default());
@@ -72,7 +72,7 @@ impl<'a> Meshes<'a> {
             None => (0..attributes.positions.len() as u32).collect(),
         };
         if let Some(wrong) = corners.iter().find(|&&i| i as usize >= attributes.positions.len()) {
-            let message = format!("{of} names corner {wrong} of {}", attributes.positions.len());
+            let message = format!("{of} refers to vertex {wrong} of {}", attributes.positions.len());
             return Err(Problem::new(message).hint("export the file again"));
         }
         place(&attributes, triangles(&corners, mode), placed, look, of)
@@ -86,8 +86,8 @@ impl<'a> Meshes<'a> {
         self.corners += corners.max(named);
         self.triangles += if mode == Mode::Triangles { named / 3 } else { named.saturating_sub(2) };
         if self.triangles > MAX_TRIANGLES || self.corners > MAX_CORNERS {
-            let message = format!("it has more than {MAX_TRIANGLES} triangles or {MAX_CORNERS} corners");
-            return Err(Problem::new(message).hint("make its meshes coarser (Blender: the Decimate modifier)"));
+            let message = format!("it has more than {MAX_TRIANGLES} triangles or {MAX_CORNERS} vertices");
+            return Err(Problem::new(message).hint("simplify its meshes (Blender: the Decimate modifier)"));
         }
         Ok(())
     }
@@ -142,11 +142,11 @@ fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look:
     for &i in triangles.iter().flatten() {
         let p = positions[i as usize];
         if !p.is_finite() {
-            return Err(Problem::new(format!("{of} has a corner that is no finite point")).hint("export the file again"));
+            return Err(Problem::new(format!("{of} has a vertex that is not finite")).hint("export the file again"));
         }
         if p.abs().max_element() > FARTHEST {
             let message =
-                format!("{of} reaches {:.0} m from the origin, at most {FARTHEST} m can be flown in", p.abs().max_element());
+                format!("{of} extends {:.0} m from the origin, at most {FARTHEST} m is supported", p.abs().max_element());
             let hint =
                 "move the model to the origin, or scale it down: `spf_scale` of its scene, or `scale` of a scene file's [gltf]";
             return Err(Problem::new(message).hint(hint));

@@ -59,7 +59,7 @@ pub(crate) enum UpAxis {
 
 /// Settings of a scene file for its model; they override the model's own extras.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Wishes {
+pub(crate) struct ModelOverrides {
     pub(crate) name: Option<String>,
     pub(crate) craft: Option<CraftKind>,
     pub(crate) description: String,
@@ -85,7 +85,7 @@ pub(crate) fn is_model(path: &str) -> bool {
 }
 
 /// Loads a `.glb` or `.gltf` with the files it names, which must lie in its folder.
-pub(crate) fn load(path: &str, wishes: &Wishes, shining: Shining) -> Result<Scene, SceneError> {
+pub(crate) fn load(path: &str, wishes: &ModelOverrides, shining: Shining) -> Result<Scene, SceneError> {
     let read = open(Path::new(path)).map_err(|problem| refused(path, problem))?;
     let bytes = read.map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
     parse(&bytes, path, Path::new(path).parent(), wishes, shining)
@@ -95,8 +95,9 @@ pub(crate) fn load(path: &str, wishes: &Wishes, shining: Shining) -> Result<Scen
 fn open(path: &Path) -> Result<std::io::Result<Vec<u8>>, Problem> {
     match std::fs::metadata(path) {
         Ok(about) if about.len() > container::MAX_BYTES => {
-            let message = format!("the file has {} MiB, at most {} are read", about.len() >> 20, container::MAX_BYTES >> 20);
-            Err(Problem::new(message).hint("make the textures smaller and the meshes coarser"))
+            let message =
+                format!("the file has {} MiB, at most {} MiB is supported", about.len() >> 20, container::MAX_BYTES >> 20);
+            Err(Problem::new(message).hint("reduce the textures and simplify the meshes"))
         }
         Ok(_) => Ok(std::fs::read(path)),
         Err(e) => Ok(Err(e)),
@@ -109,7 +110,7 @@ pub(crate) fn parse(
     bytes: &[u8],
     file: &str,
     folder: Option<&Path>,
-    wishes: &Wishes,
+    wishes: &ModelOverrides,
     shining: Shining,
 ) -> Result<Scene, SceneError> {
     import(bytes, file, folder, wishes, shining).map_err(|problem| refused(file, problem))
@@ -119,7 +120,7 @@ fn refused(file: &str, problem: Problem) -> SceneError {
     SceneError::Model { file: file.to_owned(), message: problem.message, hint: problem.hint }
 }
 
-fn import(bytes: &[u8], file: &str, folder: Option<&Path>, wishes: &Wishes, shining: Shining) -> Result<Scene, Problem> {
+fn import(bytes: &[u8], file: &str, folder: Option<&Path>, wishes: &ModelOverrides, shining: Shining) -> Result<Scene, Problem> {
     let Assembled { assembly, start, said } = assemble(bytes, folder, wishes.scale, wishes.up)?;
     world(assembly, start, &said, wishes, file, shining)
 }
@@ -168,14 +169,15 @@ fn world(
     assembly: Assembly,
     view: Option<Viewpoint>,
     said: &SceneSpec,
-    wishes: &Wishes,
+    wishes: &ModelOverrides,
     file: &str,
     shining: Shining,
 ) -> Result<Scene, Problem> {
     let Assembly { mut objects, parts, materials, textures, skipped } = assembly;
     let corners = || parts.iter().flat_map(|part| part.vertices.iter().map(|v| v.position));
     let Some(mut extent) = Aabb::around(corners()) else {
-        let cloud = if skipped > 0 { "points and lines are not drawn: make a mesh of them" } else { "export its meshes too" };
+        let cloud =
+            if skipped > 0 { "points and lines are not rendered: convert them to a mesh" } else { "export its meshes too" };
         return Err(Problem::new("it has no triangles").hint(cloud));
     };
     let span = (extent.max.east - extent.min.east).max(extent.max.north - extent.min.north);
@@ -183,7 +185,7 @@ fn world(
     let start = match (wishes.start, &said.start) {
         (Some(pose), _) => Some(pose),
         (None, Some(text)) => Some(pose::parse_pose(text).ok_or_else(|| {
-            Problem::new(format!("the extras of the scene: `{text}` is no pose")).hint("write `east,north,up,heading_deg`")
+            Problem::new(format!("the extras of the scene: invalid pose `{text}`")).hint("use `east,north,up,heading_deg`")
         })?),
         (None, None) => None,
     };
@@ -218,10 +220,10 @@ fn world(
         .or_else(|| view.and_then(|view| start::below(&collider, &view)))
         .or_else(|| start::find(&collider, &extent, room))
         .or_else(|| start::below(&collider, &Viewpoint { position: above_middle(&extent), heading: 0.0 }))
-        .ok_or_else(|| Problem::new("there is nowhere to start").hint("add an empty called `spf_start` above the ground"))?;
+        .ok_or_else(|| Problem::new("no start position found").hint("add an empty called `spf_start` above the ground"))?;
     if !bounds.contains(start.position) {
         let EnuPosition { east, north, up } = start.position;
-        let message = format!("the start {east:.1},{north:.1},{up:.1} lies outside `bounds`");
+        let message = format!("the start {east:.1},{north:.1},{up:.1} is outside `bounds`");
         return Err(Problem::new(message));
     }
     let craft = wishes.craft.or(said.craft).unwrap_or(if wide { CraftKind::Quad } else { CraftKind::Tello });

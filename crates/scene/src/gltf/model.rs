@@ -27,10 +27,10 @@ impl Model {
     pub(crate) fn load(folder: &Path, file: &str, up: Option<UpAxis>) -> Result<Self, Problem> {
         let outside = || {
             Problem::new("it is not a file in the scene's folder")
-                .hint("copy it beside the scene file and write its path from there, such as `models/chair.glb`")
+                .hint("copy it next to the scene file and use a relative path, such as `models/chair.glb`")
         };
         let path = inside(folder, Path::new(file)).ok_or_else(outside)?;
-        let bytes = open(&path)?.map_err(|e| Problem::new(format!("it cannot be read: {e}")))?;
+        let bytes = open(&path)?.map_err(|e| Problem::new(format!("cannot read it: {e}")))?;
         let made = assemble(&bytes, path.parent(), None, up)?;
         let parts: Vec<Part> = made.assembly.parts.into_iter().filter(|part| part.role != Role::Opening).collect();
         if parts.is_empty() {

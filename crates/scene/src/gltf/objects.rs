@@ -86,8 +86,8 @@ impl Assembly {
             ids.push(drawn.then_some(next as ObjectId));
         }
         if next >= MAX_OBJECTS {
-            let message = format!("it has {next} objects, at most {} are read", MAX_OBJECTS - 1);
-            return Err(Problem::new(message).hint("join meshes that belong together, or put them below one tagged node"));
+            let message = format!("it has {next} objects, at most {} are supported", MAX_OBJECTS - 1);
+            return Err(Problem::new(message).hint("join meshes that belong together, or group them under one tagged node"));
         }
         let (solids, mut keys) = (Solids::new(owners, &ids), BTreeSet::new());
         for (i, (owner, gathered)) in owners.iter().zip(gathered).enumerate() {
@@ -128,8 +128,9 @@ fn opening_of(opening: &Owner, solids: &Solids<'_>) -> Result<Option<ObjectId>, 
         return Ok(None);
     };
     let found = solids.by_name.get(&tidy(name)).ok_or_else(|| {
-        let message = format!("the extras of node `{}`: no object `{}` to be an opening of", short(&opening.name), short(name));
-        Problem::new(message).hint("write the name of the node that it leads through")
+        let message =
+            format!("the extras of node `{}`: unknown object `{}` in `spf_opening_of`", short(&opening.name), short(name));
+        Problem::new(message).hint("use the name of the node that the opening belongs to")
     })?;
     Ok(Some(*found))
 }

@@ -24,5 +24,5 @@ pub(super) fn short(text: &str) -> String {
 
 /// An index of the file that leads nowhere. The file was checked for these when it was read.
 pub(super) fn missing(what: &str, index: usize) -> Problem {
-    Problem::new(format!("{what} {index} is not in the file"))
+    Problem::new(format!("{what} {index} does not exist in the file"))
 }

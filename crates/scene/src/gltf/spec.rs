@@ -62,7 +62,7 @@ impl<'de> Deserialize<'de> for Words {
             type Value = Vec<String>;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("words with commas between them, or a list of words")
+                f.write_str("comma-separated words, or a list of words")
             }
 
             fn visit_str<E: de::Error>(self, text: &str) -> Result<Self::Value, E> {

@@ -113,11 +113,11 @@ impl Walk<'_> {
     fn visit(&mut self, visit: Visit, stack: &mut Vec<Visit>) -> Result<(), Problem> {
         let node = self.root.nodes.get(visit.node).ok_or_else(|| missing("node", visit.node))?;
         if !self.seen.insert(visit.node) {
-            let message = format!("node {} is below itself or below two nodes", visit.node);
-            return Err(Problem::new(message).hint("nodes form a tree; export the file again"));
+            let message = format!("node {} is its own descendant or has two parents", visit.node);
+            return Err(Problem::new(message).hint("nodes must form a tree; export the file again"));
         }
         if self.seen.len() > MAX_NODES || visit.depth > MAX_DEPTH {
-            let message = format!("it has more than {MAX_NODES} nodes, or more than {MAX_DEPTH} above one another");
+            let message = format!("it has more than {MAX_NODES} nodes, or a hierarchy deeper than {MAX_DEPTH}");
             return Err(Problem::new(message).hint("join meshes"));
         }
         let name = node.name.clone().unwrap_or_default();

@@ -19,10 +19,10 @@ impl TryFrom<Vec<[Offset; 2]>> for Course {
     fn try_from(points: Vec<[Offset; 2]>) -> Result<Self, String> {
         let points: Vec<Vec2> = points.iter().map(|[x, y]| Vec2::new(x.0, y.0)).collect();
         if !(2..=MOST_POINTS).contains(&points.len()) {
-            return Err(format!("a course has 2 to {MOST_POINTS} points, not `{}`", points.len()));
+            return Err(format!("a course must have 2 to {MOST_POINTS} points, not `{}`", points.len()));
         }
         if points.windows(2).any(|pair| pair[0].distance(pair[1]) < 0.1) {
-            return Err("points that follow each other on a course must be at least 0.1 m apart".to_owned());
+            return Err("consecutive points of a course must be at least 0.1 m apart".to_owned());
         }
         Ok(Self(points))
     }

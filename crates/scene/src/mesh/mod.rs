@@ -75,7 +75,7 @@ impl<'de> Deserialize<'de> for Metres {
         if (0.01..=2000.0).contains(&value) {
             Ok(Self(value as f32))
         } else {
-            Err(serde::de::Error::custom(format!("a measure must be from 0.01 to 2000 metres, not `{value}`")))
+            Err(serde::de::Error::custom(format!("a length must be from 0.01 to 2000 metres, not `{value}`")))
         }
     }
 }
@@ -90,7 +90,7 @@ impl<'de> Deserialize<'de> for Offset {
         if value.abs() <= 2000.0 {
             Ok(Self(value as f32))
         } else {
-            Err(serde::de::Error::custom(format!("a place must be within 2000 metres, not `{value}`")))
+            Err(serde::de::Error::custom(format!("a coordinate must be within 2000 metres, not `{value}`")))
         }
     }
 }
@@ -135,7 +135,7 @@ impl<'de> Deserialize<'de> for Share {
         if (0.0..=1.0).contains(&value) {
             Ok(Self(value as f32))
         } else {
-            Err(serde::de::Error::custom(format!("a share must be from 0 to 1, not `{value}`")))
+            Err(serde::de::Error::custom(format!("a fraction must be from 0 to 1, not `{value}`")))
         }
     }
 }

@@ -22,7 +22,7 @@ impl<'de> Deserialize<'de> for Text {
             Ok(Self(lines))
         } else {
             Err(serde::de::Error::custom(format!(
-                "a sign has one to four lines of at most 40 characters that the font has, not {text:?}"
+                "a sign must have one to four lines of at most 40 characters available in the font, not {text:?}"
             )))
         }
     }

@@ -225,17 +225,21 @@ fn errors_say_what_to_write() {
         ("walk = { path = [[0, 0]], speed_m_s = 1.0 }", "2 to 1000 corners"),
         ("walk = { path = [[0, 0], [0, 1]], speed_m_s = 1.0, loop = \"circle\" }", "3 to 1000 corners"),
         ("walk = { path = [[0, 0], [0, 0.01]], speed_m_s = 1.0 }", "0.1 m apart"),
-        ("walk = { path = [[0, 0], [0, 1, 2]], speed_m_s = 1.0 }", "two numbers each, or three"),
+        ("walk = { path = [[0, 0], [0, 1, 2]], speed_m_s = 1.0 }", "two numbers, or all three"),
         ("walk = { path = [[0, 0], [0, 9000]], speed_m_s = 1.0 }", "within 2000 m"),
         ("walk = { path = [[0, 0], [0, nan]], speed_m_s = 1.0 }", "within 2000 m"),
         ("walk = { path = [[0, 0], [0, 9]], speed_m_s = 0.0 }", "`speed_m_s` must be from 0.05 to 30"),
         ("walk = { path = [[0, 0], [0, 9]], speed_m_s = 1.0, start = 1.5 }", "`start` must be from 0 to 1"),
         ("walk = { path = [[0, 0], [0, 9]], speed_m_s = 1.0, loop = \"twice\" }", "unknown variant `twice`"),
         ("walk = { path = [[0, 0], [0, 9]], speed_m_s = 1.0, pause_s = 3 }", "unknown field `pause_s`"),
-        ("drive = { path = [[0, 0], [0, 9]], speed_m_s = 1.0, loop = \"there_and_back\" }", "does not turn on the spot"),
-        ("drive = { path = [[0, 0], [0, 9], [9, 9]], speed_m_s = 1.0, aside_m = 1 }", "does not step aside"),
-        ("walk = { path = [[0, 0], [0, 9]], speed_m_s = 1.0 }\nposition = [1, 1]", "stands on its path"),
-        ("walk = { path = [[0, 0], [0, 9]], speed_m_s = 1 }\ndrive = { path = [[0, 0], [0, 9]], speed_m_s = 1 }", "not both"),
+        ("drive = { path = [[0, 0], [0, 9]], speed_m_s = 1.0, loop = \"there_and_back\" }", "cannot turn on the spot"),
+        ("drive = { path = [[0, 0], [0, 9], [9, 9]], speed_m_s = 1.0, aside_m = 1 }", "`aside_m` is not valid for a vehicle"),
+        ("walk = { path = [[0, 0], [0, 9]], speed_m_s = 1.0 }\nposition = [1, 1]", "placed by its path"),
+        (
+            "walk = { path = [[0, 0], [0, 9]], speed_m_s = 1 }\ndrive = { path = [[0, 0], [0, 9]], speed_m_s = 1 }",
+            "cannot be \
+            combined",
+        ),
     ] {
         let error = refused(motion);
         assert!(error.contains(message) && error.starts_with("test.toml:"), "{error}\nshould say: {message}");
@@ -244,7 +248,7 @@ fn errors_say_what_to_write() {
     actor(&mut text, "a", "person", &walk("[[0, 0], [0, 9]]", ""));
     actor(&mut text, "b", "person", &walk("[[0, 0.5], [5, 9]]", ""));
     let error = Stage::new(&text).map(|_| ()).unwrap_err().to_string();
-    assert!(error.contains("`b` begins on `a`") && error.contains("another `start`"), "{error}");
+    assert!(error.contains("`b` overlaps `a`") && error.contains("another `start`"), "{error}");
 }
 
 fn corner(reach: f64) -> impl Strategy<Value = [f64; 2]> {

@@ -99,7 +99,7 @@ gltf = { file = "block.GLB", scale = 2.0, up = "z" }
     assert!(refused("block.GLB", "mine.toml").contains("does not end in `.glb`"));
     assert!(Scene::parse(wrapper, "mine.toml").unwrap_err().to_string().contains("from its path"));
     let far = refused("scale = 2.0", "scale = 5000.0");
-    assert!(far.contains("block.GLB: mesh 0 of `block` reaches") && far.contains("scale it down"), "{far}");
+    assert!(far.contains("block.GLB: mesh 0 of `block` extends") && far.contains("scale it down"), "{far}");
 }
 
 #[test]

@@ -129,9 +129,9 @@ fn refusal(objects: &str) -> String {
 fn errors_say_what_to_do() {
     let with = |mesh: &str| refusal(&CRATE.replace("position", &format!("mesh = {{ kind = \"model\", {mesh} }}\nposition")));
     for (mesh, said) in [
-        ("file = \"models/chair.glb\"", "scene.toml:25: the model `models/chair.glb`: it cannot be read: No such file"),
+        ("file = \"models/chair.glb\"", "scene.toml:25: the model `models/chair.glb`: cannot read it: No such file"),
         ("file = \"../crate.glb\"", "the model `../crate.glb`: it is not a file in the scene's folder"),
-        ("file = \"/etc/crate.glb\"", "copy it beside the scene file and write its path from there"),
+        ("file = \"/etc/crate.glb\"", "copy it next to the scene file and use a relative path"),
         ("file = \"models/crate.obj\"", "`models/crate.obj` does not end in `.glb` or `.gltf`"),
         ("fiel = \"models/crate.glb\"", "mesh `model`: unknown field `fiel`"),
         ("up = \"z\"", "missing field `file`"),
@@ -143,7 +143,7 @@ fn errors_say_what_to_do() {
     let materials = refusal(&format!("{CRATE}materials = {{ body = \"red_paint\" }}\n"));
     assert!(materials.contains("a model has its own materials"), "{materials}");
     let walks = CRATE.replace("position = [4.0, 8.0, 1.0]", "walk = { path = [[0, 1], [0, 9]], speed_m_s = 1.0 }");
-    assert!(refusal(&walks).contains("a model does not move by itself"));
+    assert!(refusal(&walks).contains("a model cannot move"));
     // Built-in scenes and texts have no folder.
     let error = Scene::parse(&format!("{HEAD}{CRATE}"), "test.toml").unwrap_err().to_string();
     assert!(error.contains("must be loaded from its path"), "{error}");
@@ -157,7 +157,10 @@ fn models_that_are_broken_or_too_large_are_refused() {
     let folder = folder(CRATE, b"");
     fs::File::create(folder.path().join("models/crate.glb")).unwrap().set_len(257 << 20).unwrap();
     let large = load(folder.path()).unwrap_err().to_string();
-    assert!(large.contains("the file has 257 MiB, at most 256 are read") && large.contains("hint: make the textures"), "{large}");
+    assert!(
+        large.contains("the file has 257 MiB, at most 256 MiB is supported") && large.contains("hint: reduce the textures"),
+        "{large}"
+    );
 }
 
 #[cfg(unix)]

@@ -221,7 +221,7 @@ fn a_scene_says_what_it_shows_and_from_where() {
     let scene = Scene::parse(&say("description = \"A tree\"\npreview = \"-5,4,3,60,-10\""), "test.toml").unwrap();
     let (east, pitch) = (scene.preview.position.east, scene.preview.attitude.pitch);
     assert_eq!((scene.description.as_str(), east, pitch), ("A tree", -5.0, (-10.0f64).to_radians()));
-    assert!(refused(&say("preview = \"-51,4,3,60\"")).starts_with("test.toml:8: the preview lies outside `bounds`"));
+    assert!(refused(&say("preview = \"-51,4,3,60\"")).starts_with("test.toml:8: the preview is outside `bounds`"));
     assert!(refused(&say("description = \"two\\nlines\"")).starts_with("test.toml:8: a scene's description is one line"));
     assert!(refused(&say(&format!("description = \"{}\"", "long".repeat(31)))).contains("at most 120 characters"));
 }
@@ -260,7 +260,7 @@ fn errors_name_file_line_and_remedy() {
         (format!("{HEAD}{}", TREE.replace("names", "nmaes")), "test.toml:13: unknown field `nmaes`", "did you mean `names`?"),
         (
             format!("{HEAD}{}", TREE.replace("\"tree\", style", "\"treee\", style")),
-            "no mesh of kind `treee`",
+            "unknown mesh kind `treee`",
             "did you mean `tree`?",
         ),
         (
@@ -269,13 +269,17 @@ fn errors_name_file_line_and_remedy() {
             "did you mean `height`?",
         ),
         (format!("{HEAD}{}", TREE.replace("height = 9.0", "height = 1e9")), "from 0.01 to 2000 metres", ""),
-        (format!("{HEAD}{TREE}{TREE}"), "the id `tree` is given twice", "stands once"),
-        (format!("{HEAD}{TREE}materials = {{ leaf = \"snow\" }}"), "test.toml:15: no material `snow`", ""),
-        (format!("{HEAD}{TREE}materials = {{ leav = \"bark\" }}"), "no material slot `leav`", "did you mean `leaf`?"),
-        (format!("{HEAD}{TREE}opening_of = \"tree\""), "no opening", "an opening's mesh"),
-        (format!("{HEAD}{TREE}like = \"oak\""), "no template `oak`", ""),
-        (format!("{}{TREE}", HEAD.replace("format = 1", "format = 7")), "test.toml:1: scene format `7`", "format = 1"),
-        (format!("{}{TREE}", HEAD.replace("0,0,0,90", "0,0,north")), "test.toml:4: `0,0,north` is no pose", "east,north,up"),
+        (format!("{HEAD}{TREE}{TREE}"), "duplicate id `tree`", "must be unique"),
+        (format!("{HEAD}{TREE}materials = {{ leaf = \"snow\" }}"), "test.toml:15: unknown material `snow`", ""),
+        (format!("{HEAD}{TREE}materials = {{ leav = \"bark\" }}"), "unknown material slot `leav`", "did you mean `leaf`?"),
+        (format!("{HEAD}{TREE}opening_of = \"tree\""), "only valid on an opening", "kind = \"opening\""),
+        (format!("{HEAD}{TREE}like = \"oak\""), "unknown template `oak`", ""),
+        (
+            format!("{}{TREE}", HEAD.replace("format = 1", "format = 7")),
+            "test.toml:1: unsupported scene format `7`",
+            "format = 1",
+        ),
+        (format!("{}{TREE}", HEAD.replace("0,0,0,90", "0,0,north")), "test.toml:4: invalid pose `0,0,north`", "east,north,up"),
         (format!("{}{TREE}", HEAD.replace("0,0,0,90", "90,0,0,0")), "outside `bounds`", ""),
         (format!("{}{TREE}", HEAD.replace("near_m = 3.0", "near_m = -1")), "test.toml:6: `near_m`", ""),
         (
@@ -283,8 +287,8 @@ fn errors_name_file_line_and_remedy() {
             "test.toml:7: `max_altitude_m` must be from 1 to 1000 metres",
             "",
         ),
-        (format!("{HEAD}{}", TREE.replace("kind = \"tree\"\n", "kind = \"Tree\"\n")), "the tag `Tree`", "lower case"),
-        (format!("{HEAD}{}", TREE.replace("position = [10.0, 5.0]\n", "")), "no `position`", "places"),
+        (format!("{HEAD}{}", TREE.replace("kind = \"tree\"\n", "kind = \"Tree\"\n")), "invalid tag `Tree`", "lower-case"),
+        (format!("{HEAD}{}", TREE.replace("position = [10.0, 5.0]\n", "")), "missing `position`", "places"),
         ("format = 1\n= 3".to_owned(), "test.toml:2:", ""),
     ];
     for (text, message, hint) in cases {
@@ -362,7 +366,7 @@ fn rows_and_sizes_are_bounded() {
     assert!(refused(&format!("{HEAD}{TREE}{row}")).contains("`count` must be from 1 to 1000"));
     let row = "\nrepeat = { count = 1000, step = [0.0, 0.001] }\n";
     let heavy = TREE.replace("conifer", "broadleaf");
-    assert!(refused(&format!("{HEAD}{heavy}{row}")).contains("more than 500000 triangles"));
+    assert!(refused(&format!("{HEAD}{heavy}{row}")).contains("exceeds 500000 triangles"));
 }
 
 fn toml_value() -> impl Strategy<Value = String> {

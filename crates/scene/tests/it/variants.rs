@@ -328,21 +328,25 @@ kind = "tree"
     let refused = load("").unwrap_err();
     assert!(refused.contains("has no variants") && refused.contains("[vary]"), "{refused}");
     for (vary, message) in [
-        ("[[vary.shuffle]]\nobjects = [\"treee\"]\n", "no object `treee`"),
+        ("[[vary.shuffle]]\nobjects = [\"treee\"]\n", "unknown object `treee`"),
         ("[[vary.jitter]]\nobjects = [\"tree\"]\ndistance_m = -1\n", "`distance_m` must be from 0 to 1000"),
-        ("[[vary.depart]]\nobjects = [\"tree\"]\n", "`tree` does not move by itself"),
+        ("[[vary.depart]]\nobjects = [\"tree\"]\n", "`tree` does not move"),
         ("[[vary.repaint]]\nobjects = [\"tree\"]\nslot = \"leaf\"\ncolours = {}\n", "`colours` is empty"),
-        ("[[vary.repaint]]\nobjects = [\"tree\"]\nslot = \"leaf\"\ncolours = { red = \"snow\" }\n", "no material `snow`"),
-        ("[[vary.add]]\nid = \"x\"\nlike = \"oak\"\ncount = [1, 1]\nplaces = [[9, 9]]\n", "no template `oak`"),
-        ("[[vary.add]]\nid = \"x\"\nlike = \"oak\"\ncount = [2, 1]\nplaces = [[9, 9]]\n", "`count` goes from"),
-        ("[vary.light]\nsun_azimuth_deg = [90.0, 10.0]\n", "a range rises"),
+        ("[[vary.repaint]]\nobjects = [\"tree\"]\nslot = \"leaf\"\ncolours = { red = \"snow\" }\n", "unknown material `snow`"),
+        ("[[vary.add]]\nid = \"x\"\nlike = \"oak\"\ncount = [1, 1]\nplaces = [[9, 9]]\n", "unknown template `oak`"),
+        ("[[vary.add]]\nid = \"x\"\nlike = \"oak\"\ncount = [2, 1]\nplaces = [[9, 9]]\n", "`count` must be an increasing range"),
+        ("[vary.light]\nsun_azimuth_deg = [90.0, 10.0]\n", "the range must be increasing"),
         ("[[vary.shuffel]]\n", "did you mean `shuffle`?"),
         (
             "[[vary.repaint]]\nobjects = [\"tree\"]\nslot = \"body\"\ncolours = { red = \"red_paint\" }\n",
-            "no material slot `body`",
+            "unknown material slot `body`",
         ),
-        ("[[vary.repaint]]\nobjects = [\"tree\"]\nslot = \"leaf\"\ncolours = { Red = \"red_paint\" }\n", "`Red` cannot be used"),
-        ("[[vary.add]]\nid = \"x\"\nlike = \"oak\"\ncount = [0, 201]\nplaces = [[9, 9]]\n", "`count` goes from"),
+        ("[[vary.repaint]]\nobjects = [\"tree\"]\nslot = \"leaf\"\ncolours = { Red = \"red_paint\" }\n", "invalid colour `Red`"),
+        (
+            "[[vary.add]]\nid = \"x\"\nlike = \"oak\"\ncount = [0, 201]\nplaces = [[9, 9]]\n",
+            "`count` must be an increasing \
+            range",
+        ),
         ("[[vary.add]]\nid = \"x\"\nlike = \"oak\"\ncount = [0, 1]\nplaces = []\n", "1 to 200 `places`"),
     ] {
         let error = load(vary).map(|scene| scene.name).unwrap_err();

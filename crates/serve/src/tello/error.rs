@@ -10,7 +10,7 @@ use spf_core::fault::FaultError;
 #[non_exhaustive]
 pub enum ServerError {
     /// A socket could not be bound.
-    #[error("UDP {address} cannot be had")]
+    #[error("cannot bind UDP {address}")]
     Bind {
         /// The address.
         address: SocketAddr,
@@ -19,10 +19,10 @@ pub enum ServerError {
         source: std::io::Error,
     },
     /// A thread could not be started.
-    #[error("no thread can be started")]
+    #[error("cannot start a thread")]
     Thread(#[source] std::io::Error),
     /// The fault file could not be read.
-    #[error("the faults in `{}` cannot be read", path.display())]
+    #[error("cannot read the fault file `{}`", path.display())]
     FaultFile {
         /// The file.
         path: PathBuf,
@@ -31,7 +31,7 @@ pub enum ServerError {
         source: std::io::Error,
     },
     /// The fault file has invalid TOML or keys.
-    #[error("the faults in `{}` are refused", path.display())]
+    #[error("invalid fault file `{}`", path.display())]
     FaultSyntax {
         /// The file.
         path: PathBuf,

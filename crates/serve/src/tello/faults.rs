@@ -63,7 +63,7 @@ impl Watch {
         match read(&self.source).and_then(|plan| Ok(FaultMachine::new(plan, self.seed)?)) {
             Ok(machine) => Some(machine),
             Err(error) => {
-                tracing::warn!(%error, "the changed faults are refused; the old ones stay");
+                tracing::warn!(%error, "invalid fault file: keeping the previous faults");
                 None
             }
         }

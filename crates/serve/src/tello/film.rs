@@ -12,8 +12,8 @@ use spf_media::Rgb;
 use spf_media::h264::{Encoder, EncoderSettings, nal_units};
 use spf_sim::craft::SimCraft;
 
-use super::machine::VideoWish;
-use super::pace::{Fineness, Pace, VideoQuality};
+use super::machine::VideoRequest;
+use super::pace::{Pace, RenderQuality, VideoQuality};
 use super::shared::{POLL_INTERVAL, Shared, lock};
 use super::video::datagrams;
 
@@ -26,7 +26,7 @@ const QUANTISER: u8 = 30;
 const SHUTTER: Duration = Duration::from_millis(25);
 
 /// Renders the camera image at a flight time; `None` while that is in the future.
-pub type Photographer = Box<dyn FnMut(Time, &VideoWish, Fineness) -> Option<Rgb> + Send>;
+pub type FrameRenderer = Box<dyn FnMut(Time, &VideoRequest, RenderQuality) -> Option<Rgb> + Send>;
 
 /// An access unit's datagrams, their destination, and when they are due.
 pub(super) type Due = (Time, SocketAddr, Vec<Vec<u8>>);
@@ -36,7 +36,7 @@ pub(super) type Due = (Time, SocketAddr, Vec<Vec<u8>>);
 pub(super) fn film(
     shared: &Shared,
     craft: &Mutex<SimCraft>,
-    mut photographer: Photographer,
+    mut photographer: FrameRenderer,
     quality: VideoQuality,
     latency: Duration,
     taken: &SyncSender<Due>,
@@ -85,12 +85,12 @@ pub(super) fn film(
 /// An active encoder.
 struct Reel {
     encoder: Encoder,
-    wish: VideoWish,
+    wish: VideoRequest,
     last_key: Time,
 }
 
 impl Reel {
-    fn new(wish: &VideoWish, at: Time, (width, height): (u32, u32)) -> Option<Self> {
+    fn new(wish: &VideoRequest, at: Time, (width, height): (u32, u32)) -> Option<Self> {
         let size = EncoderSettings::for_size(width, height, f64::from(wish.fps));
         let settings = EncoderSettings { quantiser: QUANTISER, ..size };
         match Encoder::new(settings) {
@@ -103,7 +103,7 @@ impl Reel {
     }
 }
 
-fn encode(reel: &mut Option<Reel>, wish: &VideoWish, at: Time, picture: &Rgb) -> Option<Vec<u8>> {
+fn encode(reel: &mut Option<Reel>, wish: &VideoRequest, at: Time, picture: &Rgb) -> Option<Vec<u8>> {
     if reel.as_ref().is_none_or(|reel| reel.wish != *wish) {
         *reel = Reel::new(wish, at, (picture.width(), picture.height()));
     }
@@ -119,7 +119,7 @@ fn encode(reel: &mut Option<Reel>, wish: &VideoWish, at: Time, picture: &Rgb) ->
             Some(unit.annex_b)
         }
         Err(error) => {
-            tracing::warn!(%error, "a picture is lost");
+            tracing::warn!(%error, "frame dropped");
             *reel = None;
             None
         }
@@ -130,9 +130,9 @@ fn encode(reel: &mut Option<Reel>, wish: &VideoWish, at: Time, picture: &Rgb) ->
 mod tests {
     use super::*;
 
-    fn wish(asked: u32) -> VideoWish {
+    fn wish(asked: u32) -> VideoRequest {
         let to = SocketAddr::from(([127, 0, 0, 1], 11_111));
-        VideoWish { to, fps: 30, low_resolution: false, downwards: false, asked }
+        VideoRequest { to, fps: 30, low_resolution: false, downwards: false, asked }
     }
 
     fn is_key(unit: &[u8]) -> bool {

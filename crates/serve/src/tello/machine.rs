@@ -53,7 +53,7 @@ pub enum Output {
 
 /// Destination and format of the video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct VideoWish {
+pub struct VideoRequest {
     /// Destination.
     pub to: SocketAddr,
     /// Frames per second.
@@ -76,7 +76,7 @@ pub struct VirtualTello {
     /// The last client that sent `command`.
     client: Option<IpAddr>,
     ports: (u16, u16),
-    stream: Option<VideoWish>,
+    stream: Option<VideoRequest>,
     /// Number of `streamon` commands.
     streams: u32,
     pads: bool,
@@ -134,7 +134,7 @@ impl VirtualTello {
 
     /// Destination and format of the video; `None` if no client wants it.
     #[must_use]
-    pub fn video(&self) -> Option<VideoWish> {
+    pub fn video(&self) -> Option<VideoRequest> {
         self.stream
     }
 
@@ -167,7 +167,7 @@ impl VirtualTello {
                 self.next_control = due + CONTROL;
             }
             if self.next_state <= due {
-                self.tell_state(due, craft);
+                self.send_state(due, craft);
                 self.next_state = due + duration_from_secs(self.figures.state_period);
             }
         }
@@ -239,7 +239,7 @@ impl VirtualTello {
             Request::Stream(on) => {
                 let to = SocketAddr::new(from.ip(), self.ports.1);
                 self.streams += u32::from(on);
-                let wish = VideoWish { to, fps: 30, low_resolution: false, downwards: false, asked: self.streams };
+                let wish = VideoRequest { to, fps: 30, low_resolution: false, downwards: false, asked: self.streams };
                 self.stream = on.then_some(wish);
             }
             Request::Speed(speed) => self.speed = speed,
@@ -275,7 +275,7 @@ impl VirtualTello {
         self.answer_quickly(now, from, "ok");
     }
 
-    fn change_video(&mut self, change: impl FnOnce(&mut VideoWish)) {
+    fn change_video(&mut self, change: impl FnOnce(&mut VideoRequest)) {
         if let Some(wish) = &mut self.stream {
             change(wish);
         }
@@ -348,7 +348,7 @@ impl VirtualTello {
         State { battery: if empty { state.battery.min(4) } else { state.battery }, ..state }
     }
 
-    fn tell_state(&mut self, now: Time, craft: &SimCraft) {
+    fn send_state(&mut self, now: Time, craft: &SimCraft) {
         let Some(client) = self.client.filter(|_| now >= self.booted) else { return };
         let line = self.state(craft).line(self.firmware);
         self.link.send(now, Stream::Telemetry, SocketAddr::new(client, self.ports.0), line.as_bytes());

@@ -32,9 +32,9 @@ const CURVE_STEP: f64 = 0.1;
 
 /// Commands that have not taken effect yet.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Told(VecDeque<(Time, EnuVelocity, f64)>);
+pub(super) struct PendingSetpoints(VecDeque<(Time, EnuVelocity, f64)>);
 
-impl Told {
+impl PendingSetpoints {
     fn push(&mut self, now: Time, velocity: EnuVelocity, yaw_rate: f64) {
         self.0.push_back((now, velocity, yaw_rate));
     }
@@ -68,7 +68,7 @@ enum Way {
 #[derive(Clone, Debug)]
 pub(super) struct Manoeuvre {
     way: Way,
-    told: Told,
+    pending: PendingSetpoints,
     give_up: Time,
 }
 
@@ -90,14 +90,14 @@ impl Manoeuvre {
             from = *point;
         }
         let give_up = now + duration_from_secs(way / speed.max(0.01) + patience);
-        Self { way: Way::Through { points, speed }, told: Told::default(), give_up }
+        Self { way: Way::Through { points, speed }, pending: PendingSetpoints::default(), give_up }
     }
 
     /// A turn, radians clockwise.
     pub(super) fn turn(now: Time, craft: &SimCraft, angle: f64, rate: f64, patience: f64) -> Self {
         let heading = craft.dynamics().pose().attitude.heading;
         let give_up = now + duration_from_secs(angle.abs() / rate + patience);
-        Self { way: Way::Turn { left: angle, rate, heading }, told: Told::default(), give_up }
+        Self { way: Way::Turn { left: angle, rate, heading }, pending: PendingSetpoints::default(), give_up }
     }
 
     /// The next correction; call every [`CONTROL`].
@@ -106,7 +106,7 @@ impl Manoeuvre {
             return Step::GivenUp;
         }
         let figures = craft.dynamics().model().craft;
-        let (to_come, turn_to_come) = self.told.still_coming(now, duration_from_secs(figures.dead_time));
+        let (to_come, turn_to_come) = self.pending.still_coming(now, duration_from_secs(figures.dead_time));
         let pose = craft.dynamics().pose();
         let heading = pose.attitude.heading;
         let setpoint = match &mut self.way {
@@ -148,7 +148,7 @@ impl Manoeuvre {
             north: setpoint.forward * cos - setpoint.right * sin,
             up: setpoint.up,
         };
-        self.told.push(now, velocity, setpoint.yaw_rate);
+        self.pending.push(now, velocity, setpoint.yaw_rate);
         Step::Fly(setpoint)
     }
 }

@@ -4,7 +4,7 @@ use spf_core::time::Duration;
 
 /// Rendering quality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fineness {
+pub enum RenderQuality {
     /// With anti-aliasing.
     Full,
     /// Without anti-aliasing, which compression hides.
@@ -20,7 +20,7 @@ pub enum VideoQuality {
     #[default]
     Auto,
     /// A fixed quality.
-    Always(Fineness),
+    Always(RenderQuality),
 }
 
 impl VideoQuality {
@@ -32,9 +32,9 @@ impl VideoQuality {
     pub fn from_name(name: &str) -> Option<Self> {
         match name {
             "auto" => Some(Self::Auto),
-            "full" => Some(Self::Always(Fineness::Full)),
-            "live" => Some(Self::Always(Fineness::Live)),
-            "draft" => Some(Self::Always(Fineness::Draft)),
+            "full" => Some(Self::Always(RenderQuality::Full)),
+            "live" => Some(Self::Always(RenderQuality::Live)),
+            "draft" => Some(Self::Always(RenderQuality::Draft)),
             _ => None,
         }
     }
@@ -67,11 +67,11 @@ impl Pace {
     }
 
     /// Quality of the next image.
-    pub(super) fn fineness(&self) -> Fineness {
+    pub(super) fn fineness(&self) -> RenderQuality {
         match self.quality {
             VideoQuality::Always(fineness) => fineness,
-            VideoQuality::Auto if self.draft => Fineness::Draft,
-            VideoQuality::Auto => Fineness::Live,
+            VideoQuality::Auto if self.draft => RenderQuality::Draft,
+            VideoQuality::Auto => RenderQuality::Live,
         }
     }
 
@@ -101,7 +101,7 @@ impl Pace {
 mod tests {
     use super::*;
 
-    fn after(pace: &mut Pace, pictures: u32, millis: u64) -> Fineness {
+    fn after(pace: &mut Pace, pictures: u32, millis: u64) -> RenderQuality {
         (0..pictures).for_each(|_| pace.took(Duration::from_millis(millis)));
         pace.fineness()
     }
@@ -109,13 +109,13 @@ mod tests {
     #[test]
     fn slow_pictures_become_drafts_and_quick_drafts_become_fine_again() {
         let mut pace = Pace::new(VideoQuality::Auto);
-        assert_eq!((pace.fineness(), pace.period(30)), (Fineness::Live, Duration::from_secs(1) / 30));
-        assert_eq!(after(&mut pace, 1, 200), Fineness::Live);
-        assert_eq!(after(&mut pace, 1, 30), Fineness::Live);
-        assert_eq!(after(&mut pace, 2, 200), Fineness::Draft);
+        assert_eq!((pace.fineness(), pace.period(30)), (RenderQuality::Live, Duration::from_secs(1) / 30));
+        assert_eq!(after(&mut pace, 1, 200), RenderQuality::Live);
+        assert_eq!(after(&mut pace, 1, 30), RenderQuality::Live);
+        assert_eq!(after(&mut pace, 2, 200), RenderQuality::Draft);
         assert_eq!((pace.period(30), pace.period(5)), (Duration::from_secs(1) / 15, Duration::from_secs(1) / 5));
-        assert_eq!(after(&mut pace, 44, 10), Fineness::Draft);
-        assert_eq!(after(&mut pace, 1, 10), Fineness::Live);
+        assert_eq!(after(&mut pace, 44, 10), RenderQuality::Draft);
+        assert_eq!(after(&mut pace, 1, 10), RenderQuality::Live);
     }
 
     #[test]
@@ -124,7 +124,7 @@ mod tests {
         let mut tried = 0;
         // Live images are always slow here and drafts always fast: at most ten minutes of drafts.
         for _ in 0..9000 {
-            let live = pace.fineness() == Fineness::Live;
+            let live = pace.fineness() == RenderQuality::Live;
             tried += u32::from(live);
             pace.took(Duration::from_millis(if live { 120 } else { 10 }));
         }

@@ -4,26 +4,26 @@ use spf_core::camera::Camera;
 use spf_core::time::Time;
 use spf_flight::sim::SimWorld;
 use spf_media::{Rgb, resize};
-use spf_render::{Channels, Picture, Quality};
+use spf_render::{Channels, Quality, RenderedImage};
 
-use super::machine::VideoWish;
-use super::pace::Fineness;
+use super::machine::VideoRequest;
+use super::pace::RenderQuality;
 
 /// Channels to be rendered for the video.
-pub(super) fn channels(fineness: Fineness) -> Channels {
-    let quality = if fineness == Fineness::Full { Quality::Full } else { Quality::Live };
+pub(super) fn channels(fineness: RenderQuality) -> Channels {
+    let quality = if fineness == RenderQuality::Full { Quality::Full } else { Quality::Live };
     Channels { quality, ..Channels::RGB }
 }
 
 /// The camera image at `at`, in the requested format.
-pub(super) fn photograph(world: &SimWorld, at: Time, wish: &VideoWish, fineness: Fineness) -> Option<Rgb> {
+pub(super) fn photograph(world: &SimWorld, at: Time, wish: &VideoRequest, fineness: RenderQuality) -> Option<Rgb> {
     let channels = channels(fineness);
     if wish.downwards {
         return below(world, at, channels);
     }
     let shot = world.shot(at)?;
     let (width, height) = if wish.low_resolution { (640, 480) } else { (world.camera().width, world.camera().height) };
-    let drawn = if fineness == Fineness::Draft { (width / 2, height / 2) } else { (width, height) };
+    let drawn = if fineness == RenderQuality::Draft { (width / 2, height / 2) } else { (width, height) };
     let picture = world.photograph_with(&shot, Some(drawn), channels);
     Some(if drawn == (width, height) { picture } else { resize(&picture, width, height) })
 }
@@ -32,7 +32,7 @@ pub(super) fn photograph(world: &SimWorld, at: Time, wish: &VideoWish, fineness:
 fn below(world: &SimWorld, at: Time, channels: Channels) -> Option<Rgb> {
     let moment = world.snapshot_at(at)?;
     let camera = Camera::from_fov(320, 240, 1.0, 0.79, core::f64::consts::FRAC_PI_2);
-    let mut picture = Picture::default();
+    let mut picture = RenderedImage::default();
     world.loaded().render_into(&camera, &moment, channels, &mut picture);
     let mut pixels = picture.rgb?;
     for pixel in pixels.chunks_exact_mut(3) {

@@ -17,11 +17,11 @@ use spf_sim::craft::SimCraft;
 use super::error::ServerError;
 use super::faults::{FaultSource, Watch, read};
 use super::figures::{Figures, Firmware};
-use super::film::{Due, Photographer, film};
+use super::film::{Due, FrameRenderer, film};
 use super::link::Link;
 use super::machine::{Output, VirtualTello};
 use super::pace::VideoQuality;
-use super::shared::{Counters, POLL_INTERVAL, Shared, Tally, lock};
+use super::shared::{Counters, POLL_INTERVAL, SendStats, Shared, lock};
 
 /// Maximum number of images waiting to be sent.
 const WAITING: usize = 16;
@@ -35,7 +35,7 @@ pub struct Setup {
     /// The craft. Only the server may advance it.
     pub craft: Arc<Mutex<SimCraft>>,
     /// Its camera.
-    pub photographer: Photographer,
+    pub photographer: FrameRenderer,
     /// Video quality.
     pub quality: VideoQuality,
     /// Times and limits of the protocol.
@@ -102,10 +102,10 @@ impl Server {
 
     /// Transmission statistics.
     #[must_use]
-    pub fn tally(&self) -> Tally {
+    pub fn tally(&self) -> SendStats {
         let Counters { frames, bytes, late, wanted_ns } = &self.shared.counters;
         let get = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        Tally { frames: get(frames), bytes: get(bytes), late: get(late), wanted_ns: get(wanted_ns) }
+        SendStats { frames: get(frames), bytes: get(bytes), late: get(late), wanted_ns: get(wanted_ns) }
     }
 
     /// Sets new faults, as if the file had changed.

@@ -13,11 +13,11 @@ use spf_flight::sim::{FlightConditions, LoadedScene, SimWorld};
 use super::error::ServerError;
 use super::faults::FaultSource;
 use super::figures::{Figures, Firmware};
-use super::pace::{Fineness, VideoQuality};
+use super::pace::{RenderQuality, VideoQuality};
 use super::photograph::{channels, photograph};
 use super::server::{Server, Setup};
-use super::shared::Tally;
-use crate::truth::{Heard, Judge};
+use super::shared::SendStats;
+use crate::truth::{Judge, SharedInstruction};
 use crate::vlm::OnboardCamera;
 
 /// Latency from an image's capture to its sending.
@@ -42,7 +42,7 @@ pub struct TelloPlan {
     /// Faults.
     pub faults: FaultSource,
     /// The instruction by which flights are judged.
-    pub instruction: Heard,
+    pub instruction: SharedInstruction,
     /// File for a line of JSON per flight.
     pub truth: Option<File>,
     /// The camera memory for a VLM endpoint.
@@ -70,7 +70,7 @@ impl TelloService {
         let camera = world.clone();
         // The first image in a scene prepares shadows and lamps, which takes seconds on a slow machine; do it before
         // anyone flies.
-        drop(world.look(&world.now(), channels(Fineness::Draft)));
+        drop(world.look(&world.now(), channels(RenderQuality::Draft)));
         let setup = Setup {
             listen,
             craft: world.shared_craft(),
@@ -102,7 +102,7 @@ impl TelloService {
 
     /// Video statistics.
     #[must_use]
-    pub fn tally(&self) -> Tally {
+    pub fn tally(&self) -> SendStats {
         self.server.tally()
     }
 

@@ -7,14 +7,14 @@ use std::time::Instant;
 use spf_core::fault::FaultMachine;
 use spf_core::time::{Duration, Time};
 
-use super::machine::VideoWish;
+use super::machine::VideoRequest;
 
 /// Maximum sleep of a thread, so that it notices the shutdown.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Transmission statistics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
+pub struct SendStats {
     /// Number of images.
     pub frames: u64,
     /// Bytes of video.
@@ -25,7 +25,7 @@ pub struct Tally {
     pub wanted_ns: u64,
 }
 
-impl Tally {
+impl SendStats {
     /// Images per second while video was requested.
     #[must_use]
     pub fn rate(&self) -> f64 {
@@ -45,7 +45,7 @@ pub(super) struct Counters {
 pub(super) struct Shared {
     pub(super) start: Instant,
     pub(super) stopped: AtomicBool,
-    pub(super) video: Mutex<Option<VideoWish>>,
+    pub(super) video: Mutex<Option<VideoRequest>>,
     pub(super) faults: Mutex<FaultMachine>,
     pub(super) counters: Counters,
 }

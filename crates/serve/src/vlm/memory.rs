@@ -37,12 +37,12 @@ pub struct Remembered {
 #[non_exhaustive]
 pub enum Unrecognised {
     /// The memory is empty.
-    #[error("no frame of the last {} s is remembered: get one from /frame.jpg and send that", KEPT.as_secs())]
+    #[error("no frame in the last {} s: get one from /frame.jpg and send it", KEPT.as_secs())]
     Nothing,
     /// It differs from all stored frames.
     #[error(
-        "the picture is none of the {frames} frames of the last {} s: the nearest differs by {difference:.1} of 255, and {MOST_DIFFERENT} is the most; \
-         send a frame of this camera, whole and unmarked, at any size",
+        "the image matches none of the {frames} frames of the last {} s: the closest differs by {difference:.1} of 255, at \
+            most {MOST_DIFFERENT} is allowed; send a full, unmarked frame of this camera, at any size",
         KEPT.as_secs()
     )]
     Different {
@@ -52,7 +52,7 @@ pub enum Unrecognised {
         difference: f64,
     },
     /// Its aspect ratio differs.
-    #[error("the picture is {width}×{height}, which is not the shape of this camera's frames: send them whole, not cut")]
+    #[error("the image is {width}×{height}, which does not match the camera's aspect ratio: send full frames, not crops")]
     Shape {
         /// Its width, pixels.
         width: u32,

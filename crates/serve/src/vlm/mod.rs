@@ -8,14 +8,14 @@
 mod camera;
 mod lens;
 mod memory;
-mod mind;
 mod onboard;
+mod responder;
 mod server;
 mod wire;
 
 pub use camera::Camera;
 pub use lens::Lens;
 pub use memory::{KEPT, Memory, Remembered, Unrecognised};
-pub use mind::{AnswerForm, Instruction, Mind, Thought};
 pub use onboard::OnboardCamera;
+pub use responder::{AnswerForm, Instruction, OracleReply, Responder};
 pub use server::{Endpoint, EndpointError, Serving};

@@ -19,7 +19,7 @@ use tokio::sync::watch;
 
 use super::lens::Lens;
 use super::memory::Unrecognised;
-use super::mind::{Mind, Thought};
+use super::responder::{OracleReply, Responder};
 use super::wire::{Answered, Wire};
 
 /// Maximum request size, bytes.
@@ -41,7 +41,7 @@ pub enum EndpointError {
         source: std::io::Error,
     },
     /// A thread could not be started.
-    #[error("the endpoint's thread cannot be started")]
+    #[error("cannot start the endpoint thread")]
     Thread(#[source] std::io::Error),
 }
 
@@ -60,7 +60,7 @@ pub struct Serving {
 
 struct Shared {
     lens: Arc<dyn Lens>,
-    mind: Mind,
+    responder: Responder,
     questions: AtomicU64,
 }
 
@@ -87,9 +87,9 @@ impl Endpoint {
     ///
     /// # Errors
     /// [`EndpointError::Thread`] if it cannot be started.
-    pub fn serve(self, lens: Arc<dyn Lens>, mind: Mind) -> Result<Serving, EndpointError> {
+    pub fn serve(self, lens: Arc<dyn Lens>, responder: Responder) -> Result<Serving, EndpointError> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(EndpointError::Thread)?;
-        let shared = Arc::new(Shared { lens, mind, questions: AtomicU64::new(0) });
+        let shared = Arc::new(Shared { lens, responder, questions: AtomicU64::new(0) });
         let (stop, mut stopped) = watch::channel(false);
         let work = move || {
             runtime.block_on(async {
@@ -98,7 +98,7 @@ impl Endpoint {
                 tokio::select! {
                     served = serving.into_future() => {
                         if let Err(error) = served {
-                            tracing::error!(%error, "the endpoint broke off");
+                            tracing::error!(%error, "the endpoint failed");
                         }
                     }
                     // A dropped sender also means shutdown.
@@ -148,7 +148,7 @@ async fn frame(State(shared): State<Arc<Shared>>) -> Response {
 async fn pose(State(shared): State<Arc<Shared>>, body: String) -> Response {
     match parse_pose(body.trim()) {
         Ok(pose) if shared.lens.put(pose) => StatusCode::NO_CONTENT.into_response(),
-        Ok(_) => (StatusCode::CONFLICT, "the camera is on a drone: fly it\n").into_response(),
+        Ok(_) => (StatusCode::CONFLICT, "the camera is on a drone and moves with it\n").into_response(),
         Err(expected) => (StatusCode::UNPROCESSABLE_ENTITY, format!("the body must be {expected}\n")).into_response(),
     }
 }
@@ -160,7 +160,7 @@ async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String
             let asked = (model.to_owned(), method.starts_with("stream"));
             ask(shared, Wire::Gemini, body, Some(asked)).await
         }
-        _ => refused(Wire::Gemini, StatusCode::NOT_FOUND, "only generateContent and streamGenerateContent are answered"),
+        _ => refused(Wire::Gemini, StatusCode::NOT_FOUND, "only generateContent and streamGenerateContent are supported"),
     }
 }
 
@@ -168,19 +168,19 @@ async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String
 async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String, bool)>) -> Response {
     let began = Instant::now();
     let Ok(body) = serde_json::from_slice::<Value>(&body) else {
-        return refused(wire, StatusCode::BAD_REQUEST, "the body is no JSON");
+        return refused(wire, StatusCode::BAD_REQUEST, "the body is not valid JSON");
     };
     let mut question = wire.question(&body);
     if let Some((model, stream)) = named {
         (question.model, question.stream) = (model, stream);
     }
     let Some(picture) = question.picture.take() else {
-        return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, "there is no picture in the question (base64, JPEG)");
+        return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, "the request contains no image (base64, JPEG)");
     };
     let number = shared.questions.fetch_add(1, Ordering::Relaxed);
     let prompt = question.prompt.clone();
     let thought = tokio::task::spawn_blocking(move || think(&shared, number, &prompt, &picture)).await;
-    let Thought { text, latency } = match thought {
+    let OracleReply { text, latency } = match thought {
         Ok(Ok(thought)) => thought,
         Ok(Err(why)) => return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, &why),
         Err(_) => return refused(wire, StatusCode::INTERNAL_SERVER_ERROR, "the oracle failed"),
@@ -195,9 +195,9 @@ async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String
     ([(header::CONTENT_TYPE, kind)], body).into_response()
 }
 
-fn think(shared: &Shared, number: u64, prompt: &str, picture: &[u8]) -> Result<Thought, String> {
+fn think(shared: &Shared, number: u64, prompt: &str, picture: &[u8]) -> Result<OracleReply, String> {
     let picture = jpeg::decode_any(picture).map_err(|error| error.to_string())?;
-    let answer = shared.mind.answer(shared.lens.now(), number, prompt, &picture);
+    let answer = shared.responder.answer(shared.lens.now(), number, prompt, &picture);
     answer.map_err(|why: Unrecognised| why.to_string())
 }
 

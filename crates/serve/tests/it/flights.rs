@@ -24,7 +24,7 @@ use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
 use spf_serve::tello::Figures;
 use spf_sim::craft::SimCraft;
-use spf_vlm::{Answer, Asked, Eyesight, Picture, Vlm};
+use spf_vlm::{Answer, Asked, ImageSpec, QueryImage, Vlm};
 
 /// An oracle that takes its time, or another.
 struct Slow(OracleVlm, Option<Duration>);
@@ -34,11 +34,11 @@ impl Vlm for Slow {
         "slow"
     }
 
-    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
-        self.0.eyesight(camera)
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
+        self.0.image_spec(camera)
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         let answer = self.0.answer(asked, picture);
         Answer { latency: self.1.unwrap_or(answer.latency), ..answer }
     }

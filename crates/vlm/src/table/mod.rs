@@ -162,9 +162,9 @@ impl Table {
     pub(crate) fn model(&self, vendor: &VendorRow, id: &str) -> Model {
         let row = self.models.iter().find(|row| row.vendor == vendor.name && row.id == id);
         let lower = id.to_lowercase();
-        let told = row.and_then(|row| row.family.as_deref()).and_then(|name| self.family(name));
+        let stated = row.and_then(|row| row.family.as_deref()).and_then(|name| self.family(name));
         let matched = self.families.iter().find(|family| family.pieces.iter().any(|piece| lower.contains(piece.as_str())));
-        let family = told.or(matched).or_else(|| self.family(&vendor.family));
+        let family = stated.or(matched).or_else(|| self.family(&vendor.family));
         let image = row.and_then(|row| row.image).or_else(|| family.and_then(|family| family.image)).unwrap_or_default();
         let mut request = vendor.request.clone();
         if let Some(row) = row {

@@ -241,10 +241,10 @@ impl Price {
 #[non_exhaustive]
 pub enum TableError {
     /// Invalid TOML, an unknown key, or a value of the wrong type.
-    #[error("the table of models is refused: {0}")]
+    #[error("invalid table of models: {0}")]
     Toml(String),
     /// A reference to a row that does not exist.
-    #[error("{row} `{name}` is of the {what} `{other}`, of which there is no row")]
+    #[error("{row} `{name}` refers to an unknown {what} `{other}`")]
     Unknown {
         /// Kind of the row.
         row: &'static str,
@@ -256,7 +256,7 @@ pub enum TableError {
         other: String,
     },
     /// A request that the vendor would reject.
-    #[error("`{model}` takes no `{key}` in `request`, says its row; set `sampling = true` if it does")]
+    #[error("`{model}` does not accept `{key}` in `request` according to its row; set `sampling = true` if it does")]
     Sampling {
         /// The model.
         model: String,
@@ -279,7 +279,7 @@ impl TableError {
 
 pub(super) fn read(text: &str) -> Result<File, TableError> {
     if text.len() > LONGEST {
-        return Err(TableError::Toml(format!("more than {LONGEST} bytes")));
+        return Err(TableError::Toml(format!("exceeds {LONGEST} bytes")));
     }
     toml::from_str(text).map_err(|error| TableError::Toml(error.to_string().trim().to_owned()))
 }

@@ -18,7 +18,7 @@ pub struct Choice {
 #[non_exhaustive]
 pub enum SelectError {
     /// Unknown vendor.
-    #[error("`{name}` is no VLM")]
+    #[error("unknown VLM `{name}`")]
     Unknown {
         /// The name.
         name: String,
@@ -26,7 +26,7 @@ pub enum SelectError {
         known: Vec<String>,
     },
     /// The vendor has no default model.
-    #[error("`{vendor}` serves many models, and none is named")]
+    #[error("`{vendor}` serves several models; a model name is required")]
     NoModel {
         /// The vendor.
         vendor: String,
@@ -44,7 +44,7 @@ pub enum SelectError {
         successor: String,
     },
     /// Invalid address.
-    #[error("`{0}` is no address of a server: it begins with http:// or https://")]
+    #[error("`{0}` is not a server URL: it begins with http:// or https://")]
     Url(String),
 }
 

@@ -139,7 +139,7 @@ fn wrong_rows_are_refused_with_their_reason() {
     assert!(refused(&format!("{row}colour = 1")).contains("unknown field `colour`"));
     assert!(refused(&format!("{row}family = \"none\"")).contains("family `none`"));
     let sampling = format!("{row}request = {{ generationConfig = {{ temperature = 0.0 }} }}");
-    assert!(refused(&sampling).contains("takes no `temperature`"));
+    assert!(refused(&sampling).contains("does not accept `temperature`"));
     assert!(refused("[[model]]\nid = \"x\"\nvendor = \"gemini\"\nstatus = \"retired\"").contains("no `successor`"));
 }
 

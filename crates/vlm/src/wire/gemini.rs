@@ -143,17 +143,17 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
 }
 
 fn end(reason: &str, message: Option<&str>) -> End {
-    let told = || message.filter(|words| !words.is_empty()).map_or(reason.to_owned(), |words| format!("{reason}: {words}"));
+    let reported = || message.filter(|words| !words.is_empty()).map_or(reason.to_owned(), |words| format!("{reason}: {words}"));
     match reason {
         "STOP" | "FINISH_REASON_UNSPECIFIED" => End::Whole,
-        "MAX_TOKENS" | "CONTINUATION" => End::CutOff(told()),
+        "MAX_TOKENS" | "CONTINUATION" => End::CutOff(reported()),
         "OTHER"
         | "MALFORMED_RESPONSE"
         | "MALFORMED_FUNCTION_CALL"
         | "UNEXPECTED_TOOL_CALL"
         | "TOO_MANY_TOOL_CALLS"
-        | "MISSING_THOUGHT_SIGNATURE" => End::Fault(told()),
+        | "MISSING_THOUGHT_SIGNATURE" => End::Fault(reported()),
         // The kinds of safety blocks, including future ones.
-        _ => End::Blocked(told()),
+        _ => End::Blocked(reported()),
     }
 }

@@ -127,13 +127,13 @@ impl Gathered {
             }
             Some(End::Fault(reason)) => {
                 let code = Some(quote(reason));
-                let message = "the model broke off its answer".to_owned();
+                let message = "the model ended its reply early".to_owned();
                 return Err(VlmError::Vendor { host: host(), status: 200, code, message, retry_after: None });
             }
             Some(End::Whole) | None => {}
         }
         if self.text.trim().is_empty() {
-            return Err(VlmError::Empty { host: host(), reason: self.end.is_none().then(|| "it just ended".to_owned()) });
+            return Err(VlmError::Empty { host: host(), reason: self.end.is_none().then(|| "no reason given".to_owned()) });
         }
         Ok(self.text.clone())
     }

@@ -113,7 +113,7 @@ fn gemini_answers_are_read() {
     assert_eq!(ended("OTHER").code(), "error_in_answer");
     assert_eq!(ended("STOP").code(), "empty");
     let blocked = finished(WireKind::Gemini, &[json!({ "promptFeedback": { "blockReason": "SAFETY" } })]).unwrap_err();
-    assert_eq!(blocked.to_string(), "h blocked this question: SAFETY");
+    assert_eq!(blocked.to_string(), "h blocked the question: SAFETY");
 }
 
 #[test]
@@ -184,7 +184,7 @@ fn errors_are_read_in_every_vendors_form() {
         { "@type": "type.googleapis.com/google.rpc.QuotaFailure" }, { "retryDelay": "46s" }] } }]),
     );
     assert_eq!(quota.retry_after(), Some(Duration::from_secs(46)));
-    assert_eq!(quota.to_string(), "h answers 429 (RESOURCE_EXHAUSTED): Quota");
+    assert_eq!(quota.to_string(), "h returned HTTP 429 (RESOURCE_EXHAUSTED): Quota");
     let broke = of(429, json!({ "error": { "message": "m", "type": "insufficient_quota", "code": "insufficient_quota" } }));
     assert!(!broke.may_retry());
     let within = of(200, json!({ "error": { "code": 502, "message": "Provider" } }));
@@ -193,7 +193,7 @@ fn errors_are_read_in_every_vendors_form() {
         of(400, json!({ "object": "error", "message": "too long", "type": "BadRequestError", "code": 400 })).code(),
         "bad_request"
     );
-    assert_eq!(of(500, json!({ "error": "model not found" })).to_string(), "h answers 500: model not found");
+    assert_eq!(of(500, json!({ "error": "model not found" })).to_string(), "h returned HTTP 500: model not found");
     assert_eq!(error_of("h", 200, &json!({ "error": null, "status": "completed" })), None);
     for (status, retry) in [
         (400, false),

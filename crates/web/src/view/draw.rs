@@ -2,7 +2,7 @@
 
 use spf_media::frame::Rgb;
 use spf_media::jpeg::{EncodeError, Jpeg};
-use spf_render::{Channels, Picture};
+use spf_render::{Channels, RenderedImage};
 
 use super::message::Channel;
 
@@ -25,7 +25,7 @@ pub(super) fn channels(channel: Channel) -> Channels {
 ///
 /// # Errors
 /// If the encoder rejects the size.
-pub(super) fn encode(picture: &Picture, channel: Channel, marked: Option<u16>) -> Result<Jpeg, EncodeError> {
+pub(super) fn encode(picture: &RenderedImage, channel: Channel, marked: Option<u16>) -> Result<Jpeg, EncodeError> {
     let data = match channel {
         Channel::Colour => picture.rgb.clone().unwrap_or_default(),
         Channel::Ids => ids(picture),
@@ -41,7 +41,7 @@ pub(super) fn encode(picture: &Picture, channel: Channel, marked: Option<u16>) -
 }
 
 /// A colour per object; openings are hatched over what is behind them.
-fn ids(picture: &Picture) -> Vec<u8> {
+fn ids(picture: &RenderedImage) -> Vec<u8> {
     let solid = picture.ids.as_deref().unwrap_or_default();
     let openings = picture.opening_ids.as_deref().unwrap_or_default();
     let width = picture.width.max(1) as usize;
@@ -53,7 +53,7 @@ fn ids(picture: &Picture) -> Vec<u8> {
     solid.iter().enumerate().flat_map(pixel).collect()
 }
 
-fn depth(picture: &Picture) -> Vec<u8> {
+fn depth(picture: &RenderedImage) -> Vec<u8> {
     picture.depth.as_deref().unwrap_or_default().iter().flat_map(|metres| depth_colour(*metres)).collect()
 }
 
@@ -147,13 +147,13 @@ mod tests {
 
     #[test]
     fn every_channel_is_encoded_at_its_size() {
-        let picture = Picture {
+        let picture = RenderedImage {
             width: 16,
             height: 8,
             rgb: Some(vec![90; 16 * 8 * 3]),
             depth: Some(vec![3.0; 128]),
             ids: Some(vec![4; 128]),
-            ..Picture::default()
+            ..RenderedImage::default()
         };
         for channel in [Channel::Colour, Channel::Ids, Channel::Depth] {
             let jpeg = encode(&picture, channel, Some(4)).unwrap();

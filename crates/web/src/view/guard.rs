@@ -10,10 +10,10 @@ use axum::http::uri::Authority;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Refusal {
     /// DNS rebinding: a page of another site can point its own host name here, but not an IP address.
-    #[error("the Host header names no address of this server: open it as http://127.0.0.1:PORT, not by another name")]
+    #[error("invalid Host header: open the page as http://127.0.0.1:PORT, not by another name")]
     Host,
     /// A page of another site.
-    #[error("the request comes from a page of another origin")]
+    #[error("cross-origin request refused")]
     Origin,
 }
 

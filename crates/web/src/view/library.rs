@@ -49,7 +49,7 @@ impl Library {
     /// A message for the page if it cannot be loaded.
     pub(super) fn get(&self, name: &str, conditions: &SceneLook) -> Result<Arc<LoadedScene>, String> {
         if !self.names.iter().any(|known| known == name) {
-            return Err(format!("no scene `{name}` in the list"));
+            return Err(format!("unknown scene `{name}`"));
         }
         let is_it = |loaded: &&Loaded| loaded.name == name && loaded.conditions == *conditions;
         if let Some(found) = self.loaded().iter().find(is_it) {
@@ -89,7 +89,7 @@ mod tests {
         let library = Library::new(["city".to_owned()], "city", own, scene.clone());
         assert_eq!(library.names(), ["city"]);
         assert!(Arc::ptr_eq(&library.get("city", &own).unwrap(), &scene));
-        assert_eq!(library.get("/etc/passwd.toml", &own).err().unwrap(), "no scene `/etc/passwd.toml` in the list");
+        assert_eq!(library.get("/etc/passwd.toml", &own).err().unwrap(), "unknown scene `/etc/passwd.toml`");
         let library = Library::new(["city".to_owned()], "./mine.toml", own, scene);
         assert_eq!(library.names(), ["city", "./mine.toml"]);
         assert!(library.get("city", &own).is_ok());

@@ -103,7 +103,7 @@ impl FromPage {
     /// A message for the page if it is invalid.
     pub(super) fn read(text: &str) -> Result<Self, String> {
         if text.len() > LONGEST {
-            return Err(format!("a message of {} bytes is longer than {LONGEST}", text.len()));
+            return Err(format!("a message of {} bytes exceeds the limit of {LONGEST}", text.len()));
         }
         let message: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
         message.check()?;
@@ -230,7 +230,7 @@ mod tests {
             (r#"{"type":"go","pose":{"east":1e9,"north":0,"up":0,"heading_deg":0,"pitch_deg":0}}"#.to_owned(), "`east` must be"),
             (r#"{"type":"shown","frame":1,"more":2}"#.to_owned(), "unknown field `more`"),
             ("[".to_owned(), "EOF"),
-            (" ".repeat(LONGEST + 1), "longer than 4096"),
+            (" ".repeat(LONGEST + 1), "exceeds the limit of 4096"),
         ] {
             let said = FromPage::read(&text).unwrap_err();
             assert!(said.contains(reason), "{said}");

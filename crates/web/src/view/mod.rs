@@ -6,11 +6,11 @@
 
 mod camera;
 mod draw;
-mod eye;
 mod guard;
 mod library;
 mod message;
 mod quality;
+mod renderer;
 mod server;
 mod session;
 mod sight;
@@ -24,7 +24,7 @@ pub use server::{Stopper, ViewError, Viewer};
 
 /// The initial view of a page.
 #[derive(Clone, Debug)]
-pub struct Beginning {
+pub struct InitialView {
     /// Name of the scene in the library.
     pub scene: String,
     /// Its light and weather.

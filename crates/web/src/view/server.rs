@@ -16,7 +16,7 @@ use axum::routing::{any, get};
 use tokio::sync::watch;
 
 use super::message::LONGEST;
-use super::{Beginning, Library, guard, session};
+use super::{InitialView, Library, guard, session};
 
 /// Maximum number of pages; each has its own rendering thread.
 const MOST_PAGES: usize = 8;
@@ -66,7 +66,7 @@ pub struct Viewer {
 
 struct Shared {
     library: Arc<Library>,
-    beginning: Beginning,
+    beginning: InitialView,
     loopback: bool,
     pages: AtomicUsize,
     stop: watch::Receiver<bool>,
@@ -101,7 +101,7 @@ impl Viewer {
     ///
     /// # Errors
     /// [`ViewError::Server`] if the system's sockets or threads fail.
-    pub fn serve(self, library: Library, beginning: Beginning) -> Result<(), ViewError> {
+    pub fn serve(self, library: Library, beginning: InitialView) -> Result<(), ViewError> {
         let shared = Arc::new(Shared {
             library: Arc::new(library),
             beginning,
@@ -178,7 +178,7 @@ async fn guarded(State(shared): State<Arc<Shared>>, request: Request, next: Next
 
 async fn socket(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
     let Some(slot) = PageSlot::take(&shared) else {
-        let text = format!("{MOST_PAGES} pages are open already; close one\n");
+        let text = format!("{MOST_PAGES} pages are already open; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
     };
     upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(async move |socket| {

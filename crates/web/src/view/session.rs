@@ -8,9 +8,9 @@ use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, interval_at, timeout};
 
-use super::eye::{Eye, Out};
 use super::message::{FromPage, ToPage};
-use super::{Beginning, Library};
+use super::renderer::{Out, ViewRenderer};
+use super::{InitialView, Library};
 
 /// Maximum number of messages queued for the rendering thread, which reads them all between two images.
 const INBOX: usize = 256;
@@ -25,37 +25,37 @@ const SILENCE: Duration = Duration::from_secs(50);
 /// Time limit for the closing handshake.
 pub(super) const SHUTDOWN_GRACE: Duration = Duration::from_secs(1);
 
-/// Serves a page, starting with `beginning`, until it disconnects or the server stops.
+/// Serves a page, starting with `beginning`, until it disconnects or server shutting down.
 pub(super) async fn converse(
     mut socket: WebSocket,
     library: Arc<Library>,
-    beginning: Beginning,
+    beginning: InitialView,
     mut stop: watch::Receiver<bool>,
 ) {
-    let (to_eye, inbox) = sync_channel(INBOX);
+    let (to_renderer, inbox) = sync_channel(INBOX);
     let (out, mut outbox) = mpsc::channel(OUTBOX);
     // The scene is loaded and rendered in its own thread, which ends when either channel does.
     let spawned = std::thread::Builder::new().name("view".to_owned()).spawn(move || {
         let refused = |reason| Out::Text(text(&ToPage::Refused { reason }));
-        match Eye::open(library, &beginning, out.clone()) {
-            Ok(eye) => drop(eye.run(&inbox)),
+        match ViewRenderer::open(library, &beginning, out.clone()) {
+            Ok(renderer) => drop(renderer.run(&inbox)),
             Err(reason) => drop(out.blocking_send(refused(reason))),
         }
     });
     if let Err(error) = spawned {
-        tracing::error!("no thread for a page: {error}");
+        tracing::error!("cannot start a thread for the page: {error}");
         return;
     }
     let mut ping = interval_at(Instant::now() + PING, PING);
-    let mut heard = Instant::now();
+    let mut last_message = Instant::now();
     loop {
         let message = tokio::select! {
             received = socket.recv() => {
                 let Some(Ok(received)) = received else { return };
-                heard = Instant::now();
+                last_message = Instant::now();
                 let refused = match received {
-                    Message::Text(text) => hand_over(&text, |message| to_eye.try_send(message)),
-                    Message::Binary(_) => Err("messages are text".to_owned()),
+                    Message::Text(text) => hand_over(&text, |message| to_renderer.try_send(message)),
+                    Message::Binary(_) => Err("expected a text message".to_owned()),
                     Message::Ping(_) | Message::Pong(_) => Ok(()),
                     Message::Close(_) => return,
                 };
@@ -66,19 +66,19 @@ pub(super) async fn converse(
             }
             out = outbox.recv() => match out {
                 Some(Out::Text(text)) => Message::text(text),
-                Some(Out::Picture(bytes)) => Message::binary(bytes),
+                Some(Out::Image(bytes)) => Message::binary(bytes),
                 None => return,
             },
             _ = ping.tick() => {
-                if heard.elapsed() > SILENCE {
+                if last_message.elapsed() > SILENCE {
                     return;
                 }
                 Message::Ping(Vec::new().into())
             }
             // The value seen is a lock that must not be held while sending.
             () = async { drop(stop.wait_for(|stop| *stop).await) } => {
-                let frame = CloseFrame { code: close_code::AWAY, reason: "the server stops".into() };
-                drop(timeout(SHUTDOWN_GRACE, farewell(&mut socket, frame)).await);
+                let frame = CloseFrame { code: close_code::AWAY, reason: "server shutting down".into() };
+                drop(timeout(SHUTDOWN_GRACE, send_close(&mut socket, frame)).await);
                 return;
             }
         };
@@ -90,7 +90,7 @@ pub(super) async fn converse(
 
 /// Closes a page and waits for its close frame: closing with unread messages resets the connection, and the page would
 /// lose the frame.
-async fn farewell(socket: &mut WebSocket, frame: CloseFrame) {
+async fn send_close(socket: &mut WebSocket, frame: CloseFrame) {
     if socket.send(Message::Close(Some(frame))).await.is_ok() {
         while let Some(Ok(_)) = socket.recv().await {}
     }
@@ -99,7 +99,7 @@ async fn farewell(socket: &mut WebSocket, frame: CloseFrame) {
 /// Passes a message to the rendering thread, or returns the error.
 fn hand_over(text: &str, give: impl FnOnce(FromPage) -> Result<(), TrySendError<FromPage>>) -> Result<(), String> {
     match give(FromPage::read(text)?) {
-        Err(TrySendError::Full(_)) => Err("too many messages at once".to_owned()),
+        Err(TrySendError::Full(_)) => Err("too many messages".to_owned()),
         // The rendering thread is gone; the closed image channel shows the same.
         Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
     }

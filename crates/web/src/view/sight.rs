@@ -3,12 +3,12 @@
 use spf_core::camera::Camera;
 use spf_core::query::ImagePoint;
 use spf_flight::sim::LoadedScene;
-use spf_render::Picture;
+use spf_render::RenderedImage;
 
 use super::message::Under;
 
 /// The object or opening under a point, if any, with the id for its outline.
-pub(super) fn under(loaded: &LoadedScene, camera: &Camera, picture: &Picture, [u, v]: [f64; 2]) -> Option<(u16, Under)> {
+pub(super) fn under(loaded: &LoadedScene, camera: &Camera, picture: &RenderedImage, [u, v]: [f64; 2]) -> Option<(u16, Under)> {
     let pixel = |share: f64, side: u32| ((share * f64::from(side)) as usize).min((side as usize).saturating_sub(1));
     let index = pixel(v, picture.height) * picture.width as usize + pixel(u, picture.width);
     let at = |ids: &Option<Vec<u16>>, depth: &Option<Vec<f32>>| {
@@ -62,6 +62,6 @@ mod tests {
         assert!(seen.words.contains("red") && seen.words.contains("crane"), "{seen:?}");
         let truth = loaded.collider.distance_to(crane.id, position).unwrap();
         assert!(seen.distance_m >= truth - 0.1 && seen.distance_m < truth + 80.0, "{} from {truth}", seen.distance_m);
-        assert_eq!(under(&loaded, &camera, &Picture::default(), [0.5, 0.5]), None);
+        assert_eq!(under(&loaded, &camera, &RenderedImage::default(), [0.5, 0.5]), None);
     }
 }

@@ -57,7 +57,7 @@ pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<Vec<Ite
         let Some(annotations) = by_picture.get(&image.id) else { continue };
         let name = &image.file_name;
         let picture = beside(folder, name, &["images", "../images", "train2017", "val2017", "train2014", "val2014"])
-            .ok_or_else(|| form_of(file, &format!("there is no file `{name}` beside it or in `images`")))?;
+            .ok_or_else(|| form_of(file, &format!("no file `{name}` next to it or in `images`")))?;
         let pixels = Pixels { width: image.width.max(1.0), height: image.height.max(1.0) };
         let corners = |[x, y, w, h]: [f64; 4]| pixels.area([x, y, x + w, y + h]);
         let boxes: Vec<_> = annotations.iter().map(|annotation| corners(annotation.bbox)).collect();
@@ -68,7 +68,7 @@ pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<Vec<Ite
             let of_kind: Vec<&&Annotation> = annotations.iter().filter(|annotation| annotation.category_id == kind).collect();
             let shape = shape(&of_kind, pixels)
                 .unwrap_or_else(|| Shape::Boxes(of_kind.iter().map(|annotation| corners(annotation.bbox)).collect()));
-            let name = names.get(&kind).ok_or_else(|| form_of(file, &format!("no category has the id {kind}")))?;
+            let name = names.get(&kind).ok_or_else(|| form_of(file, &format!("unknown category id {kind}")))?;
             items.push(Item {
                 key: format!("{}-{kind}", image.id),
                 instruction: format!("Fly to the {name}"),

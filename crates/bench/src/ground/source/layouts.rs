@@ -45,14 +45,14 @@ enum Entry {
 }
 
 pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<(&'static str, Vec<Item>), SourceError> {
-    let list = value.as_array().ok_or_else(|| form_of(file, "it is neither COCO nor a list"))?;
-    let mut form_name = "a list of pictures";
+    let list = value.as_array().ok_or_else(|| form_of(file, "neither COCO nor a list of images"))?;
+    let mut form_name = "a list of images";
     let mut items = Vec::new();
     for (number, value) in list.iter().enumerate() {
         let wrong = |what: String| form(file, Some(number + 1), what);
         let entry = Entry::deserialize(value).map_err(|_| {
             wrong(
-                "it is of no known form: RefSpatial-Bench, Point-Bench and ScreenSpot-Pro are (docs/guide/grounding.md)"
+                "unknown format; RefSpatial-Bench, Point-Bench and ScreenSpot-Pro are supported (docs/guide/grounding.md)"
                     .to_owned(),
             )
         })?;
@@ -64,7 +64,7 @@ pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<(&'stat
 }
 
 fn item(folder: &Path, number: usize, entry: Entry) -> Result<(&'static str, Item), String> {
-    let missing = |name: &str| format!("there is no file `{name}` in the dataset's folder");
+    let missing = |name: &str| format!("no file `{name}` in the dataset folder");
     let masked = |picture: &str, mask: &str, folders: [&[&str]; 2]| {
         let picture = beside(folder, picture, folders[0]).ok_or_else(|| missing(picture))?;
         let mask = beside(folder, mask, folders[1]).ok_or_else(|| missing(mask))?;
@@ -72,7 +72,7 @@ fn item(folder: &Path, number: usize, entry: Entry) -> Result<(&'static str, Ite
     };
     let (name, instruction, (picture, shape, boxes)) = match entry {
         Entry::RefSpatial(e) => ("RefSpatial-Bench", e.prompt, masked(&e.rgb_path, &e.mask_path, [&["image"], &["mask"]])?),
-        Entry::PointBench(e) if !stays(&e.category) => return Err(format!("`{}` leads out of the dataset's folder", e.category)),
+        Entry::PointBench(e) if !stays(&e.category) => return Err(format!("`{}` is outside the dataset folder", e.category)),
         Entry::PointBench(e) => {
             let of = |kind: &str| format!("{kind}/{}", e.category);
             let (images, masks) = (of("selected_images"), of("selected_masks"));

@@ -34,7 +34,7 @@ pub enum SourceError {
         source: std::io::Error,
     },
     /// Unknown format.
-    #[error("there is no dataset of a known form in `{}`", path.display())]
+    #[error("no dataset in a known format in `{}`", path.display())]
     Unknown {
         /// The path.
         path: PathBuf,
@@ -76,7 +76,7 @@ pub fn open(path: &Path) -> Result<Source, SourceError> {
         said.push_str(&rows);
         ("a dataset of `spf sim dataset`", sim::items(&folder, &text, &rows)?)
     } else if file.extension().is_some_and(|end| end == "jsonl") {
-        ("pictures with a JSONL of what is meant", plain::items(&folder, &file, &text)?)
+        ("images with a JSONL of targets", plain::items(&folder, &file, &text)?)
     } else {
         let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| form(&file, None, error.to_string()))?;
         if value.get("annotations").is_some() {
@@ -87,13 +87,9 @@ pub fn open(path: &Path) -> Result<Source, SourceError> {
     };
     let mut keys = BTreeSet::new();
     if let Some((row, twice)) = items.iter().enumerate().find(|(_, item)| !keys.insert(item.key.as_str())) {
-        return Err(self::form(&file, Some(row + 1), format!("the id `{}` stands in it twice", twice.key)));
+        return Err(self::form(&file, Some(row + 1), format!("duplicate id `{}`", twice.key)));
     }
-    if items.is_empty() {
-        Err(form_of(&file, "there is nothing in it"))
-    } else {
-        Ok(Source { form, items, digest: fnv(said.as_bytes()) })
-    }
+    if items.is_empty() { Err(form_of(&file, "it is empty")) } else { Ok(Source { form, items, digest: fnv(said.as_bytes()) }) }
 }
 
 impl Source {

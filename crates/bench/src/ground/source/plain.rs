@@ -57,7 +57,7 @@ pub(super) fn items(folder: &Path, file: &Path, text: &str) -> Result<Vec<Item>,
 }
 
 fn item(folder: &Path, number: usize, row: Row) -> Result<Item, String> {
-    let missing = |name: &str| format!("there is no file `{name}` in the dataset's folder");
+    let missing = |name: &str| format!("no file `{name}` in the dataset folder");
     let picture = beside(folder, &row.picture, &["images", "pictures"]).ok_or_else(|| missing(&row.picture))?;
     let mask = match &row.mask {
         Some(name) => Some(beside(folder, name, &["masks"]).ok_or_else(|| missing(name))?),
@@ -72,7 +72,7 @@ fn item(folder: &Path, number: usize, row: Row) -> Result<Item, String> {
     let finite = points.iter().all(|p| p.u.is_finite() && p.v.is_finite())
         && boxes.iter().all(|b| b.left.is_finite() && b.bottom.is_finite());
     if !finite || row.radius.is_some_and(|radius| !(0.0..=1.0).contains(&radius)) {
-        return Err("a place is no number, or `radius` is no share of the width".to_owned());
+        return Err("a coordinate is not a number, or `radius` is not a fraction of the width".to_owned());
     }
     let shape = match (mask, boxes.is_empty(), points.is_empty()) {
         (Some(mask), ..) => Some(Shape::MaskFile(mask)),
@@ -81,7 +81,7 @@ fn item(folder: &Path, number: usize, row: Row) -> Result<Item, String> {
         (None, true, true) => None,
     };
     let truth = match shape {
-        Some(_) if row.absent => return Err("it says `absent`, and where it is".to_owned()),
+        Some(_) if row.absent => return Err("`absent` is set together with a location".to_owned()),
         None if row.absent => Truth::Absent,
         None => Truth::Unknown,
         Some(shape) => {
@@ -102,7 +102,7 @@ mod tests {
     fn a_row_that_contradicts_itself_is_refused() {
         let folder = std::env::temp_dir();
         let refused = |row: &str| items(&folder, Path::new("rows.jsonl"), row).unwrap_err().to_string();
-        assert!(refused(r#"{"picture": "no-such.jpg", "instruction": "go"}"#).contains("row 1: there is no file `no-such.jpg`"));
+        assert!(refused(r#"{"picture": "no-such.jpg", "instruction": "go"}"#).contains("row 1: no file `no-such.jpg`"));
         assert!(refused("\n{\"pictur\": 3}").contains("row 2: unknown field `pictur`"));
     }
 

@@ -58,12 +58,12 @@ pub(super) fn items(folder: &Path, head: &str, rows: &str) -> Result<Vec<Item>, 
     let path = folder.join("dataset.json");
     let head: Head = serde_json::from_str(head).map_err(|error| form(&path, None, error.to_string()))?;
     if head.format != FORMAT {
-        return Err(form_of(&path, &format!("its format is {}, and {FORMAT} is read here", head.format)));
+        return Err(form_of(&path, &format!("unsupported format {}; this version reads {FORMAT}", head.format)));
     }
     let mut tags = BTreeMap::new();
     for scene in &head.scenes {
         if !stays(&scene.legend) {
-            return Err(form_of(&path, &format!("`{}` leads out of the dataset's folder", scene.legend)));
+            return Err(form_of(&path, &format!("`{}` is outside the dataset folder", scene.legend)));
         }
         let path = folder.join(&scene.legend);
         let legend: Value = serde_json::from_str(&read(&path)?).map_err(|error| form(&path, None, error.to_string()))?;
@@ -79,10 +79,9 @@ pub(super) fn items(folder: &Path, head: &str, rows: &str) -> Result<Vec<Item>, 
         let named = [&files.picture, &files.ids, &files.depth].into_iter();
         let maybe = [&files.mask, &files.opening_ids, &files.opening_depth].into_iter().flatten();
         if let Some(name) = named.chain(maybe).find(|name| !stays(name)) {
-            return Err(form(&path, Some(number + 1), format!("`{name}` leads out of the dataset's folder")));
+            return Err(form(&path, Some(number + 1), format!("`{name}` is outside the dataset folder")));
         }
-        let tags =
-            tags.get(&row.scene).ok_or_else(|| form(&path, Some(number + 1), format!("no scene is called `{}`", row.scene)))?;
+        let tags = tags.get(&row.scene).ok_or_else(|| form(&path, Some(number + 1), format!("unknown scene `{}`", row.scene)))?;
         let example = SimExample { folder: folder.to_owned(), row: Arc::new(row), head: head.clone(), tags: tags.clone() };
         items.push(item(example));
     }
@@ -153,5 +152,5 @@ fn tagged(legend: &Value) -> Result<Vec<Tagged>, String> {
             opening_of: tags["opening_of"].as_u64().and_then(key_of).map(str::to_owned),
         })
     };
-    objects.iter().map(|object| one(object).ok_or_else(|| format!("an object is not whole: {object}"))).collect()
+    objects.iter().map(|object| one(object).ok_or_else(|| format!("incomplete object: {object}"))).collect()
 }

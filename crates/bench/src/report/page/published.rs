@@ -16,13 +16,14 @@ pub(super) fn published(source: &Source) -> Markup {
     let real: Vec<&Arm> = source.arms.iter().filter(|arm| arm.is_real()).collect();
     html! {
         section id="published" {
-            h2 { "Published figures" }
-            p class="note" { "Hu et al., CoRL 2025, arXiv 2509.22653: another simulator or a real drone, real models, a human judge, other starts. They are \
-                told for orientation; the oracle's figures above are not comparable with them. The intervals are Wilson's, 95 %, computed here." }
+            h2 { "Published results" }
+            p class="note" { "Hu et al., CoRL 2025, arXiv 2509.22653: a different simulator or a real drone, real models, a \
+                human judge, different starts. They are given for orientation; the oracle results above are not comparable \
+                with them. The 95 % Wilson intervals are computed here." }
             (paper())
             (others())
             @if real.is_empty() {
-                p { "No real model flew in these trials. What would stand here: " code { "spf bench run --suite paper --vlm gemini -o DIR" } "." }
+                p { "No real model was used in these trials. To add one: " code { "spf bench run --suite paper --vlm gemini -o DIR" } "." }
             } @else { (measured(source, &real)) }
         }
     }
@@ -54,11 +55,12 @@ fn others() -> Markup {
                 @for (seconds, hits) in [row.fixed, row.adaptive] { td { (seconds) " s" } (cell(Rate { hits, of: STEP_TRIALS })) } } } }
         } }
         div class="wide" { table {
-            thead { tr { th { "Published, by who finds obstacles" } th { "A decision" } th { "Success" } th { "As so many of 18" } } }
+            thead { tr { th { "Published, by obstacle source" } th { "Decision time" } th { "Success" } th { "Equivalent of \
+                18" } } }
             tbody { @for (who, seconds, percent, hits) in DETECTORS { tr { th { (who) } td { (seconds) " s" } td { (percent) " %" }
                 (cell(Rate { hits, of: DETECTOR_TRIALS })) } } }
         } }
-        p class="note" { "The detector's percentages are given without numbers of trials; 16 and 13 of 18 fit them." }
+        p class="note" { "The paper gives the detector's percentages without trial counts; 16 and 13 of 18 match them." }
     }
 }
 
@@ -80,7 +82,7 @@ fn models(source: &Source, arm: &Arm) -> String {
         source.of_arm(arm).flat_map(|record| record.vlm_details.models.iter().map(String::as_str)).collect();
     models.sort_unstable();
     models.dedup();
-    if models.is_empty() { "no model told its name".to_owned() } else { format!("answered by {}", models.join(", ")) }
+    if models.is_empty() { "model not reported".to_owned() } else { format!("served by {}", models.join(", ")) }
 }
 
 /// The days on which it was flown.

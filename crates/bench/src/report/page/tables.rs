@@ -29,9 +29,9 @@ pub(super) fn success(source: &Source) -> Markup {
     html! {
         section id="success" {
             h2 { "Success" }
-            p class="note" { b { "Self stop" } ": the method said that it was done, and was; nothing was touched. " b { "Judge stop" }
-                ": at some instant a judge would have said so, as the paper's human did. Intervals are Wilson's, 95 %; trials of one task are \
-                not independent, so they are a little too narrow." }
+            p class="note" { b { "Self stop" } ": the method reported done and had reached the goal, without a collision. " b { "Judge stop" }
+                ": the goal was reached at some instant, as scored by the paper's human judge. 95 % Wilson intervals; trials \
+                    of one task are not independent, so the intervals are slightly too narrow." }
             figure { (chart::overview(source))
                 figcaption class="note" { "All tasks. Filled: self stop; hollow: judge stop." } }
             (overall(source))
@@ -47,7 +47,7 @@ pub(super) fn success(source: &Source) -> Markup {
 fn overall(source: &Source) -> Markup {
     html! {
         div class="wide" { table id="overall" {
-            thead { tr { th { "Method · who pointed" } th { "Self stop" } th { "Judge stop" } th { "Something touched" } th { "False stop" }
+            thead { tr { th { "Method · VLM" } th { "Self stop" } th { "Judge stop" } th { "Collision" } th { "False stop" }
                 th { "Timeout" } th { "SPL" } th { "Median time" } th { "Median latency" } } }
             tbody { @for arm in &source.arms {
                 @let sums = Sums::of(source.of_arm(arm));
@@ -79,10 +79,11 @@ pub(super) fn by_category(source: &Source, arms: &[&Arm], scoring: Scoring, head
 pub(super) fn compared(source: &Source) -> Markup {
     html! {
         section id="compared" {
-            h2 { "Compared in pairs" }
-            @if source.arms.len() < 2 { p { "Only one method with one who points is in these trials." } } @else {
-                p class="note" { "On the draws that both flew: the difference in points with Newcombe's interval for pairs, how many only one of \
-                    both did, and the exact test of McNemar, corrected after Holm for all pairs of a scoring." }
+            h2 { "Pairwise comparisons" }
+            @if source.arms.len() < 2 { p { "The trials have only one method and VLM." } } @else {
+                p class="note" { "On the trials flown by both: the difference in percentage points with Newcombe's paired \
+                    interval, how many only one of the two succeeded in, and McNemar's exact test with Holm correction over \
+                    all pairs of a scoring." }
                 @for scoring in Scoring::ALL {
                     h3 { (scoring.words()) }
                     @let found = contrasts(&source.records, scoring);
@@ -124,7 +125,7 @@ pub(super) fn tasks(source: &Source) -> Markup {
     html! {
         section id="tasks" {
             h2 { "Tasks" }
-            p class="note" { "Self stop. The small numbers are the seeds of the failures, and lead to them." }
+            p class="note" { "Self stop. The small numbers are the seeds of the failures and link to them." }
             div class="wide" { table {
                 thead { tr { th { "Task" } @for arm in &source.arms { th { (arm.name()) } } } }
                 tbody { @for task in source.tasks() { tr {

@@ -28,15 +28,17 @@ pub(super) fn ways(source: &Source, draws: &[Draw]) -> Markup {
     let undrawn: Vec<&str> = draws.iter().filter(|draw| !draw.has_ground()).map(|draw| draw.scene.as_str()).collect();
     html! {
         section id="ways" {
-            h2 { "Ways from above" }
-            @if unknown > 0 { p class="warn" { "Of " (unknown) " flights the way is not known: they were flown by a version that kept no "
-                code { "paths.jsonl" } ". Flown again into a new folder they have one." } }
-            @if let Some(scene) = undrawn.first() { p class="warn" { "The plan of " (undrawn.len()) " draws is not drawn: their scenes, such as "
-                code { (scene) } ", cannot be loaded here." } }
+            h2 { "Top-down trajectories" }
+            @if unknown > 0 { p class="warn" { (unknown) " flights have no trajectory: they were flown by a version \
+                that did not record "
+                code { "paths.jsonl" } ". Repeat them in a new folder to get one." } }
+            @if let Some(scene) = undrawn.first() { p class="warn" { "The plan of " (undrawn.len()) " trials is not shown: \
+                their scenes, such as "
+                code { (scene) } ", cannot be loaded." } }
             @if !draws.is_empty() {
-                p class="note" { "North is up. A cross is the start, an orange ring a target, grey are the footprints of what stands in the scene; what \
-                    moves is where it begins. A filled mark ends a success, a hollow one a failure. Each seed is a variant of the scene of its \
-                    own, and so a map of its own, up to " (MAPS) " of a task." }
+                p class="note" { "North is up. A cross marks the start, an orange ring a target, grey the footprints of \
+                    objects (moving ones at their initial position). A filled mark ends a success, a hollow one a failure. \
+                    Each seed is its own variant of the scene and has its own map, up to " (MAPS) " per task." }
                 svg class="plans" aria-hidden="true" { defs {
                     @for (draw, number) in draws.iter().zip(0..) { (draw.plan(&plan(number))) }
                 } }
@@ -72,9 +74,9 @@ fn instruction<'a>(source: &'a Source, task: &str) -> Option<&'a str> {
 }
 
 /// Links to the available videos, by trial.
-pub(super) struct Films(BTreeMap<String, String>);
+pub(super) struct VideoLinks(BTreeMap<String, String>);
 
-impl Films {
+impl VideoLinks {
     /// Finds the video of every row beside its results; `into` is the folder of the page.
     pub(super) fn of(source: &Source, into: &Path) -> Self {
         let link = |(row, record): (usize, &Record)| {
@@ -97,11 +99,12 @@ impl Films {
             section id="videos" {
                 h2 { "Videos" }
                 @if self.0.is_empty() {
-                    p { "None of these trials was filmed. " code { "spf bench run … --videos" } " films all of a new run; "
-                        code { "spf bench show" } " films one (its command stands with each failure)." }
+                    p { "No trial was recorded on video. " code { "spf bench run … --videos" } " records all trials of a new \
+                        run; "
+                        code { "spf bench show" } " records one (each failure lists its command)." }
                 } @else {
-                    p class="note" { (self.0.len()) " of " (source.records.len()) " trials were filmed. Videos are files beside the results, and this page \
-                        only links to them: copied alone it plays none." }
+                    p class="note" { (self.0.len()) " of " (source.records.len()) " trials were recorded on video. The videos \
+                        are files next to the results; this page only links to them." }
                     @for task in source.tasks() {
                         @let of_task = || source.records.iter().filter(move |record| record.task == task && self.0.contains_key(&record.run_id));
                         @if of_task().next().is_some() {
@@ -119,18 +122,18 @@ impl Films {
 }
 
 /// Every failure by self stop: result, path, video and the command to repeat it.
-pub(super) fn failures(source: &Source, draws: &[Draw], films: &Films) -> Markup {
+pub(super) fn failures(source: &Source, draws: &[Draw], films: &VideoLinks) -> Markup {
     let failed = || source.records.iter().enumerate().filter(|(_, record)| !record.scores.self_stop);
     html! {
         section id="failures" {
             h2 { "Failures" }
-            p class="note" { (failed().count()) " of " (source.records.len()) " trials are no success by self stop." }
+            p class="note" { (failed().count()) " of " (source.records.len()) " trials are not self-stop successes." }
             div class="trials" { @for (row, record) in failed() { (failure(source, draws, films, row, record)) } }
         }
     }
 }
 
-fn failure(source: &Source, draws: &[Draw], films: &Films, row: usize, record: &Record) -> Markup {
+fn failure(source: &Source, draws: &[Draw], films: &VideoLinks, row: usize, record: &Record) -> Markup {
     let draw = draws.iter().zip(0..).find(|(draw, _)| draw.rows.contains(&row));
     let arm = source.arms.iter().find(|arm| arm.flew(record));
     html! {
@@ -138,7 +141,7 @@ fn failure(source: &Source, draws: &[Draw], films: &Films, row: usize, record: &
             div {
                 @match draw {
                     Some((draw, number)) => (draw.map(source, &[row], &plan(number))),
-                    None => p class="note" { "Its way is not known." },
+                    None => p class="note" { "No trajectory recorded." },
                 }
                 @if let Some(film) = films.film(record) { (film) }
             }
@@ -159,20 +162,21 @@ fn happened(record: &Record) -> Markup {
         @if let Some(error) = &record.error { p { b { "could not be flown" } ": " (error) } }
         @if let Some(flight) = &record.flight {
             p { b { (spf_flight::words::outcome(flight.outcome)) } ": " (flight.cause)
-                @if scores.false_stop { "; said to be done, and was not" } }
+                @if scores.false_stop { "; reported done, but was not" } }
             @if !flight.touched.is_empty() {
                 p { "Touched " @for (touch, number) in flight.touched.iter().zip(0..) {
                     @if number > 0 { ", " } code { (touch.object) } (format!(" at {:.1} s", touch.at_s)) } "." }
             }
             p {
                 (record.goals_met) " of " (record.goals) " goals met; "
-                @match scores.judge_stop_s { Some(at) => (format!("the judge would have stopped it at {at:.1} s; ")), None => "at no instant would the judge have stopped it; " }
-                @match flight.final_distance_m { Some(metres) => (format!("{metres:.1} m from the last target at the end")), None => "no target to be near to" }
+                @match scores.judge_stop_s { Some(at) => (format!("judge stop at {at:.1} s; ")), None => "no judge stop; " }
+                @match flight.final_distance_m { Some(metres) => (format!("{metres:.1} m from the last target at the end")), None => "no \
+                    target" }
                 @match flight.target_in_view { Some(true) => ", in view.", Some(false) => ", not in view.", None => "." }
             }
             p class="note" { (format!("Ended after {:.1} s, {:.1} m flown, {} decisions", flight.finished_at_s, flight.path_length_m, flight.decisions))
                 @if let Some(at) = record.ttfm_s { (format!(", first motion at {at:.1} s")) }
-                @if let Some(metres) = record.min_clearance_m { (format!(", never nearer than {metres:.2} m to anything solid")) }
+                @if let Some(metres) = record.min_clearance_m { (format!(", minimum clearance {metres:.2} m")) }
                 "; seed " (seed(record)) " in " code { (record.scene_id) } "." }
         }
     }

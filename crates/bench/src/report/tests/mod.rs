@@ -100,23 +100,23 @@ fn latex_is_balanced_and_its_rows_are_as_wide_as_its_head() {
 #[test]
 fn curves_are_drawn_from_what_was_flown_alone() {
     let page = page_of(&two_methods());
-    assert!(page.contains("aria-label=\"Success over the oracle's level of errors\""));
-    assert!(page.contains("no method flew with several latencies"));
+    assert!(page.contains("aria-label=\"Success rate over the oracle's error level\""));
+    assert!(page.contains("no method was flown with more than one latency"));
     let slow = |vlm, ms| Row { vlm, latency_ms: ms, ..Row::default() };
     let page = page_of(&Folder::of(&[slow("oracle:./quick.toml", 500.0), slow("oracle:./slow.toml", 6000.0)]));
-    assert!(page.contains("aria-label=\"Success over the latency of answers\""));
+    assert!(page.contains("aria-label=\"Success rate over reply latency\""));
     let page = page_of(&Folder::of(&[Row::default()]));
-    assert!(page.contains("one level of errors, or none, is in these trials") && !page.contains("Success over the latency of"));
+    assert!(page.contains("the trials have fewer than two error levels") && !page.contains("Success rate over reply latency"));
 }
 
 #[test]
 fn real_models_stand_beside_the_published_figures_with_model_and_day() {
     let page = page_of(&Folder::of(&[Row { vlm: "gemini", model: Some("gemini-2.5-flash"), ..Row::default() }]));
     let block = &page[page.find("id=\"published\"").unwrap()..];
-    for words in ["answered by gemini-2.5-flash, flown from 2026-01-02 to 2026-01-03", "108/115 = 93.9 %", "1/1 = 100.0 %"] {
+    for words in ["served by gemini-2.5-flash, flown from 2026-01-02 to 2026-01-03", "108/115 = 93.9 %", "1/1 = 100.0 %"] {
         assert!(block.contains(words), "{words}");
     }
-    assert!(page_of(&two_methods()).contains("No real model flew in these trials."));
+    assert!(page_of(&two_methods()).contains("No real model was used in these trials."));
 }
 
 #[test]
@@ -176,7 +176,7 @@ fn a_folder_of_an_older_version_is_reported_without_ways() {
     folder.remove("paths.jsonl");
     folder.remove("run.json");
     let page = page_of(&folder);
-    assert!(page.contains("Of 12 flights the way is not known") && page.contains("did not keep its arguments"));
+    assert!(page.contains("12 flights have no trajectory") && page.contains("did not record its arguments"));
     assert!(!page.contains("class=\"map\""));
 }
 
@@ -197,12 +197,12 @@ fn shares_are_one_run_together() {
 fn what_is_no_folder_of_results_is_told() {
     let folder = two_methods();
     let missing = Source::read(&[PathBuf::from("nowhere")]).unwrap_err();
-    assert!(missing.to_string().contains("`nowhere` is no folder of results"), "{missing}");
+    assert!(missing.to_string().contains("`nowhere` is not a results folder"), "{missing}");
     let text = folder.text("results.jsonl");
     folder.put("results.jsonl", &text.replacen("drink/spf", "../spf", 1));
-    assert!(Source::read(&[folder.path()]).unwrap_err().to_string().contains("is no trial of the plan"));
+    assert!(Source::read(&[folder.path()]).unwrap_err().to_string().contains("is not a trial of the plan"));
     folder.put("results.jsonl", "{}\n");
-    assert!(Source::read(&[folder.path()]).unwrap_err().to_string().contains("line 1: this is no row of results"));
+    assert!(Source::read(&[folder.path()]).unwrap_err().to_string().contains("line 1: not a valid result row"));
     folder.put("results.jsonl", "");
     assert!(matches!(Source::read(&[folder.path()]).unwrap_err(), ReportError::Empty { .. }));
     folder.put("results.jsonl", &text);
@@ -210,7 +210,7 @@ fn what_is_no_folder_of_results_is_told() {
         let kept = folder.text(name);
         folder.put(name, "[]");
         let error = Source::read(&[folder.path()]).unwrap_err().to_string();
-        assert!(error.contains(&format!("`{name}` is not one of this program")), "{error}");
+        assert!(error.contains(&format!("`{name}` was not written by spf")), "{error}");
         folder.put(name, &kept);
     }
     folder.put("paths.jsonl", "{\"run_id\":\"x\",\"targets\":[],\"from_s\":0,\"places\":[[1e300,0,0]]}\n");

@@ -28,12 +28,12 @@ pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliErr
     let wrong = trajectories(&task, &loaded, printer)?;
     if let Some(folder) = &args.pictures {
         std::fs::create_dir_all(folder)
-            .map_err(|error| CliError::usage(format!("cannot make the folder `{}`", folder.display())).because(&error))?;
+            .map_err(|error| CliError::usage(format!("cannot create the folder `{}`", folder.display())).because(&error))?;
     }
     let mut rows = vec![HEAD.map(str::to_owned).to_vec()];
     for number in 0..args.trials {
         let seed = args.seed.wrapping_add(number);
-        let drawn = draw(&task, seed).map_err(|error| CliError::usage("the task cannot be flown").because(&error))?;
+        let drawn = draw(&task, seed).map_err(|error| CliError::usage("cannot fly the task").because(&error))?;
         rows.push(row(&task, seed, &drawn));
         if let Some(folder) = &args.pictures {
             picture(&task, &drawn, &folder.join(format!("{}-{seed}.png", task.id)))?;
@@ -44,7 +44,7 @@ pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliErr
     }
     match wrong {
         0 => Ok(Exit::Success),
-        _ => Err(CliError::usage(format!("{wrong} trajectories are judged otherwise than the file says"))),
+        _ => Err(CliError::usage(format!("{wrong} trajectories are not judged as the file expects"))),
     }
 }
 
@@ -53,7 +53,7 @@ fn trajectories(task: &Task, loaded: &Arc<LoadedScene>, printer: &Printer) -> Re
     let mut wrong = 0;
     for trajectory in &task.trajectories {
         let judgement = judge_trajectory(task, loaded, trajectory)
-            .map_err(|error| CliError::usage("the task cannot be judged").because(&error))?;
+            .map_err(|error| CliError::usage("cannot judge the task").because(&error))?;
         let right = judgement.accepted == trajectory.accepted;
         wrong += usize::from(!right);
         let mark = if right { "ok   " } else { "WRONG" };
@@ -64,9 +64,9 @@ fn trajectories(task: &Task, loaded: &Arc<LoadedScene>, printer: &Printer) -> Re
 
 fn words(judgement: &Judgement, task: &Task) -> String {
     let verdict = if judgement.accepted { "accepted" } else { "rejected" };
-    let touched = judgement.touched.as_ref().map_or(String::new(), |key| format!(", touched {key}"));
+    let touched = judgement.touched.as_ref().map_or(String::new(), |key| format!(", collided with {key}"));
     let distance = judgement.distance.map_or(String::new(), |metres| format!(", {metres:.1} m from the last target"));
-    let seen = if judgement.sees == Some(false) { ", which is not in view" } else { "" };
+    let seen = if judgement.sees == Some(false) { ", not in view" } else { "" };
     format!("{verdict}, {} of {} goals met{distance}{seen}{touched}", judgement.met, task.goals.len())
 }
 

@@ -32,7 +32,7 @@ pub(crate) fn bench(command: &Bench, printer: &mut Printer) -> Result<Exit, CliE
 
 /// A task by its file, or one that comes with the program by its name.
 fn task_of(name: &str) -> Result<Task, CliError> {
-    let refused = |error: &TaskError| CliError::usage(format!("the task `{name}` is refused")).because(error);
+    let refused = |error: &TaskError| CliError::usage(format!("invalid task `{name}`")).because(error);
     if name.contains(['/', '.']) || Path::new(name).exists() {
         return Task::load(name).map_err(|error| refused(&error));
     }
@@ -40,9 +40,9 @@ fn task_of(name: &str) -> Result<Task, CliError> {
         let known = SUITES.iter().flat_map(|suite| suite.names());
         let hint = match nearest(name, known) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => "`spf bench list` lists all that there are; a file is named with a `/` or a `.` in its path".to_owned(),
+            None => "`spf bench list` lists the built-in tasks; a file path must contain a `/` or a `.`".to_owned(),
         };
-        CliError::usage(format!("there is no task `{name}`")).hint(hint)
+        CliError::usage(format!("unknown task `{name}`")).hint(hint)
     })
 }
 
@@ -57,17 +57,20 @@ fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
 /// Why results cannot be kept, and what to do.
 fn store_error(error: &StoreError) -> CliError {
     match error {
-        StoreError::Other { .. } => CliError::usage("results of different plans are not mixed")
+        StoreError::Other { .. } => CliError::usage("the folder holds results of a different plan")
             .because(error)
-            .hint("name another folder with -o, or give the command that began this one"),
-        StoreError::Shares(_) => CliError::usage("the shares cannot be joined").because(error).hint("name all of them, finished"),
-        _ => CliError::internal("the results cannot be kept").because(error),
+            .hint("use another folder with -o, or repeat the command that created this one"),
+        StoreError::Shares(_) => CliError::usage("cannot merge the shards").because(error).hint(
+            "give the folders of all \
+            shards, each finished",
+        ),
+        _ => CliError::internal("cannot store the results").because(error),
     }
 }
 
 fn merge_shares(args: &BenchMerge, printer: &Printer) -> Result<Exit, CliError> {
     let trials = merge(&args.shares, &args.output).map_err(|error| store_error(&error))?;
-    printer.say(&format!("{trials} trials of {} shares", args.shares.len()));
+    printer.say(&format!("{trials} trials of {} shards", args.shares.len()));
     printer.result(&args.output.join("results.jsonl").display().to_string());
     Ok(Exit::Success)
 }
@@ -75,7 +78,7 @@ fn merge_shares(args: &BenchMerge, printer: &Printer) -> Result<Exit, CliError> 
 fn list(printer: &Printer) -> Result<Exit, CliError> {
     for suite in SUITES {
         printer.result(&format!("{}: {}", suite.name, suite.description));
-        let tasks = suite.tasks().map_err(|error| CliError::internal("a shipped task is refused").because(&error))?;
+        let tasks = suite.tasks().map_err(|error| CliError::internal("invalid built-in task").because(&error))?;
         for task in tasks {
             printer.result(&format!("  {:30} {:18} {}", task.id, task.category.words(), task.instruction));
         }

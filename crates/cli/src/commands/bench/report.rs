@@ -19,7 +19,7 @@ pub(super) fn report(args: &BenchReport, printer: &Printer) -> Result<Exit, CliE
         printer.say(&format!("{} of {} trials are missing in {}", plan.trials.len(), plan.of, folders.join(", ")));
     }
     std::fs::create_dir_all(&output)
-        .map_err(|error| CliError::usage(format!("cannot make the folder `{}`", output.display())).because(&error))?;
+        .map_err(|error| CliError::usage(format!("cannot create the folder `{}`", output.display())).because(&error))?;
     let page = write(&source, &output).map_err(|error| refused(&error))?;
     printer.result(&page.display().to_string());
     Ok(Exit::Success)
@@ -30,18 +30,21 @@ fn output(args: &BenchReport) -> Result<PathBuf, CliError> {
     match (&args.output, args.folders.as_slice()) {
         (Some(output), _) => Ok(output.clone()),
         (None, [folder]) => Ok(folder.join("report")),
-        _ => Err(CliError::usage("a report about several folders needs a folder of its own").hint("name it with -o DIR")),
+        _ => Err(CliError::usage("a report on several folders needs an output folder").hint("set it with -o DIR")),
     }
 }
 
 fn refused(error: &ReportError) -> CliError {
-    let failed = CliError::usage("there is no report").because(error);
+    let failed = CliError::usage("cannot create the report").because(error);
     match error {
         ReportError::Store(error) => store_error(error),
-        ReportError::NoResults { .. } => failed.hint("name a folder that `spf bench run -o DIR` wrote"),
-        ReportError::Empty { .. } => failed.hint("the command that began the run goes on with it"),
-        ReportError::Stranger { .. } => failed.hint("rows of other runs were put in; fly them again into a folder of their own"),
-        ReportError::Twice { .. } => failed.hint("name one of the two folders; shares that were merged are in the whole already"),
-        _ => CliError::internal("the report cannot be written").because(error),
+        ReportError::NoResults { .. } => failed.hint("give a folder written by `spf bench run -o DIR`"),
+        ReportError::Empty { .. } => failed.hint("repeat the command that started the run to resume it"),
+        ReportError::Stranger { .. } => failed.hint(
+            "the folder contains rows of other runs; fly them again into a separate \
+            folder",
+        ),
+        ReportError::Twice { .. } => failed.hint("give only one of the two folders; merged results already contain the shards"),
+        _ => CliError::internal("cannot write the report").because(error),
     }
 }

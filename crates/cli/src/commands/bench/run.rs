@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 
 use serde_json::json;
 use spf_bench::contrast::{Contrast, Scoring, contrasts};
-use spf_bench::run::{Manner, Plan, Shard, read_records, run as run_plan, shell_word};
+use spf_bench::run::{Plan, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::stats::Rate;
 use spf_bench::table::{Line, table as lines, words};
 use spf_bench::task::{SUITES, Task, suite};
@@ -29,16 +29,16 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let methods = listed(args.method.as_deref().unwrap_or(own.0)).map(method).collect::<Result<Vec<_>, _>>()?;
     let pointers: Vec<Pointer> = listed(vlms).map(|name| pointer(&mut settings, name)).collect::<Result<_, _>>()?;
     if methods.is_empty() || pointers.is_empty() {
-        return Err(CliError::usage("no method or no VLM is named").hint("--method spf --vlm oracle:default"));
+        return Err(CliError::usage("no method or no VLM given").hint("--method spf --vlm oracle:default"));
     }
     let shard = shard(args)?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let manner = Manner { jobs, videos: args.videos, command: command(args, vlms), files };
+    let manner = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files };
     let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: args.max_cost };
     let head = plan.head(shard, vlms);
     let interrupts = interrupts()?;
     if shard != Shard::WHOLE {
-        printer.say(&format!("share {} of {}", shard.index, shard.count));
+        printer.say(&format!("shard {} of {}", shard.index, shard.count));
     }
     let mut begun = false;
     let ended = {
@@ -47,20 +47,20 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
             if !begun {
                 begun = true;
                 if progress.done > 0 {
-                    printer.say(&format!("{} of {} trials are there already", progress.done, progress.of));
+                    printer.say(&format!("{} of {} trials already done", progress.done, progress.of));
                 }
                 printer.start_count(progress.of as u64, progress.done as u64);
             }
             printer.count(progress.done as u64);
             if let Some((record, why)) = record.and_then(|record| Some((record, record.error.as_ref()?))) {
-                printer.say(&format!("warning: {} could not be flown: {why}", record.run_id));
+                printer.say(&format!("warning: cannot fly {}: {why}", record.run_id));
             }
         })
     };
     printer.end_live();
     let ended = ended.map_err(|error| store_error(&error))?;
     if ended.stopped {
-        printer.say(&format!("stopped after {} of {} trials; the same command goes on", ended.done, ended.of));
+        printer.say(&format!("stopped after {} of {} trials; repeat the command to resume", ended.done, ended.of));
         return Ok(Exit::Aborted);
     }
     let records = read_records(&args.output).map_err(|error| store_error(&error))?;
@@ -108,13 +108,13 @@ fn tasks(args: &BenchRun) -> Result<(Vec<Arc<Task>>, Files), CliError> {
     if let Some(name) = &args.suite {
         let suite = suite(name).ok_or_else(|| {
             let names: Vec<&str> = SUITES.iter().map(|suite| suite.name).collect();
-            let error = CliError::usage(format!("there is no suite `{name}`"));
+            let error = CliError::usage(format!("unknown suite `{name}`"));
             match nearest(name, names.iter().copied()) {
                 Some(near) => error.hint(format!("did you mean `{near}`?")),
                 None => error.hint(format!("suites: {}", names.join(", "))),
             }
         })?;
-        tasks = suite.tasks().map_err(|error| CliError::internal("a shipped task is refused").because(&error))?;
+        tasks = suite.tasks().map_err(|error| CliError::internal("invalid built-in task").because(&error))?;
     }
     for name in &args.task {
         let task = task_of(name)?;
@@ -126,10 +126,10 @@ fn tasks(args: &BenchRun) -> Result<(Vec<Arc<Task>>, Files), CliError> {
     let mut ids: Vec<&str> = tasks.iter().map(|task| task.id.as_str()).collect();
     ids.sort_unstable();
     if let Some(twice) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(CliError::usage(format!("two tasks have the id `{}`", twice[0])).hint("rows are told apart by it"));
+        return Err(CliError::usage(format!("duplicate task id `{}`", twice[0])).hint("task ids must be unique in a run"));
     }
     if tasks.is_empty() {
-        return Err(CliError::usage("no task is named").hint("spf bench run --suite paper -o out"));
+        return Err(CliError::usage("no task given").hint("spf bench run --suite paper -o out"));
     }
     Ok((tasks, files))
 }
@@ -137,7 +137,7 @@ fn tasks(args: &BenchRun) -> Result<(Vec<Arc<Task>>, Files), CliError> {
 fn method(name: &str) -> Result<Method, CliError> {
     Method::of_name(name).ok_or_else(|| {
         let known: Vec<&str> = Method::all().map(Method::name).collect();
-        let error = CliError::usage(format!("--method: there is no method `{name}`"));
+        let error = CliError::usage(format!("--method: unknown method `{name}`"));
         match nearest(name, known.iter().copied()) {
             Some(near) => error.hint(format!("did you mean `{near}`?")),
             None => error.hint(format!("methods: {}", known.join(", "))),
@@ -150,11 +150,11 @@ fn shard(args: &BenchRun) -> Result<Shard, CliError> {
         Some(text) => Some(text.parse()),
         None => Shard::of_environment(|name| std::env::var(name).ok()).transpose(),
     };
-    let hint = "--shard 0/4 to --shard 3/4 are all of it (docs/guide/cluster.md)";
+    let hint = "--shard 0/4 to --shard 3/4 cover the whole run (docs/guide/cluster.md)";
     shard
         .transpose()
         .map(|shard| shard.unwrap_or(Shard::WHOLE))
-        .map_err(|error| CliError::usage("the share of trials is not known").because(&error).hint(hint))
+        .map_err(|error| CliError::usage("cannot determine the shard").because(&error).hint(hint))
 }
 
 fn rows(lines: &[Line]) -> Vec<Vec<String>> {

@@ -19,14 +19,14 @@ use crate::settings::Settings;
 pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::load(args.config.as_deref(), printer)?;
     let trial = trial(args, &mut settings)?;
-    let drawn = draw(&trial.task, trial.seed).map_err(|error| CliError::usage("the trial cannot be drawn").because(&error))?;
+    let drawn = draw(&trial.task, trial.seed).map_err(|error| CliError::usage("cannot set up the trial").because(&error))?;
     let out = OutDir::create(args.output.as_deref(), &args.run_id).map_err(|error| {
-        CliError::usage("no folder for the flight's files").because(&error).hint("name a new or an empty folder with -o DIR")
+        CliError::usage("cannot create the output folder").because(&error).hint("give a new or empty folder with -o DIR")
     })?;
     printer.say(&format!("Flying {} in {}: \"{}\"", args.run_id, drawn.scene, trial.task.instruction));
     let record = trial.fly(&drawn, Some(RecordPlan { out: out.clone(), video: !args.no_video, view: None })).record;
     if let Some(why) = record.error {
-        return Err(CliError::internal(format!("the trial could not be flown: {why}")));
+        return Err(CliError::internal(format!("cannot fly the trial: {why}")));
     }
     let scores = &record.scores;
     let yes = |is: bool| if is { "yes" } else { "no" };
@@ -41,8 +41,8 @@ pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError
 
 fn trial(args: &BenchShow, settings: &mut Settings) -> Result<Trial, CliError> {
     let wrong = || {
-        CliError::usage(format!("`{}` is no trial", args.run_id))
-            .hint("a trial is task/method/vlm/seed, as `run_id` of its row in results.jsonl")
+        CliError::usage(format!("`{}` is not a trial", args.run_id))
+            .hint("use task/method/vlm/seed, the `run_id` of its row in results.jsonl")
     };
     let parts: Vec<&str> = args.run_id.split('/').collect();
     let [task, method, vlm, seed] = parts.try_into().map_err(|_| wrong())?;
@@ -54,7 +54,10 @@ fn trial(args: &BenchShow, settings: &mut Settings) -> Result<Trial, CliError> {
     if trial.run_id() == args.run_id {
         return Ok(trial);
     }
-    Err(CliError::usage(format!("that would be {}, not {}", trial.run_id(), args.run_id)).hint("name the same --task and --vlm"))
+    Err(CliError::usage(format!("these options give the trial {}, not {}", trial.run_id(), args.run_id)).hint(
+        "use the same \
+        --task and --vlm as in the run",
+    ))
 }
 
 /// Who pointed: as it is named now, or the shipped oracle whose name reads so in a trial's name.
@@ -63,13 +66,13 @@ fn name_of(args: &BenchShow, part: &str) -> Result<String, CliError> {
         return Ok(name.clone());
     }
     // The last part may be a fixed latency.
-    let told = part.rsplit_once('-').map(|(_, seconds)| format!("@{seconds}"));
+    let latency = part.rsplit_once('-').map(|(_, seconds)| format!("@{seconds}"));
     let shipped = ErrorFile::shipped().into_iter().map(|name| format!("oracle:{name}")).chain(["oracle".to_owned()]);
-    let mut oracles = shipped.flat_map(|name| [Some(name.clone()), told.as_ref().map(|told| name + told)]).flatten();
+    let mut oracles = shipped.flat_map(|name| [Some(name.clone()), latency.as_ref().map(|latency| name + latency)]).flatten();
     let same = |name: &String| run_id("", "", name, 0) == run_id("", "", part, 0);
     let found = oracles.find(same);
     found.ok_or_else(|| {
-        CliError::usage(format!("who pointed is not known: `{part}` is no shipped oracle"))
-            .hint(format!("name it: spf bench show {} --vlm NAME", Path::new(&args.run_id).display()))
+        CliError::usage(format!("unknown VLM: `{part}` is not a built-in oracle"))
+            .hint(format!("add --vlm: spf bench show {} --vlm NAME", Path::new(&args.run_id).display()))
     })
 }

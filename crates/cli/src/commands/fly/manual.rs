@@ -60,7 +60,7 @@ mod platform {
         if let Some(modes) = modes
             && let Err(error) = tcsetattr(stdin(), OptionalActions::Now, &modes)
         {
-            tracing::warn!(%error, "the terminal stays as the flight had it; `stty sane` mends it");
+            tracing::warn!(%error, "cannot restore the terminal; run `stty sane`");
         }
     }
 

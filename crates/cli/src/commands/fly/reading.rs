@@ -34,8 +34,7 @@ pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>
         let near = unknown.nearest.as_ref().map_or(String::new(), |near| format!(" (did you mean \"{near}\"?)"));
         format!("\"{}\"{near}", one_line(&unknown.word))
     });
-    let directions =
-        reading.directions.iter().map(|words| format!("\"{}\" (a direction, not a thing to fly to)", one_line(words)));
+    let directions = reading.directions.iter().map(|words| format!("\"{}\" (a direction, not an object)", one_line(words)));
     let ignored: Vec<String> = words.chain(directions).collect();
     if !ignored.is_empty() {
         lines.push(format!("ignored: {}", ignored.join(", ")));
@@ -55,14 +54,14 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
     let directions: Vec<String> = reading.directions.iter().map(|words| format!("`{}`", one_line(words))).collect();
     let why = match (unknown.is_empty(), directions.is_empty()) {
         (false, _) => unknown.join(", "),
-        (true, false) => format!("{} names a direction, not a thing to fly to", directions.join(", ")),
-        (true, true) => "it names nothing to fly to".to_owned(),
+        (true, false) => format!("{} is a direction, not an object", directions.join(", ")),
+        (true, true) => "it names no object".to_owned(),
     };
     let mut seen = BTreeSet::new();
     let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
-    CliError::usage(format!("the oracle does not understand \"{}\": {why}", one_line(instruction))).hint(format!(
-        "{} has, among others: {}",
+    CliError::usage(format!("the oracle cannot parse \"{}\": {why}", one_line(instruction))).hint(format!(
+        "objects in {} include: {}",
         loaded.scene.name,
         examples.join(", ")
     ))
@@ -71,7 +70,7 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
 /// A word that was not understood, with what may have been meant.
 fn unknown_word(unknown: &UnknownWord) -> String {
     let near = unknown.nearest.as_ref().map_or(String::new(), |near| format!("; did you mean `{near}`?"));
-    format!("`{}` is not a word it knows{near}", one_line(&unknown.word))
+    format!("unknown word `{}`{near}", one_line(&unknown.word))
 }
 
 /// One step: what is to be done, and with what.
@@ -102,10 +101,10 @@ fn described(step: &ReadStep, tags: &[Tagged]) -> String {
         (None, _) => match step.unknown.first() {
             Some(unknown) => format!("{verb} → {target} ({})", unknown_word(unknown)),
             None if step.alike.is_empty() => {
-                format!("{verb} → {target} (nothing like it in this scene; it will be searched for)")
+                format!("{verb} → {target} (not in this scene; the drone will search for it)")
             }
             None => format!(
-                "{verb} → {target} (nothing like it in this scene, the nearest in meaning is {}; it will be searched for)",
+                "{verb} → {target} (not in this scene, closest in meaning is {}; the drone will search for it)",
                 step.alike.join(" or ")
             ),
         },

@@ -57,8 +57,8 @@ pub(super) fn ready(
     let start = Instant::now();
     let Connected { drone, warning, .. } = connect(target, &options, start, printer)?;
     if own && !drone.capabilities().manoeuvres {
-        return Err(CliError::usage("this Tello cannot be flown with --tello-motion go")
-            .hint("its firmware speaks SDK 1.3, in which nothing ends a move; update it in the Tello app, or fly it by rc"));
+        return Err(CliError::usage("this Tello does not support --tello-motion go")
+            .hint("its firmware has SDK 1.3, which cannot abort a move; update it in the Tello app, or use --tello-motion rc"));
     }
     let flying = format!(
         "Flying \"{}\", policy {}, preset {}.",
@@ -95,7 +95,7 @@ pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, pr
             None => said,
         }
     })?;
-    printer.say(&connected.told);
+    printer.say(&connected.summary);
     Ok(connected)
 }
 
@@ -106,17 +106,17 @@ fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Res
     if recorded || !settings.fly.vlm_check.is_on()? {
         return Ok(());
     }
-    printer.say("Asking the VLM about three pictures of a dot …");
+    printer.say("Checking the VLM with three images of a dot …");
     let time = settings.reply_timeout()?;
     let mut vlm: Box<dyn Vlm> =
-        (pointing.who)(None, 0).map_err(|error| CliError::usage("the VLM cannot be asked").because(&*error))?;
+        (pointing.who)(None, 0).map_err(|error| CliError::usage("cannot query the VLM").because(&*error))?;
     match check(vlm.as_mut(), time).verdict {
         Verdict::Good(worst) => {
-            printer.say(&format!("{} answers and points within {:.1} % of the picture.", pointing.name, 100.0 * worst));
+            printer.say(&format!("{} responds and points within {:.1} % of the image width.", pointing.name, 100.0 * worst));
             Ok(())
         }
-        Verdict::Failed(error) => Err(CliError::failed("the VLM does not answer; nothing took off").because(&error)),
-        _ => Err(CliError::failed(format!("{} points astray; nothing took off", pointing.name))
-            .hint(format!("`spf vlm check {}` tells how; --no-vlm-check flies all the same", pointing.name))),
+        Verdict::Failed(error) => Err(CliError::failed("the VLM does not respond; take-off cancelled").because(&error)),
+        _ => Err(CliError::failed(format!("{} points inaccurately; take-off cancelled", pointing.name))
+            .hint(format!("`spf vlm check {}` shows details; --no-vlm-check skips this check", pointing.name))),
     }
 }

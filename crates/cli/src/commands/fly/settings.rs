@@ -28,13 +28,14 @@ pub(super) fn manner(settings: &Settings) -> Result<(Preset, PolicyKind), CliErr
 /// The prompt that the settings name, when they name one.
 pub(super) fn prompt(settings: &Settings, policy: PolicyKind) -> Result<Option<Arc<PromptText>>, CliError> {
     let Some(path) = settings.fly.prompt.text() else { return Ok(None) };
-    let refused = || CliError::usage(format!("the prompt file `{path}` is refused"));
-    let prompt = PromptText::parse(&read(Path::new(path), "prompt")?).map_err(|error| {
-        refused().because(&error).hint("the shipped prompts, in `prompts/`, are a beginning (docs/guide/vlm.md)")
-    })?;
+    let refused = || CliError::usage(format!("invalid prompt file `{path}`"));
+    let prompt = PromptText::parse(&read(Path::new(path), "prompt")?)
+        .map_err(|error| refused().because(&error).hint("start from the built-in prompts in `prompts/` (docs/guide/vlm.md)"))?;
     if prompt.kind() != policy.prompt() {
         let wanted = policy.prompt().word();
-        return Err(refused().hint(format!("the policy {} takes prompts that begin with `spf-prompt {wanted}`", policy.name())));
+        return Err(
+            refused().hint(format!("the policy {} requires a prompt that begins with `spf-prompt {wanted}`", policy.name()))
+        );
     }
     Ok(Some(Arc::new(prompt)))
 }
@@ -106,16 +107,16 @@ pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, 
     if let Some(path) = settings.fly.geofence.text() {
         let text = read(Path::new(path), "geofence")?;
         let fence = Geofence::from_geojson(&text).map_err(|error| {
-            CliError::usage(format!("the geofence `{path}` is refused"))
+            CliError::usage(format!("invalid geofence `{path}`"))
                 .because(&error)
-                .hint("a geofence is a GeoJSON polygon in local east/north metres (docs/explanation/safety.md)")
+                .hint("use GeoJSON polygons in local east/north metres (docs/explanation/safety.md)")
         })?;
         limits.geofence = Some(fence);
     }
     limits.check().map_err(|error| {
-        CliError::usage("the envelope's limits do not fit together")
+        CliError::usage("inconsistent envelope limits")
             .because(&error)
-            .hint("`spf config show` prints the limits and where they come from")
+            .hint("`spf config show` prints the limits and their sources")
     })?;
     Ok(limits)
 }
@@ -123,9 +124,9 @@ pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, 
 /// The events of an events file.
 pub(super) fn script(path: &Path) -> Result<Script, CliError> {
     Script::from_toml(&read(path, "events")?).map_err(|error| {
-        CliError::usage(format!("the events file `{}` is refused", path.display()))
+        CliError::usage(format!("invalid events file `{}`", path.display()))
             .because(&error)
-            .hint("its form stands in docs/reference/flight-files.md, for example:\n[[event]]\nat_s = 12.5\ndo = \"hold\"")
+            .hint("see docs/reference/flight-files.md, for example:\n[[event]]\nat_s = 12.5\ndo = \"hold\"")
     })
 }
 

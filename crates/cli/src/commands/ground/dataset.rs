@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use spf_bench::ground::ask::{Ended, Manner, Mind, Plan};
+use spf_bench::ground::ask::{AnswererKind, AskOptions, Ended, Plan};
 use spf_bench::ground::measure::{Report, grades, report};
 use spf_bench::ground::source::{self, Source};
 use spf_bench::ground::{AnswerRow, Answerer, page, table};
@@ -36,22 +36,22 @@ pub(super) fn grade(
     args: &Ground,
     path: &Path,
     settings: &Settings,
-    manner: Manner,
+    manner: AskOptions,
     printer: &mut Printer,
 ) -> Result<Exit, CliError> {
     let max_cost = settings.fly.max_cost_usd.get()?;
     let mut source = source::open(path).map_err(|error| {
-        CliError::usage(format!("the dataset `{}` cannot be read", path.display()))
+        CliError::usage(format!("cannot read the dataset `{}`", path.display()))
             .because(&error)
-            .hint("docs/guide/grounding.md tells which forms are read")
+            .hint("docs/guide/grounding.md lists the supported formats")
     })?;
     source.items.truncate(args.count.unwrap_or(usize::MAX));
     let (answerers, sentences) = everybody(args, settings, &source)?;
     let out = args.output.clone().unwrap_or_else(|| default_folder(path));
     source.check_masks().map_err(|error| {
-        CliError::usage(format!("the dataset `{}` cannot be graded on", path.display()))
+        CliError::usage(format!("cannot evaluate on the dataset `{}`", path.display()))
             .because(&error)
-            .hint("mend the mask, or take its row out")
+            .hint("fix the mask, or remove its row")
     })?;
     let head = Head {
         format: FORMAT,
@@ -59,7 +59,7 @@ pub(super) fn grade(
         avoid: args.avoid,
         seed: args.seed,
         questions: format!("{:016x}", source.digest),
-        manners: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.mind.manner())).collect(),
+        manners: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.kind.manner())).collect(),
     };
     let (mut folder, mut rows) = Folder::open(&out, &head, args.resume, args.overwrite)?;
     let plan = Plan {
@@ -73,12 +73,11 @@ pub(super) fn grade(
     sentences.iter().for_each(|sentence| printer.say(sentence));
     let ended = ask(&plan, &mut folder, &mut rows, printer)?;
     let grades = grades(&source.items, &answerers, &rows, args.avoid)
-        .map_err(|error| CliError::usage("the answers cannot be graded").because(&error).hint("the dataset is not whole"))?;
+        .map_err(|error| CliError::usage("cannot evaluate the replies").because(&error).hint("the dataset is incomplete"))?;
     let report = report(&source.items, &answerers, &grades);
     let complete = ended == Ended::Complete;
     let printed = Printed { dataset: path, form: source.form, complete, report: &report };
-    let json =
-        serde_json::to_string_pretty(&printed).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+    let json = serde_json::to_string_pretty(&printed).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
     folder.write("report.json", &format!("{json}\n"))?;
     let title = format!("Pointing on {}", path.display());
     let page = page::page(&title, &note(&source, &answerers), &source.items, &report, &grades);
@@ -88,20 +87,20 @@ pub(super) fn grade(
     }
     tell(&report, &source, &answerers, &page, printer);
     let silent = |answerer: &Answerer| !rows.iter().any(|row| row.answerer == answerer.name && is_answered(row));
-    let mut models = answerers.iter().filter(|answerer| matches!(answerer.mind, Mind::Model(..))).peekable();
+    let mut models = answerers.iter().filter(|answerer| matches!(answerer.kind, AnswererKind::Model(..))).peekable();
     let unanswered = models.peek().is_some() && models.all(silent);
     Ok(match ended {
         Ended::Complete if unanswered => {
-            printer.say("no model answered a single question; with --resume they are asked again");
+            printer.say("no model answered any question; --resume retries them");
             Exit::Failed
         }
         Ended::Complete => Exit::Success,
         Ended::Stopped => {
-            printer.say("stopped; the same command with --resume goes on");
+            printer.say("stopped; repeat the command with --resume to continue");
             Exit::Aborted
         }
         Ended::Spent => {
-            printer.say("the money of --max-cost is spent; with a greater one and --resume it goes on");
+            printer.say("the --max-cost limit is reached; raise it and use --resume to continue");
             Exit::Aborted
         }
     })
@@ -113,18 +112,17 @@ fn everybody(args: &Ground, settings: &Settings, source: &Source) -> Result<(Vec
     let simulated = source.items.iter().any(|item| item.sim.is_some());
     if !simulated && named.iter().any(is_oracle) {
         let only_default = args.vlm.is_none();
-        let error =
-            CliError::usage("the oracle cannot see these pictures: only datasets of `spf sim dataset` hold what it reads");
+        let error = CliError::usage("the oracle cannot read these images: it needs a dataset from `spf sim dataset`");
         return Err(if only_default {
-            error.hint("name a model with --vlm (see `spf vlm list`)")
+            error.hint("set a model with --vlm (see `spf vlm list`)")
         } else {
-            error.hint("leave it out of --vlm")
+            error.hint("remove it from --vlm")
         });
     }
     let mut all = vec![Answerer::centre()];
     if simulated && !named.iter().any(is_oracle) {
         let errors = ErrorFile::named("default").map_err(|error| CliError::internal("no oracle").because(&error))?;
-        all.push(Answerer { name: "oracle".to_owned(), mind: Mind::Oracle(Box::new(errors), args.seed) });
+        all.push(Answerer { name: "oracle".to_owned(), kind: AnswererKind::Oracle(Box::new(errors), args.seed) });
     }
     all.extend(named);
     Ok((all, sentences))
@@ -148,7 +146,7 @@ fn ask(plan: &Plan<'_>, folder: &mut Folder, rows: &mut Vec<AnswerRow>, printer:
     });
     let mut done = there.filter(|question| before.contains(question)).count() as u64;
     if done > 0 {
-        printer.say(&format!("{done} of {total} questions are answered already"));
+        printer.say(&format!("{done} of {total} questions already answered"));
     }
     let stop = interrupts()?;
     printer.start_count(total, done);
@@ -166,8 +164,9 @@ fn ask(plan: &Plan<'_>, folder: &mut Folder, rows: &mut Vec<AnswerRow>, printer:
 /// What must be known about the figures.
 fn note(source: &Source, answerers: &[Answerer]) -> String {
     let oracle = answerers.iter().any(is_oracle);
-    let about = if oracle { "\nThe oracle is a stand-in that reads ids and depth: its figures are no VLM's." } else { "" };
-    format!("The pictures are {}. centre always points at the middle of the picture.{about}", source.form)
+    let about =
+        if oracle { "\nThe oracle reads the simulator's ID and depth images: its results are not VLM results." } else { "" };
+    format!("The images are {}. The baseline `centre` always points at the image centre.{about}", source.form)
 }
 
 fn tell(report: &Report, source: &Source, answerers: &[Answerer], page: &Path, printer: &Printer) {

@@ -44,7 +44,7 @@ impl Folder {
         let unusable = |error: std::io::Error| {
             CliError::usage(format!("cannot use the folder `{}`", path.display()))
                 .because(&error)
-                .hint("name a folder with -o DIR")
+                .hint("give another folder with -o DIR")
         };
         fs::create_dir_all(path).map_err(unusable)?;
         let shown = path.display();
@@ -53,8 +53,8 @@ impl Folder {
         let mut manners = BTreeMap::new();
         match (empty, known) {
             (false, false) => {
-                return Err(CliError::usage(format!("the folder `{shown}` is not empty and holds no grading"))
-                    .hint("name a new or an empty folder with -o DIR"));
+                return Err(CliError::usage(format!("the folder `{shown}` is not empty and holds no evaluation"))
+                    .hint("give a new or empty folder with -o DIR"));
             }
             (false, true) if overwrite => {
                 for name in RESULTS.iter().chain(&[ANSWERS, HEAD]).filter(|name| path.join(name).exists()) {
@@ -63,15 +63,15 @@ impl Folder {
             }
             (false, true) if resume => manners.append(&mut same(path, head)?),
             (false, true) => {
-                return Err(CliError::usage(format!("the folder `{shown}` holds a grading"))
-                    .hint("go on with it by --resume, make it anew by --overwrite, or name another folder with -o DIR"));
+                return Err(CliError::usage(format!("the folder `{shown}` already holds an evaluation"))
+                    .hint("use --resume to continue it, --overwrite to replace it, or another folder with -o DIR"));
             }
             (true, _) => {}
         }
         // Who is not asked this time was still asked so before.
         manners.extend(head.manners.clone());
         let text = serde_json::to_string_pretty(&Head { manners, ..head.clone() })
-            .map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+            .map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         write(&path.join(HEAD), format!("{text}\n").as_bytes())?;
         let answers = path.join(ANSWERS);
         let (length, rows) = if answers.exists() { whole(&answers).map_err(unusable)? } else { (0, Vec::new()) };
@@ -82,11 +82,11 @@ impl Folder {
 
     /// Appends an answer.
     pub(super) fn push(&mut self, row: &AnswerRow) -> Result<(), CliError> {
-        let text = serde_json::to_string(row).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+        let text = serde_json::to_string(row).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         self.file.write_all(format!("{text}\n").as_bytes()).map_err(|error| {
             CliError::internal(format!("cannot write `{}`", self.path.join(ANSWERS).display()))
                 .because(&error)
-                .hint("make room on the disk, then give the same command with --resume")
+                .hint("free some disk space, then repeat the command with --resume")
         })
     }
 
@@ -100,18 +100,19 @@ impl Folder {
 /// Only answers to the same questions, asked in the same manner, go together; in which manner who was asked.
 fn same(path: &Path, head: &Head) -> Result<BTreeMap<String, String>, CliError> {
     let refused = |what: String| {
-        Err(CliError::usage(what).hint(format!("{HEAD} there says how; give the same, or make it anew with --overwrite")))
+        Err(CliError::usage(what).hint(format!(
+            "see {HEAD} there for its settings; use the same, or replace it with \
+            --overwrite"
+        )))
     };
     let shown = path.display();
     let there = fs::read_to_string(path.join(HEAD)).ok().and_then(|text| serde_json::from_str::<Head>(&text).ok());
     let Some(there) = there.filter(|there| Head { manners: head.manners.clone(), ..there.clone() } == *head) else {
-        return refused(format!(
-            "the grading in `{shown}` is of another dataset, of one that has changed, or was made otherwise"
-        ));
+        return refused(format!("the evaluation in `{shown}` is of a different or changed dataset, or has different settings"));
     };
     let differs = |(name, manner): &(&String, &String)| there.manners.get(*name).is_some_and(|before| before != *manner);
     match head.manners.iter().find(differs) {
-        Some((name, _)) => refused(format!("`{name}` was asked with another prompt or error file in `{shown}`")),
+        Some((name, _)) => refused(format!("`{name}` was queried with a different prompt or error file in `{shown}`")),
         None => Ok(there.manners),
     }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use spf_bench::ground::Answerer;
-use spf_bench::ground::ask::{Manner, Mind};
+use spf_bench::ground::ask::{AnswererKind, AskOptions};
 use spf_core::prompt::{PromptKind, PromptText};
 
 use super::read;
@@ -23,9 +23,9 @@ use crate::settings::Settings;
 pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliError> {
     let settings = Settings::of(args, printer)?;
     if args.rate.is_some_and(|rate| !(rate > 0.0 && rate <= 1e6)) {
-        return Err(CliError::usage("--rate is a number of questions a minute, more than 0").hint("--rate 60"));
+        return Err(CliError::usage("--rate must be a number of questions per minute above 0").hint("--rate 60"));
     }
-    let manner = Manner { avoid: args.avoid, time: settings.reply_timeout()? };
+    let manner = AskOptions { avoid: args.avoid, time: settings.reply_timeout()? };
     match &args.dataset {
         Some(path) => dataset::grade(args, path, &settings, manner, printer),
         None => photos::ask(args, &settings, manner, printer),
@@ -39,30 +39,28 @@ fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<S
     for name in settings.fly.vlm.text_or_default().split(',').map(str::trim).filter(|name| !name.is_empty()) {
         if name == "oracle" || name.starts_with("oracle:") {
             let (name, errors) = oracle_named(name, |expected, near| settings.fly.vlm.wrong(expected, near))?;
-            sentences.push(format!("{name} reads the simulator's own id and depth pictures, it is no VLM."));
-            answerers.push(Answerer { name, mind: Mind::Oracle(Box::new(errors), args.seed) });
+            sentences.push(format!("{name} reads the simulator's own ID and depth images; it is not a VLM."));
+            answerers.push(Answerer { name, kind: AnswererKind::Oracle(Box::new(errors), args.seed) });
             continue;
         }
         if name.starts_with("replay:") {
-            return Err(CliError::usage("a recording of a flight answers about that flight alone")
-                .hint("what was answered about a dataset stands in its folder: --resume asks only for the rest"));
+            return Err(CliError::usage("a recording of a flight cannot be used here")
+                .hint("replies are stored in the output folder: --resume sends only the remaining questions"));
         }
         let chosen = remote(settings, name, None)?;
         sentences.push(chosen.sentence);
         for (file, prompt) in &prompts {
             let name = if prompts.len() > 1 { format!("{} · {file}", chosen.name) } else { chosen.name.clone() };
             let (model, prompt) = (chosen.remote.clone().with_prompt(prompt.clone()), prompt.clone());
-            answerers.push(Answerer { name, mind: Mind::Model(Arc::new(move || Box::new(model.clone())), prompt) });
+            answerers.push(Answerer { name, kind: AnswererKind::Model(Arc::new(move || Box::new(model.clone())), prompt) });
         }
     }
     let mut names: Vec<&str> = answerers.iter().map(|answerer| answerer.name.as_str()).collect();
     names.sort_unstable();
     match names.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(CliError::usage(format!("--vlm and --prompt name `{}` twice", pair[0]))
-            .hint("name each once; of one model several prompts, or several models with one prompt")),
-        None if names.is_empty() => {
-            Err(CliError::usage("--vlm names nobody").hint("--vlm gemini, for example: see `spf vlm list`"))
-        }
+        Some(pair) => Err(CliError::usage(format!("--vlm and --prompt give `{}` twice", pair[0]))
+            .hint("give each once; use several prompts with one model, or several models with one prompt")),
+        None if names.is_empty() => Err(CliError::usage("--vlm is empty").hint("for example --vlm gemini: see `spf vlm list`")),
         None => Ok((answerers, sentences)),
     }
 }
@@ -71,12 +69,12 @@ fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<S
 fn prompts(args: &Ground) -> Result<Vec<(String, Arc<PromptText>)>, CliError> {
     let Some(files) = &args.prompt else { return Ok(vec![(String::new(), PromptText::shipped(PromptKind::Point))]) };
     let one = |file: &str| {
-        let refused = || CliError::usage(format!("the prompt file `{file}` is refused"));
+        let refused = || CliError::usage(format!("invalid prompt file `{file}`"));
         let prompt = PromptText::parse(&read(Path::new(file), "prompt")?).map_err(|error| {
-            refused().because(&error).hint("the shipped prompts, in `prompts/`, are a beginning (docs/guide/vlm.md)")
+            refused().because(&error).hint("start from the built-in prompts in `prompts/` (docs/guide/vlm.md)")
         })?;
         if prompt.kind() != PromptKind::Point {
-            return Err(refused().hint("a prompt for pointing begins with `spf-prompt point`"));
+            return Err(refused().hint("a pointing prompt must begin with `spf-prompt point`"));
         }
         Ok((file.to_owned(), Arc::new(prompt)))
     };
@@ -85,5 +83,5 @@ fn prompts(args: &Ground) -> Result<Vec<(String, Arc<PromptText>)>, CliError> {
 
 /// Whether it is the oracle, which photographs hold nothing for.
 fn is_oracle(answerer: &Answerer) -> bool {
-    matches!(answerer.mind, Mind::Oracle(..))
+    matches!(answerer.kind, AnswererKind::Oracle(..))
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Serialize;
-use spf_bench::ground::ask::{Manner, Mind};
+use spf_bench::ground::ask::{AnswererKind, AskOptions};
 use spf_bench::ground::page::{account, side_by_side, words};
 use spf_bench::ground::photo::{self, PhotoError};
 use spf_bench::ground::{AnswerRow, Answerer, Said};
@@ -25,7 +25,7 @@ const LONGEST: u64 = 2 << 30;
 const QUALITY: u8 = 90;
 
 /// An image to ask about.
-struct Shown {
+struct ImageInput {
     name: String,
     picture: Arc<Rgb>,
 }
@@ -44,15 +44,17 @@ struct Answered {
     answers: Vec<AnswerRow>,
 }
 
-pub(super) fn ask(args: &Ground, settings: &Settings, manner: Manner, printer: &Printer) -> Result<Exit, CliError> {
+pub(super) fn ask(args: &Ground, settings: &Settings, manner: AskOptions, printer: &Printer) -> Result<Exit, CliError> {
     let Some((instruction, images)) = args.words.split_last().filter(|(_, images)| !images.is_empty()) else {
-        return Err(CliError::usage("a picture and an instruction are needed")
+        return Err(CliError::usage("an image and an instruction are required")
             .hint("spf ground photo.jpg \"the blue door\" --vlm gemini"));
     };
     let (answerers, sentences) = answerers(args, settings)?;
     if answerers.iter().any(is_oracle) {
-        return Err(CliError::usage("the oracle cannot see photographs: it reads the simulator's id and depth pictures")
-            .hint("name a model with --vlm (see `spf vlm list`); the oracle is graded on a dataset of `spf sim dataset`, with --dataset"));
+        return Err(CliError::usage("the oracle cannot read photographs: it needs the simulator's ID and depth images").hint(
+            "set a model with --vlm (see `spf vlm list`); to evaluate the oracle, use --dataset with a dataset from \
+                `spf sim dataset`",
+        ));
     }
     let mut shown = Vec::new();
     for image in images {
@@ -67,31 +69,31 @@ pub(super) fn ask(args: &Ground, settings: &Settings, manner: Manner, printer: &
         let answers = put(&answerers, shown, instruction, number, manner);
         let annotated = free_name(&out, &shown.name);
         let picture = Jpeg::encode(&side_by_side(&shown.picture, instruction, &answers), QUALITY)
-            .map_err(|error| CliError::internal("the annotated picture cannot be encoded").because(&error))?;
+            .map_err(|error| CliError::internal("cannot encode the annotated image").because(&error))?;
         std::fs::write(&annotated, picture.bytes())
             .map_err(|error| CliError::internal(format!("cannot write `{}`", annotated.display())).because(&error))?;
         report(&shown.name, &annotated, &answers, printer);
         printed.pictures.push(Answered { picture: shown.name.clone(), annotated, answers });
     }
     if args.json {
-        let text = serde_json::to_string(&printed).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+        let text = serde_json::to_string(&printed).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         printer.data(&text);
     }
     let answered = |row: &AnswerRow| !matches!(row.said, Said::Nothing(..));
     if printed.pictures.iter().flat_map(|picture| &picture.answers).any(answered) {
         return Ok(Exit::Success);
     }
-    Err(CliError::failed("nobody answered").hint("`spf vlm check NAME` tells why, and what to do"))
+    Err(CliError::failed("no VLM replied").hint("`spf vlm check NAME` shows why, and what to do"))
 }
 
 /// Everybody at once about one image.
-fn put(answerers: &[Answerer], shown: &Shown, instruction: &str, number: u64, manner: Manner) -> Vec<AnswerRow> {
-    let ask = |answerer: &Answerer| match &answerer.mind {
-        Mind::Model(make, prompt) => {
+fn put(answerers: &[Answerer], shown: &ImageInput, instruction: &str, number: u64, manner: AskOptions) -> Vec<AnswerRow> {
+    let ask = |answerer: &Answerer| match &answerer.kind {
+        AnswererKind::Model(make, prompt) => {
             let (key, cancel) = (&shown.name, Cancel::default());
             Some(answerer.show(make().as_mut(), prompt, &shown.picture, key, instruction, number, manner, &cancel))
         }
-        Mind::Centre | Mind::Oracle(..) => None,
+        AnswererKind::Centre | AnswererKind::Oracle(..) => None,
     };
     std::thread::scope(|scope| {
         let asking: Vec<_> = answerers.iter().map(|answerer| scope.spawn(|| ask(answerer))).collect();
@@ -129,7 +131,7 @@ fn free_name(folder: &Path, name: &str) -> PathBuf {
 }
 
 /// The images that an argument names.
-fn open(image: &str, args: &Ground) -> Result<Vec<Shown>, CliError> {
+fn open(image: &str, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
     let path = Path::new(image);
     if image == "-" {
         return decoded("standard input", &bytes(std::io::stdin().lock(), image)?, args);
@@ -146,16 +148,16 @@ fn open(image: &str, args: &Ground) -> Result<Vec<Shown>, CliError> {
     let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(picture).collect();
     files.sort();
     if files.is_empty() {
-        return Err(CliError::usage(format!("there is no picture in the folder `{image}`")).hint("PNG and JPEG files are read"));
+        return Err(CliError::usage(format!("no images in the folder `{image}`")).hint("supported are PNG and JPEG files"));
     }
     files.iter().map(|path| file(path, args)).collect::<Result<Vec<_>, _>>().map(|found| found.into_iter().flatten().collect())
 }
 
-fn file(path: &Path, args: &Ground) -> Result<Vec<Shown>, CliError> {
+fn file(path: &Path, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
     let open = File::open(path).map_err(|error| {
-        CliError::usage(format!("cannot read the picture `{}`", path.display()))
+        CliError::usage(format!("cannot read the image `{}`", path.display()))
             .because(&error)
-            .hint("pictures come first, the instruction last: spf ground photo.jpg \"the blue door\"")
+            .hint("give images first and the instruction last: spf ground photo.jpg \"the blue door\"")
     })?;
     let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
     decoded(&name, &bytes(open, &path.display().to_string())?, args)
@@ -169,21 +171,23 @@ fn bytes(from: impl Read, name: &str) -> Result<Vec<u8>, CliError> {
 }
 
 /// One image, or the frames of a video, depending on the first bytes.
-fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<Shown>, CliError> {
+fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<ImageInput>, CliError> {
     let is_picture = bytes.starts_with(&[0xff, 0xd8]) || bytes.starts_with(b"\x89PNG");
     let is_video = bytes.get(4..8) == Some(b"ftyp") || bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]);
-    let wrong = |error: &PhotoError| CliError::usage(format!("`{name}` cannot be read")).because(error);
+    let wrong = |error: &PhotoError| CliError::usage(format!("cannot decode `{name}`")).because(error);
     if is_video && !is_picture {
         if !(args.every >= 0.0 && args.every.is_finite()) || args.frames == 0 {
-            return Err(CliError::usage("--every is a number of seconds and --frames at least 1").hint("--every 2 --frames 10"));
+            return Err(CliError::usage("--every must be a positive number of seconds and --frames at least 1")
+                .hint("--every 2 --frames 10"));
         }
         let frames = photo::frames(bytes, args.every, args.frames).map_err(|error| {
-            wrong(&error).hint("turn it into H.264 in MP4, or take pictures out of it: ffmpeg -i VIDEO -vf fps=1 frame-%03d.jpg")
+            wrong(&error).hint("convert it to H.264 in MP4, or extract frames: ffmpeg -i VIDEO -vf fps=1 frame-%03d.jpg")
         })?;
         let shown =
-            |frame: photo::VideoFrame| Shown { name: format!("{name}-{:.2}s", frame.at), picture: Arc::new(frame.picture) };
+            |frame: photo::VideoFrame| ImageInput { name: format!("{name}-{:.2}s", frame.at), picture: Arc::new(frame.picture) };
         return Ok(frames.into_iter().map(shown).collect());
     }
-    let picture = photo::decode(bytes).map_err(|error| wrong(&error).hint("PNG and JPEG pictures are read, and H.264 videos"))?;
-    Ok(vec![Shown { name: name.to_owned(), picture: Arc::new(picture) }])
+    let picture =
+        photo::decode(bytes).map_err(|error| wrong(&error).hint("supported are PNG and JPEG images and H.264 videos"))?;
+    Ok(vec![ImageInput { name: name.to_owned(), picture: Arc::new(picture) }])
 }

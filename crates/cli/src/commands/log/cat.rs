@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use spf_flight::log::Channel;
 use spf_record::log::{Entry, LogReader, ReadError, foxglove};
 
-use super::{unreadable, warn_torn};
+use super::{unreadable, warn_truncated};
 use crate::args::Cat;
 use crate::error::{CliError, nearest};
 use crate::exit::Exit;
@@ -37,7 +37,7 @@ pub(super) fn cat(args: &Cat, printer: &Printer) -> Result<Exit, CliError> {
     }
     out.flush().ok();
     if torn {
-        warn_torn(&args.file, printer);
+        warn_truncated(&args.file, printer);
     }
     match wanted.iter().find(|topic| !seen.contains(*topic) && Channel::of_topic(topic).is_none()) {
         None => Ok(Exit::Success),
@@ -59,7 +59,7 @@ fn line(entry: &Entry) -> Value {
 }
 
 fn unknown(topic: &str, seen: &BTreeSet<String>) -> CliError {
-    let error = CliError::usage(format!("no topic is called `{topic}`"));
+    let error = CliError::usage(format!("unknown topic `{topic}`"));
     match nearest(topic, seen.iter().map(String::as_str)) {
         Some(near) => error.hint(format!("did you mean `{near}`?")),
         None => error.hint("`spf log info` lists the topics of a log"),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use spf_flight::log::Channel;
 use spf_record::log::export::{Export, ExportError, Format};
 
-use super::warn_torn;
+use super::warn_truncated;
 use crate::args::Export as Args;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -27,30 +27,30 @@ const DEPTH: usize = 16;
 /// Writes a table.
 pub(super) fn export(args: &Args, printer: &Printer) -> Result<Exit, CliError> {
     let format = Format::of_path(&args.output).ok_or_else(|| {
-        CliError::usage(format!("--output: `{}` tells no form of table", args.output.display()))
-            .hint("name it .csv, .jsonl or .parquet")
+        CliError::usage(format!("--output: `{}` has no supported extension", args.output.display()))
+            .hint("use .csv, .jsonl or .parquet")
     })?;
     let mut logs = Vec::new();
     for path in &args.logs {
         find(path, 0, &mut logs)?;
     }
     if logs.is_empty() {
-        return Err(CliError::usage("there is no flight log").hint("name a log, or a folder with flight.mcap files in it"));
+        return Err(CliError::usage("no flight logs found").hint("give a log, or a folder with flight.mcap files"));
     }
     let topic = if args.topic.starts_with('/') { args.topic.clone() } else { format!("/{}", args.topic) };
     let export = Export { logs: &logs, topic: &topic, context: &CONTEXT, context_topic: Channel::Flight.name() };
     let table = export.write(format, &args.output).map_err(|error| match &error {
-        ExportError::NotBuilt => CliError::usage(format!("--output: `{}` cannot be written", args.output.display()))
+        ExportError::NotBuilt => CliError::usage(format!("--output: cannot write `{}`", args.output.display()))
             .because(&error)
-            .hint("cargo install --path crates/cli --features parquet; or name it .csv or .jsonl"),
+            .hint("cargo install --path crates/cli --features parquet; or use .csv or .jsonl"),
         ExportError::Empty(_) => {
-            CliError::usage("there is nothing to export").because(&error).hint("`spf log info` lists the topics of a log")
+            CliError::usage("nothing to export").because(&error).hint("`spf log info` lists the topics of a log")
         }
-        ExportError::Read { .. } => CliError::usage("a log cannot be exported").because(&error).hint("name flight logs alone"),
-        _ => CliError::internal("the table cannot be written").because(&error),
+        ExportError::Read { .. } => CliError::usage("cannot export a log").because(&error).hint("give only flight logs"),
+        _ => CliError::internal("cannot write the table").because(&error),
     })?;
     for path in &table.torn {
-        warn_torn(path, printer);
+        warn_truncated(path, printer);
     }
     let (rows, columns) = (table.rows, table.columns.len());
     printer.result(&format!("{}: {rows} rows, {columns} columns, from {} logs", args.output.display(), logs.len()));
@@ -60,7 +60,7 @@ pub(super) fn export(args: &Args, printer: &Printer) -> Result<Exit, CliError> {
 /// A log, or every `*.mcap` below a folder in order of names; each is called by its path as given.
 fn find(path: &Path, depth: usize, logs: &mut Vec<(String, PathBuf)>) -> Result<(), CliError> {
     let unreadable = |error: std::io::Error| {
-        CliError::usage(format!("`{}` cannot be read", path.display())).because(&error).hint("name a log, or a folder of flights")
+        CliError::usage(format!("cannot read `{}`", path.display())).because(&error).hint("give a log, or a folder of flights")
     };
     if !path.metadata().map_err(unreadable)?.is_dir() {
         logs.push((path.display().to_string(), path.to_owned()));

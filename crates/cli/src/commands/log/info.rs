@@ -10,7 +10,7 @@ use spf_flight::summary::{Summary, VerifiedBy};
 use spf_flight::words;
 use spf_record::log::{LogReader, ReadError};
 
-use super::{unreadable, warn_torn};
+use super::{unreadable, warn_truncated};
 use crate::args::Info;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -49,14 +49,14 @@ struct TopicContent {
 pub(super) fn info(args: &Info, printer: &Printer) -> Result<Exit, CliError> {
     let content = content(args)?;
     if args.json {
-        let text = serde_json::to_string(&content).map_err(|error| CliError::internal("no JSON can be made").because(&error))?;
+        let text = serde_json::to_string(&content).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         printer.data(&text);
         return Ok(Exit::Success);
     }
     if let Some(instruction) = &content.instruction {
         let outcome = content.outcome.map_or("no outcome recorded", words::outcome);
-        let vlm = content.vlm.as_deref().unwrap_or("somebody");
-        printer.result(&format!("\"{}\", pointed by {}: {outcome}", one_line(instruction), one_line(vlm)));
+        let vlm = content.vlm.as_deref().unwrap_or("unknown");
+        printer.result(&format!("\"{}\", VLM {}: {outcome}", one_line(instruction), one_line(vlm)));
     }
     let Content { format, until_s, messages, bytes, .. } = content;
     let size = bytes as f64 / 1e6;
@@ -67,7 +67,7 @@ pub(super) fn info(args: &Info, printer: &Printer) -> Result<Exit, CliError> {
     }));
     printer.result(&table(&rows));
     if !content.whole {
-        warn_torn(&args.file, printer);
+        warn_truncated(&args.file, printer);
     }
     Ok(Exit::Success)
 }

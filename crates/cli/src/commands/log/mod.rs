@@ -29,11 +29,11 @@ pub(crate) fn log(command: &Log, printer: &Printer) -> Result<Exit, CliError> {
 
 /// The error for a log that cannot be read.
 pub(crate) fn unreadable(path: &Path, error: &ReadError) -> CliError {
-    let told = CliError::usage(format!("the flight log `{}` cannot be read", path.display())).because(error);
+    let unreadable_log = CliError::usage(format!("cannot read the flight log `{}`", path.display())).because(error);
     match error {
-        ReadError::Format(_) => told.hint("a later version of spf wrote it: read it with that"),
-        ReadError::Read(_) => told.hint("name the flight.mcap in a flight's folder"),
-        _ => told.hint(format!("`spf log repair {}` keeps what can be read of a flight log", path.display())),
+        ReadError::Format(_) => unreadable_log.hint("it was written by a later version of spf: use that version"),
+        ReadError::Read(_) => unreadable_log.hint("give the flight.mcap in a flight's folder"),
+        _ => unreadable_log.hint(format!("`spf log repair {}` recovers the readable part of a flight log", path.display())),
     }
 }
 
@@ -41,16 +41,14 @@ pub(crate) fn unreadable(path: &Path, error: &ReadError) -> CliError {
 pub(crate) fn unreplayable(path: &Path, error: &ReplayError) -> CliError {
     match error {
         ReplayError::Read(source) => unreadable(path, source),
-        _ => CliError::usage(format!("`{}` cannot be replayed", path.display()))
+        _ => CliError::usage(format!("cannot replay `{}`", path.display()))
             .because(error)
-            .hint("only a flight log that spf wrote can be replayed: flight.mcap in a flight's folder"),
+            .hint("only flight logs written by spf can be replayed: flight.mcap in a flight's folder"),
     }
 }
 
 /// Says that a log ends early; what came before is all there.
-pub(crate) fn warn_torn(path: &Path, printer: &Printer) {
+pub(crate) fn warn_truncated(path: &Path, printer: &Printer) {
     let path = path.display();
-    printer.say(&format!(
-        "warning: `{path}` ends in the middle of the flight; when that is over, `spf log repair {path}` makes it whole"
-    ));
+    printer.say(&format!("warning: `{path}` ends during the flight; after the flight, `spf log repair {path}` completes it"));
 }

@@ -13,15 +13,15 @@ pub(super) fn repair(args: &Repair, printer: &Printer) -> Result<Exit, CliError>
     let path = args.file.display();
     let repaired = spf_record::log::repair(&args.file).map_err(|error| match &error {
         RepairError::Nothing { source: source @ ReadError::Read(_), .. } => unreadable(&args.file, source),
-        RepairError::Nothing { .. } => CliError::usage(format!("`{path}` cannot be repaired"))
-            .because(&error)
-            .hint("name the flight.mcap in a flight's folder"),
-        _ => CliError::internal(format!("`{path}` cannot be repaired")).because(&error),
+        RepairError::Nothing { .. } => {
+            CliError::usage(format!("cannot repair `{path}`")).because(&error).hint("give the flight.mcap in a flight's folder")
+        }
+        _ => CliError::internal(format!("cannot repair `{path}`")).because(&error),
     })?;
     let (messages, until) = (repaired.messages, repaired.until);
     printer.result(&match repaired.trouble {
-        None => format!("`{path}` is whole: {messages} messages up to {until}"),
-        Some(trouble) => format!("repaired `{path}` ({trouble}): {messages} messages up to {until} are kept"),
+        None => format!("`{path}` is complete: {messages} messages up to {until}"),
+        Some(trouble) => format!("repaired `{path}` ({trouble}): {messages} messages up to {until} recovered"),
     });
     Ok(Exit::Success)
 }

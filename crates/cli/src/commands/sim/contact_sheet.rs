@@ -41,12 +41,12 @@ pub(super) fn draw(names: &[String], mut progress: impl FnMut(&str)) -> Result<R
     let below = if rows > 0 { rows * step.1 - GAP + MARGIN } else { 0 };
     let mut sheet = Rgb::filled(width + MARGIN, MARGIN + blocks + below, PAPER);
     for (index, name) in (0..).zip(scenes) {
-        progress(&format!("Drawing {name} under every light and weather."));
+        progress(&format!("Rendering {name} in every light and weather."));
         let corner = (MARGIN + index % COLUMNS * block.0, MARGIN + index / COLUMNS * block.1);
         draw_block(&mut sheet, name, corner, block.0 - MARGIN)?;
     }
     for (index, name) in (0..).zip(variants) {
-        progress(&format!("Drawing {name}."));
+        progress(&format!("Rendering {name}."));
         let at = (MARGIN + index % singles * step.0, MARGIN + blocks + index / singles * step.1);
         let (_, picture) = thumb(name, &SceneLook::default(), SINGLE)?;
         paste(&mut sheet, &picture, at);
@@ -94,7 +94,7 @@ fn thumb(name: &str, conditions: &SceneLook, (width, height): (u32, u32)) -> Res
     let camera = scene.default_craft.camera().resized(width * FINER, height * FINER);
     let picture = loaded.render(&camera, &loaded.beginning(scene.preview), Channels::RGB);
     let rgb = Rgb::from_raw(picture.width, picture.height, picture.rgb.unwrap_or_default())
-        .map_err(|error| CliError::internal("no picture was drawn").because(&error))?;
+        .map_err(|error| CliError::internal("cannot render the image").because(&error))?;
     let title = if scene.description.is_empty() { scene.name.clone() } else { format!("{}: {}", scene.name, scene.description) };
     Ok((title, resize(&rgb, width, height)))
 }

@@ -13,7 +13,7 @@ use std::path::Path;
 use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
 use spf_media::{frame::Rgb, png};
-use spf_render::Picture;
+use spf_render::RenderedImage;
 use spf_render::effects::{Effects, EffectsError};
 use spf_scene::{Lighting, SceneLook, Weather};
 use spf_sim::model::Model;
@@ -44,11 +44,11 @@ pub(super) fn above_start(mut start: Pose, kind: CraftKind) -> Pose {
 }
 
 /// The colour image as a PNG file.
-pub(super) fn colour(picture: &Picture) -> Result<Vec<u8>, CliError> {
+pub(super) fn colour(picture: &RenderedImage) -> Result<Vec<u8>, CliError> {
     let data = picture.rgb.clone().unwrap_or_default();
     let rgb = Rgb::from_raw(picture.width, picture.height, data)
-        .map_err(|error| CliError::internal("no picture was drawn").because(&error))?;
-    png::encode(&rgb).map_err(|error| CliError::internal("the picture cannot be encoded").because(&error))
+        .map_err(|error| CliError::internal("cannot render the image").because(&error))?;
+    png::encode(&rgb).map_err(|error| CliError::internal("cannot encode the image").because(&error))
 }
 
 /// Writes a file, with its path in errors.
@@ -58,7 +58,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
         match error.kind() {
             // A full disk is not a usage error; a missing folder is.
             ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::IsADirectory | ErrorKind::PermissionDenied => {
-                CliError::usage(what).because(&error).hint("name a file in a folder that exists and can be written to")
+                CliError::usage(what).because(&error).hint("give a file in an existing, writable folder")
             }
             _ => CliError::internal(what).because(&error),
         }
@@ -103,7 +103,7 @@ fn choice<T: Copy>(flag: &str, text: &str, words: &[(&str, T)]) -> Result<T, Cli
         let error = CliError::usage(format!("{flag}: `{text}` is not {}", known.join(" or ")));
         match nearest(text, known) {
             Some(near) => error.hint(format!("did you mean `{near}`?")),
-            None => error.hint("leave it out for the scene's own"),
+            None => error.hint("omit it to use the scene's own"),
         }
     })
 }
@@ -114,7 +114,7 @@ pub(super) fn parse_kind(text: &str) -> Result<CraftKind, CliError> {
         let error = CliError::usage(format!("--drone-model: `{text}` is not quad or tello"));
         match nearest(text, ["quad", "tello"]) {
             Some(near) => error.hint(format!("did you mean `{near}`?")),
-            None => error.hint("the camera of this craft is used: quad or tello"),
+            None => error.hint("use quad or tello"),
         }
     })
 }

@@ -6,8 +6,8 @@ use spf_core::geometry::{Attitude, BodyDisplacement, Pose, wrap_angle};
 use spf_core::time::Time;
 use spf_media::jpeg::EncodeError;
 use spf_media::png;
-use spf_render::effects::Eye;
-use spf_render::{Channels, Picture};
+use spf_render::effects::SimCamera;
+use spf_render::{Channels, RenderedImage};
 
 use super::{above_start, centimetres, conditions, parse_effects, parse_kind, parse_size, write};
 use crate::args::Render;
@@ -34,15 +34,15 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let kind = kind.unwrap_or(loaded.scene.default_craft);
     let pose = pose.unwrap_or_else(|| above_start(loaded.scene.start, kind));
     let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
-    let eye = Eye::new(camera, effects, 0);
-    let shot = eye.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
+    let sim_camera = SimCamera::new(camera, effects, 0);
+    let shot = sim_camera.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
     let shot = shot.ok_or_else(|| CliError::internal("the shutter is open at times that have no pose"))?;
-    let photograph = eye.photograph(&shot, None, |camera, pose, picture| {
+    let photograph = sim_camera.photograph(&shot, None, |camera, pose, picture| {
         loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, picture);
     });
     let channels = Channels { depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
-    let mut picture = Picture::default();
-    eye.look(eye.camera(), &mut picture, |camera, picture| {
+    let mut picture = RenderedImage::default();
+    sim_camera.look(sim_camera.camera(), &mut picture, |camera, picture| {
         loaded.render_into(camera, &loaded.beginning(pose), channels, picture);
     });
     let mut written = vec![args.output.as_path()];
@@ -69,17 +69,17 @@ fn distinct(args: &Render, legend: Option<&PathBuf>) -> Result<(), CliError> {
         [Some(&args.output), args.depth.as_ref(), args.ids.as_ref(), legend].into_iter().flatten().collect();
     match paths.iter().enumerate().find(|(index, path)| paths[..*index].contains(path)) {
         None => Ok(()),
-        Some((_, path)) => Err(CliError::usage(format!("`{}` would be written twice", path.display()))
-            .hint("give picture, depth and ids a file each; the legend of the ids takes their name with `.json`")),
+        Some((_, path)) => Err(CliError::usage(format!("`{}` is given for two outputs", path.display()))
+            .hint("use a different file for the image, depth and IDs; the legend of the IDs has their name with `.json`")),
     }
 }
 
-fn grey(picture: &Picture, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
+fn grey(picture: &RenderedImage, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
     encoded(png::encode_grey16(picture.width, picture.height, pixels))
 }
 
 fn encoded(file: Result<Vec<u8>, EncodeError>) -> Result<Vec<u8>, CliError> {
-    file.map_err(|error| CliError::internal("the picture cannot be encoded").because(&error))
+    file.map_err(|error| CliError::internal("cannot encode the image").because(&error))
 }
 
 /// A time at which the shutter has had time to open.

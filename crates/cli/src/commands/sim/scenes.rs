@@ -89,14 +89,14 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
     let listing = Listing { mesh_kinds: Scene::mesh_kinds(), scenes: entries };
     if printer.is_json() {
         let text = serde_json::to_string(&listing)
-            .map_err(|error| CliError::internal("the list cannot be written as JSON").because(&error))?;
+            .map_err(|error| CliError::internal("cannot write the list as JSON").because(&error))?;
         printer.data(&text);
     } else {
         tell(&listing, printer);
     }
     if let (Some(path), Some(encoded)) = (&args.contact_sheet, encoded) {
         let sheet = contact_sheet::draw(&names, |line| printer.say(line))?;
-        write(path, &encoded(&sheet).map_err(|error| CliError::internal("the sheet cannot be encoded").because(&error))?)?;
+        write(path, &encoded(&sheet).map_err(|error| CliError::internal("cannot encode the contact sheet").because(&error))?)?;
         printer.result(&path.display().to_string());
     }
     Ok(Exit::Success)
@@ -111,8 +111,8 @@ fn encoder(path: &Path) -> Result<Encoder, CliError> {
     match extension.as_str() {
         "png" => Ok(png::encode),
         "jpg" | "jpeg" => Ok(|picture| Jpeg::encode(picture, 82).map(|jpeg| jpeg.bytes().to_vec())),
-        _ => Err(CliError::usage(format!("--contact-sheet: `{}` does not name an image file", path.display()))
-            .hint("end it in .jpg or .png")),
+        _ => Err(CliError::usage(format!("--contact-sheet: `{}` is not an image file", path.display()))
+            .hint("use the extension .jpg or .png")),
     }
 }
 
@@ -188,14 +188,14 @@ fn stats(scene: &Scene, load_time: Duration, drawn: Duration, memory_bytes: Opti
 /// The list for people.
 fn tell(listing: &Listing, printer: &Printer) {
     let size = |[east, north, up]: [f64; 3]| format!("{east:.0} x {north:.0} x {up:.0} m");
-    let mut rows = vec![["SCENE", "CRAFT", "SIZE", "OBJECTS", "WHAT IT SHOWS"].map(str::to_owned).to_vec()];
+    let mut rows = vec![["SCENE", "CRAFT", "SIZE", "OBJECTS", "DESCRIPTION"].map(str::to_owned).to_vec()];
     rows.extend(listing.scenes.iter().map(|scene| {
         let objects = scene.objects.to_string();
         vec![scene.name.clone(), scene.drone_model.to_owned(), size(scene.size_m), objects, scene.description.clone()]
     }));
     printer.result(&table(&rows));
     if listing.scenes.iter().any(|scene| scene.stats.is_some()) {
-        tell_stats(listing, printer);
+        print_stats(listing, printer);
     }
     let pictures: Vec<_> = listing.scenes.iter().filter_map(|scene| scene.picture.as_ref()).collect();
     if !pictures.is_empty() {
@@ -206,9 +206,8 @@ fn tell(listing: &Listing, printer: &Printer) {
     }
 }
 
-fn tell_stats(listing: &Listing, printer: &Printer) {
-    let head =
-        ["SCENE", "MESHES", "KINDS", "TRIANGLES", "MATERIALS", "OPENINGS", "ACTORS", "LOADED IN", "FIRST PICTURE", "MEMORY"];
+fn print_stats(listing: &Listing, printer: &Printer) {
+    let head = ["SCENE", "MESHES", "KINDS", "TRIANGLES", "MATERIALS", "OPENINGS", "ACTORS", "LOAD TIME", "FIRST FRAME", "MEMORY"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     rows.extend(listing.scenes.iter().filter_map(|scene| scene.stats.as_ref().map(|stats| (scene, stats))).map(
         |(scene, stats)| {
@@ -232,7 +231,7 @@ fn tell_stats(listing: &Listing, printer: &Printer) {
         printer.result(&format!("\nIn {}: {}.", scene.name, words.join(", ")));
     }
     let kinds = &listing.mesh_kinds;
-    printer.result(&format!("\n{} kinds of mesh in all: {}.", kinds.len(), kinds.join(", ")));
+    printer.result(&format!("\n{} mesh kinds in total: {}.", kinds.len(), kinds.join(", ")));
 }
 
 /// `4 cars (black, red)`, without grammar: `car x4 (black, red)`.
@@ -250,9 +249,9 @@ fn file_stem(name: &str) -> String {
 
 fn create(folder: &Path) -> Result<(), CliError> {
     std::fs::create_dir_all(folder).map_err(|error| {
-        CliError::usage(format!("--pictures: cannot make the folder `{}`", folder.display()))
+        CliError::usage(format!("--pictures: cannot create the folder `{}`", folder.display()))
             .because(&error)
-            .hint("name a folder that can be written to")
+            .hint("give a writable folder")
     })
 }
 

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use spf_scene::Scene;
-use spf_web::view::{Beginning, Library, ViewError, Viewer};
+use spf_web::view::{InitialView, Library, ViewError, Viewer};
 
 use super::{conditions, parse_kind};
 use crate::args::View;
@@ -17,7 +17,7 @@ use crate::printer::Printer;
 pub(super) fn view(args: &View, printer: &Printer) -> Result<Exit, CliError> {
     let address: SocketAddr = args.listen.parse().map_err(|_| {
         CliError::usage(format!("--listen: `{}` is not an address and a port", args.listen))
-            .hint("for example --listen 127.0.0.1:8000; port 0 takes one that is free")
+            .hint("for example --listen 127.0.0.1:8000; port 0 picks a free one")
     })?;
     let pose = args.pose.as_deref().map(parse_pose).transpose().map_err(|expected| {
         CliError::usage(format!("--pose: `{}` is not {expected}", args.pose.as_deref().unwrap_or_default()))
@@ -27,19 +27,19 @@ pub(super) fn view(args: &View, printer: &Printer) -> Result<Exit, CliError> {
     let conditions = conditions(&args.conditions)?;
     // The port first: a page that cannot be had is not worth loading a scene for.
     let viewer = Viewer::bind(address).map_err(|error| {
-        CliError::usage("the page cannot be served").because(&error).hint("--listen 127.0.0.1:0 takes a port that is free")
+        CliError::usage("cannot serve the page").because(&error).hint("--listen 127.0.0.1:0 picks a free port")
     })?;
     let loaded = Arc::new(load_scene(&args.scene, &conditions)?);
     let stopper = viewer.stopper();
     ctrlc::set_handler(move || stopper.stop()).map_err(|error| CliError::internal("cannot listen for Ctrl-C").because(&error))?;
     let address = viewer.address();
     printer.result(&format!("http://{address}/"));
-    printer.say(&format!("Open this address in a browser to fly around in {}; Ctrl-C ends.", loaded.scene.name));
+    printer.say(&format!("Open this address in a browser to explore {}. Stop with Ctrl-C.", loaded.scene.name));
     if !address.ip().is_loopback() {
-        printer.say("warning: whoever can reach this address can look around too, and use this machine's time for it");
+        printer.say("warning: anyone who can reach this address can open the view and use CPU time");
     }
     let library = Library::new(Scene::built_in().into_iter().map(str::to_owned), &args.scene, conditions, loaded);
-    let beginning = Beginning { scene: args.scene.clone(), conditions, craft, pose };
-    viewer.serve(library, beginning).map_err(|error: ViewError| CliError::internal("the page broke off").because(&error))?;
+    let beginning = InitialView { scene: args.scene.clone(), conditions, craft, pose };
+    viewer.serve(library, beginning).map_err(|error: ViewError| CliError::internal("the page server failed").because(&error))?;
     Ok(Exit::Success)
 }

@@ -34,11 +34,11 @@ fn report(check: &Check, printer: &Printer) {
         let dot = pointed.dot;
         let latency = pointed.answer.latency.as_secs_f64();
         let said = match (&pointed.answer.text, pointed.point) {
-            (Ok(_), Some(point)) => format!("pointed at {:.3} across, {:.3} down", point.u, point.v),
-            (Ok(text), None) => format!("answered {}", text.chars().take(120).collect::<String>()),
-            (Err(_), _) => "did not answer".to_owned(),
+            (Ok(_), Some(point)) => format!("pointed at ({:.3}, {:.3})", point.u, point.v),
+            (Ok(text), None) => format!("replied {}", text.chars().take(120).collect::<String>()),
+            (Err(_), _) => "no reply".to_owned(),
         };
-        printer.result(&format!("dot at {:.3} across, {:.3} down: {said}, after {latency:.2} s", dot.u, dot.v));
+        printer.result(&format!("dot at ({:.3}, {:.3}): {said}, {latency:.2} s", dot.u, dot.v));
     }
     if let Verdict::Good(worst) = check.verdict {
         let model = check.pointed.first().map_or("", |pointed| &pointed.answer.model);
@@ -46,7 +46,7 @@ fn report(check: &Check, printer: &Printer) {
         let about = if tokens.estimated { "about " } else { "" };
         let cost = check.account.cost_usd.map_or(String::new(), |cost| format!(", {about}{cost:.5} $"));
         printer.result(&format!(
-            "good: {model} answers and points within {:.1} % of the picture; {about}{} tokens in, {} out{cost}",
+            "good: {model} responds and points within {:.1} % of the image width; {about}{} tokens in, {} out{cost}",
             100.0 * worst,
             tokens.input,
             tokens.output + tokens.thinking,
@@ -58,18 +58,16 @@ fn report(check: &Check, printer: &Printer) {
 fn astray(name: &str, verdict: &Verdict) -> CliError {
     match verdict {
         Verdict::Other(own) => {
-            CliError::failed(format!("`{name}` points in other coordinates than its row says: {}", convention(own)))
-                .hint(format!("give it a row of its own with --vlm-models (docs/guide/vlm.md): {}", row(own)))
+            CliError::failed(format!("`{name}` uses different coordinates than its table row: {}", convention(own)))
+                .hint(format!("add a row for it with --vlm-models (docs/guide/vlm.md): {}", row(own)))
         }
         Verdict::Astray(worst) => CliError::failed(format!(
-            "`{name}` does not point at the dots: it is off by {:.0} % of the picture",
+            "`{name}` does not point at the dots: the error is {:.0} % of the image width",
             100.0 * worst
         ))
-        .hint(
-            "no coordinates make its answers right: it is a model that does not point well; choose another one (`spf vlm list`)",
-        ),
-        Verdict::Unreadable(reason) => CliError::failed(format!("`{name}` answers, but not as it is asked: {reason}"))
-            .hint("a larger model, or one that obeys schemas, will do"),
+        .hint("no coordinate convention fits its replies: the model cannot point accurately; use another one (`spf vlm list`)"),
+        Verdict::Unreadable(reason) => CliError::failed(format!("`{name}` responds, but not in the requested format: {reason}"))
+            .hint("use a larger model, or one that follows schemas"),
         Verdict::Good(_) | Verdict::Failed(_) => CliError::failed(format!("`{name}` failed")),
     }
 }
@@ -82,7 +80,7 @@ fn convention(profile: &GroundingProfile) -> String {
     let scale = match profile.scale {
         Scale::Thousand => "thousandths",
         Scale::Hundred => "percent",
-        Scale::Unit => "shares",
+        Scale::Unit => "fractions",
         Scale::Pixels { .. } => "pixels",
     };
     format!("{order} in {scale}")
@@ -99,41 +97,39 @@ fn row(profile: &GroundingProfile) -> String {
         Scale::Unit => "unit",
         Scale::Pixels { .. } => "pixels",
     };
-    format!("[[family]] with order = \"{order}\", scale = \"{scale}\" and a piece of the model's id in `match`")
+    format!("[[family]] with order = \"{order}\", scale = \"{scale}\" and a part of the model's id in `match`")
 }
 
 /// It does not answer: why, and what a person can do.
 fn failed(name: &str, error: &VlmError) -> CliError {
-    CliError::failed(format!("`{name}` does not answer")).because(error).hint(advice(error))
+    CliError::failed(format!("no usable reply from `{name}`")).because(error).hint(advice(error))
 }
 
 /// What to do about an error of a VLM.
 pub(crate) fn advice(error: &VlmError) -> &'static str {
     match (error.code(), error) {
         ("bad_request", VlmError::Vendor { code: Some(code), .. }) if code == "FAILED_PRECONDITION" => {
-            "the vendor does not serve this region, or wants a bill to be set up first: look at its console"
+            "the vendor does not serve this region, or requires billing to be set up: see its console"
         }
-        ("key", _) => "the key is wrong, or was taken back: make a new one and set it in the environment or in .env",
-        ("billing", _) => "the account has no money: top it up at the vendor",
-        ("permission", _) => "the key may not use this model, or the vendor does not serve this region",
-        ("no_such_model", _) => {
-            "the vendor does not know this model (any more), or the address is wrong: `spf vlm list` names successors"
-        }
-        ("rate_limit", _) if !error.may_retry() => "the account has no quota left: top it up, or wait until it is renewed",
-        ("rate_limit", _) => "too many questions for this account: wait, or ask the vendor for a higher tier",
+        ("key", _) => "the API key is invalid or revoked: create a new one and set it in the environment or in .env",
+        ("billing", _) => "the account has no credit: top it up at the vendor",
+        ("permission", _) => "the API key has no access to this model, or the vendor does not serve this region",
+        ("no_such_model", _) => "unknown or retired model, or wrong URL: `spf vlm list` shows successors",
+        ("rate_limit", _) if !error.may_retry() => "the account's quota is used up: top it up, or wait until it is renewed",
+        ("rate_limit", _) => "the account's rate limit is exceeded: wait, or request a higher tier",
         ("bad_request", _) => {
-            "the vendor refuses the form of the question: the row of this model may be out of date (docs/guide/vlm.md)"
+            "the vendor rejects the request format: the table row of this model may be out of date (docs/guide/vlm.md)"
         }
         ("overloaded" | "server_error" | "error_in_answer", _) => {
-            "the vendor has trouble of its own: try again, or use --vlm-fallback"
+            "the vendor's service has a problem: try again, or use --vlm-fallback"
         }
         ("network" | "broken_off", _) => "check the network, HTTPS_PROXY and SSL_CERT_FILE; a local server must be running",
         ("web_page" | "content_type" | "malformed", _) => {
-            "something else than the vendor answers at this address: a proxy, a sign-in page, a wrong path"
+            "the reply is not from the vendor's API: a proxy, a sign-in page or a wrong path"
         }
-        ("deadline", _) => "the model is slow or is being loaded: try again, or give it longer (fly.reply_timeout_s)",
-        ("cut_off", _) => "the model thinks too long: raise `max_output_tokens` in its row, or lower its thinking",
-        ("blocked" | "declined", _) => "the vendor's rules stand against it: another model may not mind",
-        _ => "`spf -v vlm check` says more",
+        ("deadline", _) => "the model is slow or still loading: try again, or raise fly.reply_timeout_s",
+        ("cut_off", _) => "the model thinks too long: raise `max_output_tokens` in its row, or reduce thinking",
+        ("blocked" | "declined", _) => "blocked by the vendor's policy: try another model",
+        _ => "`spf -v vlm check` shows details",
     }
 }

@@ -42,7 +42,7 @@ pub(crate) fn list(args: &VlmList, printer: &Printer) -> Result<Exit, CliError> 
     if args.json {
         let rows: Vec<Row<'_>> = asked.iter().map(|(row, model)| json(row, model, key_set(model), &today)).collect();
         let text =
-            serde_json::to_string(&rows).map_err(|error| CliError::internal("the list has no JSON form").because(&error))?;
+            serde_json::to_string(&rows).map_err(|error| CliError::internal("cannot write the list as JSON").because(&error))?;
         printer.data(&text);
         return Ok(Exit::Success);
     }
@@ -51,7 +51,7 @@ pub(crate) fn list(args: &VlmList, printer: &Printer) -> Result<Exit, CliError> 
     printer.data(&columns(&[head].into_iter().chain(lines).collect::<Vec<_>>()));
     printer.data(&servers(&table));
     printer.data(&format!(
-        "Rows and prices as of {}. `spf vlm check NAME` asks one whether it answers and points well.",
+        "Models and prices as of {}. `spf vlm check NAME` checks that a model responds and points accurately.",
         table.as_of()
     ));
     Ok(Exit::Success)
@@ -94,7 +94,7 @@ fn line(row: &ModelRow, model: &Model, key_set: bool, today: &str) -> Vec<String
         notes.push("one of the paper's six".to_owned());
     }
     match (row.status, &row.retires, &row.successor) {
-        (Status::Retired, Some(day), Some(successor)) => notes.push(format!("retired {day}; ask {successor}")),
+        (Status::Retired, Some(day), Some(successor)) => notes.push(format!("retired {day}; use {successor}")),
         (_, Some(day), Some(successor)) => notes.push(format!("until {day}; then {successor}")),
         (_, None, Some(successor)) => notes.push(format!("successor: {successor}")),
         _ => {}
@@ -119,7 +119,8 @@ fn servers(table: &Table) -> String {
         })
         .collect();
     format!(
-        "\nServers of one's own, with any model that they have:\n{}\n  http://host:port/v1#MODEL: any other that speaks OpenAI's chat\n",
+        "\nLocal servers, with any model they serve:\n{}\n  http://host:port/v1#MODEL: any other server with the OpenAI chat \
+            API\n",
         names.join("\n")
     )
 }

@@ -53,7 +53,7 @@ pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> 
         .join(" and ");
     let sentence = match idle.as_str() {
         "" => pointing.sentence,
-        idle => format!("{} Without use, for no model is asked: {idle}.", pointing.sentence),
+        idle => format!("{} Ignored, because no model is queried: {idle}.", pointing.sentence),
     };
     Ok(and_recorded(settings, Pointing { sentence, ..pointing }))
 }
@@ -69,12 +69,12 @@ fn and_recorded(settings: &Settings, pointing: Pointing) -> Pointing {
 /// The answers of a recording, under the name of who gave them.
 fn replay(file: &str) -> Result<Pointing, CliError> {
     let replay = Replay::open(Path::new(file)).map_err(|error| {
-        CliError::usage(format!("the recording `{file}` cannot be replayed"))
+        CliError::usage(format!("cannot replay the recording `{file}`"))
             .because(&error)
-            .hint("a recording is made by --vlm-record FILE (docs/guide/vlm.md)")
+            .hint("create a recording with --vlm-record FILE (docs/guide/vlm.md)")
     })?;
     let name = replay.name().to_owned();
-    let sentence = format!("{file} answers with what {name} answered when it was recorded.");
+    let sentence = format!("VLM: replies of {name}, replayed from {file}.");
     Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), is_oracle: false, sentence })
 }
 
@@ -107,10 +107,9 @@ pub(crate) fn oracle_named(
         let which = name.split_once(':').map_or("", |(_, which)| which);
         let hint = match nearest(which, ErrorFile::shipped().iter().copied()) {
             Some(near) if near != which => format!("did you mean `oracle:{near}`?"),
-            _ => "an error file is named with a `/` or a `.` in its path, and its keys stand in docs/explanation/oracle.md"
-                .to_owned(),
+            _ => "the path of an error file must contain a `/` or a `.`; docs/explanation/oracle.md lists its keys".to_owned(),
         };
-        CliError::usage(format!("the oracle of `{name}` is refused")).because(&error).hint(hint)
+        CliError::usage(format!("invalid oracle `{name}`")).because(&error).hint(hint)
     })?;
     Ok((name.to_owned(), errors))
 }
@@ -119,7 +118,7 @@ fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
     let (name, errors) = oracle_named(name, |expected, near| settings.fly.vlm.wrong(expected, near))?;
     Ok(Pointing {
         name: name.clone(),
-        sentence: format!("{name} points: it reads the simulator's own id and depth pictures, it is no VLM."),
+        sentence: format!("VLM: {name}, which reads the simulator's own ID and depth images and is not a real VLM."),
         who: oracle_factory(name, errors),
         is_oracle: true,
     })
@@ -130,9 +129,7 @@ pub(crate) fn table(settings: &Settings) -> Result<Table, CliError> {
     let table = Table::shipped();
     let Some(path) = settings.vlm.models.text() else { return Ok(table) };
     table.extended(&read(Path::new(path), "models")?).map_err(|error| {
-        CliError::usage(format!("the models file `{path}` is refused"))
-            .because(&error)
-            .hint("its form stands in docs/guide/vlm.md")
+        CliError::usage(format!("invalid models file `{path}`")).because(&error).hint("docs/guide/vlm.md describes its format")
     })
 }
 
@@ -171,10 +168,11 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
             auto.clone_from(&model.vendor.name);
         }
         let place = choice.url.as_deref().map_or(String::new(), |url| format!(" at {url}"));
-        let assumed = if model.assumed { " (not in the table: its coordinates are assumed; `spf vlm check` tells)" } else { "" };
+        let assumed =
+            if model.assumed { " (not in the table: its coordinates are assumed; check them with `spf vlm check`)" } else { "" };
         if settings.fly.max_cost_usd.text().is_some() && model.price.is_empty() {
-            return Err(CliError::usage(format!("what `{name}` costs is not known, and so --max-cost cannot hold"))
-                .hint("give its row a price with --vlm-models (docs/guide/vlm.md); a model of one's own costs 0"));
+            return Err(CliError::usage(format!("--max-cost requires a known price, and `{name}` has none"))
+                .hint("add a price with --vlm-models (docs/guide/vlm.md); use 0 for a local model"));
         }
         chosen.push(format!("{} of {}{place}{assumed}", model.id, model.vendor.title));
     }
@@ -184,46 +182,44 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
         None => remote,
     };
     remote.warm();
-    let steps_in = chosen.get(1).map_or(String::new(), |second| format!(" When it fails, {second} is asked."));
+    let steps_in = chosen.get(1).map_or(String::new(), |second| format!(" Fallback: {second}."));
     let name = if *name == *AUTO { auto } else { name.to_owned() };
     Ok(Chosen {
         name,
         remote,
-        sentence: format!("{} points; pictures leave this machine and may cost money.{steps_in}", chosen[0]),
+        sentence: format!("VLM: {}; images are sent to its server and may incur costs.{steps_in}", chosen[0]),
     })
 }
 
 /// Why a model cannot be asked, and what to do.
 pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> CliError {
-    let said = CliError::usage(format!("the VLM `{name}` cannot be asked")).because(error);
+    let said = CliError::usage(format!("cannot use the VLM `{name}`")).because(error);
     match error {
         SetupError::Select(SelectError::Unknown { name, known }) => {
             let words = known.iter().map(String::as_str).chain(["oracle", AUTO]);
             match nearest(name, words) {
-                Some(near) => said.hint(format!("did you mean `{near}`? `spf vlm list` lists every one")),
-                None => {
-                    said.hint(format!("oracle, {AUTO}, {}, or the address of a server: see `spf vlm list`", known.join(", ")))
-                }
+                Some(near) => said.hint(format!("did you mean `{near}`? `spf vlm list` lists all")),
+                None => said.hint(format!("use oracle, {AUTO}, {}, or a server URL: see `spf vlm list`", known.join(", "))),
             }
         }
-        SetupError::Select(SelectError::NoModel { .. }) if name.starts_with("http") => {
-            said.hint(format!("name it: {name}#MODEL"))
+        SetupError::Select(SelectError::NoModel { .. }) if name.starts_with("http") => said.hint(format!("use {name}#MODEL")),
+        SetupError::Select(SelectError::NoModel { vendor }) => said.hint(format!("use --vlm {vendor}#MODEL")),
+        SetupError::SecretInUrl => {
+            CliError::usage("invalid URL of the VLM").because(error).hint("set API keys in the environment (docs/guide/vlm.md)")
         }
-        SetupError::Select(SelectError::NoModel { vendor }) => said.hint(format!("name it: --vlm {vendor}#MODEL")),
-        SetupError::SecretInUrl => CliError::usage("the address of the VLM is refused")
-            .because(error)
-            .hint("a key belongs into the environment (docs/guide/vlm.md)"),
         SetupError::Select(SelectError::Retired { successor, .. }) => {
             let vendor = name.split(['#', '@']).next().unwrap_or(name);
-            said.hint(format!("--vlm {vendor}#{successor}"))
+            said.hint(format!("use --vlm {vendor}#{successor}"))
         }
         SetupError::NoKey { variables, page, .. } => {
-            let page = page.as_deref().map_or(String::new(), |page| format!("; a key is made at {page}"));
+            let page = page.as_deref().map_or(String::new(), |page| format!("; create a key at {page}"));
             said.hint(format!("set {} in the environment or in .env{page}", variables.join(" or ")))
         }
-        SetupError::NoKeyAtAll { variables } => said.hint(format!("set one of {}", variables.join(", "))),
+        SetupError::NoKeyAtAll { variables } => {
+            said.hint(format!("set one of {} in the environment or in .env", variables.join(", ")))
+        }
         SetupError::Url(_) | SetupError::Select(SelectError::Url(_)) => {
-            said.hint("write NAME[#MODEL]@http://host:port/v1, or http://host:port/v1#MODEL")
+            said.hint("use NAME[#MODEL]@http://host:port/v1, or http://host:port/v1#MODEL")
         }
         _ => said.hint(settings.fly.vlm.meaning()),
     }

@@ -102,7 +102,7 @@ fn nobody_there_is_said_at_once_with_what_to_do() {
     let server = model(0);
     let (run, _) = fly(&lab, "127.0.0.43", "127.0.0.44", &server, &[]);
     assert_eq!(run.code, Some(6), "{}", run.stderr);
-    assert!(run.stderr.contains("hint: is it on, and is this machine in its Wi-Fi"), "{}", run.stderr);
+    assert!(run.stderr.contains("hint: check that the drone is on, that this machine is in its Wi-Fi"), "{}", run.stderr);
     assert!(!lab.path("mine").exists(), "a flight that never was leaves no folder");
 }
 
@@ -114,7 +114,7 @@ fn a_port_that_is_taken_is_named() {
     let (run, _) = fly(&lab, "127.0.0.45", "127.0.0.46", &model(0), &[]);
     drop(state);
     assert_eq!(run.code, Some(6));
-    assert!(run.stderr.contains("8890") && run.stderr.contains("end it"), "{}", run.stderr);
+    assert!(run.stderr.contains("8890") && run.stderr.contains("close the program"), "{}", run.stderr);
     served.end();
 }
 

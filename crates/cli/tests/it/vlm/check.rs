@@ -65,7 +65,7 @@ fn one_that_points_well_is_good() {
     ] {
         let run = check(&pointing(vendor, own), vendor);
         assert_eq!(run.code, Some(0), "{vendor:?} {}{}", run.stdout, run.stderr);
-        assert!(run.stdout.contains("answers and points within 0."), "{}", run.stdout);
+        assert!(run.stdout.contains("responds and points within 0."), "{}", run.stdout);
         assert_eq!(run.stdout.lines().count(), 4, "{}", run.stdout);
     }
 }
@@ -74,7 +74,7 @@ fn one_that_points_well_is_good() {
 fn swapped_axes_and_other_scales_are_explained() {
     let run = check(&pointing(Vendor::Gemini, profile(AxisOrder::Xy, Scale::Thousand)), Vendor::Gemini);
     assert_eq!(run.code, Some(6), "{}", run.stderr);
-    assert!(run.stderr.contains("points in other coordinates than its row says: [x, y] in thousandths"), "{}", run.stderr);
+    assert!(run.stderr.contains("uses different coordinates than its table row: [x, y] in thousandths"), "{}", run.stderr);
     assert!(run.stderr.contains("order = \"xy\", scale = \"thousand\""), "{}", run.stderr);
     let run = check(&pointing(Vendor::Anthropic, profile(AxisOrder::Xy, Scale::Hundred)), Vendor::Anthropic);
     assert!(run.stderr.contains("[x, y] in percent"), "{}", run.stderr);
@@ -89,12 +89,12 @@ fn every_refusal_is_explained() {
         }
     };
     for (status, code, hint) in [
-        (401, "invalid_api_key", "the key is wrong"),
-        (402, "billing", "no money"),
+        (401, "invalid_api_key", "the API key is invalid"),
+        (402, "billing", "no credit"),
         (403, "permission", "region"),
-        (404, "model_not_found", "does not know this model"),
-        (429, "insufficient_quota", "no quota left"),
-        (400, "bad", "refuses the form"),
+        (404, "model_not_found", "unknown or retired model"),
+        (429, "insufficient_quota", "quota is used up"),
+        (400, "bad", "rejects the request format"),
     ] {
         let run = check(&Server::start(error(status, code)), Vendor::OpenAi);
         assert_eq!(run.code, Some(6), "{}", run.stderr);
@@ -106,9 +106,5 @@ fn every_refusal_is_explained() {
     assert!(run.stderr.contains("web page \"Please sign in\"") && run.stderr.contains("proxy"), "{}", run.stderr);
     let lab = Lab::new();
     let run = lab.spf(&["vlm", "check", "vllm@http://127.0.0.1:9/v1"]);
-    assert!(
-        run.code == Some(6) && run.stderr.contains("cannot be reached") && run.stderr.contains("HTTPS_PROXY"),
-        "{}",
-        run.stderr
-    );
+    assert!(run.code == Some(6) && run.stderr.contains("cannot reach") && run.stderr.contains("HTTPS_PROXY"), "{}", run.stderr);
 }

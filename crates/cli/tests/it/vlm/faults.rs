@@ -135,7 +135,7 @@ fn errors_by_status_are_named() {
     let flight = ends("rate_limit", Vendor::OpenAi, Reply::json(429, &limited).with("retry-after", "100"));
     assert_eq!(flight.server.questions().len(), 2);
     let flight = ends("server_error", Vendor::Chat, Reply::json(500, &json!({ "error": { "message": "boom" } })));
-    assert!(flight.watch.failed[0].1.contains("answers 500: boom"), "{:?}", flight.watch.failed);
+    assert!(flight.watch.failed[0].1.contains("returned HTTP 500: boom"), "{:?}", flight.watch.failed);
     // Asked again within its time.
     assert!(flight.server.questions().len() > 6, "{}", flight.server.questions().len());
     let overloaded = json!({ "type": "error", "error": { "type": "overloaded_error", "message": "Overloaded" } });
@@ -191,7 +191,7 @@ fn what_takes_too_long_is_taken_back_and_counted_late() {
     for fault in [hanging(vec![Piece::Hang]), hanging(vec![Piece::Endless(trickle.into(), Duration::from_millis(50))])] {
         let flight = ends("deadline", Vendor::Chat, fault);
         assert_eq!(flight.summary.late_replies, 5, "{:?}", flight.summary);
-        assert!(flight.watch.failed.iter().all(|(_, reason)| reason == "no answer within 1.5 s"), "{:?}", flight.watch.failed);
+        assert!(flight.watch.failed.iter().all(|(_, reason)| reason == "no reply within 1.5 s"), "{:?}", flight.watch.failed);
         // The server's clients went away; the last may still be going.
         let left = flight.server.left.load(std::sync::atomic::Ordering::SeqCst);
         assert!(left >= 4, "{left}");

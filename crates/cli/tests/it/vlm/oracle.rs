@@ -13,7 +13,7 @@ use spf_flight::sim::{LoadedScene, OracleVlm, SimWorld, Simulated, VlmFactory, o
 use spf_flight::summary::Summary;
 use spf_oracle::ErrorFile;
 use spf_vlm::table::Table;
-use spf_vlm::{Account, Answer, Asked, Eyesight, Picture, Remote, Strategy, Vlm, setup};
+use spf_vlm::{Account, Answer, Asked, ImageSpec, QueryImage, Remote, Strategy, Vlm, setup};
 
 use super::KEY;
 use super::server::{Request, Server};
@@ -32,15 +32,15 @@ impl Vlm for Behind {
         self.remote.name()
     }
 
-    fn eyesight(&self, camera: (u32, u32)) -> Eyesight {
-        self.remote.eyesight(camera)
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
+        self.remote.image_spec(camera)
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn Picture) -> Answer {
+    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
         let meant = self.oracle.answer(asked, picture);
         let mut words = meant.text.unwrap();
         if let QueryKind::Point { avoid } = asked.query.kind {
-            let own = self.eyesight(self.camera).grounding;
+            let own = self.image_spec(self.camera).grounding;
             words = parse_reply(&words, &GroundingProfile::default()).unwrap().to_json(&own, avoid);
         }
         self.words.lock().unwrap().clone_from(&words);
@@ -124,7 +124,7 @@ fn obstacles_and_resized_pictures_cross_the_wire() {
 fn a_question_taken_back_ends_at_once() {
     use super::server::{Piece, Reply};
     struct Grey;
-    impl Picture for Grey {
+    impl QueryImage for Grey {
         fn size(&self) -> (u32, u32) {
             (64, 48)
         }

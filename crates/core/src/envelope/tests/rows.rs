@@ -296,7 +296,7 @@ fn take_off_is_refused_with_its_reason() {
     let take_off = |mut envelope: Envelope, now| envelope.clear(now, Command::TakeOff).map(|c| *c.cleared.get());
     assert_eq!(take_off(ground(|_| ()), ms(20)), Ok(Command::TakeOff));
     let low = take_off(ground(|t| t.battery = Some(0.19)), ms(20)).unwrap_err();
-    assert_eq!(low.to_string(), "take-off refused: the battery is at 19 %, at least 20 % are needed; charge it");
+    assert_eq!(low.to_string(), "take-off refused: battery at 19 %, at least 20 % required; charge it");
     assert_eq!(take_off(ground(|t| t.phase = FlightPhase::Flying), ms(20)), Err(Refusal::AlreadyFlying));
     assert_eq!(take_off(ground(|_| ()), ms(1011)), Err(Refusal::NoTelemetry));
     let mut unlinked = ground(|_| ());

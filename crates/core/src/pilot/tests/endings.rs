@@ -234,7 +234,7 @@ fn a_craft_that_lands_by_itself_is_followed_and_never_fought() {
     flight.phase = FlightPhase::Landing;
     flight.model.send(Setpoint { up: -0.8, ..Setpoint::HOLD });
     let at = flight.now;
-    let flight = ends(flight, Outcome::Failed, "by itself");
+    let flight = ends(flight, Outcome::Failed, "stopped its motors");
     assert!(flight.setpoints_since(at + PERIOD + STOP_RULE).all(|(_, setpoint)| setpoint.is_hold()));
     assert_eq!(flight.count(|command| *command == Command::TakeOff), 1);
 }

@@ -93,9 +93,9 @@ mod tests {
     fn a_message_is_flattened_to_its_leaves() {
         let mut cells = Vec::new();
         flatten("", &json!({"a": {"b": 1, "c": null, "d": [1, {"e": 2}]}, "f": 0.5, "g": "x", "h": true}), &mut cells);
-        let told: Vec<_> = cells.iter().map(|(name, cell)| (name.as_str(), cell.text())).collect();
+        let shown: Vec<_> = cells.iter().map(|(name, cell)| (name.as_str(), cell.text())).collect();
         let expected = [("a.b", "1"), ("a.d", "[1,{\"e\":2}]"), ("f", "0.5"), ("g", "x"), ("h", "true")];
-        assert_eq!(told, expected.map(|(name, text)| (name, text.to_owned())));
+        assert_eq!(shown, expected.map(|(name, text)| (name, text.to_owned())));
     }
 
     #[test]

@@ -22,7 +22,7 @@ use files::TableFile;
 #[non_exhaustive]
 pub enum ExportError {
     /// A log could not be read.
-    #[error("the log `{path}` cannot be read")]
+    #[error("cannot read the log `{path}`")]
     Read {
         /// The log.
         path: PathBuf,
@@ -31,10 +31,10 @@ pub enum ExportError {
         source: ReadError,
     },
     /// Built without the feature `parquet`.
-    #[error("this program was built without Parquet: build it with `--features parquet`")]
+    #[error("this program was built without Parquet support: build it with `--features parquet`")]
     NotBuilt,
     /// No log has a message on the topic.
-    #[error("no message on the topic `{0}`")]
+    #[error("no messages on the topic `{0}`")]
     Empty(String),
     /// The table could not be written.
     #[error("cannot write the table `{path}`")]
@@ -46,7 +46,7 @@ pub enum ExportError {
         source: io::Error,
     },
     /// The table could not be encoded.
-    #[error("cannot form the table `{path}`")]
+    #[error("cannot encode the table `{path}`")]
     Form {
         /// The table.
         path: PathBuf,

@@ -132,12 +132,12 @@ pub(super) fn add(
 fn check(table: &RawAdd, span: &Span, raw: &RawScene, expanded: &mut Expanded, source: &Source<'_>) -> Result<(), SceneError> {
     let [least, most] = table.count.get_ref().map(|n| n as usize);
     if least > most || most > MOST {
-        let message = format!("`count` goes from one number to one as large, at most {MOST}");
-        return Err(source.error(&table.count.span(), message, Some("write `count = [0, 3]`".to_owned())));
+        let message = format!("`count` must be an increasing range up to {MOST}");
+        return Err(source.error(&table.count.span(), message, Some("for example `count = [0, 3]`".to_owned())));
     }
     let places = table.places.get_ref();
     if places.is_empty() || places.len() > MOST {
-        let hint = "write `places = [[east, north, heading_deg], …]`".to_owned();
+        let hint = "use `places = [[east, north, heading_deg], …]`".to_owned();
         return Err(source.error(&table.places.span(), format!("there must be 1 to {MOST} `places`"), Some(hint)));
     }
     if expanded.placed.len() >= MAX_OBJECTS {
@@ -151,12 +151,12 @@ fn check(table: &RawAdd, span: &Span, raw: &RawScene, expanded: &mut Expanded, s
         paint::check(&table.colours, paint_slot(table), slots, raw, span, source)?;
         expanded.pop();
         if moves {
-            return Err(source.error(span, "`vary.add` adds what stands still, no openings", None));
+            return Err(source.error(span, "`vary.add` cannot add moving objects or openings", None));
         }
     }
     if let Some(number) = (1..=most).find(|number| expanded.has(&format!("{}_{number}", table.id))) {
-        let hint = "give the table an `id` that no object begins with".to_owned();
-        return Err(source.error(span, format!("the id `{}_{number}` is given twice", table.id), Some(hint)));
+        let hint = "give the table an `id` that is not a prefix of any object's id".to_owned();
+        return Err(source.error(span, format!("duplicate id `{}_{number}`", table.id), Some(hint)));
     }
     Ok(())
 }

@@ -93,7 +93,7 @@ fn repaint(
     let who = select(&table.objects, &expanded.placed, Wanted::Any, source)?;
     let colours = paint::order(table.colours.get_ref(), draw);
     if colours.is_empty() {
-        let hint = "write `{ red = \"red_paint\" }`".to_owned();
+        let hint = "for example `{ red = \"red_paint\" }`".to_owned();
         return Err(source.error(&table.colours.span(), "`colours` is empty", Some(hint)));
     }
     for (&object, (word, material)) in who.iter().zip(colours.iter().cycle()) {
@@ -128,8 +128,8 @@ fn relight(
         range.as_ref().map(|range| {
             let [from, to] = *range.get_ref();
             if !(low <= from && from <= to && to <= high) {
-                let message = format!("a range rises from {low} at least to {high} at most");
-                return Err(source.error(&range.span(), message, Some("write `[20.0, 60.0]`".to_owned())));
+                let message = format!("the range must be increasing and within {low} to {high}");
+                return Err(source.error(&range.span(), message, Some("for example `[20.0, 60.0]`".to_owned())));
             }
             Ok(Spanned::new(range.span(), from + (to - from) * share))
         })
@@ -168,18 +168,18 @@ fn select(ids: &Spanned<Vec<String>>, placed: &[Placed], wanted: Wanted, source:
         for &at in found.into_iter().flatten() {
             let object = &placed[at];
             if wanted != Wanted::Any && object.motion.is_some() != (wanted == Wanted::Moving) {
-                let message = if wanted == Wanted::Moving { "does not move by itself" } else { "moves by itself" };
-                return Err(error(format!("`{}` {message}", object.key), Some("other tables of `vary` fit it".to_owned())));
+                let message = if wanted == Wanted::Moving { "does not move" } else { "moves" };
+                return Err(error(format!("`{}` {message}", object.key), Some("use another `vary` table for it".to_owned())));
             }
             if object.opening_of.is_some() {
-                let hint = "an opening goes with its object".to_owned();
+                let hint = "an opening moves with its object".to_owned();
                 return Err(error(format!("`{}` is an opening", object.key), Some(hint)));
             }
             chosen[at] = true;
         }
         if found.is_none() {
             let near = nearest(id, placed.iter().map(|object| object.key.as_str()));
-            return Err(error(format!("no object `{id}`"), near.map(|near| format!("did you mean `{near}`?"))));
+            return Err(error(format!("unknown object `{id}`"), near.map(|near| format!("did you mean `{near}`?"))));
         }
     }
     Ok((0..placed.len()).filter(|&object| chosen[object]).collect())

@@ -39,20 +39,20 @@ pub(super) fn check(
         let names: Vec<&str> = slots.iter().map(|(name, _)| *name).collect();
         let hint = match names[..] {
             [] => "a model has its own materials".to_owned(),
-            _ => format!("this mesh has `{}`", names.join("`, `")),
+            _ => format!("this mesh has the slots `{}`", names.join("`, `")),
         };
-        return Err(source.error(span, format!("no material slot `{slot}`"), Some(hint)));
+        return Err(source.error(span, format!("unknown material slot `{slot}`"), Some(hint)));
     }
     for (word, material) in colours {
         let usable = !word.trim().is_empty() && word.chars().count() <= LONGEST_WORD && !word.chars().any(char::is_uppercase);
         if !usable {
-            let hint = format!("colours are 1 to {LONGEST_WORD} lower case characters");
-            return Err(source.error(&material.span(), format!("the colour `{word}` cannot be used"), Some(hint)));
+            let hint = format!("colours must be 1 to {LONGEST_WORD} lower-case characters");
+            return Err(source.error(&material.span(), format!("invalid colour `{word}`"), Some(hint)));
         }
         let known = || raw.materials.keys().chain(palette().keys()).map(String::as_str);
         if !known().any(|name| name == material.get_ref()) {
             let hint = nearest(material.get_ref(), known()).map(|near| format!("did you mean `{near}`?"));
-            return Err(source.error(&material.span(), format!("no material `{}`", material.get_ref()), hint));
+            return Err(source.error(&material.span(), format!("unknown material `{}`", material.get_ref()), hint));
         }
     }
     Ok(())

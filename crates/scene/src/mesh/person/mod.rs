@@ -26,7 +26,7 @@ pub(crate) struct Person {
     #[serde(default)]
     phase: Share,
     /// Height of what one sits on.
-    #[serde(default = "usual_seat")]
+    #[serde(default = "default_seat_height")]
     seat: Metres,
     #[serde(default)]
     top: Top,
@@ -44,7 +44,7 @@ const fn usual_height() -> Metres {
     Metres(HEIGHT)
 }
 
-const fn usual_seat() -> Metres {
+const fn default_seat_height() -> Metres {
     Metres(0.45)
 }
 

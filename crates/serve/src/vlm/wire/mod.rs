@@ -85,11 +85,11 @@ impl Wire {
             Self::Gemini => gemini::events(answered),
             Self::Anthropic => anthropic::events(answered),
         };
-        let told = |event: &Value| match event["type"].as_str() {
+        let encoded = |event: &Value| match event["type"].as_str() {
             Some(kind) => format!("event: {kind}\ndata: {event}\n\n"),
             None => format!("data: {event}\n\n"),
         };
-        let mut stream: String = events.iter().map(told).collect();
+        let mut stream: String = events.iter().map(encoded).collect();
         if self == Self::Chat {
             stream += "data: [DONE]\n\n";
         }

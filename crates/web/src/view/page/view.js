@@ -44,7 +44,7 @@ function connect() {
   socket.onmessage = ({ data }) => (typeof data === "string" ? listen(JSON.parse(data)) : receive(data));
   socket.onclose = ({ reason }) => {
     letGo();
-    announce(reason ? `${reason[0].toUpperCase()}${reason.slice(1)}.` : "The connection is lost; trying again…");
+    announce(reason ? `${reason[0].toUpperCase()}${reason.slice(1)}.` : "Connection lost, reconnecting…");
     setTimeout(connect, retry);
     retry = Math.min(retry * 2, 8000);
   };
@@ -115,7 +115,7 @@ function show(next, image) {
   $("pitch").textContent = `${head.pitch_deg.toFixed(0)}°`;
   $("speed").textContent = `${head.speed_m_s.toFixed(1)} m/s`;
   $("touching").hidden = !head.touching;
-  $("touching").textContent = head.touching ? `touches ${head.touching}` : "";
+  $("touching").textContent = head.touching ? `collides with ${head.touching}` : "";
   drawCompass(head.heading_deg);
   showUnder(head.under);
 }
@@ -125,8 +125,8 @@ function count(bytes) {
   shown.push([now, bytes]);
   while (shown[0][0] < now - 1000) shown.shift();
   const rate = shown.reduce((sum, [, size]) => sum + size, 0);
-  const pace = shown.length > 1 ? `${shown.length} pictures/s, ${(rate / 1e6).toFixed(1)} MB/s\n` : "";
-  $("figures").textContent = `${pace}${head.width}×${head.height}\ndrawn in ${head.draw_ms.toFixed(0)} ms\nencoded in ${head.encode_ms.toFixed(0)} ms`;
+  const pace = shown.length > 1 ? `${shown.length} frames/s, ${(rate / 1e6).toFixed(1)} MB/s\n` : "";
+  $("figures").textContent = `${pace}${head.width}×${head.height}\nrendered in ${head.draw_ms.toFixed(0)} ms\nencoded in ${head.encode_ms.toFixed(0)} ms`;
 }
 
 function drawCompass(heading) {

@@ -23,8 +23,8 @@ impl PictureFormat {
         match text.split_once(':') {
             None if text == "png" => Ok(Self::Png),
             Some(("jpeg", text)) if quality(text).is_some() => Ok(Self::Jpeg(quality(text).unwrap_or(100))),
-            _ => Err(CliError::usage(format!("--pictures: `{text}` is not a way to keep pictures"))
-                .hint("png, or jpeg:QUALITY with a quality from 1 to 100")),
+            _ => Err(CliError::usage(format!("--pictures: invalid image format `{text}`"))
+                .hint("use png, or jpeg:QUALITY with a quality from 1 to 100")),
         }
     }
 }
@@ -60,7 +60,7 @@ pub(super) fn write_example(folder: &Folder, number: u64, example: &Example, for
 }
 
 fn encoded<T>(file: Result<T, EncodeError>) -> Result<T, CliError> {
-    file.map_err(|error| CliError::internal("a picture cannot be encoded").because(&error))
+    file.map_err(|error| CliError::internal("cannot encode an image").because(&error))
 }
 
 #[cfg(test)]

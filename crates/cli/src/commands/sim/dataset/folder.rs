@@ -36,12 +36,12 @@ impl Folder {
             let shown = path.display();
             match (resume || overwrite, is_dataset) {
                 (false, true) => {
-                    return Err(CliError::usage(format!("the folder `{shown}` holds a dataset"))
-                        .hint("go on with it by --resume, make it anew by --overwrite, or name another folder"));
+                    return Err(CliError::usage(format!("the folder `{shown}` already holds a dataset"))
+                        .hint("use --resume to continue it, --overwrite to replace it, or another folder"));
                 }
                 (_, false) => {
                     return Err(CliError::usage(format!("the folder `{shown}` is not empty and holds no dataset"))
-                        .hint("name a new or an empty folder with -o DIR"));
+                        .hint("give a new or empty folder with -o DIR"));
                 }
                 (true, true) if resume => check_same(path, head)?,
                 (true, true) => clear(path)?,
@@ -51,10 +51,10 @@ impl Folder {
             fs::create_dir_all(path.join(name)).map_err(|error| unusable(&path.join(name), &error))?;
         }
         let text = serde_json::to_string_pretty(head)
-            .map_err(|error| CliError::internal("the dataset's head cannot be written as JSON").because(&error))?;
+            .map_err(|error| CliError::internal("cannot write the dataset header as JSON").because(&error))?;
         write(&path.join(HEAD), format!("{text}\n").as_bytes())?;
         let file = path.join(ROWS);
-        let (length, examples) = if file.exists() { whole_rows(&file)? } else { (0, 0) };
+        let (length, examples) = if file.exists() { complete_rows(&file)? } else { (0, 0) };
         let rows = OpenOptions::new().create(true).append(true).open(&file).map_err(|error| unusable(&file, &error))?;
         // A row that was cut short is no row.
         rows.set_len(length).map_err(|error| unusable(&file, &error))?;
@@ -73,19 +73,19 @@ impl Folder {
 
     /// Writes a file of the folder.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), CliError> {
-        write(&self.path.join(name), bytes).map_err(with_way_on)
+        write(&self.path.join(name), bytes).map_err(with_resume_hint)
     }
 
     /// Appends a row, whole or not at all. Its images must be there already.
     pub(super) fn push(&mut self, row: &Row) -> Result<(), CliError> {
-        let text = serde_json::to_string(row)
-            .map_err(|error| CliError::internal("an example cannot be written as JSON").because(&error))?;
+        let text =
+            serde_json::to_string(row).map_err(|error| CliError::internal("cannot write an example as JSON").because(&error))?;
         let line = format!("{text}\n");
         if let Err(error) = self.rows.write_all(line.as_bytes()) {
             // What was written of it is taken back; if that fails too, the next --resume does it.
             self.rows.set_len(self.length).ok();
             let what = format!("cannot write `{}`", self.path.join(ROWS).display());
-            return Err(with_way_on(CliError::internal(what).because(&error)));
+            return Err(with_resume_hint(CliError::internal(what).because(&error)));
         }
         self.length += line.len() as u64;
         self.examples += 1;
@@ -93,15 +93,15 @@ impl Folder {
     }
 }
 
-fn with_way_on(error: CliError) -> CliError {
-    error.hint("the examples so far are whole: make room on the disk, then give the same command with --resume")
+fn with_resume_hint(error: CliError) -> CliError {
+    error.hint("the examples so far are complete: free some disk space, then repeat the command with --resume")
 }
 
 fn unusable(path: &Path, error: &std::io::Error) -> CliError {
     let what = format!("cannot use `{}` for the dataset", path.display());
     match error.kind() {
-        ErrorKind::StorageFull => with_way_on(CliError::internal(what).because(error)),
-        _ => CliError::usage(what).because(error).hint("name a folder that can be made and written to with -o DIR"),
+        ErrorKind::StorageFull => with_resume_hint(CliError::internal(what).because(error)),
+        _ => CliError::usage(what).because(error).hint("give a writable folder with -o DIR"),
     }
 }
 
@@ -110,15 +110,15 @@ fn check_same(path: &Path, head: &Head) -> Result<(), CliError> {
     let file = path.join(HEAD);
     let text = fs::read_to_string(&file).map_err(|error| unusable(&file, &error))?;
     let there: Head = serde_json::from_str(&text).map_err(|error| {
-        CliError::usage(format!("`{}` is not a dataset of this version", file.display()))
+        CliError::usage(format!("`{}` is not a dataset of this version of spf", file.display()))
             .because(&error)
-            .hint("make it anew with --overwrite, or name another folder")
+            .hint("replace it with --overwrite, or use another folder")
     })?;
     if (Head { examples: head.examples, ..there.clone() }) == *head {
         return Ok(());
     }
-    Err(CliError::usage(format!("the dataset in `{}` was made with other settings", path.display()))
-        .hint(format!("{HEAD} there says which; give the same, or make it anew with --overwrite")))
+    Err(CliError::usage(format!("the dataset in `{}` was made with different settings", path.display()))
+        .hint(format!("see {HEAD} there for its settings; use the same, or replace it with --overwrite")))
 }
 
 /// Takes away what a dataset consists of, and nothing else.
@@ -135,7 +135,7 @@ fn clear(path: &Path) -> Result<(), CliError> {
 }
 
 /// Length and number of the whole rows at the beginning of the file, numbered from 0 without a gap.
-fn whole_rows(file: &Path) -> Result<(u64, u64), CliError> {
+fn complete_rows(file: &Path) -> Result<(u64, u64), CliError> {
     let mut reader = BufReader::new(File::open(file).map_err(|error| unusable(file, &error))?);
     let (mut length, mut rows, mut line) = (0, 0, Vec::new());
     loop {

@@ -28,8 +28,8 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     let effects = args.camera_effects.as_deref().map(parse_effects).transpose()?.unwrap_or_default();
     let (absent, look_alikes) = (share("--absent", args.absent)?, share("--look-alikes", args.look_alikes)?);
     if absent + look_alikes > 1.0 {
-        return Err(CliError::usage("--absent and --look-alikes together are more than 1")
-            .hint("they are shares of the examples; the rest holds its target and no look-alike on purpose"));
+        return Err(CliError::usage("--absent and --look-alikes add up to more than 1")
+            .hint("they are fractions of the examples; the rest shows the target without a deliberate look-alike"));
     }
     let conditions = conditions(&args.conditions)?;
     let names: Vec<&str> = args.scene.split(',').map(str::trim).collect();
@@ -49,14 +49,15 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     let interrupts = interrupts()?;
     let first = folder.examples();
     if first > 0 {
-        printer.say(&format!("{first} of {} examples are there already", args.count));
+        printer.say(&format!("{first} of {} examples already done", args.count));
     }
     printer.start_count(args.count, first);
     let mut counts = [0_u64; 3];
     for number in first..args.count {
         if interrupts.load(Ordering::Relaxed) > 0 {
             printer.end_live();
-            printer.say(&format!("stopped after {number} of {} examples; the same command with --resume goes on", args.count));
+            printer
+                .say(&format!("stopped after {number} of {} examples; repeat the command with --resume to continue", args.count));
             return Ok(Exit::Aborted);
         }
         let index = (number % generators.len() as u64) as usize;
@@ -68,7 +69,7 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     }
     printer.end_live();
     let [present, alike, absent] = counts;
-    printer.say(&format!("made {present} with their target, {alike} with a look-alike besides, {absent} without their target"));
+    printer.say(&format!("examples: {present} with the target, {alike} with a look-alike as well, {absent} without the target"));
     printer.result(&folder.path().display().to_string());
     Ok(Exit::Success)
 }
@@ -109,27 +110,27 @@ fn check_scene(name: &str, generator: &Generator<'_>, recipe: &Recipe) -> Result
     match needs.into_iter().find(|(kind, share)| *share > 0.0 && !generator.can_make(*kind)) {
         None => Ok(()),
         Some((Kind::LookAlike, _)) => {
-            let what = format!("no two things in the scene `{name}` share a name and differ in colour or quality");
-            Err(CliError::usage(what).hint("leave look-alikes out with --look-alikes 0"))
+            let what = format!("no two objects in the scene `{name}` share a name and differ in colour or another attribute");
+            Err(CliError::usage(what).hint("disable look-alikes with --look-alikes 0"))
         }
-        Some(_) => Err(CliError::usage(format!("nothing in the scene `{name}` can be pointed at"))
-            .hint("a scene for data needs objects besides ground and water")),
+        Some(_) => Err(CliError::usage(format!("the scene `{name}` has no possible targets"))
+            .hint("the scene needs objects other than ground and water")),
     }
 }
 
 fn no_view(scene: &str, kind: Kind, number: u64) -> CliError {
     let what = match kind {
         Kind::Present => "shows its target",
-        Kind::LookAlike => "shows a target and something like it",
-        Kind::Absent => "shows something and lacks something with a name of its own",
+        Kind::LookAlike => "shows a target and a look-alike",
+        Kind::Absent => "lacks a uniquely named target",
     };
-    CliError::usage(format!("no view of the scene `{scene}` was found that {what} (example {number})"))
-        .hint("try a smaller --min-pixels, or a smaller --look-alikes or --absent")
+    CliError::usage(format!("found no view of the scene `{scene}` that {what} (example {number})"))
+        .hint("reduce --min-pixels, --look-alikes or --absent")
 }
 
 fn share(flag: &str, value: f64) -> Result<f64, CliError> {
     if (0.0..=1.0).contains(&value) {
         return Ok(value);
     }
-    Err(CliError::usage(format!("{flag}: `{value}` is not a share")).hint("a number from 0 to 1, for example 0.25"))
+    Err(CliError::usage(format!("{flag}: `{value}` is not a fraction")).hint("use a number from 0 to 1, for example 0.25"))
 }

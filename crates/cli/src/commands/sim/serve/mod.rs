@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use spf_serve::truth::Heard;
+use spf_serve::truth::SharedInstruction;
 use spf_serve::vlm::OnboardCamera;
 
 use crate::args::Serve;
@@ -22,20 +22,24 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Runs the requested servers until Ctrl-C.
 pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
     if args.vlm.is_none() && !args.tello {
-        return Err(CliError::usage("nothing is named to be served").hint("spf sim serve --vlm, or --tello, or both"));
+        return Err(CliError::usage("nothing to serve").hint("use --vlm, --tello or both"));
     }
     let interrupts = interrupts()?;
-    let heard = Heard::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
+    let shared_instruction =
+        SharedInstruction::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
     let onboard = args.vlm.as_ref().map(|_| Arc::new(OnboardCamera::default()));
-    let service = args.tello.then(|| tello::start(args, onboard.clone(), heard.clone(), printer)).transpose()?;
-    let flown =
-        service.as_ref().zip(onboard).map(|(service, onboard)| vlm::Flown { world: service.world().clone(), onboard, heard });
+    let service = args.tello.then(|| tello::start(args, onboard.clone(), shared_instruction.clone(), printer)).transpose()?;
+    let flown = service.as_ref().zip(onboard).map(|(service, onboard)| vlm::Flown {
+        world: service.world().clone(),
+        onboard,
+        shared_instruction,
+    });
     let _endpoint = args.vlm.as_deref().map(|oracle| vlm::start(args, oracle, flown, printer)).transpose()?;
     while interrupts.load(Ordering::Relaxed) == 0 {
         std::thread::sleep(LOOK);
     }
     if let Some(service) = &service {
-        tello::tell_video(service, printer);
+        tello::print_video_stats(service, printer);
     }
     Ok(Exit::Success)
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use spf_core::fault::FaultPlan;
 use spf_flight::sim::FlightConditions;
 use spf_serve::tello::{FaultSource, Firmware, ServerError, TelloPlan, TelloService, VideoQuality};
-use spf_serve::truth::{Heard, truth_file};
+use spf_serve::truth::{SharedInstruction, truth_file};
 use spf_serve::vlm::OnboardCamera;
 use spf_sim::wind::WindError;
 
@@ -23,7 +23,7 @@ const PORT: u16 = 8889;
 pub(super) fn start(
     args: &Serve,
     onboard: Option<Arc<OnboardCamera>>,
-    instruction: Heard,
+    instruction: SharedInstruction,
     printer: &Printer,
 ) -> Result<TelloService, CliError> {
     let plan = TelloPlan { onboard, instruction, ..plan(args)? };
@@ -32,20 +32,21 @@ pub(super) fn start(
     let address = service.address();
     printer.result(&format!("tello@{address}"));
     printer.say(&format!(
-        "A virtual Tello (SDK {}) stands in {scene}: commands to UDP {address}, state and video go to whoever says `command`; Ctrl-C ends.",
+        "Serving a simulated Tello (SDK {}) in {scene}: send commands to UDP {address}; state and video go to the client that \
+            sends `command`. Stop with Ctrl-C.",
         args.sdk,
     ));
     if !address.ip().is_loopback() {
-        printer.say("warning: whoever can reach this address can fly it");
+        printer.say("warning: anyone who can reach this address can fly it");
     }
     Ok(service)
 }
 
 /// What video it has sent.
-pub(super) fn tell_video(service: &TelloService, printer: &Printer) {
+pub(super) fn print_video_stats(service: &TelloService, printer: &Printer) {
     let tally = service.tally();
     if tally.frames > 0 {
-        printer.say(&format!("video: {} frames, {:.1} a second, {} late", tally.frames, tally.rate(), tally.late));
+        printer.say(&format!("video: {} frames, {:.1} per second, {} late", tally.frames, tally.rate(), tally.late));
     }
 }
 
@@ -53,12 +54,12 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
     let wrong = |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: `{value}` is not {expected}"));
     let listen = address(&args.listen).ok_or_else(|| {
         wrong("--listen", &args.listen, "an address")
-            .hint("a dotted address of this machine, such as 127.0.0.1 or 127.0.0.1:8889")
+            .hint("use an IPv4 address of this machine, such as 127.0.0.1 or 127.0.0.1:8889")
     })?;
     let firmware = Firmware::from_name(&args.sdk).ok_or_else(|| wrong("--sdk", &args.sdk, "1.3, 2.0 or 3.0"))?;
     let quality = VideoQuality::from_name(&args.quality).ok_or_else(|| {
         wrong("--quality", &args.quality, &format!("one of {}", VideoQuality::NAMES.join(", ")))
-            .hint("auto draws as finely as this machine has time for")
+            .hint("auto adapts the quality to this machine")
     })?;
     let pose = args.start.as_deref().map(|text| parse_pose(text).map_err(|expected| wrong("--start", text, &expected)));
     let mut flight_conditions = FlightConditions { battery: args.battery, ..FlightConditions::default() };
@@ -82,7 +83,7 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
         firmware,
         quality,
         faults: args.fault.clone().map_or_else(|| FaultSource::Plan(FaultPlan::default()), FaultSource::File),
-        instruction: Heard::default(),
+        instruction: SharedInstruction::default(),
         onboard: None,
         truth: truth.transpose()?,
         loaded: Arc::new(load_scene(args.scene.as_deref().unwrap_or("office"), &conditions(&args.conditions)?)?),
@@ -94,14 +95,14 @@ fn address(text: &str) -> Option<SocketAddr> {
 }
 
 fn refused(error: &ServerError, listen: SocketAddr) -> CliError {
-    let said = CliError::usage("the Tello cannot be served").because(error);
+    let said = CliError::usage("cannot serve the Tello").because(error);
     match error {
         ServerError::Bind { .. } => said.hint(format!(
-            "is {} an address of this machine, and nobody else on port {}? --listen 127.0.0.2 is another of most machines",
+            "check that {} is an address of this machine and that port {} is free; on most machines --listen 127.0.0.2 works too",
             listen.ip(),
             listen.port()
         )),
-        ServerError::Thread(_) => CliError::internal("the Tello cannot be served").because(error),
-        _ => said.hint("the form of a faults file stands in docs/guide/tello.md"),
+        ServerError::Thread(_) => CliError::internal("cannot serve the Tello").because(error),
+        _ => said.hint("docs/guide/tello.md describes the format of fault files"),
     }
 }

@@ -4,8 +4,8 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use spf_flight::sim::{FlightConditions, OracleVlm, SimWorld};
-use spf_serve::truth::Heard;
-use spf_serve::vlm::{AnswerForm, Camera, Endpoint, Instruction, Lens, Memory, Mind, OnboardCamera, Serving};
+use spf_serve::truth::SharedInstruction;
+use spf_serve::vlm::{AnswerForm, Camera, Endpoint, Instruction, Lens, Memory, OnboardCamera, Responder, Serving};
 
 use crate::args::Serve;
 use crate::commands::sim::{above_start, conditions, parse_effects, parse_kind};
@@ -23,8 +23,8 @@ pub(super) struct Flown {
     pub(super) world: SimWorld,
     /// What its camera sees.
     pub(super) onboard: Arc<OnboardCamera>,
-    /// Where the instruction that is heard goes.
-    pub(super) heard: Heard,
+    /// Receives the instruction in use.
+    pub(super) shared_instruction: SharedInstruction,
 }
 
 /// Starts it; it answers until what is returned is dropped. Its eye is the drone's, where one flies, else a camera that stands.
@@ -43,7 +43,7 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
         "gemini-point" => AnswerForm::GeminiPoint,
         other => {
             return Err(
-                wrong("--answer", other, "spf or gemini-point").hint("spf is the reply contract of docs/reference/reply.md")
+                wrong("--answer", other, "spf or gemini-point").hint("spf is the reply format of docs/reference/reply.md")
             );
         }
     };
@@ -59,17 +59,15 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
     let conditions = conditions(&args.conditions)?;
     // The port first: an endpoint that cannot be had is not worth loading a scene for.
     let endpoint = Endpoint::bind(address).map_err(|error| {
-        CliError::usage("the endpoint cannot be served")
-            .because(&error)
-            .hint("--vlm-listen 127.0.0.1:0 takes a port that is free")
+        CliError::usage("cannot serve the endpoint").because(&error).hint("--vlm-listen 127.0.0.1:0 picks a free port")
     })?;
-    let mind = |world: &SimWorld, memory: Arc<Memory>| {
-        Mind::new(OracleVlm::new(name.clone(), world.clone(), errors, args.seed), memory, instruction, form)
+    let responder = |world: &SimWorld, memory: Arc<Memory>| {
+        Responder::new(OracleVlm::new(name.clone(), world.clone(), errors, args.seed), memory, instruction, form)
     };
-    let (scene, lens, mind): (String, Arc<dyn Lens>, Mind) = match flown {
-        Some(Flown { world, onboard, heard }) => {
-            let mind = mind(&world, onboard.memory().clone()).telling(heard);
-            (world.loaded().scene.name.clone(), onboard, mind)
+    let (scene, lens, responder): (String, Arc<dyn Lens>, Responder) = match flown {
+        Some(Flown { world, onboard, shared_instruction }) => {
+            let responder = responder(&world, onboard.memory().clone()).sharing_instruction(shared_instruction);
+            (world.loaded().scene.name.clone(), onboard, responder)
         }
         None => {
             let loaded = Arc::new(load_scene(args.scene.as_deref().unwrap_or("city"), &conditions)?);
@@ -78,19 +76,20 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
             let flight_conditions = FlightConditions { effects, ..FlightConditions::default() };
             let world = SimWorld::under(&flight_conditions, loaded, kind, start, args.seed);
             let (memory, scene) = (Arc::new(Memory::default()), world.loaded().scene.name.clone());
-            let mind = mind(&world, memory.clone());
-            (scene, Arc::new(Camera::new(world, args.seed, start, memory)), mind)
+            let responder = responder(&world, memory.clone());
+            (scene, Arc::new(Camera::new(world, args.seed, start, memory)), responder)
         }
     };
     let address = endpoint.address();
-    let serving = endpoint.serve(lens, mind).map_err(|error| CliError::internal("no endpoint").because(&error))?;
+    let serving =
+        endpoint.serve(lens, responder).map_err(|error| CliError::internal("cannot start the endpoint").because(&error))?;
     printer.result(&format!("http://{address}"));
     printer.say(&format!(
-        "{name} answers as OpenAI (http://{address}/v1), Gemini and Anthropic (http://{address}) about pictures of {scene} \
-         (http://{address}/frame.jpg); it is no VLM. Ctrl-C ends.",
+        "Serving {name} as OpenAI (http://{address}/v1), Gemini and Anthropic (http://{address}) for images of {scene} \
+            (http://{address}/frame.jpg); it is not a VLM. Stop with Ctrl-C.",
     ));
     if !address.ip().is_loopback() {
-        printer.say("warning: whoever can reach this address can ask, move the camera, and use this machine's time for it");
+        printer.say("warning: anyone who can reach this address can send questions, move the camera, and use CPU time");
     }
     Ok(serving)
 }

@@ -8,7 +8,7 @@ use spf_core::camera::Camera;
 use spf_core::craft::CraftKind;
 use spf_core::time::Time;
 use spf_flight::sim::{LoadedScene, WorldSnapshot};
-use spf_render::{Channels, Picture};
+use spf_render::{Channels, RenderedImage};
 use spf_scene::actors::Traffic;
 use spf_scene::{Lighting, SceneLook, Weather};
 use spf_sim::model::Model;
@@ -17,7 +17,7 @@ use tokio::sync::mpsc::Sender;
 use super::camera::{FreeCamera, Push};
 use super::message::{Channel, FromPage, Head, ToPage, Under};
 use super::quality::{Budget, Manner};
-use super::{Beginning, Library, draw, sight};
+use super::{InitialView, Library, draw, sight};
 
 /// Maximum number of images sent but not yet displayed.
 const AHEAD: u64 = 2;
@@ -39,11 +39,11 @@ pub(super) enum Out {
     /// JSON.
     Text(String),
     /// Header and JPEG.
-    Picture(Vec<u8>),
+    Image(Vec<u8>),
 }
 
 /// The camera of a page in its scene.
-pub(super) struct Eye {
+pub(super) struct ViewRenderer {
     library: Arc<Library>,
     out: Sender<Out>,
     loaded: Arc<LoadedScene>,
@@ -65,13 +65,13 @@ pub(super) struct Eye {
     budget: Budget,
     /// Quality of `picture`; `None` before the first image.
     manner: Option<Manner>,
-    picture: Picture,
+    picture: RenderedImage,
     /// The camera used for `picture`.
     lens: Camera,
     /// Whether the image is outdated.
     stale: bool,
     /// Whether only the outline under the pointer is outdated.
-    marked_anew: bool,
+    mark_changed: bool,
     drawn_at: Option<Instant>,
     draw_ms: f64,
     frame: u64,
@@ -79,14 +79,14 @@ pub(super) struct Eye {
 }
 
 /// The page has disconnected.
-pub(super) struct Gone;
+pub(super) struct PageClosed;
 
-impl Eye {
+impl ViewRenderer {
     /// Opens the initial view.
     ///
     /// # Errors
     /// A message for the page if the scene cannot be loaded.
-    pub(super) fn open(library: Arc<Library>, beginning: &Beginning, out: Sender<Out>) -> Result<Self, String> {
+    pub(super) fn open(library: Arc<Library>, beginning: &InitialView, out: Sender<Out>) -> Result<Self, String> {
         let loaded = library.get(&beginning.scene, &beginning.conditions)?;
         let camera = FreeCamera::new(&loaded.scene, beginning.pose.unwrap_or(loaded.scene.preview));
         let lens = loaded.scene.default_craft.camera();
@@ -109,10 +109,10 @@ impl Eye {
             channel: Channel::default(),
             budget: Budget::default(),
             manner: None,
-            picture: Picture::default(),
+            picture: RenderedImage::default(),
             lens,
             stale: true,
-            marked_anew: false,
+            mark_changed: false,
             drawn_at: None,
             draw_ms: 0.0,
             frame: 0,
@@ -122,27 +122,27 @@ impl Eye {
     }
 
     /// Moves and renders until the page disconnects.
-    pub(super) fn run(mut self, inbox: &Receiver<FromPage>) -> Gone {
+    pub(super) fn run(mut self, inbox: &Receiver<FromPage>) -> PageClosed {
         match self.live(inbox) {
             Ok(never) => match never {},
             Err(gone) => gone,
         }
     }
 
-    fn live(&mut self, inbox: &Receiver<FromPage>) -> Result<core::convert::Infallible, Gone> {
+    fn live(&mut self, inbox: &Receiver<FromPage>) -> Result<core::convert::Infallible, PageClosed> {
         self.tell(&ToPage::Hello {
             version: env!("CARGO_PKG_VERSION"),
             scenes: self.library.names().to_vec(),
             lights: Lighting::ALL.map(Lighting::name).to_vec(),
             weathers: Weather::ALL.map(Weather::name).to_vec(),
         })?;
-        self.tell_scene()?;
+        self.send_scene()?;
         let mut before = Instant::now();
         loop {
             match inbox.recv_timeout(self.wait(Instant::now())) {
                 Ok(message) => self.follow(message)?,
                 Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return Err(Gone),
+                Err(RecvTimeoutError::Disconnected) => return Err(PageClosed),
             }
             while let Ok(message) = inbox.try_recv() {
                 self.follow(message)?;
@@ -183,7 +183,7 @@ impl Eye {
 
     fn wants_picture(&self, now: Instant) -> bool {
         let coarse = !self.is_moving(now) && self.manner != Some(self.next_manner(now));
-        self.stale || self.marked_anew || coarse
+        self.stale || self.mark_changed || coarse
     }
 
     fn kind(&self) -> CraftKind {
@@ -217,7 +217,7 @@ impl Eye {
     }
 
     /// Handles a message of the page.
-    fn follow(&mut self, message: FromPage) -> Result<(), Gone> {
+    fn follow(&mut self, message: FromPage) -> Result<(), PageClosed> {
         match message {
             FromPage::Fly { right, forward, up, yaw, pitch, fast } => {
                 self.push = Push { right, forward, up, yaw, pitch, fast };
@@ -234,7 +234,7 @@ impl Eye {
             FromPage::Detail { detail } => (self.budget.detail, self.stale) = (detail, true),
             FromPage::Craft { craft } => {
                 (self.craft, self.stale) = (Some(craft), true);
-                return self.tell_scene();
+                return self.send_scene();
             }
             FromPage::Collide { on } => self.collide = on,
             FromPage::Run { on } => self.running = on,
@@ -251,7 +251,7 @@ impl Eye {
     }
 
     /// Switches to another scene, or to other conditions at the same pose.
-    fn enter(&mut self, name: String, conditions: SceneLook) -> Result<(), Gone> {
+    fn enter(&mut self, name: String, conditions: SceneLook) -> Result<(), PageClosed> {
         self.tell(&ToPage::Loading { name: name.clone() })?;
         match self.library.get(&name, &conditions) {
             Ok(loaded) => {
@@ -263,17 +263,17 @@ impl Eye {
             }
             Err(reason) => self.tell(&ToPage::Refused { reason })?,
         }
-        self.tell_scene()
+        self.send_scene()
     }
 
     /// Handles pointer motion over a static image.
-    fn point(&mut self, at: Option<[f64; 2]>) -> Result<(), Gone> {
+    fn point(&mut self, at: Option<[f64; 2]>) -> Result<(), PageClosed> {
         self.pointer = at;
         let before = self.under.take();
         self.under = self.seen_under_pointer();
         let id = |under: &Option<(u16, Under)>| under.as_ref().map(|(id, _)| *id);
         if id(&before) != id(&self.under) {
-            self.marked_anew = true;
+            self.mark_changed = true;
         } else if before != self.under && !self.stale {
             self.tell(&ToPage::Under { under: self.under.as_ref().map(|(_, under)| under.clone()) })?;
         }
@@ -285,7 +285,7 @@ impl Eye {
     }
 
     /// Renders if anything but the outline changed, and sends.
-    fn look(&mut self, now: Instant) -> Result<(), Gone> {
+    fn look(&mut self, now: Instant) -> Result<(), PageClosed> {
         let manner = self.next_manner(now);
         let (width, height) = manner.size;
         let drawn = self.stale || self.manner != Some(manner);
@@ -297,7 +297,7 @@ impl Eye {
             self.loaded.render_into(&self.lens, &snapshot, channels, &mut self.picture);
             self.draw_ms = milliseconds(now.elapsed());
         }
-        (self.manner, self.stale, self.marked_anew, self.drawn_at) = (Some(manner), false, false, Some(now));
+        (self.manner, self.stale, self.mark_changed, self.drawn_at) = (Some(manner), false, false, Some(now));
         self.under = self.seen_under_pointer();
         let encoding = Instant::now();
         // An outline of the ground would surround every object on it.
@@ -324,10 +324,10 @@ impl Eye {
             draw_ms: self.draw_ms,
             encode_ms: milliseconds(encoding.elapsed()),
         };
-        self.send(Out::Picture(head.with(jpeg.bytes())))
+        self.send(Out::Image(head.with(jpeg.bytes())))
     }
 
-    fn tell_scene(&self) -> Result<(), Gone> {
+    fn send_scene(&self) -> Result<(), PageClosed> {
         let scene = &self.loaded.scene;
         self.tell(&ToPage::Scene {
             name: self.name.clone(),
@@ -342,12 +342,12 @@ impl Eye {
         })
     }
 
-    fn tell(&self, message: &ToPage) -> Result<(), Gone> {
+    fn tell(&self, message: &ToPage) -> Result<(), PageClosed> {
         self.send(Out::Text(serde_json::to_string(message).unwrap_or_default()))
     }
 
-    fn send(&self, out: Out) -> Result<(), Gone> {
-        self.out.blocking_send(out).map_err(|_| Gone)
+    fn send(&self, out: Out) -> Result<(), PageClosed> {
+        self.out.blocking_send(out).map_err(|_| PageClosed)
     }
 }
 

@@ -5,14 +5,14 @@ use std::sync::{Arc, PoisonError};
 use serde_json::json;
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
 use spf_core::prompt::MAX_INSTRUCTION;
-use spf_core::query::{Memory as Told, Query, QueryId, QueryKind};
+use spf_core::query::{Memory as PilotMemory, Query, QueryId, QueryKind};
 use spf_core::reply::parse_reply;
 use spf_core::time::{Duration, Time};
 use spf_flight::sim::OracleVlm;
 use spf_media::Rgb;
 
 use super::memory::{Memory, Remembered, Unrecognised};
-use crate::truth::Heard;
+use crate::truth::SharedInstruction;
 
 /// Source of the instruction.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,7 +35,7 @@ pub enum AnswerForm {
 
 /// An answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Thought {
+pub struct OracleReply {
     /// The text.
     pub text: String,
     /// The oracle's latency.
@@ -43,25 +43,25 @@ pub struct Thought {
 }
 
 /// Answers queries with the oracle of a world, given image and prompt.
-pub struct Mind {
+pub struct Responder {
     oracle: OracleVlm,
     memory: Arc<Memory>,
     instruction: Instruction,
     form: AnswerForm,
-    heard: Option<Heard>,
+    shared_instruction: Option<SharedInstruction>,
 }
 
-impl Mind {
+impl Responder {
     /// Uses the frames of `memory` for recognition.
     #[must_use]
     pub fn new(oracle: OracleVlm, memory: Arc<Memory>, instruction: Instruction, form: AnswerForm) -> Self {
-        Self { oracle, memory, instruction, form, heard: None }
+        Self { oracle, memory, instruction, form, shared_instruction: None }
     }
 
-    /// Reports the last instruction to `heard`.
+    /// Reports the last instruction to `shared_instruction`.
     #[must_use]
-    pub fn telling(self, heard: Heard) -> Self {
-        Self { heard: Some(heard), ..self }
+    pub fn sharing_instruction(self, shared_instruction: SharedInstruction) -> Self {
+        Self { shared_instruction: Some(shared_instruction), ..self }
     }
 
     /// Answers a prompt about an image. `number` is the query's number, which determines the random errors of the
@@ -69,24 +69,24 @@ impl Mind {
     ///
     /// # Errors
     /// [`Unrecognised`] if the image is not a frame of the last ten seconds.
-    pub fn answer(&self, now: Time, number: u64, prompt: &str, picture: &Rgb) -> Result<Thought, Unrecognised> {
+    pub fn answer(&self, now: Time, number: u64, prompt: &str, picture: &Rgb) -> Result<OracleReply, Unrecognised> {
         let Remembered { frame, snapshot } = self.memory.recognise(now, picture)?;
         let avoid = prompt.contains("\"boxes\"") || prompt.contains("- boxes:");
         let query = Query {
-            instruction: self.heard(prompt),
-            memory: Told { stage: stage_of(prompt), ..Told::default() },
+            instruction: self.instruction_for(prompt),
+            memory: PilotMemory { stage: stage_of(prompt), ..PilotMemory::default() },
             image_size: Some((picture.width(), picture.height())),
             ..Query::new(QueryId(number), frame, QueryKind::Point { avoid })
         };
         let answer = self.oracle.answer_at(&query, &snapshot);
         let text = answer.text.unwrap_or_default();
-        Ok(Thought { text: self.written(&text, prompt, picture, avoid), latency: answer.latency })
+        Ok(OracleReply { text: self.written(&text, prompt, picture, avoid), latency: answer.latency })
     }
 
-    fn heard(&self, prompt: &str) -> String {
+    fn instruction_for(&self, prompt: &str) -> String {
         let instruction = self.instruction_of(prompt);
-        if let Some(heard) = &self.heard {
-            *heard.lock().unwrap_or_else(PoisonError::into_inner) = Some(instruction.clone());
+        if let Some(shared_instruction) = &self.shared_instruction {
+            *shared_instruction.lock().unwrap_or_else(PoisonError::into_inner) = Some(instruction.clone());
         }
         instruction
     }
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn our_own_prompts_are_understood() {
-        let memory = Told { stage: 3, ..Told::default() };
+        let memory = PilotMemory { stage: 3, ..PilotMemory::default() };
         for order in [AxisOrder::Yx, AxisOrder::Xy] {
             for scale in [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width: 640, height: 480 }] {
                 let profile = GroundingProfile { order, scale };
