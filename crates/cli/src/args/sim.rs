@@ -30,7 +30,7 @@ Examples:
   spf sim render city -o x.png --camera-effects blur=20,noise=5,lens=wide --moving 2,0,0,60
 
 Depth is a 16-bit PNG in centimetres along the optical axis (0: none or beyond 655 m). IDs are a 16-bit PNG with a JSON \
-legend of the same name next to it.")]
+legend of the same name next to it. `spf sim scenes SCENE --objects` lists bounds, start and positions.")]
 pub(crate) struct Render {
     /// Scene: a built-in name, scene file or .glb; NAME@N is a variant
     pub(crate) scene: String,
@@ -67,6 +67,7 @@ pub(crate) struct Render {
 #[command(after_help = "\
 Examples:
   spf sim scenes
+  spf sim scenes office --objects
   spf sim scenes --stats --pictures previews
   spf sim scenes --contact-sheet scenes.jpg
   spf sim scenes city@1 city@2 yard@1 yard@2 --contact-sheet variants.jpg
@@ -78,6 +79,9 @@ pub(crate) struct Scenes {
     /// Also show meshes, triangles, materials, tags, loading time and memory
     #[arg(long)]
     pub(crate) stats: bool,
+    /// Also list every object: ID, name, colour, position and size; and the scene's bounds and start
+    #[arg(long)]
+    pub(crate) objects: bool,
     /// Render an image of each scene into this folder, and print the paths
     #[arg(long, value_name = "DIR")]
     pub(crate) pictures: Option<PathBuf>,

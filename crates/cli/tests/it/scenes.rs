@@ -86,3 +86,35 @@ fn a_contact_sheet_shows_every_light_and_weather() {
     let run = lab.spf(&["sim", "scenes", "city", "--contact-sheet", "sheet.gif"]);
     assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""));
 }
+
+#[test]
+fn objects_are_listed_with_ids_and_places() {
+    let lab = Lab::new();
+    let run = lab.spf(&["sim", "scenes", "office", "--objects"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(
+        run.stdout.contains("office: east -9 to 9 m") && run.stdout.contains("start at -6.6,3.3,0.0, heading 90°"),
+        "{}",
+        run.stdout
+    );
+    let listed = run.stdout.lines().skip_while(|line| !line.starts_with("ID ")).skip(1).count();
+    let run = lab.spf(&["sim", "scenes", "office", "--objects", "--json"]);
+    let printed: Value = serde_json::from_str(&run.stdout).unwrap();
+    let office = &printed["scenes"][0];
+    assert_eq!(office["object_list"].as_array().unwrap().len(), listed);
+    assert_eq!(office["objects"].as_u64(), Some(listed as u64));
+    assert_eq!(office["start"]["heading_deg"], 90.0);
+    let lying = office["object_list"].as_array().unwrap().iter().find(|object| object["key"] == "person_lying").unwrap();
+    assert_eq!(lying["colour"], "red");
+    assert!(lying["centre_m"][2].as_f64().unwrap() < 0.5 && lying["size_m"][0].as_f64().unwrap() > 1.0, "{lying}");
+}
+
+#[test]
+fn an_image_from_outside_the_scene_is_warned_about() {
+    let lab = Lab::new();
+    let run = lab.spf(&["sim", "render", "office", "--pose", "20,0,1.5,0", "--size", "64x48", "-o", "x.png"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stderr.contains("the pose is outside office: east -9 to 9 m"), "{}", run.stderr);
+    let run = lab.spf(&["sim", "render", "office", "--pose", "0,0,1.5,0", "--size", "64x48", "-o", "y.png"]);
+    assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""));
+}

@@ -170,9 +170,13 @@ impl TextStyle {
 }
 
 impl TextStyle {
-    /// The text in lines of at most `width` pixels, broken between words. A word that is longer than a line is cut.
+    /// The text in lines of at most `width` pixels, broken between words, with its own spaces if it fits into one line. A word that
+    /// is longer than a line is cut.
     #[must_use]
     pub fn wrapped(&self, text: &str, width: f64) -> Vec<String> {
+        if self.measure(text).0 <= width {
+            return vec![text.to_owned()];
+        }
         let mut lines: Vec<String> = Vec::new();
         for word in text.split_whitespace() {
             match lines.last_mut() {

@@ -2,6 +2,7 @@
 
 mod contact_sheet;
 mod dataset;
+mod objects;
 mod render;
 mod scenes;
 mod serve;

@@ -8,6 +8,7 @@ use spf_media::jpeg::EncodeError;
 use spf_media::png;
 use spf_render::effects::SimCamera;
 use spf_render::{Channels, RenderedImage};
+use spf_scene::Scene;
 
 use super::{above_start, centimetres, conditions, parse_effects, parse_kind, parse_size, write};
 use crate::args::Render;
@@ -33,6 +34,7 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let loaded = load_scene(&args.scene, &conditions)?;
     let kind = kind.unwrap_or(loaded.scene.default_craft);
     let pose = pose.unwrap_or_else(|| above_start(loaded.scene.start, kind));
+    warn_outside(&loaded.scene, pose, printer);
     let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
     let sim_camera = SimCamera::new(camera, effects, 0);
     let shot = sim_camera.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
@@ -61,6 +63,17 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
         printer.result(&path.display().to_string());
     }
     Ok(Exit::Success)
+}
+
+/// An image from outside shows little but the sky: most likely a mistaken coordinate.
+fn warn_outside(scene: &Scene, pose: Pose, printer: &Printer) {
+    if !scene.bounds.contains(pose.position) {
+        let (min, max) = (scene.bounds.min, scene.bounds.max);
+        printer.say(&format!(
+            "warning: the pose is outside {}: east {:.0} to {:.0} m, north {:.0} to {:.0} m, up {:.0} to {:.0} m",
+            scene.name, min.east, max.east, min.north, max.north, min.up, max.up
+        ));
+    }
 }
 
 /// No image is to overwrite another.

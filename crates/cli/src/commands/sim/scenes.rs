@@ -13,7 +13,7 @@ use spf_media::png;
 use spf_render::Channels;
 use spf_scene::{Object, Scene, SceneLook};
 
-use super::{colour, contact_sheet, write};
+use super::{colour, contact_sheet, objects, write};
 use crate::args::Scenes;
 use crate::commands::load_scene;
 use crate::error::CliError;
@@ -36,12 +36,27 @@ struct Entry {
     drone_model: &'static str,
     /// East, north, up.
     size_m: [f64; 3],
+    /// Lower and upper corner: east, north, up.
+    bounds_m: [[f64; 3]; 2],
+    start: Start,
     objects: usize,
     tags: Vec<Tag>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    object_list: Option<Vec<objects::Row>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     picture: Option<PathBuf>,
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     stats: Option<Stats>,
+}
+
+/// Where flights start, on the ground.
+#[derive(Serialize)]
+struct Start {
+    east_m: f64,
+    north_m: f64,
+    up_m: f64,
+    /// Clockwise from north.
+    heading_deg: f64,
 }
 
 /// How many objects go by a name, and in which colours.
@@ -123,6 +138,7 @@ fn look_at(name: &str, args: &Scenes) -> Result<(LoadedScene, Entry), CliError> 
     let loaded = load_scene(name, &SceneLook::default())?;
     let load_time = started.elapsed();
     let mut entry = entry(&loaded.scene);
+    entry.object_list = args.objects.then(|| objects::rows(&loaded.scene));
     if args.stats || args.pictures.is_some() {
         let started = Instant::now();
         let camera = loaded.scene.default_craft.camera();
@@ -142,14 +158,23 @@ fn look_at(name: &str, args: &Scenes) -> Result<(LoadedScene, Entry), CliError> 
 }
 
 fn entry(scene: &Scene) -> Entry {
-    let (min, max) = (scene.bounds.min, scene.bounds.max);
+    let (min, max, start) = (scene.bounds.min, scene.bounds.max, scene.start);
     Entry {
         name: scene.name.clone(),
         description: scene.description.clone(),
         drone_model: scene.default_craft.name(),
         size_m: [max.east - min.east, max.north - min.north, max.up - min.up],
+        bounds_m: [min, max].map(|corner| [corner.east, corner.north, corner.up]),
+        start: Start {
+            east_m: start.position.east,
+            north_m: start.position.north,
+            up_m: start.position.up,
+            // Degrees as in the scene file, without the rounding error of radians.
+            heading_deg: (start.attitude.heading.to_degrees() * 1e6).round() / 1e6,
+        },
         objects: scene.objects.len(),
         tags: tags(&scene.objects),
+        object_list: None,
         picture: None,
         stats: None,
     }
@@ -196,6 +221,16 @@ fn tell(listing: &Listing, printer: &Printer) {
     printer.result(&table(&rows));
     if listing.scenes.iter().any(|scene| scene.stats.is_some()) {
         print_stats(listing, printer);
+    }
+    for scene in &listing.scenes {
+        if let Some(rows) = &scene.object_list {
+            let ([low, high], start) = (scene.bounds_m, &scene.start);
+            printer.result(&format!(
+                "\n{}: east {:.0} to {:.0} m, north {:.0} to {:.0} m; start at {:.1},{:.1},{:.1}, heading {:.0}°. Centres in metres:\n",
+                scene.name, low[0], high[0], low[1], high[1], start.east_m, start.north_m, start.up_m, start.heading_deg
+            ));
+            printer.result(&objects::text(rows));
+        }
     }
     let pictures: Vec<_> = listing.scenes.iter().filter_map(|scene| scene.picture.as_ref()).collect();
     if !pictures.is_empty() {
