@@ -33,7 +33,7 @@ impl Pilot {
                 self.enter(now, phase);
             }
             // Take-off began, and the craft is on the ground again: it has given up, and reports why itself.
-            (Phase::TakeOff, FlightPhase::OnGround) if before == FlightPhase::TakingOff => {
+            (Phase::TakeOff, FlightPhase::OnGround) if matches!(before, FlightPhase::TakingOff | FlightPhase::Landing) => {
                 self.finish(now, Outcome::Failed, "the craft refused to take off".to_owned());
             }
             (Phase::Landing, FlightPhase::OnGround | FlightPhase::Stopped) => self.enter(now, Phase::Ended),

@@ -1,6 +1,7 @@
 //! A Tello with its sockets and threads.
 
 use std::net::{IpAddr, SocketAddr, UdpSocket};
+use std::panic::AssertUnwindSafe;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
@@ -18,7 +19,7 @@ use super::camera::{FrameDecoder, gather, watch};
 use super::conversation::Order;
 use super::inlet::Inlet;
 use super::link::{Link, Notice};
-use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state};
+use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
 use super::settings::TelloSettings;
 use super::state::State;
 use crate::frames::{FrameStore, Frames};
@@ -30,8 +31,10 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 const VIDEO_NAP: Duration = Duration::from_millis(50);
 /// Receive buffer for more than half a second of video, bytes.
 const VIDEO_BUFFER: usize = 4 << 20;
-/// Time allowed for urgent commands at shutdown.
-const LAST_WORDS: Duration = Duration::from_millis(300);
+/// Time allowed for repetitions of `emergency` at shutdown.
+const EMERGENCY_TIME: Duration = Duration::from_millis(300);
+/// Time allowed for a landing at shutdown: from 10 m at 0.5 m/s, and until the motors are seen off.
+const LANDING_TIME: Duration = Duration::from_secs(25);
 
 /// A connected drone.
 pub struct Connected {
@@ -79,7 +82,11 @@ impl Shared {
                 Notice::Unsaid { command } => {
                     tracing::warn!("`{command}` was not sent: a reply to the previous command may still arrive");
                 }
-                Notice::MotorsOff => tracing::warn!("the drone stopped its motors"),
+                Notice::MotorsOff => tracing::warn!("the drone seems to have stopped its motors; landing it"),
+                Notice::NoTakeOff => tracing::warn!("no reply to `takeoff`, and the motors do not turn: take-off given up"),
+                Notice::Unattended { landing: false } => tracing::error!("no command from the pilot for 2 s: the drone holds"),
+                Notice::Unattended { landing: true } => tracing::error!("no command from the pilot for 5 s: landing the drone"),
+                Notice::Failed => tracing::error!("a part of the Tello driver failed: landing the drone"),
             }
         }
     }
@@ -117,6 +124,10 @@ impl Tello {
         let firmware = enter(&command, drone)?;
         let first = first_state(&state, drone.ip()).ok_or(ConnectError::NoState { port: state_port })?;
         let mut link = Link::new(calibration);
+        // A program that died may have left it in the air.
+        if is_flying(&state, drone.ip(), &first) {
+            link.adopt(Time::ZERO + start.elapsed());
+        }
         link.order(Order::quick("streamon"));
         let shared = Arc::new(Shared { link: Mutex::new(link), command, start, stopped: AtomicBool::new(false) });
         let frames = FrameStore::default();
@@ -139,8 +150,37 @@ impl Tello {
     }
 
     fn spawn(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), ConnectError> {
-        self.threads.push(Builder::new().name(format!("tello {name}")).spawn(work).map_err(ConnectError::Start)?);
+        let shared = self.shared.clone();
+        let guarded = move || {
+            // A panic must not leave the drone with its last velocity. The message was printed where it happened.
+            if std::panic::catch_unwind(AssertUnwindSafe(work)).is_err() {
+                let now = shared.now();
+                shared.link().fail(now);
+                // This thread may have been the one that sends.
+                while !shared.stopped.load(Ordering::Relaxed) {
+                    shared.flush();
+                    std::thread::sleep(POLL_INTERVAL);
+                }
+            }
+        };
+        self.threads.push(Builder::new().name(format!("tello {name}")).spawn(guarded).map_err(ConnectError::Start)?);
         Ok(())
+    }
+
+    /// Lands a drone that is still in the air, and waits until its motors are seen off: however the program ends, `rc` is
+    /// sticky, and an abandoned drone would fly on for 15 s.
+    fn land(&self) {
+        let now = self.shared.now();
+        self.shared.link().leave(now);
+        let begun = Instant::now();
+        while self.shared.link().is_airborne() {
+            if begun.elapsed() >= LANDING_TIME {
+                tracing::error!("the drone did not report a landing within {} s", LANDING_TIME.as_secs());
+                return;
+            }
+            self.shared.flush();
+            std::thread::sleep(POLL_INTERVAL);
+        }
     }
 
     /// Number of `rc` commands sent.
@@ -154,10 +194,11 @@ impl Drop for Tello {
     fn drop(&mut self) {
         // A flight ends with the first `emergency`; the repetitions may be the ones that arrive.
         let begun = Instant::now();
-        while self.shared.link().is_urgent() && begun.elapsed() < LAST_WORDS {
+        while self.shared.link().is_urgent() && begun.elapsed() < EMERGENCY_TIME {
             self.shared.flush();
             std::thread::sleep(POLL_INTERVAL);
         }
+        self.land();
         self.shared.stopped.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
             drop(thread.join());
@@ -184,16 +225,23 @@ impl Drone for Tello {
 
     fn apply(&mut self, _now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
         // Use the link's clock, not the loop's: a setpoint expires on time however late it arrives here.
-        self.shared.link().apply(self.shared.now(), command);
+        let now = self.shared.now();
+        let mut link = self.shared.link();
+        link.heartbeat(now);
+        link.apply(now, command);
+        drop(link);
         self.shared.flush();
         Ok(())
     }
 
     fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
         self.polled = until;
-        if let Some(event) = self.shared.link().take_event() {
+        let mut link = self.shared.link();
+        link.heartbeat(self.shared.now());
+        if let Some(event) = link.take_event() {
             return Some(event);
         }
+        drop(link);
         let meta = self.frames.take_new_frame()?;
         Some((meta.received, DroneEvent::Frame(meta)))
     }

@@ -10,6 +10,7 @@ pub mod conversation;
 pub mod craft;
 mod doctor;
 pub mod driver;
+mod ground;
 mod inlet;
 pub mod link;
 mod manoeuvre;

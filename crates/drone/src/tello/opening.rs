@@ -14,6 +14,10 @@ use super::state::State;
 const COMMAND_TRIES: u32 = 5;
 const ANSWER_WAIT: Duration = Duration::from_secs(1);
 const STATE_WAIT: Duration = Duration::from_secs(2);
+/// Long enough to see the motor time advance, which counts seconds.
+const MOTOR_WAIT: Duration = Duration::from_millis(2300);
+/// Above this the drone is in the air, or in a hand, centimetres.
+const ABOVE_GROUND: i32 = 25;
 
 /// Why the connection failed. Each message says what to do.
 #[derive(Debug, thiserror::Error)]
@@ -176,4 +180,18 @@ pub(super) fn first_state(socket: &UdpSocket, drone: IpAddr) -> Option<State> {
         first.is_some()
     });
     first
+}
+
+/// Whether the drone is in the air: it is above the ground and its motors turn. One that is held in a hand is above the
+/// ground too.
+pub(super) fn is_flying(socket: &UdpSocket, drone: IpAddr, first: &State) -> bool {
+    let above = |state: &State| state.height.unwrap_or(0).max(state.tof.unwrap_or(0)) >= ABOVE_GROUND;
+    if !above(first) {
+        return false;
+    }
+    // Without a motor time the height above the take-off point decides: it is zero while the motors are off.
+    let Some(before) = first.motor_time else { return first.height.unwrap_or(0) >= ABOVE_GROUND };
+    receive(socket, MOTOR_WAIT, |bytes, from| {
+        from.ip() == drone && State::read(bytes).is_some_and(|state| state.motor_time.is_some_and(|time| time != before))
+    })
 }

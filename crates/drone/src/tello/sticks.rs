@@ -70,6 +70,12 @@ impl Sticks {
         self.wanted = Some((sticks, valid_until));
     }
 
+    /// Zero from now on, its copies included, even if zero was sent already.
+    pub fn zero(&mut self, now: Time) {
+        self.set([0; 4], now);
+        self.zeros = 0;
+    }
+
     /// Stops sending.
     pub fn release(&mut self) {
         *self = Self::default();

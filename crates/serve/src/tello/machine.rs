@@ -32,6 +32,9 @@ const COLD: f64 = 45.0;
 const FLYING_HEAT: (f64, f64) = (65.0, 120.0);
 const LYING_HEAT: (f64, f64) = (78.0, 400.0);
 
+/// Largest error of the accelerometer, 0.001 g.
+const ACCELEROMETER_NOISE: f64 = 2.0;
+
 /// A datagram to send.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Output {
@@ -72,6 +75,7 @@ pub struct VirtualTello {
     figures: Figures,
     firmware: Firmware,
     draw: Draw,
+    seed: u64,
     link: Link,
     /// The last client that sent `command`.
     client: Option<IpAddr>,
@@ -102,6 +106,7 @@ impl VirtualTello {
             figures,
             firmware,
             draw: Draw::new(seed, "virtual tello", &[]),
+            seed,
             link: Link::new(faults),
             client: None,
             ports: (STATE_PORT, VIDEO_PORT),
@@ -350,7 +355,11 @@ impl VirtualTello {
 
     fn send_state(&mut self, now: Time, craft: &SimCraft) {
         let Some(client) = self.client.filter(|_| now >= self.booted) else { return };
-        let line = self.state(craft).line(self.firmware);
+        let mut state = self.state(craft);
+        // No two lines of a real drone are equal. A stream of its own, so that nothing else depends on how many were sent.
+        let mut noise = Draw::new(self.seed, "accelerometer", &[now.as_nanos()]);
+        state.acceleration.iter_mut().for_each(|axis| *axis += ACCELEROMETER_NOISE * (2.0 * noise.uniform() - 1.0));
+        let line = state.line(self.firmware);
         self.link.send(now, Stream::Telemetry, SocketAddr::new(client, self.ports.0), line.as_bytes());
     }
 

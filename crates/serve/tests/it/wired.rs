@@ -110,11 +110,13 @@ impl Drone for Wired {
     }
 
     fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
+        self.link.heartbeat(now);
         self.link.apply(now, command);
         Ok(())
     }
 
     fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
+        self.link.heartbeat(self.now);
         while self.events.is_empty() && self.now + STEP <= until {
             self.step();
         }

@@ -8,8 +8,12 @@ use spf_core::geometry::{Attitude, EnuVelocity, wrap_angle};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time, duration_from_secs};
 
+mod leaving;
+
+use self::leaving::TakeOff;
 use super::answer::{Answer, explain};
 use super::conversation::{Conversation, Order, OrderOutcome};
+use super::ground::{Ground, Repeats};
 use super::manoeuvre::{self, Move, Stage};
 use super::state::State;
 use super::sticks::{Calibration, Sticks};
@@ -24,8 +28,6 @@ const CALL_AGAIN: Duration = Duration::from_secs(1);
 /// Number of `emergency` repetitions, and their interval.
 const EMERGENCIES: u32 = 3;
 const EMERGENCY_SPACING: Duration = Duration::from_millis(20);
-/// If the motor time does not increase for this long, the motors are off.
-const MOTORS_OFF: Duration = Duration::from_millis(1800);
 /// Height that a take-off has left the ground at, centimetres.
 const LIFTED: i32 = 30;
 /// A take-off without a response is complete once the drone has been at that height for this long.
@@ -60,8 +62,17 @@ pub enum Notice {
         /// The command.
         command: String,
     },
-    /// The drone landed or stopped its motors by itself.
+    /// The drone seems to have landed or stopped its motors by itself; it is told to land.
     MotorsOff,
+    /// A `takeoff` had no response and no effect; the drone is told to land.
+    NoTakeOff,
+    /// The pilot does not call the driver any more: the drone holds, or lands.
+    Unattended {
+        /// Whether it lands.
+        landing: bool,
+    },
+    /// One of the driver's threads failed; the drone is told to land.
+    Failed,
 }
 
 /// The link to one Tello. Sans-IO.
@@ -80,8 +91,14 @@ pub struct Link {
     called: Time,
     land_again: Option<Time>,
     emergencies: VecDeque<Time>,
-    /// Motor time as last reported, and since when it has that value.
-    motors: Option<(u32, Time)>,
+    /// Evidence of standing on the ground.
+    ground: Ground,
+    repeats: Repeats,
+    take_off: Option<TakeOff>,
+    /// Last call of the pilot.
+    beat: Option<Time>,
+    /// Whether the craft holds because of its absence.
+    held_silent: bool,
     /// Since when the drone is at take-off height.
     high_since: Option<Time>,
     /// Setpoints sent, with their times, for the direction of speeds.
@@ -109,12 +126,29 @@ impl Link {
             called: Time::ZERO,
             land_again: None,
             emergencies: VecDeque::new(),
-            motors: None,
+            ground: Ground::default(),
+            repeats: Repeats::default(),
+            take_off: None,
+            beat: None,
+            held_silent: false,
             high_since: None,
             sent: VecDeque::new(),
             modelled: [0.0; 3],
             rc_sent: 0,
             manoeuvre: None,
+        }
+    }
+
+    /// Takes over a drone that is in the air: it is flown from where it is, and never told to take off.
+    pub fn adopt(&mut self, now: Time) {
+        self.begin_flying(now);
+    }
+
+    /// Lands the drone because a part of the driver failed.
+    pub fn fail(&mut self, now: Time) {
+        if self.is_airborne() && self.land_again.is_none() {
+            self.notices.push_back(Notice::Failed);
+            self.begin_landing(now);
         }
     }
 
@@ -165,9 +199,11 @@ impl Link {
         match *command.get() {
             Command::TakeOff => {
                 self.phase = FlightPhase::TakingOff;
-                (self.high_since, self.motors) = (None, None);
+                self.high_since = None;
+                self.ground.forget();
+                self.take_off = Some(TakeOff::new(now));
                 // Never repeated: a response can take longer than 7 s, and the state shows the result.
-                self.conversation.submit(Order::motion("takeoff", Duration::from_millis(1500), Duration::from_secs(20)));
+                self.conversation.submit(Order::motion(TakeOff::COMMAND, Duration::from_millis(1500), Duration::from_secs(20)));
             }
             Command::Setpoint(setpoint) => {
                 if self.phase == FlightPhase::Manoeuvring && setpoint.is_hold() {
@@ -186,20 +222,7 @@ impl Link {
             Command::Manoeuvre(_) => {}
             // A repeated `Land` of the pilot is the same landing.
             Command::Land if self.land_again.is_some() => {}
-            Command::Land => {
-                // A manoeuvre in progress would refuse it. Sent once, since a later `stop` would end the landing;
-                // `land` is repeated.
-                if self.manoeuvre.take().is_some_and(|flown| flown.stage != Stage::Resting) {
-                    self.conversation.interrupt(now, Order { repeats: 0, ..manoeuvre::stop() });
-                }
-                // Stick positions hold until replaced, even if `land` gets lost.
-                self.sticks.set([0; 4], now);
-                self.conversation.clear();
-                if self.phase != FlightPhase::OnGround {
-                    self.phase = FlightPhase::Landing;
-                }
-                self.land_again = Some(now + ZEROS_FIRST);
-            }
+            Command::Land => self.begin_landing(now),
             Command::EmergencyStop => {
                 self.sticks.release();
                 self.manoeuvre = None;
@@ -216,6 +239,7 @@ impl Link {
         if let Answer::Refused(text) = Answer::read(datagram)
             && text.to_ascii_lowercase().starts_with("error motor stop")
             && self.phase == FlightPhase::Landing
+            && !self.may_still_rise(now)
         {
             self.on_ground();
         }
@@ -304,6 +328,8 @@ impl Link {
 
     fn on_ground(&mut self) {
         self.phase = FlightPhase::OnGround;
+        self.take_off = None;
+        self.ground.forget();
         self.manoeuvre = None;
         self.land_again = None;
         self.sticks.release();
@@ -313,7 +339,8 @@ impl Link {
 
     fn begin_flying(&mut self, now: Time) {
         self.phase = FlightPhase::Flying;
-        self.motors = self.motors.map(|(time, _)| (time, now));
+        self.take_off = None;
+        self.ground.forget();
         // From here on something is sent continuously.
         self.sticks.set([0; 4], now);
     }
@@ -321,25 +348,30 @@ impl Link {
     /// Handles a datagram from the state port.
     pub fn handle_state(&mut self, now: Time, datagram: &[u8]) {
         let Some(state) = State::read(datagram) else { return };
+        let stale = self.repeats.is_stale(now, datagram);
         let before = self.heard.replace(now);
         if std::mem::take(&mut self.lost) {
             self.events.push_back((now, DroneEvent::LinkRestored));
         }
+        // The link works, but the values are old: the envelope treats them as missing.
+        if stale {
+            return;
+        }
         self.state = state;
         self.judge_phase(now);
         self.model(now, before.unwrap_or(now));
+        self.report_phase(now);
+    }
+
+    fn report_phase(&mut self, now: Time) {
         self.events.push_back((now, DroneEvent::Telemetry(self.telemetry(now))));
     }
 
     /// Determines the flight phase from the state and the commands sent.
     fn judge_phase(&mut self, now: Time) {
         let height = self.state.height.unwrap_or(0).max(self.state.tof.unwrap_or(0));
-        if let Some(time) = self.state.motor_time
-            && self.motors.is_none_or(|(before, _)| before != time)
-        {
-            self.motors = Some((time, now));
-        }
-        let motors_off = self.motors.is_some_and(|(_, since)| now.since(since) >= MOTORS_OFF);
+        self.ground.observe(now, &self.state);
+        let motors_off = self.ground.is_reached() && !self.may_still_rise(now);
         if height >= LIFTED {
             self.high_since.get_or_insert(now);
         } else {
@@ -349,10 +381,12 @@ impl Link {
             FlightPhase::TakingOff if self.high_since.is_some_and(|since| now.since(since) >= TAKEN_OFF) => {
                 self.begin_flying(now)
             }
-            FlightPhase::Landing if motors_off || height <= 10 && self.state.motor_time.is_none() => self.on_ground(),
+            // Counted from the first `land` on.
+            FlightPhase::Landing if motors_off => self.on_ground(),
+            // However sure this is, it costs nothing to tell a drone on the ground to land.
             FlightPhase::Flying | FlightPhase::Manoeuvring if motors_off => {
                 self.notices.push_back(Notice::MotorsOff);
-                self.on_ground();
+                self.begin_landing(now);
             }
             _ => {}
         }
@@ -418,6 +452,8 @@ impl Link {
 
     /// The next datagram to send to the drone's command port.
     pub fn poll(&mut self, now: Time) -> Option<String> {
+        self.check_heartbeat(now);
+        self.check_take_off(now);
         if self.emergencies.front().is_some_and(|at| *at <= now) {
             self.emergencies.pop_front();
             return Some("emergency".to_owned());
@@ -444,6 +480,11 @@ impl Link {
         }
         self.fly_manoeuvre(now);
         let said = self.conversation.poll(now);
+        if said.as_deref() == Some(TakeOff::COMMAND)
+            && let Some(take_off) = &mut self.take_off
+        {
+            take_off.sent = Some(now);
+        }
         if let Some(flown) = self.manoeuvre.as_ref().filter(|flown| Some(&flown.text) == said.as_ref()) {
             self.sent.push_back((now, flown.velocity));
         }
@@ -451,3 +492,6 @@ impl Link {
         said
     }
 }
+
+#[cfg(test)]
+mod tests;

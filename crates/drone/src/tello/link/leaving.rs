@@ -1,0 +1,115 @@
+//! Landing by the driver itself: when the program ends, when nobody calls it any more, when a take-off fails, and when the
+//! drone seems to have stopped. Everything here slows or lands the craft; nothing here moves it.
+
+use spf_core::telemetry::FlightPhase;
+use spf_core::time::{Duration, Time};
+
+use super::super::conversation::Order;
+use super::super::manoeuvre::{self, Stage};
+use super::{Link, Notice, ZEROS_FIRST};
+
+/// Without a call of the pilot for this long the craft holds, and later lands.
+const SILENT_HOLD: Duration = Duration::from_secs(2);
+const SILENT_LAND: Duration = Duration::from_secs(5);
+/// A `takeoff` that could not be sent within this time is withdrawn: nobody expects the motors to start later.
+const TAKE_OFF_UNSENT: Duration = Duration::from_secs(2);
+/// A `takeoff` without a response, without motors and without height for this long was lost.
+const TAKE_OFF_UNSEEN: Duration = Duration::from_secs(6);
+/// After `takeoff` was sent, the motors may still start for this long.
+const SPIN_UP: Duration = Duration::from_secs(3);
+
+/// A take-off in progress.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TakeOff {
+    /// When it was commanded.
+    asked: Time,
+    /// When `takeoff` was sent.
+    pub(super) sent: Option<Time>,
+}
+
+impl TakeOff {
+    pub(super) const COMMAND: &'static str = "takeoff";
+
+    pub(super) fn new(now: Time) -> Self {
+        Self { asked: now, sent: None }
+    }
+}
+
+impl Link {
+    /// Records that the pilot is alive. Without this the craft holds after 2 s and lands after 5 s; a link that was never
+    /// called by a pilot waits for the first call.
+    pub fn heartbeat(&mut self, now: Time) {
+        self.beat = Some(now);
+        self.held_silent = false;
+    }
+
+    /// Ends whatever the craft does: zero, then `land`, repeated until it stands on the ground. For a program that ends.
+    pub fn leave(&mut self, now: Time) {
+        if self.is_airborne() && self.land_again.is_none() {
+            self.begin_landing(now);
+        }
+    }
+
+    /// Whether the craft is, or may be, in the air.
+    #[must_use]
+    pub fn is_airborne(&self) -> bool {
+        !matches!(self.phase, FlightPhase::OnGround | FlightPhase::Stopped)
+    }
+
+    /// Zero, then `land`, repeated until the ground is reached.
+    pub(super) fn begin_landing(&mut self, now: Time) {
+        // A manoeuvre in progress would refuse it. Sent once, since a later `stop` would end the landing; `land` is repeated.
+        if self.manoeuvre.take().is_some_and(|flown| flown.stage != Stage::Resting) {
+            self.conversation.interrupt(now, Order { repeats: 0, ..manoeuvre::stop() });
+        }
+        // Stick positions hold until replaced, even if `land` gets lost.
+        self.sticks.zero(now);
+        self.conversation.clear();
+        if self.phase != FlightPhase::OnGround {
+            self.phase = FlightPhase::Landing;
+        }
+        // What was seen before says nothing about this landing.
+        self.ground.forget();
+        self.land_again = Some(now + ZEROS_FIRST);
+    }
+
+    /// Reacts to a pilot that does not call any more.
+    pub(super) fn check_heartbeat(&mut self, now: Time) {
+        let flying = matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Manoeuvring);
+        let Some(silent) = self.beat.map(|beat| now.since(beat)).filter(|_| flying) else { return };
+        if silent >= SILENT_LAND {
+            self.notices.push_back(Notice::Unattended { landing: true });
+            self.begin_landing(now);
+        } else if silent >= SILENT_HOLD && !std::mem::replace(&mut self.held_silent, true) {
+            self.notices.push_back(Notice::Unattended { landing: false });
+            match self.phase {
+                FlightPhase::Manoeuvring => self.end_manoeuvre(now),
+                FlightPhase::Flying => self.sticks.zero(now),
+                _ => {}
+            }
+        }
+    }
+
+    /// Gives up a take-off that was not sent, or that did not happen.
+    pub(super) fn check_take_off(&mut self, now: Time) {
+        let Some(take_off) = self.take_off.filter(|_| self.phase == FlightPhase::TakingOff) else { return };
+        match take_off.sent {
+            None if now.since(take_off.asked) >= TAKE_OFF_UNSENT && self.conversation.withdraw(TakeOff::COMMAND) => {
+                self.notices.push_back(Notice::Unsaid { command: TakeOff::COMMAND.to_owned() });
+                self.on_ground();
+                self.report_phase(now);
+            }
+            Some(sent) if now.since(sent) >= TAKE_OFF_UNSEEN && !self.ground.motors_turned() && self.high_since.is_none() => {
+                self.notices.push_back(Notice::NoTakeOff);
+                // It may have been carried out after all, with every sign of it lost.
+                self.begin_landing(now);
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether the ground can be believed yet: a `takeoff` on its way may still start the motors.
+    pub(super) fn may_still_rise(&self, now: Time) -> bool {
+        self.take_off.and_then(|take_off| take_off.sent).is_some_and(|sent| now.since(sent) < SPIN_UP)
+    }
+}

@@ -1,0 +1,268 @@
+//! What the link believes and says when lines are late, lost, repeated, or tell of a drone in the air.
+
+use spf_core::craft::Craft;
+use spf_core::envelope::{Envelope, Limits};
+
+use super::*;
+
+const STEP: u64 = 10;
+
+/// A link with the time it has reached, everything it said, and the values of the drone's next state line.
+struct Bench {
+    link: Link,
+    now: u64,
+    said: Vec<(u64, String)>,
+    /// Whether lines arrive; those held back arrive at once when it is set again.
+    online: bool,
+    held_back: Vec<Vec<u8>>,
+    motors_since: Option<u64>,
+    height: i32,
+    with_motor_time: bool,
+    serial: u64,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self {
+            link: Link::new(Calibration::default()),
+            now: 0,
+            said: Vec::new(),
+            online: true,
+            held_back: Vec::new(),
+            motors_since: None,
+            height: 0,
+            with_motor_time: true,
+            serial: 0,
+        }
+    }
+
+    /// In the air at 80 cm, with its motors running and a pilot.
+    fn flying() -> Self {
+        let mut bench = Self { motors_since: Some(0), height: 80, ..Self::new() };
+        bench.link.adopt(Time::ZERO);
+        bench.run(3000, true);
+        bench
+    }
+
+    fn time(&self) -> Time {
+        Time::from_millis(self.now)
+    }
+
+    fn line(&mut self) -> Vec<u8> {
+        self.serial += 1;
+        let seconds = self.motors_since.map_or(3, |since| 4 + self.now.saturating_sub(since) / 1000);
+        let time = if self.with_motor_time { format!("time:{seconds};") } else { String::new() };
+        let (tof, height, noise) = (10 + self.height, self.height, self.serial);
+        format!("pitch:0;roll:0;yaw:0;vgx:0;vgy:0;vgz:0;tof:{tof};h:{height};bat:80;{time}agz:-1000.{noise};").into_bytes()
+    }
+
+    /// Runs for some time, with or without calls of the pilot.
+    fn run(&mut self, ms: u64, pilot: bool) {
+        for _ in 0..ms / STEP {
+            self.now += STEP;
+            if pilot {
+                self.link.heartbeat(self.time());
+            }
+            if self.now % 100 == 0 {
+                let line = self.line();
+                self.held_back.push(line);
+            }
+            if self.online {
+                for line in std::mem::take(&mut self.held_back) {
+                    self.link.handle_state(self.time(), &line);
+                }
+            }
+            while let Some(text) = self.link.poll(self.time()) {
+                self.said.push((self.now, text));
+            }
+        }
+    }
+
+    fn apply(&mut self, command: Command) {
+        let mut envelope = Envelope::new(Limits::for_craft(&Craft::tello()), Craft::tello());
+        let telemetry = Telemetry { time: self.time(), battery: Some(0.8), ..Telemetry::default() };
+        envelope.observe_telemetry(self.time(), &telemetry);
+        let cleared = envelope.clear(self.time(), command).unwrap().cleared;
+        self.link.apply(self.time(), &cleared);
+    }
+
+    fn count(&self, text: &str) -> usize {
+        self.said.iter().filter(|(_, said)| said == text).count()
+    }
+
+    fn notices(&mut self) -> Vec<Notice> {
+        std::iter::from_fn(|| self.link.take_notice()).collect()
+    }
+}
+
+#[test]
+fn lines_that_come_late_in_a_burst_end_no_flight() {
+    for late in [900, 1300, 1900] {
+        let mut bench = Bench::flying();
+        for _ in 0..5 {
+            bench.online = false;
+            bench.run(late, true);
+            bench.online = true;
+            bench.run(1000, true);
+        }
+        assert_eq!(bench.link.phase, FlightPhase::Flying, "{late} ms");
+        assert_eq!((bench.count("land"), bench.notices()), (0, Vec::new()), "{late} ms");
+    }
+}
+
+#[test]
+fn a_flight_is_over_only_after_land_was_said_and_the_motors_were_seen_off() {
+    let mut bench = Bench::flying();
+    // The motors stop in flight, and it lies on the ground.
+    (bench.motors_since, bench.height) = (None, 0);
+    bench.run(2500, true);
+    assert_eq!(bench.link.phase, FlightPhase::Landing);
+    assert!(bench.count("land") >= 1, "{:?}", bench.said.last());
+    assert_eq!(bench.notices(), [Notice::MotorsOff]);
+    bench.run(2500, true);
+    assert_eq!(bench.link.phase, FlightPhase::OnGround);
+}
+
+#[test]
+fn a_land_lost_in_a_stall_is_repeated_until_the_motors_stop() {
+    let mut bench = Bench::flying();
+    bench.apply(Command::Land);
+    bench.online = false;
+    bench.run(4000, true);
+    bench.online = true;
+    // It still hovers: no `land` arrived.
+    bench.run(5000, true);
+    assert_eq!(bench.link.phase, FlightPhase::Landing);
+    assert!(bench.count("land") >= 8, "{}", bench.count("land"));
+    (bench.motors_since, bench.height) = (None, 0);
+    bench.run(3000, true);
+    assert_eq!(bench.link.phase, FlightPhase::OnGround);
+}
+
+#[test]
+fn without_motor_time_a_hover_close_to_the_ground_is_no_landing() {
+    let mut bench = Bench { with_motor_time: false, ..Bench::flying() };
+    bench.height = 20;
+    bench.apply(Command::Land);
+    bench.run(6000, true);
+    assert_eq!(bench.link.phase, FlightPhase::Landing);
+    bench.height = 0;
+    bench.run(4500, true);
+    assert_eq!(bench.link.phase, FlightPhase::OnGround);
+}
+
+#[test]
+fn landing_in_the_first_second_of_a_take_off_follows_the_drone_up_and_down() {
+    let mut bench = Bench::new();
+    bench.run(1000, true);
+    bench.apply(Command::TakeOff);
+    bench.run(500, true);
+    assert_eq!(bench.count("takeoff"), 1);
+    bench.apply(Command::Land);
+    // The take-off is carried out before any `land` is heard.
+    bench.run(800, true);
+    bench.link.handle_answer(bench.time(), b"error Motor stop");
+    (bench.motors_since, bench.height) = (Some(bench.now), 80);
+    bench.run(4000, true);
+    assert_eq!(bench.link.phase, FlightPhase::Landing, "the motors turn");
+    assert!(bench.count("land") >= 4);
+    (bench.motors_since, bench.height) = (None, 0);
+    bench.run(3000, true);
+    assert_eq!(bench.link.phase, FlightPhase::OnGround);
+}
+
+#[test]
+fn a_line_that_is_repeated_unchanged_is_no_telemetry() {
+    let mut bench = Bench::flying();
+    let line = bench.line();
+    while bench.link.take_event().is_some() {}
+    for ms in (0..3000).step_by(100) {
+        bench.link.handle_state(bench.time() + Duration::from_millis(ms), &line);
+    }
+    let reports = std::iter::from_fn(|| bench.link.take_event());
+    let last = reports.filter(|(_, event)| matches!(event, DroneEvent::Telemetry(_))).last().unwrap().0;
+    assert_eq!(last, bench.time() + Duration::from_millis(900));
+}
+
+#[test]
+fn a_take_off_that_cannot_be_said_in_two_seconds_is_never_said() {
+    let mut bench = Bench::new();
+    bench.link.order(Order::quick("streamon"));
+    bench.run(500, true);
+    bench.apply(Command::TakeOff);
+    bench.run(30_000, true);
+    assert_eq!(bench.count("takeoff"), 0);
+    assert_eq!(bench.link.phase, FlightPhase::OnGround);
+    assert!(bench.notices().contains(&Notice::Unsaid { command: "takeoff".to_owned() }));
+}
+
+#[test]
+fn a_lost_take_off_is_given_up_within_ten_seconds() {
+    let mut bench = Bench::new();
+    bench.run(1000, true);
+    bench.apply(Command::TakeOff);
+    bench.run(6500, true);
+    // As a drone on the ground answers `land`.
+    assert!(bench.count("land") >= 1 && bench.notices().contains(&Notice::NoTakeOff));
+    bench.run(2500, true);
+    assert_eq!((bench.link.phase, bench.count("takeoff")), (FlightPhase::OnGround, 1));
+}
+
+#[test]
+fn a_slow_take_off_whose_motors_turn_is_waited_for() {
+    let mut bench = Bench::new();
+    bench.run(1000, true);
+    bench.apply(Command::TakeOff);
+    bench.run(500, true);
+    bench.motors_since = Some(bench.now);
+    bench.run(8500, true);
+    assert_eq!((bench.link.phase, bench.count("land")), (FlightPhase::TakingOff, 0));
+}
+
+#[test]
+fn a_pilot_that_falls_silent_is_a_hold_after_two_seconds_and_a_landing_after_five() {
+    let mut bench = Bench::flying();
+    bench.apply(Command::Setpoint(Setpoint::HOLD));
+    let silent = bench.now;
+    bench.run(9000, false);
+    assert_eq!(bench.notices(), [Notice::Unattended { landing: false }, Notice::Unattended { landing: true }]);
+    let (at, _) = bench.said.iter().find(|(_, text)| text == "land").unwrap();
+    assert!((5000..5200).contains(&(at - silent)), "{at}");
+    assert_eq!(bench.said.iter().filter(|(at, text)| *at > silent + 5200 && text.starts_with("rc")).count(), 0);
+    assert!(bench.count("land") >= 4, "repeated until the ground is seen");
+}
+
+#[test]
+fn a_program_that_ends_in_the_air_says_zero_three_times_and_lands() {
+    let mut bench = Bench::flying();
+    let begun = bench.now;
+    bench.link.leave(bench.time());
+    bench.run(200, false);
+    let after: Vec<&str> = bench.said.iter().filter(|(at, _)| *at > begun).map(|(_, text)| text.as_str()).collect();
+    assert!(after.starts_with(&["rc 0 0 0 0"; 3]) && after[3] == "land", "{after:?}");
+    assert!(bench.link.is_airborne());
+    (bench.motors_since, bench.height) = (None, 0);
+    bench.run(2500, false);
+    assert!(!bench.link.is_airborne());
+}
+
+#[test]
+fn a_drone_found_in_the_air_is_flown_and_not_told_to_take_off() {
+    let mut bench = Bench::flying();
+    let phases: Vec<FlightPhase> = std::iter::from_fn(|| bench.link.take_event())
+        .filter_map(|(_, event)| match event {
+            DroneEvent::Telemetry(telemetry) => Some(telemetry.phase),
+            _ => None,
+        })
+        .collect();
+    assert!(phases.iter().all(|phase| *phase == FlightPhase::Flying) && !phases.is_empty());
+    assert_eq!(bench.count("takeoff"), 0);
+}
+
+#[test]
+fn a_failed_thread_lands_the_drone() {
+    let mut bench = Bench::flying();
+    bench.link.fail(bench.time());
+    bench.run(500, true);
+    assert_eq!((bench.count("land"), bench.link.phase), (1, FlightPhase::Landing));
+}
