@@ -1,6 +1,7 @@
 //! The `spf` command: arguments → settings → commands.
 
 mod args;
+mod background;
 mod commands;
 mod error;
 mod exit;
@@ -8,6 +9,7 @@ mod printer;
 mod progress;
 mod settings;
 
+use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -15,6 +17,7 @@ use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::prelude::*;
 
 use crate::args::{Cli, Command, Config, Vlm};
+use crate::background::LogWriter;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
@@ -28,9 +31,12 @@ fn main() -> ExitCode {
             return if error.use_stderr() { Exit::Usage.into() } else { Exit::Success.into() };
         }
     };
+    background::start();
     start_log(cli.verbose);
     let printer = Printer::new(cli.command.is_json());
-    match run(&cli, printer) {
+    let result = run(&cli, printer);
+    background::flush();
+    match result {
         Ok(exit) => exit.into(),
         Err(error) => {
             Printer::new(false).say(&error.to_string());
@@ -65,6 +71,9 @@ fn start_log(verbose: u8) {
     // Levels and modules, as is usual for this variable; there are no spans that a filter could name.
     let asked = std::env::var("RUST_LOG").ok().and_then(|words| words.trim_matches(',').parse::<Targets>().ok());
     let filter = asked.unwrap_or_else(|| Targets::new().with_default(level));
-    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false);
+    // Colour only for a terminal: in a file or a journal its codes are noise.
+    let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let lines =
+        tracing_subscriber::fmt::layer().with_writer(LogWriter).with_ansi(colour).with_target(false).log_internal_errors(false);
     tracing_subscriber::registry().with(lines.with_filter(filter)).init();
 }

@@ -95,7 +95,13 @@ impl Printer {
 
 /// Makes control codes visible: instructions, files and replies are external text, which a terminal would interpret.
 fn harmless(text: &str) -> String {
-    text.chars().map(|letter| if letter.is_control() && letter != '\n' { char::REPLACEMENT_CHARACTER } else { letter }).collect()
+    let harmful = |letter: char| letter.is_control() && letter != '\n' || turns_direction(letter);
+    text.chars().map(|letter| if harmful(letter) { char::REPLACEMENT_CHARACTER } else { letter }).collect()
+}
+
+/// Characters that make a terminal show text in another order than it has (Unicode Bidirectional Algorithm, explicit formatting).
+fn turns_direction(letter: char) -> bool {
+    matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{200e}' | '\u{200f}' | '\u{061c}')
 }
 
 /// Reduces external text to one line, so that it cannot pass for other output.

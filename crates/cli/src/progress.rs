@@ -5,25 +5,26 @@ use spf_core::time::{Duration, Time};
 use spf_flight::run::Observer;
 use spf_flight::words;
 
-use crate::printer::{Printer, one_line};
+use crate::background::{Line, Lines};
+use crate::printer::one_line;
 
 /// Minimum interval of live line updates, in flight time: a lockstep flight runs far faster than one can read.
 const LIVE_EVERY: Duration = Duration::from_millis(200);
 
 /// Prints a flight's progress.
-pub(crate) struct Progress<'a> {
-    printer: &'a Printer,
+pub(crate) struct Progress {
+    lines: Lines,
     shown: Time,
     flown: f64,
     at: Option<spf_core::geometry::EnuPosition>,
 }
 
-impl<'a> Progress<'a> {
-    pub(crate) fn new(printer: &'a Printer) -> Self {
-        Self { printer, shown: Time::ZERO, flown: 0.0, at: None }
+impl Progress {
+    pub(crate) fn new(lines: Lines) -> Self {
+        Self { lines, shown: Time::ZERO, flown: 0.0, at: None }
     }
 
-    fn note(&self, now: Time, note: &Note) {
+    fn note(&mut self, now: Time, note: &Note) {
         let line = match note {
             Note::Phase(phase) => words::phase(*phase).to_owned(),
             Note::Decision(decision) => {
@@ -37,11 +38,11 @@ impl<'a> Progress<'a> {
             Note::Operator(event) => format!("operator: {}", words::operator(event)),
             Note::OperatorIgnored(event, why) => format!("operator: {} ignored: {why}", words::operator(event)),
         };
-        self.printer.say(&format!("{:6.1} s  {}", now.as_secs_f64(), one_line(&line)));
+        self.lines.send(Line::Say(format!("{:6.1} s  {}", now.as_secs_f64(), one_line(&line))));
     }
 }
 
-impl Observer for Progress<'_> {
+impl Observer for Progress {
     fn action(&mut self, now: Time, action: &Action, _pilot: &Pilot) {
         if let Action::Note(note) = action {
             self.note(now, note);
@@ -56,13 +57,13 @@ impl Observer for Progress<'_> {
         let position = pilot.known_pose(now).position;
         self.flown += self.at.map_or(0.0, |last| last.distance(position));
         self.at = Some(position);
-        self.printer.live(&format!(
+        self.lines.send(Line::Live(format!(
             "{:6.1} s  {}  decision {}  flown {:.1} m  height {:.1} m",
             now.as_secs_f64(),
             words::phase(pilot.phase()),
             pilot.decisions(),
             self.flown,
             position.up,
-        ));
+        )));
     }
 }

@@ -4,6 +4,7 @@
 //! Only the envelope can create a [`Cleared`] command, so no implementation of [`Drone`] can be moved without passing
 //! it. [`registry::connect`] connects to a craft by name, such as `tello@192.168.10.1`.
 
+pub mod abandon;
 pub mod driver;
 pub mod examine;
 pub mod frames;

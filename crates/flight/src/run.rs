@@ -42,10 +42,11 @@ pub fn run(pilot: &mut Pilot, world: &mut dyn World, observers: &mut [&mut dyn O
     loop {
         let now = world.now();
         while let Some(action) = pilot.poll(now) {
+            // First what moves or stops the craft: no observer delays a command.
+            world.apply(&action);
             for observer in observers.iter_mut() {
                 observer.action(now, &action, pilot);
             }
-            world.apply(&action);
         }
         let Some(deadline) = pilot.next_deadline() else { return };
         let event = world.wait(deadline);

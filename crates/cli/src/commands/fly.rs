@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use serde::Serialize;
 use spf_core::craft::Craft;
 use spf_core::pilot::Outcome;
+use spf_drone::abandon;
 use spf_drone::frames::Frames;
 use spf_flight::flight::{FlightError, FlightPlan, Site};
 use spf_flight::frame_age::GlassToDecision;
@@ -29,12 +30,12 @@ use spf_sim::model::Model;
 use self::manual::Manual;
 use self::settings::{flight_conditions, limits, manner, method, prompt, script};
 use crate::args::Fly;
+use crate::background::{self, Talk};
 use crate::commands::vlm::pointing;
 use crate::commands::{detector, load_scene};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
-use crate::progress::Progress;
 use crate::settings::{DroneName, Settings};
 
 /// Maximum length of an instruction, characters, as in prompts.
@@ -73,6 +74,8 @@ struct Ready {
 /// Flies, reports the result, and writes the files.
 fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: Printer) -> Result<Exit, CliError> {
     let Ready { plan, said, by_hand, camera } = ready;
+    // A flight on the wall clock waits for no terminal.
+    let paced = by_hand.is_some();
     let view = settings.fly.live.get()?.map(live_view).transpose()?;
     let out = out_dir(settings, instruction)?;
     let (manual, operator) = by_hand.map_or_else(Manual::none, Manual::start);
@@ -86,9 +89,11 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     if manual.is_on() {
         printer.say(HELP);
     }
-    let mut progress = Progress::new(&printer);
+    let (talk, mut progress) = Talk::start(printer, paced);
     let flown = spf_flight::flight::fly(plan, &mut [&mut progress]);
     drop(manual);
+    drop(progress);
+    let mut printer = talk.finish();
     printer.end_live();
     let flown = flown.map_err(|error| {
         give_back(&out);
@@ -202,12 +207,17 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     Ok(Ready { plan, said, by_hand: realtime.then_some(craft), camera: None })
 }
 
-/// Counts Ctrl-C presses. The first one lands, finishes all files and exits with code 5; the second one exits at once.
+/// Counts Ctrl-C presses, SIGTERM and SIGHUP. The first one lands, finishes all files and exits with code 5. The second one
+/// exits without waiting for the files, a real drone being landed first; the third one exits at once.
 pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
     let count = Arc::new(AtomicU32::new(0));
     let counted = count.clone();
     ctrlc::set_handler(move || {
-        if counted.fetch_add(1, Ordering::Relaxed) > 0 {
+        let before = counted.fetch_add(1, Ordering::Relaxed);
+        if before == 1 && abandon::is_any_connected() {
+            // On a thread of its own, so that a third Ctrl-C is heard.
+            drop(std::thread::Builder::new().name("landing".to_owned()).spawn(land_and_exit));
+        } else if before > 0 {
             manual::restore();
             #[allow(clippy::exit, reason = "a second Ctrl-C asks for exactly this")]
             std::process::exit(Exit::Aborted as i32);
@@ -215,6 +225,16 @@ pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
     })
     .map_err(|error| CliError::internal("cannot listen for Ctrl-C").because(&error))?;
     Ok(count)
+}
+
+/// Lands without the flight loop, which may be stuck, and exits.
+fn land_and_exit() {
+    background::say("landing the drone; Ctrl-C once more ends the program at once and leaves the drone to itself");
+    abandon::abandon_all();
+    background::flush();
+    manual::restore();
+    #[allow(clippy::exit, reason = "a second Ctrl-C asks for exactly this")]
+    std::process::exit(Exit::Aborted as i32);
 }
 
 /// The output of `--json`: the summary and the paths of the files.

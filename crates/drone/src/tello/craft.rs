@@ -22,6 +22,7 @@ use super::link::{Link, Notice};
 use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
 use super::settings::TelloSettings;
 use super::state::State;
+use crate::abandon::{self, Abandon};
 use crate::frames::{FrameStore, Frames};
 use crate::{Capabilities, Drone, DroneError, DroneEvent};
 
@@ -92,6 +93,23 @@ impl Shared {
     }
 }
 
+impl Abandon for Shared {
+    /// However the program ends, `rc` is sticky, and an abandoned drone would fly on for 15 s.
+    fn abandon(&self) {
+        let now = self.now();
+        self.link().leave(now);
+        let begun = Instant::now();
+        while self.link().is_airborne() {
+            if begun.elapsed() >= LANDING_TIME {
+                tracing::error!("the drone did not report a landing within {} s", LANDING_TIME.as_secs());
+                return;
+            }
+            self.flush();
+            std::thread::sleep(POLL_INTERVAL);
+        }
+    }
+}
+
 /// A Tello behind the [`Drone`] interface.
 pub struct Tello {
     shared: Arc<Shared>,
@@ -130,6 +148,7 @@ impl Tello {
         }
         link.order(Order::quick("streamon"));
         let shared = Arc::new(Shared { link: Mutex::new(link), command, start, stopped: AtomicBool::new(false) });
+        abandon::register(&(shared.clone() as Arc<dyn Abandon>));
         let frames = FrameStore::default();
         let mut tello = Self {
             shared: shared.clone(),
@@ -167,22 +186,6 @@ impl Tello {
         Ok(())
     }
 
-    /// Lands a drone that is still in the air, and waits until its motors are seen off: however the program ends, `rc` is
-    /// sticky, and an abandoned drone would fly on for 15 s.
-    fn land(&self) {
-        let now = self.shared.now();
-        self.shared.link().leave(now);
-        let begun = Instant::now();
-        while self.shared.link().is_airborne() {
-            if begun.elapsed() >= LANDING_TIME {
-                tracing::error!("the drone did not report a landing within {} s", LANDING_TIME.as_secs());
-                return;
-            }
-            self.shared.flush();
-            std::thread::sleep(POLL_INTERVAL);
-        }
-    }
-
     /// Number of `rc` commands sent.
     #[must_use]
     pub fn rc_sent(&self) -> u64 {
@@ -198,7 +201,7 @@ impl Drop for Tello {
             self.shared.flush();
             std::thread::sleep(POLL_INTERVAL);
         }
-        self.land();
+        self.shared.abandon();
         self.shared.stopped.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
             drop(thread.join());

@@ -1,0 +1,169 @@
+//! Writing to the terminal from a thread of its own, so that a terminal that does not read (a full pipe, a stopped pager)
+//! never delays whoever prints: on the wall clock that is the loop that flies the drone.
+
+use std::io::{self, Write};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::thread::Builder;
+use std::time::Duration;
+
+use tracing_subscriber::fmt::MakeWriter;
+
+use crate::printer::Printer;
+use crate::progress::Progress;
+
+/// Number of waiting lines; more are lost, and counted.
+const WAITING: usize = 1024;
+/// How long the end of the program or of a flight waits for a terminal.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Work for the thread of the log.
+enum Log {
+    Lines(Vec<u8>),
+    /// Answered once everything before it is written.
+    Flush(Sender<()>),
+}
+
+static LOG: OnceLock<SyncSender<Log>> = OnceLock::new();
+/// Number of log lines lost.
+static LOST: AtomicU64 = AtomicU64::new(0);
+
+/// Starts the thread that writes log lines to standard error. Without it they are written directly.
+pub(crate) fn start() {
+    let (lines, waiting) = sync_channel(WAITING);
+    if Builder::new().name("log lines".to_owned()).spawn(move || write_all(&waiting)).is_ok() {
+        drop(LOG.set(lines));
+        // The message of a panic must not hold up the unwinding that lands the drone.
+        std::panic::set_hook(Box::new(|panic| say(&format!("internal error: {panic}"))));
+    }
+}
+
+fn write_all(waiting: &Receiver<Log>) {
+    for log in waiting {
+        match log {
+            Log::Lines(bytes) => {
+                // A closed standard error is not an error.
+                drop(io::stderr().write_all(&bytes));
+                let lost = LOST.swap(0, Ordering::Relaxed);
+                if lost > 0 {
+                    drop(writeln!(io::stderr(), "{lost} log lines were lost: standard error was not read"));
+                }
+            }
+            Log::Flush(done) => drop(done.send(())),
+        }
+    }
+}
+
+/// Prints a line to standard error without ever waiting for it.
+pub(crate) fn say(text: &str) {
+    drop(LogWriter.write_all(format!("{text}\n").as_bytes()));
+}
+
+/// Waits until the lines so far are written, at most for a second.
+pub(crate) fn flush() {
+    let (done, written) = channel();
+    if LOG.get().is_some_and(|log| log.try_send(Log::Flush(done)).is_ok()) {
+        let _ = written.recv_timeout(PATIENCE);
+    }
+}
+
+/// Writes log lines through the thread.
+#[derive(Clone, Copy)]
+pub(crate) struct LogWriter;
+
+impl Write for LogWriter {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match LOG.get() {
+            Some(log) => {
+                if log.try_send(Log::Lines(bytes.to_vec())).is_err() {
+                    LOST.fetch_add(1, Ordering::Relaxed);
+                }
+                Ok(bytes.len())
+            }
+            None => io::stderr().write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl MakeWriter<'_> for LogWriter {
+    type Writer = Self;
+
+    fn make_writer(&self) -> Self {
+        *self
+    }
+}
+
+/// A message of a flight's progress.
+pub(crate) enum Line {
+    /// A line that stays.
+    Say(String),
+    /// The text of the live line.
+    Live(String),
+}
+
+/// Takes messages to the thread that prints them.
+pub(crate) struct Lines {
+    queue: SyncSender<Line>,
+    /// Whether whoever prints must not wait; then messages can be lost.
+    paced: bool,
+    lost: u64,
+}
+
+impl Lines {
+    /// Prints a message, or loses it if the terminal has not read the last ones.
+    pub(crate) fn send(&mut self, line: Line) {
+        if !self.paced {
+            drop(self.queue.send(line));
+            return;
+        }
+        if self.lost > 0 && self.queue.try_send(Line::Say(format!("{} lines lost: the terminal was not read", self.lost))).is_ok()
+        {
+            self.lost = 0;
+        }
+        if self.queue.try_send(line).is_err() {
+            self.lost += 1;
+        }
+    }
+}
+
+/// The printing thread of a flight.
+pub(crate) struct Talk {
+    back: Receiver<Printer>,
+    json: bool,
+    paced: bool,
+}
+
+impl Talk {
+    /// Gives the printer to a thread until [`Talk::finish`]. `paced`: the flight is on the wall clock and waits for nobody.
+    pub(crate) fn start(printer: Printer, paced: bool) -> (Self, Progress) {
+        let json = printer.is_json();
+        let (queue, waiting) = sync_channel(WAITING);
+        let (returned, back) = channel();
+        let print = move || {
+            for line in waiting {
+                match line {
+                    Line::Say(text) => printer.say(&text),
+                    Line::Live(text) => printer.live(&text),
+                }
+            }
+            drop(returned.send(printer));
+        };
+        // Without a thread nothing is printed; the flight and its files do not depend on it.
+        if let Err(error) = Builder::new().name("progress".to_owned()).spawn(print) {
+            tracing::warn!(%error, "progress is not shown");
+        }
+        (Self { back, json, paced }, Progress::new(Lines { queue, paced, lost: 0 }))
+    }
+
+    /// The printer, once everything is printed; another one if the terminal does not read. The [`Progress`] must have been
+    /// dropped.
+    pub(crate) fn finish(self) -> Printer {
+        let printer = if self.paced { self.back.recv_timeout(PATIENCE).ok() } else { self.back.recv().ok() };
+        printer.unwrap_or_else(|| Printer::new(self.json))
+    }
+}
