@@ -1,4 +1,4 @@
-//! What lies around a network: the input made of a frame, and boxes made of its output.
+//! Pre- and postprocessing: the input made from a frame, and the boxes made from the output.
 
 use divan::{Bencher, black_box};
 use spf_detect::decode::{Candidate, Layout, suppress};

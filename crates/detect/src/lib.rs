@@ -4,7 +4,7 @@
 //! common to these models: the [`letterbox`], which converts an image to the network's input, and [`decode`], which
 //! converts its output to boxes. No model is included.
 
-#![cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "what lies around a network waits for one"))]
+#![cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "pre- and postprocessing are only used with a network"))]
 
 pub mod decode;
 pub mod letterbox;

@@ -53,7 +53,7 @@ pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration) -> Check {
             "VLM",
             Finding::Bad,
             format!("{name}: {error}"),
-            Some("check that the API key is set and that the Internet is reachable besides the drone's Wi-Fi"),
+            Some("check that the API key is set, and that this machine reaches the Internet while on the drone's Wi-Fi"),
         ),
         _ => Check::new(
             "VLM",
@@ -74,7 +74,7 @@ pub fn detector(model: &Detector) -> Check {
     let seen = model.detect(&Rgb::filled(960, 720, [128; 3]));
     let took = began.elapsed();
     let (width, height) = model.input();
-    let found = format!("{} knows {} classes, {width}×{height} pixels", model.name(), model.classes().len());
+    let found = format!("{} has {} classes, {width}×{height} pixels", model.name(), model.classes().len());
     match seen {
         Err(error) => Check::new("detector", Finding::Bad, error.to_string(), Some("use another model: docs/guide/detector.md")),
         Ok(_) => {

@@ -61,7 +61,7 @@ pub struct FlightPlan {
 }
 
 /// The craft and its environment.
-#[allow(clippy::large_enum_variant, reason = "there is one a flight, and it is moved twice")]
+#[allow(clippy::large_enum_variant, reason = "one value per flight, moved twice")]
 pub enum Site {
     /// A simulated craft in a scene, with ground truth.
     Simulated(Simulated),

@@ -53,7 +53,7 @@ impl<'a> Marked<'a> {
     }
 
     fn draw(&mut self, size: (u32, u32)) -> Result<Rgb, VlmError> {
-        let gone = || VlmError::Image(format!("frame {} is no longer kept", self.query.frame.0));
+        let gone = || VlmError::Image(format!("frame {} is no longer stored", self.query.frame.0));
         let mut picture = self.photo.as_ref().ok_or_else(gone)?.at(size, self.scaler);
         spf_media::marks::draw(&mut picture, &self.query.marks);
         Ok(picture)

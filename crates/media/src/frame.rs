@@ -9,7 +9,7 @@ use fnv::FnvHasher;
 #[non_exhaustive]
 pub enum FrameError {
     /// The buffer does not hold `width × height` pixels of three bytes.
-    #[error("an image of {width}×{height} needs {needed} bytes, the buffer has `{actual}`")]
+    #[error("an image of {width}×{height} needs {needed} bytes, but the buffer has `{actual}`")]
     WrongLength {
         /// Width, pixels.
         width: u32,
@@ -138,7 +138,7 @@ mod tests {
     fn a_buffer_of_the_wrong_length_is_refused() {
         assert!(Rgb::from_raw(2, 2, vec![0; 12]).is_ok());
         let error = Rgb::from_raw(2, 2, vec![0; 11]).unwrap_err();
-        assert_eq!(error.to_string(), "an image of 2×2 needs 12 bytes, the buffer has `11`");
+        assert_eq!(error.to_string(), "an image of 2×2 needs 12 bytes, but the buffer has `11`");
         assert!(Rgb::from_raw(u32::MAX, u32::MAX, vec![]).is_err());
     }
 

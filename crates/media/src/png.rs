@@ -60,7 +60,7 @@ pub fn encode_grey16(width: u32, height: u32, pixels: &[u16]) -> Result<Vec<u8>,
 
 fn write(bytes: &[u8], width: u32, height: u32, colour: ColorType, depth: BitDepth) -> Result<Vec<u8>, EncodeError> {
     let expected = u64::from(width) * u64::from(height) * (colour.samples() * usize::from(depth as u8) / 8) as u64;
-    assert_eq!(bytes.len() as u64, expected, "a picture of {width}×{height} has so many bytes");
+    assert_eq!(bytes.len() as u64, expected, "wrong buffer length for an image of {width}×{height}");
     let encoded = || -> Result<Vec<u8>, EncodingError> {
         let mut file = Vec::new();
         let mut encoder = Encoder::new(&mut file, width, height);

@@ -168,7 +168,7 @@ impl Replay {
         let mut rows = VecDeque::new();
         while let Some(row) = read_line(&mut lines, rows.len() + 2)? {
             if rows.len() == MOST_ROWS {
-                return Err(wrong(rows.len() + 2, "there are too many"));
+                return Err(wrong(rows.len() + 2, format!("more than {MOST_ROWS} replies")));
             }
             rows.push_back(row);
         }
@@ -207,18 +207,18 @@ impl Vlm for Replay {
             account: Account::default(),
         };
         let Some(row) = self.rows.pop_front() else {
-            return refused(format!("it ends before question {}", query.id.0));
+            return refused(format!("it ends before query {}", query.id.0));
         };
         if row.query != query.id || row.prompt_fnv1a != digest(&query.prompt) {
             return refused(format!(
-                "question {} differs from the recorded one: the recording is of a different flight",
+                "query {} differs from the recorded one: the recording is of a different flight",
                 query.id.0
             ));
         }
         let text = match (row.text, row.error) {
             (Some(text), _) => Ok(text),
             (None, Some(RecordedError { code, message })) => Err(VlmError::Recorded { code, message }),
-            (None, None) => Err(VlmError::Replay(format!("question {} has neither text nor error", query.id.0))),
+            (None, None) => Err(VlmError::Replay(format!("query {} has neither text nor error", query.id.0))),
         };
         Answer { text, latency: Duration::from_nanos(row.latency_ns), model: row.model, account: row.account }
     }

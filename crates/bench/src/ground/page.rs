@@ -62,7 +62,7 @@ pub fn account(row: &AnswerRow) -> String {
         let _ = write!(text, ", {about}{} tokens in, {} out", tokens.input, tokens.output + tokens.thinking);
     }
     if let Some(cost) = row.account.cost_usd {
-        let _ = write!(text, ", {cost:.5} $");
+        let _ = write!(text, ", ${cost:.5}");
     }
     text
 }

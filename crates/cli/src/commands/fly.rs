@@ -117,7 +117,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
 /// Creates the output folder of the flight.
 fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
     OutDir::create(settings.fly.out.text().map(Path::new), instruction).map_err(|error| {
-        CliError::usage("no folder for the flight's files").because(&error).hint("give a new or empty folder with --out DIR")
+        CliError::usage("cannot use the output folder").because(&error).hint("give a new or empty folder with --out DIR")
     })
 }
 
@@ -209,7 +209,7 @@ pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
     ctrlc::set_handler(move || {
         if counted.fetch_add(1, Ordering::Relaxed) > 0 {
             manual::restore();
-            #[allow(clippy::exit, reason = "a second Ctrl-C asks for exactly this")]
+            #[allow(clippy::exit, reason = "a second Ctrl-C exits at once")]
             std::process::exit(Exit::Aborted as i32);
         }
     })

@@ -116,9 +116,9 @@ fn summary(printed: &Printed<'_>) -> String {
     let failed = opinions.iter().filter(|opinion| opinion.failed.is_some()).count();
     let failed = if failed > 0 { format!(" ({failed} without a reply)") } else { String::new() };
     let costs: Vec<f64> = opinions.iter().filter_map(|opinion| opinion.cost_usd).collect();
-    let cost = if costs.is_empty() { String::new() } else { format!("; {:.4} $", costs.iter().sum::<f64>()) };
+    let cost = if costs.is_empty() { String::new() } else { format!("; ${:.4}", costs.iter().sum::<f64>()) };
     format!(
-        "{flight} | {now}: {} questions{failed}, the same status in {same}; both point in {}{median}, the same depth label in \
+        "{flight} | {now}: {} queries{failed}, the same status in {same}; both point in {}{median}, the same depth label in \
          {same_label}{cost}",
         opinions.len(),
         apart.len(),

@@ -36,7 +36,7 @@ pub(crate) trait Reading<T>: Sync {
 /// Why a text is not read.
 #[derive(Debug)]
 pub(crate) struct Refusal {
-    /// What was expected, as in "it is not …".
+    /// What was expected, as in "expected …".
     pub(super) expected: String,
     /// What the text may be a slip of the finger for.
     pub(super) near: Option<&'static str>,
@@ -118,7 +118,7 @@ impl<T: Words> Reading<T> for Word {
         let words = T::words();
         words.iter().find(|(word, _)| *word == text).map(|(_, value)| *value).ok_or_else(|| {
             let known: Vec<&'static str> = words.iter().map(|(word, _)| *word).collect();
-            Refusal { near: nearest(text, known.iter().copied()), ..Refusal::of(known.join(" or ")) }
+            Refusal { near: nearest(text, known.iter().copied()), ..Refusal::of(alternatives(&known)) }
         })
     }
 }

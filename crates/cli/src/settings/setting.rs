@@ -113,7 +113,7 @@ impl<T> Setting<T> {
     /// The error for a text that is not what it should be, with where it came from; `near` is what it may be a slip of the finger for.
     pub(crate) fn wrong(&self, expected: &str, near: Option<&str>) -> CliError {
         let hint = near.map_or_else(|| self.meaning(), |near| format!("did you mean `{near}`?"));
-        CliError::usage(format!("{}: `{}` is not {expected}", self.origin, self.text)).hint(hint)
+        CliError::usage(format!("{}: expected {expected}, found `{}`", self.origin, self.text)).hint(hint)
     }
 
     /// The key and what it means, as a hint.

@@ -134,7 +134,7 @@ impl Pilot {
                 Step::Reject(_) => return self.stop_motion(now),
                 Step::Fail(reason) => {
                     let (outcome, cause) = match reason {
-                        FailReason::NotFound => (Outcome::NotFound, "searched a full turn twice without seeing the target"),
+                        FailReason::NotFound => (Outcome::NotFound, "two full search turns without seeing the target"),
                         FailReason::NoProgram => (Outcome::Failed, "several programs in a row failed"),
                     };
                     return self.finish(now, outcome, cause.to_owned());

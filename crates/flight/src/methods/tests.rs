@@ -26,24 +26,27 @@ fn options_that_are_left_out_are_those_of_the_first_of_a_family() {
 
 #[test]
 fn a_wrong_row_is_told() {
-    assert_eq!(refused(&[row("a", SPF, ""), row("a", "family = \"plain\"", "")].concat()), "two rows are called `a`");
+    assert_eq!(refused(&[row("a", SPF, ""), row("a", "family = \"plain\"", "")].concat()), "duplicate name `a`");
     for name in ["", "Spf", "1m", "spf-", "-spf", "spf--x", "a,b", "a/b", "ä"] {
         let said = refused(&row(name, SPF, ""));
-        assert_eq!(said, format!("`{name}` is no name: lower-case letters, digits and dashes between them, a letter first"));
+        assert_eq!(
+            said,
+            format!("invalid name `{name}`: use lower-case letters, digits and single dashes, starting with a letter")
+        );
     }
     let unused = row("a", SPF, "").replace("fly = \"words\"\nbench = {  }\n", "");
-    assert_eq!(refused(&unused), "`a` is neither for `spf fly` nor for the bench");
-    assert_eq!(refused(&row("a", SPF, "").replace("a row", " ")), "`a` has no words about it");
-    assert_eq!(refused(&row("a", SPF, "").replace("words", "")), "`a` has no words about it");
+    assert_eq!(refused(&unused), "`a` has neither `fly` nor `bench`: set at least one");
+    assert_eq!(refused(&row("a", SPF, "").replace("a row", " ")), "`a` has no `about`: add a description");
+    assert_eq!(refused(&row("a", SPF, "").replace("words", "")), "`a` has no `about`: add a description");
     assert_eq!(refused(&row("a", "family = \"pivot\", runs = 9", "")), "`runs` of `a` is 9, but must be 1 to 8");
     let long = refused(&row("a", SPF, "step = { fixed_m = 51 }"));
     assert_eq!(long, "`fixed_m` of `a` is 51, but must be 0.05 to 50");
     assert!(refused(&row("a", SPF, "step = { fixed_m = nan }")).starts_with("`fixed_m` of `a` is NaN"));
     let alike = [row("a", SPF, ""), row("b", SPF, "")].concat();
-    assert_eq!(refused(&alike), "`a` and `b` are both for `spf fly` and decide alike, so that a log could name either");
+    assert_eq!(refused(&alike), "`a` and `b` both have `fly` and the same policy, so a log could name either");
     let nameless = row("a", SPF, "").replace("fly = \"words\"\n", "");
-    assert!(refused(&nameless).starts_with("no row for `spf fly` decides as `a` does"));
-    assert!(refused(&row("a", SPF, "blind = true")).starts_with("`a` is blind, but of the policies only `plain`"));
+    assert!(refused(&nameless).starts_with("no row with `fly` has the policy of `a`"));
+    assert!(refused(&row("a", SPF, "blind = true")).starts_with("`a` is blind, but only the policy `plain`"));
 }
 
 #[test]

@@ -46,7 +46,7 @@ impl OracleVlm {
             return Ok(percept.clone());
         }
         let snapshot =
-            self.world.capture(frame).ok_or_else(|| VlmError::Image(format!("frame {} is no longer kept", frame.0)))?;
+            self.world.capture(frame).ok_or_else(|| VlmError::Image(format!("frame {} is no longer stored", frame.0)))?;
         let percept = self.look(frame, &snapshot);
         self.percept = Some((frame, percept.clone()));
         Ok(percept)

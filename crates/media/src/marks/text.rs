@@ -21,7 +21,7 @@ static SIZES: LazyLock<Vec<Size>> = LazyLock::new(|| {
         spleen_font::FONT_16X32,
         spleen_font::FONT_32X64,
     ];
-    files.into_iter().map(|file| Size::decode(file).expect("the embedded font files are whole")).collect()
+    files.into_iter().map(|file| Size::decode(file).expect("the embedded font files are valid")).collect()
 });
 
 impl Size {

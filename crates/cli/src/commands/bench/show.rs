@@ -41,7 +41,7 @@ pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError
 
 fn trial(args: &BenchShow, settings: &mut Settings) -> Result<Trial, CliError> {
     let wrong = || {
-        CliError::usage(format!("`{}` is not a trial", args.run_id))
+        CliError::usage(format!("`{}` is not the name of a trial", args.run_id))
             .hint("use task/method/vlm/seed, the `run_id` of its row in results.jsonl")
     };
     let parts: Vec<&str> = args.run_id.split('/').collect();

@@ -20,7 +20,7 @@ use crate::printer::Printer;
 pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError> {
     let pose = args.pose.as_deref().map(parse_pose).transpose();
     let pose = pose.map_err(|expected| {
-        CliError::usage(format!("--pose: `{}` is not {expected}", args.pose.as_deref().unwrap_or_default()))
+        CliError::usage(format!("--pose: expected {expected}, found `{}`", args.pose.as_deref().unwrap_or_default()))
             .hint("for example --pose 0,0,3,90,-10: the origin, 3 m up, looking east and 10 degrees down")
     })?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
@@ -36,7 +36,7 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
     let sim_camera = SimCamera::new(camera, effects, 0);
     let shot = sim_camera.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
-    let shot = shot.ok_or_else(|| CliError::internal("the shutter is open at times that have no pose"))?;
+    let shot = shot.ok_or_else(|| CliError::internal("the exposure has times without a pose"))?;
     let photograph = sim_camera.photograph(&shot, None, |camera, pose, picture| {
         loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, picture);
     });
@@ -110,7 +110,7 @@ fn parse_motion(text: &str) -> Result<Motion, CliError> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     let numbers = numbers.filter(|numbers| numbers.len() <= 4 && numbers.iter().all(|number: &f64| number.abs() <= 1000.0));
     let Some(numbers) = numbers else {
-        return Err(CliError::usage(format!("--moving: `{text}` is not a motion"))
+        return Err(CliError::usage(format!("--moving: expected a velocity, found `{text}`"))
             .hint("forward,right,up,yaw in m/s and degrees/s, for example --moving 3,0,0,90"));
     };
     let number = |index: usize| numbers.get(index).copied().unwrap_or(0.0);

@@ -111,7 +111,7 @@ fn encoder(path: &Path) -> Result<Encoder, CliError> {
     match extension.as_str() {
         "png" => Ok(png::encode),
         "jpg" | "jpeg" => Ok(|picture| Jpeg::encode(picture, 82).map(|jpeg| jpeg.bytes().to_vec())),
-        _ => Err(CliError::usage(format!("--contact-sheet: `{}` is not an image file", path.display()))
+        _ => Err(CliError::usage(format!("--contact-sheet: unsupported image format of `{}`", path.display()))
             .hint("use the extension .jpg or .png")),
     }
 }

@@ -16,11 +16,11 @@ use crate::printer::Printer;
 /// Serves the page until Ctrl-C.
 pub(super) fn view(args: &View, printer: &Printer) -> Result<Exit, CliError> {
     let address: SocketAddr = args.listen.parse().map_err(|_| {
-        CliError::usage(format!("--listen: `{}` is not an address and a port", args.listen))
+        CliError::usage(format!("--listen: expected an address and a port, found `{}`", args.listen))
             .hint("for example --listen 127.0.0.1:8000; port 0 picks a free one")
     })?;
     let pose = args.pose.as_deref().map(parse_pose).transpose().map_err(|expected| {
-        CliError::usage(format!("--pose: `{}` is not {expected}", args.pose.as_deref().unwrap_or_default()))
+        CliError::usage(format!("--pose: expected {expected}, found `{}`", args.pose.as_deref().unwrap_or_default()))
             .hint("for example --pose 0,0,3,90,-10: the origin, 3 m up, looking east and 10 degrees down")
     })?;
     let craft = args.drone_model.as_deref().map(parse_kind).transpose()?;

@@ -44,7 +44,7 @@ fn report(check: &Check, printer: &Printer) {
         let model = check.pointed.first().map_or("", |pointed| &pointed.answer.model);
         let tokens = check.account.tokens;
         let about = if tokens.estimated { "about " } else { "" };
-        let cost = check.account.cost_usd.map_or(String::new(), |cost| format!(", {about}{cost:.5} $"));
+        let cost = check.account.cost_usd.map_or(String::new(), |cost| format!(", {about}${cost:.5}"));
         printer.result(&format!(
             "good: {model} responds and points within {:.1} % of the image width; {about}{} tokens in, {} out{cost}",
             100.0 * worst,

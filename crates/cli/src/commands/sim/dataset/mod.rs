@@ -132,5 +132,6 @@ fn share(flag: &str, value: f64) -> Result<f64, CliError> {
     if (0.0..=1.0).contains(&value) {
         return Ok(value);
     }
-    Err(CliError::usage(format!("{flag}: `{value}` is not a fraction")).hint("use a number from 0 to 1, for example 0.25"))
+    Err(CliError::usage(format!("{flag}: expected a fraction, found `{value}`"))
+        .hint("use a number from 0 to 1, for example 0.25"))
 }

@@ -51,7 +51,8 @@ pub(super) fn print_video_stats(service: &TelloService, printer: &Printer) {
 }
 
 fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
-    let wrong = |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: `{value}` is not {expected}"));
+    let wrong =
+        |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: expected {expected}, found `{value}`"));
     let listen = address(&args.listen).ok_or_else(|| {
         wrong("--listen", &args.listen, "an address")
             .hint("use an IPv4 address of this machine, such as 127.0.0.1 or 127.0.0.1:8889")

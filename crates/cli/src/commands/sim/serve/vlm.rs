@@ -29,7 +29,8 @@ pub(super) struct Flown {
 
 /// Starts it; it answers until what is returned is dropped. Its eye is the drone's, where one flies, else a camera that stands.
 pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &Printer) -> Result<Serving, CliError> {
-    let wrong = |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: `{value}` is not {expected}"));
+    let wrong =
+        |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: expected {expected}, found `{value}`"));
     let (name, errors) = oracle_named(oracle, |expected, near| {
         let near = near.unwrap_or("oracle:poor");
         wrong("--vlm", oracle, expected).hint(format!("for example --vlm={near}"))
