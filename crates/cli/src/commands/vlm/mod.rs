@@ -174,7 +174,8 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
             return Err(CliError::usage(format!("--max-cost requires a known price, and `{name}` has none"))
                 .hint("add a price with --vlm-models (docs/guide/vlm.md); use 0 for a local model"));
         }
-        chosen.push(format!("{} of {}{place}{assumed}", model.id, model.vendor.title));
+        let sent = if setup::is_local(&choice, &variables) { "" } else { "; images are sent to its server and may incur costs" };
+        chosen.push(format!("{} from {}{place}{assumed}{sent}", model.id, model.vendor.title));
     }
     let remote = setup::remote(&table, &names, &variables, strategy).map_err(|error| refused(settings, name, &error))?;
     let remote = match prompt {
@@ -184,11 +185,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     remote.warm();
     let steps_in = chosen.get(1).map_or(String::new(), |second| format!(" Fallback: {second}."));
     let name = if *name == *AUTO { auto } else { name.to_owned() };
-    Ok(Chosen {
-        name,
-        remote,
-        sentence: format!("VLM: {}; images are sent to its server and may incur costs.{steps_in}", chosen[0]),
-    })
+    Ok(Chosen { name, remote, sentence: format!("VLM: {}.{steps_in}", chosen[0]) })
 }
 
 /// Why a model cannot be asked, and what to do.
