@@ -61,7 +61,7 @@ impl Contrast {
     #[must_use]
     pub fn points(&self) -> [f64; 3] {
         let e = self.paired.difference;
-        [e.value, e.low, e.high].map(|share| 100.0 * share)
+        [e.value, e.low, e.high].map(|fraction| 100.0 * fraction)
     }
 
     /// The corrected p value with four decimals.

@@ -90,7 +90,7 @@ pub(crate) fn vlm_of(record: &Record) -> String {
 pub fn words(rate: Rate) -> String {
     match rate.estimate() {
         Some(e) => {
-            let [value, low, high] = [e.value, e.low, e.high].map(|share| 100.0 * share);
+            let [value, low, high] = [e.value, e.low, e.high].map(|fraction| 100.0 * fraction);
             format!("{}/{} = {value:.1} % [{low:.1}, {high:.1}]", rate.hits, rate.of)
         }
         None => "–".to_owned(),

@@ -384,9 +384,9 @@ mod tests {
     fn frequencies_are_those_of_the_rule() {
         let m = machine(&[(0.0, 1.0, Fault::Drop { p: 0.3 }), (0.0, 1.0, Fault::Duplicate { p: 0.5, after: 0.1 })]);
         let counts: Vec<usize> = (0..10_000).map(|i| m.pass(secs(0.5), Stream::Frames, i).len()).collect();
-        let share = |n: usize| counts.iter().filter(|&&c| c == n).count() as f64 / 1e4;
+        let fraction = |n: usize| counts.iter().filter(|&&c| c == n).count() as f64 / 1e4;
         // 0.3 lost; 0.7 · 0.5 once; 0.7 · 0.5 twice; three standard deviations are 0.015.
-        assert!((share(0) - 0.3).abs() < 0.015 && (share(1) - 0.35).abs() < 0.015 && (share(2) - 0.35).abs() < 0.015);
+        assert!((fraction(0) - 0.3).abs() < 0.015 && (fraction(1) - 0.35).abs() < 0.015 && (fraction(2) - 0.35).abs() < 0.015);
     }
 
     #[test]

@@ -49,15 +49,15 @@ impl Letterbox {
 
     /// A point of the input as fractions of the image; it may lie outside.
     fn point(&self, x: f32, y: f32) -> (f64, f64) {
-        let share = |at: f32, corner: usize, size: u32| (f64::from(at) - corner as f64) / f64::from(size);
-        (share(x, self.corner.0, self.size.0), share(y, self.corner.1, self.size.1))
+        let fraction = |at: f32, corner: usize, size: u32| (f64::from(at) - corner as f64) / f64::from(size);
+        (fraction(x, self.corner.0, self.size.0), fraction(y, self.corner.1, self.size.1))
     }
 
     /// A box of the input (left, top, right, bottom) as fractions of the image, clipped to it.
     #[must_use]
     pub fn in_picture(&self, [left, top, right, bottom]: [f32; 4]) -> ImageBox {
         let ((left, top), (right, bottom)) = (self.point(left, top), self.point(right, bottom));
-        let inside = |share: f64| share.clamp(0.0, 1.0);
+        let inside = |fraction: f64| fraction.clamp(0.0, 1.0);
         ImageBox { left: inside(left), top: inside(top), right: inside(right), bottom: inside(bottom) }
     }
 }

@@ -100,8 +100,8 @@ impl Observation {
     #[must_use]
     pub fn reports(&self, should: f64) -> Finding {
         match self.telemetry / should {
-            share if share < 0.5 => Finding::Bad,
-            share if share < 0.85 => Finding::Warning,
+            fraction if fraction < 0.5 => Finding::Bad,
+            fraction if fraction < 0.85 => Finding::Warning,
             _ => Finding::Good,
         }
     }

@@ -10,7 +10,7 @@ use spf_core::craft::CraftKind;
 use spf_flight::flight::{self, FlightPlan, Site};
 use spf_flight::sim::{LoadedScene, OracleVlm, Simulated, VlmFactory};
 use spf_oracle::ErrorFile;
-use spf_vlm::{Answer, Asked, QueryImage, Vlm};
+use spf_vlm::{Answer, QueryImage, QueryRequest, Vlm};
 
 /// The oracle, but the picture is drawn and encoded all the same.
 struct Looks(OracleVlm);
@@ -20,9 +20,9 @@ impl Vlm for Looks {
         self.0.name()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
         drop(black_box(picture.jpeg(picture.size(), 85)));
-        self.0.answer(asked, picture)
+        self.0.answer(request, picture)
     }
 }
 

@@ -15,7 +15,7 @@ use spf_flight::flight::{self, FlightError, FlightPlan, Flown, Site};
 use spf_flight::real::Real;
 use spf_flight::sim::VlmFactory;
 use spf_flight::site::Clock;
-use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
+use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
 
 /// Points at what is red in the image, and says how far a ball of a metre is that looks so large.
 struct SeesRed;
@@ -36,7 +36,7 @@ impl Vlm for SeesRed {
         "red"
     }
 
-    fn answer(&mut self, _asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, _asked: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
         let (latency, model) = (Duration::from_millis(300), "red".to_owned());
         Answer { text: Self::look(picture), latency, model, account: Account::default() }
     }

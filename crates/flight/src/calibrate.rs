@@ -17,7 +17,7 @@ use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
 use spf_drone::tello::sticks::Calibration;
-use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
+use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
 
 use crate::flight::{FlightError, FlightPlan, Site, fly};
 use crate::policy::PolicyKind;
@@ -243,7 +243,7 @@ impl Vlm for NoVlm {
         "nobody"
     }
 
-    fn answer(&mut self, _asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, _asked: &QueryRequest<'_>, _picture: &mut dyn QueryImage) -> Answer {
         let refused = VlmError::Refused { model: "nobody".to_owned(), reason: "calibrating the drone".to_owned() };
         Answer { text: Err(refused), latency: Duration::ZERO, model: String::new(), account: Account::default() }
     }

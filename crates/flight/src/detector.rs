@@ -7,7 +7,7 @@ use std::time::Instant;
 use spf_core::detection::write_detections;
 use spf_core::query::QueryKind;
 use spf_detect::Detector;
-use spf_vlm::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
+use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
 
 use crate::sim::VlmFactory;
 
@@ -26,10 +26,10 @@ impl Vlm for WithDetector {
         self.vlm.image_spec(camera)
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        match asked.query.kind {
-            QueryKind::Detect { .. } => self.detector.answer(asked, picture),
-            _ => self.vlm.answer(asked, picture),
+    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
+        match request.query.kind {
+            QueryKind::Detect { .. } => self.detector.answer(request, picture),
+            _ => self.vlm.answer(request, picture),
         }
     }
 }
@@ -48,12 +48,12 @@ impl Vlm for DetectorVlm {
         self.0.name()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
         // In the simulator this renders the frame; a camera's frame is available immediately.
         let pixels = picture.pixels();
         let began = Instant::now();
         let detect = |pixels| self.0.detect(&pixels).map_err(|error| VlmError::Detector(error.to_string()));
-        let text = match asked.query.kind {
+        let text = match request.query.kind {
             QueryKind::Detect { .. } => pixels.and_then(detect).map(|found| write_detections(&found)),
             _ => Err(VlmError::Refused { model: self.0.name().to_owned(), reason: "lists the objects in an image".to_owned() }),
         };

@@ -44,7 +44,7 @@ pub struct MethodRow {
     /// The description in the help of `spf fly --policy`; `None` if `spf fly` does not offer it.
     pub fly: Option<String>,
     /// How the bench flies it; `None` if it is not a bench method.
-    pub bench: Option<Manner>,
+    pub bench: Option<BenchSettings>,
 }
 
 /// A policy family with its parameters. A family without options has braces too (`Name {}`), so that a row with an
@@ -99,7 +99,7 @@ impl Family {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[cfg_attr(test, derive(serde::Serialize))]
 #[serde(default, deny_unknown_fields)]
-pub struct Manner {
+pub struct BenchSettings {
     /// The preset, if not [`Preset::Default`].
     pub preset: Option<Preset>,
     /// Step length.
@@ -131,7 +131,7 @@ pub enum Step {
     FixedM(f64),
 }
 
-impl Manner {
+impl BenchSettings {
     /// The preset it is based on.
     #[must_use]
     pub fn preset(&self) -> Preset {
@@ -259,10 +259,10 @@ impl MethodRow {
         }
         match self.bench {
             // NaN is in no range.
-            Some(Manner { step: Some(Step::FixedM(metres)), .. }) if !FIXED_M.contains(&metres) => {
+            Some(BenchSettings { step: Some(Step::FixedM(metres)), .. }) if !FIXED_M.contains(&metres) => {
                 wrong("fixed_m", metres, "0.05 to 50")
             }
-            Some(Manner { blind: true, .. }) if self.policy != (Family::Plain { form: ActForm::Commands }) => {
+            Some(BenchSettings { blind: true, .. }) if self.policy != (Family::Plain { form: ActForm::Commands }) => {
                 Err(MethodsError::Blind(name()))
             }
             _ => Ok(()),

@@ -19,7 +19,7 @@ use spf_media::marks::{self, Hud};
 use spf_oracle::ErrorFile;
 use spf_record::log::{Entry, ReadError};
 use spf_sim::frame_clock::FrameClock;
-use spf_vlm::{Answer, Asked, ImageSpec, Vlm};
+use spf_vlm::{Answer, ImageSpec, QueryRequest, Vlm};
 
 use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
 use crate::picture::Marked;
@@ -48,7 +48,7 @@ pub struct Question {
 pub fn questions(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) -> Result<(Head, Vec<Question>), ReplayError> {
     let mut entries = entries.into_iter();
     let head = head(&mut entries)?;
-    let (mut asked, mut truths) = (BTreeMap::<QueryId, Query>::new(), BTreeMap::new());
+    let (mut request, mut truths) = (BTreeMap::<QueryId, Query>::new(), BTreeMap::new());
     let mut answers = BTreeMap::new();
     for entry in entries {
         let entry = match entry {
@@ -59,7 +59,7 @@ pub fn questions(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) ->
         match Channel::of_topic(&entry.topic) {
             Some(Channel::Query) => {
                 let query: Query = row(&entry)?;
-                asked.insert(query.id, query);
+                request.insert(query.id, query);
             }
             Some(Channel::Truth) => {
                 let truth: TruthRow = row(&entry)?;
@@ -78,7 +78,7 @@ pub fn questions(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) ->
         let truth = *truths.get(&query.frame)?;
         Some(Question { query, truth, answer: answers.get(&id).cloned() })
     };
-    Ok((head, asked.into_iter().filter_map(question).collect()))
+    Ok((head, request.into_iter().filter_map(question).collect()))
 }
 
 /// The content of a reply.
@@ -236,7 +236,7 @@ impl Asker {
                 let photo = self.world.still(captured(question), snapshot).map(|shot| photo(&self.world, shot));
                 let mut scaler = Scaler::default();
                 let mut picture = Marked::new(&query, (camera.width, camera.height), photo, &mut scaler);
-                (vlm.answer(&Asked::new(&query, *patience), &mut picture), image_spec.grounding)
+                (vlm.answer(&QueryRequest::new(&query, *patience), &mut picture), image_spec.grounding)
             }
         }
     }

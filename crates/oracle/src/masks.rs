@@ -35,12 +35,12 @@ impl Mask {
     /// The edge of the image with the most mask pixels.
     pub(super) fn cut(&self, width: usize, height: usize) -> Option<Look> {
         // As a fraction of the edge length, so that longer edges are not favoured.
-        let share = |i: usize| self.edges[i] as f64 / if i < 2 { height as f64 } else { width as f64 };
+        let fraction = |i: usize| self.edges[i] as f64 / if i < 2 { height as f64 } else { width as f64 };
         let looks = [Look::Left, Look::Right, Look::Up, Look::Down];
         (0..4)
             .filter(|&i| self.edges[i] > 0)
             .fold(None, |best: Option<usize>, i| match best {
-                Some(b) if share(b) >= share(i) => Some(b),
+                Some(b) if fraction(b) >= fraction(i) => Some(b),
                 _ => Some(i),
             })
             .map(|i| looks[i])

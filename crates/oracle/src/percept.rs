@@ -173,7 +173,7 @@ fn thing(
     let key = [frame.0, u64::from(mask.id)];
     let area = mask.area as f64;
     let light = f64::from(*sight.light.get(&mask.id).unwrap_or(&1.0)).clamp(0.0, 1.0);
-    let share = f64::from(*sight.in_frame.get(&mask.id).unwrap_or(&1.0));
+    let fraction = f64::from(*sight.in_frame.get(&mask.id).unwrap_or(&1.0));
     let bounds = ImageBox {
         left: mask.left as f64 / w,
         top: mask.top as f64 / h,
@@ -203,7 +203,7 @@ fn thing(
         beyond: if past > 0.0 && past.is_finite() { past * stretch(sight.camera, deepest) } else { f64::INFINITY },
         // `docs/explanation/oracle.md`, "In view": at least 0.8 % of the frame high and a quarter inside it, or filling a
         // tenth of it.
-        in_view: (bounds.bottom - bounds.top >= 0.008 && share >= 0.25) || area >= 0.1 * w * h,
+        in_view: (bounds.bottom - bounds.top >= 0.008 && fraction >= 0.25) || area >= 0.1 * w * h,
         cut: mask.cut(sight.width, sight.height),
         size: sqrt(area * sent / (w * h)) * light,
         luck: Draw::new(seed, "oracle seen", &key).uniform(),

@@ -165,7 +165,7 @@ fn done_is_judged_by_range_alone() {
 #[test]
 fn half_of_eight_pixels_square_are_seen_and_most_of_sixteen() {
     let oracle = Oracle::new(ErrorFile::default(), 3.0, 3);
-    let share = |side: usize, size: Option<(u32, u32)>| {
+    let fraction = |side: usize, size: Option<(u32, u32)>| {
         let painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 430..430 + side, 310..310 + side, 30.0);
         let base = painting.percept(&oracle, 0);
         assert_eq!(base.things.len(), 1);
@@ -180,10 +180,10 @@ fn half_of_eight_pixels_square_are_seen_and_most_of_sixteen() {
             .count() as f64
             / 1500.0
     };
-    assert!((share(8, None) - 0.5).abs() < 0.04);
-    assert!((share(16, None) - 0.95).abs() < 0.02);
+    assert!((fraction(8, None) - 0.5).abs() < 0.04);
+    assert!((fraction(16, None) - 0.95).abs() < 0.02);
     // Sent at half the size, 16 pixels are 8.
-    assert!((share(16, Some((480, 360))) - 0.5).abs() < 0.04);
+    assert!((fraction(16, Some((480, 360))) - 0.5).abs() < 0.04);
 }
 
 #[test]
@@ -221,7 +221,7 @@ fn latency_is_log_normal() {
 
 #[test]
 fn labels_follow_their_reading() {
-    let label = |name: &str, range, share| answer::label(&ErrorFile::named(name).unwrap(), range, share);
+    let label = |name: &str, range, fraction| answer::label(&ErrorFile::named(name).unwrap(), range, fraction);
     // 1 + 4.5·log10: 1 m → 1, 10 m → 5.5 → 6, 100 m and more → 10.
     assert_eq!([0.5, 1.0, 10.0, 60.0, 100.0, f64::INFINITY].map(|r| label("default", r, 0.1)), [1, 1, 6, 9, 10, 10]);
     assert_eq!([7.4, 25.0, 80.0].map(|r| label("linear", r, 0.1)), [1, 5, 10]);

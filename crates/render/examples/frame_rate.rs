@@ -54,8 +54,8 @@ fn path() -> Vec<Pose> {
     let legs = STREETS.len() - 1;
     let at = |i: usize| {
         let along = i as f64 * legs as f64 / PICTURES as f64;
-        let (leg, share) = (along as usize, along.fract());
-        pose(core::array::from_fn(|k| STREETS[leg][k] + (STREETS[leg + 1][k] - STREETS[leg][k]) * share))
+        let (leg, fraction) = (along as usize, along.fract());
+        pose(core::array::from_fn(|k| STREETS[leg][k] + (STREETS[leg + 1][k] - STREETS[leg][k]) * fraction))
     };
     (0..PICTURES).map(at).collect()
 }
@@ -80,8 +80,8 @@ struct Took {
 
 impl Took {
     /// Milliseconds that this share of the pictures does not exceed.
-    fn within(&self, share: f64) -> f64 {
-        self.wall[((self.wall.len() - 1) as f64 * share) as usize]
+    fn within(&self, fraction: f64) -> f64 {
+        self.wall[((self.wall.len() - 1) as f64 * fraction) as usize]
     }
 }
 
@@ -106,12 +106,12 @@ fn fly(renderer: &Renderer, camera: &Camera, poses: &[Pose], channels: Channels,
 fn report_path(presets: &[(&str, Channels)]) -> Result<(), Failure> {
     let renderer = Renderer::new(&Scene::load("city")?.geometry);
     let poses = path();
-    let mut shares = Vec::new();
+    let mut fractions = Vec::new();
     for pose in &poses {
         let ids = renderer.render(&camera(320), pose, Channels { ids: true, ..Channels::default() }).ids.unwrap_or_default();
-        shares.push(ids.iter().filter(|&&id| id != 0).count() as f64 / ids.len() as f64);
+        fractions.push(ids.iter().filter(|&&id| id != 0).count() as f64 / ids.len() as f64);
     }
-    let (least, mean) = (shares.iter().copied().fold(1.0, f64::min), shares.iter().sum::<f64>() / shares.len() as f64);
+    let (least, mean) = (fractions.iter().copied().fold(1.0, f64::min), fractions.iter().sum::<f64>() / fractions.len() as f64);
     println!(
         "city, {} triangles, {PICTURES} pictures; covered: {:.0} % on average, {:.0} % at least",
         renderer.triangles(),

@@ -45,9 +45,9 @@ fn path() -> Vec<Pose> {
     let legs = STREETS.len() - 1;
     let at = |i: usize| {
         let along = i as f64 * legs as f64 / PICTURES as f64;
-        let (leg, share) = (along as usize, along.fract());
+        let (leg, fraction) = (along as usize, along.fract());
         let [east, north, up, heading] =
-            core::array::from_fn(|k| STREETS[leg][k] + (STREETS[leg + 1][k] - STREETS[leg][k]) * share);
+            core::array::from_fn(|k| STREETS[leg][k] + (STREETS[leg + 1][k] - STREETS[leg][k]) * fraction);
         let attitude = Attitude { heading: heading.to_radians(), ..Attitude::default() };
         Pose { position: EnuPosition { east, north, up }, attitude }
     };

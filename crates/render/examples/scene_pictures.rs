@@ -39,9 +39,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let ids = picture.ids.as_deref().unwrap_or_default();
         let mut list = format!("{text}\n");
         for object in &scene.objects {
-            let share = ids.iter().filter(|&&id| id == object.id).count() as f64 / ids.len() as f64;
-            if share > 0.01 {
-                writeln!(list, "{:5.1} %  {}  ({})", 100.0 * share, object.key, object.tags.names.join(", "))?;
+            let fraction = ids.iter().filter(|&&id| id == object.id).count() as f64 / ids.len() as f64;
+            if fraction > 0.01 {
+                writeln!(list, "{:5.1} %  {}  ({})", 100.0 * fraction, object.key, object.tags.names.join(", "))?;
             }
         }
         std::fs::write(Path::new(&folder).join(format!("{}.txt", i + 1)), list)?;

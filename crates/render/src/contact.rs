@@ -276,13 +276,13 @@ fn blurred(mut picture: Vec<f32>, width: usize, radius: usize) -> Vec<f32> {
 /// Replaces a line of numbers by their running means.
 fn means(picture: &mut [f32], first: usize, stride: usize, count: usize, radius: usize) {
     let line: Vec<f32> = (0..count).map(|i| picture[first + i * stride]).collect();
-    let share = 1.0 / (2 * radius + 1) as f32;
+    let fraction = 1.0 / (2 * radius + 1) as f32;
     let mut sum: f32 = line.iter().take(radius).sum();
     for i in 0..count {
         sum += line.get(i + radius).copied().unwrap_or(0.0);
         if i > radius {
             sum -= line[i - radius - 1];
         }
-        picture[first + i * stride] = (sum * share).max(0.0);
+        picture[first + i * stride] = (sum * fraction).max(0.0);
     }
 }

@@ -287,14 +287,14 @@ impl ShadowMap {
         if unsure == 0 {
             return lit;
         }
-        let mut shares: [f32; LANES] = lit.into();
+        let mut fractions: [f32; LANES] = lit.into();
         while unsure != 0 {
             let lane = unsure.trailing_zeros() as usize;
             unsure &= unsure - 1;
             let (own, x, y) = (at.z[lane].max(0.0), at.x[lane], at.y[lane]);
-            shares[lane] = if soft { self.filtered(simd, own, x, y) } else { self.nearest(own, x, y) };
+            fractions[lane] = if soft { self.filtered(simd, own, x, y) } else { self.nearest(own, x, y) };
         }
-        F::from_slice(simd, &shares)
+        F::from_slice(simd, &fractions)
     }
 
     /// 1 if the texel in the middle of [`ShadowMap::filtered`]'s is no nearer to the sun than `own`, else 0.

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::query::QueryId;
 use spf_core::time::Duration;
 
-use crate::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
+use crate::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
 
 /// Version of the recording format.
 const FORMAT: u32 = 1;
@@ -119,12 +119,12 @@ impl Vlm for Recording {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let answer = self.vlm.answer(asked, picture);
+    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
+        let answer = self.vlm.answer(request, picture);
         let recorded = |error: &VlmError| RecordedError { code: error.code().to_owned(), message: error.to_string() };
         let row = Row {
-            query: asked.query.id,
-            prompt_fnv1a: digest(&asked.query.prompt),
+            query: request.query.id,
+            prompt_fnv1a: digest(&request.query.prompt),
             text: answer.text.as_ref().ok().cloned(),
             error: answer.text.as_ref().err().map(recorded),
             latency_ns: u64::try_from(answer.latency.as_nanos()).unwrap_or(u64::MAX),
@@ -198,8 +198,8 @@ impl Vlm for Replay {
         self.head.image_spec
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
-        let query = asked.query;
+    fn answer(&mut self, request: &QueryRequest<'_>, _picture: &mut dyn QueryImage) -> Answer {
+        let query = request.query;
         let refused = |reason: String| Answer {
             text: Err(VlmError::Replay(reason)),
             latency: Duration::ZERO,

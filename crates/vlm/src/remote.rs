@@ -13,9 +13,9 @@ use spf_core::time::Duration;
 use tokio::task::AbortHandle;
 
 use crate::account::{Account, Tokens};
-use crate::asked::Asked;
 use crate::backend::{Backend, Outcome};
 use crate::error::VlmError;
+use crate::request::QueryRequest;
 use crate::transport::Transport;
 use crate::wire::Question;
 use crate::{Answer, ImageSpec, QueryImage, Vlm};
@@ -88,7 +88,7 @@ impl Drop for Out {
 /// A query being answered.
 struct Asking<'a> {
     remote: &'a Remote,
-    asked: &'a Asked<'a>,
+    request: &'a QueryRequest<'a>,
     began: Instant,
     deadline: Instant,
     camera: (u32, u32),
@@ -159,19 +159,19 @@ impl Vlm for Remote {
         self.backends[0].model.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
         // The simulator renders its frame here, which must not count as latency; a real camera has it available.
         picture.prepare(self.sight(0, picture.size()).1);
         let began = Instant::now();
         let mut asking = Asking {
             remote: self,
-            asked,
+            request,
             began,
-            deadline: began + asked.time_left.min(Duration::from_secs(86_400)) + GRACE,
+            deadline: began + request.time_left.min(Duration::from_secs(86_400)) + GRACE,
             camera: picture.size(),
             results: channel(),
             // A fallback needs time to reply.
-            hedge: self.strategy.hedge.or((self.backends.len() > 1).then_some(asked.time_left / 2)),
+            hedge: self.strategy.hedge.or((self.backends.len() > 1).then_some(request.time_left / 2)),
             sent: 0,
             out: Vec::new(),
             account: Account::default(),
@@ -246,7 +246,7 @@ impl Asking<'_> {
         let backend = remote.backends[index].clone();
         let (grounding, size) = remote.sight(index, self.camera);
         let jpeg = picture.jpeg(size, remote.strategy.quality)?;
-        let query = self.asked.query;
+        let query = self.request.query;
         let own = (index > 0).then(|| remote.prompt_for(query, &grounding)).flatten();
         let question = Question { prompt: own.as_deref().unwrap_or(&query.prompt), jpeg: &jpeg, kind: &query.kind };
         let written = backend.write(&question, grounding, self.began)?;
@@ -267,7 +267,7 @@ impl Asking<'_> {
     }
 
     fn watch_cancel(&mut self) {
-        let (cancel, results) = (self.asked.cancel.clone(), self.results.0.clone());
+        let (cancel, results) = (self.request.cancel.clone(), self.results.0.clone());
         let work = self.remote.transport.spawn(async move {
             cancel.cancelled().await;
             drop(results.send(None));
@@ -291,12 +291,12 @@ impl Asking<'_> {
 
     /// A second backend's reply, converted to the coordinates of the query.
     fn translated(&self, index: usize, text: String) -> Result<String, VlmError> {
-        let (asked, own) = (self.remote.sight(0, self.camera).0, self.remote.sight(index, self.camera).0);
-        let QueryKind::Point { avoid } = self.asked.query.kind else { return Ok(text) };
-        if asked == own {
+        let (request, own) = (self.remote.sight(0, self.camera).0, self.remote.sight(index, self.camera).0);
+        let QueryKind::Point { avoid } = self.request.query.kind else { return Ok(text) };
+        if request == own {
             return Ok(text);
         }
         // An invalid reply is left for the policy to reject.
-        Ok(parse_reply(&text, &own).map_or(text, |reply| reply.to_json_exact(&asked, avoid)))
+        Ok(parse_reply(&text, &own).map_or(text, |reply| reply.to_json_exact(&request, avoid)))
     }
 }

@@ -15,7 +15,7 @@ use spf_core::reply::{Reply, Status};
 use spf_core::time::Duration;
 use spf_media::Rgb;
 use spf_oracle::ErrorFile;
-use spf_vlm::{Account, Answer, Asked, Cancel, Vlm, VlmError};
+use spf_vlm::{Account, Answer, Cancel, QueryRequest, Vlm, VlmError};
 
 use super::photo::Photograph;
 use super::{AnswerRow, Item, Said, oracle, photo};
@@ -45,7 +45,7 @@ pub enum AnswererKind {
 impl AnswererKind {
     /// A digest of its configuration: its prompt, or its error file and seed.
     #[must_use]
-    pub fn manner(&self) -> String {
+    pub fn digest(&self) -> String {
         let words = match self {
             Self::Centre => String::new(),
             Self::Oracle(errors, seed) => format!("{errors:?} {seed}"),
@@ -94,12 +94,12 @@ impl Answerer {
 
     /// Asks about an item; `number` is its index in the dataset.
     #[must_use]
-    pub fn ask(&self, item: &Item, number: u64, manner: AskOptions, cancel: &Cancel) -> AnswerRow {
+    pub fn ask(&self, item: &Item, number: u64, options: AskOptions, cancel: &Cancel) -> AnswerRow {
         let profile = GroundingProfile::default();
         match &self.kind {
             AnswererKind::Centre => centre(&item.key),
             AnswererKind::Oracle(errors, seed) => {
-                let query = query(number, &item.instruction, String::new(), manner, None);
+                let query = query(number, &item.instruction, String::new(), options, None);
                 let answer = match &item.sim {
                     Some(example) => oracle::answer(&self.name, errors, *seed, &query, example),
                     None => failed(&self.name, "no ID and depth images for the oracle".to_owned()),
@@ -111,7 +111,7 @@ impl Answerer {
                 match read.and_then(|bytes| photo::decode(&bytes).map_err(|error| error.to_string())) {
                     Ok(picture) => {
                         let picture = Arc::new(picture);
-                        self.show(make().as_mut(), prompt, &picture, &item.key, &item.instruction, number, manner, cancel)
+                        self.show(make().as_mut(), prompt, &picture, &item.key, &item.instruction, number, options, cancel)
                     }
                     Err(error) => {
                         let why = format!("cannot read `{}`: {error}", item.picture.display());
@@ -133,15 +133,15 @@ impl Answerer {
         key: &str,
         instruction: &str,
         number: u64,
-        manner: AskOptions,
+        options: AskOptions,
         cancel: &Cancel,
     ) -> AnswerRow {
         let image_spec = vlm.image_spec((picture.width(), picture.height()));
         let (profile, memory) = (image_spec.grounding, Memory::default());
-        let text = prompt.write(&PromptInput { instruction, memory: &memory, profile: &profile, avoid: manner.avoid });
-        let query = query(number, instruction, text, manner, image_spec.image_size);
-        let asked = Asked { query: &query, time_left: manner.time, cancel: cancel.clone() };
-        let answer = vlm.answer(&asked, &mut Photograph::new(picture.clone()));
+        let text = prompt.write(&PromptInput { instruction, memory: &memory, profile: &profile, avoid: options.avoid });
+        let query = query(number, instruction, text, options, image_spec.image_size);
+        let request = QueryRequest { query: &query, time_left: options.time, cancel: cancel.clone() };
+        let answer = vlm.answer(&request, &mut Photograph::new(picture.clone()));
         AnswerRow::of(&self.name, key, answer, &profile)
     }
 }
@@ -172,12 +172,12 @@ fn centre(key: &str) -> AnswerRow {
     }
 }
 
-fn query(number: u64, instruction: &str, prompt: String, manner: AskOptions, image_size: Option<(u32, u32)>) -> Query {
+fn query(number: u64, instruction: &str, prompt: String, options: AskOptions, image_size: Option<(u32, u32)>) -> Query {
     Query {
         instruction: instruction.to_owned(),
         prompt,
         image_size,
-        ..Query::new(QueryId(number), FrameId(number), QueryKind::Point { avoid: manner.avoid })
+        ..Query::new(QueryId(number), FrameId(number), QueryKind::Point { avoid: options.avoid })
     }
 }
 
@@ -188,7 +188,7 @@ pub struct Plan<'a> {
     /// The answerers.
     pub answerers: &'a [Answerer],
     /// How questions are asked.
-    pub manner: AskOptions,
+    pub options: AskOptions,
     /// Number of parallel questions.
     pub parallel: usize,
     /// Questions per minute and model; `None` for no limit.
@@ -259,8 +259,8 @@ impl Plan<'_> {
                 let (send, desk) = (send.clone(), &desk);
                 scope.spawn(move || {
                     while let Some((item, answerer)) = desk.take() {
-                        let asked = &desk.plan.answerers[answerer];
-                        let row = asked.ask(&desk.plan.items[item], item as u64, desk.plan.manner, &desk.cancel);
+                        let chosen = &desk.plan.answerers[answerer];
+                        let row = chosen.ask(&desk.plan.items[item], item as u64, desk.plan.options, &desk.cancel);
                         *lock(&desk.spent) += row.account.cost_usd.unwrap_or(0.0);
                         if send.send(row).is_err() {
                             return;

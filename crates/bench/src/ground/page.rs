@@ -208,8 +208,8 @@ fn edge(picture: &mut Rgb, outline: &Outline) {
     };
     let holds = |x: i64, y: i64| {
         let inside = (0..i64::from(width)).contains(&x) && (0..i64::from(height)).contains(&y);
-        let share = |at: i64, side: u32| (at as f64 + 0.5) / f64::from(side);
-        inside && mask.holds(ImagePoint { u: share(x, width), v: share(y, height) })
+        let fraction = |at: i64, side: u32| (at as f64 + 0.5) / f64::from(side);
+        inside && mask.holds(ImagePoint { u: fraction(x, width), v: fraction(y, height) })
     };
     for y in 0..i64::from(height) {
         for x in 0..i64::from(width) {

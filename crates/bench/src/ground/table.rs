@@ -11,7 +11,7 @@ const FIGURES: [Figure; 17] = [
     ("invalid replies", |m| (m.unreadable > 0).then(|| m.unreadable.to_string())),
     ("no reply", |m| (m.failed > 0).then(|| m.failed.to_string())),
     ("hits %", |m| m.hits.map(percent)),
-    ("hits expected from the error file %", |m| m.hits_expected.map(|share| format!("{:.1}", 100.0 * share))),
+    ("hits expected from the error file %", |m| m.hits_expected.map(|fraction| format!("{:.1}", 100.0 * fraction))),
     ("error / √(target area), median", |m| m.error_sides.map(|e| number(e, 2))),
     ("error, % of width, median", |m| m.error_width.map(percent)),
     ("box IoU, mean", |m| m.box_iou.map(|e| number(e, 2))),

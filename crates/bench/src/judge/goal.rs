@@ -83,7 +83,7 @@ impl Watch {
             GoalKind::Over => self.over(shown),
             GoalKind::Behind { within } => self.behind(shown, within),
             GoalKind::Scan { angle } => self.scan(shown, angle),
-            GoalKind::Follow { within, share, window } => self.follow(shown, sight, within, share, window),
+            GoalKind::Follow { within, fraction, window } => self.follow(shown, sight, within, fraction, window),
         }
     }
 
@@ -188,7 +188,7 @@ impl Watch {
         self.turned[2] - self.turned[1] + shown.field >= angle
     }
 
-    fn follow(&mut self, shown: &JudgeInput<'_>, sight: &mut Sight, within: f64, share: f64, window: f64) -> bool {
+    fn follow(&mut self, shown: &JudgeInput<'_>, sight: &mut Sight, within: f64, fraction: f64, window: f64) -> bool {
         let kept = !self.clear_within(shown, sight, within, |_| true).is_empty();
         self.kept.push_back((shown.at, kept));
         let gone = |at: Time| shown.at.since(at).as_secs_f64();
@@ -198,7 +198,7 @@ impl Watch {
         }
         let whole = self.kept.front().is_some_and(|(at, _)| gone(*at) >= window);
         let near = self.kept.iter().filter(|(_, kept)| *kept).count();
-        whole && near as f64 >= share * self.kept.len() as f64
+        whole && near as f64 >= fraction * self.kept.len() as f64
     }
 }
 

@@ -45,7 +45,7 @@ impl Sight {
         let (around, surroundings) = (&mut self.around, &self.surroundings);
         sighted(&self.picture, objects, CLEAR_HEIGHT, || {
             loaded.render_into(surroundings.camera(), snapshot, channels, around);
-            surroundings.shares(around)
+            surroundings.fractions(around)
         })
     }
 

@@ -203,10 +203,10 @@ fn no_row(path: &Path, line: usize) -> StoreError {
 ///
 /// # Errors
 /// [`StoreError`] if a shard is missing, incomplete, or belongs to another plan.
-pub fn merge(shares: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
+pub fn merge(shards: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
     let mut whole: Option<Head> = None;
     let (mut rows, mut ways, mut made) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
-    for folder in shares {
+    for folder in shards {
         let head = Head { shard: Shard::WHOLE, ..read_head(folder)? };
         match &whole {
             Some(first) if *first != head => {

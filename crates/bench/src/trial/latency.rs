@@ -3,7 +3,7 @@
 use spf_core::query::QueryKind;
 use spf_core::rng::Draw;
 use spf_core::time::duration_from_secs;
-use spf_vlm::{Answer, Asked, ImageSpec, QueryImage, Vlm};
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
 
 /// Maximum latency in a VLM name, seconds.
 const LONGEST_S: f64 = 600.0;
@@ -43,17 +43,17 @@ impl Vlm for Timed {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let mut answer = self.vlm.answer(asked, picture);
-        if matches!(asked.query.kind, QueryKind::Detect { .. }) {
+    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
+        let mut answer = self.vlm.answer(request, picture);
+        if matches!(request.query.kind, QueryKind::Detect { .. }) {
             return answer;
         }
         if let Some(seconds) = self.fixed {
             answer.latency = duration_from_secs(seconds);
         }
         if let Some([least, most]) = self.delay {
-            let share = Draw::new(self.seed, "bench delay", &[asked.query.id.0]).uniform();
-            answer.latency += duration_from_secs(least + (most - least) * share);
+            let fraction = Draw::new(self.seed, "bench delay", &[request.query.id.0]).uniform();
+            answer.latency += duration_from_secs(least + (most - least) * fraction);
         }
         answer
     }

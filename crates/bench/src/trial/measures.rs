@@ -28,8 +28,8 @@ fn spread(way: &[EnuPosition]) -> Vec<EnuPosition> {
         let (from, to) = (pair[0], pair[1]);
         let steps = libm::ceil(from.distance(to) / SPACING).max(1.0);
         for i in 1..=steps as usize {
-            let share = i as f64 / steps;
-            let mix = |a: f64, b: f64| a + (b - a) * share;
+            let fraction = i as f64 / steps;
+            let mix = |a: f64, b: f64| a + (b - a) * fraction;
             points.push(EnuPosition { east: mix(from.east, to.east), north: mix(from.north, to.north), up: mix(from.up, to.up) });
         }
     }

@@ -347,6 +347,6 @@ fn provider(vlm: &str) -> String {
 }
 
 fn milliseconds(seconds: &[f64]) -> Option<Milliseconds> {
-    let at = |share| percentile(seconds, share).map(|value| 1e3 * value);
+    let at = |fraction| percentile(seconds, fraction).map(|value| 1e3 * value);
     Some(Milliseconds { p50: at(0.5)?, p95: at(0.95)?, p99: at(0.99)?, max: at(1.0)? })
 }

@@ -110,7 +110,7 @@ Example:
 pub(crate) struct BenchMerge {
     /// Folders of all shards
     #[arg(value_name = "DIR", required = true)]
-    pub(crate) shares: Vec<PathBuf>,
+    pub(crate) shards: Vec<PathBuf>,
     /// Output folder for the merged results; must be new or empty
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,

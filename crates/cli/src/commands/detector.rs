@@ -16,7 +16,7 @@ use crate::settings::Settings;
 const DEFAULT: &str = "oracle";
 
 /// The policy and settings of a flight with the configured detector; unchanged if there is none.
-pub(crate) fn manner(
+pub(crate) fn policy_and_settings(
     settings: &Settings,
     policy: PolicyKind,
     method: PilotSettings,
@@ -33,7 +33,7 @@ pub(crate) fn manner(
 }
 
 /// The VLM combined with the detector, and the detector's name; `None` if the policy does not use one.
-pub(crate) fn beside(
+pub(crate) fn combine(
     settings: &Settings,
     policy: PolicyKind,
     pointing: Pointing,

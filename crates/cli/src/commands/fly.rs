@@ -27,7 +27,7 @@ use spf_scene::SceneLook;
 use spf_sim::model::Model;
 
 use self::manual::Manual;
-use self::settings::{flight_conditions, limits, manner, method, prompt, script};
+use self::settings::{flight_conditions, limits, method, preset_and_policy, prompt, script};
 use crate::args::Fly;
 use crate::commands::vlm::pointing;
 use crate::commands::{detector, load_scene};
@@ -155,11 +155,11 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     if args.world.tello_motion.is_some() {
         return Err(CliError::usage("--tello-motion requires --drone tello").hint("use --motion for the simulated craft"));
     }
-    let (preset, policy) = manner(settings)?;
-    let (policy, method) = detector::manner(settings, policy, method(settings, preset)?)?;
+    let (preset, policy) = preset_and_policy(settings)?;
+    let (policy, method) = detector::policy_and_settings(settings, policy, method(settings, preset)?)?;
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
-    let (pointing, detector) = detector::beside(settings, policy, pointing(settings, prompt.clone())?)?;
+    let (pointing, detector) = detector::combine(settings, policy, pointing(settings, prompt.clone())?)?;
     let seed = settings.fly.seed.or_default()?;
     let start = settings.fly.start.get()?;
     let kind = settings.fly.drone_model.get()?;

@@ -83,8 +83,8 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     // Ways of rows that were there are kept, not flown again.
     assert_eq!(rows(&lab.path("torn/paths.jsonl")).len(), 6);
 
-    for share in ["0/3", "1/3", "2/3"] {
-        let part = run(&lab, &["--method", "spf,straight", "--shard", share, "-o", &share[..1]]);
+    for fraction in ["0/3", "1/3", "2/3"] {
+        let part = run(&lab, &["--method", "spf,straight", "--shard", fraction, "-o", &fraction[..1]]);
         assert_eq!(part.code, Some(0), "{}", part.stderr);
     }
     let missing = lab.spf(&["bench", "merge", "0", "2", "-o", "less"]);

@@ -298,8 +298,8 @@ impl Envelope {
         let mut cause = None;
         let speed = libm::hypot(asked.right, asked.forward);
         if speed > limits.max_speed {
-            let share = limits.max_speed / speed;
-            (setpoint.right, setpoint.forward) = (asked.right * share, asked.forward * share);
+            let fraction = limits.max_speed / speed;
+            (setpoint.right, setpoint.forward) = (asked.right * fraction, asked.forward * fraction);
             cause = Some(Cause::SpeedLimit);
         }
         if asked.up.abs() > limits.max_climb {

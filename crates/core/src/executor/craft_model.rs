@@ -69,8 +69,8 @@ impl CraftModel {
             self.heading += self.yaw_rate * step;
             let (sin, cos) = self.heading.sin_cos();
             let limited = |(x, y): (f64, f64), limit: f64| {
-                let share = (limit / x.hypot(y).max(1e-12)).min(1.0);
-                (x * share, y * share)
+                let fraction = (limit / x.hypot(y).max(1e-12)).min(1.0);
+                (x * fraction, y * fraction)
             };
             let v = self.velocity;
             let wanted_east = setpoint.right * cos + setpoint.forward * sin + self.creep[0];

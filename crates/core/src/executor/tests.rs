@@ -247,10 +247,13 @@ fn blended_motion_arrives_together() {
         let along = (moved.right * asked.right + moved.forward * asked.forward) / (80.0_f64).sqrt();
         let across = (moved.right * asked.forward - moved.forward * asked.right) / (80.0_f64).sqrt();
         assert!(across.abs() < 0.15, "{across} m off the line");
-        let share = along / 80.0_f64.sqrt();
+        let fraction = along / 80.0_f64.sqrt();
         let turned = wrap_angle(model.heading - start.attitude.heading) / primitives.yaw;
         let climbed = moved.up / asked.up;
-        assert!((turned - share).abs() < 0.2 && (climbed - share).abs() < 0.2, "way {share}, turn {turned}, climb {climbed}");
+        assert!(
+            (turned - fraction).abs() < 0.2 && (climbed - fraction).abs() < 0.2,
+            "way {fraction}, turn {turned}, climb {climbed}"
+        );
     }
 }
 

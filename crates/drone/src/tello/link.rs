@@ -368,9 +368,9 @@ impl Link {
         let heading = self.heading();
         let (sin, cos) = (libm::sin(heading), libm::cos(heading));
         let wanted = [setpoint.right * cos + setpoint.forward * sin, setpoint.forward * cos - setpoint.right * sin, setpoint.up];
-        let share = 1.0 - libm::exp(-now.since(before).as_secs_f64() / LAG);
+        let fraction = 1.0 - libm::exp(-now.since(before).as_secs_f64() / LAG);
         for (modelled, wanted) in self.modelled.iter_mut().zip(wanted) {
-            *modelled += (wanted - *modelled) * share;
+            *modelled += (wanted - *modelled) * fraction;
         }
     }
 
@@ -388,7 +388,7 @@ impl Link {
             let length = 0.1 * libm::hypot(f64::from(x), f64::from(y));
             let [east, north, up] = self.modelled;
             let expected = libm::hypot(east, north);
-            let share = if expected > SIGN { length / expected } else { 0.0 };
+            let fraction = if expected > SIGN { length / expected } else { 0.0 };
             let rises = match self.phase {
                 FlightPhase::TakingOff => 1.0,
                 FlightPhase::Landing => -1.0,
@@ -396,7 +396,7 @@ impl Link {
                 _ => 0.0,
             };
             let up = 0.1 * f64::from(z.abs()) * rises;
-            EnuVelocity { east: east * share, north: north * share, up }
+            EnuVelocity { east: east * fraction, north: north * fraction, up }
         });
         Telemetry {
             time: now,

@@ -42,16 +42,16 @@ impl Calibration {
     #[must_use]
     pub fn sticks(&self, setpoint: Setpoint) -> [i8; 4] {
         let vertical = if setpoint.up > 0.0 { self.climb } else { self.sink };
-        let share = |value: f64, full: f64| {
-            let share = 100.0 * value / full;
+        let fraction = |value: f64, full: f64| {
+            let fraction = 100.0 * value / full;
             // NaN must not become full stick.
-            if share.is_finite() { libm::round(share.clamp(-100.0, 100.0)) as i8 } else { 0 }
+            if fraction.is_finite() { libm::round(fraction.clamp(-100.0, 100.0)) as i8 } else { 0 }
         };
         [
-            share(setpoint.right, self.speed),
-            share(setpoint.forward, self.speed),
-            share(setpoint.up, vertical),
-            share(setpoint.yaw_rate, self.yaw_rate),
+            fraction(setpoint.right, self.speed),
+            fraction(setpoint.forward, self.speed),
+            fraction(setpoint.up, vertical),
+            fraction(setpoint.yaw_rate, self.yaw_rate),
         ]
     }
 }

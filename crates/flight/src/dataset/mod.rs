@@ -261,9 +261,9 @@ impl<'a> Generator<'a> {
             return None;
         }
         let visible = self.visible(&snapshot, &truth, &seen);
-        let share = mask.area as f64 / (f64::from(truth.width) * f64::from(truth.height));
+        let fraction = mask.area as f64 / (f64::from(truth.width) * f64::from(truth.height));
         let in_frame = visible.iter().find(|thing| thing.id == focus)?.in_frame;
-        if share > FILLS || (share < 0.1 && in_frame < IN_FRAME) {
+        if fraction > FILLS || (fraction < 0.1 && in_frame < IN_FRAME) {
             return None;
         }
         let (wording, instruction, meant) = match kind {
@@ -317,7 +317,7 @@ impl<'a> Generator<'a> {
         let light = self.loaded.renderer.light_on(self.sim_camera.camera(), &snapshot.pose, truth);
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(self.around.camera(), snapshot, channels, &mut self.scratch);
-        let shares = self.around.shares(&self.scratch);
+        let fractions = self.around.fractions(&self.scratch);
         let visible = |mask: &Mask| {
             let tags = self.tags_of(mask.id)?;
             Some(Visible {
@@ -325,7 +325,7 @@ impl<'a> Generator<'a> {
                 key: tags.key.clone(),
                 opening: tags.opening,
                 pixels: mask.area,
-                in_frame: shares.get(&mask.id).copied().unwrap_or(1.0),
+                in_frame: fractions.get(&mask.id).copied().unwrap_or(1.0),
                 // Objects not listed are fully lit.
                 light: light.get(&mask.id).copied().unwrap_or(1.0),
             })

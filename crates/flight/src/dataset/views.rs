@@ -88,8 +88,8 @@ fn surrounds(polygon: &[[f64; 2]], p: EnuPosition) -> bool {
     for (i, a) in polygon.iter().enumerate() {
         let b = polygon[(i + 1) % polygon.len()];
         if (a[1] > p.north) != (b[1] > p.north) {
-            let share = (p.north - a[1]) / (b[1] - a[1]);
-            inside ^= p.east > a[0] + share * (b[0] - a[0]);
+            let fraction = (p.north - a[1]) / (b[1] - a[1]);
+            inside ^= p.east > a[0] + fraction * (b[0] - a[0]);
         }
     }
     inside

@@ -68,10 +68,10 @@ fn an_unknown_word_is_told_with_its_line() {
 
 #[test]
 fn a_variant_changes_what_it_says_and_nothing_else() {
-    let manner = |words: &str| read(&row("some", SPF, words)).unwrap().remove(0).bench.unwrap();
+    let settings = |words: &str| read(&row("some", SPF, words)).unwrap().remove(0).bench.unwrap();
     let preset = PilotSettings::preset(Preset::Default);
-    assert_eq!((manner("").settings(6.7), manner("").preset()), (preset, Preset::Default));
-    let paper = manner("preset = \"paper\"");
+    assert_eq!((settings("").settings(6.7), settings("").preset()), (preset, Preset::Default));
+    let paper = settings("preset = \"paper\"");
     assert_eq!((paper.settings(6.7), paper.preset()), (PilotSettings::preset(Preset::Paper), Preset::Paper));
     for (words, wanted) in [
         ("step = \"median\"", PilotSettings { step: StepRule::Fixed(6.7), ..preset }),
@@ -82,7 +82,7 @@ fn a_variant_changes_what_it_says_and_nothing_else() {
         ("think = \"stop\"", PilotSettings { think: Think::Stop, ..preset }),
         ("confirm_done = false", PilotSettings { confirm_done: false, ..preset }),
     ] {
-        assert_eq!(manner(words).settings(6.7), wanted, "{words}");
+        assert_eq!(settings(words).settings(6.7), wanted, "{words}");
     }
 }
 
@@ -151,7 +151,7 @@ fn documents_name_every_policy() {
     }
 }
 
-fn manners() -> impl Strategy<Value = Manner> {
+fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let step = prop_oneof![Just(Step::Median), FIXED_M.prop_map(Step::FixedM)];
     let preset = prop_oneof![Just(Preset::Default), Just(Preset::Paper)];
     let lifting = prop_oneof![Just(Lifting::Paper), Just(Lifting::Levelled)];
@@ -159,7 +159,7 @@ fn manners() -> impl Strategy<Value = Manner> {
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(Think::Stop), Just(Think::Continuous)];
     (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<bool>()).prop_map(
-        |(preset, step, lifting, motion, ending, think, confirm_done, avoid)| Manner {
+        |(preset, step, lifting, motion, ending, think, confirm_done, avoid)| BenchSettings {
             preset,
             step,
             lifting,
@@ -174,7 +174,7 @@ fn manners() -> impl Strategy<Value = Manner> {
 }
 
 fn tables() -> impl Strategy<Value = Vec<MethodRow>> {
-    let one = ("[a-z][a-z0-9]{0,3}(-[a-z0-9]{1,2}){0,2}", "\\PC{1,20}", families(), of("[a-z ]{1,9}"), of(manners()))
+    let one = ("[a-z][a-z0-9]{0,3}(-[a-z0-9]{1,2}){0,2}", "\\PC{1,20}", families(), of("[a-z ]{1,9}"), of(bench_settings()))
         .prop_map(|(name, about, policy, fly, bench)| MethodRow { name, about, policy, fly, bench });
     proptest::collection::vec(one, 0..6)
 }

@@ -6,7 +6,7 @@ use spf_core::query::Query;
 use spf_core::time::Duration;
 use spf_oracle::{ErrorFile, Oracle, Percept, Sight};
 use spf_render::Channels;
-use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
+use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
 
 use super::loaded_scene::{PerceptBuffers, WorldSnapshot};
 use super::world::SimWorld;
@@ -84,9 +84,9 @@ impl Vlm for OracleVlm {
         &self.name
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
-        match self.percept(asked.query.frame) {
-            Ok(percept) => self.answer_from(asked.query, &percept),
+    fn answer(&mut self, request: &QueryRequest<'_>, _picture: &mut dyn QueryImage) -> Answer {
+        match self.percept(request.query.frame) {
+            Ok(percept) => self.answer_from(request.query, &percept),
             Err(error) => {
                 let (latency, model) = (Duration::ZERO, self.name.clone());
                 Answer { text: Err(error), latency, model, account: Account::default() }

@@ -70,19 +70,19 @@ fn in_view(world: &SimWorld, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> 
 }
 
 /// The subset of `objects`, openings included, that an image with ids and openings shows well: at least `height` of the
-/// frame high with a quarter of the silhouette inside the frame (`shares`; objects not listed touch no edge), or
-/// filling a tenth of the frame. Only visible pixels count. `shares`, which needs another render, is called only if it
+/// frame high with a quarter of the silhouette inside the frame (`fractions`; objects not listed touch no edge), or
+/// filling a tenth of the frame. Only visible pixels count. `fractions`, which needs another render, is called only if it
 /// decides.
 pub fn sighted(
     picture: &RenderedImage,
     objects: &[ObjectId],
     height: f64,
-    shares: impl FnOnce() -> BTreeMap<ObjectId, f32>,
+    fractions: impl FnOnce() -> BTreeMap<ObjectId, f32>,
 ) -> Vec<ObjectId> {
     let extents = extents(picture, objects);
     let (high, fills) = (|of: &Extent| of.high(picture, height), |of: &Extent| of.fills(picture));
-    let shares = if extents.iter().any(|(_, of)| high(of) && !fills(of)) { shares() } else { BTreeMap::new() };
-    let inside = |id: &ObjectId| shares.get(id).is_none_or(|share| *share >= VIEW_SHARE);
+    let fractions = if extents.iter().any(|(_, of)| high(of) && !fills(of)) { fractions() } else { BTreeMap::new() };
+    let inside = |id: &ObjectId| fractions.get(id).is_none_or(|fraction| *fraction >= VIEW_SHARE);
     let shown = extents.into_iter().filter(|(id, of)| fills(of) || (high(of) && inside(id)));
     shown.map(|(id, _)| id).collect()
 }
@@ -96,8 +96,8 @@ struct Extent {
 }
 
 impl Extent {
-    fn high(&self, picture: &RenderedImage, share: f64) -> bool {
-        (self.bottom - self.top + 1) as f64 >= share * f64::from(picture.height)
+    fn high(&self, picture: &RenderedImage, fraction: f64) -> bool {
+        (self.bottom - self.top + 1) as f64 >= fraction * f64::from(picture.height)
     }
 
     fn fills(&self, picture: &RenderedImage) -> bool {

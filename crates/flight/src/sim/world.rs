@@ -187,6 +187,6 @@ impl SimWorld {
     pub fn in_frame(&self, snapshot: &WorldSnapshot, picture: &mut RenderedImage) -> BTreeMap<u16, f32> {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(self.surroundings.camera(), snapshot, channels, picture);
-        self.surroundings.shares(picture)
+        self.surroundings.fractions(picture)
     }
 }

@@ -9,7 +9,7 @@ use spf_core::pilot::{Action, Event, OperatorEvent};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
-use spf_vlm::{Asked, Cancel, Vlm, VlmError};
+use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
 use super::{Script, answer_event, pilot_event};
 use crate::picture::Pictures;
@@ -48,16 +48,16 @@ impl Live {
         interrupts: Arc<AtomicU32>,
     ) -> std::io::Result<Self> {
         let mut pictures = Pictures::of(drone.as_ref());
-        let (queries, asked) = channel::<(Query, Cancel)>();
+        let (queries, request) = channel::<(Query, Cancel)>();
         let (answered, events) = channel();
         std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
-            for (query, cancel) in asked {
+            for (query, cancel) in request {
                 let begun = start.elapsed();
                 let (latency, text) = if cancel.is_cancelled() {
                     (Duration::ZERO, Err(VlmError::Cancelled))
                 } else {
-                    let asked = Asked { query: &query, time_left: query.deadline.since(Time::ZERO + begun), cancel };
-                    let answer = vlm.answer(&asked, &mut pictures.about(&query));
+                    let request = QueryRequest { query: &query, time_left: query.deadline.since(Time::ZERO + begun), cancel };
+                    let answer = vlm.answer(&request, &mut pictures.about(&query));
                     (answer.latency, answer.text)
                 };
                 let event = answer_event(query.id, text);

@@ -8,7 +8,7 @@ use spf_core::pilot::{Action, Event, OperatorEvent};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::Time;
 use spf_drone::Drone;
-use spf_vlm::{Asked, Vlm};
+use spf_vlm::{QueryRequest, Vlm};
 
 use super::{Script, answer_event, pilot_event};
 use crate::picture::Pictures;
@@ -57,8 +57,8 @@ impl Lockstep {
     }
 
     fn ask(&mut self, query: &Query) {
-        let asked = Asked::new(query, query.deadline.since(self.now));
-        let answer = self.vlm.answer(&asked, &mut self.pictures.about(query));
+        let request = QueryRequest::new(query, query.deadline.since(self.now));
+        let answer = self.vlm.answer(&request, &mut self.pictures.about(query));
         self.answers.push((self.now + answer.latency, query.id, answer_event(query.id, answer.text)));
     }
 

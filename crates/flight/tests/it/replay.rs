@@ -150,10 +150,10 @@ fn a_torn_log_is_replayed_as_far_as_it_goes() {
     let folder = tempfile::tempdir().unwrap();
     let log = flown(&folder.path().join("flight"), |_| {});
     let whole = std::fs::read(&log).unwrap();
-    for share in [0.3, 0.6, 0.9] {
-        std::fs::write(&log, &whole[..(share * whole.len() as f64) as usize]).unwrap();
+    for fraction in [0.3, 0.6, 0.9] {
+        std::fs::write(&log, &whole[..(fraction * whole.len() as f64) as usize]).unwrap();
         let report = replayed(&log, &Changes::default());
-        assert!(report.torn && report.differences.is_empty(), "{share}: {:?}", report.differences.first());
-        assert!(report.inputs > 50, "{share}: {} inputs", report.inputs);
+        assert!(report.torn && report.differences.is_empty(), "{fraction}: {:?}", report.differences.first());
+        assert!(report.inputs > 50, "{fraction}: {} inputs", report.inputs);
     }
 }

@@ -246,10 +246,10 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Blends `colour` into one pixel with coverage `share` (0..=255).
-    pub(super) fn blend(&mut self, x: u32, y: u32, colour: Colour, share: u8) {
+    /// Blends `colour` into one pixel with coverage `alpha` (0..=255).
+    pub(super) fn blend(&mut self, x: u32, y: u32, colour: Colour, alpha: u8) {
         let Some([red, green, blue]) = self.picture.pixel(x, y) else { return };
-        let weight = (u32::from(colour.opacity) * u32::from(share) + 127) / 255;
+        let weight = (u32::from(colour.opacity) * u32::from(alpha) + 127) / 255;
         let mix = |below: u8, above: u8| ((u32::from(below) * (255 - weight) + u32::from(above) * weight + 127) / 255) as u8;
         self.picture.set_pixel(x, y, [mix(red, colour.red), mix(green, colour.green), mix(blue, colour.blue)]);
     }
@@ -262,9 +262,9 @@ impl<'a> Canvas<'a> {
         let (top, bottom) = (area.top.floor() as u32, (area.bottom.ceil() as u32).min(self.picture.height()));
         for y in top..bottom {
             for x in left..right {
-                let share = 0.5 - distance(Point::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
-                if share > 0.0 {
-                    self.blend(x, y, colour, (share.min(1.0) * 255.0 + 0.5) as u8);
+                let alpha = 0.5 - distance(Point::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+                if alpha > 0.0 {
+                    self.blend(x, y, colour, (alpha.min(1.0) * 255.0 + 0.5) as u8);
                 }
             }
         }

@@ -97,9 +97,9 @@ pub(super) fn add_up<M>(moments: &[M], picture: &mut RenderedImage, mut draw: im
         sum.resize(rgb.len(), 0.0);
         sum.par_iter_mut().zip(rgb).for_each(|(sum, byte)| *sum += curve.light(*byte));
     }
-    let share = 1.0 / moments.len().max(1) as f32;
+    let fraction = 1.0 / moments.len().max(1) as f32;
     if let Some(rgb) = &mut picture.rgb {
-        rgb.par_iter_mut().zip(&sum).for_each(|(byte, sum)| *byte = curve.byte(sum * share));
+        rgb.par_iter_mut().zip(&sum).for_each(|(byte, sum)| *byte = curve.byte(sum * fraction));
     }
 }
 

@@ -94,15 +94,15 @@ impl Traffic {
         if self.states.is_empty() {
             return Some(Vec::new());
         }
-        let (earlier, later, share) = self.about(at)?;
-        Some(earlier.iter().zip(later).map(|(a, b)| a.towards(b, share)).collect())
+        let (earlier, later, fraction) = self.about(at)?;
+        Some(earlier.iter().zip(later).map(|(a, b)| a.towards(b, fraction)).collect())
     }
 
     /// Position of one actor; `None` for an invalid index, or a time outside the history.
     #[must_use]
     pub fn place_at(&self, actor: usize, at: Time) -> Option<ActorPlace> {
-        let (earlier, later, share) = self.about(at)?;
-        Some(earlier.get(actor)?.towards(later.get(actor)?, share))
+        let (earlier, later, fraction) = self.about(at)?;
+        Some(earlier.get(actor)?.towards(later.get(actor)?, fraction))
     }
 
     /// Places at the ticks before and after, and where between them.

@@ -109,9 +109,9 @@ impl<'a> Looks<'a> {
             None => &default,
         };
         let pbr = &found.pbr_metallic_roughness;
-        let [r, g, b, alpha] = pbr.base_color_factor.0.map(share);
+        let [r, g, b, alpha] = pbr.base_color_factor.0.map(fraction);
         let colour = Vec3::new(r, g, b);
-        let mirror = mirror(share(pbr.metallic_factor.0), share(pbr.roughness_factor.0));
+        let mirror = mirror(fraction(pbr.metallic_factor.0), fraction(pbr.roughness_factor.0));
         let base = pbr.base_color_texture.as_ref();
         let texture = base.and_then(|info| self.images.of(self.root, info));
         let emission = self.emission(found);
@@ -136,7 +136,7 @@ impl<'a> Looks<'a> {
     fn emission(&self, material: &gltf::json::Material) -> Vec3 {
         let strength =
             material.extensions.as_ref().and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
-        let given = Vec3::from(material.emissive_factor.0.map(share)) * strength.clamp(0.0, 20.0);
+        let given = Vec3::from(material.emissive_factor.0.map(fraction)) * strength.clamp(0.0, 20.0);
         let picture = material.emissive_texture.as_ref().and_then(|info| self.images.of(self.root, info));
         let mean = picture.and_then(|i| self.images.textures.get(usize::from(i))).map_or(Vec3::ONE, Texture::mean);
         given * mean
@@ -158,7 +158,7 @@ impl<'a> Looks<'a> {
 
 /// Where in the palette the mean of three corners' colours lies.
 pub(super) fn shade_of(corners: [[f32; 4]; 3]) -> Vec2 {
-    let mean = |channel: usize| corners.iter().map(|c| share(c[channel])).sum::<f32>() / 3.0;
+    let mean = |channel: usize| corners.iter().map(|c| fraction(c[channel])).sum::<f32>() / 3.0;
     let step = |channel: usize| (mean(channel).sqrt() * (STEPS - 1) as f32 + 0.5) as usize;
     let index = (step(0) * STEPS + step(1)) * STEPS + step(2);
     let (x, y) = (index % PALETTE_WIDTH, index / PALETTE_WIDTH);
@@ -166,7 +166,7 @@ pub(super) fn shade_of(corners: [[f32; 4]; 3]) -> Vec2 {
 }
 
 /// A share, 0..=1, whatever the file says.
-fn share(value: f32) -> f32 {
+fn fraction(value: f32) -> f32 {
     if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) }
 }
 

@@ -103,10 +103,10 @@ fn leaf(surface: &mut Surface, foot: Vec3, out: Vec3, way: Vec3, long: f32, wide
 fn cactus(surface: &mut Surface, root: Vec3, tall: f32) {
     let mut column = |foot: Vec3, high: f32, radius: f32| {
         surface.limb(
-            &[0.0, 0.15, 0.85, 1.0].map(|share| super::round::Section {
-                at: foot + Vec3::Z * (share * (high - radius)),
-                wide: radius * if share == 0.0 { 0.85 } else { 1.0 },
-                deep: radius * if share == 0.0 { 0.85 } else { 1.0 },
+            &[0.0, 0.15, 0.85, 1.0].map(|fraction| super::round::Section {
+                at: foot + Vec3::Z * (fraction * (high - radius)),
+                wide: radius * if fraction == 0.0 { 0.85 } else { 1.0 },
+                deep: radius * if fraction == 0.0 { 0.85 } else { 1.0 },
             }),
             Vec3::X,
             super::round::Skin::closed(12, [0.0, radius]),

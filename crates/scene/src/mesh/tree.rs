@@ -53,9 +53,9 @@ fn broadleaf(sketch: &mut Sketch, draw: &mut Draw, h: f32) {
     let turn = draw.uniform() as f32;
     blob(sketch.on("leaf"), draw, Vec3::Z * (0.68 * h), Vec3::new(0.25, 0.25, 0.27) * h, 2);
     for i in 0..6 {
-        let share = turn + (i as f32 + 0.3 * draw.uniform() as f32) / 6.0;
+        let fraction = turn + (i as f32 + 0.3 * draw.uniform() as f32) / 6.0;
         let z = h * (0.5 + 0.22 * draw.uniform() as f32);
-        let centre = on_circle(share, 0.19 * h, z);
+        let centre = on_circle(fraction, 0.19 * h, z);
         sketch.on("bark").rod(fork - Vec3::Z * 0.1, centre, 0.018 * h, 0.008 * h, 5);
         let size = 0.13 + 0.05 * draw.uniform() as f32;
         blob(sketch.on("leaf"), draw, centre, Vec3::new(size, size, 0.85 * size) * h, 1);
@@ -67,9 +67,9 @@ fn conifer(sketch: &mut Sketch, draw: &mut Draw, h: f32) {
     sketch.on("bark").rod(Vec3::ZERO, Vec3::Z * (0.5 * h), 0.028 * h, 0.015 * h, 8);
     let layers = 6;
     for i in 0..layers {
-        let share = i as f32 / layers as f32;
-        let (low, high) = (h * (0.13 + 0.78 * share), h * (0.13 + 0.78 * share + 0.26).min(1.0));
-        let radius = h * 0.21 * (1.0 - 0.82 * share);
+        let fraction = i as f32 / layers as f32;
+        let (low, high) = (h * (0.13 + 0.78 * fraction), h * (0.13 + 0.78 * fraction + 0.26).min(1.0));
+        let radius = h * 0.21 * (1.0 - 0.82 * fraction);
         let phase = draw.uniform() as f32;
         skirt(sketch.on("leaf"), phase, radius, low, high);
     }

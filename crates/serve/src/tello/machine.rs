@@ -287,13 +287,13 @@ impl VirtualTello {
             return;
         }
         let Figures { stick_speed, stick_climb, stick_sink, stick_yaw, .. } = self.figures;
-        let share = |stick: i32| f64::from(stick) * 0.01;
+        let fraction = |stick: i32| f64::from(stick) * 0.01;
         let vertical = if up > 0 { stick_climb } else { stick_sink };
         let setpoint = Setpoint {
-            right: share(right) * stick_speed,
-            forward: share(forward) * stick_speed,
-            up: share(up) * vertical,
-            yaw_rate: share(clockwise) * stick_yaw,
+            right: fraction(right) * stick_speed,
+            forward: fraction(forward) * stick_speed,
+            up: fraction(up) * vertical,
+            yaw_rate: fraction(clockwise) * stick_yaw,
         };
         craft.apply(now, Command::Setpoint(setpoint), Time::MAX);
     }

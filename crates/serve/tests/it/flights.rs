@@ -24,7 +24,7 @@ use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
 use spf_serve::tello::Figures;
 use spf_sim::craft::SimCraft;
-use spf_vlm::{Answer, Asked, ImageSpec, QueryImage, Vlm};
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
 
 /// An oracle that takes its time, or another.
 struct Slow(OracleVlm, Option<Duration>);
@@ -38,8 +38,8 @@ impl Vlm for Slow {
         self.0.image_spec(camera)
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let answer = self.0.answer(asked, picture);
+    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
+        let answer = self.0.answer(request, picture);
         Answer { latency: self.1.unwrap_or(answer.latency), ..answer }
     }
 }
@@ -457,8 +457,8 @@ fn what_full_stick_does_is_measured() {
     let plan = calibrate::plan(Box::new(drone), Clock::Virtual, operator, Arc::default());
     let flown = flight::fly(plan, &mut [&mut routine]).unwrap();
     let measured = routine.measured().unwrap();
-    let near = |name: &str, value: f64, truth: f64, share: f64| {
-        assert!((value / truth - 1.0).abs() < share, "{name}: measured {value}, in truth {truth}");
+    let near = |name: &str, value: f64, truth: f64, fraction: f64| {
+        assert!((value / truth - 1.0).abs() < fraction, "{name}: measured {value}, in truth {truth}");
     };
     near("yaw", measured.yaw_rate, yaw, 0.05);
     near("climb", measured.climb, 1.1, 0.15);

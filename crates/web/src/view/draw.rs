@@ -66,8 +66,8 @@ pub(super) fn id_colour(id: u16) -> [u8; 3] {
     let value = [0.95, 0.72, 0.84][usize::from(id % 3)];
     let part = |shift: f32| {
         let k = (hue + shift).rem_euclid(6.0);
-        let share = 1.0 - 0.62 * (k.min(4.0 - k).clamp(0.0, 1.0));
-        (value * share * 255.0) as u8
+        let fraction = 1.0 - 0.62 * (k.min(4.0 - k).clamp(0.0, 1.0));
+        (value * fraction * 255.0) as u8
     };
     [part(5.0), part(3.0), part(1.0)]
 }
@@ -86,8 +86,8 @@ fn depth_colour(metres: f32) -> [u8; 3] {
     if metres <= 0.0 {
         return EMPTY;
     }
-    let share = (metres / NEAREST).ln() / (FARTHEST / NEAREST).ln();
-    let along = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
+    let fraction = (metres / NEAREST).ln() / (FARTHEST / NEAREST).ln();
+    let along = fraction.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
     let first = (along as usize).min(STOPS.len() - 2);
     let rest = along - first as f32;
     core::array::from_fn(|k| (STOPS[first][k] + (STOPS[first + 1][k] - STOPS[first][k]) * rest) as u8)

@@ -16,7 +16,7 @@ use tokio::sync::mpsc::Sender;
 
 use super::camera::{FreeCamera, Push};
 use super::message::{Channel, FromPage, Head, ToPage, Under};
-use super::quality::{Budget, Manner};
+use super::quality::{Budget, FrameQuality};
 use super::{InitialView, Library, draw, sight};
 
 /// Maximum number of images sent but not yet displayed.
@@ -64,7 +64,7 @@ pub(super) struct ViewRenderer {
     channel: Channel,
     budget: Budget,
     /// Quality of `picture`; `None` before the first image.
-    manner: Option<Manner>,
+    frame_quality: Option<FrameQuality>,
     picture: RenderedImage,
     /// The camera used for `picture`.
     lens: Camera,
@@ -108,7 +108,7 @@ impl ViewRenderer {
             under: None,
             channel: Channel::default(),
             budget: Budget::default(),
-            manner: None,
+            frame_quality: None,
             picture: RenderedImage::default(),
             lens,
             stale: true,
@@ -182,7 +182,7 @@ impl ViewRenderer {
     }
 
     fn wants_picture(&self, now: Instant) -> bool {
-        let coarse = !self.is_moving(now) && self.manner != Some(self.next_manner(now));
+        let coarse = !self.is_moving(now) && self.frame_quality != Some(self.next_quality(now));
         self.stale || self.mark_changed || coarse
     }
 
@@ -190,9 +190,9 @@ impl ViewRenderer {
         self.craft.unwrap_or(self.loaded.scene.default_craft)
     }
 
-    fn next_manner(&self, now: Instant) -> Manner {
+    fn next_quality(&self, now: Instant) -> FrameQuality {
         let camera = self.kind().camera();
-        self.budget.manner((camera.width, camera.height), self.is_moving(now))
+        self.budget.frame_quality((camera.width, camera.height), self.is_moving(now))
     }
 
     fn advance(&mut self, now: Instant, step: Duration) {
@@ -286,18 +286,18 @@ impl ViewRenderer {
 
     /// Renders if anything but the outline changed, and sends.
     fn look(&mut self, now: Instant) -> Result<(), PageClosed> {
-        let manner = self.next_manner(now);
-        let (width, height) = manner.size;
-        let drawn = self.stale || self.manner != Some(manner);
+        let frame_quality = self.next_quality(now);
+        let (width, height) = frame_quality.size;
+        let drawn = self.stale || self.frame_quality != Some(frame_quality);
         if drawn {
             self.lens = self.kind().camera().resized(width, height);
-            let channels = Channels { quality: manner.quality, ..draw::channels(self.channel) };
+            let channels = Channels { quality: frame_quality.quality, ..draw::channels(self.channel) };
             let actors = self.traffic.places_at(self.time).unwrap_or_default();
             let snapshot = WorldSnapshot { pose: self.camera.pose(), actors };
             self.loaded.render_into(&self.lens, &snapshot, channels, &mut self.picture);
             self.draw_ms = milliseconds(now.elapsed());
         }
-        (self.manner, self.stale, self.mark_changed, self.drawn_at) = (Some(manner), false, false, Some(now));
+        (self.frame_quality, self.stale, self.mark_changed, self.drawn_at) = (Some(frame_quality), false, false, Some(now));
         self.under = self.seen_under_pointer();
         let encoding = Instant::now();
         // An outline of the ground would surround every object on it.
@@ -308,7 +308,7 @@ impl ViewRenderer {
             Err(error) => return self.tell(&ToPage::Refused { reason: error.to_string() }),
         };
         if drawn {
-            self.budget.took(&manner, now.elapsed());
+            self.budget.took(&frame_quality, now.elapsed());
         }
         self.frame += 1;
         let touching = self.camera.touching().and_then(|id| self.loaded.scene.object(id));

@@ -9,7 +9,7 @@ use super::message::Under;
 
 /// The object or opening under a point, if any, with the id for its outline.
 pub(super) fn under(loaded: &LoadedScene, camera: &Camera, picture: &RenderedImage, [u, v]: [f64; 2]) -> Option<(u16, Under)> {
-    let pixel = |share: f64, side: u32| ((share * f64::from(side)) as usize).min((side as usize).saturating_sub(1));
+    let pixel = |fraction: f64, side: u32| ((fraction * f64::from(side)) as usize).min((side as usize).saturating_sub(1));
     let index = pixel(v, picture.height) * picture.width as usize + pixel(u, picture.width);
     let at = |ids: &Option<Vec<u16>>, depth: &Option<Vec<f32>>| {
         let id = ids.as_ref()?.get(index).copied().filter(|id| *id != 0)?;

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::{Pixels, SourceError, beside, form};
 use crate::ground::{Item, Shape, Target, Truth};
 
-/// A row. Positions are pixels of the upright image from its upper left, unless `units` is `shares`.
+/// A row. Positions are pixels of the upright image from its upper left, unless `units` is `fractions`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Row {

@@ -33,7 +33,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     }
     let shard = shard(args)?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let manner = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files };
+    let options = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files };
     let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: args.max_cost };
     let head = plan.head(shard, vlms);
     let interrupts = interrupts()?;
@@ -43,7 +43,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let mut begun = false;
     let ended = {
         let printer = &mut *printer;
-        run_plan(&plan, &head, &args.output, &manner, &|| interrupts.load(Ordering::Relaxed) > 0, &mut |progress, record| {
+        run_plan(&plan, &head, &args.output, &options, &|| interrupts.load(Ordering::Relaxed) > 0, &mut |progress, record| {
             if !begun {
                 begun = true;
                 if progress.done > 0 {

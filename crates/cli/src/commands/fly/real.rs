@@ -13,7 +13,7 @@ use spf_flight::site::Clock;
 use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 
-use super::settings::{limits, manner, method, options, prompt, script};
+use super::settings::{limits, method, options, preset_and_policy, prompt, script};
 use super::{Ready, interrupts, sentence};
 use crate::args::Fly;
 use crate::commands::detector;
@@ -33,8 +33,8 @@ pub(super) fn ready(
     target: &dyn Target,
     printer: &Printer,
 ) -> Result<Ready, CliError> {
-    let (preset, policy) = manner(settings)?;
-    let (policy, mut method) = detector::manner(settings, policy, method(settings, preset)?)?;
+    let (preset, policy) = preset_and_policy(settings)?;
+    let (policy, mut method) = detector::policy_and_settings(settings, policy, method(settings, preset)?)?;
     let prompt = prompt(settings, policy)?;
     let options = options(settings)?;
     let own = target.motion(&options) == Some(Motion::Manoeuvres);
@@ -52,7 +52,7 @@ pub(super) fn ready(
         );
     }
     check_vlm(settings, &pointing, printer)?;
-    let (pointing, detector) = detector::beside(settings, policy, pointing)?;
+    let (pointing, detector) = detector::combine(settings, policy, pointing)?;
     let interrupts = interrupts()?;
     let start = Instant::now();
     let Connected { drone, warning, .. } = connect(target, &options, start, printer)?;

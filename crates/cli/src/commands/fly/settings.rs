@@ -21,7 +21,7 @@ use crate::error::CliError;
 use crate::settings::{Setting, Settings};
 
 /// The named preset, and who decides.
-pub(super) fn manner(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
+pub(super) fn preset_and_policy(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
     Ok((settings.fly.preset.or_default()?, settings.fly.policy.or_default()?))
 }
 

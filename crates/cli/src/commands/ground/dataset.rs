@@ -36,7 +36,7 @@ pub(super) fn grade(
     args: &Ground,
     path: &Path,
     settings: &Settings,
-    manner: AskOptions,
+    options: AskOptions,
     printer: &mut Printer,
 ) -> Result<Exit, CliError> {
     let max_cost = settings.fly.max_cost_usd.get()?;
@@ -59,13 +59,13 @@ pub(super) fn grade(
         avoid: args.avoid,
         seed: args.seed,
         questions: format!("{:016x}", source.digest),
-        manners: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.kind.manner())).collect(),
+        digests: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.kind.digest())).collect(),
     };
     let (mut folder, mut rows) = Folder::open(&out, &head, args.resume, args.overwrite)?;
     let plan = Plan {
         items: &source.items,
         answerers: &answerers,
-        manner,
+        options,
         parallel: usize::from(args.parallel),
         per_minute: args.rate,
         max_cost,

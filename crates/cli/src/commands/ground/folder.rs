@@ -25,10 +25,11 @@ pub(super) struct Head {
     pub(super) dataset: PathBuf,
     pub(super) avoid: bool,
     pub(super) seed: u64,
-    /// A number of what the dataset's files say.
+    /// A digest of the dataset's files.
     pub(super) questions: String,
-    /// By the name of each who is asked, a number of how: the prompt, or the error file.
-    pub(super) manners: BTreeMap<String, String>,
+    /// By name of the answerer, a digest of its prompt or error file.
+    #[serde(rename = "manners")]
+    pub(super) digests: BTreeMap<String, String>,
 }
 
 /// A folder that answers are put into.
@@ -50,7 +51,7 @@ impl Folder {
         let shown = path.display();
         let empty = fs::read_dir(path).map_err(unusable)?.next().is_none();
         let known = path.join(HEAD).is_file();
-        let mut manners = BTreeMap::new();
+        let mut digests = BTreeMap::new();
         match (empty, known) {
             (false, false) => {
                 return Err(CliError::usage(format!("the folder `{shown}` is not empty and holds no evaluation"))
@@ -61,7 +62,7 @@ impl Folder {
                     fs::remove_file(path.join(name)).map_err(unusable)?;
                 }
             }
-            (false, true) if resume => manners.append(&mut same(path, head)?),
+            (false, true) if resume => digests.append(&mut same(path, head)?),
             (false, true) => {
                 return Err(CliError::usage(format!("the folder `{shown}` already holds an evaluation"))
                     .hint("use --resume to continue it, --overwrite to replace it, or another folder with -o DIR"));
@@ -69,8 +70,8 @@ impl Folder {
             (true, _) => {}
         }
         // Who is not asked this time was still asked so before.
-        manners.extend(head.manners.clone());
-        let text = serde_json::to_string_pretty(&Head { manners, ..head.clone() })
+        digests.extend(head.digests.clone());
+        let text = serde_json::to_string_pretty(&Head { digests, ..head.clone() })
             .map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         write(&path.join(HEAD), format!("{text}\n").as_bytes())?;
         let answers = path.join(ANSWERS);
@@ -97,7 +98,7 @@ impl Folder {
     }
 }
 
-/// Only answers to the same questions, asked in the same manner, go together; in which manner who was asked.
+/// The digests of the answerers in an existing evaluation, which must be of the same dataset and settings.
 fn same(path: &Path, head: &Head) -> Result<BTreeMap<String, String>, CliError> {
     let refused = |what: String| {
         Err(CliError::usage(what).hint(format!(
@@ -107,13 +108,13 @@ fn same(path: &Path, head: &Head) -> Result<BTreeMap<String, String>, CliError> 
     };
     let shown = path.display();
     let there = fs::read_to_string(path.join(HEAD)).ok().and_then(|text| serde_json::from_str::<Head>(&text).ok());
-    let Some(there) = there.filter(|there| Head { manners: head.manners.clone(), ..there.clone() } == *head) else {
+    let Some(there) = there.filter(|there| Head { digests: head.digests.clone(), ..there.clone() } == *head) else {
         return refused(format!("the evaluation in `{shown}` is of a different or changed dataset, or has different settings"));
     };
-    let differs = |(name, manner): &(&String, &String)| there.manners.get(*name).is_some_and(|before| before != *manner);
-    match head.manners.iter().find(differs) {
+    let differs = |(name, digest): &(&String, &String)| there.digests.get(*name).is_some_and(|before| before != *digest);
+    match head.digests.iter().find(differs) {
         Some((name, _)) => refused(format!("`{name}` was queried with a different prompt or error file in `{shown}`")),
-        None => Ok(there.manners),
+        None => Ok(there.digests),
     }
 }
 

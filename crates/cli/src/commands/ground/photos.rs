@@ -44,7 +44,7 @@ struct Answered {
     answers: Vec<AnswerRow>,
 }
 
-pub(super) fn ask(args: &Ground, settings: &Settings, manner: AskOptions, printer: &Printer) -> Result<Exit, CliError> {
+pub(super) fn ask(args: &Ground, settings: &Settings, options: AskOptions, printer: &Printer) -> Result<Exit, CliError> {
     let Some((instruction, images)) = args.words.split_last().filter(|(_, images)| !images.is_empty()) else {
         return Err(CliError::usage("an image and an instruction are required")
             .hint("spf ground photo.jpg \"the blue door\" --vlm gemini"));
@@ -66,7 +66,7 @@ pub(super) fn ask(args: &Ground, settings: &Settings, manner: AskOptions, printe
     sentences.iter().for_each(|sentence| printer.say(sentence));
     let mut printed = Printed { instruction, pictures: Vec::new() };
     for (number, shown) in (0_u64..).zip(&shown) {
-        let answers = put(&answerers, shown, instruction, number, manner);
+        let answers = put(&answerers, shown, instruction, number, options);
         let annotated = free_name(&out, &shown.name);
         let picture = Jpeg::encode(&side_by_side(&shown.picture, instruction, &answers), QUALITY)
             .map_err(|error| CliError::internal("cannot encode the annotated image").because(&error))?;
@@ -87,11 +87,11 @@ pub(super) fn ask(args: &Ground, settings: &Settings, manner: AskOptions, printe
 }
 
 /// Everybody at once about one image.
-fn put(answerers: &[Answerer], shown: &ImageInput, instruction: &str, number: u64, manner: AskOptions) -> Vec<AnswerRow> {
+fn put(answerers: &[Answerer], shown: &ImageInput, instruction: &str, number: u64, options: AskOptions) -> Vec<AnswerRow> {
     let ask = |answerer: &Answerer| match &answerer.kind {
         AnswererKind::Model(make, prompt) => {
             let (key, cancel) = (&shown.name, Cancel::default());
-            Some(answerer.show(make().as_mut(), prompt, &shown.picture, key, instruction, number, manner, &cancel))
+            Some(answerer.show(make().as_mut(), prompt, &shown.picture, key, instruction, number, options, &cancel))
         }
         AnswererKind::Centre | AnswererKind::Oracle(..) => None,
     };

@@ -13,7 +13,7 @@ use spf_flight::sim::{LoadedScene, OracleVlm, SimWorld, Simulated, VlmFactory, o
 use spf_flight::summary::Summary;
 use spf_oracle::ErrorFile;
 use spf_vlm::table::Table;
-use spf_vlm::{Account, Answer, Asked, ImageSpec, QueryImage, Remote, Strategy, Vlm, setup};
+use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Remote, Strategy, Vlm, setup};
 
 use super::KEY;
 use super::server::{Request, Server};
@@ -36,15 +36,15 @@ impl Vlm for Behind {
         self.remote.image_spec(camera)
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let meant = self.oracle.answer(asked, picture);
+    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
+        let meant = self.oracle.answer(request, picture);
         let mut words = meant.text.unwrap();
-        if let QueryKind::Point { avoid } = asked.query.kind {
+        if let QueryKind::Point { avoid } = request.query.kind {
             let own = self.image_spec(self.camera).grounding;
             words = parse_reply(&words, &GroundingProfile::default()).unwrap().to_json(&own, avoid);
         }
         self.words.lock().unwrap().clone_from(&words);
-        let answer = self.remote.answer(asked, picture);
+        let answer = self.remote.answer(request, picture);
         assert_eq!(answer.text.as_ref().unwrap().trim(), words, "what was said is what was heard");
         // Flown with the oracle's latency, so that flights can be compared.
         Answer { latency: meant.latency, account: Account { requests: answer.account.requests, ..Account::default() }, ..answer }
@@ -136,13 +136,13 @@ fn a_question_taken_back_ends_at_once() {
     let name = format!("vllm@{}", server.url());
     let mut remote = setup::remote(&Table::shipped(), &[&name], &|_| None, Strategy::default()).unwrap();
     let query = super::check::query();
-    let asked = Asked::new(&query, Duration::from_secs(60));
-    let cancel = asked.cancel.clone();
+    let request = QueryRequest::new(&query, Duration::from_secs(60));
+    let cancel = request.cancel.clone();
     let taker = std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(300));
         cancel.cancel();
     });
-    let answer = remote.answer(&asked, &mut Grey);
+    let answer = remote.answer(&request, &mut Grey);
     assert_eq!(answer.text.unwrap_err().code(), "cancelled");
     assert!(answer.latency < Duration::from_secs(30), "{:?}", answer.latency);
     taker.join().unwrap();

@@ -250,10 +250,10 @@ impl Body {
         let goal = reach::world_velocity(is, self.heading);
         let pull = |goal: f64, v: f64| (goal - v) / self.craft.lag;
         let (ae, an) = (pull(goal.east, self.v.east), pull(goal.north, self.v.north));
-        let share = (self.craft.acceleration / libm::hypot(ae, an).max(1e-9)).min(1.0);
+        let fraction = (self.craft.acceleration / libm::hypot(ae, an).max(1e-9)).min(1.0);
         let a_up = pull(goal.up, self.v.up).clamp(-self.craft.climb_acceleration, self.craft.climb_acceleration);
-        self.v.east += ae * share * Self::STEP;
-        self.v.north += an * share * Self::STEP;
+        self.v.east += ae * fraction * Self::STEP;
+        self.v.north += an * fraction * Self::STEP;
         self.v.up += a_up * Self::STEP;
         self.at.east += self.v.east * Self::STEP;
         self.at.north += self.v.north * Self::STEP;

@@ -122,12 +122,12 @@ proptest! {
         if let (Some(Manoeuvre::Go { displacement, .. }), _) = rig.fly(ms(1200), go(way.0, way.1, way.2)) {
             let from = EnuPosition { east: at.0, north: at.1, up: at.2 };
             // Also when it goes a tenth farther than it was told.
-            for share in [0.5, 1.0, 1.1] {
-                let part = |x: f64| x * share;
+            for fraction in [0.5, 1.0, 1.1] {
+                let part = |x: f64| x * fraction;
                 let BodyDisplacement { right, forward, up } = displacement;
                 let end = from.displaced(BodyDisplacement { right: part(right), forward: part(forward), up: part(up) }, heading);
                 prop_assert!(end.east.abs() < 20.0 && end.north.abs() < 20.0 && end.up < 30.0, "{:?}", end);
-                prop_assert!(share > 1.0 || end.up > 0.3 - 1e-9);
+                prop_assert!(fraction > 1.0 || end.up > 0.3 - 1e-9);
             }
         }
     }

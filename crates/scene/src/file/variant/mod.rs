@@ -124,14 +124,14 @@ fn relight(
     conditions.weather = conditions.weather.or(pick(&mut weather, table.weathers.len()).map(|i| table.weathers[i]));
     let mut sun = Draw::new(seed, "vary sun", &[]);
     let mut between = |range: &Option<Spanned<[f64; 2]>>, low: f64, high: f64| {
-        let share = sun.uniform();
+        let fraction = sun.uniform();
         range.as_ref().map(|range| {
             let [from, to] = *range.get_ref();
             if !(low <= from && from <= to && to <= high) {
                 let message = format!("the range must be increasing and within {low} to {high}");
                 return Err(source.error(&range.span(), message, Some("for example `[20.0, 60.0]`".to_owned())));
             }
-            Ok(Spanned::new(range.span(), from + (to - from) * share))
+            Ok(Spanned::new(range.span(), from + (to - from) * fraction))
         })
     };
     if let Some(azimuth) = between(&table.sun_azimuth_deg, -360.0, 360.0).transpose()? {

@@ -124,8 +124,8 @@ impl VirtualTello {
     fn through(&mut self, now: Time, craft: &SimCraft, offsets: &[Offset], speed: f64, cm: i32) -> Task {
         let length = f64::from(cm.max(1)) * 0.01;
         let error = self.figures.move_share * self.draw.normal() + self.figures.move_fixed * self.draw.normal() / length;
-        let share = (1.0 + error).clamp(0.3, 2.0);
-        let points: VecDeque<_> = offsets.iter().map(|offset| place(craft, *offset, share)).collect();
+        let fraction = (1.0 + error).clamp(0.3, 2.0);
+        let points: VecDeque<_> = offsets.iter().map(|offset| place(craft, *offset, fraction)).collect();
         Task::Fly(Box::new(Manoeuvre::through(now, craft, points, speed, self.figures.run_timeout)))
     }
 

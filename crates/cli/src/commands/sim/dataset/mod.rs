@@ -26,7 +26,7 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
     let effects = args.camera_effects.as_deref().map(parse_effects).transpose()?.unwrap_or_default();
-    let (absent, look_alikes) = (share("--absent", args.absent)?, share("--look-alikes", args.look_alikes)?);
+    let (absent, look_alikes) = (fraction("--absent", args.absent)?, fraction("--look-alikes", args.look_alikes)?);
     if absent + look_alikes > 1.0 {
         return Err(CliError::usage("--absent and --look-alikes add up to more than 1")
             .hint("they are fractions of the examples; the rest shows the target without a deliberate look-alike"));
@@ -107,7 +107,7 @@ fn head(
 /// A scene in which no two things share a name can show no look-alike, however long one looks.
 fn check_scene(name: &str, generator: &Generator<'_>, recipe: &Recipe) -> Result<(), CliError> {
     let needs = [(Kind::Present, 1.0), (Kind::LookAlike, recipe.look_alikes)];
-    match needs.into_iter().find(|(kind, share)| *share > 0.0 && !generator.can_make(*kind)) {
+    match needs.into_iter().find(|(kind, fraction)| *fraction > 0.0 && !generator.can_make(*kind)) {
         None => Ok(()),
         Some((Kind::LookAlike, _)) => {
             let what = format!("no two objects in the scene `{name}` share a name and differ in colour or another attribute");
@@ -128,7 +128,7 @@ fn no_view(scene: &str, kind: Kind, number: u64) -> CliError {
         .hint("reduce --min-pixels, --look-alikes or --absent")
 }
 
-fn share(flag: &str, value: f64) -> Result<f64, CliError> {
+fn fraction(flag: &str, value: f64) -> Result<f64, CliError> {
     if (0.0..=1.0).contains(&value) {
         return Ok(value);
     }
