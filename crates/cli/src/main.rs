@@ -63,8 +63,8 @@ fn start_log(verbose: u8) {
         _ => LevelFilter::TRACE,
     };
     // Levels and modules, as is usual for this variable; there are no spans that a filter could name.
-    let asked = std::env::var("RUST_LOG").ok().and_then(|words| words.trim_matches(',').parse::<Targets>().ok());
-    let filter = asked.unwrap_or_else(|| Targets::new().with_default(level));
+    let requested = std::env::var("RUST_LOG").ok().and_then(|words| words.trim_matches(',').parse::<Targets>().ok());
+    let filter = requested.unwrap_or_else(|| Targets::new().with_default(level));
     let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false);
     tracing_subscriber::registry().with(lines.with_filter(filter)).init();
 }

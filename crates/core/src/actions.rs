@@ -250,7 +250,7 @@ fn reply(value: &Value, items: &[Value]) -> Result<ActionsReply, ActionsError> {
 fn truth(value: &Value) -> Result<bool, ActionsError> {
     match value.field(&["done"]) {
         None => Ok(false),
-        Some(said) => said.truth().ok_or_else(|| wrong("done".to_owned(), "true or false", said)),
+        Some(message) => message.truth().ok_or_else(|| wrong("done".to_owned(), "true or false", message)),
     }
 }
 

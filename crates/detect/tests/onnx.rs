@@ -133,8 +133,8 @@ fn what_does_not_fit_is_refused_in_words() {
         (Vec::new(), "cannot load"),
     ];
     for (bytes, words) in cases {
-        let said = folder.refused(&bytes);
-        assert!(said.contains(words), "{said} has not {words}");
+        let message = folder.refused(&bytes);
+        assert!(message.contains(words), "{message} has not {words}");
     }
     let missing = Detector::open(&folder.0.path().join("none.onnx")).err().unwrap();
     assert!(matches!(missing, DetectError::Read(_)));

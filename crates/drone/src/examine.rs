@@ -117,8 +117,8 @@ impl Observation {
             Finding::Good
         };
         let ((width, height), first) = (picture.size(), self.first.as_secs_f64());
-        let said = format!("{width}×{height}, {:.1} frames a second, {} gaps, first after {first:.1} s", self.shown, self.gaps);
-        Check::new("video", finding, said, Some(advice))
+        let text = format!("{width}×{height}, {:.1} frames a second, {} gaps, first after {first:.1} s", self.shown, self.gaps);
+        Check::new("video", finding, text, Some(advice))
     }
 }
 

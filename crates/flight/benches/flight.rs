@@ -28,14 +28,14 @@ impl Vlm for Looks {
 
 /// Flies to the red crane; the number of decisions.
 fn fly(loaded: &Arc<LoadedScene>, pictures: bool) -> u32 {
-    let who: VlmFactory = Arc::new(move |world, seed| {
+    let vlm_factory: VlmFactory = Arc::new(move |world, seed| {
         let world = world.ok_or("the oracle needs the simulator")?;
         let errors = ErrorFile::named("default")?;
         let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), errors, seed);
         Ok(if pictures { Box::new(Looks(oracle)) as Box<dyn Vlm> } else { Box::new(oracle) })
     });
     let site = Site::Simulated(Simulated { kind: CraftKind::Quad, ..Simulated::new(loaded.clone(), "city") });
-    let plan = FlightPlan::new(site, "Take off and fly to the red crane", "oracle", who);
+    let plan = FlightPlan::new(site, "Take off and fly to the red crane", "oracle", vlm_factory);
     flight::fly(plan, &mut []).expect("its start is free").summary.decisions
 }
 

@@ -48,9 +48,9 @@ pub(crate) fn sees_red() -> VlmFactory {
 }
 
 /// Flies to the ball, as fast as the machine can.
-pub(crate) fn fly(vlm: &str, who: VlmFactory) -> Result<Flown, FlightError> {
+pub(crate) fn fly(vlm: &str, vlm_factory: VlmFactory) -> Result<Flown, FlightError> {
     let site = Site::Real(Real { drone: Box::<toy::Toy>::default(), clock: Clock::Virtual });
-    let plan = FlightPlan::new(site, "fly to the red ball", vlm, who);
+    let plan = FlightPlan::new(site, "fly to the red ball", vlm, vlm_factory);
     flight::fly(plan, &mut [])
 }
 

@@ -94,7 +94,7 @@ pub struct Routine {
     stage: Stage,
     /// Whether the initial hold has been sent.
     held: bool,
-    said: Option<Time>,
+    reported: Option<Time>,
     heights: VecDeque<(Time, f64)>,
     heading: Option<f64>,
     turned: f64,
@@ -116,7 +116,7 @@ impl Routine {
             operator,
             stage: Stage::Waiting,
             held: false,
-            said: None,
+            reported: None,
             heights: VecDeque::new(),
             heading: None,
             turned: 0.0,
@@ -179,7 +179,7 @@ impl Routine {
                 }
                 if number < Leg::ALL.len() {
                     self.before = (self.place(), 0.0);
-                    (self.stage, self.said) = (Stage::Leg(number, now), None);
+                    (self.stage, self.reported) = (Stage::Leg(number, now), None);
                     self.go_on(now);
                 } else {
                     self.stage = Stage::Over;
@@ -192,7 +192,7 @@ impl Routine {
                     self.say(now, Leg::ALL[number].setpoint(&self.full));
                 } else {
                     self.before.1 = elapsed.as_secs_f64();
-                    (self.stage, self.said) = (Stage::Rest(number + 1, now + REST), None);
+                    (self.stage, self.reported) = (Stage::Rest(number + 1, now + REST), None);
                     self.say(now, Setpoint::HOLD);
                 }
             }
@@ -200,8 +200,8 @@ impl Routine {
     }
 
     fn say(&mut self, now: Time, setpoint: Setpoint) {
-        if self.said.is_none_or(|said| now.since(said) >= AGAIN) {
-            self.said = Some(now);
+        if self.reported.is_none_or(|reported| now.since(reported) >= AGAIN) {
+            self.reported = Some(now);
             drop(self.operator.send(OperatorEvent::Setpoint(setpoint)));
         }
     }

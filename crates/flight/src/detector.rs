@@ -36,8 +36,8 @@ impl Vlm for WithDetector {
 
 /// Combines a VLM with `detector`, which answers `Detect` queries.
 #[must_use]
-pub fn with_detector(who: VlmFactory, detector: VlmFactory) -> VlmFactory {
-    Arc::new(move |world, seed| Ok(Box::new(WithDetector { vlm: who(world, seed)?, detector: detector(world, seed)? })))
+pub fn with_detector(vlm_factory: VlmFactory, detector: VlmFactory) -> VlmFactory {
+    Arc::new(move |world, seed| Ok(Box::new(WithDetector { vlm: vlm_factory(world, seed)?, detector: detector(world, seed)? })))
 }
 
 /// A detection model as a [`Vlm`]. Its latency is the measured inference time.

@@ -182,7 +182,7 @@ pub enum AskError {
     Head(#[from] ReplayError),
     /// The VLM could not be created.
     #[error("cannot create the VLM")]
-    Who(#[source] VlmFactoryError),
+    VlmFactory(#[source] VlmFactoryError),
 }
 
 impl Asker {
@@ -201,8 +201,8 @@ impl Asker {
             Responder::Oracle(errors) => {
                 Answerer::Oracle(Box::new(OracleVlm::new(name.to_owned(), world.clone(), *errors, sim.seed)))
             }
-            Responder::Other(who) => {
-                Answerer::Vlm(who(Some(&world), sim.seed).map_err(AskError::Who)?, head.settings.reply_timeout)
+            Responder::Other(vlm_factory) => {
+                Answerer::Vlm(vlm_factory(Some(&world), sim.seed).map_err(AskError::VlmFactory)?, head.settings.reply_timeout)
             }
         };
         Ok(Self { world, responder, prompt, name: name.to_owned(), seed: sim.seed, grounding: head.grounding })
@@ -247,12 +247,12 @@ impl Asker {
         let snapshot = self.snapshot(question);
         let Some(shot) = self.world.still(captured(question), &snapshot) else { return Rgb::new(2 * HALF.0, HALF.1) };
         let clean = self.world.photograph(&shot, Some(HALF));
-        let half = |who: &str, pointed: &Option<Pointed>| {
+        let half = |title: &str, pointed: &Option<Pointed>| {
             let mut half = clean.clone();
             let words = pointed.as_ref().map_or_else(|| "no reply in time".to_owned(), Pointed::words);
             let status = format!("frame {}", opinion.frame);
             let point = pointed.as_ref().and_then(|pointed| pointed.point);
-            let hud = Hud { title: who, status: &status, lines: &[&words] };
+            let hud = Hud { title, status: &status, lines: &[&words] };
             marks::annotate(&mut half, &[], point.map(|point| (point, "")), &hud);
             half
         };

@@ -117,14 +117,14 @@ pub fn decision(decision: &Decision) -> String {
 #[must_use]
 pub fn vlm_use(used: &VlmUse) -> String {
     let models: Vec<&str> = used.models.keys().map(String::as_str).collect();
-    let who = if models.is_empty() { "none".to_owned() } else { models.join(", ") };
+    let names = if models.is_empty() { "none".to_owned() } else { models.join(", ") };
     let failed: u32 = used.failed.values().sum();
     let failed = if failed > 0 { format!(" ({failed} failed)") } else { String::new() };
     let latency = used.median_latency_s.map_or(String::new(), |seconds| format!(", median {seconds:.2} s"));
     let about = if used.tokens_estimated { "about " } else { "" };
     let cost = used.cost_usd.map_or("price unknown".to_owned(), |cost| format!("{about}${cost:.4}"));
     format!(
-        "VLM: {who}, {} queries{failed}{latency}, {about}{} tokens in, {} out, {} thinking, {cost}",
+        "VLM: {names}, {} queries{failed}{latency}, {about}{} tokens in, {} out, {} thinking, {cost}",
         used.questions, used.tokens_in, used.tokens_out, used.tokens_thinking
     )
 }

@@ -169,9 +169,9 @@ fn report_pixels() -> Result<(), Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    let asked: Vec<String> = std::env::args().skip(1).collect();
-    let wanted = |what: &str| asked.is_empty() || asked.iter().any(|a| a == what);
-    let named = |name: &str| asked.iter().any(|a| a == name);
+    let requested: Vec<String> = std::env::args().skip(1).collect();
+    let wanted = |what: &str| requested.is_empty() || requested.iter().any(|a| a == what);
+    let named = |name: &str| requested.iter().any(|a| a == name);
     if wanted("path") {
         let presets: Vec<_> =
             PRESETS.into_iter().filter(|(name, _)| named(name) || !PRESETS.iter().any(|(n, _)| named(n))).collect();

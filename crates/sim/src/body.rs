@@ -75,14 +75,14 @@ impl Body {
         let (right, forward) = limited((setpoint.right, setpoint.forward), model.max_speed);
         let east = right * cos + forward * sin + creep.0;
         let north = forward * cos - right * sin + creep.1;
-        let asked = limited(
+        let requested = limited(
             ((east - self.velocity.east) * response.gain, (north - self.velocity.north) * response.gain),
             craft.acceleration,
         );
         let thrust = limited(
             (
-                asked.0 + model.drag * (self.velocity.east - self.learned.0),
-                asked.1 + model.drag * (self.velocity.north - self.learned.1),
+                requested.0 + model.drag * (self.velocity.east - self.learned.0),
+                requested.1 + model.drag * (self.velocity.north - self.learned.1),
             ),
             response.thrust_limit,
         );

@@ -178,10 +178,10 @@ impl Backend {
 
     /// Warns once if another model than the one queried replies. Self-hosted servers use arbitrary names.
     fn notice(&self, served: &str) {
-        let asked = &self.model.id;
-        let same = served.contains(asked.as_str()) || asked.contains(served);
+        let requested = &self.model.id;
+        let same = served.contains(requested.as_str()) || requested.contains(served);
         if !same && self.model.vendor.key_needed && !self.warned.swap(true, Ordering::Relaxed) {
-            tracing::warn!("{}: requested {asked}, served by {served}", self.model.vendor.title);
+            tracing::warn!("{}: requested {requested}, served by {served}", self.model.vendor.title);
         }
     }
 

@@ -197,7 +197,7 @@ impl VlmError {
             Self::ContentType { host, content_type } => Self::ContentType { host, content_type: words(content_type) },
             Self::Malformed { host, reason } => Self::Malformed { host, reason: words(reason) },
             Self::Blocked { host, reason } => Self::Blocked { host, reason: words(reason) },
-            Self::Declined(said) => Self::Declined(words(said)),
+            Self::Declined(error) => Self::Declined(words(error)),
             Self::CutOff { reason, characters } => Self::CutOff { reason: words(reason), characters },
             Self::Empty { host, reason } => Self::Empty { host, reason: reason.map(words) },
             // The others contain no external text.

@@ -205,7 +205,7 @@ impl Asking<'_> {
                     match outcome.text {
                         Ok(text) => return (self.translated(index, text), outcome.model),
                         Err(error) => {
-                            tracing::debug!(who = remote.backends[index].name, %error, "no reply");
+                            tracing::debug!(model = remote.backends[index].name, %error, "no reply");
                             failed.get_or_insert(error);
                             named = outcome.model;
                         }
@@ -236,7 +236,7 @@ impl Asking<'_> {
 
     fn try_send(&mut self, index: usize, picture: &mut dyn QueryImage) {
         if let Err(error) = self.send(index, picture) {
-            tracing::warn!(%error, who = self.remote.backends[index].name, "cannot be queried");
+            tracing::warn!(%error, model = self.remote.backends[index].name, "cannot be queried");
         }
     }
 

@@ -280,8 +280,8 @@ fn wrong_messages_are_told_and_change_nothing() {
         (r#"{"type":"scene","name":"/etc/passwd"}"#, "unknown scene `/etc/passwd`"),
     ] {
         page.0.send(Message::text(message)).unwrap();
-        let said = page.text("refused");
-        assert!(said["reason"].as_str().unwrap().contains(reason), "{said}");
+        let error = page.text("refused");
+        assert!(error["reason"].as_str().unwrap().contains(reason), "{error}");
     }
     page.0.send(Message::binary(vec![1, 2, 3])).unwrap();
     assert_eq!(page.text("refused")["reason"], "expected a text message");

@@ -18,7 +18,7 @@ use spf_oracle::ErrorFile;
 use spf_vlm::{Account, Answer, Cancel, QueryRequest, Vlm, VlmError};
 
 use super::photo::Photograph;
-use super::{AnswerRow, Item, Said, oracle, photo};
+use super::{AnswerRow, Item, ParsedReply, oracle, photo};
 use crate::fnv;
 
 /// The baseline that always points at the image centre.
@@ -166,7 +166,7 @@ fn centre(key: &str) -> AnswerRow {
         item: key.to_owned(),
         model: CENTRE.to_owned(),
         latency_s: 0.0,
-        said: Said::Reply(reply),
+        parsed: ParsedReply::Reply(reply),
         text: None,
         account: Account::default(),
     }
@@ -272,7 +272,7 @@ impl Plan<'_> {
             loop {
                 match answers.recv_timeout(LOOK_UP) {
                     // A cancelled question was not answered.
-                    Ok(row) if matches!(&row.said, Said::Nothing(code, _) if code == "cancelled") => {}
+                    Ok(row) if matches!(&row.parsed, ParsedReply::Nothing(code, _) if code == "cancelled") => {}
                     Ok(row) => {
                         if let Err(error) = each(row) {
                             failed = Err(error);

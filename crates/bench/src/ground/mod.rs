@@ -16,7 +16,7 @@ pub mod source;
 pub mod table;
 mod truth;
 
-pub use answer::{AnswerRow, Said};
+pub use answer::{AnswerRow, ParsedReply};
 pub use ask::{Answerer, CENTRE};
 pub use truth::{Mask, Outline, Shape, Target, Truth, TruthError};
 

@@ -11,7 +11,7 @@ use spf_media::{Jpeg, Rgb, resize};
 
 use super::ask::CENTRE;
 use super::measure::{Grades, Report, outline};
-use super::{AnswerRow, Item, Outline, Said, photo, table};
+use super::{AnswerRow, Item, Outline, ParsedReply, photo, table};
 
 /// Maximum number of misses shown on a page; the rest are counted.
 const MOST: usize = 60;
@@ -34,10 +34,10 @@ fn colour(answerer: usize) -> Colour {
 /// An answer in a few words.
 #[must_use]
 pub fn words(row: &AnswerRow) -> String {
-    match &row.said {
-        Said::Nothing(code, why) => format!("no reply ({code}): {why}"),
-        Said::Refused(why) => format!("not usable: {why}"),
-        Said::Reply(reply) => {
+    match &row.parsed {
+        ParsedReply::Nothing(code, why) => format!("no reply ({code}): {why}"),
+        ParsedReply::Refused(why) => format!("not usable: {why}"),
+        ParsedReply::Reply(reply) => {
             let place = reply.point.map_or(String::new(), |point| format!(" at ({:.3}, {:.3})", point.u, point.v));
             let depth = reply.depth.filter(|_| reply.point.is_some()).map_or(String::new(), |depth| format!(", depth {depth}"));
             let target =
@@ -92,8 +92,8 @@ fn panel(picture: &Rgb, instruction: &str, row: &AnswerRow) -> Rgb {
         .collect();
     let label = reply.as_ref().and_then(|reply| reply.depth).map_or(String::new(), |depth| depth.to_string());
     let point = reply.as_ref().and_then(|reply| reply.point);
-    let (said, took) = (words(row), account(row));
-    let hud = Hud { title: &row.answerer, status: "", lines: &[instruction, &said, &took] };
+    let (outcome, took) = (words(row), account(row));
+    let hud = Hud { title: &row.answerer, status: "", lines: &[instruction, &outcome, &took] };
     marks::annotate(&mut panel, &boxes, point.map(|point| (point, label.as_str())), &hud);
     panel
 }

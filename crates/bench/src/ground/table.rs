@@ -7,7 +7,7 @@ use crate::stats::Estimate;
 type Figure = (&'static str, fn(&Measures) -> Option<String>);
 
 const FIGURES: [Figure; 17] = [
-    ("questions", |m| Some(m.asked.to_string())),
+    ("questions", |m| Some(m.questions.to_string())),
     ("invalid replies", |m| (m.unreadable > 0).then(|| m.unreadable.to_string())),
     ("no reply", |m| (m.failed > 0).then(|| m.failed.to_string())),
     ("hits %", |m| m.hits.map(percent)),

@@ -55,14 +55,14 @@ impl Plan {
 
     fn draw(&self, task: &Arc<Task>, seed: u64) -> Vec<Trial> {
         let trial = |method, pointer| Trial { task: task.clone(), method, pointer, seed, max_cost_usd: self.max_cost_usd };
-        let asked = |method: Method| -> Vec<Trial> {
+        let trials = |method: Method| -> Vec<Trial> {
             if method.asks() {
                 self.pointers.iter().map(|pointer| trial(method, Some(pointer.clone()))).collect()
             } else {
                 vec![trial(method, None)]
             }
         };
-        self.methods.iter().flat_map(|method| asked(*method)).collect()
+        self.methods.iter().flat_map(|method| trials(*method)).collect()
     }
 
     /// Its head, for one shard. `pointing` describes what the VLM names stand for.

@@ -12,10 +12,10 @@ const LONGEST_S: f64 = 600.0;
 /// fixed; for models an address follows `@`.
 #[must_use]
 pub fn split_latency(name: &str) -> (&str, Option<f64>) {
-    let fixed = name.rsplit_once('@').filter(|(who, _)| *who == "oracle" || who.starts_with("oracle:"));
-    let split = fixed.and_then(|(who, text)| {
+    let fixed = name.rsplit_once('@').filter(|(oracle, _)| *oracle == "oracle" || oracle.starts_with("oracle:"));
+    let split = fixed.and_then(|(oracle, text)| {
         let seconds: f64 = text.strip_suffix('s')?.parse().ok()?;
-        (0.0..=LONGEST_S).contains(&seconds).then_some((who, Some(seconds)))
+        (0.0..=LONGEST_S).contains(&seconds).then_some((oracle, Some(seconds)))
     });
     split.unwrap_or((name, None))
 }

@@ -63,7 +63,7 @@ struct Ready {
     /// The plan, without recording and operator.
     plan: FlightPlan,
     /// Messages before take-off.
-    said: Vec<String>,
+    announcements: Vec<String>,
     /// The craft for manual flight; `None` in virtual time.
     by_hand: Option<Craft>,
     /// The camera whose video statistics are reported at the end.
@@ -72,14 +72,14 @@ struct Ready {
 
 /// Flies, reports the result, and writes the files.
 fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: Printer) -> Result<Exit, CliError> {
-    let Ready { plan, said, by_hand, camera } = ready;
+    let Ready { plan, announcements, by_hand, camera } = ready;
     let view = settings.fly.live.get()?.map(live_view).transpose()?;
     let out = out_dir(settings, instruction)?;
     let (manual, operator) = by_hand.map_or_else(Manual::none, Manual::start);
     let record = RecordPlan { out: out.clone(), video: settings.fly.video.is_on()?, view: view.as_ref().map(Live::sender) };
     let plan = FlightPlan { record: Some(record), operator, ..plan };
     printer.start_live();
-    said.iter().for_each(|line| printer.say(line));
+    announcements.iter().for_each(|line| printer.say(line));
     if let Some(view) = &view {
         print_live_address(view, &printer);
     }
@@ -182,9 +182,9 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
         settings.fly.preset.text().unwrap_or_default(),
     );
     let limits = limits(settings, loaded.limits(kind))?;
-    let mut said = vec![flying, sentence(&pointing.sentence, &craft)];
+    let mut announcements = vec![flying, sentence(&pointing.sentence, &craft)];
     if pointing.is_oracle {
-        said.extend(reading::lines(instruction, &loaded, start)?);
+        announcements.extend(reading::lines(instruction, &loaded, start)?);
     }
     let site = Simulated { loaded, scene: scene.to_owned(), start, kind, flight_conditions, seed, realtime };
     let plan = FlightPlan {
@@ -197,9 +197,9 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
         max_cost_usd,
         script,
         interrupts: interrupts()?,
-        ..FlightPlan::new(Site::Simulated(site), instruction, &pointing.name, pointing.who)
+        ..FlightPlan::new(Site::Simulated(site), instruction, &pointing.name, pointing.vlm_factory)
     };
-    Ok(Ready { plan, said, by_hand: realtime.then_some(craft), camera: None })
+    Ok(Ready { plan, announcements, by_hand: realtime.then_some(craft), camera: None })
 }
 
 /// Counts Ctrl-C presses. The first one lands, finishes all files and exits with code 5; the second one exits at once.

@@ -75,7 +75,7 @@ fn responder(settings: &Settings, vlm: &str) -> Result<(String, Responder), CliE
         return Err(CliError::usage(format!("`{vlm}` can only replay its own flight")).hint("for example oracle:poor or gemini"));
     }
     let pointing = pointing(settings, None)?;
-    Ok((pointing.name, Responder::Other(pointing.who)))
+    Ok((pointing.name, Responder::Other(pointing.vlm_factory)))
 }
 
 fn stage_of(head: &Head) -> Result<spf_flight::sim::LoadedScene, CliError> {

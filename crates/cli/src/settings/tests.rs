@@ -52,8 +52,8 @@ fn every_key_has_its_own_name_variable_and_flag() {
 
 #[test]
 fn every_default_can_be_read() {
-    let said: Vec<String> = check_all(&Settings::default()).iter().map(ToString::to_string).collect();
-    assert_eq!(said, Vec::<String>::new());
+    let message: Vec<String> = check_all(&Settings::default()).iter().map(ToString::to_string).collect();
+    assert_eq!(message, Vec::<String>::new());
 }
 
 /// Names of one beginning are told together, as `pivot[-parallel]`.
@@ -81,13 +81,13 @@ fn each_flag_says_its_own_key_and_no_other() {
             None => format!("{}=mine", flag.name),
         };
         fly(&mut settings, &[&given]);
-        for said in settings.rows() {
-            let expected = if said.key().name == row.key().name {
+        for message in settings.rows() {
+            let expected = if message.key().name == row.key().name {
                 (flag.says.unwrap_or("mine"), Origin::Flag(flag.name))
             } else {
-                (said.key().default, Origin::Default)
+                (message.key().default, Origin::Default)
             };
-            assert_eq!((said.shown(), said.origin().clone()), expected, "{given}: {}", said.key().name);
+            assert_eq!((message.shown(), message.origin().clone()), expected, "{given}: {}", message.key().name);
         }
     }
 }
@@ -111,10 +111,10 @@ fn flags_go_over_the_environment_over_dotenv_over_the_file_over_defaults() {
     let environment = |name: &str| ["SPF_SEED", "SPF_STEP"].contains(&name).then(|| OsString::from("c"));
     settings.take_variables(&dotenv, environment).unwrap();
     fly(&mut settings, &["--step", "d"]);
-    let said: Vec<String> =
+    let message: Vec<String> =
         keys.map(|name| row(&settings, name)).iter().map(|row| format!("{} ({})", row.shown(), row.origin())).collect();
     assert_eq!(
-        said,
+        message,
         ["city (default)", "a (spf.toml:2)", "b (.env SPF_THINK)", "c (environment SPF_SEED)", "d (--step)"],
         "in rising order"
     );

@@ -267,6 +267,10 @@ fn python_reads_it() {
     assert_eq!(make(&lab, "data", "6", &["--pictures", "png"]).code, Some(0));
     lab.write("read.py", include_str!("dataset.py"));
     let output = std::process::Command::new(python).arg("read.py").arg("data").current_dir(lab.path(".")).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success() && said.trim() == "read 6 examples", "{said}{}", String::from_utf8_lossy(&output.stderr));
+    let message = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && message.trim() == "read 6 examples",
+        "{message}{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }

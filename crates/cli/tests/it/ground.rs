@@ -145,9 +145,9 @@ fn a_model_is_graded_on_boxes_points_masks_and_absence() {
     let run = ground(&lab, &server, Vendor::Gemini, &args);
     let found = report(&run);
     assert_eq!(found["measures"].as_array().unwrap().len(), 3, "{found}");
-    let said = |request: &crate::vlm::server::Request| request.json().to_string().contains("aircraft");
+    let message = |request: &crate::vlm::server::Request| request.json().to_string().contains("aircraft");
     let questions = server.questions();
-    assert_eq!((questions.len(), questions.iter().filter(|request| said(request)).count()), (15, 5));
+    assert_eq!((questions.len(), questions.iter().filter(|request| message(request)).count()), (15, 5));
 
     // Answers to another prompt, or about another dataset, are not gone on with.
     let resumed = || ground(&lab, &server, Vendor::Gemini, &[&args[..], &["--resume"]].concat());

@@ -301,6 +301,6 @@ fn old_logs_stay_readable() {
     let table = lab.spf(&["log", "export", "1.mcap", "--topic", "/pose/true", "-o", "poses.csv"]);
     assert!(table.stdout.starts_with("poses.csv: "), "{}", table.stderr);
     assert!(String::from_utf8(lab.read("poses.csv")).unwrap().lines().next().unwrap().contains("pose.position.x"));
-    let asked = lab.spf(&["replay", "1.mcap", "--vlm", "oracle"]);
-    assert!(asked.code == Some(0) && asked.stdout.contains(" queries, "), "{}", asked.stderr);
+    let requested = lab.spf(&["replay", "1.mcap", "--vlm", "oracle"]);
+    assert!(requested.code == Some(0) && requested.stdout.contains(" queries, "), "{}", requested.stderr);
 }

@@ -94,12 +94,12 @@ struct Wall {
 pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
     let (up, altitudes, mut cause) = confine_climb(limits, craft, is, setpoint.up);
     let mut limited = Setpoint { up, ..setpoint };
-    let asked = map_velocity(setpoint, is.heading);
-    if asked == (0.0, 0.0) {
+    let requested = map_velocity(setpoint, is.heading);
+    if requested == (0.0, 0.0) {
         return (limited, cause);
     }
-    let plane = Plane::new(limits, craft, is, altitudes, libm::hypot(asked.0, asked.1));
-    let (mut v, mut changed) = plane.only_back(asked);
+    let plane = Plane::new(limits, craft, is, altitudes, libm::hypot(requested.0, requested.1));
+    let (mut v, mut changed) = plane.only_back(requested);
     // A corner has two sides, and a circle may meet a straight edge; whatever four corrections do not resolve is
     // scaled.
     for _ in 0..4 {
@@ -113,7 +113,7 @@ pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: 
             break;
         }
     }
-    if dot(v, asked) <= 0.0 {
+    if dot(v, requested) <= 0.0 {
         v = (0.0, 0.0);
     }
     // The setpoint is in the body frame: while it holds, a turning craft sweeps all directions between first and last.

@@ -75,8 +75,8 @@ impl CraftModel {
             let v = self.velocity;
             let wanted_east = setpoint.right * cos + setpoint.forward * sin + self.creep[0];
             let wanted_north = setpoint.forward * cos - setpoint.right * sin + self.creep[1];
-            let asked = limited(((wanted_east - v.east) / c.lag, (wanted_north - v.north) / c.lag), c.acceleration);
-            let thrust = limited((asked.0 + self.drag * v.east, asked.1 + self.drag * v.north), self.thrust);
+            let requested = limited(((wanted_east - v.east) / c.lag, (wanted_north - v.north) / c.lag), c.acceleration);
+            let thrust = limited((requested.0 + self.drag * v.east, requested.1 + self.drag * v.north), self.thrust);
             let (east, north) = (thrust.0 - self.drag * v.east, thrust.1 - self.drag * v.north);
             self.velocity.east += east * step;
             self.velocity.north += north * step;

@@ -88,7 +88,7 @@ impl PromptText {
     /// Renders the prompt for a query, with the placeholders that only its policy can fill.
     #[must_use]
     pub fn write_with(&self, input: &PromptInput<'_>, own: impl Fn(&str) -> Option<String>) -> String {
-        let said = |flag: bool| if flag { "yes".to_owned() } else { String::new() };
+        let yes_if = |flag: bool| if flag { "yes".to_owned() } else { String::new() };
         let range = |(least, most): (f64, f64)| format!("{least} to {most}");
         self.fill(|place| {
             own(place).unwrap_or_else(|| match place {
@@ -96,9 +96,9 @@ impl PromptText {
                 "coordinates" => input.profile.describe(),
                 "labels" => DEPTH_LABELS.to_string(),
                 "scale" => scale(),
-                "avoid" => said(input.avoid),
+                "avoid" => yes_if(input.avoid),
                 "memory" => remembered(input.memory),
-                "confirming" => said(input.memory.confirming),
+                "confirming" => yes_if(input.memory.confirming),
                 "example" => example(input),
                 "metres" => range(MOVE_METRES),
                 "degrees" => range(TURN_DEGREES),

@@ -137,16 +137,16 @@ fn refuses_with_a_reason() {
 
 #[test]
 fn messages_say_what_is_wrong_and_where() {
-    let said = |text: &str| parse_reply(text, &yx()).unwrap_err().to_string();
+    let message = |text: &str| parse_reply(text, &yx()).unwrap_err().to_string();
     assert_eq!(
-        said("{\"point\":[1500,500],\"depth\":3}"),
+        message("{\"point\":[1500,500],\"depth\":3}"),
         "`point`: `[1500, 500]` is outside the image, whose coordinates are x 0 to 1000, y 0 to 1000"
     );
     assert_eq!(
-        said("{\"point\":[1,2],\"depth\":3,\"boxes\":[{\"box\":[1,2,3,4],\"depth\":15}]}"),
+        message("{\"point\":[1,2],\"depth\":3,\"boxes\":[{\"box\":[1,2,3,4],\"depth\":15}]}"),
         "`boxes[0].depth` is 15; depth labels must be 1 to 10"
     );
-    assert_eq!(said("{\"status\":\"hovering\"}"), "`status` must be `navigating`, `not_visible` or `done`, found `hovering`");
+    assert_eq!(message("{\"status\":\"hovering\"}"), "`status` must be `navigating`, `not_visible` or `done`, found `hovering`");
 }
 
 /// Failing 12 of programs of this kind: a depth label of 15 became seconds at full stick.

@@ -84,7 +84,7 @@ pub enum OrderOutcome {
 #[derive(Clone, Debug)]
 struct InFlight {
     order: Order,
-    said: Time,
+    sent_at: Time,
     repeats_left: u32,
     /// Until when responses to an earlier transmission can arrive.
     echoes_until: Time,
@@ -122,7 +122,7 @@ impl Conversation {
         self.waiting.clear();
         self.urgent = Some(order.text.clone());
         let repeats_left = order.repeats;
-        self.flight = Some(InFlight { order, said: now, repeats_left, echoes_until: now + ECHO });
+        self.flight = Some(InFlight { order, sent_at: now, repeats_left, echoes_until: now + ECHO });
     }
 
     /// Removes an order from the queue; false if it was already sent.
@@ -153,7 +153,7 @@ impl Conversation {
     /// Handles a datagram from the command port.
     pub fn handle(&mut self, now: Time, datagram: &[u8]) {
         let answer = Answer::read(datagram);
-        let credited = self.flight.take_if(|flight| flight.order.accepts(&answer, now.since(flight.said)));
+        let credited = self.flight.take_if(|flight| flight.order.accepts(&answer, now.since(flight.sent_at)));
         let Some(InFlight { order, echoes_until, .. }) = credited else {
             self.strays += 1;
             return;
@@ -170,14 +170,14 @@ impl Conversation {
             return Some(text);
         }
         if let Some(flight) = &mut self.flight {
-            if now.since(flight.said) < flight.order.timeout {
+            if now.since(flight.sent_at) < flight.order.timeout {
                 return None;
             }
             if flight.repeats_left > 0 {
                 // A response to any of the transmissions is valid: it is the same order.
                 flight.repeats_left -= 1;
                 flight.echoes_until = now + GRACE;
-                flight.said = now;
+                flight.sent_at = now;
                 return Some(flight.order.text.clone());
             }
             let tomb = &mut self.tombs[flight.order.kind as usize];
@@ -193,7 +193,7 @@ impl Conversation {
         let order = self.waiting.pop_front()?;
         let text = order.text.clone();
         let repeats_left = order.repeats;
-        self.flight = Some(InFlight { order, said: now, repeats_left, echoes_until: Time::ZERO });
+        self.flight = Some(InFlight { order, sent_at: now, repeats_left, echoes_until: Time::ZERO });
         Some(text)
     }
 
@@ -268,12 +268,12 @@ mod tests {
                 })
                 .collect();
             orders.iter().for_each(|order| conversation.submit(order.clone()));
-            let (mut now, mut said, mut ended) = (Time::ZERO, vec![0; orders.len()], 0);
+            let (mut now, mut times_sent, mut ended) = (Time::ZERO, vec![0; orders.len()], 0);
             while ended < orders.len() {
                 assert!(now < Time::from_millis(300_000), "seed {seed}: it ends");
                 while let Some(text) = conversation.poll(now) {
                     let number = orders.iter().position(|order| order.text == text).unwrap();
-                    said[number] += 1;
+                    times_sent[number] += 1;
                     schedule.hear(now, &text, number, orders[number].repeats == 0);
                 }
                 while let Some((_, fate)) = conversation.take_ended() {
@@ -293,8 +293,8 @@ mod tests {
                 }
                 now += STEP;
             }
-            for (order, said) in orders.iter().zip(said) {
-                assert!(said >= 1 && said <= order.repeats + 1, "seed {seed}: {order:?} was said {said} times");
+            for (order, times_sent) in orders.iter().zip(times_sent) {
+                assert!(times_sent >= 1 && times_sent <= order.repeats + 1, "seed {seed}: {order:?} was sent {times_sent} times");
             }
         }
     }

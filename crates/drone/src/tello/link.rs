@@ -443,11 +443,11 @@ impl Link {
             return Some(text);
         }
         self.fly_manoeuvre(now);
-        let said = self.conversation.poll(now);
-        if let Some(flown) = self.manoeuvre.as_ref().filter(|flown| Some(&flown.text) == said.as_ref()) {
+        let sent = self.conversation.poll(now);
+        if let Some(flown) = self.manoeuvre.as_ref().filter(|flown| Some(&flown.text) == sent.as_ref()) {
             self.sent.push_back((now, flown.velocity));
         }
         self.settle(now);
-        said
+        sent
     }
 }

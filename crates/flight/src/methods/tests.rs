@@ -28,9 +28,9 @@ fn options_that_are_left_out_are_those_of_the_first_of_a_family() {
 fn a_wrong_row_is_told() {
     assert_eq!(refused(&[row("a", SPF, ""), row("a", "family = \"plain\"", "")].concat()), "duplicate name `a`");
     for name in ["", "Spf", "1m", "spf-", "-spf", "spf--x", "a,b", "a/b", "ä"] {
-        let said = refused(&row(name, SPF, ""));
+        let message = refused(&row(name, SPF, ""));
         assert_eq!(
-            said,
+            message,
             format!("invalid name `{name}`: use lower-case letters, digits and single dashes, starting with a letter")
         );
     }
@@ -61,8 +61,8 @@ fn an_unknown_word_is_told_with_its_line() {
         (row("a", SPF, "") + "colour = \"red\"\n", "unknown field `colour`"),
         ("[[way]]\n".to_owned(), "unknown field `way`"),
     ] {
-        let said = refused(&wrong);
-        assert!(said.starts_with("TOML parse error at line ") && said.contains(piece), "{said}");
+        let message = refused(&wrong);
+        assert!(message.starts_with("TOML parse error at line ") && message.contains(piece), "{message}");
     }
 }
 
@@ -186,9 +186,9 @@ proptest! {
         prop_assert_eq!(&toml::from_str::<File>(&text).unwrap().method, &rows);
         let called = |name: &str| rows.iter().filter(|row| row.name == name).count();
         let deciding = |policy| rows.iter().filter(|row| row.fly.is_some() && row.policy == policy).count();
-        let said = |row: &MethodRow| [Some(&row.about), row.fly.as_ref()].into_iter().flatten().all(|words| !words.trim().is_empty());
+        let message = |row: &MethodRow| [Some(&row.about), row.fly.as_ref()].into_iter().flatten().all(|words| !words.trim().is_empty());
         let used = |row: &MethodRow| row.fly.is_some() || row.bench.is_some();
-        let fine = |row: &MethodRow| called(&row.name) == 1 && deciding(row.policy) == 1 && said(row) && used(row);
+        let fine = |row: &MethodRow| called(&row.name) == 1 && deciding(row.policy) == 1 && message(row) && used(row);
         prop_assert_eq!(read(&text).is_ok(), rows.iter().all(fine));
     }
 

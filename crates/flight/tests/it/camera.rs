@@ -75,8 +75,8 @@ fn what_is_pointed_at_is_what_is_lifted_to() {
 
 fn flown(flight_conditions: FlightConditions, kind: CraftKind, seed: u64) -> Summary {
     let site = Simulated { kind, flight_conditions, seed, ..Simulated::new(city(), "city") };
-    let who = oracle_factory("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
-    let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle:perfect", who);
+    let vlm_factory = oracle_factory("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
+    let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle:perfect", vlm_factory);
     fly(plan, &mut []).unwrap().summary
 }
 

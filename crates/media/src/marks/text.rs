@@ -254,10 +254,10 @@ mod tests {
 
     #[test]
     fn sizes_are_those_of_the_font() {
-        for (asked, width, height) in
+        for (size, width, height) in
             [(5.0, 6.0, 12.0), (16.0, 8.0, 16.0), (23.9, 8.0, 16.0), (24.0, 12.0, 24.0), (99.0, 32.0, 64.0)]
         {
-            assert_eq!(TextStyle::outlined(asked).measure("abc"), (3.0 * width, height));
+            assert_eq!(TextStyle::outlined(size).measure("abc"), (3.0 * width, height));
         }
     }
 

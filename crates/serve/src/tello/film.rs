@@ -130,9 +130,9 @@ fn encode(reel: &mut Option<Reel>, wish: &VideoRequest, at: Time, picture: &Rgb)
 mod tests {
     use super::*;
 
-    fn wish(asked: u32) -> VideoRequest {
+    fn wish(stream_number: u32) -> VideoRequest {
         let to = SocketAddr::from(([127, 0, 0, 1], 11_111));
-        VideoRequest { to, fps: 30, low_resolution: false, downwards: false, asked }
+        VideoRequest { to, fps: 30, low_resolution: false, downwards: false, stream_number }
     }
 
     fn is_key(unit: &[u8]) -> bool {
@@ -154,8 +154,8 @@ mod tests {
     #[test]
     fn each_streamon_begins_with_a_key_picture() {
         let (mut reel, picture) = (None, Rgb::filled(96, 64, [90, 120, 30]));
-        let keys =
-            [1, 1, 2, 2, 3].map(|asked| is_key(&encode(&mut reel, &wish(asked), Time::from_millis(50), &picture).unwrap()));
+        let keys = [1, 1, 2, 2, 3]
+            .map(|stream_number| is_key(&encode(&mut reel, &wish(stream_number), Time::from_millis(50), &picture).unwrap()));
         assert_eq!(keys, [true, false, true, false, true]);
     }
 }

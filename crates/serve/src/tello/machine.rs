@@ -63,7 +63,7 @@ pub struct VideoRequest {
     /// Whether the downward camera is used.
     pub downwards: bool,
     /// Number of `streamon` commands; each starts with a key frame.
-    pub asked: u32,
+    pub stream_number: u32,
 }
 
 /// The protocol of one virtual Tello. Sans-IO; see the [module](super).
@@ -239,7 +239,7 @@ impl VirtualTello {
             Request::Stream(on) => {
                 let to = SocketAddr::new(from.ip(), self.ports.1);
                 self.streams += u32::from(on);
-                let wish = VideoRequest { to, fps: 30, low_resolution: false, downwards: false, asked: self.streams };
+                let wish = VideoRequest { to, fps: 30, low_resolution: false, downwards: false, stream_number: self.streams };
                 self.stream = on.then_some(wish);
             }
             Request::Speed(speed) => self.speed = speed,

@@ -92,11 +92,11 @@ impl Responder {
     }
 
     fn instruction_of(&self, prompt: &str) -> String {
-        let said = match &self.instruction {
+        let stage = match &self.instruction {
             Instruction::Text(text) => text.as_str(),
             Instruction::FromPrompt => between(prompt).unwrap_or(prompt).trim(),
         };
-        said.chars().take(MAX_INSTRUCTION).collect()
+        stage.chars().take(MAX_INSTRUCTION).collect()
     }
 
     /// The oracle's reply converted to the requested format.
@@ -124,8 +124,8 @@ fn between(prompt: &str) -> Option<&str> {
 
 /// The current stage according to the prompt.
 fn stage_of(prompt: &str) -> u32 {
-    let said = prompt.split_once("Stage ").and_then(|(_, behind)| behind.split_once(" was reached"));
-    said.and_then(|(number, _)| number.parse().ok()).unwrap_or(1)
+    let text = prompt.split_once("Stage ").and_then(|(_, behind)| behind.split_once(" was reached"));
+    text.and_then(|(number, _)| number.parse().ok()).unwrap_or(1)
 }
 
 /// The coordinates described in the prompt, in the wording of the project's prompts.

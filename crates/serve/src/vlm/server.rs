@@ -157,8 +157,8 @@ async fn pose(State(shared): State<Arc<Shared>>, body: String) -> Response {
 async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String, String)>, body: Bytes) -> Response {
     match call.rsplit_once(':') {
         Some((model, method @ ("generateContent" | "streamGenerateContent"))) => {
-            let asked = (model.to_owned(), method.starts_with("stream"));
-            ask(shared, Wire::Gemini, body, Some(asked)).await
+            let requested = (model.to_owned(), method.starts_with("stream"));
+            ask(shared, Wire::Gemini, body, Some(requested)).await
         }
         _ => refused(Wire::Gemini, StatusCode::NOT_FOUND, "only generateContent and streamGenerateContent are supported"),
     }

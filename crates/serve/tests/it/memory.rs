@@ -48,7 +48,7 @@ fn arrived(pictures: &[(WorldSnapshot, Rgb)]) -> Vec<Rgb> {
 #[test]
 #[ignore = "long: .ci/interop runs it"]
 fn frames_are_recognised_after_h264_resizing_and_jpeg() {
-    let (mut right, mut wrong, mut strangers, mut asked) = (0, 0, 0, 0);
+    let (mut right, mut wrong, mut strangers, mut requested) = (0, 0, 0, 0);
     for (scene, kind) in [("city", CraftKind::Quad), ("yard", CraftKind::Tello)] {
         let loaded = Arc::new(LoadedScene::load(scene).unwrap());
         let world = SimWorld::new(loaded.clone(), kind, loaded.scene.start, 3);
@@ -63,7 +63,7 @@ fn frames_are_recognised_after_h264_resizing_and_jpeg() {
         }
         let now = Time::from_millis(100 * FRAMES);
         for (n, picture) in arrived(&frames).iter().enumerate() {
-            asked += 1;
+            requested += 1;
             match memory.recognise(now, picture) {
                 Ok(found) if found.frame == FrameId(n as u64) => right += 1,
                 Ok(_) => wrong += 1,
@@ -74,9 +74,10 @@ fn frames_are_recognised_after_h264_resizing_and_jpeg() {
         let others = flight(&world, 4.0, 40.0);
         strangers += arrived(&others).iter().filter(|picture| memory.recognise(now, picture).is_ok()).count();
     }
-    let figures =
-        format!("{right} of {asked} right, {wrong} taken for another frame, {strangers} of {asked} of another run recognised");
-    assert!(right * 100 >= asked * 99 && strangers == 0, "{figures}");
+    let figures = format!(
+        "{right} of {requested} right, {wrong} taken for another frame, {strangers} of {requested} of another run recognised"
+    );
+    assert!(right * 100 >= requested * 99 && strangers == 0, "{figures}");
     #[allow(clippy::print_stderr, reason = "the figure stands in docs/guide/grounding.md")]
     {
         eprintln!("{figures}");

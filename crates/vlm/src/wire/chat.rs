@@ -134,7 +134,7 @@ pub(super) fn decline(into: &mut Gathered, words: &str) {
         return;
     }
     match &mut into.end {
-        Some(End::Declined(said)) => said.push_str(words),
+        Some(End::Declined(reason)) => reason.push_str(words),
         end => *end = Some(End::Declined(words.to_owned())),
     }
 }

@@ -232,8 +232,8 @@ mod tests {
             ("[".to_owned(), "EOF"),
             (" ".repeat(LONGEST + 1), "exceeds the limit of 4096"),
         ] {
-            let said = FromPage::read(&text).unwrap_err();
-            assert!(said.contains(reason), "{said}");
+            let message = FromPage::read(&text).unwrap_err();
+            assert!(message.contains(reason), "{message}");
         }
     }
 

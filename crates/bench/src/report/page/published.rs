@@ -57,7 +57,7 @@ fn others() -> Markup {
         div class="wide" { table {
             thead { tr { th { "Published, by obstacle source" } th { "Decision time" } th { "Success" } th { "Equivalent of \
                 18" } } }
-            tbody { @for (who, seconds, percent, hits) in DETECTORS { tr { th { (who) } td { (seconds) " s" } td { (percent) " %" }
+            tbody { @for (detector, seconds, percent, hits) in DETECTORS { tr { th { (detector) } td { (seconds) " s" } td { (percent) " %" }
                 (cell(Rate { hits, of: DETECTOR_TRIALS })) } } }
         } }
         p class="note" { "The paper gives the detector's percentages without trial counts; 16 and 13 of 18 match them." }

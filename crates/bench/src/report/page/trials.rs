@@ -54,7 +54,7 @@ fn of_task(source: &Source, draws: &[Draw], task: &str) -> Markup {
     let more = all().count().saturating_sub(MAPS);
     html! {
         @if all().next().is_some() {
-            h3 { (task) @if let Some(said) = instruction(source, task) { ": “" (said) "”" } }
+            h3 { (task) @if let Some(instruction_text) = instruction(source, task) { ": “" (instruction_text) "”" } }
             (chart::legend(source, true))
             div class="maps" { @for (draw, number) in all().take(MAPS) {
                 figure {

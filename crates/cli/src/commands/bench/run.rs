@@ -170,7 +170,7 @@ fn rows(lines: &[Line]) -> Vec<Vec<String>> {
 fn compared(pairs: &[Contrast]) -> Vec<Vec<String>> {
     let head = ["PAIRED", "SELF STOP, POINTS", "ONLY FIRST : ONLY SECOND", "P (MCNEMAR, HOLM)"].map(str::to_owned).to_vec();
     let row = |pair: &Contrast| {
-        let [first, second] = pair.who.each_ref().map(|(method, vlm)| format!("{method} {vlm}"));
+        let [first, second] = pair.pair.each_ref().map(|(method, vlm)| format!("{method} {vlm}"));
         let [value, low, high] = pair.points();
         let apart = pair.paired.discordant;
         vec![

@@ -68,7 +68,7 @@ pub(super) fn ready(
     );
     let (craft, camera) = (drone.capabilities().craft, Some(drone.frames()));
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
-    let said = vec![flying, sentence(&pointing.sentence, &craft), warning.to_owned()];
+    let announcements = vec![flying, sentence(&pointing.sentence, &craft), warning.to_owned()];
     let plan = FlightPlan {
         policy: Arc::new(policy),
         preset,
@@ -79,20 +79,20 @@ pub(super) fn ready(
         max_cost_usd,
         script,
         interrupts,
-        ..FlightPlan::new(site, instruction, &pointing.name, pointing.who)
+        ..FlightPlan::new(site, instruction, &pointing.name, pointing.vlm_factory)
     };
-    Ok(Ready { plan, said, by_hand: Some(craft), camera })
+    Ok(Ready { plan, announcements, by_hand: Some(craft), camera })
 }
 
 /// Connects, and tells to whom.
 pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, printer: &Printer) -> Result<Connected, CliError> {
     let connected = target.connect(options, start).map_err(|error| {
-        let said = CliError::failed(error.to_string());
+        let failure = CliError::failed(error.to_string());
         let ConnectError { source, hint, .. } = error;
-        let said = said.because(&*source);
+        let failure = failure.because(&*source);
         match hint {
-            Some(hint) => said.hint(hint),
-            None => said,
+            Some(hint) => failure.hint(hint),
+            None => failure,
         }
     })?;
     printer.say(&connected.summary);
@@ -109,7 +109,7 @@ fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Res
     printer.say("Checking the VLM with three images of a dot …");
     let time = settings.reply_timeout()?;
     let mut vlm: Box<dyn Vlm> =
-        (pointing.who)(None, 0).map_err(|error| CliError::usage("cannot query the VLM").because(&*error))?;
+        (pointing.vlm_factory)(None, 0).map_err(|error| CliError::usage("cannot query the VLM").because(&*error))?;
     match check(vlm.as_mut(), time).verdict {
         Verdict::Good(worst) => {
             printer.say(&format!("{} responds and points within {:.1} % of the image width.", pointing.name, 100.0 * worst));

@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use spf_bench::ground::{AnswerRow, Said};
+use spf_bench::ground::{AnswerRow, ParsedReply};
 
 use crate::commands::sim::write;
 use crate::error::CliError;
@@ -135,5 +135,5 @@ fn whole(file: &Path) -> std::io::Result<(u64, Vec<AnswerRow>)> {
 
 /// Whether a question was answered, and need not be asked again.
 pub(super) fn is_answered(row: &AnswerRow) -> bool {
-    !matches!(row.said, Said::Nothing(..))
+    !matches!(row.parsed, ParsedReply::Nothing(..))
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use spf_bench::ground::ask::{AnswererKind, AskOptions};
 use spf_bench::ground::page::{account, side_by_side, words};
 use spf_bench::ground::photo::{self, PhotoError};
-use spf_bench::ground::{AnswerRow, Answerer, Said};
+use spf_bench::ground::{AnswerRow, Answerer, ParsedReply};
 use spf_media::{Jpeg, Rgb};
 use spf_vlm::Cancel;
 
@@ -79,7 +79,7 @@ pub(super) fn ask(args: &Ground, settings: &Settings, options: AskOptions, print
         let text = serde_json::to_string(&printed).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         printer.data(&text);
     }
-    let answered = |row: &AnswerRow| !matches!(row.said, Said::Nothing(..));
+    let answered = |row: &AnswerRow| !matches!(row.parsed, ParsedReply::Nothing(..));
     if printed.pictures.iter().flat_map(|picture| &picture.answers).any(answered) {
         return Ok(Exit::Success);
     }

@@ -33,12 +33,12 @@ fn report(check: &Check, printer: &Printer) {
     for pointed in &check.pointed {
         let dot = pointed.dot;
         let latency = pointed.answer.latency.as_secs_f64();
-        let said = match (&pointed.answer.text, pointed.point) {
+        let result = match (&pointed.answer.text, pointed.point) {
             (Ok(_), Some(point)) => format!("pointed at ({:.3}, {:.3})", point.u, point.v),
             (Ok(text), None) => format!("replied {}", text.chars().take(120).collect::<String>()),
             (Err(_), _) => "no reply".to_owned(),
         };
-        printer.result(&format!("dot at ({:.3}, {:.3}): {said}, {latency:.2} s", dot.u, dot.v));
+        printer.result(&format!("dot at ({:.3}, {:.3}): {result}, {latency:.2} s", dot.u, dot.v));
     }
     if let Verdict::Good(worst) = check.verdict {
         let model = check.pointed.first().map_or("", |pointed| &pointed.answer.model);

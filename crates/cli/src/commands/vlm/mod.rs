@@ -29,7 +29,7 @@ pub(crate) struct Pointing {
     /// The name as it was given.
     pub(crate) name: String,
     /// Makes it.
-    pub(crate) who: VlmFactory,
+    pub(crate) vlm_factory: VlmFactory,
     /// Whether it is the oracle, whose reading of an instruction is known before the flight.
     pub(crate) is_oracle: bool,
     /// A sentence about it for the person who flies.
@@ -75,18 +75,18 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
     })?;
     let name = replay.name().to_owned();
     let sentence = format!("VLM: replies of {name}, replayed from {file}.");
-    Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), is_oracle: false, sentence })
+    Ok(Pointing { name, vlm_factory: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), is_oracle: false, sentence })
 }
 
 /// The same, its answers recorded in a file.
 fn recorded(pointing: Pointing, path: String) -> Pointing {
-    let who = pointing.who;
+    let vlm_factory = pointing.vlm_factory;
     let record = move |world: Option<&SimWorld>, seed| {
         let camera = world.map_or(Camera::tello(), |world| *world.camera());
-        let vlm = who(world, seed)?;
+        let vlm = vlm_factory(world, seed)?;
         Ok(Box::new(Recording::new(vlm, Path::new(&path), (camera.width, camera.height))?) as Box<dyn Vlm>)
     };
-    Pointing { who: Arc::new(record), ..pointing }
+    Pointing { vlm_factory: Arc::new(record), ..pointing }
 }
 
 /// The oracle of a name, and its errors; `wrong` makes the error for a name that is none, from what was expected and what is near.
@@ -99,7 +99,7 @@ pub(crate) fn oracle_named(
         Some(("oracle", which)) if which.contains(['/', '.']) => ErrorFile::from_toml(&read(Path::new(which), "error")?),
         Some(("oracle", which)) => ErrorFile::named(which),
         other => {
-            let near = nearest(other.map_or(name, |(who, _)| who), ["oracle"]);
+            let near = nearest(other.map_or(name, |(scheme, _)| scheme), ["oracle"]);
             return Err(wrong("oracle, oracle:NAME or oracle:FILE", near));
         }
     };
@@ -119,7 +119,7 @@ fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
     Ok(Pointing {
         name: name.clone(),
         sentence: format!("VLM: {name}, which reads the simulator's own ID and depth images and is not a real VLM."),
-        who: oracle_factory(name, errors),
+        vlm_factory: oracle_factory(name, errors),
         is_oracle: true,
     })
 }
@@ -146,7 +146,7 @@ pub(crate) struct Chosen {
 /// A model of the table, for a flight.
 fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
     let Chosen { name, remote, sentence } = remote(settings, name, prompt)?;
-    Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(remote.clone()))), is_oracle: false, sentence })
+    Ok(Pointing { name, vlm_factory: Arc::new(move |_, _| Ok(Box::new(remote.clone()))), is_oracle: false, sentence })
 }
 
 /// A model of the table.
@@ -190,34 +190,34 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
 
 /// Why a model cannot be asked, and what to do.
 pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> CliError {
-    let said = CliError::usage(format!("cannot use the VLM `{name}`")).because(error);
+    let failure = CliError::usage(format!("cannot use the VLM `{name}`")).because(error);
     match error {
         SetupError::Select(SelectError::Unknown { name, known }) => {
             let words = known.iter().map(String::as_str).chain(["oracle", AUTO]);
             match nearest(name, words) {
-                Some(near) => said.hint(format!("did you mean `{near}`? `spf vlm list` lists all")),
-                None => said.hint(format!("use oracle, {AUTO}, {}, or a server URL: see `spf vlm list`", known.join(", "))),
+                Some(near) => failure.hint(format!("did you mean `{near}`? `spf vlm list` lists all")),
+                None => failure.hint(format!("use oracle, {AUTO}, {}, or a server URL: see `spf vlm list`", known.join(", "))),
             }
         }
-        SetupError::Select(SelectError::NoModel { .. }) if name.starts_with("http") => said.hint(format!("use {name}#MODEL")),
-        SetupError::Select(SelectError::NoModel { vendor }) => said.hint(format!("use --vlm {vendor}#MODEL")),
+        SetupError::Select(SelectError::NoModel { .. }) if name.starts_with("http") => failure.hint(format!("use {name}#MODEL")),
+        SetupError::Select(SelectError::NoModel { vendor }) => failure.hint(format!("use --vlm {vendor}#MODEL")),
         SetupError::SecretInUrl => {
             CliError::usage("invalid URL of the VLM").because(error).hint("set API keys in the environment (docs/guide/vlm.md)")
         }
         SetupError::Select(SelectError::Retired { successor, .. }) => {
             let vendor = name.split(['#', '@']).next().unwrap_or(name);
-            said.hint(format!("use --vlm {vendor}#{successor}"))
+            failure.hint(format!("use --vlm {vendor}#{successor}"))
         }
         SetupError::NoKey { variables, page, .. } => {
             let page = page.as_deref().map_or(String::new(), |page| format!("; create a key at {page}"));
-            said.hint(format!("set {} in the environment or in .env{page}", variables.join(" or ")))
+            failure.hint(format!("set {} in the environment or in .env{page}", variables.join(" or ")))
         }
         SetupError::NoKeyAtAll { variables } => {
-            said.hint(format!("set one of {} in the environment or in .env", variables.join(", ")))
+            failure.hint(format!("set one of {} in the environment or in .env", variables.join(", ")))
         }
         SetupError::Url(_) | SetupError::Select(SelectError::Url(_)) => {
-            said.hint("use NAME[#MODEL]@http://host:port/v1, or http://host:port/v1#MODEL")
+            failure.hint("use NAME[#MODEL]@http://host:port/v1, or http://host:port/v1#MODEL")
         }
-        _ => said.hint(settings.fly.vlm.meaning()),
+        _ => failure.hint(settings.fly.vlm.meaning()),
     }
 }

@@ -29,9 +29,9 @@ impl Served {
         let line = format!("kill -INT {}", self.0.id());
         assert!(Command::new("sh").args(["-c", &line]).status().unwrap().success());
         assert_eq!(self.0.wait().unwrap().code(), Some(0));
-        let mut said = String::new();
-        self.0.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-        said
+        let mut message = String::new();
+        self.0.stderr.take().unwrap().read_to_string(&mut message).unwrap();
+        message
     }
 }
 

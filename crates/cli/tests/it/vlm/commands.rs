@@ -143,7 +143,7 @@ fn a_model_is_asked_about_the_frames_of_a_flight() {
 #[test]
 fn what_cannot_be_asked_is_said_before_anything_flies() {
     let lab = Lab::new();
-    for (args, said) in [
+    for (args, message) in [
         (vec!["--vlm", "gemini"], vec!["no API key set for Google Gemini", "set GOOGLE_API_KEY or GEMINI_API_KEY", "https://"]),
         (vec!["--vlm", "auto"], vec!["no API key set for any vendor", "ANTHROPIC_API_KEY"]),
         (vec!["--vlm", "gemni"], vec!["did you mean `gemini`?"]),
@@ -160,7 +160,7 @@ fn what_cannot_be_asked_is_said_before_anything_flies() {
     ] {
         let run = lab.spf(&[&["fly", "go"], args.as_slice()].concat());
         assert_eq!(run.code, Some(2), "{args:?} {}", run.stderr);
-        for words in said {
+        for words in message {
             assert!(run.stderr.contains(words), "{args:?} {words}: {}", run.stderr);
         }
     }

@@ -56,9 +56,9 @@ fn loaded() -> Arc<LoadedScene> {
     CITY.get_or_init(|| Arc::new(LoadedScene::load("city").unwrap())).clone()
 }
 
-pub(super) fn plan(who: VlmFactory, avoid: bool) -> FlightPlan {
+pub(super) fn plan(vlm_factory: VlmFactory, avoid: bool) -> FlightPlan {
     let site = Simulated { kind: CraftKind::Quad, seed: 2, ..Simulated::new(loaded(), "city") };
-    let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "", who);
+    let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "", vlm_factory);
     FlightPlan { settings: PilotSettings { avoid, ..plan.settings }, ..plan }
 }
 
@@ -70,13 +70,13 @@ pub(super) fn flown_over(vendor: Vendor, model: Option<&str>, long_side: Option<
     let name = format!("{}{}@{}", vendor.name(), model.map_or(String::new(), |id| format!("#{id}")), server.url());
     let key = |variable: &str| (variable == vendor.key()).then(|| KEY.to_owned());
     let remote = setup::remote(&Table::shipped(), &[&name], &key, Strategy { long_side, ..Strategy::default() }).unwrap();
-    let who: VlmFactory = Arc::new(move |world: Option<&SimWorld>, seed| {
+    let vlm_factory: VlmFactory = Arc::new(move |world: Option<&SimWorld>, seed| {
         let world = world.unwrap();
         let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect")?, seed);
         let camera = (world.camera().width, world.camera().height);
         Ok(Box::new(Behind { oracle, remote: remote.clone(), words: words.clone(), camera }))
     });
-    let summary = fly(plan(who, avoid), &mut []).unwrap().summary;
+    let summary = fly(plan(vlm_factory, avoid), &mut []).unwrap().summary;
     let questions = server.questions();
     // One, and perhaps a second when a question overtakes the end of the answer before it.
     let connections = server.connections.load(std::sync::atomic::Ordering::SeqCst);

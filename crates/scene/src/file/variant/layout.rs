@@ -30,11 +30,11 @@ pub(super) struct Reach {
 }
 
 /// Lets things change places, two at a time, wherever both have room (Fisher and Yates, with more tries).
-pub(super) fn shuffle(who: &[usize], placed: &mut [Placed], room: &mut Room, draw: &mut Draw) {
-    for last in (1..who.len()).rev() {
+pub(super) fn shuffle(objects: &[usize], placed: &mut [Placed], room: &mut Room, draw: &mut Draw) {
+    for last in (1..objects.len()).rev() {
         for _ in 0..TRIES {
             let other = draw.below(last + 1);
-            let (a, b) = (who[last], who[other]);
+            let (a, b) = (objects[last], objects[other]);
             let to = |object, tenant| Move { object, place: room.place(tenant), tenant: Some(tenant) };
             let moves = [to(a, b), to(b, a)];
             if other == last {
@@ -72,8 +72,8 @@ pub(super) fn jitter(group: &[usize], reach: Reach, placed: &mut [Placed], room:
 }
 
 /// Lets actors begin elsewhere on their paths, none of them on another.
-pub(super) fn depart(who: &[usize], placed: &mut [Placed], room: &mut Room, draw: &mut Draw) {
-    for &object in who {
+pub(super) fn depart(objects: &[usize], placed: &mut [Placed], room: &mut Room, draw: &mut Draw) {
+    for &object in objects {
         let Some(motion) = &mut placed[object].motion else { continue };
         for _ in 0..TRIES {
             if !room.may_look_at_actors() {

@@ -42,24 +42,24 @@ pub(super) fn vary(
         return Ok(());
     }
     for (table, number) in tables.shuffle.iter().zip(0..) {
-        let who = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
-        layout::shuffle(&who, &mut expanded.placed, &mut room, &mut Draw::new(seed, "vary shuffle", &[number]));
+        let objects = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
+        layout::shuffle(&objects, &mut expanded.placed, &mut room, &mut Draw::new(seed, "vary shuffle", &[number]));
     }
     for (table, number) in tables.jitter.iter().zip(0..) {
-        let who = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
+        let objects = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
         let reach = layout::Reach {
             distance: within(&table.distance_m, "distance_m", 0.0, 1000.0, source)?,
             turn_deg: table.turn_deg.as_ref().map_or(Ok(0.0), |v| within(v, "turn_deg", 0.0, 180.0, source))?,
         };
         let mut draw = Draw::new(seed, "vary jitter", &[number]);
-        let groups: Vec<&[usize]> = if table.together { vec![&who] } else { who.chunks(1).collect() };
+        let groups: Vec<&[usize]> = if table.together { vec![&objects] } else { objects.chunks(1).collect() };
         for group in groups {
             layout::jitter(group, reach, &mut expanded.placed, &mut room, &mut draw);
         }
     }
     for (table, number) in tables.depart.iter().zip(0..) {
-        let who = select(&table.objects, &expanded.placed, Wanted::Moving, source)?;
-        layout::depart(&who, &mut expanded.placed, &mut room, &mut Draw::new(seed, "vary depart", &[number]));
+        let objects = select(&table.objects, &expanded.placed, Wanted::Moving, source)?;
+        layout::depart(&objects, &mut expanded.placed, &mut room, &mut Draw::new(seed, "vary depart", &[number]));
     }
     for (table, number) in tables.add.iter().zip(0..) {
         layout::add(table, raw, expanded, &mut room, &mut Draw::new(seed, "vary add", &[number]), source)?;
@@ -90,15 +90,15 @@ fn repaint(
     draw: &mut Draw,
     source: &Source<'_>,
 ) -> Result<(), SceneError> {
-    let who = select(&table.objects, &expanded.placed, Wanted::Any, source)?;
+    let objects = select(&table.objects, &expanded.placed, Wanted::Any, source)?;
     let colours = paint::order(table.colours.get_ref(), draw);
     if colours.is_empty() {
         let hint = "for example `{ red = \"red_paint\" }`".to_owned();
         return Err(source.error(&table.colours.span(), "`colours` is empty", Some(hint)));
     }
-    for (&object, (word, material)) in who.iter().zip(colours.iter().cycle()) {
+    for (&object, (word, material)) in objects.iter().zip(colours.iter().cycle()) {
         let slots = expanded.meshes[expanded.placed[object].mesh].slots();
-        if object == who[0] || slots.iter().all(|(slot, _)| *slot != table.slot) {
+        if object == objects[0] || slots.iter().all(|(slot, _)| *slot != table.slot) {
             paint::check(table.colours.get_ref(), &table.slot, slots, raw, &table.objects.span(), source)?;
         }
         let thing = &mut expanded.placed[object];

@@ -96,14 +96,14 @@ fn address(text: &str) -> Option<SocketAddr> {
 }
 
 fn refused(error: &ServerError, listen: SocketAddr) -> CliError {
-    let said = CliError::usage("cannot serve the Tello").because(error);
+    let failure = CliError::usage("cannot serve the Tello").because(error);
     match error {
-        ServerError::Bind { .. } => said.hint(format!(
+        ServerError::Bind { .. } => failure.hint(format!(
             "check that {} is an address of this machine and that port {} is free; on most machines --listen 127.0.0.2 works too",
             listen.ip(),
             listen.port()
         )),
         ServerError::Thread(_) => CliError::internal("cannot serve the Tello").because(error),
-        _ => said.hint("docs/guide/tello.md describes the format of fault files"),
+        _ => failure.hint("docs/guide/tello.md describes the format of fault files"),
     }
 }
