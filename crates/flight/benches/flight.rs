@@ -20,19 +20,19 @@ impl Vlm for Looks {
         self.0.name()
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
-        drop(black_box(picture.jpeg(picture.size(), 85)));
-        self.0.answer(request, picture)
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        drop(black_box(image.jpeg(image.size(), 85)));
+        self.0.answer(request, image)
     }
 }
 
 /// Flies to the red crane; the number of decisions.
-fn fly(loaded: &Arc<LoadedScene>, pictures: bool) -> u32 {
+fn fly(loaded: &Arc<LoadedScene>, images: bool) -> u32 {
     let vlm_factory: VlmFactory = Arc::new(move |world, seed| {
         let world = world.ok_or("the oracle needs the simulator")?;
         let errors = ErrorFile::named("default")?;
         let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), errors, seed);
-        Ok(if pictures { Box::new(Looks(oracle)) as Box<dyn Vlm> } else { Box::new(oracle) })
+        Ok(if images { Box::new(Looks(oracle)) as Box<dyn Vlm> } else { Box::new(oracle) })
     });
     let site = Site::Simulated(Simulated { kind: CraftKind::Quad, ..Simulated::new(loaded.clone(), "city") });
     let plan = FlightPlan::new(site, "Take off and fly to the red crane", "oracle", vlm_factory);
@@ -40,10 +40,10 @@ fn fly(loaded: &Arc<LoadedScene>, pictures: bool) -> u32 {
 }
 
 #[divan::bench(args = [false, true], sample_count = 5, sample_size = 1)]
-fn decisions(bencher: Bencher<'_, '_>, pictures: bool) {
+fn decisions(bencher: Bencher<'_, '_>, images: bool) {
     let loaded = Arc::new(LoadedScene::load("city").expect("it is built in"));
-    let made = fly(&loaded, pictures);
-    bencher.counter(ItemsCount::new(made)).bench(|| fly(&loaded, pictures));
+    let made = fly(&loaded, images);
+    bencher.counter(ItemsCount::new(made)).bench(|| fly(&loaded, images));
 }
 
 fn main() {

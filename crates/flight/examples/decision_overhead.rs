@@ -39,7 +39,7 @@ type Failure = Box<dyn Error + Send + Sync>;
 const WARM: u64 = 20;
 const DECISIONS: u64 = 400;
 
-/// A camera's frame, as `spf_flight::picture` shows it.
+/// A camera's frame, as `spf_flight::image` shows it.
 struct Frame<'a>(&'a Rgb, &'a mut Scaler);
 
 impl QueryImage for Frame<'_> {

@@ -21,8 +21,8 @@ use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
 struct SeesRed;
 
 impl SeesRed {
-    fn look(picture: &mut dyn QueryImage) -> Result<String, VlmError> {
-        let Some(spot) = red::find(&picture.pixels()?) else {
+    fn look(image: &mut dyn QueryImage) -> Result<String, VlmError> {
+        let Some(spot) = red::find(&image.pixels()?) else {
             let reply = r#"{"status":"not_visible","look":"right","stage":null,"point":null,"depth":null,"target":null}"#;
             return Ok(reply.to_owned());
         };
@@ -36,9 +36,9 @@ impl Vlm for SeesRed {
         "red"
     }
 
-    fn answer(&mut self, _asked: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, _request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         let (latency, model) = (Duration::from_millis(300), "red".to_owned());
-        Answer { text: Self::look(picture), latency, model, account: Account::default() }
+        Answer { text: Self::look(image), latency, model, account: Account::default() }
     }
 }
 

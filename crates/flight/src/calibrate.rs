@@ -243,7 +243,7 @@ impl Vlm for NoVlm {
         "nobody"
     }
 
-    fn answer(&mut self, _asked: &QueryRequest<'_>, _picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, _request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         let refused = VlmError::Refused { model: "nobody".to_owned(), reason: "calibrating the drone".to_owned() };
         Answer { text: Err(refused), latency: Duration::ZERO, model: String::new(), account: Account::default() }
     }

@@ -26,10 +26,10 @@ impl Vlm for WithDetector {
         self.vlm.image_spec(camera)
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         match request.query.kind {
-            QueryKind::Detect { .. } => self.detector.answer(request, picture),
-            _ => self.vlm.answer(request, picture),
+            QueryKind::Detect { .. } => self.detector.answer(request, image),
+            _ => self.vlm.answer(request, image),
         }
     }
 }
@@ -48,9 +48,9 @@ impl Vlm for DetectorVlm {
         self.0.name()
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         // In the simulator this renders the frame; a camera's frame is available immediately.
-        let pixels = picture.pixels();
+        let pixels = image.pixels();
         let began = Instant::now();
         let detect = |pixels| self.0.detect(&pixels).map_err(|error| VlmError::Detector(error.to_string()));
         let text = match request.query.kind {

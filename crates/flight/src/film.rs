@@ -184,19 +184,19 @@ impl Film {
 fn encode(mut writer: VideoWriter, camera: &Camera, shots: &Receiver<Shot>, log: Option<&Outlet>) -> Result<(), VideoError> {
     let (mut trouble, mut scaler) = (None, Scaler::default());
     for shot in shots {
-        let mut picture = shot.photo.at(SIZE, &mut scaler);
+        let mut image = shot.photo.at(SIZE, &mut scaler);
         let marks = Marks { waypoint: waypoint(camera, &shot), boxes: shot.boxes.clone() };
         if let Some(log) = log
-            && let Ok(jpeg) = Jpeg::encode(&picture, JPEG_QUALITY)
+            && let Ok(jpeg) = Jpeg::encode(&image, JPEG_QUALITY)
         {
-            log.picture(shot.at, jpeg.bytes().to_vec().into(), SIZE, &marks);
+            log.image(shot.at, jpeg.bytes().to_vec().into(), SIZE, &marks);
         }
-        annotate(&mut picture, &shot, &marks);
-        if let Err(error) = writer.push(shot.at, &picture) {
+        annotate(&mut image, &shot, &marks);
+        if let Err(error) = writer.push(shot.at, &image) {
             trouble = Some(error);
             break;
         }
-        scaler.reuse(picture);
+        scaler.reuse(image);
     }
     // Finish the file, so that everything up to the error can be played.
     let ended = writer.finish().map(|_| ());
@@ -215,11 +215,11 @@ fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
     Some((point, format!("{:.1} m", ahead.length())))
 }
 
-fn annotate(picture: &mut Rgb, shot: &Shot, drawn: &Marks) {
+fn annotate(image: &mut Rgb, shot: &Shot, drawn: &Marks) {
     let mut boxes = drawn.as_marks();
     boxes.splice(..0, shot.query_marks.iter().cloned());
     // Perception on one line and the resulting step on the next: together they are too long for the frame.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
     let hud = Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] };
-    marks::annotate(picture, &boxes, drawn.waypoint.as_ref().map(|(point, caption)| (*point, caption.as_str())), &hud);
+    marks::annotate(image, &boxes, drawn.waypoint.as_ref().map(|(point, caption)| (*point, caption.as_str())), &hud);
 }

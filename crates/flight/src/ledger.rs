@@ -213,12 +213,12 @@ impl Vlm for Accounted {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         if let Some(error) = self.spent() {
             let (latency, model) = (spf_core::time::Duration::ZERO, self.vlm.name().to_owned());
             return Answer { text: Err(error), latency, model, account: Account::default() };
         }
-        let answer = self.vlm.answer(request, picture);
+        let answer = self.vlm.answer(request, image);
         self.ledger.enter(request, &answer);
         answer
     }

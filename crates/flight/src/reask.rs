@@ -21,8 +21,8 @@ use spf_record::log::{Entry, ReadError};
 use spf_sim::frame_clock::FrameClock;
 use spf_vlm::{Answer, ImageSpec, QueryRequest, Vlm};
 
+use crate::image::Marked;
 use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
-use crate::picture::Marked;
 use crate::policy::PolicyKind;
 use crate::replay::{ReplayError, head, prompt_of, row};
 use crate::sim::{FlightConditions, LoadedScene, OracleVlm, SimWorld, VlmFactory, VlmFactoryError, WorldSnapshot, photo};
@@ -235,15 +235,15 @@ impl Asker {
                 let query = rewritten(query, &self.prompt, &image_spec);
                 let photo = self.world.still(captured(question), snapshot).map(|shot| photo(&self.world, shot));
                 let mut scaler = Scaler::default();
-                let mut picture = Marked::new(&query, (camera.width, camera.height), photo, &mut scaler);
-                (vlm.answer(&QueryRequest::new(&query, *patience), &mut picture), image_spec.grounding)
+                let mut image = Marked::new(&query, (camera.width, camera.height), photo, &mut scaler);
+                (vlm.answer(&QueryRequest::new(&query, *patience), &mut image), image_spec.grounding)
             }
         }
     }
 
     /// Both replies drawn on the frame, side by side: the recorded one on the left.
     #[must_use]
-    pub fn picture(&self, question: &Question, opinion: &ReplyPair, vlm_then: &str) -> Rgb {
+    pub fn image(&self, question: &Question, opinion: &ReplyPair, vlm_then: &str) -> Rgb {
         let snapshot = self.snapshot(question);
         let Some(shot) = self.world.still(captured(question), &snapshot) else { return Rgb::new(2 * HALF.0, HALF.1) };
         let clean = self.world.photograph(&shot, Some(HALF));

@@ -49,11 +49,11 @@ impl Rgb {
     /// An image of one colour.
     #[must_use]
     pub fn filled(width: u32, height: u32, colour: [u8; 3]) -> Self {
-        let mut picture = Self::new(width, height);
-        for pixel in picture.data.chunks_exact_mut(3) {
+        let mut image = Self::new(width, height);
+        for pixel in image.data.chunks_exact_mut(3) {
             pixel.copy_from_slice(&colour);
         }
-        picture
+        image
     }
 
     /// An image from its bytes.
@@ -144,12 +144,12 @@ mod tests {
 
     #[test]
     fn pixels_outside_are_none() {
-        let mut picture = Rgb::filled(3, 2, [1, 2, 3]);
-        picture.set_pixel(2, 1, [9, 8, 7]);
-        picture.set_pixel(3, 0, [0, 0, 0]);
-        assert_eq!(picture.pixel(2, 1), Some([9, 8, 7]));
-        assert_eq!(picture.pixel(1, 1), Some([1, 2, 3]));
-        assert_eq!(picture.pixel(0, 2), None);
+        let mut image = Rgb::filled(3, 2, [1, 2, 3]);
+        image.set_pixel(2, 1, [9, 8, 7]);
+        image.set_pixel(3, 0, [0, 0, 0]);
+        assert_eq!(image.pixel(2, 1), Some([9, 8, 7]));
+        assert_eq!(image.pixel(1, 1), Some([1, 2, 3]));
+        assert_eq!(image.pixel(0, 2), None);
     }
 
     #[test]

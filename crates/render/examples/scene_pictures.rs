@@ -33,10 +33,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             *numbers.get(..4).and_then(|n| <&[f64; 4]>::try_from(n).ok()).ok_or("a pose has four numbers")?;
         let pitch = numbers.get(4).copied().unwrap_or(0.0).to_radians();
         let attitude = Attitude { heading: heading.to_radians(), pitch, roll: 0.0 };
-        let picture =
+        let image =
             renderer.render(&Camera::quad(), &Pose { position: EnuPosition { east, north, up }, attitude }, Channels::ALL);
-        picture.save_rgb(&Path::new(&folder).join(format!("{}.png", i + 1)))?;
-        let ids = picture.ids.as_deref().unwrap_or_default();
+        image.save_rgb(&Path::new(&folder).join(format!("{}.png", i + 1)))?;
+        let ids = image.ids.as_deref().unwrap_or_default();
         let mut list = format!("{text}\n");
         for object in &scene.objects {
             let fraction = ids.iter().filter(|&&id| id == object.id).count() as f64 / ids.len() as f64;

@@ -217,9 +217,9 @@ impl<'a> Shader<'a> {
         let spot = spot(facet, away, z, if self.fine { 1.0 } else { COARSE });
         let mut surface = Surface::new(paint, &spot, &self.palette.noise);
         if let Pattern::Image { texture, .. } = paint.pattern
-            && let Some(picture) = self.textures.get(usize::from(texture))
+            && let Some(image) = self.textures.get(usize::from(texture))
         {
-            surface.albedo = surface.albedo.times(texture::samples(picture, &spot));
+            surface.albedo = surface.albedo.times(texture::samples(image, &spot));
         }
         let leaves = paint.pattern == Pattern::Foliage;
         let mut normal = facet.flat;

@@ -38,8 +38,8 @@ impl Surroundings {
     /// Fraction of each object's silhouette inside the frame, 0..=1, from that image; openings by their own. Objects beside the
     /// view are not listed.
     #[must_use]
-    pub fn fractions(&self, picture: &RenderedImage) -> BTreeMap<ObjectId, f32> {
-        let channels = || [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten();
+    pub fn fractions(&self, image: &RenderedImage) -> BTreeMap<ObjectId, f32> {
+        let channels = || [image.ids.as_deref(), image.opening_ids.as_deref()].into_iter().flatten();
         let most = channels().flatten().max().copied().unwrap_or(0);
         let mut counts = vec![(0u32, 0u32); usize::from(most) + 1];
         for ids in channels() {

@@ -27,7 +27,7 @@ const WORTH_ASKING: Duration = Duration::from_millis(300);
 /// A vendor that asks for a longer wait than this will not be available again in this flight.
 const LONGEST_WAIT: Duration = Duration::from_secs(120);
 /// Estimated tokens of a JPEG, and characters per token, if the vendor reports no counts.
-const GUESSED_PICTURE: u64 = 1000;
+const GUESSED_IMAGE: u64 = 1000;
 const CHARACTERS_A_TOKEN: u64 = 4;
 /// Approximate size of a request without image and prompt, bytes: schema and settings.
 const ROOM: usize = 8192;
@@ -57,7 +57,7 @@ pub(crate) struct Written {
 impl Written {
     /// Estimated input tokens of the query.
     pub(crate) fn guessed(&self) -> Tokens {
-        let input = GUESSED_PICTURE + self.prompt_length as u64 / CHARACTERS_A_TOKEN;
+        let input = GUESSED_IMAGE + self.prompt_length as u64 / CHARACTERS_A_TOKEN;
         Tokens { input, estimated: true, ..Tokens::default() }
     }
 

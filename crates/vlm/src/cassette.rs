@@ -119,8 +119,8 @@ impl Vlm for Recording {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let answer = self.vlm.answer(request, picture);
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        let answer = self.vlm.answer(request, image);
         let recorded = |error: &VlmError| RecordedError { code: error.code().to_owned(), message: error.to_string() };
         let row = Row {
             query: request.query.id,
@@ -198,7 +198,7 @@ impl Vlm for Replay {
         self.head.image_spec
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, _picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         let query = request.query;
         let refused = |reason: String| Answer {
             text: Err(VlmError::Replay(reason)),

@@ -68,8 +68,8 @@ impl QueryImage for Dotted {
     }
 
     fn jpeg(&mut self, (width, height): (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
-        let picture = resize(&dotted(self.0), width, height);
-        Jpeg::encode(&picture, quality).map(|jpeg| jpeg.shared()).map_err(|error| VlmError::Image(error.to_string()))
+        let image = resize(&dotted(self.0), width, height);
+        Jpeg::encode(&image, quality).map(|jpeg| jpeg.shared()).map_err(|error| VlmError::Image(error.to_string()))
     }
 }
 
@@ -77,17 +77,17 @@ impl QueryImage for Dotted {
 #[must_use]
 pub fn dotted(dot: ImagePoint) -> Rgb {
     let (width, height) = SIZE;
-    let mut picture = Rgb::filled(width, height, [128, 128, 128]);
+    let mut image = Rgb::filled(width, height, [128, 128, 128]);
     let (x, y, radius) = (dot.u * f64::from(width), dot.v * f64::from(height), RADIUS * f64::from(width));
     for row in 0..height {
         for column in 0..width {
             let (dx, dy) = (f64::from(column) + 0.5 - x, f64::from(row) + 0.5 - y);
             if dx * dx + dy * dy <= radius * radius {
-                picture.set_pixel(column, row, [230, 20, 20]);
+                image.set_pixel(column, row, [230, 20, 20]);
             }
         }
     }
-    picture
+    image
 }
 
 /// Sends the dots to a model, one after the other, each with a time limit of `time`.
@@ -210,12 +210,12 @@ mod tests {
 
     #[test]
     fn the_dot_is_where_it_is_said_to_be() {
-        let picture = dotted(DOTS[0]);
-        assert_eq!(picture.pixel(192, 504), Some([230, 20, 20]));
-        assert_eq!(picture.pixel(504, 192), Some([128, 128, 128]));
+        let image = dotted(DOTS[0]);
+        assert_eq!(image.pixel(192, 504), Some([230, 20, 20]));
+        assert_eq!(image.pixel(504, 192), Some([128, 128, 128]));
         let red = (0..720)
             .flat_map(|y| (0..960).map(move |x| (x, y)))
-            .filter(|(x, y)| picture.pixel(*x, *y) == Some([230, 20, 20]))
+            .filter(|(x, y)| image.pixel(*x, *y) == Some([230, 20, 20]))
             .count();
         // π·28.8² = 2606.
         assert!((2550..2660).contains(&red), "{red}");

@@ -108,7 +108,7 @@ pub trait Vlm: Send {
 
     /// Answers a query; blocks until the reply is complete, the time is up or the query is cancelled. The reported
     /// latency is what the flight waits, also in virtual time.
-    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer;
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer;
 }
 
 /// The examples of the README, run as tests.

@@ -159,16 +159,16 @@ impl Vlm for Remote {
         self.backends[0].model.temperature()
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         // The simulator renders its frame here, which must not count as latency; a real camera has it available.
-        picture.prepare(self.sight(0, picture.size()).1);
+        image.prepare(self.sight(0, image.size()).1);
         let began = Instant::now();
         let mut asking = Asking {
             remote: self,
             request,
             began,
             deadline: began + request.time_left.min(Duration::from_secs(86_400)) + GRACE,
-            camera: picture.size(),
+            camera: image.size(),
             results: channel(),
             // A fallback needs time to reply.
             hedge: self.strategy.hedge.or((self.backends.len() > 1).then_some(request.time_left / 2)),
@@ -176,7 +176,7 @@ impl Vlm for Remote {
             out: Vec::new(),
             account: Account::default(),
         };
-        let (text, model) = asking.first_good(picture);
+        let (text, model) = asking.first_good(image);
         asking.drop_out();
         Answer { text, latency: began.elapsed(), model, account: asking.account.clone() }
     }
@@ -184,11 +184,11 @@ impl Vlm for Remote {
 
 impl Asking<'_> {
     /// The first valid reply; the error of the first backend if there is none.
-    fn first_good(&mut self, picture: &mut dyn QueryImage) -> (Result<String, VlmError>, String) {
+    fn first_good(&mut self, image: &mut dyn QueryImage) -> (Result<String, VlmError>, String) {
         let remote = self.remote;
         let mut named = remote.backends[0].model.id.clone();
         let mut failed: Option<VlmError> = None;
-        if let Err(error) = self.send(0, picture) {
+        if let Err(error) = self.send(0, image) {
             return (Err(error), named);
         }
         self.watch_cancel();
@@ -213,7 +213,7 @@ impl Asking<'_> {
                     // A failed request is not repeated by a hedge: retries cover that.
                     let next = second.take().filter(|next| *next != index);
                     if let Some(next) = next {
-                        self.try_send(next, picture);
+                        self.try_send(next, image);
                     }
                     // One of them is the cancellation watch.
                     if self.out.len() <= 1 {
@@ -227,25 +227,25 @@ impl Asking<'_> {
                 }
                 Err(_) => {
                     if let Some(next) = second.take() {
-                        self.try_send(next, picture);
+                        self.try_send(next, image);
                     }
                 }
             }
         }
     }
 
-    fn try_send(&mut self, index: usize, picture: &mut dyn QueryImage) {
-        if let Err(error) = self.send(index, picture) {
+    fn try_send(&mut self, index: usize, image: &mut dyn QueryImage) {
+        if let Err(error) = self.send(index, image) {
             tracing::warn!(%error, model = self.remote.backends[index].name, "cannot be queried");
         }
     }
 
     /// Sends the query to a backend, in its own coordinates and image size.
-    fn send(&mut self, index: usize, picture: &mut dyn QueryImage) -> Result<(), VlmError> {
+    fn send(&mut self, index: usize, image: &mut dyn QueryImage) -> Result<(), VlmError> {
         let remote = self.remote;
         let backend = remote.backends[index].clone();
         let (grounding, size) = remote.sight(index, self.camera);
-        let jpeg = picture.jpeg(size, remote.strategy.quality)?;
+        let jpeg = image.jpeg(size, remote.strategy.quality)?;
         let query = self.request.query;
         let own = (index > 0).then(|| remote.prompt_for(query, &grounding)).flatten();
         let question = Question { prompt: own.as_deref().unwrap_or(&query.prompt), jpeg: &jpeg, kind: &query.kind };

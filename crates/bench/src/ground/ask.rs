@@ -107,14 +107,14 @@ impl Answerer {
                 AnswerRow::of(&self.name, &item.key, answer, &profile)
             }
             AnswererKind::Model(make, prompt) => {
-                let read = std::fs::read(&item.picture).map_err(|error| error.to_string());
+                let read = std::fs::read(&item.image).map_err(|error| error.to_string());
                 match read.and_then(|bytes| photo::decode(&bytes).map_err(|error| error.to_string())) {
-                    Ok(picture) => {
-                        let picture = Arc::new(picture);
-                        self.show(make().as_mut(), prompt, &picture, &item.key, &item.instruction, number, options, cancel)
+                    Ok(image) => {
+                        let image = Arc::new(image);
+                        self.show(make().as_mut(), prompt, &image, &item.key, &item.instruction, number, options, cancel)
                     }
                     Err(error) => {
-                        let why = format!("cannot read `{}`: {error}", item.picture.display());
+                        let why = format!("cannot read `{}`: {error}", item.image.display());
                         AnswerRow::of(&self.name, &item.key, failed(&self.name, why), &profile)
                     }
                 }
@@ -129,19 +129,19 @@ impl Answerer {
         &self,
         vlm: &mut dyn Vlm,
         prompt: &PromptText,
-        picture: &Arc<Rgb>,
+        image: &Arc<Rgb>,
         key: &str,
         instruction: &str,
         number: u64,
         options: AskOptions,
         cancel: &Cancel,
     ) -> AnswerRow {
-        let image_spec = vlm.image_spec((picture.width(), picture.height()));
+        let image_spec = vlm.image_spec((image.width(), image.height()));
         let (profile, memory) = (image_spec.grounding, Memory::default());
         let text = prompt.write(&PromptInput { instruction, memory: &memory, profile: &profile, avoid: options.avoid });
         let query = query(number, instruction, text, options, image_spec.image_size);
         let request = QueryRequest { query: &query, time_left: options.time, cancel: cancel.clone() };
-        let answer = vlm.answer(&request, &mut Photograph::new(picture.clone()));
+        let answer = vlm.answer(&request, &mut Photograph::new(image.clone()));
         AnswerRow::of(&self.name, key, answer, &profile)
     }
 }

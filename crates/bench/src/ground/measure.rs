@@ -153,7 +153,7 @@ pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow], avoid:
 pub(super) fn outline(item: &Item) -> Result<Option<Outline>, TruthError> {
     let Truth::Target(target) = &item.truth else { return Ok(None) };
     // An unreadable image is reported when it is sent; only its shape matters here.
-    let size = photo::size(&item.picture).unwrap_or((1, 1));
+    let size = photo::size(&item.image).unwrap_or((1, 1));
     target.outline(size).map(Some)
 }
 

@@ -32,7 +32,7 @@ pub struct Item {
     /// The instruction.
     pub instruction: String,
     /// Path of the image.
-    pub picture: PathBuf,
+    pub image: PathBuf,
     /// The ground truth.
     pub truth: Truth,
     /// Data for the oracle; `None` for photographs.

@@ -69,11 +69,11 @@ pub fn account(row: &AnswerRow) -> String {
 
 /// One copy of an image per answer, side by side, with its point.
 #[must_use]
-pub fn side_by_side(picture: &Rgb, instruction: &str, rows: &[AnswerRow]) -> Rgb {
+pub fn side_by_side(image: &Rgb, instruction: &str, rows: &[AnswerRow]) -> Rgb {
     let width = |of: &Rgb| {
         (u64::from(of.width()) * u64::from(PANEL) / u64::from(of.height().max(1))).clamp(64, 4 * u64::from(PANEL)) as u32
     };
-    let small = resize(picture, width(picture), PANEL);
+    let small = resize(image, width(image), PANEL);
     let panels: Vec<Rgb> = rows.iter().map(|row| panel(&small, instruction, row)).collect();
     let line = 3 * small.width() as usize;
     let data: Vec<u8> = (0..PANEL as usize)
@@ -82,8 +82,8 @@ pub fn side_by_side(picture: &Rgb, instruction: &str, rows: &[AnswerRow]) -> Rgb
     Rgb::from_raw(small.width() * panels.len() as u32, PANEL, data).unwrap_or(small)
 }
 
-fn panel(picture: &Rgb, instruction: &str, row: &AnswerRow) -> Rgb {
-    let mut panel = picture.clone();
+fn panel(image: &Rgb, instruction: &str, row: &AnswerRow) -> Rgb {
+    let mut panel = image.clone();
     let reply = row.reply();
     let boxes: Vec<Mark> = reply
         .iter()
@@ -184,9 +184,9 @@ fn card(item: usize, items: &[Item], report: &Report, grades: &Grades) -> String
 
 /// An item's image with its target and all points.
 fn drawn(item: &Item, points: &[(usize, ImagePoint)]) -> Option<Jpeg> {
-    let picture = photo::decode(&std::fs::read(&item.picture).ok()?).ok()?;
-    let height = (u64::from(picture.height()) * u64::from(WIDTH) / u64::from(picture.width().max(1))).clamp(1, 4096) as u32;
-    let mut small = resize(&picture, WIDTH, height);
+    let image = photo::decode(&std::fs::read(&item.image).ok()?).ok()?;
+    let height = (u64::from(image.height()) * u64::from(WIDTH) / u64::from(image.width().max(1))).clamp(1, 4096) as u32;
+    let mut small = resize(&image, WIDTH, height);
     if let Some(outline) = outline(item).ok().flatten() {
         edge(&mut small, &outline);
     }
@@ -197,11 +197,11 @@ fn drawn(item: &Item, points: &[(usize, ImagePoint)]) -> Option<Jpeg> {
 }
 
 /// Draws the outline of a target: the rim of a mask, otherwise the box.
-fn edge(picture: &mut Rgb, outline: &Outline) {
-    let (width, height) = (picture.width(), picture.height());
+fn edge(image: &mut Rgb, outline: &Outline) {
+    let (width, height) = (image.width(), image.height());
     let Some(mask) = outline.mask() else {
         let ImageBox { left, top, right, bottom } = outline.bounds();
-        let mut canvas = Canvas::new(picture);
+        let mut canvas = Canvas::new(image);
         let (from, to) = (canvas.place(ImagePoint { u: left, v: top }), canvas.place(ImagePoint { u: right, v: bottom }));
         canvas.frame(marks::Rect { left: from.x, top: from.y, right: to.x, bottom: to.y }, 2.0, TARGET);
         return;
@@ -216,7 +216,7 @@ fn edge(picture: &mut Rgb, outline: &Outline) {
             // Just outside of the mask, so that its inside stays visible.
             let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| holds(x + dx, y + dy));
             if beside && !holds(x, y) {
-                picture.set_pixel(x as u32, y as u32, [64, 230, 120]);
+                image.set_pixel(x as u32, y as u32, [64, 230, 120]);
             }
         }
     }

@@ -43,8 +43,8 @@ impl Vlm for Timed {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let mut answer = self.vlm.answer(request, picture);
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        let mut answer = self.vlm.answer(request, image);
         if matches!(request.query.kind, QueryKind::Detect { .. }) {
             return answer;
         }

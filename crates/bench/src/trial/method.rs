@@ -93,7 +93,7 @@ impl Vlm for Blind {
         NOBODY
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, _picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         Answer {
             text: Ok(self.text(request.query.memory.actions.len())),
             latency: duration_from_secs(LATENCY_S),

@@ -48,7 +48,7 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
     for question in &questions {
         let opinion = asker.ask(question);
         if let Some(out) = &args.out {
-            write_picture(out, &asker, question, &opinion, &head.vlm)?;
+            write_image(out, &asker, question, &opinion, &head.vlm)?;
         }
         if !args.json {
             printer.result(&line(&opinion));
@@ -87,10 +87,10 @@ fn stage_of(head: &Head) -> Result<spf_flight::sim::LoadedScene, CliError> {
     load_scene(&sim.scene, &SceneLook { lighting, weather })
 }
 
-fn write_picture(out: &Path, asker: &Asker, question: &Question, opinion: &ReplyPair, then: &str) -> Result<(), CliError> {
-    let picture = asker.picture(question, opinion, then);
+fn write_image(out: &Path, asker: &Asker, question: &Question, opinion: &ReplyPair, then: &str) -> Result<(), CliError> {
+    let image = asker.image(question, opinion, then);
     let path = out.join(format!("{:04}.jpg", opinion.query.0));
-    let jpeg = Jpeg::encode(&picture, QUALITY).map_err(|error| CliError::internal("cannot render the image").because(&error))?;
+    let jpeg = Jpeg::encode(&image, QUALITY).map_err(|error| CliError::internal("cannot render the image").because(&error))?;
     std::fs::write(&path, jpeg.bytes())
         .map_err(|error| CliError::internal(format!("cannot write `{}`", path.display())).because(&error))
 }

@@ -60,10 +60,10 @@ impl Drop for Serving {
 }
 
 /// Asks about a picture by our own client; the answer's row.
-fn ground(lab: &Lab, serving: &Serving, vendor: Vendor, picture: &str) -> (Option<i32>, Value) {
+fn ground(lab: &Lab, serving: &Serving, vendor: Vendor, image: &str) -> (Option<i32>, Value) {
     let model = if vendor == Vendor::Chat { "#m" } else { "" };
     let vlm = format!("{}{model}@{}/v1", vendor.name(), serving.url);
-    let args = ["ground", picture, INSTRUCTION, "--vlm", &vlm, "--json", "-o", "out"];
+    let args = ["ground", image, INSTRUCTION, "--vlm", &vlm, "--json", "-o", "out"];
     let run = Run::of(&lab.command(&args).env(vendor.key(), "none").output().unwrap());
     (run.code, serde_json::from_str(&run.stdout).unwrap_or_else(|_| Value::String(run.stderr.clone())))
 }

@@ -252,8 +252,8 @@ impl<'a> Generator<'a> {
             return None;
         }
         let mut truth = RenderedImage::default();
-        self.sim_camera.look(self.sim_camera.camera(), &mut truth, |camera, picture| {
-            self.loaded.render_into(camera, &snapshot, Channels::TRUTH, picture);
+        self.sim_camera.look(self.sim_camera.camera(), &mut truth, |camera, image| {
+            self.loaded.render_into(camera, &snapshot, Channels::TRUTH, image);
         });
         let seen = seen(&truth);
         let mask = seen.iter().find(|mask| mask.id == focus)?;
@@ -276,8 +276,8 @@ impl<'a> Generator<'a> {
             _ => Some(self.target(mask, &snapshot, &truth).filter(|target| target.occlusion <= HIDDEN_SHARE)?),
         };
         let shot = Shot::still(Time::from_nanos(number), snapshot);
-        let photograph = self.sim_camera.photograph(&shot, None, |camera, snapshot, picture| {
-            self.loaded.render_into(camera, snapshot, Channels::RGB, picture);
+        let photograph = self.sim_camera.photograph(&shot, None, |camera, snapshot, image| {
+            self.loaded.render_into(camera, snapshot, Channels::RGB, image);
         });
         Some(Example { kind, instruction, wording, target, look_alikes, pose, photograph, truth, visible })
     }
@@ -288,9 +288,9 @@ impl<'a> Generator<'a> {
         let camera = camera.resized((camera.width / GLANCE).max(1), (camera.height / GLANCE).max(1));
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(&camera, snapshot, channels, &mut self.glance);
-        let picture = &self.glance;
-        let counts = counts(picture);
-        let shows = |id: ObjectId, least: f64| counts.get(&id).is_some_and(|pixels| self.is_large(*pixels, least, picture));
+        let image = &self.glance;
+        let counts = counts(image);
+        let shows = |id: ObjectId, least: f64| counts.get(&id).is_some_and(|pixels| self.is_large(*pixels, least, image));
         let alike = || {
             let mut others = self.loaded.tags.iter().filter(|other| is_look_alike(&self.loaded.tags, focus, other));
             others.any(|other| shows(other.id, LOOK_ALIKE_PIXELS))
@@ -299,10 +299,10 @@ impl<'a> Generator<'a> {
         shows(focus, 0.7 * f64::from(self.recipe.min_pixels)) && (kind != Kind::LookAlike || alike())
     }
 
-    /// Whether `pixels` in `picture` correspond to at least `least` at [`SIZE_SENT`].
-    fn is_large(&self, pixels: u64, least: f64, picture: &RenderedImage) -> bool {
+    /// Whether `pixels` in `image` correspond to at least `least` at [`SIZE_SENT`].
+    fn is_large(&self, pixels: u64, least: f64, image: &RenderedImage) -> bool {
         let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
-        pixels as f64 * sent >= least * f64::from(picture.width) * f64::from(picture.height)
+        pixels as f64 * sent >= least * f64::from(image.width) * f64::from(image.height)
     }
 
     /// Whether another object close to the lens blocks the view.
@@ -440,8 +440,8 @@ impl<'a> Generator<'a> {
             Renderer::new(&SceneGeometry { parts, ..scene.geometry.clone() })
         });
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        self.sim_camera.look(self.sim_camera.camera(), &mut self.scratch, |camera, picture| {
-            alone.render_into(camera, &snapshot.pose, channels, &moving, picture);
+        self.sim_camera.look(self.sim_camera.camera(), &mut self.scratch, |camera, image| {
+            alone.render_into(camera, &snapshot.pose, channels, &moving, image);
         });
         let ids = if opening { &self.scratch.opening_ids } else { &self.scratch.ids };
         Some(ids.as_ref()?.iter().filter(|seen| **seen == id).count() as u64)
@@ -473,9 +473,9 @@ fn seen(truth: &RenderedImage) -> Vec<Mask> {
 }
 
 /// Number of pixels per object in both id images.
-fn counts(picture: &RenderedImage) -> BTreeMap<ObjectId, u64> {
+fn counts(image: &RenderedImage) -> BTreeMap<ObjectId, u64> {
     let mut counts = BTreeMap::new();
-    for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {
+    for ids in [image.ids.as_deref(), image.opening_ids.as_deref()].into_iter().flatten() {
         for run in ids.chunk_by(|a, b| a == b) {
             if let Some(&id) = run.first().filter(|id| **id != 0) {
                 *counts.entry(id).or_default() += run.len() as u64;

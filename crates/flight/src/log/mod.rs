@@ -70,7 +70,7 @@ impl Outlet {
     }
 
     /// Writes a camera image and its annotations.
-    pub(crate) fn picture(&self, at: Time, jpeg: Bytes, size: (u32, u32), marks: &Marks) {
+    pub(crate) fn image(&self, at: Time, jpeg: Bytes, size: (u32, u32), marks: &Marks) {
         self.put(Channel::Image, at, foxglove::encode(&foxglove::image(at, jpeg)));
         self.put(Channel::Annotations, at, foxglove::encode(&foxglove::annotations(at, size, marks)));
     }
@@ -92,7 +92,7 @@ impl FlightLog {
     }
 
     /// An outlet for images, which come from another thread; also writes the calibration of the camera at their size.
-    pub(crate) fn pictures(&self, size: (u32, u32)) -> Outlet {
+    pub(crate) fn images(&self, size: (u32, u32)) -> Outlet {
         let camera = self.frame_source.camera().resized(size.0, size.1);
         self.out.put(Channel::Calibration, Time::ZERO, foxglove::encode(&foxglove::calibration(Time::ZERO, &camera)));
         self.out.clone()

@@ -61,14 +61,14 @@ impl OracleVlm {
         // Outside of the parallel section: the first request for light waits for its computation, and must not run
         // another flight's percept in the meantime, which would wait for itself.
         let light = self.world.light_on(snapshot, &eyes.sight);
-        let picture = &eyes.sight;
+        let image = &eyes.sight;
         let sight = Sight {
-            width: picture.width as usize,
-            height: picture.height as usize,
-            ids: picture.ids.as_deref().unwrap_or_default(),
-            depth: picture.depth.as_deref().unwrap_or_default(),
-            opening_ids: picture.opening_ids.as_deref().unwrap_or_default(),
-            opening_depth: picture.opening_depth.as_deref().unwrap_or_default(),
+            width: image.width as usize,
+            height: image.height as usize,
+            ids: image.ids.as_deref().unwrap_or_default(),
+            depth: image.depth.as_deref().unwrap_or_default(),
+            opening_ids: image.opening_ids.as_deref().unwrap_or_default(),
+            opening_depth: image.opening_depth.as_deref().unwrap_or_default(),
             camera: self.world.camera(),
             in_frame: &in_frame,
             light: &light,
@@ -84,7 +84,7 @@ impl Vlm for OracleVlm {
         &self.name
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, _picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         match self.percept(request.query.frame) {
             Ok(percept) => self.answer_from(request.query, &percept),
             Err(error) => {

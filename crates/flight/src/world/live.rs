@@ -12,7 +12,7 @@ use spf_drone::Drone;
 use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
 use super::{Script, answer_event, pilot_event};
-use crate::picture::Pictures;
+use crate::image::QueryImages;
 use crate::run::World;
 
 /// Maximum reaction time to Ctrl-C when nothing else happens.
@@ -47,7 +47,7 @@ impl Live {
         script: Script,
         interrupts: Arc<AtomicU32>,
     ) -> std::io::Result<Self> {
-        let mut pictures = Pictures::of(drone.as_ref());
+        let mut images = QueryImages::of(drone.as_ref());
         let (queries, request) = channel::<(Query, Cancel)>();
         let (answered, events) = channel();
         std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
@@ -57,7 +57,7 @@ impl Live {
                     (Duration::ZERO, Err(VlmError::Cancelled))
                 } else {
                     let request = QueryRequest { query: &query, time_left: query.deadline.since(Time::ZERO + begun), cancel };
-                    let answer = vlm.answer(&request, &mut pictures.about(&query));
+                    let answer = vlm.answer(&request, &mut images.about(&query));
                     (answer.latency, answer.text)
                 };
                 let event = answer_event(query.id, text);

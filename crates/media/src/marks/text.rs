@@ -289,9 +289,9 @@ mod tests {
 
     #[test]
     fn a_capital_i_is_a_stem() {
-        let mut picture = Rgb::new(16, 24);
-        Canvas::new(&mut picture).text(Point::new(4.0, 4.0), "I", TextStyle::plain(16.0, Colour::WHITE));
-        let rows: Vec<usize> = (0..24).map(|y| (0..16).filter(|&x| picture.pixel(x, y) == Some([255; 3])).count()).collect();
+        let mut image = Rgb::new(16, 24);
+        Canvas::new(&mut image).text(Point::new(4.0, 4.0), "I", TextStyle::plain(16.0, Colour::WHITE));
+        let rows: Vec<usize> = (0..24).map(|y| (0..16).filter(|&x| image.pixel(x, y) == Some([255; 3])).count()).collect();
         let inked = rows.iter().filter(|&&row| row > 0).count();
         assert!((9..=11).contains(&inked), "{rows:?}");
         assert!(rows.iter().filter(|&&row| row == 2 || row == 1).count() >= 6, "{rows:?}");

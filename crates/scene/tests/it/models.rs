@@ -40,7 +40,7 @@ const CRATE: &str = "\n[[objects]]\nid = \"crate\"\nlike = \"crate\"\nposition =
 /// A box 2 m wide, 1 m high, 4 m deep that stands on its origin, with a picture on it.
 fn crate_model() -> Model {
     let mut model = Model::new();
-    let boards = model.picture(&png(2, 2, |x, _| [100 + 50 * x as u8, 80, 40, 255]));
+    let boards = model.image(&png(2, 2, |x, _| [100 + 50 * x as u8, 80, 40, 255]));
     let mesh = model.block(2.0, 1.0, 4.0);
     model.json["meshes"][mesh]["primitives"][0]["material"] = json!(boards);
     model.node(json!({"name": "Red Barrel", "mesh": mesh}));

@@ -76,11 +76,11 @@ impl TelloService {
             craft: world.shared_craft(),
             quality,
             photographer: Box::new(move |at, wish, fineness| {
-                let picture = photograph(&camera, at, wish, fineness)?;
+                let image = photograph(&camera, at, wish, fineness)?;
                 if let Some((onboard, moment)) = onboard.as_ref().filter(|_| !wish.downwards).zip(camera.snapshot_at(at)) {
-                    onboard.keep(moment, &picture);
+                    onboard.keep(moment, &image);
                 }
-                Some(picture)
+                Some(image)
             }),
             figures: Figures::default(),
             firmware,

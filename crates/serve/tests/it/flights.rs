@@ -38,8 +38,8 @@ impl Vlm for Slow {
         self.0.image_spec(camera)
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let answer = self.0.answer(request, picture);
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        let answer = self.0.answer(request, image);
         Answer { latency: self.1.unwrap_or(answer.latency), ..answer }
     }
 }

@@ -25,15 +25,15 @@ pub(super) fn channels(channel: Channel) -> Channels {
 ///
 /// # Errors
 /// If the encoder rejects the size.
-pub(super) fn encode(picture: &RenderedImage, channel: Channel, marked: Option<u16>) -> Result<Jpeg, EncodeError> {
+pub(super) fn encode(image: &RenderedImage, channel: Channel, marked: Option<u16>) -> Result<Jpeg, EncodeError> {
     let data = match channel {
-        Channel::Colour => picture.rgb.clone().unwrap_or_default(),
-        Channel::Ids => ids(picture),
-        Channel::Depth => depth(picture),
+        Channel::Colour => image.rgb.clone().unwrap_or_default(),
+        Channel::Ids => ids(image),
+        Channel::Depth => depth(image),
     };
-    let mut rgb = Rgb::from_raw(picture.width, picture.height, data).unwrap_or_else(|_| Rgb::new(picture.width, picture.height));
+    let mut rgb = Rgb::from_raw(image.width, image.height, data).unwrap_or_else(|_| Rgb::new(image.width, image.height));
     if let Some(id) = marked {
-        for map in [&picture.ids, &picture.opening_ids].into_iter().flatten() {
+        for map in [&image.ids, &image.opening_ids].into_iter().flatten() {
             outline(&mut rgb, map, id);
         }
     }
@@ -41,10 +41,10 @@ pub(super) fn encode(picture: &RenderedImage, channel: Channel, marked: Option<u
 }
 
 /// A colour per object; openings are hatched over what is behind them.
-fn ids(picture: &RenderedImage) -> Vec<u8> {
-    let solid = picture.ids.as_deref().unwrap_or_default();
-    let openings = picture.opening_ids.as_deref().unwrap_or_default();
-    let width = picture.width.max(1) as usize;
+fn ids(image: &RenderedImage) -> Vec<u8> {
+    let solid = image.ids.as_deref().unwrap_or_default();
+    let openings = image.opening_ids.as_deref().unwrap_or_default();
+    let width = image.width.max(1) as usize;
     let pixel = |(index, id): (usize, &u16)| {
         let opening = openings.get(index).copied().unwrap_or(0);
         let hatched = (index % width + index / width) % 8 < 3;
@@ -53,8 +53,8 @@ fn ids(picture: &RenderedImage) -> Vec<u8> {
     solid.iter().enumerate().flat_map(pixel).collect()
 }
 
-fn depth(picture: &RenderedImage) -> Vec<u8> {
-    picture.depth.as_deref().unwrap_or_default().iter().flat_map(|metres| depth_colour(*metres)).collect()
+fn depth(image: &RenderedImage) -> Vec<u8> {
+    image.depth.as_deref().unwrap_or_default().iter().flat_map(|metres| depth_colour(*metres)).collect()
 }
 
 /// Consecutive ids get distant hues (golden ratio) and three levels of brightness.
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn every_channel_is_encoded_at_its_size() {
-        let picture = RenderedImage {
+        let image = RenderedImage {
             width: 16,
             height: 8,
             rgb: Some(vec![90; 16 * 8 * 3]),
@@ -156,7 +156,7 @@ mod tests {
             ..RenderedImage::default()
         };
         for channel in [Channel::Colour, Channel::Ids, Channel::Depth] {
-            let jpeg = encode(&picture, channel, Some(4)).unwrap();
+            let jpeg = encode(&image, channel, Some(4)).unwrap();
             assert_eq!((jpeg.width(), jpeg.height()), (16, 8), "{channel:?}");
         }
     }

@@ -63,10 +63,10 @@ pub(super) struct ViewRenderer {
     under: Option<(u16, Under)>,
     channel: Channel,
     budget: Budget,
-    /// Quality of `picture`; `None` before the first image.
+    /// Quality of `image`; `None` before the first image.
     frame_quality: Option<FrameQuality>,
-    picture: RenderedImage,
-    /// The camera used for `picture`.
+    image: RenderedImage,
+    /// The camera used for `image`.
     lens: Camera,
     /// Whether the image is outdated.
     stale: bool,
@@ -109,7 +109,7 @@ impl ViewRenderer {
             channel: Channel::default(),
             budget: Budget::default(),
             frame_quality: None,
-            picture: RenderedImage::default(),
+            image: RenderedImage::default(),
             lens,
             stale: true,
             mark_changed: false,
@@ -150,7 +150,7 @@ impl ViewRenderer {
             let now = Instant::now();
             self.advance(now, now.duration_since(before).min(LONGEST_STEP));
             before = now;
-            if self.may_send() && self.until_due(now).is_zero() && self.wants_picture(now) {
+            if self.may_send() && self.until_due(now).is_zero() && self.wants_frame(now) {
                 self.look(now)?;
             }
         }
@@ -158,7 +158,7 @@ impl ViewRenderer {
 
     /// Time until something other than a message needs attention.
     fn wait(&self, now: Instant) -> Duration {
-        if self.wants_picture(now) {
+        if self.wants_frame(now) {
             return if self.may_send() { self.until_due(now) } else { TICK };
         }
         if self.is_moving(now) || self.is_lively() { TICK } else { IDLE }
@@ -181,7 +181,7 @@ impl ViewRenderer {
         self.running && !self.loaded.cast.is_empty()
     }
 
-    fn wants_picture(&self, now: Instant) -> bool {
+    fn wants_frame(&self, now: Instant) -> bool {
         let coarse = !self.is_moving(now) && self.frame_quality != Some(self.next_quality(now));
         self.stale || self.mark_changed || coarse
     }
@@ -281,7 +281,7 @@ impl ViewRenderer {
     }
 
     fn seen_under_pointer(&self) -> Option<(u16, Under)> {
-        self.pointer.and_then(|at| sight::under(&self.loaded, &self.lens, &self.picture, at))
+        self.pointer.and_then(|at| sight::under(&self.loaded, &self.lens, &self.image, at))
     }
 
     /// Renders if anything but the outline changed, and sends.
@@ -294,7 +294,7 @@ impl ViewRenderer {
             let channels = Channels { quality: frame_quality.quality, ..draw::channels(self.channel) };
             let actors = self.traffic.places_at(self.time).unwrap_or_default();
             let snapshot = WorldSnapshot { pose: self.camera.pose(), actors };
-            self.loaded.render_into(&self.lens, &snapshot, channels, &mut self.picture);
+            self.loaded.render_into(&self.lens, &snapshot, channels, &mut self.image);
             self.draw_ms = milliseconds(now.elapsed());
         }
         (self.frame_quality, self.stale, self.mark_changed, self.drawn_at) = (Some(frame_quality), false, false, Some(now));
@@ -303,7 +303,7 @@ impl ViewRenderer {
         // An outline of the ground would surround every object on it.
         let is_thing = |id: &u16| self.loaded.tags.get(usize::from(*id).wrapping_sub(1)).is_some_and(|tags| !tags.is_surface());
         let marked = self.under.as_ref().map(|(id, _)| *id).filter(is_thing);
-        let jpeg = match draw::encode(&self.picture, self.channel, marked) {
+        let jpeg = match draw::encode(&self.image, self.channel, marked) {
             Ok(jpeg) => jpeg,
             Err(error) => return self.tell(&ToPage::Refused { reason: error.to_string() }),
         };

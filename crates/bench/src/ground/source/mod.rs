@@ -162,8 +162,8 @@ struct Pixels {
 }
 
 impl Pixels {
-    fn of(picture: &Path) -> Result<Self, photo::PhotoError> {
-        photo::size(picture).map(|(width, height)| Self { width: f64::from(width.max(1)), height: f64::from(height.max(1)) })
+    fn of(image: &Path) -> Result<Self, photo::PhotoError> {
+        photo::size(image).map(|(width, height)| Self { width: f64::from(width.max(1)), height: f64::from(height.max(1)) })
     }
 
     const SHARES: Self = Self { width: 1.0, height: 1.0 };

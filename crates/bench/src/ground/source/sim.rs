@@ -76,7 +76,7 @@ pub(super) fn items(folder: &Path, head: &str, rows: &str) -> Result<Vec<Item>, 
     for (number, line) in rows.lines().enumerate() {
         let row: Row = serde_json::from_str(line).map_err(|error| form(&path, Some(number + 1), error.to_string()))?;
         let files = &row.files;
-        let named = [&files.picture, &files.ids, &files.depth].into_iter();
+        let named = [&files.image, &files.ids, &files.depth].into_iter();
         let maybe = [&files.mask, &files.opening_ids, &files.opening_depth].into_iter().flatten();
         if let Some(name) = named.chain(maybe).find(|name| !stays(name)) {
             return Err(form(&path, Some(number + 1), format!("`{name}` is outside the dataset folder")));
@@ -110,7 +110,7 @@ fn item(example: SimExample) -> Item {
     Item {
         key: format!("{:06}", row.number),
         instruction: row.instruction.clone(),
-        picture: example.folder.join(&row.files.picture),
+        image: example.folder.join(&row.files.image),
         truth,
         sim: Some(example),
     }

@@ -45,9 +45,9 @@ pub(super) fn above_start(mut start: Pose, kind: CraftKind) -> Pose {
 }
 
 /// The colour image as a PNG file.
-pub(super) fn colour(picture: &RenderedImage) -> Result<Vec<u8>, CliError> {
-    let data = picture.rgb.clone().unwrap_or_default();
-    let rgb = Rgb::from_raw(picture.width, picture.height, data)
+pub(super) fn colour(image: &RenderedImage) -> Result<Vec<u8>, CliError> {
+    let data = image.rgb.clone().unwrap_or_default();
+    let rgb = Rgb::from_raw(image.width, image.height, data)
         .map_err(|error| CliError::internal("cannot render the image").because(&error))?;
     png::encode(&rgb).map_err(|error| CliError::internal("cannot encode the image").because(&error))
 }

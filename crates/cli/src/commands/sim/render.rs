@@ -37,23 +37,23 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let sim_camera = SimCamera::new(camera, effects, 0);
     let shot = sim_camera.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
     let shot = shot.ok_or_else(|| CliError::internal("the exposure has times without a pose"))?;
-    let photograph = sim_camera.photograph(&shot, None, |camera, pose, picture| {
-        loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, picture);
+    let photograph = sim_camera.photograph(&shot, None, |camera, pose, image| {
+        loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, image);
     });
     let channels = Channels { depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
-    let mut picture = RenderedImage::default();
-    sim_camera.look(sim_camera.camera(), &mut picture, |camera, picture| {
-        loaded.render_into(camera, &loaded.beginning(pose), channels, picture);
+    let mut image = RenderedImage::default();
+    sim_camera.look(sim_camera.camera(), &mut image, |camera, image| {
+        loaded.render_into(camera, &loaded.beginning(pose), channels, image);
     });
     let mut written = vec![args.output.as_path()];
     write(&args.output, &encoded(png::encode(&photograph))?)?;
-    if let (Some(path), Some(depth)) = (&args.depth, &picture.depth) {
+    if let (Some(path), Some(depth)) = (&args.depth, &image.depth) {
         let centimetres: Vec<u16> = depth.iter().map(|metres| centimetres(*metres)).collect();
-        write(path, &grey(&picture, &centimetres)?)?;
+        write(path, &grey(&image, &centimetres)?)?;
         written.push(path);
     }
-    if let (Some(path), Some(ids), Some(legend)) = (&args.ids, &picture.ids, &legend) {
-        write(path, &grey(&picture, ids)?)?;
+    if let (Some(path), Some(ids), Some(legend)) = (&args.ids, &image.ids, &legend) {
+        write(path, &grey(&image, ids)?)?;
         write(legend, format!("{:#}\n", loaded.scene.legend_json()).as_bytes())?;
         written.extend([path.as_path(), legend.as_path()]);
     }
@@ -74,8 +74,8 @@ fn distinct(args: &Render, legend: Option<&PathBuf>) -> Result<(), CliError> {
     }
 }
 
-fn grey(picture: &RenderedImage, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
-    encoded(png::encode_grey16(picture.width, picture.height, pixels))
+fn grey(image: &RenderedImage, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
+    encoded(png::encode_grey16(image.width, image.height, pixels))
 }
 
 fn encoded(file: Result<Vec<u8>, EncodeError>) -> Result<Vec<u8>, CliError> {

@@ -39,7 +39,8 @@ struct Entry {
     objects: usize,
     tags: Vec<Tag>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    picture: Option<PathBuf>,
+    #[serde(rename = "picture")]
+    image: Option<PathBuf>,
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     stats: Option<Stats>,
 }
@@ -65,14 +66,15 @@ struct Stats {
     /// Reading and checking the file, building meshes and collider.
     load_s: f64,
     /// Drawing the first colour image, which makes shadow maps and tables.
-    first_picture_s: f64,
+    #[serde(rename = "first_picture_s")]
+    first_frame_s: f64,
     /// What the process grew by over both; none where the system does not tell.
     memory_bytes: Option<u64>,
 }
 
 /// Lists scenes.
 pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError> {
-    if let Some(folder) = &args.pictures {
+    if let Some(folder) = &args.images {
         create(folder)?;
     }
     let encoded = args.contact_sheet.as_deref().map(encoder).transpose()?;
@@ -110,7 +112,7 @@ fn encoder(path: &Path) -> Result<Encoder, CliError> {
     let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {
         "png" => Ok(png::encode),
-        "jpg" | "jpeg" => Ok(|picture| Jpeg::encode(picture, 82).map(|jpeg| jpeg.bytes().to_vec())),
+        "jpg" | "jpeg" => Ok(|image| Jpeg::encode(image, 82).map(|jpeg| jpeg.bytes().to_vec())),
         _ => Err(CliError::usage(format!("--contact-sheet: unsupported image format of `{}`", path.display()))
             .hint("use the extension .jpg or .png")),
     }
@@ -123,19 +125,19 @@ fn look_at(name: &str, args: &Scenes) -> Result<(LoadedScene, Entry), CliError> 
     let loaded = load_scene(name, &SceneLook::default())?;
     let load_time = started.elapsed();
     let mut entry = entry(&loaded.scene);
-    if args.stats || args.pictures.is_some() {
+    if args.stats || args.images.is_some() {
         let started = Instant::now();
         let camera = loaded.scene.default_craft.camera();
-        let picture = loaded.render(&camera, &loaded.beginning(loaded.scene.preview), Channels::RGB);
+        let image = loaded.render(&camera, &loaded.beginning(loaded.scene.preview), Channels::RGB);
         let drawn = started.elapsed();
         if args.stats {
             let grown = resident.zip(resident_bytes()).map(|(before, after)| after.saturating_sub(before));
             entry.stats = Some(stats(&loaded.scene, load_time, drawn, grown));
         }
-        if let Some(folder) = &args.pictures {
+        if let Some(folder) = &args.images {
             let path = folder.join(format!("{}.png", file_stem(&loaded.scene.name)));
-            write(&path, &colour(&picture)?)?;
-            entry.picture = Some(path);
+            write(&path, &colour(&image)?)?;
+            entry.image = Some(path);
         }
     }
     Ok((loaded, entry))
@@ -150,7 +152,7 @@ fn entry(scene: &Scene) -> Entry {
         size_m: [max.east - min.east, max.north - min.north, max.up - min.up],
         objects: scene.objects.len(),
         tags: tags(&scene.objects),
-        picture: None,
+        image: None,
         stats: None,
     }
 }
@@ -180,7 +182,7 @@ fn stats(scene: &Scene, load_time: Duration, drawn: Duration, memory_bytes: Opti
         openings: scene.objects.iter().filter(|object| object.opening).count(),
         actors: scene.actors.len(),
         load_s: load_time.as_secs_f64(),
-        first_picture_s: drawn.as_secs_f64(),
+        first_frame_s: drawn.as_secs_f64(),
         memory_bytes,
     }
 }
@@ -197,11 +199,11 @@ fn tell(listing: &Listing, printer: &Printer) {
     if listing.scenes.iter().any(|scene| scene.stats.is_some()) {
         print_stats(listing, printer);
     }
-    let pictures: Vec<_> = listing.scenes.iter().filter_map(|scene| scene.picture.as_ref()).collect();
-    if !pictures.is_empty() {
+    let images: Vec<_> = listing.scenes.iter().filter_map(|scene| scene.image.as_ref()).collect();
+    if !images.is_empty() {
         printer.result("");
     }
-    for path in pictures {
+    for path in images {
         printer.result(&path.display().to_string());
     }
 }
@@ -220,7 +222,7 @@ fn print_stats(listing: &Listing, printer: &Printer) {
                 stats.openings.to_string(),
                 stats.actors.to_string(),
                 format!("{:.2} s", stats.load_s),
-                format!("{:.2} s", stats.first_picture_s),
+                format!("{:.2} s", stats.first_frame_s),
                 stats.memory_bytes.map_or("?".to_owned(), |bytes| format!("{:.1} MB", bytes as f64 * 1e-6)),
             ]
         },

@@ -133,8 +133,8 @@ fn a_model_is_asked_about_the_frames_of_a_flight() {
         assert!(index == 1 || (opinion["now"]["point"] == middle && opinion["cost_usd"].as_f64().unwrap() > 0.0), "{opinion}");
         let words = request.json()["input"][0]["content"][1]["text"].as_str().unwrap().to_owned();
         assert!(words.contains("fly to the red crane") && words.contains("from 0 at the left edge to 768"), "{words}");
-        let picture = spf_media::jpeg::decode(&Vendor::OpenAi.picture(request)).unwrap();
-        assert_eq!((picture.width(), picture.height()), (768, 576));
+        let image = spf_media::jpeg::decode(&Vendor::OpenAi.image(request)).unwrap();
+        assert_eq!((image.width(), image.height()), (768, 576));
     }
     let run = lab.spf(&["replay", "mine/flight.mcap", "--vlm", "replay:some.jsonl"]);
     assert!(run.code == Some(2) && run.stderr.contains("its own flight"), "{}", run.stderr);

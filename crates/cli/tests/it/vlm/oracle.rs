@@ -36,15 +36,15 @@ impl Vlm for Behind {
         self.remote.image_spec(camera)
     }
 
-    fn answer(&mut self, request: &QueryRequest<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let meant = self.oracle.answer(request, picture);
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        let meant = self.oracle.answer(request, image);
         let mut words = meant.text.unwrap();
         if let QueryKind::Point { avoid } = request.query.kind {
             let own = self.image_spec(self.camera).grounding;
             words = parse_reply(&words, &GroundingProfile::default()).unwrap().to_json(&own, avoid);
         }
         self.words.lock().unwrap().clone_from(&words);
-        let answer = self.remote.answer(request, picture);
+        let answer = self.remote.answer(request, image);
         assert_eq!(answer.text.as_ref().unwrap().trim(), words, "what was said is what was heard");
         // Flown with the oracle's latency, so that flights can be compared.
         Answer { latency: meant.latency, account: Account { requests: answer.account.requests, ..Account::default() }, ..answer }
@@ -97,8 +97,8 @@ fn every_vendors_wire_carries_a_whole_flight() {
         for request in &questions {
             assert_eq!(request.path.split('#').next().unwrap(), vendor.path(), "{vendor:?}");
             assert!(request.header(vendor.key_header()).unwrap().ends_with(KEY), "{vendor:?}");
-            let picture = spf_media::jpeg::decode(&vendor.picture(request)).unwrap();
-            assert_eq!((picture.width(), picture.height()), (768, 576), "{vendor:?}");
+            let image = spf_media::jpeg::decode(&vendor.image(request)).unwrap();
+            assert_eq!((image.width(), image.height()), (768, 576), "{vendor:?}");
             assert!(request.body.len() < 80_000, "{vendor:?}: {} bytes sent", request.body.len());
         }
     }
@@ -112,8 +112,8 @@ fn obstacles_and_resized_pictures_cross_the_wire() {
     // 756×588 in pixels, and boxes with every point.
     let (summary, questions) = flown_over(Vendor::Chat, Some("Qwen/Qwen2.5-VL-7B-Instruct"), None, true);
     assert_eq!(summary.outcome, Outcome::Reached, "{summary:?}");
-    let picture = spf_media::jpeg::decode(&Vendor::Chat.picture(&questions[0])).unwrap();
-    assert_eq!((picture.width(), picture.height()), (756, 588));
+    let image = spf_media::jpeg::decode(&Vendor::Chat.image(&questions[0])).unwrap();
+    assert_eq!((image.width(), image.height()), (756, 588));
     let schema = &questions[0].json()["response_format"]["json_schema"]["schema"];
     assert_eq!(schema["required"][6], "boxes");
     assert!(questions[0].json().to_string().contains("in pixels of this picture: x runs from 0 at the left edge to 756"));

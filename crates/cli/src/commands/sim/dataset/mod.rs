@@ -17,12 +17,12 @@ use crate::commands::load_scene;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
-use files::{PictureFormat, write_example};
+use files::{ImageFormat, write_example};
 use folder::Folder;
 
 /// Makes a dataset, or the rest of one.
 pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, CliError> {
-    let format = PictureFormat::parse(&args.pictures)?;
+    let format = ImageFormat::parse(&args.images)?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
     let effects = args.camera_effects.as_deref().map(parse_effects).transpose()?.unwrap_or_default();
@@ -100,7 +100,7 @@ fn head(
         absent: recipe.absent,
         look_alikes: recipe.look_alikes,
         min_pixels: recipe.min_pixels,
-        pictures: args.pictures.clone(),
+        images: args.images.clone(),
     }
 }
 
