@@ -33,7 +33,7 @@ fn main() -> ExitCode {
     match run(&cli, printer) {
         Ok(exit) => exit.into(),
         Err(error) => {
-            Printer::new(false).say(&error.to_string());
+            Printer::new(false).log(&error.to_string());
             error.exit.into()
         }
     }

@@ -37,7 +37,7 @@ impl<'a> Progress<'a> {
             Note::Operator(event) => format!("operator: {}", words::operator(event)),
             Note::OperatorIgnored(event, why) => format!("operator: {} ignored: {why}", words::operator(event)),
         };
-        self.printer.say(&format!("{:6.1} s  {}", now.as_secs_f64(), one_line(&line)));
+        self.printer.log(&format!("{:6.1} s  {}", now.as_secs_f64(), one_line(&line)));
     }
 }
 

@@ -25,8 +25,8 @@ pub(super) fn crossing(loaded: &LoadedScene, object: ObjectId, from: EnuPosition
 
 /// The fraction of the path at which it intersects a triangle (Möller and Trumbore 1997), from either side.
 fn meets(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
-    let (way, ab, ac) = (to - from, b - a, c - a);
-    let normal = way.cross(ac);
+    let (direction, ab, ac) = (to - from, b - a, c - a);
+    let normal = direction.cross(ac);
     let det = ab.dot(normal);
     if det.abs() < 1e-12 {
         return None;
@@ -34,7 +34,7 @@ fn meets(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let away = from - a;
     let u = away.dot(normal) / det;
     let across = away.cross(ab);
-    let v = way.dot(across) / det;
+    let v = direction.dot(across) / det;
     let fraction = ac.dot(across) / det;
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && (0.0..=1.0).contains(&fraction)).then_some(fraction)
 }

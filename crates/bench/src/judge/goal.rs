@@ -128,7 +128,7 @@ impl Watch {
             }
         }
         let wanted = count.unwrap_or(self.targets.len()).min(self.targets.len());
-        let on = self.crossed.map_or(0.0, |(at, way)| (vector(to) - at).dot(way));
+        let on = self.crossed.map_or(0.0, |(at, direction)| (vector(to) - at).dot(direction));
         !self.passed.is_empty() && self.passed.len() >= wanted && on >= beyond
     }
 
@@ -174,7 +174,7 @@ impl Watch {
         let beyond = on_map(shown.snapshot.pose.position) - middle;
         let half = DVec2::new(bounds.max.east - bounds.min.east, bounds.max.north - bounds.min.north) * 0.5;
         // Extent of the box from its centre along a direction.
-        let reach = |way: DVec2| half.dot(way.abs());
+        let reach = |direction: DVec2| half.dot(direction.abs());
         beyond.dot(away) >= reach(away) && beyond.perp_dot(away).abs() <= reach(away.perp()) && distance <= within
     }
 

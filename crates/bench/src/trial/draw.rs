@@ -316,13 +316,13 @@ impl Place {
 
 /// Horizontal distance of a position from the segment between two others, metres.
 fn distance_from_path(from: EnuPosition, to: EnuPosition, at: EnuPosition) -> f64 {
-    let (way, away) = ([to.east - from.east, to.north - from.north], [at.east - from.east, at.north - from.north]);
-    let length = libm::hypot(way[0], way[1]).max(1e-9);
-    let along = (away[0] * way[0] + away[1] * way[1]) / length;
+    let (direction, away) = ([to.east - from.east, to.north - from.north], [at.east - from.east, at.north - from.north]);
+    let length = libm::hypot(direction[0], direction[1]).max(1e-9);
+    let along = (away[0] * direction[0] + away[1] * direction[1]) / length;
     if !(0.0..=length).contains(&along) {
         return f64::INFINITY;
     }
-    ((away[0] * way[1] - away[1] * way[0]) / length).abs()
+    ((away[0] * direction[1] - away[1] * direction[0]) / length).abs()
 }
 
 #[cfg(test)]

@@ -332,13 +332,13 @@ impl Trial {
     fn reference(&self, drawn: &Drawn, judge: &Judge) -> Vec<EnuPosition> {
         let stage = &drawn.loaded;
         let up = drawn.start.position.up + Model::of(self.task.craft).craft.take_off_height;
-        let mut way = vec![EnuPosition { up, ..drawn.start.position }];
+        let mut path = vec![EnuPosition { up, ..drawn.start.position }];
         for targets in judge.targets() {
-            let from = way[way.len() - 1];
+            let from = path[path.len() - 1];
             let places = targets.iter().filter_map(|id| stage.scene.object(*id)).map(|object| centre(&object.bounds));
-            way.extend(places.min_by(|a, b| a.distance(from).total_cmp(&b.distance(from))));
+            path.extend(places.min_by(|a, b| a.distance(from).total_cmp(&b.distance(from))));
         }
-        way
+        path
     }
 }
 

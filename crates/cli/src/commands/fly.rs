@@ -79,12 +79,12 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     let record = RecordPlan { out: out.clone(), video: settings.fly.video.is_on()?, view: view.as_ref().map(Live::sender) };
     let plan = FlightPlan { record: Some(record), operator, ..plan };
     printer.start_live();
-    announcements.iter().for_each(|line| printer.say(line));
+    announcements.iter().for_each(|line| printer.log(line));
     if let Some(view) = &view {
         print_live_address(view, &printer);
     }
     if manual.is_on() {
-        printer.say(HELP);
+        printer.log(HELP);
     }
     let mut progress = Progress::new(&printer);
     let flown = spf_flight::flight::fly(plan, &mut [&mut progress]);
@@ -101,11 +101,11 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
         }
     })?;
     for problem in &flown.recording_problems {
-        printer.say(&format!("warning: recording failed: {problem}"));
+        printer.log(&format!("warning: recording failed: {problem}"));
     }
     if let Some(camera) = camera {
         let tally = camera.tally();
-        printer.say(&format!(
+        printer.log(&format!(
             "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} rejected, {} superseded by newer ones",
             tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused, tally.overtaken
         ));
@@ -132,9 +132,9 @@ fn live_view(address: SocketAddr) -> Result<Live, CliError> {
 
 fn print_live_address(view: &Live, printer: &Printer) {
     let address = view.address();
-    printer.say(&format!("Live view: open a Foxglove WebSocket connection to ws://{address}"));
+    printer.log(&format!("Live view: open a Foxglove WebSocket connection to ws://{address}"));
     if !address.ip().is_loopback() {
-        printer.say("warning: anyone who can reach this address can watch the flight");
+        printer.log("warning: anyone who can reach this address can watch the flight");
     }
 }
 
@@ -258,7 +258,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     printer.result(&format!("files: {}", out_dir.display()));
     // A real flight has neither scene nor truth.
     if summary.targets.is_empty() && !summary.scene.is_empty() {
-        printer.say("hint: the simulator found no target for this instruction in the scene");
+        printer.log("hint: the simulator found no target for this instruction in the scene");
     }
     Ok(())
 }

@@ -28,7 +28,7 @@ fn check_all(settings: &Settings) -> Vec<CliError> {
 fn fly(settings: &mut Settings, flags: &[&str]) {
     let cli = Cli::try_parse_from(["spf", "fly", "x"].iter().chain(flags)).unwrap();
     let Command::Fly(args) = cli.command else { panic!("{flags:?}") };
-    args.say(settings);
+    args.apply(settings);
 }
 
 fn row<'a>(settings: &'a Settings, name: &str) -> &'a dyn Row {
@@ -76,14 +76,14 @@ fn each_flag_says_its_own_key_and_no_other() {
     for row in default.rows() {
         let Some(flag) = &row.key().flag else { continue };
         let mut settings = Settings::default();
-        let given = match flag.says {
+        let given = match flag.sets {
             Some(_) => flag.name.to_owned(),
             None => format!("{}=mine", flag.name),
         };
         fly(&mut settings, &[&given]);
         for message in settings.rows() {
             let expected = if message.key().name == row.key().name {
-                (flag.says.unwrap_or("mine"), Origin::Flag(flag.name))
+                (flag.sets.unwrap_or("mine"), Origin::Flag(flag.name))
             } else {
                 (message.key().default, Origin::Default)
             };
@@ -180,7 +180,7 @@ proptest! {
     fn no_value_panics(value in "(any|\\PC{0,20}|[-+0-9a-z@:,=._]{0,30})") {
         let mut settings = Settings::default();
         for row in settings.rows_mut() {
-            row.say(value.clone(), Origin::Default);
+            row.set(value.clone(), Origin::Default);
         }
         for error in check_all(&settings) {
             prop_assert!(error.to_string().contains("hint: "));

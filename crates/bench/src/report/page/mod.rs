@@ -39,7 +39,7 @@ pub(super) fn page(source: &Source, into: &Path) -> String {
         (latency(source))
         (times(source))
         (tables::tasks(source))
-        (trials::ways(source, &draws))
+        (trials::paths(source, &draws))
         (films.gallery(source))
         (trials::failures(source, &draws, &films))
         (published::published(source))

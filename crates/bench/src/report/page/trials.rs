@@ -6,7 +6,7 @@ use std::path::Path;
 use maud::{Markup, html};
 
 use super::super::chart;
-use super::super::map::{Draw, seed, way};
+use super::super::map::{Draw, path, seed};
 use super::super::source::Source;
 use super::{from, link};
 use crate::run::video_of;
@@ -23,8 +23,8 @@ fn plan(draw: usize) -> String {
 }
 
 /// One map per seed of each task, with all methods.
-pub(super) fn ways(source: &Source, draws: &[Draw]) -> Markup {
-    let unknown = source.records.iter().filter(|record| record.flight.is_some() && way(source, record).is_none()).count();
+pub(super) fn paths(source: &Source, draws: &[Draw]) -> Markup {
+    let unknown = source.records.iter().filter(|record| record.flight.is_some() && path(source, record).is_none()).count();
     let undrawn: Vec<&str> = draws.iter().filter(|draw| !draw.has_ground()).map(|draw| draw.scene.as_str()).collect();
     html! {
         section id="ways" {

@@ -38,7 +38,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let head = plan.head(shard, vlms);
     let interrupts = interrupts()?;
     if shard != Shard::WHOLE {
-        printer.say(&format!("shard {} of {}", shard.index, shard.count));
+        printer.log(&format!("shard {} of {}", shard.index, shard.count));
     }
     let mut begun = false;
     let ended = {
@@ -47,20 +47,20 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
             if !begun {
                 begun = true;
                 if progress.done > 0 {
-                    printer.say(&format!("{} of {} trials already done", progress.done, progress.of));
+                    printer.log(&format!("{} of {} trials already done", progress.done, progress.of));
                 }
                 printer.start_count(progress.of as u64, progress.done as u64);
             }
             printer.count(progress.done as u64);
             if let Some((record, why)) = record.and_then(|record| Some((record, record.error.as_ref()?))) {
-                printer.say(&format!("warning: cannot fly {}: {why}", record.run_id));
+                printer.log(&format!("warning: cannot fly {}: {why}", record.run_id));
             }
         })
     };
     printer.end_live();
     let ended = ended.map_err(|error| store_error(&error))?;
     if ended.stopped {
-        printer.say(&format!("stopped after {} of {} trials; repeat the command to resume", ended.done, ended.of));
+        printer.log(&format!("stopped after {} of {} trials; repeat the command to resume", ended.done, ended.of));
         return Ok(Exit::Aborted);
     }
     let records = read_records(&args.output).map_err(|error| store_error(&error))?;

@@ -84,7 +84,7 @@ pub(super) fn ready(
     Ok(Ready { plan, announcements, by_hand: Some(craft), camera })
 }
 
-/// Connects, and tells to whom.
+/// Connects, and prints the craft.
 pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, printer: &Printer) -> Result<Connected, CliError> {
     let connected = target.connect(options, start).map_err(|error| {
         let failure = CliError::failed(error.to_string());
@@ -95,7 +95,7 @@ pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, pr
             None => failure,
         }
     })?;
-    printer.say(&connected.summary);
+    printer.log(&connected.summary);
     Ok(connected)
 }
 
@@ -106,13 +106,13 @@ fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Res
     if recorded || !settings.fly.vlm_check.is_on()? {
         return Ok(());
     }
-    printer.say("Checking the VLM with three images of a dot …");
+    printer.log("Checking the VLM with three images of a dot …");
     let time = settings.reply_timeout()?;
     let mut vlm: Box<dyn Vlm> =
         (pointing.vlm_factory)(None, 0).map_err(|error| CliError::usage("cannot query the VLM").because(&*error))?;
     match check(vlm.as_mut(), time).verdict {
         Verdict::Good(worst) => {
-            printer.say(&format!("{} responds and points within {:.1} % of the image width.", pointing.name, 100.0 * worst));
+            printer.log(&format!("{} responds and points within {:.1} % of the image width.", pointing.name, 100.0 * worst));
             Ok(())
         }
         Verdict::Failed(error) => Err(CliError::failed("the VLM does not respond; take-off cancelled").because(&error)),

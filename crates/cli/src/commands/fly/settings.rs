@@ -20,7 +20,7 @@ use crate::commands::read;
 use crate::error::CliError;
 use crate::settings::{Setting, Settings};
 
-/// The named preset, and who decides.
+/// The preset and the policy.
 pub(super) fn preset_and_policy(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
     Ok((settings.fly.preset.or_default()?, settings.fly.policy.or_default()?))
 }
@@ -88,7 +88,7 @@ pub(super) fn method(settings: &Settings, preset: Preset) -> Result<PilotSetting
     Ok(method)
 }
 
-/// Those of the settings, and `limits` where these say nothing.
+/// The configured limits, else those of `limits`.
 pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, CliError> {
     let envelope = &settings.envelope;
     let set = |limit: &mut f64, setting: &Setting<f64>| setting.get().map(|value| *limit = value.unwrap_or(*limit));

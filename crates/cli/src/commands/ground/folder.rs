@@ -18,7 +18,7 @@ const RESULTS: [&str; 2] = ["report.json", "index.html"];
 /// Longest row that is read back, bytes.
 const LONGEST_ROW: u64 = 4 << 20;
 
-/// What all answers of a folder share; who is asked may grow.
+/// The settings common to all answers of a folder; answerers may be added.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Head {
     pub(super) format: u32,
@@ -40,7 +40,7 @@ pub(super) struct Folder {
 
 impl Folder {
     /// Takes a new or an empty folder, goes on with one of the same head (`resume`), or begins it anew; with the answers that are
-    /// there. Questions that nobody answered are asked again.
+    /// there. Questions without an answer are sent again.
     pub(super) fn open(path: &Path, head: &Head, resume: bool, overwrite: bool) -> Result<(Self, Vec<AnswerRow>), CliError> {
         let unusable = |error: std::io::Error| {
             CliError::usage(format!("cannot use the folder `{}`", path.display()))
@@ -133,7 +133,7 @@ fn whole(file: &Path) -> std::io::Result<(u64, Vec<AnswerRow>)> {
     }
 }
 
-/// Whether a question was answered, and need not be asked again.
+/// Whether a question was answered and need not be sent again.
 pub(super) fn is_answered(row: &AnswerRow) -> bool {
     !matches!(row.parsed, ParsedReply::Nothing(..))
 }

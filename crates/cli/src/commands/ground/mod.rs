@@ -32,7 +32,7 @@ pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliEr
     }
 }
 
-/// Everybody who is named, each with each of the prompts; and sentences about them for a person.
+/// The named VLMs, each with each prompt, and sentences about them for the user.
 fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<String>), CliError> {
     let prompts = prompts(args)?;
     let (mut answerers, mut sentences): (Vec<Answerer>, Vec<String>) = (Vec::new(), Vec::new());

@@ -65,7 +65,7 @@ pub(super) fn ask(args: &Ground, settings: &Settings, options: AskOptions, print
     let out = args.output.clone().unwrap_or_else(|| PathBuf::from("grounding"));
     std::fs::create_dir_all(&out)
         .map_err(|error| CliError::usage(format!("cannot use the folder `{}`", out.display())).because(&error))?;
-    sentences.iter().for_each(|sentence| printer.say(sentence));
+    sentences.iter().for_each(|sentence| printer.log(sentence));
     let mut printed = Printed { instruction, images: Vec::new() };
     for (number, shown) in (0_u64..).zip(&shown) {
         let answers = put(&answerers, shown, instruction, number, options);
@@ -122,7 +122,7 @@ fn report(name: &str, annotated: &Path, answers: &[AnswerRow], printer: &Printer
     }
 }
 
-/// A name that no file has: what was asked before stays.
+/// An unused file name, so that earlier results are kept.
 fn free_name(folder: &Path, name: &str) -> PathBuf {
     let stem: String =
         name.chars().map(|letter| if letter.is_alphanumeric() || "-_.".contains(letter) { letter } else { '-' }).collect();

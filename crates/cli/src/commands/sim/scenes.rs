@@ -97,7 +97,7 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
         tell(&listing, printer);
     }
     if let (Some(path), Some(encoded)) = (&args.contact_sheet, encoded) {
-        let sheet = contact_sheet::draw(&names, |line| printer.say(line))?;
+        let sheet = contact_sheet::draw(&names, |line| printer.log(line))?;
         write(path, &encoded(&sheet).map_err(|error| CliError::internal("cannot encode the contact sheet").because(&error))?)?;
         printer.result(&path.display().to_string());
     }

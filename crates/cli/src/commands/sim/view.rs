@@ -34,9 +34,9 @@ pub(super) fn view(args: &View, printer: &Printer) -> Result<Exit, CliError> {
     ctrlc::set_handler(move || stopper.stop()).map_err(|error| CliError::internal("cannot listen for Ctrl-C").because(&error))?;
     let address = viewer.address();
     printer.result(&format!("http://{address}/"));
-    printer.say(&format!("Open this address in a browser to explore {}. Stop with Ctrl-C.", loaded.scene.name));
+    printer.log(&format!("Open this address in a browser to explore {}. Stop with Ctrl-C.", loaded.scene.name));
     if !address.ip().is_loopback() {
-        printer.say("warning: anyone who can reach this address can open the view and use CPU time");
+        printer.log("warning: anyone who can reach this address can open the view and use CPU time");
     }
     let library = Library::new(Scene::built_in().into_iter().map(str::to_owned), &args.scene, conditions, loaded);
     let beginning = InitialView { scene: args.scene.clone(), conditions, craft, pose };

@@ -28,15 +28,15 @@ use crate::settings::{Row, Settings, variables};
 pub(crate) struct Pointing {
     /// The name as it was given.
     pub(crate) name: String,
-    /// Makes it.
+    /// Creates it.
     pub(crate) vlm_factory: VlmFactory,
     /// Whether it is the oracle, whose reading of an instruction is known before the flight.
     pub(crate) is_oracle: bool,
-    /// A sentence about it for the person who flies.
+    /// A sentence about it for the user.
     pub(crate) sentence: String,
 }
 
-/// Who points, by the settings.
+/// The VLM selected by the settings.
 pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
     let name = settings.fly.vlm.text_or_default();
     let pointing = match name.split_once(':') {
@@ -58,7 +58,7 @@ pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> 
     Ok(and_recorded(settings, Pointing { sentence, ..pointing }))
 }
 
-/// The same, its answers recorded where the settings want it.
+/// The same, with its replies recorded if the settings require it.
 fn and_recorded(settings: &Settings, pointing: Pointing) -> Pointing {
     match settings.vlm.record.text() {
         Some(path) => recorded(pointing, path.to_owned()),
@@ -66,7 +66,7 @@ fn and_recorded(settings: &Settings, pointing: Pointing) -> Pointing {
     }
 }
 
-/// The answers of a recording, under the name of who gave them.
+/// The replies of a recording, under the name of the recorded VLM.
 fn replay(file: &str) -> Result<Pointing, CliError> {
     let replay = Replay::open(Path::new(file)).map_err(|error| {
         CliError::usage(format!("cannot replay the recording `{file}`"))
@@ -78,7 +78,7 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
     Ok(Pointing { name, vlm_factory: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), is_oracle: false, sentence })
 }
 
-/// The same, its answers recorded in a file.
+/// The same, with its replies recorded in a file.
 fn recorded(pointing: Pointing, path: String) -> Pointing {
     let vlm_factory = pointing.vlm_factory;
     let record = move |world: Option<&SimWorld>, seed| {
@@ -89,7 +89,7 @@ fn recorded(pointing: Pointing, path: String) -> Pointing {
     Pointing { vlm_factory: Arc::new(record), ..pointing }
 }
 
-/// The oracle of a name, and its errors; `wrong` makes the error for a name that is none, from what was expected and what is near.
+/// The oracle's name and error file; `wrong` creates the error for another name, from the expected forms and a similar name.
 pub(crate) fn oracle_named(
     name: &str,
     wrong: impl FnOnce(&str, Option<&str>) -> CliError,
@@ -124,7 +124,7 @@ fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
     })
 }
 
-/// The table of models, with the person's own rows.
+/// The table of models, with the user's own rows.
 pub(crate) fn table(settings: &Settings) -> Result<Table, CliError> {
     let table = Table::shipped();
     let Some(path) = settings.vlm.models.text() else { return Ok(table) };
@@ -133,13 +133,13 @@ pub(crate) fn table(settings: &Settings) -> Result<Table, CliError> {
     })
 }
 
-/// A model that can be asked.
+/// A model that can be queried.
 pub(crate) struct Chosen {
     /// The name as it was given, or that of the vendor that `auto` came to.
     pub(crate) name: String,
-    /// Asks it.
+    /// Its client.
     pub(crate) remote: Remote,
-    /// A sentence about it for a person.
+    /// A sentence about it for the user.
     pub(crate) sentence: String,
 }
 
@@ -188,7 +188,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     Ok(Chosen { name, remote, sentence: format!("VLM: {}.{steps_in}", chosen[0]) })
 }
 
-/// Why a model cannot be asked, and what to do.
+/// The error for a model that cannot be used, with a hint.
 pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> CliError {
     let failure = CliError::usage(format!("cannot use the VLM `{name}`")).because(error);
     match error {

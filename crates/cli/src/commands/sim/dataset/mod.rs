@@ -49,7 +49,7 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     let interrupts = interrupts()?;
     let first = folder.examples();
     if first > 0 {
-        printer.say(&format!("{first} of {} examples already done", args.count));
+        printer.log(&format!("{first} of {} examples already done", args.count));
     }
     printer.start_count(args.count, first);
     let mut counts = [0_u64; 3];
@@ -57,7 +57,7 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
         if interrupts.load(Ordering::Relaxed) > 0 {
             printer.end_live();
             printer
-                .say(&format!("stopped after {number} of {} examples; repeat the command with --resume to continue", args.count));
+                .log(&format!("stopped after {number} of {} examples; repeat the command with --resume to continue", args.count));
             return Ok(Exit::Aborted);
         }
         let index = (number % generators.len() as u64) as usize;
@@ -69,7 +69,7 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     }
     printer.end_live();
     let [present, alike, absent] = counts;
-    printer.say(&format!("examples: {present} with the target, {alike} with a look-alike as well, {absent} without the target"));
+    printer.log(&format!("examples: {present} with the target, {alike} with a look-alike as well, {absent} without the target"));
     printer.result(&folder.path().display().to_string());
     Ok(Exit::Success)
 }

@@ -31,13 +31,13 @@ pub(super) fn start(
     let service = TelloService::start(plan).map_err(|error| refused(&error, listen))?;
     let address = service.address();
     printer.result(&format!("tello@{address}"));
-    printer.say(&format!(
+    printer.log(&format!(
         "Serving a simulated Tello (SDK {}) in {scene}: send commands to UDP {address}; state and video go to the client that \
             sends `command`. Stop with Ctrl-C.",
         args.sdk,
     ));
     if !address.ip().is_loopback() {
-        printer.say("warning: anyone who can reach this address can fly it");
+        printer.log("warning: anyone who can reach this address can fly it");
     }
     Ok(service)
 }
@@ -46,7 +46,7 @@ pub(super) fn start(
 pub(super) fn print_video_stats(service: &TelloService, printer: &Printer) {
     let tally = service.tally();
     if tally.frames > 0 {
-        printer.say(&format!("video: {} frames, {:.1} per second, {} late", tally.frames, tally.rate(), tally.late));
+        printer.log(&format!("video: {} frames, {:.1} per second, {} late", tally.frames, tally.rate(), tally.late));
     }
 }
 
