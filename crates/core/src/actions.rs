@@ -292,7 +292,7 @@ fn action(item: &Value, index: usize) -> Result<Action, ActionsError> {
 
 /// What to do next.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted; `to_json` writes the same form")]
+#[allow(dead_code, reason = "used only for its schema; `to_json` writes the same form")]
 struct WireActions {
     /// One to three commands, carried out in order.
     actions: Vec<WireAction>,
@@ -302,7 +302,7 @@ struct WireActions {
 
 /// One command.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted")]
+#[allow(dead_code, reason = "used only for its schema")]
 struct WireAction {
     /// What to do.
     #[schemars(schema_with = "commands")]

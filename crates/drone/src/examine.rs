@@ -143,7 +143,7 @@ pub fn light(image: &Photo, advice: &str) -> Check {
     let bytes = pixels.data();
     let light = bytes.iter().map(|byte| f64::from(*byte)).sum::<f64>() / (bytes.len().max(1) as f64);
     let finding = if light < DARK { Finding::Warning } else { Finding::Good };
-    Check::new("light", finding, format!("mean {light:.0} of 255"), Some(advice))
+    Check::new("light", finding, format!("mean brightness {light:.0} of 255"), Some(advice))
 }
 
 fn count_reports(drone: &mut dyn Drone, begun: Instant) -> u32 {

@@ -35,10 +35,10 @@ impl Scaler {
         }
         // With static types, so that only this pixel format is compiled.
         let from = TypedImageRef::<U8x3>::from_buffer(image.width(), image.height(), image.data())
-            .expect("the buffer of an `Rgb` is as long as its size says");
+            .expect("the buffer length of an `Rgb` matches its size");
         let mut scaled = TypedImage::<U8x3>::from_buffer(width, height, into).expect("the buffer was made for this size");
         let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(FilterType::CatmullRom));
-        self.resizer.resize_typed(&from, &mut scaled, &options).expect("nothing is cut off");
+        self.resizer.resize_typed(&from, &mut scaled, &options).expect("the options have no crop");
     }
 
     /// Takes the memory of an image for the next one.

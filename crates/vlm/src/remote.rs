@@ -222,7 +222,7 @@ impl Asking<'_> {
                 }
                 Err(RecvTimeoutError::Timeout) if Instant::now() >= self.deadline => {
                     let host = remote.backends[0].endpoint.host.clone();
-                    let late = || VlmError::Deadline { host, waited: self.began.elapsed(), stage: "nothing came".to_owned() };
+                    let late = || VlmError::Deadline { host, waited: self.began.elapsed(), stage: "no response".to_owned() };
                     return (Err(failed.unwrap_or_else(late)), named);
                 }
                 Err(_) => {

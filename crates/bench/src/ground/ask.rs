@@ -123,7 +123,7 @@ impl Answerer {
     }
 
     /// Sends a model an image.
-    #[expect(clippy::too_many_arguments, reason = "a question is made of these")]
+    #[expect(clippy::too_many_arguments, reason = "all parts of one question")]
     #[must_use]
     pub fn show(
         &self,

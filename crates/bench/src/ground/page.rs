@@ -165,10 +165,10 @@ fn card(item: usize, items: &[Item], report: &Report, grades: &Grades) -> String
         let (red, green, blue) = COLOURS[which % COLOURS.len()];
         let outcome = match (graded.grade.hit, graded.grade.is_absent, graded.grade.says_absent) {
             (Some(true), ..) => "hit",
-            (Some(false), _, Some(true)) => "overlooked",
+            (Some(false), _, Some(true)) => "wrongly reported as not visible",
             (Some(false), ..) => "missed",
             (None, Some(true), Some(true)) => "correctly reported as not visible",
-            (None, Some(true), _) => "is not there",
+            (None, Some(true), _) => "reported, but not in the image",
             (None, ..) => "",
         };
         let _ = write!(

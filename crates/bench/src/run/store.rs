@@ -130,7 +130,7 @@ fn append(file: &mut File, row: &impl Serialize, path: &Path) -> Result<(), Stor
 
 fn difference(there: &Head, wanted: &Head) -> &'static str {
     if there.program != wanted.program {
-        "they were made by another version of spf"
+        "they were written by another version of spf"
     } else if there.trials != wanted.trials {
         "different tasks, methods, models, seeds or numbers of trials"
     } else if there.shard != wanted.shard {

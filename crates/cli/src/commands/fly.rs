@@ -258,7 +258,9 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     printer.result(&format!("files: {}", out_dir.display()));
     // A real flight has neither scene nor truth.
     if summary.targets.is_empty() && !summary.scene.is_empty() {
-        printer.log("hint: the simulator found no target for this instruction in the scene");
+        printer.log(
+            "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME` lists its objects",
+        );
     }
     Ok(())
 }

@@ -82,7 +82,7 @@ fn discrete(word: &Value) -> Result<Moves, ActionsError> {
 
 /// How to move next.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted")]
+#[allow(dead_code, reason = "used only for its schema")]
 struct WireNumeric {
     /// Metres forward, negative backward.
     dx: f64,
@@ -98,7 +98,7 @@ struct WireNumeric {
 
 /// What to do next.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted")]
+#[allow(dead_code, reason = "used only for its schema")]
 struct WireDiscrete {
     /// The move.
     #[schemars(schema_with = "fixed")]

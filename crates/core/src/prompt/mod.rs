@@ -46,7 +46,7 @@ static QUESTION: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_st
 static DETECT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/detect-1.txt")));
 
 fn shipped(file: &str) -> Arc<PromptText> {
-    Arc::new(PromptText::parse(file).expect("the shipped prompts are part of the program"))
+    Arc::new(PromptText::parse(file).expect("the embedded prompts are valid"))
 }
 
 impl PromptText {

@@ -144,7 +144,7 @@ fn completion(value: &Value, flag: &Value) -> Result<Completion, ShortReplyError
 
 /// Which of the numbered marks.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted")]
+#[allow(dead_code, reason = "used only for its schema")]
 struct WireChoice {
     /// Why, in one short sentence.
     reason: String,
@@ -154,7 +154,7 @@ struct WireChoice {
 
 /// Whether the instruction is fulfilled.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted")]
+#[allow(dead_code, reason = "used only for its schema")]
 struct WireCompletion {
     /// Whether the whole instruction is fulfilled.
     done: bool,

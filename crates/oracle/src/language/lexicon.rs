@@ -23,7 +23,7 @@ pub(crate) static PHRASES: LazyLock<Joints> = LazyLock::new(|| embedded(include_
 pub(super) static SPELLING: LazyLock<Spelling> = LazyLock::new(|| embedded(include_str!("../../data/spelling.toml")));
 
 fn embedded<T: DeserializeOwned>(text: &str) -> T {
-    toml::from_str(text).expect("the words are part of the program, and a test reads them")
+    toml::from_str(text).expect("the embedded word lists are valid; a test parses them")
 }
 
 /// `verbs.toml`.

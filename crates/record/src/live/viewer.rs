@@ -45,7 +45,7 @@ fn greet(stream: TcpStream, shared: &Shared) -> Result<WebSocket<TcpStream>, Err
 }
 
 /// The first supported subprotocol that the viewer offers; an error if there is none.
-#[allow(clippy::result_large_err, reason = "the handshake's own type")]
+#[allow(clippy::result_large_err, reason = "the type is given by the handshake API")]
 fn choose(hello: &Hello, mut response: Response) -> Result<Response, ErrorResponse> {
     let offered: Vec<&str> = hello
         .headers()

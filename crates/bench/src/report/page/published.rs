@@ -18,7 +18,7 @@ pub(super) fn published(source: &Source) -> Markup {
         section id="published" {
             h2 { "Published results" }
             p class="note" { "Hu et al., CoRL 2025, arXiv 2509.22653: a different simulator or a real drone, real models, a \
-                human judge, different starts. They are given for orientation; the oracle results above are not comparable \
+                human judge, different starts. They are given for reference only; the oracle results above are not comparable \
                 with them. The 95 % Wilson intervals are computed here." }
             (paper())
             (others())

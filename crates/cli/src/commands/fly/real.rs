@@ -48,7 +48,7 @@ pub(super) fn ready(
     let pointing = pointing(settings, prompt.clone())?;
     if pointing.is_oracle {
         return Err(
-            CliError::usage(NO_ORACLE).hint("`spf vlm list` lists the models, and docs/guide/vlm.md says how to choose one")
+            CliError::usage(NO_ORACLE).hint("`spf vlm list` lists the models, and docs/guide/vlm.md describes how to choose one")
         );
     }
     check_vlm(settings, &pointing, printer)?;

@@ -91,7 +91,7 @@ fn line(row: &ModelRow, model: &Model, key_set: bool, today: &str) -> Vec<String
         notes.push(format!("default: {}", row.id));
     }
     if row.paper {
-        notes.push("one of the paper's six".to_owned());
+        notes.push("one of the six in the paper".to_owned());
     }
     match (row.status, &row.retires, &row.successor) {
         (Status::Retired, Some(day), Some(successor)) => notes.push(format!("retired {day}; use {successor}")),
