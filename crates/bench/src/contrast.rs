@@ -82,10 +82,10 @@ pub fn contrasts(records: &[Record], scoring: Scoring) -> Vec<Contrast> {
 }
 
 /// Task and seed.
-type Draw = (String, String);
+type TrialKey = (String, String);
 
-fn between(trials: impl Iterator<Item = ((String, String), Draw, bool)>) -> Vec<Contrast> {
-    let mut arms: Vec<((String, String), BTreeMap<Draw, bool>)> = Vec::new();
+fn between(trials: impl Iterator<Item = ((String, String), TrialKey, bool)>) -> Vec<Contrast> {
+    let mut arms: Vec<((String, String), BTreeMap<TrialKey, bool>)> = Vec::new();
     for (pair, of, hit) in trials {
         match arms.iter_mut().find(|(arm, _)| *arm == pair) {
             Some((_, trials)) => drop(trials.insert(of, hit)),

@@ -172,7 +172,7 @@ fn half_of_eight_pixels_square_are_seen_and_most_of_sixteen() {
         (0..1500)
             .filter(|&frame| {
                 let key = [frame, 1];
-                let luck = Draw::new(oracle.seed, "oracle seen", &key).uniform();
+                let luck = RandomStream::new(oracle.seed, "oracle seen", &key).uniform();
                 let mut percept = base.clone();
                 percept.things[0].redraw(luck);
                 percept.seen(&oracle.errors, size).next().is_some()

@@ -7,7 +7,7 @@ use std::time::Instant;
 use bytes::Bytes;
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::QueryKind;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::time::Duration;
 
 use crate::account::{Account, Parts, Tokens};
@@ -113,7 +113,7 @@ impl Backend {
         sent: Arc<AtomicU32>,
     ) -> Outcome {
         let mut account = Account::default();
-        let mut jitter = Draw::new(u64::from(std::process::id()), "pause", &[written.body.len() as u64]);
+        let mut jitter = RandomStream::new(u64::from(std::process::id()), "pause", &[written.body.len() as u64]);
         let mut model = self.model.id.clone();
         loop {
             if let Some((until, error)) = self.left_alone() {

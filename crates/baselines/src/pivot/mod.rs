@@ -21,7 +21,7 @@ use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptInput, PromptKind, PromptText};
 use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Choice, Completion, Look, parse_choice, parse_completion};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 /// How the results of parallel runs are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -232,8 +232,8 @@ impl Pivot {
         let last = run.round + 1 >= settings.rounds.max(1);
         if !choosing.voting {
             let count = if run.round == 0 { settings.first_candidates } else { settings.candidates };
-            let mut draw = Draw::new(settings.seed, "pivot candidates", &[id.0]);
-            run.shown = run.around.sample(&choosing.sheet, &settings.sampling, count, &mut draw);
+            let mut rng = RandomStream::new(settings.seed, "pivot candidates", &[id.0]);
+            run.shown = run.around.sample(&choosing.sheet, &settings.sampling, count, &mut rng);
         }
         let (view, marks) = (choosing.view, choosing.sheet.marks(&run.shown));
         let most = if last { 1 } else { settings.chosen };

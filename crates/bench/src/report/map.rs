@@ -23,7 +23,7 @@ const BARS: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
 type Key<'a> = (&'a str, &'a str, &'a str);
 
 /// All trials of one task from one start in one scene.
-pub(super) struct Draw {
+pub(super) struct TrialMap {
     pub(super) task: String,
     pub(super) seed: String,
     pub(super) scene: String,
@@ -92,7 +92,7 @@ impl View {
     }
 }
 
-impl Draw {
+impl TrialMap {
     /// The draws with a known path, by task and seed in order of appearance.
     pub(super) fn all(source: &Source) -> Vec<Self> {
         let mut groups: Vec<(Key<'_>, Vec<usize>)> = Vec::new();

@@ -1,7 +1,7 @@
 //! Reply latencies set by the bench.
 
 use spf_core::query::QueryKind;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::time::duration_from_secs;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
 
@@ -52,7 +52,7 @@ impl Vlm for Timed {
             answer.latency = duration_from_secs(seconds);
         }
         if let Some([least, most]) = self.delay {
-            let fraction = Draw::new(self.seed, "bench delay", &[request.query.id.0]).uniform();
+            let fraction = RandomStream::new(self.seed, "bench delay", &[request.query.id.0]).uniform();
             answer.latency += duration_from_secs(least + (most - least) * fraction);
         }
         answer

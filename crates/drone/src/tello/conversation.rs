@@ -205,7 +205,7 @@ impl Conversation {
 
 #[cfg(test)]
 mod tests {
-    use spf_core::rng::Draw;
+    use spf_core::rng::RandomStream;
 
     use super::*;
 
@@ -214,40 +214,40 @@ mod tests {
     /// Order texts carry a number, and the test's drone encodes that number in the letter case of its response, so that
     /// the test knows which order a response belongs to independently of the channel.
     struct Schedule {
-        draw: Draw,
+        rng: RandomStream,
         /// Time, datagram and order number.
         under_way: Vec<(Time, Vec<u8>, usize)>,
     }
 
     impl Schedule {
         fn delay(&mut self) -> Duration {
-            Duration::from_secs_f64(0.02 + 0.1 * self.draw.uniform())
+            Duration::from_secs_f64(0.02 + 0.1 * self.rng.uniform())
         }
 
         /// The drone receives order `number` and responds, over an unreliable link.
         fn hear(&mut self, now: Time, text: &str, number: usize, motion: bool) {
             let answer = if text.ends_with('?') {
                 format!("{}\r\n", number % 100)
-            } else if self.draw.chance(0.1) {
+            } else if self.rng.chance(0.1) {
                 "error".to_owned()
             } else {
                 "ok".to_owned()
             };
             let takes =
-                if motion && answer == "ok" { Duration::from_secs_f64(0.6 + 3.0 * self.draw.uniform()) } else { Duration::ZERO };
+                if motion && answer == "ok" { Duration::from_secs_f64(0.6 + 3.0 * self.rng.uniform()) } else { Duration::ZERO };
             let mut at = now + takes + self.delay();
-            if self.draw.chance(0.15) {
+            if self.rng.chance(0.15) {
                 return;
             }
             // Late: after the order's timeout, within the grace period.
-            if self.draw.chance(0.1) {
-                at += Duration::from_secs_f64(2.0 + 7.0 * self.draw.uniform());
+            if self.rng.chance(0.1) {
+                at += Duration::from_secs_f64(2.0 + 7.0 * self.rng.uniform());
             }
             self.under_way.push((at, answer.clone().into_bytes(), number));
-            if self.draw.chance(0.2) {
-                self.under_way.push((at + Duration::from_secs_f64(0.45 * self.draw.uniform()), answer.into_bytes(), number));
+            if self.rng.chance(0.2) {
+                self.under_way.push((at + Duration::from_secs_f64(0.45 * self.rng.uniform()), answer.into_bytes(), number));
             }
-            if self.draw.chance(0.05) {
+            if self.rng.chance(0.05) {
                 self.under_way.push((at, vec![0xcc, 0x58, 0x00, 0x7c], usize::MAX));
             }
         }
@@ -258,10 +258,10 @@ mod tests {
     #[test]
     fn ten_thousand_schedules_credit_no_answer_to_another_order() {
         for seed in 0..10_000 {
-            let mut schedule = Schedule { draw: Draw::new(seed, "schedule", &[]), under_way: Vec::new() };
+            let mut schedule = Schedule { rng: RandomStream::new(seed, "schedule", &[]), under_way: Vec::new() };
             let mut conversation = Conversation::default();
             let orders: Vec<Order> = (0..6)
-                .map(|number| match schedule.draw.below(4) {
+                .map(|number| match schedule.rng.below(4) {
                     0 => Order::quick(&format!("x{number}?")),
                     1 => Order::quick(&format!("set{number}")),
                     _ => Order::motion(&format!("go{number}"), Duration::from_millis(500), Duration::from_secs(4)),

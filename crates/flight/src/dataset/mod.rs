@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 use spf_core::query::ImagePoint;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
 
@@ -91,7 +91,7 @@ impl Recipe {
     #[must_use]
     pub fn kind(&self, number: u64) -> Kind {
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
-        let first = Draw::new(self.seed, "dataset kinds", &[]).uniform();
+        let first = RandomStream::new(self.seed, "dataset kinds", &[]).uniform();
         let at = first + GOLDEN * number as f64;
         let at = at - libm::floor(at);
         if at < self.absent {
@@ -235,18 +235,18 @@ impl<'a> Generator<'a> {
     /// Generates example `number`; `None` if no suitable view was found.
     pub fn example(&mut self, number: u64) -> Option<Example> {
         let kind = self.recipe.kind(number);
-        let at = Time::from_secs_f64(TRAFFIC * Draw::new(self.recipe.seed, "dataset traffic", &[number]).uniform());
+        let at = Time::from_secs_f64(TRAFFIC * RandomStream::new(self.recipe.seed, "dataset traffic", &[number]).uniform());
         let actors = self.loaded.snapshot(Pose::default(), self.recipe.seed, at).actors;
         (0..ATTEMPTS).find_map(|attempt| self.attempt(kind, number, attempt, &actors))
     }
 
     fn attempt(&mut self, kind: Kind, number: u64, attempt: u64, actors: &[ActorPlace]) -> Option<Example> {
-        let mut draw = Draw::new(self.recipe.seed, "dataset view", &[number, attempt]);
+        let mut rng = RandomStream::new(self.recipe.seed, "dataset view", &[number, attempt]);
         let groups = if kind == Kind::LookAlike { &self.alike } else { &self.groups };
-        let group = groups.get(draw.below(groups.len()))?;
-        let focus = *group.get(draw.below(group.len()))?;
+        let group = groups.get(rng.below(groups.len()))?;
+        let focus = *group.get(rng.below(group.len()))?;
         let object = self.loaded.scene.object(focus)?;
-        let pose = Views { loaded: self.loaded, actors, camera: self.sim_camera.camera() }.of(object, &mut draw)?;
+        let pose = Views { loaded: self.loaded, actors, camera: self.sim_camera.camera() }.of(object, &mut rng)?;
         let snapshot = WorldSnapshot { pose, actors: actors.to_vec() };
         if !self.glance_shows(&snapshot, kind, focus) {
             return None;
@@ -267,8 +267,8 @@ impl<'a> Generator<'a> {
             return None;
         }
         let (wording, instruction, meant) = match kind {
-            Kind::Absent => self.absent(&visible, &snapshot, &mut draw)?,
-            _ => self.present(kind, focus, &visible, (&snapshot, &Plainly { masks: &seen, truth: &truth }), &mut draw)?,
+            Kind::Absent => self.absent(&visible, &snapshot, &mut rng)?,
+            _ => self.present(kind, focus, &visible, (&snapshot, &Plainly { masks: &seen, truth: &truth }), &mut rng)?,
         };
         let look_alikes = self.look_alikes(meant, &visible);
         let target = match kind {
@@ -340,7 +340,7 @@ impl<'a> Generator<'a> {
         focus: ObjectId,
         visible: &[Visible],
         (snapshot, plainly): (&WorldSnapshot, &Plainly<'_>),
-        draw: &mut Draw,
+        rng: &mut RandomStream,
     ) -> Option<(Wording, String, ObjectId)> {
         let tags = self.tags_of(focus)?;
         let alike = self.look_alikes(focus, visible);
@@ -357,22 +357,27 @@ impl<'a> Generator<'a> {
             });
             (kind == Kind::Present || wording.by_look()) && meant.checkable && meant.objects == [focus] && plain
         };
-        let (wording, instruction) = instructions(tags, draw).into_iter().find(clear)?;
+        let (wording, instruction) = instructions(tags, rng).into_iter().find(clear)?;
         Some((wording, instruction, focus))
     }
 
     /// An instruction for an object of the scene that matches nothing visible; in half of the cases a similar object is
     /// visible.
-    fn absent(&self, visible: &[Visible], snapshot: &WorldSnapshot, draw: &mut Draw) -> Option<(Wording, String, ObjectId)> {
+    fn absent(
+        &self,
+        visible: &[Visible],
+        snapshot: &WorldSnapshot,
+        rng: &mut RandomStream,
+    ) -> Option<(Wording, String, ObjectId)> {
         let is_shown = |id: ObjectId| visible.iter().any(|thing| thing.id == id);
         let (shown, all) = (self.placed(snapshot, is_shown), self.placed(snapshot, |_| true));
         let mut hidden: Vec<ObjectId> = Vec::new();
         for group in &self.groups {
             let unseen: Vec<ObjectId> = group.iter().copied().filter(|id| !is_shown(*id)).collect();
-            hidden.extend(unseen.get(draw.below(unseen.len())));
+            hidden.extend(unseen.get(rng.below(unseen.len())));
         }
-        shuffle(&mut hidden, draw);
-        if draw.chance(0.5) {
+        shuffle(&mut hidden, rng);
+        if rng.chance(0.5) {
             hidden.sort_by_key(|id| self.look_alikes(*id, visible).is_empty());
         }
         for id in hidden.into_iter().take(HIDDEN) {
@@ -383,7 +388,7 @@ impl<'a> Generator<'a> {
                 let here = resolve_truth(instruction, &shown, Some(snapshot.pose));
                 here.checkable && !here.fits && resolve_truth(instruction, &all, Some(snapshot.pose)).objects.contains(&id)
             };
-            if let Some((wording, instruction)) = instructions(tags, draw).into_iter().filter(plain).find(means_nothing) {
+            if let Some((wording, instruction)) = instructions(tags, rng).into_iter().filter(plain).find(means_nothing) {
                 return Some((wording, instruction, id));
             }
         }

@@ -111,12 +111,12 @@ fn show(mut socket: WebSocket<TcpStream>, subscription: &Subscription<'_>) -> Re
 fn take(request: Request, subscriptions: &mut BTreeMap<u32, usize>, subscription: &Subscription<'_>) {
     match request {
         Request::Subscribe { subscriptions: wanted } => {
-            for wish in wanted {
-                let topic = usize::try_from(wish.channel_id).ok().filter(|topic| *topic < subscription.shared.topics.len());
+            for entry in wanted {
+                let topic = usize::try_from(entry.channel_id).ok().filter(|topic| *topic < subscription.shared.topics.len());
                 if let Some(topic) = topic
                     && subscriptions.len() < SUBSCRIPTIONS
                 {
-                    subscriptions.insert(wish.id, topic);
+                    subscriptions.insert(entry.id, topic);
                     subscription.subscribe(topic);
                 }
             }

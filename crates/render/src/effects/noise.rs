@@ -4,7 +4,7 @@
 //! stream cipher would take longer than the image.
 
 use rayon::prelude::*;
-use spf_core::rng::{Draw, finalise};
+use spf_core::rng::{RandomStream, finalise};
 
 use super::light::Curve;
 
@@ -24,7 +24,7 @@ pub(super) fn add(light: &mut [f32], gain: f32, grey_levels: f64, seed: u64, ima
     let step = 0.5 * (curve.light(MIDDLE + 1) - curve.light(MIDDLE - 1));
     let sigma = grey_levels as f32 * step;
     let variance = sigma * sigma;
-    let key = (Draw::new(seed, "sensor noise", &[image]).uniform() * (1_u64 << 53) as f64) as u64;
+    let key = (RandomStream::new(seed, "sensor noise", &[image]).uniform() * (1_u64 << 53) as f64) as u64;
     light.par_chunks_mut(PIECE).enumerate().for_each(|(piece, values)| {
         for (at, value) in (piece * PIECE..).zip(values) {
             let before = value.max(0.0) / gain;

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 use spf_core::geometry::{EnuPosition, wrap_angle};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use super::footprint::Footprint;
 use super::place::ActorPlace;
@@ -135,7 +135,7 @@ impl Course {
             rested: false,
             heading: bearing(self.route.at(along).direction),
             walked: 0.0,
-            cruise: self.motion.speed * (1.0 - 0.1 * Draw::new(seed, "cruise", &[number]).uniform()),
+            cruise: self.motion.speed * (1.0 - 0.1 * RandomStream::new(seed, "cruise", &[number]).uniform()),
             blocked: 0.0,
             pauses: 0,
             seed,
@@ -178,7 +178,7 @@ impl Course {
     }
 
     /// The room that a person wants to go through next; none for a vehicle and for one that stands for a while.
-    pub(super) fn wish(&self, state: &State, place: &ActorPlace, claim: &mut Claim) -> bool {
+    pub(super) fn claim_ahead(&self, state: &State, place: &ActorPlace, claim: &mut Claim) -> bool {
         if self.body.axle > 0.0 || state.wait > 0.0 {
             return false;
         }
@@ -300,7 +300,7 @@ impl Course {
             Round::Once => f64::INFINITY,
             // At least a tick: the pause is where it turns round.
             Round::Circle | Round::ThereAndBack => {
-                let fraction = Draw::new(state.seed, "pause", &[state.number, state.pauses]).uniform();
+                let fraction = RandomStream::new(state.seed, "pause", &[state.number, state.pauses]).uniform();
                 (self.motion.wait * (0.5 + fraction)).max(STEP)
             }
         };

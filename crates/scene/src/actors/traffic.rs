@@ -47,7 +47,7 @@ struct Rooms {
     claims: Vec<Claim>,
     craft: Option<Claim>,
     trial: Claim,
-    wish: Claim,
+    claim_ahead: Claim,
 }
 
 impl Traffic {
@@ -169,9 +169,12 @@ impl Rooms {
             if self.trial.meets(&self.claims[other], gap) {
                 return false;
             }
-            if yields && theirs.wish(&states[other], &places[other], &mut self.wish) && self.trial.meets(&self.wish, gap) {
+            if yields
+                && theirs.claim_ahead(&states[other], &places[other], &mut self.claim_ahead)
+                && self.trial.meets(&self.claim_ahead, gap)
+            {
                 course.fill(&states[actor], &mut self.claims[actor]);
-                if !self.claims[actor].meets(&self.wish, gap) {
+                if !self.claims[actor].meets(&self.claim_ahead, gap) {
                     return false;
                 }
             }

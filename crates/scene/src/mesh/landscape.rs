@@ -4,7 +4,7 @@ use core::f64::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use super::sketch::{cos_sin, on_circle};
 use super::tree::blob;
@@ -22,8 +22,8 @@ struct Shore {
 }
 
 impl Shore {
-    fn new(size: Size<2>, draw: &mut Draw) -> Self {
-        let waves = [0.09, 0.08, 0.05, 0.035].map(|most| (most * (0.5 + 0.5 * draw.uniform() as f32), draw.uniform()));
+    fn new(size: Size<2>, rng: &mut RandomStream) -> Self {
+        let waves = [0.09, 0.08, 0.05, 0.035].map(|most| (most * (0.5 + 0.5 * rng.uniform() as f32), rng.uniform()));
         Self { half: plan(size) * 0.5, waves }
     }
 
@@ -63,7 +63,7 @@ impl Generator for Patch {
     }
 
     fn draw(&self, sketch: &mut Sketch, seed: &str) {
-        let shore = Shore::new(self.size, &mut Draw::new(0, seed, &[]));
+        let shore = Shore::new(self.size, &mut RandomStream::new(0, seed, &[]));
         sketch.on("top").prism(&shore.outline(), -0.1, 0.0);
         sketch.outline.push(shore.outline());
     }
@@ -84,8 +84,8 @@ impl Generator for Lake {
     }
 
     fn draw(&self, sketch: &mut Sketch, seed: &str) {
-        let mut draw = Draw::new(0, seed, &[]);
-        let shore = Shore::new(self.size, &mut draw);
+        let mut rng = RandomStream::new(0, seed, &[]);
+        let shore = Shore::new(self.size, &mut rng);
         let fraction = |i: u32| i as f32 / CORNERS as f32;
         // 0 within 5° of the outlet, 1 beyond 9°.
         let closed = |fraction: f32| {
@@ -110,34 +110,34 @@ impl Generator for Lake {
             }
         }
         let free = |fraction: f32| closed(fraction) >= 1.0;
-        stones(sketch, &mut draw, &shore, &free);
-        reeds(sketch, &mut draw, &shore, &free);
+        stones(sketch, &mut rng, &shore, &free);
+        reeds(sketch, &mut rng, &shore, &free);
         sketch.outline.push(shore.outline());
     }
 }
 
 /// Stones along the beach.
-fn stones(sketch: &mut Sketch, draw: &mut Draw, shore: &Shore, free: &impl Fn(f32) -> bool) {
+fn stones(sketch: &mut Sketch, rng: &mut RandomStream, shore: &Shore, free: &impl Fn(f32) -> bool) {
     for _ in 0..26 {
-        let fraction = draw.uniform() as f32;
-        let size = 0.25 + 0.45 * draw.uniform() as f32;
-        let at = shore.at(fraction, 1.0, -0.6 + 1.6 * draw.uniform() as f32);
+        let fraction = rng.uniform() as f32;
+        let size = 0.25 + 0.45 * rng.uniform() as f32;
+        let at = shore.at(fraction, 1.0, -0.6 + 1.6 * rng.uniform() as f32);
         if free(fraction) {
-            blob(sketch.on("stone"), draw, at.extend(0.25 * size), Vec3::new(1.2, 0.9, 0.7) * size, 0);
+            blob(sketch.on("stone"), rng, at.extend(0.25 * size), Vec3::new(1.2, 0.9, 0.7) * size, 0);
         }
     }
 }
 
 /// Clumps of reeds in the shallows.
-fn reeds(sketch: &mut Sketch, draw: &mut Draw, shore: &Shore, free: &impl Fn(f32) -> bool) {
+fn reeds(sketch: &mut Sketch, rng: &mut RandomStream, shore: &Shore, free: &impl Fn(f32) -> bool) {
     for _ in 0..9 {
-        let middle = draw.uniform() as f32;
+        let middle = rng.uniform() as f32;
         for _ in 0..14 {
-            let fraction = middle + 0.02 * (draw.uniform() as f32 - 0.5);
-            let foot = shore.at(fraction, 1.0, -2.0 + 1.2 * draw.uniform() as f32).extend(-0.05);
-            let lean = Vec3::new(0.3 * (draw.uniform() as f32 - 0.5), 0.3 * (draw.uniform() as f32 - 0.5), 0.0);
-            let tip = foot + lean + Vec3::Z * (1.1 + 0.7 * draw.uniform() as f32);
-            let side = on_circle(draw.uniform() as f32, 0.05, 0.0);
+            let fraction = middle + 0.02 * (rng.uniform() as f32 - 0.5);
+            let foot = shore.at(fraction, 1.0, -2.0 + 1.2 * rng.uniform() as f32).extend(-0.05);
+            let lean = Vec3::new(0.3 * (rng.uniform() as f32 - 0.5), 0.3 * (rng.uniform() as f32 - 0.5), 0.0);
+            let tip = foot + lean + Vec3::Z * (1.1 + 0.7 * rng.uniform() as f32);
+            let side = on_circle(rng.uniform() as f32, 0.05, 0.0);
             if free(middle) {
                 sketch.on("reed").face(&[foot - side, foot + side, tip]);
             }
@@ -168,9 +168,9 @@ impl Generator for Knoll {
     }
 
     fn draw(&self, sketch: &mut Sketch, seed: &str) {
-        let mut draw = Draw::new(0, seed, &[]);
-        let shore = Shore::new(self.size, &mut draw);
-        let phase = draw.uniform();
+        let mut rng = RandomStream::new(0, seed, &[]);
+        let shore = Shore::new(self.size, &mut rng);
+        let phase = rng.uniform();
         let (rings, sides) = (12, 40);
         let point = |i: u32, k: u32| {
             let (fraction, out) = ((i % sides) as f32 / sides as f32, k as f32 / rings as f32);
@@ -218,14 +218,14 @@ impl Generator for Grove {
     }
 
     fn draw(&self, sketch: &mut Sketch, seed: &str) {
-        let mut draw = Draw::new(0, seed, &[]);
+        let mut rng = RandomStream::new(0, seed, &[]);
         let size = plan(self.size);
         for i in 0..self.count.0 {
             // One tree a strip along x, so that they stand apart.
-            let x = ((i as f32 + 0.2 + 0.6 * draw.uniform() as f32) / self.count.0 as f32 - 0.5) * size.x;
-            let foot = Vec3::new(x, (draw.uniform() as f32 - 0.5) * size.y, 0.0);
-            let h = 7.0 + 5.0 * draw.uniform() as f32;
-            if draw.chance(0.3) {
+            let x = ((i as f32 + 0.2 + 0.6 * rng.uniform() as f32) / self.count.0 as f32 - 0.5) * size.x;
+            let foot = Vec3::new(x, (rng.uniform() as f32 - 0.5) * size.y, 0.0);
+            let h = 7.0 + 5.0 * rng.uniform() as f32;
+            if rng.chance(0.3) {
                 sketch.on("bark").rod(foot, foot + Vec3::Z * (0.3 * h), 0.03 * h, 0.025 * h, 5);
                 for (low, top, r) in [(0.12, 0.5, 0.22), (0.34, 0.75, 0.17), (0.58, 1.05, 0.12)] {
                     let cone = [(0.0, (low + 0.06) * h), (r * h, low * h), (0.0, top * h)];
@@ -233,10 +233,10 @@ impl Generator for Grove {
                 }
             } else {
                 sketch.on("bark").rod(foot, foot + Vec3::Z * (0.5 * h), 0.04 * h, 0.025 * h, 5);
-                blob(sketch.on("leaf"), &mut draw, foot + Vec3::Z * (0.66 * h), Vec3::new(0.3, 0.3, 0.34) * h, 1);
+                blob(sketch.on("leaf"), &mut rng, foot + Vec3::Z * (0.66 * h), Vec3::new(0.3, 0.3, 0.34) * h, 1);
                 for _ in 0..2 {
-                    let side = on_circle(draw.uniform() as f32, 0.2 * h, (0.5 + 0.2 * draw.uniform() as f32) * h);
-                    blob(sketch.on("leaf"), &mut draw, foot + side, Vec3::splat(0.2 * h), 0);
+                    let side = on_circle(rng.uniform() as f32, 0.2 * h, (0.5 + 0.2 * rng.uniform() as f32) * h);
+                    blob(sketch.on("leaf"), &mut rng, foot + side, Vec3::splat(0.2 * h), 0);
                 }
             }
         }

@@ -6,7 +6,7 @@ use std::net::{IpAddr, SocketAddr};
 
 use spf_core::command::{Command, Setpoint};
 use spf_core::fault::{FaultMachine, Stream, Trouble};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_sim::craft::SimCraft;
@@ -71,7 +71,7 @@ pub struct VideoRequest {
 pub struct VirtualTello {
     figures: Figures,
     firmware: Firmware,
-    draw: Draw,
+    rng: RandomStream,
     link: Link,
     /// The last client that sent `command`.
     client: Option<IpAddr>,
@@ -101,7 +101,7 @@ impl VirtualTello {
         Self {
             figures,
             firmware,
-            draw: Draw::new(seed, "virtual tello", &[]),
+            rng: RandomStream::new(seed, "virtual tello", &[]),
             link: Link::new(faults),
             client: None,
             ports: (STATE_PORT, VIDEO_PORT),
@@ -185,7 +185,7 @@ impl VirtualTello {
     }
 
     fn answer_quickly(&mut self, now: Time, to: SocketAddr, text: &str) {
-        let after = self.figures.quick(&mut self.draw);
+        let after = self.figures.quick(&mut self.rng);
         self.answer(now + after, to, text);
     }
 
@@ -276,8 +276,8 @@ impl VirtualTello {
     }
 
     fn change_video(&mut self, change: impl FnOnce(&mut VideoRequest)) {
-        if let Some(wish) = &mut self.stream {
-            change(wish);
+        if let Some(request) = &mut self.stream {
+            change(request);
         }
     }
 

@@ -16,13 +16,13 @@ pub(super) fn channels(fineness: RenderQuality) -> Channels {
 }
 
 /// The camera image at `at`, in the requested format.
-pub(super) fn photograph(world: &SimWorld, at: Time, wish: &VideoRequest, fineness: RenderQuality) -> Option<Rgb> {
+pub(super) fn photograph(world: &SimWorld, at: Time, request: &VideoRequest, fineness: RenderQuality) -> Option<Rgb> {
     let channels = channels(fineness);
-    if wish.downwards {
+    if request.downwards {
         return below(world, at, channels);
     }
     let shot = world.shot(at)?;
-    let (width, height) = if wish.low_resolution { (640, 480) } else { (world.camera().width, world.camera().height) };
+    let (width, height) = if request.low_resolution { (640, 480) } else { (world.camera().width, world.camera().height) };
     let drawn = if fineness == RenderQuality::Draft { (width / 2, height / 2) } else { (width, height) };
     let image = world.photograph_with(&shot, Some(drawn), channels);
     Some(if drawn == (width, height) { image } else { resize(&image, width, height) })

@@ -75,9 +75,9 @@ impl TelloService {
             listen,
             craft: world.shared_craft(),
             quality,
-            photographer: Box::new(move |at, wish, fineness| {
-                let image = photograph(&camera, at, wish, fineness)?;
-                if let Some((onboard, moment)) = onboard.as_ref().filter(|_| !wish.downwards).zip(camera.snapshot_at(at)) {
+            photographer: Box::new(move |at, request, fineness| {
+                let image = photograph(&camera, at, request, fineness)?;
+                if let Some((onboard, moment)) = onboard.as_ref().filter(|_| !request.downwards).zip(camera.snapshot_at(at)) {
                     onboard.keep(moment, &image);
                 }
                 Some(image)

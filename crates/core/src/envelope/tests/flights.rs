@@ -282,7 +282,7 @@ fn fly(craft: Craft, told: bool, seed: u64, silent: (Time, Time)) -> [f64; 4] {
         yaw_rate: 0.0,
         sent: Vec::new(),
     };
-    let mut draw = crate::rng::Draw::new(seed, "flight", &[]);
+    let mut draw = crate::rng::RandomStream::new(seed, "flight", &[]);
     let mut requested = Setpoint::HOLD;
     let mut least = [f64::INFINITY, f64::INFINITY, f64::INFINITY, 0.0];
     for tick in 0..12_000_u64 {
