@@ -13,8 +13,8 @@ use spf_media::{Jpeg, Rgb};
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = std::env::temp_dir().join(format!("spf-fuzz-dataset-{}", std::process::id()));
     fs::create_dir_all(&folder).expect("a temporary folder can be made");
-    let picture = Jpeg::encode(&Rgb::new(8, 6), 70).expect("it has a size");
-    fs::write(folder.join("a.jpg"), picture.bytes()).expect("a small file can be written");
+    let image = Jpeg::encode(&Rgb::new(8, 6), 70).expect("it has a size");
+    fs::write(folder.join("a.jpg"), image.bytes()).expect("a small file can be written");
     folder
 });
 

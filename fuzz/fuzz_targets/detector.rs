@@ -20,7 +20,7 @@ fuzz_target!(|data: (&str, Vec<f32>, u8, u8, bool)| {
     let Ok(layout) = Layout::of(&shape, INPUT, None, masks, None) else { return };
     if let Ok(candidates) = layout.decode(&shape, &values) {
         for kept in suppress(candidates, layout.is_final()) {
-            let area = Letterbox::new((960, 720), INPUT).in_picture(kept.corners);
+            let area = Letterbox::new((960, 720), INPUT).in_image(kept.corners);
             assert!(0.0 <= area.left && area.left <= area.right && area.right <= 1.0 && area.top <= area.bottom);
         }
     }

@@ -5,8 +5,8 @@ use libfuzzer_sys::fuzz_target;
 use spf_bench::ground::photo::{decode, frames};
 
 fuzz_target!(|bytes: &[u8]| {
-    if let Ok(picture) = decode(bytes) {
-        assert!((1..=2576).contains(&picture.width()) && (1..=2576).contains(&picture.height()));
+    if let Ok(image) = decode(bytes) {
+        assert!((1..=2576).contains(&image.width()) && (1..=2576).contains(&image.height()));
     }
     if let Ok(frames) = frames(bytes, 0.5, 4) {
         assert!(frames.len() <= 4);

@@ -37,13 +37,13 @@ fuzz_target!(|data: &[u8]| {
 });
 
 fn check(reply: &Reply) {
-    let share = |x: f64| (0.0..=1.0).contains(&x);
-    assert!(reply.point.is_none_or(|p| share(p.u) && share(p.v)));
+    let fraction = |x: f64| (0.0..=1.0).contains(&x);
+    assert!(reply.point.is_none_or(|p| fraction(p.u) && fraction(p.v)));
     assert!(reply.depth.is_none_or(|d| (1..=DEPTH_LABELS).contains(&d)));
     assert!(reply.status != Status::Navigating || (reply.point.is_some() && reply.depth.is_some()));
     for b in &reply.boxes {
         let area = b.area;
-        assert!([area.left, area.top, area.right, area.bottom].into_iter().all(share));
+        assert!([area.left, area.top, area.right, area.bottom].into_iter().all(fraction));
         assert!(area.left <= area.right && area.top <= area.bottom && (1..=DEPTH_LABELS).contains(&b.depth));
     }
 }

@@ -41,7 +41,7 @@ pub struct Plain {
     settings: PlainSettings,
     instruction: String,
     memory: Memory,
-    asked: Option<(QueryId, bool)>,
+    pending: Option<(QueryId, bool)>,
     queue: VecDeque<(String, Primitives)>,
     moving: bool,
     confirming: bool,
@@ -64,7 +64,7 @@ impl Plain {
             settings,
             instruction: String::new(),
             memory: Memory::default(),
-            asked: None,
+            pending: None,
             queue: VecDeque::new(),
             moving: false,
             confirming: false,
@@ -78,7 +78,7 @@ impl Plain {
         let id = QueryId(self.next_id);
         self.next_id += 1;
         self.memory.confirming = self.confirming;
-        self.asked = Some((id, self.confirming));
+        self.pending = Some((id, self.confirming));
         let prompt = self.prompt.write(&PromptInput {
             instruction: &self.instruction,
             memory: &self.memory,
@@ -146,15 +146,15 @@ impl Policy for Plain {
                 *self = Self { instruction: text.to_owned(), next_id, prompt, ..Self::new(self.settings) };
                 Step::Look
             }
-            PolicyEvent::Frame(view) if self.asked.is_none() && !self.moving && (view.at_rest || !self.confirming) => {
+            PolicyEvent::Frame(view) if self.pending.is_none() && !self.moving && (view.at_rest || !self.confirming) => {
                 self.ask(view)
             }
-            PolicyEvent::Reply { id, text } => match self.asked.take_if(|asked| asked.0 == id) {
+            PolicyEvent::Reply { id, text } => match self.pending.take_if(|pending| pending.0 == id) {
                 Some((_, confirming)) => self.answered(text, confirming),
                 None => Step::Wait,
             },
             PolicyEvent::ReplyFailed { id } => {
-                self.asked.take_if(|asked| asked.0 == id);
+                self.pending.take_if(|pending| pending.0 == id);
                 Step::Wait
             }
             PolicyEvent::MoveEnded { completed: true } if self.moving => self.next_action(),

@@ -49,7 +49,7 @@ impl Scoring {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contrast {
     /// Method and VLM of the first and of the second.
-    pub who: [(String, String); 2],
+    pub pair: [(String, String); 2],
     /// Success rates: the first minus the second.
     pub paired: PairedDifference,
     /// Two-sided exact McNemar p value, with Holm's correction over all pairs of the run.
@@ -61,7 +61,7 @@ impl Contrast {
     #[must_use]
     pub fn points(&self) -> [f64; 3] {
         let e = self.paired.difference;
-        [e.value, e.low, e.high].map(|share| 100.0 * share)
+        [e.value, e.low, e.high].map(|fraction| 100.0 * fraction)
     }
 
     /// The corrected p value with four decimals.
@@ -82,14 +82,14 @@ pub fn contrasts(records: &[Record], scoring: Scoring) -> Vec<Contrast> {
 }
 
 /// Task and seed.
-type Draw = (String, String);
+type TrialKey = (String, String);
 
-fn between(trials: impl Iterator<Item = ((String, String), Draw, bool)>) -> Vec<Contrast> {
-    let mut arms: Vec<((String, String), BTreeMap<Draw, bool>)> = Vec::new();
-    for (who, of, hit) in trials {
-        match arms.iter_mut().find(|(arm, _)| *arm == who) {
+fn between(trials: impl Iterator<Item = ((String, String), TrialKey, bool)>) -> Vec<Contrast> {
+    let mut arms: Vec<((String, String), BTreeMap<TrialKey, bool>)> = Vec::new();
+    for (pair, of, hit) in trials {
+        match arms.iter_mut().find(|(arm, _)| *arm == pair) {
             Some((_, trials)) => drop(trials.insert(of, hit)),
-            None => arms.push((who, BTreeMap::from([(of, hit)]))),
+            None => arms.push((pair, BTreeMap::from([(of, hit)]))),
         }
     }
     let mut found = Vec::new();
@@ -97,7 +97,7 @@ fn between(trials: impl Iterator<Item = ((String, String), Draw, bool)>) -> Vec<
         for (second, other) in &arms[number + 1..] {
             let pairs: Vec<(bool, bool)> = one.iter().filter_map(|(of, hit)| Some((*hit, *other.get(of)?))).collect();
             if let Some(paired) = PairedDifference::of(&pairs) {
-                found.push(Contrast { who: [first.clone(), second.clone()], paired, p_holm: 1.0 });
+                found.push(Contrast { pair: [first.clone(), second.clone()], paired, p_holm: 1.0 });
             }
         }
     }
@@ -112,16 +112,16 @@ mod tests {
 
     #[test]
     fn methods_meet_on_the_draws_that_both_flew() {
-        let who = |name: &str| (name.to_owned(), "oracle".to_owned());
+        let pair = |name: &str| (name.to_owned(), "oracle".to_owned());
         let draw = |seed: u64| ("task".to_owned(), seed.to_string());
         // Eight of eight against two of the same eight, and a third that flew others.
-        let a = (0..8).map(|seed| (who("a"), draw(seed), true));
-        let b = (0..10).map(|seed| (who("b"), draw(seed), seed < 2));
-        let c = (20..22).map(|seed| (who("c"), draw(seed), true));
+        let a = (0..8).map(|seed| (pair("a"), draw(seed), true));
+        let b = (0..10).map(|seed| (pair("b"), draw(seed), seed < 2));
+        let c = (20..22).map(|seed| (pair("c"), draw(seed), true));
         let found = between(a.chain(b).chain(c));
         assert_eq!(found.len(), 1, "{found:?}");
         let contrast = &found[0];
-        assert_eq!(contrast.who, [who("a"), who("b")]);
+        assert_eq!(contrast.pair, [pair("a"), pair("b")]);
         assert_eq!((contrast.paired.discordant.first, contrast.paired.discordant.second), (6, 0));
         assert!((contrast.paired.difference.value - 0.75).abs() < 1e-12);
         // Two tosses of six the same way.

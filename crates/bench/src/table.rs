@@ -45,24 +45,24 @@ pub fn table(records: &[Record]) -> Vec<Line> {
     let mut order: Vec<(String, String)> = Vec::new();
     let mut sums: BTreeMap<Key, [Rate; 3]> = BTreeMap::new();
     for record in records {
-        let who = (record.method.clone(), vlm_of(record));
-        if !order.contains(&who) {
-            order.push(who.clone());
+        let arm = (record.method.clone(), vlm_of(record));
+        if !order.contains(&arm) {
+            order.push(arm.clone());
         }
         let groups = [Some((record.set, Some(record.category))), Some((record.set, None)), None];
         for group in groups {
-            let sum = sums.entry((who.0.clone(), who.1.clone(), group)).or_default();
+            let sum = sums.entry((arm.0.clone(), arm.1.clone(), group)).or_default();
             let scores = [record.scores.self_stop, record.scores.judge_stop, record.scores.collided];
             sum.iter_mut().zip(scores).for_each(|(rate, hit)| rate.count(hit));
         }
     }
     let place = |(method, vlm, group): &Key| {
-        let who = order.iter().position(|(m, v)| m == method && v == vlm);
+        let arm = order.iter().position(|(m, v)| m == method && v == vlm);
         // A sum follows its parts.
         let group = group.map_or((1, Set::RealWorld, 1, Category::Follow), |(set, category)| {
             (0, set, u8::from(category.is_none()), category.unwrap_or(Category::Follow))
         });
-        (who, group)
+        (arm, group)
     };
     let mut lines: Vec<(Key, [Rate; 3])> = sums.into_iter().collect();
     lines.sort_by_key(|(key, _)| place(key));
@@ -90,7 +90,7 @@ pub(crate) fn vlm_of(record: &Record) -> String {
 pub fn words(rate: Rate) -> String {
     match rate.estimate() {
         Some(e) => {
-            let [value, low, high] = [e.value, e.low, e.high].map(|share| 100.0 * share);
+            let [value, low, high] = [e.value, e.low, e.high].map(|fraction| 100.0 * fraction);
             format!("{}/{} = {value:.1} % [{low:.1}, {high:.1}]", rate.hits, rate.of)
         }
         None => "–".to_owned(),

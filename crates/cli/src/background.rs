@@ -147,7 +147,7 @@ impl Talk {
         let print = move || {
             for line in waiting {
                 match line {
-                    Line::Say(text) => printer.say(&text),
+                    Line::Say(text) => printer.log(&text),
                     Line::Live(text) => printer.live(&text),
                 }
             }

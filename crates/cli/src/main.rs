@@ -39,7 +39,7 @@ fn main() -> ExitCode {
     match result {
         Ok(exit) => exit.into(),
         Err(error) => {
-            Printer::new(false).say(&error.to_string());
+            Printer::new(false).log(&error.to_string());
             error.exit.into()
         }
     }
@@ -69,8 +69,8 @@ fn start_log(verbose: u8) {
         _ => LevelFilter::TRACE,
     };
     // Levels and modules, as is usual for this variable; there are no spans that a filter could name.
-    let asked = std::env::var("RUST_LOG").ok().and_then(|words| words.trim_matches(',').parse::<Targets>().ok());
-    let filter = asked.unwrap_or_else(|| Targets::new().with_default(level));
+    let requested = std::env::var("RUST_LOG").ok().and_then(|words| words.trim_matches(',').parse::<Targets>().ok());
+    let filter = requested.unwrap_or_else(|| Targets::new().with_default(level));
     // Colour only for a terminal: in a file or a journal its codes are noise.
     let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
     let lines =

@@ -65,7 +65,7 @@ impl Printer {
     }
 
     /// Prints a message (progress, warnings) to standard error.
-    pub(crate) fn say(&self, text: &str) {
+    pub(crate) fn log(&self, text: &str) {
         let text = harmless(text);
         match &self.live {
             Some(bar) => bar.println(text),

@@ -250,7 +250,7 @@ fn reply(value: &Value, items: &[Value]) -> Result<ActionsReply, ActionsError> {
 fn truth(value: &Value) -> Result<bool, ActionsError> {
     match value.field(&["done"]) {
         None => Ok(false),
-        Some(said) => said.truth().ok_or_else(|| wrong("done".to_owned(), "true or false", said)),
+        Some(message) => message.truth().ok_or_else(|| wrong("done".to_owned(), "true or false", message)),
     }
 }
 
@@ -292,7 +292,7 @@ fn action(item: &Value, index: usize) -> Result<Action, ActionsError> {
 
 /// What to do next.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted; `to_json` writes the same form")]
+#[allow(dead_code, reason = "used only for its schema; `to_json` writes the same form")]
 struct WireActions {
     /// One to three commands, carried out in order.
     actions: Vec<WireAction>,
@@ -302,7 +302,7 @@ struct WireActions {
 
 /// One command.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted")]
+#[allow(dead_code, reason = "used only for its schema")]
 struct WireAction {
     /// What to do.
     #[schemars(schema_with = "commands")]

@@ -93,8 +93,8 @@ impl Manoeuvre {
             Self::Turn { angle } => Setpoint { yaw_rate: turn_rate.copysign(angle), ..Setpoint::HOLD },
             Self::Go { displacement, speed } => {
                 let (BodyDisplacement { right, forward, up }, length) = (displacement, displacement.length());
-                let share = if length > 0.0 { speed / length } else { 0.0 };
-                Setpoint { right: right * share, forward: forward * share, up: up * share, yaw_rate: 0.0 }
+                let fraction = if length > 0.0 { speed / length } else { 0.0 };
+                Setpoint { right: right * fraction, forward: forward * fraction, up: up * fraction, yaw_rate: 0.0 }
             }
         }
     }

@@ -66,9 +66,9 @@ impl<'a> Line<'a> {
     /// Parses a line; `None` if it is not a detection.
     #[must_use]
     pub fn read(line: &'a str) -> Option<Self> {
-        let share = |key: &str| number(line, key).filter(|share| (0.0..=1.0).contains(share));
+        let fraction = |key: &str| number(line, key).filter(|fraction| (0.0..=1.0).contains(fraction));
         let label = line.split_whitespace().next()?;
-        Some(Self { label, x: share("x:")?, y: share("y:")?, width: share("width:")?, height: share("height:")? })
+        Some(Self { label, x: fraction("x:")?, y: fraction("y:")?, width: fraction("width:")?, height: fraction("height:")? })
     }
 }
 

@@ -193,20 +193,20 @@ impl MotionEstimator {
             return self.at(time).map(|known| known.pose());
         };
         let span = later.since(earlier).as_secs_f64();
-        let share = time.since(earlier).as_secs_f64() / span;
+        let fraction = time.since(earlier).as_secs_f64() / span;
         let (p0, p1, v0, v1) = (before.position, next.position, before.velocity, next.velocity);
         let (a0, a1) = (before.attitude, next.attitude);
         let turn = wrap_angle(a1.heading - a0.heading);
         Some(Pose {
             position: EnuPosition {
-                east: hermite(p0.east, p1.east, v0.east * span, v1.east * span, share),
-                north: hermite(p0.north, p1.north, v0.north * span, v1.north * span, share),
-                up: hermite(p0.up, p1.up, v0.up * span, v1.up * span, share),
+                east: hermite(p0.east, p1.east, v0.east * span, v1.east * span, fraction),
+                north: hermite(p0.north, p1.north, v0.north * span, v1.north * span, fraction),
+                up: hermite(p0.up, p1.up, v0.up * span, v1.up * span, fraction),
             },
             attitude: Attitude {
-                heading: wrap_angle(a0.heading + hermite(0.0, turn, before.yaw_rate * span, next.yaw_rate * span, share)),
-                pitch: a0.pitch + share * (a1.pitch - a0.pitch),
-                roll: a0.roll + share * wrap_angle(a1.roll - a0.roll),
+                heading: wrap_angle(a0.heading + hermite(0.0, turn, before.yaw_rate * span, next.yaw_rate * span, fraction)),
+                pitch: a0.pitch + fraction * (a1.pitch - a0.pitch),
+                roll: a0.roll + fraction * wrap_angle(a1.roll - a0.roll),
             },
         })
     }
@@ -332,12 +332,12 @@ fn beyond(difference: f64, half: f64) -> f64 {
     (difference.abs() - half).max(0.0).copysign(difference)
 }
 
-/// Cubic Hermite interpolation between two values with given slopes, both per unit of `share`.
-fn hermite(from: f64, to: f64, slope_from: f64, slope_to: f64, share: f64) -> f64 {
-    let rest = 1.0 - share;
-    from * rest * rest * (1.0 + 2.0 * share)
-        + to * share * share * (3.0 - 2.0 * share)
-        + share * rest * (slope_from * rest - slope_to * share)
+/// Cubic Hermite interpolation between two values with given slopes, both per unit of `fraction`.
+fn hermite(from: f64, to: f64, slope_from: f64, slope_to: f64, fraction: f64) -> f64 {
+    let rest = 1.0 - fraction;
+    from * rest * rest * (1.0 + 2.0 * fraction)
+        + to * fraction * fraction * (3.0 - 2.0 * fraction)
+        + fraction * rest * (slope_from * rest - slope_to * fraction)
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::rng::Draw;
+use crate::rng::RandomStream;
 use crate::time::{Duration, Time, duration_from_secs};
 
 /// The stream that is disturbed.
@@ -38,7 +38,7 @@ pub enum Stream {
 }
 
 impl Stream {
-    /// Its name among the streams of [`Draw`].
+    /// Its name among the streams of [`RandomStream`].
     fn purpose(self) -> &'static str {
         match self {
             Self::Frames => "fault frames",
@@ -265,8 +265,8 @@ impl FaultMachine {
         let mut deliveries = vec![Delivery { at: now, content: Content::Intact }];
         for (number, rule) in self.plan.rules.iter().enumerate() {
             if rule.stream == stream && rule.applies(now) {
-                let mut draw = Draw::new(self.seed, stream.purpose(), &[index, number as u64]);
-                rule.apply(&mut draw, &mut deliveries);
+                let mut rng = RandomStream::new(self.seed, stream.purpose(), &[index, number as u64]);
+                rule.apply(&mut rng, &mut deliveries);
             }
         }
         deliveries.sort();
@@ -279,24 +279,24 @@ impl Rule {
         within(now, self.from, self.until)
     }
 
-    fn apply(&self, draw: &mut Draw, deliveries: &mut Vec<Delivery>) {
+    fn apply(&self, rng: &mut RandomStream, deliveries: &mut Vec<Delivery>) {
         let later = |d: &Delivery, by: Duration| Delivery { at: d.at + by, ..*d };
         match self.fault {
-            Fault::Drop { p } => deliveries.retain(|_| !draw.chance(p)),
+            Fault::Drop { p } => deliveries.retain(|_| !rng.chance(p)),
             Fault::Delay { mean, jitter } => {
                 for d in deliveries {
-                    *d = later(d, duration_from_secs(mean + jitter * draw.normal()));
+                    *d = later(d, duration_from_secs(mean + jitter * rng.normal()));
                 }
             }
             Fault::Duplicate { p, after } => {
                 let copies: Vec<_> =
-                    deliveries.iter().filter(|_| draw.chance(p)).map(|d| later(d, duration_from_secs(after))).collect();
+                    deliveries.iter().filter(|_| rng.chance(p)).map(|d| later(d, duration_from_secs(after))).collect();
                 deliveries.extend(copies);
                 deliveries.truncate(MAX_COPIES);
             }
             Fault::Reorder { p, by } => {
                 for d in deliveries {
-                    if draw.chance(p) {
+                    if rng.chance(p) {
                         *d = later(d, duration_from_secs(by));
                     }
                 }
@@ -311,14 +311,14 @@ impl Rule {
             }
             Fault::Corrupt { p } => {
                 for d in deliveries {
-                    if draw.chance(p) && d.content == Content::Intact {
-                        d.content = Content::Corrupt((draw.uniform() * (1_u64 << 53) as f64) as u64);
+                    if rng.chance(p) && d.content == Content::Intact {
+                        d.content = Content::Corrupt((rng.uniform() * (1_u64 << 53) as f64) as u64);
                     }
                 }
             }
             Fault::Blank { p } => {
                 for d in deliveries {
-                    if draw.chance(p) {
+                    if rng.chance(p) {
                         d.content = Content::Blank;
                     }
                 }
@@ -384,9 +384,9 @@ mod tests {
     fn frequencies_are_those_of_the_rule() {
         let m = machine(&[(0.0, 1.0, Fault::Drop { p: 0.3 }), (0.0, 1.0, Fault::Duplicate { p: 0.5, after: 0.1 })]);
         let counts: Vec<usize> = (0..10_000).map(|i| m.pass(secs(0.5), Stream::Frames, i).len()).collect();
-        let share = |n: usize| counts.iter().filter(|&&c| c == n).count() as f64 / 1e4;
+        let fraction = |n: usize| counts.iter().filter(|&&c| c == n).count() as f64 / 1e4;
         // 0.3 lost; 0.7 · 0.5 once; 0.7 · 0.5 twice; three standard deviations are 0.015.
-        assert!((share(0) - 0.3).abs() < 0.015 && (share(1) - 0.35).abs() < 0.015 && (share(2) - 0.35).abs() < 0.015);
+        assert!((fraction(0) - 0.3).abs() < 0.015 && (fraction(1) - 0.35).abs() < 0.015 && (fraction(2) - 0.35).abs() < 0.015);
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub struct FrameMeta {
     #[serde(with = "whether")]
     #[schemars(
         with = "bool",
-        description = "True when the source knows the picture to be blank, a placeholder or undecodable; such a frame is never shown to a VLM."
+        description = "True if the frame is known to be blank, a placeholder or undecodable; such a frame is never sent to a VLM."
     )]
     pub unusable: Option<Unusable>,
 }

@@ -82,13 +82,13 @@ impl EnuPosition {
         }
     }
 
-    /// Linear interpolation: the point at fraction `share` from `self` (0) to `target` (1).
+    /// Linear interpolation: the point at fraction `fraction` from `self` (0) to `target` (1).
     #[must_use]
-    pub fn towards(self, target: Self, share: f64) -> Self {
+    pub fn towards(self, target: Self, fraction: f64) -> Self {
         Self {
-            east: self.east + (target.east - self.east) * share,
-            north: self.north + (target.north - self.north) * share,
-            up: self.up + (target.up - self.up) * share,
+            east: self.east + (target.east - self.east) * fraction,
+            north: self.north + (target.north - self.north) * fraction,
+            up: self.up + (target.up - self.up) * fraction,
         }
     }
 

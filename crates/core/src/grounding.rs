@@ -135,8 +135,8 @@ impl GroundingProfile {
         if !inside.contains(&u) || !inside.contains(&v) {
             return Err(GroundingError::Outside { first, second, limits });
         }
-        let share = |c: f64| (0.0..=1.0).contains(&c);
-        if self.scale != Scale::Unit && share(x) && share(y) && (x.fract() != 0.0 || y.fract() != 0.0) {
+        let fraction = |c: f64| (0.0..=1.0).contains(&c);
+        if self.scale != Scale::Unit && fraction(x) && fraction(y) && (x.fract() != 0.0 || y.fract() != 0.0) {
             return Err(GroundingError::WrongScale { first, second, limits });
         }
         Ok(ImagePoint { u: u.clamp(0.0, 1.0), v: v.clamp(0.0, 1.0) })

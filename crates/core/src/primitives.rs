@@ -164,8 +164,8 @@ mod tests {
         #[test]
         fn durations_times_speeds_give_the_displacement(right in -10.0..10.0, forward in -10.0..10.0, up in -5.0..5.0) {
             let craft = Craft::tello();
-            let asked = BodyDisplacement { right, forward, up };
-            let primitives = Primitives::from_displacement(asked);
+            let requested = BodyDisplacement { right, forward, up };
+            let primitives = Primitives::from_displacement(requested);
             let mut flown = Primitives::default();
             for (kind, duration) in PrimitiveKind::QUEUE.into_iter().zip(primitives.durations(&craft)) {
                 let magnitude = (kind.speed(&craft) * duration).copysign(primitives.magnitude(kind));

@@ -8,9 +8,9 @@ use rand_chacha::ChaCha8Rng;
 
 /// A generator for one named purpose.
 #[derive(Clone, Debug)]
-pub struct Draw(ChaCha8Rng);
+pub struct RandomStream(ChaCha8Rng);
 
-impl Draw {
+impl RandomStream {
     /// The generator of `seed` for the purpose `stream` and the instance `key`. Equal arguments give equal sequences;
     /// any difference gives independent ones (each part is absorbed by a 64-bit mixer into the 256-bit ChaCha key).
     #[must_use]
@@ -79,17 +79,21 @@ mod tests {
 
     #[test]
     fn key_decides_and_order_does_not() {
-        let a = Draw::new(1, "point", &[3, 4]).uniform();
-        assert_eq!(a.to_bits(), Draw::new(1, "point", &[3, 4]).uniform().to_bits());
-        for other in [Draw::new(2, "point", &[3, 4]), Draw::new(1, "depth", &[3, 4]), Draw::new(1, "point", &[4, 3])] {
+        let a = RandomStream::new(1, "point", &[3, 4]).uniform();
+        assert_eq!(a.to_bits(), RandomStream::new(1, "point", &[3, 4]).uniform().to_bits());
+        for other in [
+            RandomStream::new(2, "point", &[3, 4]),
+            RandomStream::new(1, "depth", &[3, 4]),
+            RandomStream::new(1, "point", &[4, 3]),
+        ] {
             assert_ne!(a.to_bits(), other.clone().uniform().to_bits());
         }
     }
 
     #[test]
     fn normal_has_mean_zero_and_unit_variance() {
-        let mut draw = Draw::new(7, "test", &[]);
-        let xs: Vec<f64> = (0..20_000).map(|_| draw.normal()).collect();
+        let mut rng = RandomStream::new(7, "test", &[]);
+        let xs: Vec<f64> = (0..20_000).map(|_| rng.normal()).collect();
         let mean = xs.iter().sum::<f64>() / xs.len() as f64;
         let variance = xs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / xs.len() as f64;
         assert!(mean.abs() < 0.03 && (variance - 1.0).abs() < 0.05, "{mean} {variance}");

@@ -45,8 +45,8 @@ impl StepRule {
         match *self {
             Self::Adaptive { scale, labels, min, exponent } => {
                 let labels = labels.max(1);
-                let share = f64::from(label.clamp(1, labels)) / f64::from(labels);
-                (scale * libm::pow(share, exponent)).max(min)
+                let fraction = f64::from(label.clamp(1, labels)) / f64::from(labels);
+                (scale * libm::pow(fraction, exponent)).max(min)
             }
             Self::Fixed(length) => length,
         }

@@ -1,4 +1,4 @@
-//! What lies around a network: the input made of a frame, and boxes made of its output.
+//! Pre- and postprocessing: the input made from a frame, and the boxes made from the output.
 
 use divan::{Bencher, black_box};
 use spf_detect::decode::{Candidate, Layout, suppress};
@@ -36,10 +36,10 @@ fn candidates() -> Vec<Candidate> {
 
 #[divan::bench]
 fn letterbox_960x720(bencher: Bencher<'_, '_>) {
-    let picture = Rgb::filled(960, 720, [80, 120, 160]);
+    let image = Rgb::filled(960, 720, [80, 120, 160]);
     let letterbox = Letterbox::new((960, 720), INPUT);
     let mut values = Vec::new();
-    bencher.bench_local(|| letterbox.fill(black_box(&picture), &mut values));
+    bencher.bench_local(|| letterbox.fill(black_box(&image), &mut values));
 }
 
 #[divan::bench]

@@ -10,11 +10,11 @@ use spf_detect::Detector;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [model, picture] = arguments.as_slice() else { return Err("usage: look MODEL.onnx PICTURE.jpg|png".into()) };
+    let [model, image] = arguments.as_slice() else { return Err("usage: look MODEL.onnx PICTURE.jpg|png".into()) };
     let detector = Detector::open(Path::new(model))?;
-    let picture = spf_media::jpeg::decode_any(&std::fs::read(picture)?)?;
+    let image = spf_media::jpeg::decode_any(&std::fs::read(image)?)?;
     let began = Instant::now();
-    let found = detector.detect(&picture)?;
+    let found = detector.detect(&image)?;
     let (width, height) = detector.input();
     println!(
         "{}: {} classes, {width}×{height} pixels, {:.3} s",

@@ -17,10 +17,10 @@ pub struct Letterbox {
 }
 
 impl Letterbox {
-    /// Fits an image of `picture` pixels (width, height) into an input of `input` pixels, centred.
+    /// Fits an image of `image` pixels (width, height) into an input of `input` pixels, centred.
     #[must_use]
-    pub fn new(picture: (u32, u32), input: (usize, usize)) -> Self {
-        let (width, height) = (f64::from(picture.0.max(1)), f64::from(picture.1.max(1)));
+    pub fn new(image: (u32, u32), input: (usize, usize)) -> Self {
+        let (width, height) = (f64::from(image.0.max(1)), f64::from(image.1.max(1)));
         let ratio = (input.0 as f64 / width).min(input.1 as f64 / height);
         let fit = |side: f64, room: usize| ((side * ratio).round() as usize).clamp(1, room.max(1));
         let (w, h) = (fit(width, input.0), fit(height, input.1));
@@ -30,8 +30,8 @@ impl Letterbox {
     }
 
     /// The input for an image: planes of red, green and blue, in rows from the top. Reuses `values`.
-    pub fn fill(&self, picture: &Rgb, values: &mut Vec<f32>) {
-        let scaled = resize(picture, self.size.0, self.size.1);
+    pub fn fill(&self, image: &Rgb, values: &mut Vec<f32>) {
+        let scaled = resize(image, self.size.0, self.size.1);
         let (width, height) = self.input;
         values.clear();
         values.resize(3 * width * height, PADDING);
@@ -49,15 +49,15 @@ impl Letterbox {
 
     /// A point of the input as fractions of the image; it may lie outside.
     fn point(&self, x: f32, y: f32) -> (f64, f64) {
-        let share = |at: f32, corner: usize, size: u32| (f64::from(at) - corner as f64) / f64::from(size);
-        (share(x, self.corner.0, self.size.0), share(y, self.corner.1, self.size.1))
+        let fraction = |at: f32, corner: usize, size: u32| (f64::from(at) - corner as f64) / f64::from(size);
+        (fraction(x, self.corner.0, self.size.0), fraction(y, self.corner.1, self.size.1))
     }
 
     /// A box of the input (left, top, right, bottom) as fractions of the image, clipped to it.
     #[must_use]
-    pub fn in_picture(&self, [left, top, right, bottom]: [f32; 4]) -> ImageBox {
+    pub fn in_image(&self, [left, top, right, bottom]: [f32; 4]) -> ImageBox {
         let ((left, top), (right, bottom)) = (self.point(left, top), self.point(right, bottom));
-        let inside = |share: f64| share.clamp(0.0, 1.0);
+        let inside = |fraction: f64| fraction.clamp(0.0, 1.0);
         ImageBox { left: inside(left), top: inside(top), right: inside(right), bottom: inside(bottom) }
     }
 }
@@ -81,17 +81,17 @@ mod tests {
             [at(0, 0, 79), at(0, 0, 80), at(1, 639, 559), at(2, 320, 300), at(2, 0, 560)],
             [PADDING, 1.0, 0.0, 0.2, PADDING]
         );
-        let area = letterbox.in_picture([0.0, 80.0, 320.0, 320.0]);
+        let area = letterbox.in_image([0.0, 80.0, 320.0, 320.0]);
         assert_eq!(area, ImageBox { left: 0.0, top: 0.0, right: 0.5, bottom: 0.5 });
-        assert_eq!(letterbox.in_picture([-9.0, 0.0, 999.0, 999.0]), ImageBox { left: 0.0, top: 0.0, right: 1.0, bottom: 1.0 });
+        assert_eq!(letterbox.in_image([-9.0, 0.0, 999.0, 999.0]), ImageBox { left: 0.0, top: 0.0, right: 1.0, bottom: 1.0 });
     }
 
     #[test]
     fn nothing_is_turned_or_mirrored() {
-        let mut picture = Rgb::new(4, 2);
-        picture.set_pixel(3, 0, [255, 255, 255]);
+        let mut image = Rgb::new(4, 2);
+        image.set_pixel(3, 0, [255, 255, 255]);
         let mut values = Vec::new();
-        Letterbox::new((4, 2), (4, 4)).fill(&picture, &mut values);
+        Letterbox::new((4, 2), (4, 4)).fill(&image, &mut values);
         let plane: Vec<f32> = values[..16].iter().map(|value| if *value == PADDING { -1.0 } else { *value }).collect();
         assert_eq!(plane, [[-1.0; 4], [0.0, 0.0, 0.0, 1.0], [0.0; 4], [-1.0; 4]].concat());
     }
@@ -104,7 +104,7 @@ mod tests {
             prop_assert!(letterbox.corner.0 + w <= across && letterbox.corner.1 + h <= down);
             // It touches two edges, or is a pixel off for rounding.
             prop_assert!(w == across || h == down);
-            let whole = letterbox.in_picture([0.0, 0.0, across as f32, down as f32]);
+            let whole = letterbox.in_image([0.0, 0.0, across as f32, down as f32]);
             prop_assert_eq!(whole, ImageBox { left: 0.0, top: 0.0, right: 1.0, bottom: 1.0 });
         }
     }

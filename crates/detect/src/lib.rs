@@ -4,7 +4,7 @@
 //! common to these models: the [`letterbox`], which converts an image to the network's input, and [`decode`], which
 //! converts its output to boxes. No model is included.
 
-#![cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "what lies around a network waits for one"))]
+#![cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "pre- and postprocessing are only used with a network"))]
 
 pub mod decode;
 pub mod letterbox;
@@ -128,17 +128,17 @@ impl Detector {
     ///
     /// # Errors
     /// [`DetectError::Run`] if the network fails, [`DetectError::Unfit`] if its output layout has changed.
-    pub fn detect(&self, picture: &Rgb) -> Result<Vec<Detection>, DetectError> {
-        let letterbox = Letterbox::new((picture.width(), picture.height()), self.input);
+    pub fn detect(&self, image: &Rgb) -> Result<Vec<Detection>, DetectError> {
+        let letterbox = Letterbox::new((image.width(), image.height()), self.input);
         let mut values = Vec::new();
-        letterbox.fill(picture, &mut values);
+        letterbox.fill(image, &mut values);
         let output = self.network.run(&values)?;
         let candidates = self.layout.decode(&output.shape, &output.values)?;
         let kept = decode::suppress(candidates, self.layout.is_final());
         let named = |candidate: decode::Candidate| Detection {
             name: self.classes.get(candidate.class).cloned().unwrap_or_else(|| format!("class {}", candidate.class)),
             score: f64::from(candidate.score),
-            area: letterbox.in_picture(candidate.corners),
+            area: letterbox.in_image(candidate.corners),
         };
         Ok(kept.into_iter().map(named).collect())
     }

@@ -38,17 +38,17 @@ impl Folder {
 
 /// Twice as wide as high, so that there is grey above and below: a red square in the left half, a blue one in the right.
 fn squares() -> Rgb {
-    let mut picture = Rgb::filled(128, 64, [90, 90, 90]);
+    let mut image = Rgb::filled(128, 64, [90, 90, 90]);
     let mut square = |left: u32, top: u32, colour: [u8; 3]| {
         for y in top..top + 16 {
             for x in left..left + 16 {
-                picture.set_pixel(x, y, colour);
+                image.set_pixel(x, y, colour);
             }
         }
     };
     square(32, 16, [255, 0, 0]);
     square(96, 48, [0, 0, 200]);
-    picture
+    image
 }
 
 const RED: ImageBox = ImageBox { left: 0.25, top: 0.25, right: 0.375, bottom: 0.5 };
@@ -133,8 +133,8 @@ fn what_does_not_fit_is_refused_in_words() {
         (Vec::new(), "cannot load"),
     ];
     for (bytes, words) in cases {
-        let said = folder.refused(&bytes);
-        assert!(said.contains(words), "{said} has not {words}");
+        let message = folder.refused(&bytes);
+        assert!(message.contains(words), "{message} has not {words}");
     }
     let missing = Detector::open(&folder.0.path().join("none.onnx")).err().unwrap();
     assert!(matches!(missing, DetectError::Read(_)));

@@ -14,7 +14,7 @@ fn main() {
 
 /// A room-like picture that moves a little from frame to frame.
 fn room(shift: u32) -> Rgb {
-    let mut picture = Rgb::new(960, 720);
+    let mut image = Rgb::new(960, 720);
     for y in 0..720 {
         for x in 0..960 {
             let (u, v) = (x + 3 * shift, y);
@@ -26,10 +26,10 @@ fn room(shift: u32) -> Rgb {
                 (false, false, true) => [(110 + v % 13) as u8, 115, 125],
                 (false, false, false) => [(190 + u % 11) as u8, 190, (170 + v % 7) as u8],
             };
-            picture.set_pixel(x, y, colour);
+            image.set_pixel(x, y, colour);
         }
     }
-    picture
+    image
 }
 
 /// A NAL unit as a Tello cuts it: a full datagram is never the last.
@@ -54,14 +54,14 @@ fn second() -> Vec<Vec<Vec<u8>>> {
 /// Datagrams of a recording's pictures: NAL units behind start codes, cut as a Tello cuts them.
 fn recorded(path: &std::ffi::OsStr) -> Vec<Vec<Vec<u8>>> {
     let stream = std::fs::read(path).expect("TELLO_VIDEO can be read");
-    let (mut pictures, mut waiting) = (Vec::new(), Vec::new());
+    let (mut images, mut waiting) = (Vec::new(), Vec::new());
     for nal in nal_units(&stream) {
         waiting.extend(datagrams(nal));
         if matches!(nal.first().map(|first| first & 31), Some(1 | 5)) {
-            pictures.push(std::mem::take(&mut waiting));
+            images.push(std::mem::take(&mut waiting));
         }
     }
-    pictures
+    images
 }
 
 #[divan::bench]

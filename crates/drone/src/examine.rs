@@ -44,7 +44,7 @@ impl Check {
 /// How long telemetry and video are observed.
 const WATCHED: Duration = Duration::from_secs(3);
 /// Maximum wait for the first image: a key frame arrives every second or two.
-pub const FIRST_PICTURE: Duration = Duration::from_secs(6);
+pub const FIRST_FRAME: Duration = Duration::from_secs(6);
 /// Polling interval.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Minimum charge for take-off, per cent.
@@ -58,7 +58,7 @@ const DARK: f64 = 40.0;
 pub struct Observation {
     /// Telemetry reports per second.
     pub telemetry: f64,
-    /// The newest image; `None` if none arrived within [`FIRST_PICTURE`].
+    /// The newest image; `None` if none arrived within [`FIRST_FRAME`].
     pub newest: Option<Photo>,
     /// Time until the first image.
     first: Duration,
@@ -75,7 +75,7 @@ impl Observation {
         let (begun, mut reports) = (Instant::now(), 0);
         let first = loop {
             reports += count_reports(drone, begun);
-            if frames.newest().is_some() || begun.elapsed() > FIRST_PICTURE {
+            if frames.newest().is_some() || begun.elapsed() > FIRST_FRAME {
                 break begun.elapsed();
             }
             std::thread::sleep(POLL_INTERVAL);
@@ -100,15 +100,15 @@ impl Observation {
     #[must_use]
     pub fn reports(&self, should: f64) -> Finding {
         match self.telemetry / should {
-            share if share < 0.5 => Finding::Bad,
-            share if share < 0.85 => Finding::Warning,
+            fraction if fraction < 0.5 => Finding::Bad,
+            fraction if fraction < 0.85 => Finding::Warning,
             _ => Finding::Good,
         }
     }
 
     /// Checks the video.
     #[must_use]
-    pub fn video(&self, picture: &Photo, advice: &str) -> Check {
+    pub fn video(&self, image: &Photo, advice: &str) -> Check {
         let finding = if self.shown < 5.0 {
             Finding::Bad
         } else if self.gaps > 0 || self.shown < 10.0 {
@@ -116,9 +116,9 @@ impl Observation {
         } else {
             Finding::Good
         };
-        let ((width, height), first) = (picture.size(), self.first.as_secs_f64());
-        let said = format!("{width}×{height}, {:.1} frames a second, {} gaps, first after {first:.1} s", self.shown, self.gaps);
-        Check::new("video", finding, said, Some(advice))
+        let ((width, height), first) = (image.size(), self.first.as_secs_f64());
+        let text = format!("{width}×{height}, {:.1} frames a second, {} gaps, first after {first:.1} s", self.shown, self.gaps);
+        Check::new("video", finding, text, Some(advice))
     }
 }
 
@@ -138,12 +138,12 @@ pub fn battery(charge: Option<u8>, advice: &str) -> Check {
 
 /// Checks the brightness.
 #[must_use]
-pub fn light(picture: &Photo, advice: &str) -> Check {
-    let pixels = picture.pixels();
+pub fn light(image: &Photo, advice: &str) -> Check {
+    let pixels = image.pixels();
     let bytes = pixels.data();
     let light = bytes.iter().map(|byte| f64::from(*byte)).sum::<f64>() / (bytes.len().max(1) as f64);
     let finding = if light < DARK { Finding::Warning } else { Finding::Good };
-    Check::new("light", finding, format!("mean {light:.0} of 255"), Some(advice))
+    Check::new("light", finding, format!("mean brightness {light:.0} of 255"), Some(advice))
 }
 
 fn count_reports(drone: &mut dyn Drone, begun: Instant) -> u32 {

@@ -12,7 +12,7 @@ pub static DRIVERS: &[Driver] = &[tello::driver::DRIVER];
 
 /// An unknown drone name.
 #[derive(Debug, thiserror::Error)]
-#[error("`{word}` is no drone: {}", Self::forms())]
+#[error("unknown drone `{word}`: use {}", Self::forms())]
 pub struct UnknownDrone {
     /// The name.
     pub word: String,

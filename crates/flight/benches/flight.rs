@@ -10,7 +10,7 @@ use spf_core::craft::CraftKind;
 use spf_flight::flight::{self, FlightPlan, Site};
 use spf_flight::sim::{LoadedScene, OracleVlm, Simulated, VlmFactory};
 use spf_oracle::ErrorFile;
-use spf_vlm::{Answer, Asked, QueryImage, Vlm};
+use spf_vlm::{Answer, QueryImage, QueryRequest, Vlm};
 
 /// The oracle, but the picture is drawn and encoded all the same.
 struct Looks(OracleVlm);
@@ -20,30 +20,30 @@ impl Vlm for Looks {
         self.0.name()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        drop(black_box(picture.jpeg(picture.size(), 85)));
-        self.0.answer(asked, picture)
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        drop(black_box(image.jpeg(image.size(), 85)));
+        self.0.answer(request, image)
     }
 }
 
 /// Flies to the red crane; the number of decisions.
-fn fly(loaded: &Arc<LoadedScene>, pictures: bool) -> u32 {
-    let who: VlmFactory = Arc::new(move |world, seed| {
+fn fly(loaded: &Arc<LoadedScene>, images: bool) -> u32 {
+    let vlm_factory: VlmFactory = Arc::new(move |world, seed| {
         let world = world.ok_or("the oracle needs the simulator")?;
         let errors = ErrorFile::named("default")?;
         let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), errors, seed);
-        Ok(if pictures { Box::new(Looks(oracle)) as Box<dyn Vlm> } else { Box::new(oracle) })
+        Ok(if images { Box::new(Looks(oracle)) as Box<dyn Vlm> } else { Box::new(oracle) })
     });
     let site = Site::Simulated(Simulated { kind: CraftKind::Quad, ..Simulated::new(loaded.clone(), "city") });
-    let plan = FlightPlan::new(site, "Take off and fly to the red crane", "oracle", who);
+    let plan = FlightPlan::new(site, "Take off and fly to the red crane", "oracle", vlm_factory);
     flight::fly(plan, &mut []).expect("its start is free").summary.decisions
 }
 
 #[divan::bench(args = [false, true], sample_count = 5, sample_size = 1)]
-fn decisions(bencher: Bencher<'_, '_>, pictures: bool) {
+fn decisions(bencher: Bencher<'_, '_>, images: bool) {
     let loaded = Arc::new(LoadedScene::load("city").expect("it is built in"));
-    let made = fly(&loaded, pictures);
-    bencher.counter(ItemsCount::new(made)).bench(|| fly(&loaded, pictures));
+    let made = fly(&loaded, images);
+    bencher.counter(ItemsCount::new(made)).bench(|| fly(&loaded, images));
 }
 
 fn main() {

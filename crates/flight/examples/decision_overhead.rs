@@ -32,14 +32,14 @@ use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::Scene;
 use spf_vlm::setup;
 use spf_vlm::table::Table;
-use spf_vlm::{Asked, QueryImage, Strategy, Vlm, VlmError};
+use spf_vlm::{QueryImage, QueryRequest, Strategy, Vlm, VlmError};
 
 type Failure = Box<dyn Error + Send + Sync>;
 
 const WARM: u64 = 20;
 const DECISIONS: u64 = 400;
 
-/// A camera's frame, as `spf_flight::picture` shows it.
+/// A camera's frame, as `spf_flight::image` shows it.
 struct Frame<'a>(&'a Rgb, &'a mut Scaler);
 
 impl QueryImage for Frame<'_> {
@@ -145,7 +145,7 @@ fn decide(spf: &mut Spf, vlm: &mut dyn Vlm, mut frame: Frame<'_>, camera: &Camer
     };
     let view = View { frame: meta, camera: *camera, pose: Pose::default(), at_rest: true };
     let Step::Ask(query) = spf.handle(PolicyEvent::Frame(&view)) else { return Err("the policy did not ask".into()) };
-    let text = vlm.answer(&Asked::new(&query, Duration::from_secs(10)), &mut frame).text?;
+    let text = vlm.answer(&QueryRequest::new(&query, Duration::from_secs(10)), &mut frame).text?;
     let Step::Move(motion) = spf.handle(PolicyEvent::Reply { id: query.id, text: &text }) else {
         return Err(format!("no motion came of {text}").into());
     };

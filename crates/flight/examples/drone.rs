@@ -15,14 +15,14 @@ use spf_flight::flight::{self, FlightError, FlightPlan, Flown, Site};
 use spf_flight::real::Real;
 use spf_flight::sim::VlmFactory;
 use spf_flight::site::Clock;
-use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
+use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
 
 /// Points at what is red in the image, and says how far a ball of a metre is that looks so large.
 struct SeesRed;
 
 impl SeesRed {
-    fn look(picture: &mut dyn QueryImage) -> Result<String, VlmError> {
-        let Some(spot) = red::find(&picture.pixels()?) else {
+    fn look(image: &mut dyn QueryImage) -> Result<String, VlmError> {
+        let Some(spot) = red::find(&image.pixels()?) else {
             let reply = r#"{"status":"not_visible","look":"right","stage":null,"point":null,"depth":null,"target":null}"#;
             return Ok(reply.to_owned());
         };
@@ -36,9 +36,9 @@ impl Vlm for SeesRed {
         "red"
     }
 
-    fn answer(&mut self, _asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, _request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         let (latency, model) = (Duration::from_millis(300), "red".to_owned());
-        Answer { text: Self::look(picture), latency, model, account: Account::default() }
+        Answer { text: Self::look(image), latency, model, account: Account::default() }
     }
 }
 
@@ -48,9 +48,9 @@ pub(crate) fn sees_red() -> VlmFactory {
 }
 
 /// Flies to the ball, as fast as the machine can.
-pub(crate) fn fly(vlm: &str, who: VlmFactory) -> Result<Flown, FlightError> {
+pub(crate) fn fly(vlm: &str, vlm_factory: VlmFactory) -> Result<Flown, FlightError> {
     let site = Site::Real(Real { drone: Box::<toy::Toy>::default(), clock: Clock::Virtual });
-    let plan = FlightPlan::new(site, "fly to the red ball", vlm, who);
+    let plan = FlightPlan::new(site, "fly to the red ball", vlm, vlm_factory);
     flight::fly(plan, &mut [])
 }
 

@@ -75,8 +75,8 @@ impl PolicyMaker for Squares {
 /// Flies it over the plaza of the city.
 pub(crate) fn fly() -> Result<Flown, Box<dyn Error>> {
     let site = Site::Simulated(Simulated::new(Arc::new(LoadedScene::load("city")?), "city"));
-    let who = oracle_factory("oracle".to_owned(), ErrorFile::default());
-    let plan = FlightPlan { policy: Arc::new(Squares), ..FlightPlan::new(site, "fly a square", "oracle", who) };
+    let vlm_factory = oracle_factory("oracle".to_owned(), ErrorFile::default());
+    let plan = FlightPlan { policy: Arc::new(Squares), ..FlightPlan::new(site, "fly a square", "oracle", vlm_factory) };
     Ok(flight::fly(plan, &mut [])?)
 }
 

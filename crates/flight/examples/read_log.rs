@@ -35,8 +35,8 @@ pub(crate) fn decisions(log: &Path) -> Result<Vec<(f64, String)>, Box<dyn Error>
 /// Flies twenty seconds in the office, and leaves its files in a folder.
 pub(crate) fn flown(folder: &Path) -> Result<PathBuf, Box<dyn Error>> {
     let site = Site::Simulated(Simulated::new(Arc::new(LoadedScene::load("office")?), "office"));
-    let who = oracle_factory("oracle".to_owned(), ErrorFile::default());
-    let plan = FlightPlan::new(site, "go to the person in the green shirt", "oracle", who);
+    let vlm_factory = oracle_factory("oracle".to_owned(), ErrorFile::default());
+    let plan = FlightPlan::new(site, "go to the person in the green shirt", "oracle", vlm_factory);
     let plan = FlightPlan {
         settings: PilotSettings { max_time: Duration::from_secs(20), ..plan.settings },
         record: Some(RecordPlan { out: OutDir::at(folder)?, video: false, view: None }),

@@ -10,21 +10,21 @@ use std::sync::Arc;
 use spf_core::time::Duration;
 use spf_flight::flight::{self, FlightPlan, Flown, Site};
 use spf_flight::sim::{LoadedScene, Simulated};
-use spf_vlm::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
+use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
 
 /// Counts what it was asked.
 #[derive(Default)]
 struct Lightest(u32);
 
 impl Lightest {
-    /// Here stands the call of a model: `asked.query.prompt` is what it is told, `picture` what it is shown, `asked.time_left` how long
+    /// Here stands the call of a model: `asked.query.prompt` is what it is told, `image` what it is shown, `asked.time_left` how long
     /// it may take. Its words are read by the parser that reads everybody's (docs/reference/reply.md).
-    fn ask(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Result<String, VlmError> {
+    fn ask(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Result<String, VlmError> {
         self.0 += 1;
-        if self.0 > 3 || asked.query.memory.confirming {
+        if self.0 > 3 || request.query.memory.confirming {
             return Ok(r#"{"status":"done","look":null,"stage":null,"point":null,"depth":null,"target":null}"#.to_owned());
         }
-        let jpeg = picture.jpeg((64, 48), 80)?;
+        let jpeg = image.jpeg((64, 48), 80)?;
         let small = spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Image(error.to_string()))?;
         let light = |(_, pixel): &(usize, &[u8])| pixel.iter().map(|byte| u32::from(*byte)).sum::<u32>();
         let at = small.data().chunks_exact(3).enumerate().max_by_key(light).map_or(0, |(at, _)| at);
@@ -43,10 +43,10 @@ impl Vlm for Lightest {
         ImageSpec { image_size: Some((64, 48)), ..ImageSpec::default() }
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         // What the flight waits. A fixed time keeps it the same from run to run; a model's own is measured.
         let (latency, model) = (Duration::from_secs(1), "lightest".to_owned());
-        Answer { text: self.ask(asked, picture), latency, model, account: Account::default() }
+        Answer { text: self.ask(request, image), latency, model, account: Account::default() }
     }
 }
 

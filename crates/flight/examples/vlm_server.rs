@@ -43,8 +43,8 @@ pub(crate) fn reply(prompt: &str, image: &Rgb, ahead: &AtomicU32) -> Value {
 
 /// The response to a request's body; `None` if it is no question about an image.
 fn response(body: &[u8], ahead: &AtomicU32) -> Option<Value> {
-    let asked: Value = serde_json::from_slice(body).ok()?;
-    let parts = asked["messages"][0]["content"].as_array()?;
+    let requested: Value = serde_json::from_slice(body).ok()?;
+    let parts = requested["messages"][0]["content"].as_array()?;
     let prompt = parts.iter().find_map(|part| part["text"].as_str())?;
     let (_, jpeg) = parts.iter().find_map(|part| part["image_url"]["url"].as_str())?.split_once("base64,")?;
     let image = spf_media::jpeg::decode(&STANDARD.decode(jpeg).ok()?).ok()?;

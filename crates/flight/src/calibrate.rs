@@ -17,7 +17,7 @@ use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
 use spf_drone::tello::sticks::Calibration;
-use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
+use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
 
 use crate::flight::{FlightError, FlightPlan, Site, fly};
 use crate::policy::PolicyKind;
@@ -94,7 +94,7 @@ pub struct Routine {
     stage: Stage,
     /// Whether the initial hold has been sent.
     held: bool,
-    said: Option<Time>,
+    reported: Option<Time>,
     heights: VecDeque<(Time, f64)>,
     heading: Option<f64>,
     turned: f64,
@@ -116,7 +116,7 @@ impl Routine {
             operator,
             stage: Stage::Waiting,
             held: false,
-            said: None,
+            reported: None,
             heights: VecDeque::new(),
             heading: None,
             turned: 0.0,
@@ -179,7 +179,7 @@ impl Routine {
                 }
                 if number < Leg::ALL.len() {
                     self.before = (self.place(), 0.0);
-                    (self.stage, self.said) = (Stage::Leg(number, now), None);
+                    (self.stage, self.reported) = (Stage::Leg(number, now), None);
                     self.go_on(now);
                 } else {
                     self.stage = Stage::Over;
@@ -192,7 +192,7 @@ impl Routine {
                     self.say(now, Leg::ALL[number].setpoint(&self.full));
                 } else {
                     self.before.1 = elapsed.as_secs_f64();
-                    (self.stage, self.said) = (Stage::Rest(number + 1, now + REST), None);
+                    (self.stage, self.reported) = (Stage::Rest(number + 1, now + REST), None);
                     self.say(now, Setpoint::HOLD);
                 }
             }
@@ -200,8 +200,8 @@ impl Routine {
     }
 
     fn say(&mut self, now: Time, setpoint: Setpoint) {
-        if self.said.is_none_or(|said| now.since(said) >= AGAIN) {
-            self.said = Some(now);
+        if self.reported.is_none_or(|reported| now.since(reported) >= AGAIN) {
+            self.reported = Some(now);
             drop(self.operator.send(OperatorEvent::Setpoint(setpoint)));
         }
     }
@@ -243,7 +243,7 @@ impl Vlm for NoVlm {
         "nobody"
     }
 
-    fn answer(&mut self, _asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, _request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         let refused = VlmError::Refused { model: "nobody".to_owned(), reason: "calibrating the drone".to_owned() };
         Answer { text: Err(refused), latency: Duration::ZERO, model: String::new(), account: Account::default() }
     }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use spf_core::detection::write_detections;
 use spf_core::query::QueryKind;
 use spf_detect::Detector;
-use spf_vlm::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
+use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
 
 use crate::sim::VlmFactory;
 
@@ -26,18 +26,18 @@ impl Vlm for WithDetector {
         self.vlm.image_spec(camera)
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        match asked.query.kind {
-            QueryKind::Detect { .. } => self.detector.answer(asked, picture),
-            _ => self.vlm.answer(asked, picture),
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        match request.query.kind {
+            QueryKind::Detect { .. } => self.detector.answer(request, image),
+            _ => self.vlm.answer(request, image),
         }
     }
 }
 
 /// Combines a VLM with `detector`, which answers `Detect` queries.
 #[must_use]
-pub fn with_detector(who: VlmFactory, detector: VlmFactory) -> VlmFactory {
-    Arc::new(move |world, seed| Ok(Box::new(WithDetector { vlm: who(world, seed)?, detector: detector(world, seed)? })))
+pub fn with_detector(vlm_factory: VlmFactory, detector: VlmFactory) -> VlmFactory {
+    Arc::new(move |world, seed| Ok(Box::new(WithDetector { vlm: vlm_factory(world, seed)?, detector: detector(world, seed)? })))
 }
 
 /// A detection model as a [`Vlm`]. Its latency is the measured inference time.
@@ -48,12 +48,12 @@ impl Vlm for DetectorVlm {
         self.0.name()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         // In the simulator this renders the frame; a camera's frame is available immediately.
-        let pixels = picture.pixels();
+        let pixels = image.pixels();
         let began = Instant::now();
         let detect = |pixels| self.0.detect(&pixels).map_err(|error| VlmError::Detector(error.to_string()));
-        let text = match asked.query.kind {
+        let text = match request.query.kind {
             QueryKind::Detect { .. } => pixels.and_then(detect).map(|found| write_detections(&found)),
             _ => Err(VlmError::Refused { model: self.0.name().to_owned(), reason: "lists the objects in an image".to_owned() }),
         };

@@ -33,8 +33,8 @@ pub fn simulator(loaded: &LoadedScene) -> Check {
     let rate = f64::from(drawn) / begun.elapsed().as_secs_f64();
     // The video of a flight has ten frames per second.
     let finding = if rate < 10.0 { Finding::Warning } else { Finding::Good };
-    let said = format!("{} renders at {rate:.1} frames per second", loaded.scene.name);
-    Check::new("simulator", finding, said, Some("reduce the load on this machine, or fly with --no-video"))
+    let text = format!("{} renders at {rate:.1} frames per second", loaded.scene.name);
+    Check::new("simulator", finding, text, Some("reduce the load on this machine, or fly with --no-video"))
 }
 
 /// Sends test images of a dot to a VLM.
@@ -46,14 +46,14 @@ pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration) -> Check {
     match checked.verdict {
         Verdict::Good(worst) => {
             let finding = if slowest > 5.0 { Finding::Warning } else { Finding::Good };
-            let said = format!("{name} points within {:.1} % of the image width, latency up to {slowest:.2} s", 100.0 * worst);
-            Check::new("VLM", finding, said, Some("use a faster model: the drone holds, or flies on, while waiting for a reply"))
+            let text = format!("{name} points within {:.1} % of the image width, latency up to {slowest:.2} s", 100.0 * worst);
+            Check::new("VLM", finding, text, Some("use a faster model: the drone holds, or flies on, while waiting for a reply"))
         }
         Verdict::Failed(error) => Check::new(
             "VLM",
             Finding::Bad,
             format!("{name}: {error}"),
-            Some("check that the API key is set and that the Internet is reachable besides the drone's Wi-Fi"),
+            Some("check that the API key is set, and that this machine reaches the Internet while on the drone's Wi-Fi"),
         ),
         _ => Check::new(
             "VLM",
@@ -74,7 +74,7 @@ pub fn detector(model: &Detector) -> Check {
     let seen = model.detect(&Rgb::filled(960, 720, [128; 3]));
     let took = began.elapsed();
     let (width, height) = model.input();
-    let found = format!("{} knows {} classes, {width}×{height} pixels", model.name(), model.classes().len());
+    let found = format!("{} has {} classes, {width}×{height} pixels", model.name(), model.classes().len());
     match seen {
         Err(error) => Check::new("detector", Finding::Bad, error.to_string(), Some("use another model: docs/guide/detector.md")),
         Ok(_) => {

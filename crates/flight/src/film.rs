@@ -45,7 +45,7 @@ struct Shot {
     known: Pose,
     waypoint: Option<EnuPosition>,
     boxes: Vec<(ImageBox, String)>,
-    asked: Vec<Mark>,
+    query_marks: Vec<Mark>,
     title: String,
     status: String,
     decision: String,
@@ -62,7 +62,7 @@ pub(crate) struct Film {
     waypoint: Option<EnuPosition>,
     boxes: Vec<(ImageBox, String)>,
     /// The marks of the last query, such as PIVOT's arrows.
-    asked: Vec<Mark>,
+    query_marks: Vec<Mark>,
     /// Until when boxes and marks are shown.
     drawn_until: Time,
     live: bool,
@@ -90,7 +90,7 @@ impl Film {
             decision: String::new(),
             waypoint: None,
             boxes: Vec::new(),
-            asked: Vec::new(),
+            query_marks: Vec::new(),
             drawn_until: Time::ZERO,
             live,
             shots,
@@ -104,7 +104,7 @@ impl Film {
             // A policy that uses marks holds until the reply arrives, so the marks stay in place.
             Action::Ask(query) if !query.marks.is_empty() => {
                 self.boxes.clear();
-                self.asked.clone_from(&query.marks);
+                self.query_marks.clone_from(&query.marks);
                 self.drawn_until = Time::MAX;
             }
             Action::Note(Note::Decision(decision)) => {
@@ -119,7 +119,7 @@ impl Film {
             Action::Finished(ending) => {
                 self.decision = format!("{}: {}", words::outcome(ending.outcome), ending.cause);
                 self.waypoint = None;
-                self.asked.clear();
+                self.query_marks.clear();
             }
             _ => {}
         }
@@ -165,7 +165,7 @@ impl Film {
             known,
             waypoint: self.waypoint,
             boxes: if shown { self.boxes.clone() } else { Vec::new() },
-            asked: if shown { self.asked.clone() } else { Vec::new() },
+            query_marks: if shown { self.query_marks.clone() } else { Vec::new() },
             title: self.title.clone(),
             status: format!("{:.1} s  {}", at.as_secs_f64(), words::phase(pilot.phase())),
             decision: self.decision.clone(),
@@ -184,19 +184,19 @@ impl Film {
 fn encode(mut writer: VideoWriter, camera: &Camera, shots: &Receiver<Shot>, log: Option<&Outlet>) -> Result<(), VideoError> {
     let (mut trouble, mut scaler) = (None, Scaler::default());
     for shot in shots {
-        let mut picture = shot.photo.at(SIZE, &mut scaler);
+        let mut image = shot.photo.at(SIZE, &mut scaler);
         let marks = Marks { waypoint: waypoint(camera, &shot), boxes: shot.boxes.clone() };
         if let Some(log) = log
-            && let Ok(jpeg) = Jpeg::encode(&picture, JPEG_QUALITY)
+            && let Ok(jpeg) = Jpeg::encode(&image, JPEG_QUALITY)
         {
-            log.picture(shot.at, jpeg.bytes().to_vec().into(), SIZE, &marks);
+            log.image(shot.at, jpeg.bytes().to_vec().into(), SIZE, &marks);
         }
-        annotate(&mut picture, &shot, &marks);
-        if let Err(error) = writer.push(shot.at, &picture) {
+        annotate(&mut image, &shot, &marks);
+        if let Err(error) = writer.push(shot.at, &image) {
             trouble = Some(error);
             break;
         }
-        scaler.reuse(picture);
+        scaler.reuse(image);
     }
     // Finish the file, so that everything up to the error can be played.
     let ended = writer.finish().map(|_| ());
@@ -215,11 +215,11 @@ fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
     Some((point, format!("{:.1} m", ahead.length())))
 }
 
-fn annotate(picture: &mut Rgb, shot: &Shot, drawn: &Marks) {
+fn annotate(image: &mut Rgb, shot: &Shot, drawn: &Marks) {
     let mut boxes = drawn.as_marks();
-    boxes.splice(..0, shot.asked.iter().cloned());
+    boxes.splice(..0, shot.query_marks.iter().cloned());
     // Perception on one line and the resulting step on the next: together they are too long for the frame.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
     let hud = Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] };
-    marks::annotate(picture, &boxes, drawn.waypoint.as_ref().map(|(point, caption)| (*point, caption.as_str())), &hud);
+    marks::annotate(image, &boxes, drawn.waypoint.as_ref().map(|(point, caption)| (*point, caption.as_str())), &hud);
 }

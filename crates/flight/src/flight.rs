@@ -43,7 +43,7 @@ pub struct FlightPlan {
     /// Name of the VLM on the command line.
     pub vlm: String,
     /// Creates the VLM.
-    pub who: VlmFactory,
+    pub vlm_factory: VlmFactory,
     /// Name of the detector; `None` without one.
     pub detector: Option<String>,
     /// The prompt; `None` for the built-in one.
@@ -61,7 +61,7 @@ pub struct FlightPlan {
 }
 
 /// The craft and its environment.
-#[allow(clippy::large_enum_variant, reason = "there is one a flight, and it is moved twice")]
+#[allow(clippy::large_enum_variant, reason = "one value per flight, moved twice")]
 pub enum Site {
     /// A simulated craft in a scene, with ground truth.
     Simulated(Simulated),
@@ -91,7 +91,7 @@ impl Site {
 impl FlightPlan {
     /// SPF with the default preset, without operator or recording. `vlm` is the name of the VLM.
     #[must_use]
-    pub fn new(site: Site, instruction: &str, vlm: &str, who: VlmFactory) -> Self {
+    pub fn new(site: Site, instruction: &str, vlm: &str, vlm_factory: VlmFactory) -> Self {
         Self {
             limits: site.limits(),
             site,
@@ -100,7 +100,7 @@ impl FlightPlan {
             preset: Preset::Default,
             settings: PilotSettings::preset(Preset::Default),
             vlm: vlm.to_owned(),
-            who,
+            vlm_factory,
             detector: None,
             prompt: None,
             max_cost_usd: None,
@@ -152,7 +152,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     }
     let camera = capabilities.camera;
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl")));
-    let vlm = (plan.who)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
+    let vlm = (plan.vlm_factory)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
     let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
     let image_spec = vlm.image_spec((camera.width, camera.height));
     let head = Head {

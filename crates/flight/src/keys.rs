@@ -156,9 +156,9 @@ mod tests {
         assert_eq!(keys.press(Key::Enter), [OperatorEvent::Hold]);
         assert_eq!(typed(&mut keys, "the yellow towel on the left wall, twelve steps"), []);
         assert_eq!([Key::Up, Key::Left, Key::Right, Key::Down].map(|key| keys.press(key)), [const { Vec::new() }; 4]);
-        let said = keys.press(Key::Enter);
+        let events = keys.press(Key::Enter);
         let instruction = OperatorEvent::Instruction("the yellow towel on the left wall, twelve steps".to_owned());
-        assert_eq!(said, [instruction, OperatorEvent::Resume]);
+        assert_eq!(events, [instruction, OperatorEvent::Resume]);
     }
 
     #[test]

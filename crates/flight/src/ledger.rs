@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::frame::FrameId;
 use spf_core::query::{QueryId, QueryKind};
 use spf_record::jsonl::JsonLines;
-use spf_vlm::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
+use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
 
 /// Total VLM usage of a flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -117,10 +117,10 @@ impl Ledger {
         self.sums().problem.clone()
     }
 
-    fn enter(&self, asked: &Asked<'_>, answer: &Answer) {
+    fn enter(&self, request: &QueryRequest<'_>, answer: &Answer) {
         let account = &answer.account;
         // A local detector has no cost.
-        if account.requests == 0 && matches!(asked.query.kind, QueryKind::Detect { .. }) {
+        if account.requests == 0 && matches!(request.query.kind, QueryKind::Detect { .. }) {
             return;
         }
         let mut sums = self.sums();
@@ -156,8 +156,8 @@ impl Ledger {
         }
         let error = answer.text.as_ref().err();
         let row = Row {
-            query: asked.query.id,
-            frame: asked.query.frame,
+            query: request.query.id,
+            frame: request.query.frame,
             model: &answer.model,
             latency_s,
             text: answer.text.as_ref().ok().map(String::as_str),
@@ -213,13 +213,13 @@ impl Vlm for Accounted {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         if let Some(error) = self.spent() {
             let (latency, model) = (spf_core::time::Duration::ZERO, self.vlm.name().to_owned());
             return Answer { text: Err(error), latency, model, account: Account::default() };
         }
-        let answer = self.vlm.answer(asked, picture);
-        self.ledger.enter(asked, &answer);
+        let answer = self.vlm.answer(request, image);
+        self.ledger.enter(request, &answer);
         answer
     }
 }

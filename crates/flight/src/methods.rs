@@ -44,7 +44,7 @@ pub struct MethodRow {
     /// The description in the help of `spf fly --policy`; `None` if `spf fly` does not offer it.
     pub fly: Option<String>,
     /// How the bench flies it; `None` if it is not a bench method.
-    pub bench: Option<Manner>,
+    pub bench: Option<BenchSettings>,
 }
 
 /// A policy family with its parameters. A family without options has braces too (`Name {}`), so that a row with an
@@ -99,7 +99,7 @@ impl Family {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[cfg_attr(test, derive(serde::Serialize))]
 #[serde(default, deny_unknown_fields)]
-pub struct Manner {
+pub struct BenchSettings {
     /// The preset, if not [`Preset::Default`].
     pub preset: Option<Preset>,
     /// Step length.
@@ -131,7 +131,7 @@ pub enum Step {
     FixedM(f64),
 }
 
-impl Manner {
+impl BenchSettings {
     /// The preset it is based on.
     #[must_use]
     pub fn preset(&self) -> Preset {
@@ -165,16 +165,16 @@ pub(crate) enum MethodsError {
     #[error("{0}")]
     Format(String),
     /// A name that cannot be used in a list or in a trial's name.
-    #[error("`{0}` is no name: lower-case letters, digits and dashes between them, a letter first")]
+    #[error("invalid name `{0}`: use lower-case letters, digits and single dashes, starting with a letter")]
     Name(String),
     /// A row without a description.
-    #[error("`{0}` has no words about it")]
+    #[error("`{0}` has no `about`: add a description")]
     About(String),
     /// Duplicate name.
-    #[error("two rows are called `{0}`")]
+    #[error("duplicate name `{0}`")]
     Twice(String),
     /// A row that is used by neither command.
-    #[error("`{0}` is neither for `spf fly` nor for the bench")]
+    #[error("`{0}` has neither `fly` nor `bench`: set at least one")]
     Unused(String),
     /// A number out of range.
     #[error("`{key}` of `{name}` is {value}, but must be {must}")]
@@ -189,13 +189,13 @@ pub(crate) enum MethodsError {
         must: &'static str,
     },
     /// A bench row whose flight logs could not name a policy.
-    #[error("no row for `spf fly` decides as `{0}` does, so that the logs of its flights could not name their policy")]
+    #[error("no row with `fly` has the policy of `{0}`, so logs of its flights could not name their policy")]
     Nameless(String),
     /// Two identical policies.
-    #[error("`{0}` and `{1}` are both for `spf fly` and decide alike, so that a log could name either")]
+    #[error("`{0}` and `{1}` both have `fly` and the same policy, so a log could name either")]
     Alike(String, String),
     /// A blind control that would need frames.
-    #[error("`{0}` is blind, but of the policies only `plain` with commands can be answered without looking")]
+    #[error("`{0}` is blind, but only the policy `plain` with `form = \"commands\"` works without frames")]
     Blind(String),
 }
 
@@ -259,10 +259,10 @@ impl MethodRow {
         }
         match self.bench {
             // NaN is in no range.
-            Some(Manner { step: Some(Step::FixedM(metres)), .. }) if !FIXED_M.contains(&metres) => {
+            Some(BenchSettings { step: Some(Step::FixedM(metres)), .. }) if !FIXED_M.contains(&metres) => {
                 wrong("fixed_m", metres, "0.05 to 50")
             }
-            Some(Manner { blind: true, .. }) if self.policy != (Family::Plain { form: ActForm::Commands }) => {
+            Some(BenchSettings { blind: true, .. }) if self.policy != (Family::Plain { form: ActForm::Commands }) => {
                 Err(MethodsError::Blind(name()))
             }
             _ => Ok(()),

@@ -58,7 +58,7 @@ impl PolicyKind {
 
     fn of(family: Family) -> Self {
         let row = rows().iter().find(|row| row.fly.is_some() && row.policy == family);
-        Self(row.expect("what decides a row of the table has a name there, and the table is part of the program"))
+        Self(row.expect("every policy of the embedded table has a name"))
     }
 
     /// Its name on the command line.

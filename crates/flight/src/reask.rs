@@ -19,10 +19,10 @@ use spf_media::marks::{self, Hud};
 use spf_oracle::ErrorFile;
 use spf_record::log::{Entry, ReadError};
 use spf_sim::frame_clock::FrameClock;
-use spf_vlm::{Answer, Asked, ImageSpec, Vlm};
+use spf_vlm::{Answer, ImageSpec, QueryRequest, Vlm};
 
+use crate::image::Marked;
 use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
-use crate::picture::Marked;
 use crate::policy::PolicyKind;
 use crate::replay::{ReplayError, head, prompt_of, row};
 use crate::sim::{FlightConditions, LoadedScene, OracleVlm, SimWorld, VlmFactory, VlmFactoryError, WorldSnapshot, photo};
@@ -48,7 +48,7 @@ pub struct Question {
 pub fn questions(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) -> Result<(Head, Vec<Question>), ReplayError> {
     let mut entries = entries.into_iter();
     let head = head(&mut entries)?;
-    let (mut asked, mut truths) = (BTreeMap::<QueryId, Query>::new(), BTreeMap::new());
+    let (mut request, mut truths) = (BTreeMap::<QueryId, Query>::new(), BTreeMap::new());
     let mut answers = BTreeMap::new();
     for entry in entries {
         let entry = match entry {
@@ -59,7 +59,7 @@ pub fn questions(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) ->
         match Channel::of_topic(&entry.topic) {
             Some(Channel::Query) => {
                 let query: Query = row(&entry)?;
-                asked.insert(query.id, query);
+                request.insert(query.id, query);
             }
             Some(Channel::Truth) => {
                 let truth: TruthRow = row(&entry)?;
@@ -78,7 +78,7 @@ pub fn questions(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) ->
         let truth = *truths.get(&query.frame)?;
         Some(Question { query, truth, answer: answers.get(&id).cloned() })
     };
-    Ok((head, asked.into_iter().filter_map(question).collect()))
+    Ok((head, request.into_iter().filter_map(question).collect()))
 }
 
 /// The content of a reply.
@@ -182,7 +182,7 @@ pub enum AskError {
     Head(#[from] ReplayError),
     /// The VLM could not be created.
     #[error("cannot create the VLM")]
-    Who(#[source] VlmFactoryError),
+    VlmFactory(#[source] VlmFactoryError),
 }
 
 impl Asker {
@@ -201,8 +201,8 @@ impl Asker {
             Responder::Oracle(errors) => {
                 Answerer::Oracle(Box::new(OracleVlm::new(name.to_owned(), world.clone(), *errors, sim.seed)))
             }
-            Responder::Other(who) => {
-                Answerer::Vlm(who(Some(&world), sim.seed).map_err(AskError::Who)?, head.settings.reply_timeout)
+            Responder::Other(vlm_factory) => {
+                Answerer::Vlm(vlm_factory(Some(&world), sim.seed).map_err(AskError::VlmFactory)?, head.settings.reply_timeout)
             }
         };
         Ok(Self { world, responder, prompt, name: name.to_owned(), seed: sim.seed, grounding: head.grounding })
@@ -235,24 +235,24 @@ impl Asker {
                 let query = rewritten(query, &self.prompt, &image_spec);
                 let photo = self.world.still(captured(question), snapshot).map(|shot| photo(&self.world, shot));
                 let mut scaler = Scaler::default();
-                let mut picture = Marked::new(&query, (camera.width, camera.height), photo, &mut scaler);
-                (vlm.answer(&Asked::new(&query, *patience), &mut picture), image_spec.grounding)
+                let mut image = Marked::new(&query, (camera.width, camera.height), photo, &mut scaler);
+                (vlm.answer(&QueryRequest::new(&query, *patience), &mut image), image_spec.grounding)
             }
         }
     }
 
     /// Both replies drawn on the frame, side by side: the recorded one on the left.
     #[must_use]
-    pub fn picture(&self, question: &Question, opinion: &ReplyPair, vlm_then: &str) -> Rgb {
+    pub fn image(&self, question: &Question, opinion: &ReplyPair, vlm_then: &str) -> Rgb {
         let snapshot = self.snapshot(question);
         let Some(shot) = self.world.still(captured(question), &snapshot) else { return Rgb::new(2 * HALF.0, HALF.1) };
         let clean = self.world.photograph(&shot, Some(HALF));
-        let half = |who: &str, pointed: &Option<Pointed>| {
+        let half = |title: &str, pointed: &Option<Pointed>| {
             let mut half = clean.clone();
             let words = pointed.as_ref().map_or_else(|| "no reply in time".to_owned(), Pointed::words);
             let status = format!("frame {}", opinion.frame);
             let point = pointed.as_ref().and_then(|pointed| pointed.point);
-            let hud = Hud { title: who, status: &status, lines: &[&words] };
+            let hud = Hud { title, status: &status, lines: &[&words] };
             marks::annotate(&mut half, &[], point.map(|point| (point, "")), &hud);
             half
         };

@@ -97,9 +97,9 @@ impl Recorder {
         let logged = file.is_some() || view.is_some();
         let log = logged.then(|| FlightLog::start(file, view, head, &frame_source.prisms(), frame_source.clone()));
         let decisions = problems.kept(DECISIONS, JsonLines::create(&out.file(DECISIONS)));
-        let pictures = log.as_ref().filter(|_| video).map(|log| log.pictures(film::SIZE));
+        let images = log.as_ref().filter(|_| video).map(|log| log.images(film::SIZE));
         let film = video
-            .then(|| Film::start(&out.file(VIDEO), frame_source.clone(), &head.instruction, pictures, live))
+            .then(|| Film::start(&out.file(VIDEO), frame_source.clone(), &head.instruction, images, live))
             .and_then(|film| problems.kept(VIDEO, film));
         Self {
             out,
@@ -138,7 +138,7 @@ impl Recorder {
             self.problems.kept(VIDEO, film.finish());
         }
         let (outlines, target) = self.frame_source.map(summary.targets.first().map(String::as_str));
-        let picture = trajectory_svg(&TrajectoryInput {
+        let image = trajectory_svg(&TrajectoryInput {
             title: summary.instruction.clone(),
             outcome: headline(summary),
             outlines,
@@ -147,7 +147,7 @@ impl Recorder {
             decisions: core::mem::take(&mut self.marks),
             target,
         });
-        self.problems.kept(TRAJECTORY, self.out.write(TRAJECTORY, picture.as_bytes()));
+        self.problems.kept(TRAJECTORY, self.out.write(TRAJECTORY, image.as_bytes()));
         summary.not_recorded.clone_from(&self.problems.files);
         // The log comes second to last: it contains the summary.
         if let Some(log) = self.log.take() {

@@ -67,10 +67,10 @@ pub fn decision(decision: &Decision) -> String {
     }
     let mut line = match &reading.reply {
         Some(reply) => match reply.status {
-            Status::Done if decision.step == "look" => "reports done: holding to confirm".to_owned(),
+            Status::Done if decision.step == "look" => "done reported: holding to confirm".to_owned(),
             Status::Done => "done".to_owned(),
             Status::NotVisible => match reply.look {
-                Some(way) => format!("not visible, looks {}", look(way)),
+                Some(way) => format!("not visible, search {}", look(way)),
                 None => "not visible".to_owned(),
             },
             Status::Navigating => {
@@ -92,7 +92,7 @@ pub fn decision(decision: &Decision) -> String {
     }
     let held = matches!(reading.avoidance, Some(Avoidance::Hold { .. }));
     if reading.waypoint.is_some() && reading.step.is_none() && reading.primitives.is_some() && !held {
-        line.push_str(", yaws first");
+        line.push_str(", yaw first");
     }
     if decision.passed {
         line.push_str(" → already passed, yaw only");
@@ -117,14 +117,14 @@ pub fn decision(decision: &Decision) -> String {
 #[must_use]
 pub fn vlm_use(used: &VlmUse) -> String {
     let models: Vec<&str> = used.models.keys().map(String::as_str).collect();
-    let who = if models.is_empty() { "none".to_owned() } else { models.join(", ") };
+    let names = if models.is_empty() { "none".to_owned() } else { models.join(", ") };
     let failed: u32 = used.failed.values().sum();
     let failed = if failed > 0 { format!(" ({failed} failed)") } else { String::new() };
     let latency = used.median_latency_s.map_or(String::new(), |seconds| format!(", median {seconds:.2} s"));
     let about = if used.tokens_estimated { "about " } else { "" };
-    let cost = used.cost_usd.map_or("price unknown".to_owned(), |cost| format!("{about}{cost:.4} $"));
+    let cost = used.cost_usd.map_or("price unknown".to_owned(), |cost| format!("{about}${cost:.4}"));
     format!(
-        "VLM: {who}, {} questions{failed}{latency}, {about}{} tokens in, {} out, {} thinking, {cost}",
+        "VLM: {names}, {} queries{failed}{latency}, {about}{} tokens in, {} out, {} thinking, {cost}",
         used.questions, used.tokens_in, used.tokens_out, used.tokens_thinking
     )
 }

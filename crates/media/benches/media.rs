@@ -13,7 +13,7 @@ fn main() {
 
 /// A city-like picture: blocks with window grids that shift a little from frame to frame.
 fn scene(width: u32, height: u32, shift: u32) -> Rgb {
-    let mut picture = Rgb::new(width, height);
+    let mut image = Rgb::new(width, height);
     for y in 0..height {
         for x in 0..width {
             let (u, v) = ((x + shift * 2) * 960 / width, y * 720 / height);
@@ -24,41 +24,41 @@ fn scene(width: u32, height: u32, shift: u32) -> Rgb {
                 (true, true) => [40, 50, (70 + u % 13) as u8],
                 (true, false) => [(150 + u / 97 * 13 % 80) as u8, 140, (120 + (u * 7 + v * 3) % 11) as u8],
             };
-            picture.set_pixel(x, y, colour);
+            image.set_pixel(x, y, colour);
         }
     }
-    picture
+    image
 }
 
 #[divan::bench(args = [(480, 360), (640, 480), (960, 720)])]
 fn encode_h264(bencher: Bencher<'_, '_>, (width, height): (u32, u32)) {
-    let pictures: Vec<_> = (0..20).map(|shift| scene(width, height, shift)).collect();
+    let images: Vec<_> = (0..20).map(|shift| scene(width, height, shift)).collect();
     let mut encoder = Encoder::new(EncoderSettings::for_size(width, height, 10.0)).expect("the size is valid");
     let mut count = 0_u64;
     bencher.bench_local(|| {
         count += 1;
-        encoder.encode(Time::from_millis(count * 100), &pictures[count as usize % 20]).expect("the codec encodes")
+        encoder.encode(Time::from_millis(count * 100), &images[count as usize % 20]).expect("the codec encodes")
     });
 }
 
 #[divan::bench(args = [(480, 360), (640, 480)])]
 fn resize_from_960x720(bencher: Bencher<'_, '_>, (width, height): (u32, u32)) {
-    let picture = scene(960, 720, 0);
-    bencher.bench(|| resize(black_box(&picture), width, height));
+    let image = scene(960, 720, 0);
+    bencher.bench(|| resize(black_box(&image), width, height));
 }
 
 #[divan::bench(args = [(480, 360), (640, 480), (960, 720)])]
 fn annotate(bencher: Bencher<'_, '_>, (width, height): (u32, u32)) {
-    let mut picture = scene(width, height, 0);
+    let mut image = scene(width, height, 0);
     bencher.bench_local(|| {
-        draw_waypoint(&mut picture, ImagePoint { u: 0.4, v: 0.4 }, "depth 7: red tower crane", Colour::WAYPOINT);
+        draw_waypoint(&mut image, ImagePoint { u: 0.4, v: 0.4 }, "depth 7: red tower crane", Colour::WAYPOINT);
         let lines = ["#5 red tower crane  depth 7  step 5.3 m", "yaw +12°  forward 5.1 m  climb +0.8 m"];
-        draw_hud(&mut picture, &Hud { title: "Take off and fly to the red crane", status: "12.40 s  flying", lines: &lines });
+        draw_hud(&mut image, &Hud { title: "Take off and fly to the red crane", status: "12.40 s  flying", lines: &lines });
     });
 }
 
 #[divan::bench(args = [(768, 576, 70), (960, 720, 70), (960, 720, 80), (960, 720, 90)])]
 fn encode_jpeg(bencher: Bencher<'_, '_>, (width, height, quality): (u32, u32, u8)) {
-    let picture = scene(width, height, 0);
-    bencher.bench(|| Jpeg::encode(black_box(&picture), quality));
+    let image = scene(width, height, 0);
+    bencher.bench(|| Jpeg::encode(black_box(&image), quality));
 }

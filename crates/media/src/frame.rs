@@ -9,7 +9,7 @@ use fnv::FnvHasher;
 #[non_exhaustive]
 pub enum FrameError {
     /// The buffer does not hold `width × height` pixels of three bytes.
-    #[error("an image of {width}×{height} needs {needed} bytes, the buffer has `{actual}`")]
+    #[error("an image of {width}×{height} needs {needed} bytes, but the buffer has `{actual}`")]
     WrongLength {
         /// Width, pixels.
         width: u32,
@@ -49,11 +49,11 @@ impl Rgb {
     /// An image of one colour.
     #[must_use]
     pub fn filled(width: u32, height: u32, colour: [u8; 3]) -> Self {
-        let mut picture = Self::new(width, height);
-        for pixel in picture.data.chunks_exact_mut(3) {
+        let mut image = Self::new(width, height);
+        for pixel in image.data.chunks_exact_mut(3) {
             pixel.copy_from_slice(&colour);
         }
-        picture
+        image
     }
 
     /// An image from its bytes.
@@ -138,18 +138,18 @@ mod tests {
     fn a_buffer_of_the_wrong_length_is_refused() {
         assert!(Rgb::from_raw(2, 2, vec![0; 12]).is_ok());
         let error = Rgb::from_raw(2, 2, vec![0; 11]).unwrap_err();
-        assert_eq!(error.to_string(), "an image of 2×2 needs 12 bytes, the buffer has `11`");
+        assert_eq!(error.to_string(), "an image of 2×2 needs 12 bytes, but the buffer has `11`");
         assert!(Rgb::from_raw(u32::MAX, u32::MAX, vec![]).is_err());
     }
 
     #[test]
     fn pixels_outside_are_none() {
-        let mut picture = Rgb::filled(3, 2, [1, 2, 3]);
-        picture.set_pixel(2, 1, [9, 8, 7]);
-        picture.set_pixel(3, 0, [0, 0, 0]);
-        assert_eq!(picture.pixel(2, 1), Some([9, 8, 7]));
-        assert_eq!(picture.pixel(1, 1), Some([1, 2, 3]));
-        assert_eq!(picture.pixel(0, 2), None);
+        let mut image = Rgb::filled(3, 2, [1, 2, 3]);
+        image.set_pixel(2, 1, [9, 8, 7]);
+        image.set_pixel(3, 0, [0, 0, 0]);
+        assert_eq!(image.pixel(2, 1), Some([9, 8, 7]));
+        assert_eq!(image.pixel(1, 1), Some([1, 2, 3]));
+        assert_eq!(image.pixel(0, 2), None);
     }
 
     #[test]

@@ -9,8 +9,8 @@ use crate::jpeg::EncodeError;
 ///
 /// # Errors
 /// [`EncodeError::Image`] if a side is zero.
-pub fn encode(picture: &Rgb) -> Result<Vec<u8>, EncodeError> {
-    encode_rgb8(picture.width(), picture.height(), picture.data())
+pub fn encode(image: &Rgb) -> Result<Vec<u8>, EncodeError> {
+    encode_rgb8(image.width(), image.height(), image.data())
 }
 
 /// Encodes colours of three bytes a pixel, rows from the top.
@@ -60,7 +60,7 @@ pub fn encode_grey16(width: u32, height: u32, pixels: &[u16]) -> Result<Vec<u8>,
 
 fn write(bytes: &[u8], width: u32, height: u32, colour: ColorType, depth: BitDepth) -> Result<Vec<u8>, EncodeError> {
     let expected = u64::from(width) * u64::from(height) * (colour.samples() * usize::from(depth as u8) / 8) as u64;
-    assert_eq!(bytes.len() as u64, expected, "a picture of {width}×{height} has so many bytes");
+    assert_eq!(bytes.len() as u64, expected, "wrong buffer length for an image of {width}×{height}");
     let encoded = || -> Result<Vec<u8>, EncodingError> {
         let mut file = Vec::new();
         let mut encoder = Encoder::new(&mut file, width, height);
@@ -83,10 +83,10 @@ mod tests {
 
     #[test]
     fn colour_and_grey_come_back_unchanged() {
-        let mut picture = Rgb::filled(5, 4, [1, 2, 3]);
-        picture.set_pixel(4, 3, [255, 0, 128]);
+        let mut image = Rgb::filled(5, 4, [1, 2, 3]);
+        image.set_pixel(4, 3, [255, 0, 128]);
         let back = |bytes: &[u8]| decode(bytes, Limits::default()).unwrap();
-        assert_eq!(back(&encode(&picture).unwrap()).into_rgb(), picture);
+        assert_eq!(back(&encode(&image).unwrap()).into_rgb(), image);
 
         let mask = [0, 255, 255, 0, 7, 0];
         let grey = back(&encode_grey8(2, 3, &mask).unwrap());

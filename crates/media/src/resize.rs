@@ -17,33 +17,33 @@ pub struct Scaler {
 impl Scaler {
     /// Scales like [`resize`].
     #[must_use]
-    pub fn scale(&mut self, picture: &Rgb, width: u32, height: u32) -> Rgb {
+    pub fn scale(&mut self, image: &Rgb, width: u32, height: u32) -> Rgb {
         let mut data = core::mem::take(&mut self.spare);
-        if (picture.width(), picture.height()) == (width, height) {
+        if (image.width(), image.height()) == (width, height) {
             data.clear();
-            data.extend_from_slice(picture.data());
+            data.extend_from_slice(image.data());
         } else {
             data.resize(width as usize * height as usize * 3, 0);
-            self.convolve(picture, width, height, &mut data);
+            self.convolve(image, width, height, &mut data);
         }
         Rgb::from_raw(width, height, data).unwrap_or_else(|_| Rgb::new(width, height))
     }
 
-    fn convolve(&mut self, picture: &Rgb, width: u32, height: u32, into: &mut [u8]) {
-        if picture.data().is_empty() || into.is_empty() {
+    fn convolve(&mut self, image: &Rgb, width: u32, height: u32, into: &mut [u8]) {
+        if image.data().is_empty() || into.is_empty() {
             return into.fill(0);
         }
         // With static types, so that only this pixel format is compiled.
-        let from = TypedImageRef::<U8x3>::from_buffer(picture.width(), picture.height(), picture.data())
-            .expect("the buffer of an `Rgb` is as long as its size says");
+        let from = TypedImageRef::<U8x3>::from_buffer(image.width(), image.height(), image.data())
+            .expect("the buffer length of an `Rgb` matches its size");
         let mut scaled = TypedImage::<U8x3>::from_buffer(width, height, into).expect("the buffer was made for this size");
         let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(FilterType::CatmullRom));
-        self.resizer.resize_typed(&from, &mut scaled, &options).expect("nothing is cut off");
+        self.resizer.resize_typed(&from, &mut scaled, &options).expect("the options have no crop");
     }
 
     /// Takes the memory of an image for the next one.
-    pub fn reuse(&mut self, picture: Rgb) {
-        self.spare = picture.into_data();
+    pub fn reuse(&mut self, image: Rgb) {
+        self.spare = image.into_data();
     }
 }
 
@@ -53,8 +53,8 @@ impl Scaler {
 /// The filter is a polynomial and the library uses integer sums, so results do not depend on a C library's `sin` or on
 /// CPU features (AVX2, SSE4.1 or neither). An image or size of zero pixels gives a black image of the requested size.
 #[must_use]
-pub fn resize(picture: &Rgb, width: u32, height: u32) -> Rgb {
-    Scaler::default().scale(picture, width, height)
+pub fn resize(image: &Rgb, width: u32, height: u32) -> Rgb {
+    Scaler::default().scale(image, width, height)
 }
 
 #[cfg(test)]
@@ -70,14 +70,14 @@ mod tests {
     #[test]
     fn halving_averages_neighbours() {
         // Stripes of two pixels, black and white: at half the width every pixel is one stripe's centre.
-        let mut picture = Rgb::new(8, 2);
+        let mut image = Rgb::new(8, 2);
         for y in 0..2 {
             for x in 0..8 {
                 let grey = if x % 2 == 0 { 0 } else { 200 };
-                picture.set_pixel(x, y, [grey; 3]);
+                image.set_pixel(x, y, [grey; 3]);
             }
         }
-        let small = resize(&picture, 4, 1);
+        let small = resize(&image, 4, 1);
         for x in 1..3 {
             let [grey, ..] = small.pixel(x, 0).unwrap();
             assert!((95..=105).contains(&grey), "{grey}");
@@ -87,24 +87,24 @@ mod tests {
     /// The same figures on every machine, whatever its CPU has.
     #[test]
     fn pixels_are_these() {
-        let mut picture = Rgb::new(31, 23);
+        let mut image = Rgb::new(31, 23);
         let mut state = 1_u32;
         for y in 0..23 {
             for x in 0..31 {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                picture.set_pixel(x, y, [(state >> 24) as u8, (state >> 16) as u8, (x * 8) as u8]);
+                image.set_pixel(x, y, [(state >> 24) as u8, (state >> 16) as u8, (x * 8) as u8]);
             }
         }
-        let small = resize(&picture, 13, 9);
+        let small = resize(&image, 13, 9);
         let found: Vec<[u8; 3]> = [(0, 0), (6, 4), (12, 8)].into_iter().filter_map(|(x, y)| small.pixel(x, y)).collect();
         assert_eq!(found, [[107, 122, 6], [192, 119, 120], [99, 165, 234]]);
     }
 
     #[test]
     fn what_was_there_before_does_not_show() {
-        let (mut scaler, picture) = (Scaler::default(), Rgb::filled(12, 10, [9, 80, 200]));
+        let (mut scaler, image) = (Scaler::default(), Rgb::filled(12, 10, [9, 80, 200]));
         for (width, height) in [(20, 30), (5, 4), (12, 10), (0, 3), (20, 30), (12, 10)] {
-            let scaled = scaler.scale(&picture, width, height);
+            let scaled = scaler.scale(&image, width, height);
             assert_eq!(scaled, Rgb::filled(width, height, [9, 80, 200]));
             scaler.reuse(scaled);
         }

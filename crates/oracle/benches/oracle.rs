@@ -17,7 +17,7 @@ const W: usize = 960;
 const H: usize = 720;
 
 /// Forty objects of a street: ground, house fronts, cars, and lattices of thin bars, which cost most.
-fn picture() -> (Vec<u16>, Vec<f32>, Vec<Tagged>) {
+fn image() -> (Vec<u16>, Vec<f32>, Vec<Tagged>) {
     let (mut ids, mut depth) = (vec![0; W * H], vec![f32::INFINITY; W * H]);
     for y in 0..H {
         for x in 0..W {
@@ -50,7 +50,7 @@ fn query(instruction: &str) -> Query {
 
 #[divan::bench]
 fn percept_960x720(bencher: Bencher<'_, '_>) {
-    let (ids, depth, tags) = picture();
+    let (ids, depth, tags) = image();
     let (camera, none) = (Camera::quad(), BTreeMap::new());
     let sight = Sight {
         width: W,
@@ -69,7 +69,7 @@ fn percept_960x720(bencher: Bencher<'_, '_>) {
 
 #[divan::bench(args = ["fly to the red crane", "go to the second tallest building from the left next to the red crane, then search for the bus"])]
 fn answer(bencher: Bencher<'_, '_>, instruction: &str) {
-    let (ids, depth, tags) = picture();
+    let (ids, depth, tags) = image();
     let (camera, none) = (Camera::quad(), BTreeMap::new());
     let sight = Sight {
         width: W,

@@ -40,14 +40,14 @@ pub(super) fn act(oracle: &Oracle, query: &Query, percept: &Percept, aim: &Aim, 
             Look::Down => Motion { forward: -1.0, ..Motion::default() },
         }
     };
-    let said = match form {
+    let reply = match form {
         ActForm::Commands => json!({ "actions": commands(motion, aim.done), "done": aim.done }),
         ActForm::Numeric => {
             json!({ "dx": motion.forward, "dy": 0, "dz": motion.climb, "dyaw": motion.turn, "done": aim.done })
         }
         ActForm::Discrete => json!({ "action": if aim.done { "stop" } else { fixed(motion) } }),
     };
-    said.to_string()
+    reply.to_string()
 }
 
 fn towards(oracle: &Oracle, query: &Query, percept: &Percept, place: Place) -> Motion {
@@ -109,8 +109,8 @@ mod tests {
 
     #[test]
     fn commands_leave_out_what_is_nothing() {
-        let said = commands(Motion { turn: -15.0, forward: 5.0, climb: 0.0 }, false);
-        assert_eq!(said, [json!({ "cmd": "yaw_left", "value": 15.0 }), json!({ "cmd": "forward", "value": 5.0 })]);
+        let reply = commands(Motion { turn: -15.0, forward: 5.0, climb: 0.0 }, false);
+        assert_eq!(reply, [json!({ "cmd": "yaw_left", "value": 15.0 }), json!({ "cmd": "forward", "value": 5.0 })]);
         assert_eq!(commands(Motion::default(), true), [json!({ "cmd": "stop", "value": 0 })]);
     }
 }

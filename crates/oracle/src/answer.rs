@@ -62,7 +62,7 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
             }
         }
         Some(place) => {
-            reply.depth = Some(label_slipped(oracle, query, place.range, place.share));
+            reply.depth = Some(label_slipped(oracle, query, place.range, place.fraction));
             reply.point = Some(place.point);
             if aim.done {
                 reply.status = Status::Done;
@@ -106,22 +106,22 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
 const ALL_ROUND: f64 = 0.99 * core::f64::consts::TAU;
 
 /// The depth label of an object at this range that fills this fraction of the image height, sometimes off by two.
-fn label_slipped(oracle: &Oracle, query: &Query, range: f64, share: f64) -> u8 {
-    let label = label(&oracle.errors, range, share);
+fn label_slipped(oracle: &Oracle, query: &Query, range: f64, fraction: f64) -> u8 {
+    let label = label(&oracle.errors, range, fraction);
     let mut slip = oracle.by_query("label", query);
     let off = if slip.chance(oracle.errors.label.off_by_two) { if slip.chance(0.5) { 2 } else { -2 } } else { 0 };
     (i32::from(label) + off).clamp(1, i32::from(DEPTH_LABELS)) as u8
 }
 
 /// The depth label of an object at this range that fills this fraction of the image height.
-pub(super) fn label(errors: &ErrorFile, range: f64, share: f64) -> u8 {
+pub(super) fn label(errors: &ErrorFile, range: f64, fraction: f64) -> u8 {
     let most = f64::from(DEPTH_LABELS);
     let label = match &errors.label.reading {
         Reading::RangeLog { per_decade } => 1.0 + per_decade * libm::log10(range),
         Reading::RangeLinear { farthest_m } => most * range / farthest_m,
-        Reading::Size { share_at_1, share_at_10 } => 1.0 + (most - 1.0) * (share_at_1 - share) / (share_at_1 - share_at_10),
-        Reading::IntendedTravel { share, lengths_m } => {
-            lengths_m.iter().take_while(|&&length| length <= share * range).count() as f64
+        Reading::Size { share_at_1, share_at_10 } => 1.0 + (most - 1.0) * (share_at_1 - fraction) / (share_at_1 - share_at_10),
+        Reading::IntendedTravel { fraction, lengths_m } => {
+            lengths_m.iter().take_while(|&&length| length <= fraction * range).count() as f64
         }
     };
     // Infinite range is the sky: the highest label. `round` of a clamped value is exact.

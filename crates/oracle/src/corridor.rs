@@ -3,7 +3,7 @@
 
 use spf_core::detection::parse_detections;
 use spf_core::query::{ImageBox, ImagePoint};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use super::Oracle;
 use super::percept::{PerceivedObject, Percept};
@@ -46,7 +46,7 @@ pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&PerceivedObject
         .filter(|thing| thing.box_luck >= errors.missed && is_in_way(oracle, percept, thing, way))
         .map(|thing| Found::of(thing))
         .collect();
-    let mut luck = Draw::new(oracle.seed, "oracle spurious box", &[percept.frame.0]);
+    let mut luck = RandomStream::new(oracle.seed, "oracle spurious box", &[percept.frame.0]);
     if luck.chance(errors.spurious) {
         let (u, v) = (luck.uniform(), luck.uniform());
         let (half_width, half_height) = (0.02 + 0.08 * luck.uniform(), 0.02 + 0.08 * luck.uniform());

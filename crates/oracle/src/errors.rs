@@ -153,10 +153,11 @@ pub enum Reading {
         /// Fraction for label 10.
         share_at_10: f64,
     },
-    /// The highest label whose length is at most `share · range`.
+    /// The highest label whose length is at most `fraction · range`.
     IntendedTravel {
         /// Fraction of the range that is to be flown.
-        share: f64,
+        #[serde(rename = "share")]
+        fraction: f64,
         /// Length of each label, metres, ascending.
         lengths_m: [f64; DEPTH_LABELS as usize],
     },
@@ -275,8 +276,8 @@ impl ErrorFile {
                 within("label.share_at_10", *share_at_10, 0.0, 1.0, "between 0 and 1")?;
                 within("label.share_at_1", *share_at_1, *share_at_10 + 1e-6, 1.0, "more than `label.share_at_10`")
             }
-            Reading::IntendedTravel { share, lengths_m } => {
-                within("label.share", *share, 0.001, 1.0, "between 0.001 and 1")?;
+            Reading::IntendedTravel { fraction, lengths_m } => {
+                within("label.share", *fraction, 0.001, 1.0, "between 0.001 and 1")?;
                 for pair in lengths_m.windows(2) {
                     within("label.lengths_m", pair[1], pair[0], 1e5, "ascending")?;
                 }

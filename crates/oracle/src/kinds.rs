@@ -203,17 +203,17 @@ fn wanted(phrase: &Phrase) -> String {
 /// `False`.
 pub(super) fn question(text: &str, lines: &[String]) -> String {
     let list = detections(lines);
-    let asked = text.to_lowercase();
-    let phrase = parse(&strip_question(&asked), &vocabulary(list.iter().map(|d| &d.tags)))
+    let requested = text.to_lowercase();
+    let phrase = parse(&strip_question(&requested), &vocabulary(list.iter().map(|d| &d.tags)))
         .clauses
         .into_iter()
         .next_back()
         .map(|c| c.target)
         .unwrap_or_default();
     let found = listed(&phrase, &list);
-    if asked.trim_start().starts_with("how many") {
+    if requested.trim_start().starts_with("how many") {
         found.len().to_string()
-    } else if ["is ", "are ", "do ", "does ", "can "].iter().any(|start| asked.trim_start().starts_with(start)) {
+    } else if ["is ", "are ", "do ", "does ", "can "].iter().any(|start| requested.trim_start().starts_with(start)) {
         if found.is_empty() { "False" } else { "True" }.to_owned()
     } else {
         found.first().map_or_else(|| "False".to_owned(), |d| d.label.clone())

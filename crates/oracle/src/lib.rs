@@ -29,7 +29,7 @@ mod truth;
 
 use spf_core::frame::FrameId;
 use spf_core::query::{Query, QueryKind};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::tags::Tagged;
 use spf_core::time::{Duration, duration_from_secs};
 
@@ -105,8 +105,8 @@ impl Oracle {
 
     /// The generator for one answer. The instruction is part of its key, so that flights of two tasks with equal seeds
     /// are independent.
-    fn by_query(&self, purpose: &str, query: &Query) -> Draw {
-        Draw::new(self.seed, &format!("oracle answer {purpose}: {}", query.instruction), &[query.id.0])
+    fn by_query(&self, purpose: &str, query: &Query) -> RandomStream {
+        RandomStream::new(self.seed, &format!("oracle answer {purpose}: {}", query.instruction), &[query.id.0])
     }
 }
 

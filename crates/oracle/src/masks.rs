@@ -35,12 +35,12 @@ impl Mask {
     /// The edge of the image with the most mask pixels.
     pub(super) fn cut(&self, width: usize, height: usize) -> Option<Look> {
         // As a fraction of the edge length, so that longer edges are not favoured.
-        let share = |i: usize| self.edges[i] as f64 / if i < 2 { height as f64 } else { width as f64 };
+        let fraction = |i: usize| self.edges[i] as f64 / if i < 2 { height as f64 } else { width as f64 };
         let looks = [Look::Left, Look::Right, Look::Up, Look::Down];
         (0..4)
             .filter(|&i| self.edges[i] > 0)
             .fold(None, |best: Option<usize>, i| match best {
-                Some(b) if share(b) >= share(i) => Some(b),
+                Some(b) if fraction(b) >= fraction(i) => Some(b),
                 _ => Some(i),
             })
             .map(|i| looks[i])
@@ -201,14 +201,14 @@ fn ends_of_squares(ids: &[u16], width: usize, row: usize, first: usize, end: usi
 mod tests {
     use super::*;
 
-    fn picture(rows: &[&str]) -> (Vec<u16>, usize) {
+    fn image(rows: &[&str]) -> (Vec<u16>, usize) {
         (rows.iter().flat_map(|row| row.bytes().map(|b| u16::from(b - b'0'))).collect(), rows[0].len())
     }
 
     #[test]
     fn deepest_is_inside_a_lattice() {
         // A square frame of two pixels' width: its centroid is air.
-        let (ids, width) = picture(&["111111", "111111", "110011", "110011", "111111", "111111"]);
+        let (ids, width) = image(&["111111", "111111", "110011", "110011", "111111", "111111"]);
         let found = masks(&ids, width);
         assert_eq!(found.len(), 1);
         let (x, y) = found[0].deepest;
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn deepest_is_the_middle_of_the_largest_square() {
-        let (ids, width) = picture(&["0000000", "0111110", "0111110", "0111110", "0111110", "0111110", "0022220"]);
+        let (ids, width) = image(&["0000000", "0111110", "0111110", "0111110", "0111110", "0111110", "0022220"]);
         let found = masks(&ids, width);
         assert_eq!(found[0].deepest, (3, 3));
         assert_eq!((found[0].left, found[0].right, found[0].top, found[0].bottom), (1, 5, 1, 5));
@@ -227,13 +227,13 @@ mod tests {
 
     #[test]
     fn equal_squares_go_to_the_centroid() {
-        let (ids, width) = picture(&["010", "010", "010", "010", "010"]);
+        let (ids, width) = image(&["010", "010", "010", "010", "010"]);
         assert_eq!(masks(&ids, width)[0].deepest, (1, 2));
     }
 
     #[test]
     fn edges_are_told() {
-        let (ids, width) = picture(&["1000", "1002", "1002", "0000"]);
+        let (ids, width) = image(&["1000", "1002", "1002", "0000"]);
         let found = masks(&ids, width);
         assert_eq!(found[0].cut(4, 4), Some(Look::Left));
         assert_eq!(found[1].cut(4, 4), Some(Look::Right));

@@ -7,7 +7,7 @@ use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::reply::Look;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::tags::Tagged;
 
 use super::errors::ErrorFile;
@@ -173,7 +173,7 @@ fn thing(
     let key = [frame.0, u64::from(mask.id)];
     let area = mask.area as f64;
     let light = f64::from(*sight.light.get(&mask.id).unwrap_or(&1.0)).clamp(0.0, 1.0);
-    let share = f64::from(*sight.in_frame.get(&mask.id).unwrap_or(&1.0));
+    let fraction = f64::from(*sight.in_frame.get(&mask.id).unwrap_or(&1.0));
     let bounds = ImageBox {
         left: mask.left as f64 / w,
         top: mask.top as f64 / h,
@@ -181,14 +181,14 @@ fn thing(
         bottom: (mask.bottom + 1) as f64 / h,
     };
     let deepest = ImagePoint { u: (mask.deepest.0 as f64 + 0.5) / w, v: (mask.deepest.1 as f64 + 0.5) / h };
-    let mut noise = Draw::new(seed, "oracle point", &key);
+    let mut noise = RandomStream::new(seed, "oracle point", &key);
     let spread = (errors.point.width_share * w).max(errors.point.size_share * sqrt(area));
     let point = ImagePoint {
         u: (deepest.u + spread * noise.normal() / w).clamp(0.0, 1.0),
         v: (deepest.v + spread * noise.normal() / h).clamp(0.0, 1.0),
     };
     let along = f64::from(depth[mask.deepest.1 * sight.width + mask.deepest.0]);
-    let slip = exp(errors.range.log_sd * Draw::new(seed, "oracle range", &key).normal());
+    let slip = exp(errors.range.log_sd * RandomStream::new(seed, "oracle range", &key).normal());
     let range = along * stretch(sight.camera, deepest) * slip;
     let past = f64::from(sight.depth.get(mask.deepest.1 * sight.width + mask.deepest.0).copied().unwrap_or(0.0));
     let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
@@ -203,11 +203,11 @@ fn thing(
         beyond: if past > 0.0 && past.is_finite() { past * stretch(sight.camera, deepest) } else { f64::INFINITY },
         // `docs/explanation/oracle.md`, "In view": at least 0.8 % of the frame high and a quarter inside it, or filling a
         // tenth of it.
-        in_view: (bounds.bottom - bounds.top >= 0.008 && share >= 0.25) || area >= 0.1 * w * h,
+        in_view: (bounds.bottom - bounds.top >= 0.008 && fraction >= 0.25) || area >= 0.1 * w * h,
         cut: mask.cut(sight.width, sight.height),
         size: sqrt(area * sent / (w * h)) * light,
-        luck: Draw::new(seed, "oracle seen", &key).uniform(),
-        box_luck: Draw::new(seed, "oracle box", &key).uniform(),
+        luck: RandomStream::new(seed, "oracle seen", &key).uniform(),
+        box_luck: RandomStream::new(seed, "oracle box", &key).uniform(),
     }
 }
 

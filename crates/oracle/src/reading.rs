@@ -44,7 +44,7 @@ pub struct ReadStep {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Correction {
     /// The word as written, in lower case.
-    pub said: String,
+    pub written: String,
     /// The word as read.
     pub read: String,
 }
@@ -73,9 +73,9 @@ impl InstructionReading {
         self.steps.iter().any(ReadStep::is_understood)
     }
 
-    fn correct(&mut self, said: String, read: String) {
-        if said != read && !self.corrections.iter().any(|known| known.said == said) {
-            self.corrections.push(Correction { said, read });
+    fn correct(&mut self, written: String, read: String) {
+        if written != read && !self.corrections.iter().any(|known| known.written == written) {
+            self.corrections.push(Correction { written, read });
         }
     }
 }
@@ -87,8 +87,8 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
     let items: Vec<_> = objects.iter().map(|object| object.seen_from(from)).collect();
     let unknown_word = |word: &String| UnknownWord { word: word.clone(), nearest: like(word, &scene) };
     let mut reading = InstructionReading::default();
-    for (said, read) in raw_tokens(instruction).into_iter().zip(tokens(instruction, &scene)) {
-        reading.correct(said, read);
+    for (written, read) in raw_tokens(instruction).into_iter().zip(tokens(instruction, &scene)) {
+        reading.correct(written, read);
     }
     let Instruction { clauses, motions } = parse(instruction, &scene);
     reading.directions = motions;
@@ -97,7 +97,7 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
         let unknown = target.nouns.iter().filter(|noun| !is_known(noun) && !scene.contains(*noun)).map(unknown_word).collect();
         each_within(&target, &mut |phrase| {
             // Grammar words are corrected first, then nouns, against the scene.
-            phrase.spelt.iter().for_each(|(said, read)| reading.correct(said.clone(), read.clone()));
+            phrase.spelt.iter().for_each(|(written, read)| reading.correct(written.clone(), read.clone()));
             for word in phrase.ignored.iter().map(unknown_word) {
                 if !reading.ignored.contains(&word) {
                     reading.ignored.push(word);
@@ -113,7 +113,7 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
                 order == Order::Flight || target.nouns.iter().any(|noun| is_thing(noun) || scene.contains(noun))
             }
             // "What should I cook" does not either, "somewhere to cook" does.
-            () if !target.uses.is_empty() => target.said.iter().any(|word| NOUNS.vague.contains(word)),
+            () if !target.uses.is_empty() => target.written.iter().any(|word| NOUNS.vague.contains(word)),
             () => !target.is_empty(),
         };
         reading.steps.push(ReadStep { verb, target: in_few_words(&target), candidates, unknown, alike, names_something });
@@ -171,7 +171,7 @@ fn in_few_words(phrase: &Phrase) -> String {
         false => words.join(" "),
         true if !phrase.uses.is_empty() => format!("something for \"{}\"", phrase.uses.join(" ")),
         true if phrase.is_empty() => String::new(),
-        true => phrase.said.join(" "),
+        true => phrase.written.join(" "),
     }
 }
 

@@ -28,7 +28,7 @@ pub(super) struct Place {
     /// Range, metres.
     pub(super) range: f64,
     /// Fraction of the image height that it fills.
-    pub(super) share: f64,
+    pub(super) fraction: f64,
     /// The box and range, metres, of the opening that it is in or behind.
     pub(super) opening: Option<(ImageBox, f64)>,
 }
@@ -387,7 +387,7 @@ fn place(thing: &PerceivedObject) -> Place {
     Place {
         point: thing.point,
         range: thing.range,
-        share: thing.bounds.bottom - thing.bounds.top,
+        fraction: thing.bounds.bottom - thing.bounds.top,
         opening: thing.tags.opening.then_some((thing.bounds, thing.range)),
     }
 }
@@ -402,7 +402,7 @@ const MOVE_M: f64 = 10.0;
 
 /// A point at the edge of the image at minimum range: a turn by half an image.
 fn edge(u: f64, view: &View<'_>) -> Place {
-    Place { point: ImagePoint { u, v: view.percept.level }, range: 1.0, share: 0.0, opening: None }
+    Place { point: ImagePoint { u, v: view.percept.level }, range: 1.0, fraction: 0.0, opening: None }
 }
 
 /// An object other than the previous target, according to the history. Among objects of the same name, one that is not
@@ -431,7 +431,7 @@ fn another<'v>(phrase: &Phrase, begins: bool, view: &'v View<'_>) -> Option<&'v 
 /// Straight on, for half of the free distance.
 fn ahead(view: &View<'_>) -> Place {
     let range = 0.5 * view.percept.ahead;
-    Place { point: ImagePoint { u: 0.5, v: view.percept.level }, range: range.min(MOVE_M), share: 0.0, opening: None }
+    Place { point: ImagePoint { u: 0.5, v: view.percept.level }, range: range.min(MOVE_M), fraction: 0.0, opening: None }
 }
 
 /// A point left of the object by one and a half times `near` at its range; at the image edge if that cuts it off.

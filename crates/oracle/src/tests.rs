@@ -154,25 +154,25 @@ fn done_is_judged_by_range_alone() {
     let oracle = Oracle::new(ErrorFile::default(), 3.0, 1);
     let painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 430..530, 310..410, 3.0);
     let percept = painting.percept(&oracle, 5);
-    let said = (0..2000)
+    let message = (0..2000)
         .filter(|&id| oracle.answer(&query(id, QueryKind::Done, "go to the car"), &percept).text.contains("true"))
         .count();
     let range = percept.seen(&oracle.errors, None).next().unwrap().range;
     let p = 1.0 / (1.0 + libm::exp(-libm::log(3.0 / range) / 0.25));
-    assert!((said as f64 / 2000.0 - p).abs() < 0.04, "{said} {p}");
+    assert!((message as f64 / 2000.0 - p).abs() < 0.04, "{message} {p}");
 }
 
 #[test]
 fn half_of_eight_pixels_square_are_seen_and_most_of_sixteen() {
     let oracle = Oracle::new(ErrorFile::default(), 3.0, 3);
-    let share = |side: usize, size: Option<(u32, u32)>| {
+    let fraction = |side: usize, size: Option<(u32, u32)>| {
         let painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 430..430 + side, 310..310 + side, 30.0);
         let base = painting.percept(&oracle, 0);
         assert_eq!(base.things.len(), 1);
         (0..1500)
             .filter(|&frame| {
                 let key = [frame, 1];
-                let luck = Draw::new(oracle.seed, "oracle seen", &key).uniform();
+                let luck = RandomStream::new(oracle.seed, "oracle seen", &key).uniform();
                 let mut percept = base.clone();
                 percept.things[0].redraw(luck);
                 percept.seen(&oracle.errors, size).next().is_some()
@@ -180,10 +180,10 @@ fn half_of_eight_pixels_square_are_seen_and_most_of_sixteen() {
             .count() as f64
             / 1500.0
     };
-    assert!((share(8, None) - 0.5).abs() < 0.04);
-    assert!((share(16, None) - 0.95).abs() < 0.02);
+    assert!((fraction(8, None) - 0.5).abs() < 0.04);
+    assert!((fraction(16, None) - 0.95).abs() < 0.02);
     // Sent at half the size, 16 pixels are 8.
-    assert!((share(16, Some((480, 360))) - 0.5).abs() < 0.04);
+    assert!((fraction(16, Some((480, 360))) - 0.5).abs() < 0.04);
 }
 
 #[test]
@@ -221,7 +221,7 @@ fn latency_is_log_normal() {
 
 #[test]
 fn labels_follow_their_reading() {
-    let label = |name: &str, range, share| answer::label(&ErrorFile::named(name).unwrap(), range, share);
+    let label = |name: &str, range, fraction| answer::label(&ErrorFile::named(name).unwrap(), range, fraction);
     // 1 + 4.5·log10: 1 m → 1, 10 m → 5.5 → 6, 100 m and more → 10.
     assert_eq!([0.5, 1.0, 10.0, 60.0, 100.0, f64::INFINITY].map(|r| label("default", r, 0.1)), [1, 1, 6, 9, 10, 10]);
     assert_eq!([7.4, 25.0, 80.0].map(|r| label("linear", r, 0.1)), [1, 5, 10]);
@@ -264,12 +264,12 @@ fn what_stands_beside_the_first_way_is_looked_at_when_the_way_leads_there() {
         0..500,
         12.0,
     );
-    let asked = query(0, QueryKind::Point { avoid: true }, "fly to the white building");
-    let alone = ask(&oracle, &painting, &asked);
+    let requested = query(0, QueryKind::Point { avoid: true }, "fly to the white building");
+    let alone = ask(&oracle, &painting, &requested);
     let past = alone.point.unwrap().u * W as f64;
     assert!(alone.boxes.len() == 1 && (330.0..440.0).contains(&past), "{past} {:?}", alone.boxes);
     let painting = painting.with(tagged(3, "bush", "bush", "green"), 330..400, 0..500, 12.0);
-    let both = ask(&oracle, &painting, &asked);
+    let both = ask(&oracle, &painting, &requested);
     let past = both.point.unwrap().u * W as f64;
     assert!(both.boxes.len() == 2 && past < 330.0, "{past} {:?}", both.boxes);
 }
@@ -486,9 +486,9 @@ fn the_other_kinds_answer_from_the_same_percept() {
     // Of COCO's classes there is none here, and a detector takes no VLM's time.
     let known = oracle.answer(&query(0, QueryKind::Detect { coco: true, scored: false }, ""), &percept);
     assert_eq!((known.text.as_str(), known.latency), ("", Duration::from_millis(100)));
-    let mut asked = query(0, QueryKind::Question { text: "How many cranes are there?".to_owned() }, "");
-    asked.detections = program.detections;
-    assert_eq!(oracle.answer(&asked, &percept).text, "2");
-    asked.kind = QueryKind::Question { text: "Is there a bridge?".to_owned() };
-    assert_eq!(oracle.answer(&asked, &percept).text, "False");
+    let mut requested = query(0, QueryKind::Question { text: "How many cranes are there?".to_owned() }, "");
+    requested.detections = program.detections;
+    assert_eq!(oracle.answer(&requested, &percept).text, "2");
+    requested.kind = QueryKind::Question { text: "Is there a bridge?".to_owned() };
+    assert_eq!(oracle.answer(&requested, &percept).text, "False");
 }

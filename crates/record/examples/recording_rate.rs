@@ -19,7 +19,7 @@ use spf_record::log::{Log, Message, Topic, foxglove};
 /// Flight time, seconds.
 const SECONDS: u64 = 30;
 /// Pictures a second.
-const PICTURES: u64 = 30;
+const FRAMES: u64 = 30;
 /// As in `spf_flight::film`.
 const QUALITY: u8 = 80;
 
@@ -67,7 +67,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for tick in 0..SECONDS * 120 {
         let time = Time::from_secs_f64(tick as f64 / 120.0);
         let send = |topic: usize, data: bytes::Bytes| sender.send(Message { topic, time, data });
-        if tick % (120 / PICTURES) == 0 {
+        if tick % (120 / FRAMES) == 0 {
             let jpeg = Jpeg::encode(&frames[(tick / 4 % 8) as usize], QUALITY)?;
             send(0, foxglove::encode(&foxglove::image(time, jpeg.bytes().to_vec().into())));
         }
@@ -84,7 +84,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     std::fs::remove_file(&path)?;
     let wall = began.elapsed().as_secs_f64();
     let size = facts.bytes as f64 / 1e6 * 60.0 / SECONDS as f64;
-    println!("{SECONDS} s of flight at {PICTURES} pictures of 960×720 a second, written in {wall:.1} s; {size:.0} MB a minute");
+    println!("{SECONDS} s of flight at {FRAMES} frames of 960×720 a second, written in {wall:.1} s; {size:.0} MB a minute");
     if let (Some(before), Some(after)) = (before, cpu()) {
         println!("{:.0} ms of CPU time a second of flight", 1000.0 * (after - before) / SECONDS as f64);
     }

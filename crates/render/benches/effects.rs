@@ -29,9 +29,9 @@ fn photograph(bencher: Bencher<'_, '_>, effects: &str) {
     // The lens asks for a larger picture; both are drawn before the time is taken.
     let mut drawn: Option<RenderedImage> = None;
     bencher.bench_local(|| {
-        eye.photograph(&shot, None, |camera, _, picture| {
+        eye.photograph(&shot, None, |camera, _, image| {
             let city = drawn.get_or_insert_with(|| city(camera, Channels::RGB));
-            picture.clone_from(city);
+            image.clone_from(city);
         })
     });
 }
@@ -42,9 +42,9 @@ fn truth_through_a_lens(bencher: Bencher<'_, '_>) {
     let mut drawn: Option<RenderedImage> = None;
     let mut seen = RenderedImage::default();
     bencher.bench_local(|| {
-        eye.look(eye.camera(), &mut seen, |camera, picture| {
+        eye.look(eye.camera(), &mut seen, |camera, image| {
             let city = drawn.get_or_insert_with(|| city(camera, Channels::TRUTH));
-            picture.clone_from(city);
+            image.clone_from(city);
         });
     });
 }

@@ -15,23 +15,23 @@ fn main() {
 /// From low in a street and from above the roofs.
 const EYES: [f64; 2] = [3.0, 40.0];
 
-fn picture(bencher: Bencher<'_, '_>, up: f64, channels: Channels) {
+fn image(bencher: Bencher<'_, '_>, up: f64, channels: Channels) {
     let renderer = Renderer::new(&yard::town().geometry);
     let attitude = Attitude { heading: 0.2, ..Attitude::default() };
     let pose = Pose { position: EnuPosition { east: 0.0, north: -100.0, up }, attitude };
-    let mut picture = RenderedImage::default();
-    renderer.render_into(&Camera::quad(), &pose, channels, &[], &mut picture);
-    bencher.bench_local(|| renderer.render_into(&Camera::quad(), black_box(&pose), channels, &[], &mut picture));
+    let mut image = RenderedImage::default();
+    renderer.render_into(&Camera::quad(), &pose, channels, &[], &mut image);
+    bencher.bench_local(|| renderer.render_into(&Camera::quad(), black_box(&pose), channels, &[], &mut image));
 }
 
 #[divan::bench(args = EYES)]
 fn truth(bencher: Bencher<'_, '_>, up: f64) {
-    picture(bencher, up, Channels::TRUTH);
+    image(bencher, up, Channels::TRUTH);
 }
 
 #[divan::bench(args = EYES)]
 fn rgb(bencher: Bencher<'_, '_>, up: f64) {
-    picture(bencher, up, Channels::RGB);
+    image(bencher, up, Channels::RGB);
 }
 
 #[divan::bench(sample_count = 5)]

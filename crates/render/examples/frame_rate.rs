@@ -31,7 +31,7 @@ const STREETS: [[f64; 4]; 7] = [
     [4.0, -2.0, 2.0, 300.0],
 ];
 /// Pictures of the path.
-const PICTURES: usize = 240;
+const FRAMES: usize = 240;
 /// Every picture of the path shows more than sky in at least this share of its pixels.
 const COVERED: f64 = 0.6;
 
@@ -53,11 +53,11 @@ fn pose([east, north, up, heading]: [f64; 4]) -> Pose {
 fn path() -> Vec<Pose> {
     let legs = STREETS.len() - 1;
     let at = |i: usize| {
-        let along = i as f64 * legs as f64 / PICTURES as f64;
-        let (leg, share) = (along as usize, along.fract());
-        pose(core::array::from_fn(|k| STREETS[leg][k] + (STREETS[leg + 1][k] - STREETS[leg][k]) * share))
+        let along = i as f64 * legs as f64 / FRAMES as f64;
+        let (leg, fraction) = (along as usize, along.fract());
+        pose(core::array::from_fn(|k| STREETS[leg][k] + (STREETS[leg + 1][k] - STREETS[leg][k]) * fraction))
     };
-    (0..PICTURES).map(at).collect()
+    (0..FRAMES).map(at).collect()
 }
 
 /// Milliseconds that the threads of this process have had a core.
@@ -80,22 +80,22 @@ struct Took {
 
 impl Took {
     /// Milliseconds that this share of the pictures does not exceed.
-    fn within(&self, share: f64) -> f64 {
-        self.wall[((self.wall.len() - 1) as f64 * share) as usize]
+    fn within(&self, fraction: f64) -> f64 {
+        self.wall[((self.wall.len() - 1) as f64 * fraction) as usize]
     }
 }
 
 fn fly(renderer: &Renderer, camera: &Camera, poses: &[Pose], channels: Channels, threads: usize) -> Result<Took, Failure> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     pool.install(|| {
-        let mut picture = RenderedImage::default();
+        let mut image = RenderedImage::default();
         for pose in poses.iter().step_by(8) {
-            renderer.render_into(camera, pose, channels, &[], &mut picture);
+            renderer.render_into(camera, pose, channels, &[], &mut image);
         }
         let (start, mut wall) = (on_cores()?, Vec::with_capacity(poses.len()));
         for pose in poses {
             let start = Instant::now();
-            renderer.render_into(camera, pose, channels, &[], &mut picture);
+            renderer.render_into(camera, pose, channels, &[], &mut image);
             wall.push(start.elapsed().as_secs_f64() * 1e3);
         }
         wall.sort_by(f64::total_cmp);
@@ -106,22 +106,22 @@ fn fly(renderer: &Renderer, camera: &Camera, poses: &[Pose], channels: Channels,
 fn report_path(presets: &[(&str, Channels)]) -> Result<(), Failure> {
     let renderer = Renderer::new(&Scene::load("city")?.geometry);
     let poses = path();
-    let mut shares = Vec::new();
+    let mut fractions = Vec::new();
     for pose in &poses {
         let ids = renderer.render(&camera(320), pose, Channels { ids: true, ..Channels::default() }).ids.unwrap_or_default();
-        shares.push(ids.iter().filter(|&&id| id != 0).count() as f64 / ids.len() as f64);
+        fractions.push(ids.iter().filter(|&&id| id != 0).count() as f64 / ids.len() as f64);
     }
-    let (least, mean) = (shares.iter().copied().fold(1.0, f64::min), shares.iter().sum::<f64>() / shares.len() as f64);
+    let (least, mean) = (fractions.iter().copied().fold(1.0, f64::min), fractions.iter().sum::<f64>() / fractions.len() as f64);
     println!(
-        "city, {} triangles, {PICTURES} pictures; covered: {:.0} % on average, {:.0} % at least",
+        "city, {} triangles, {FRAMES} frames; covered: {:.0} % on average, {:.0} % at least",
         renderer.triangles(),
         mean * 100.0,
         least * 100.0
     );
     if least < COVERED {
-        return Err(format!("the path looks at the sky: {:.0} % of a picture is covered", least * 100.0).into());
+        return Err(format!("the path looks at the sky: {:.0} % of a frame is covered", least * 100.0).into());
     }
-    println!("| size | cores | preset | median | worst 5 % | CPU time a picture |\n|---|---|---|---|---|---|");
+    println!("| size | cores | preset | median | worst 5 % | CPU time per frame |\n|---|---|---|---|---|---|");
     for (width, threads) in [(960, 2), (960, 1), (640, 2), (640, 1)] {
         for &(name, channels) in presets {
             let took = fly(&renderer, &camera(width), &poses, channels, threads)?;
@@ -169,20 +169,20 @@ fn report_pixels() -> Result<(), Failure> {
 }
 
 fn main() -> Result<(), Failure> {
-    let asked: Vec<String> = std::env::args().skip(1).collect();
-    let wanted = |what: &str| asked.is_empty() || asked.iter().any(|a| a == what);
-    let named = |name: &str| asked.iter().any(|a| a == name);
+    let requested: Vec<String> = std::env::args().skip(1).collect();
+    let wanted = |what: &str| requested.is_empty() || requested.iter().any(|a| a == what);
+    let named = |name: &str| requested.iter().any(|a| a == name);
     if wanted("path") {
         let presets: Vec<_> =
             PRESETS.into_iter().filter(|(name, _)| named(name) || !PRESETS.iter().any(|(n, _)| named(n))).collect();
         report_path(&presets)?;
     }
     if wanted("triangles") {
-        println!("\nCPU time of a picture of 960×720 in a town, one core:");
+        println!("\nCPU time of a frame of 960×720 in a town, one core:");
         report_triangles()?;
     }
     if wanted("pixels") {
-        println!("\nCPU time of a picture of the city, one core:");
+        println!("\nCPU time of a frame of the city, one core:");
         report_pixels()?;
     }
     Ok(())

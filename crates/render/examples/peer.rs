@@ -29,7 +29,7 @@ const STREETS: [[f64; 4]; 7] = [
     [4.0, -2.0, 2.0, 300.0],
 ];
 /// Pictures of the path.
-const PICTURES: usize = 240;
+const FRAMES: usize = 240;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -44,14 +44,14 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn path() -> Vec<Pose> {
     let legs = STREETS.len() - 1;
     let at = |i: usize| {
-        let along = i as f64 * legs as f64 / PICTURES as f64;
-        let (leg, share) = (along as usize, along.fract());
+        let along = i as f64 * legs as f64 / FRAMES as f64;
+        let (leg, fraction) = (along as usize, along.fract());
         let [east, north, up, heading] =
-            core::array::from_fn(|k| STREETS[leg][k] + (STREETS[leg + 1][k] - STREETS[leg][k]) * share);
+            core::array::from_fn(|k| STREETS[leg][k] + (STREETS[leg + 1][k] - STREETS[leg][k]) * fraction);
         let attitude = Attitude { heading: heading.to_radians(), ..Attitude::default() };
         Pose { position: EnuPosition { east, north, up }, attitude }
     };
-    (0..PICTURES).map(at).collect()
+    (0..FRAMES).map(at).collect()
 }
 
 fn camera(width: u32) -> Camera {
@@ -128,16 +128,16 @@ fn time(width: u32, frames: usize) -> Result<(), Box<dyn Error>> {
     let scene = Scene::load("city")?;
     let renderer = Renderer::new(&scene.geometry);
     let (camera, path) = (camera(width), path());
-    let mut picture = RenderedImage::default();
+    let mut image = RenderedImage::default();
     let mut covered = 0;
     for pose in &path {
-        renderer.render_into(&camera, pose, Channels { ids: true, ..Channels::RGB }, &[], &mut picture);
-        covered += picture.ids.iter().flatten().filter(|id| **id != 0).count();
+        renderer.render_into(&camera, pose, Channels { ids: true, ..Channels::RGB }, &[], &mut image);
+        covered += image.ids.iter().flatten().filter(|id| **id != 0).count();
     }
     let pixels = path.len() * camera.width as usize * camera.height as usize;
     let (started, busy) = (Instant::now(), on_cores()?);
-    for pose in path.iter().step_by(PICTURES.div_ceil(frames.max(1)).max(1)).cycle().take(frames) {
-        renderer.render_into(&camera, pose, Channels::RGB, &[], &mut picture);
+    for pose in path.iter().step_by(FRAMES.div_ceil(frames.max(1)).max(1)).cycle().take(frames) {
+        renderer.render_into(&camera, pose, Channels::RGB, &[], &mut image);
     }
     let (wall, busy) = (started.elapsed().as_secs_f64(), on_cores()? - busy);
     let covered = covered as f64 / pixels as f64;

@@ -41,11 +41,11 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
                 for [east, north, up, heading, pitch] in EYES {
                     let attitude = Attitude { heading: heading.to_radians(), pitch: pitch.to_radians(), ..Attitude::default() };
                     let pose = Pose { position: EnuPosition { east, north, up }, attitude };
-                    let (mut picture, mut least) = (RenderedImage::default(), f64::INFINITY);
-                    renderer.render_into(&camera, &pose, channels, &[], &mut picture);
+                    let (mut image, mut least) = (RenderedImage::default(), f64::INFINITY);
+                    renderer.render_into(&camera, &pose, channels, &[], &mut image);
                     for _ in 0..REPEATS {
                         let start = on_core()?;
-                        renderer.render_into(&camera, &pose, channels, &[], &mut picture);
+                        renderer.render_into(&camera, &pose, channels, &[], &mut image);
                         least = least.min(on_core()? - start);
                     }
                     sum += least;

@@ -33,15 +33,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             *numbers.get(..4).and_then(|n| <&[f64; 4]>::try_from(n).ok()).ok_or("a pose has four numbers")?;
         let pitch = numbers.get(4).copied().unwrap_or(0.0).to_radians();
         let attitude = Attitude { heading: heading.to_radians(), pitch, roll: 0.0 };
-        let picture =
+        let image =
             renderer.render(&Camera::quad(), &Pose { position: EnuPosition { east, north, up }, attitude }, Channels::ALL);
-        picture.save_rgb(&Path::new(&folder).join(format!("{}.png", i + 1)))?;
-        let ids = picture.ids.as_deref().unwrap_or_default();
+        image.save_rgb(&Path::new(&folder).join(format!("{}.png", i + 1)))?;
+        let ids = image.ids.as_deref().unwrap_or_default();
         let mut list = format!("{text}\n");
         for object in &scene.objects {
-            let share = ids.iter().filter(|&&id| id == object.id).count() as f64 / ids.len() as f64;
-            if share > 0.01 {
-                writeln!(list, "{:5.1} %  {}  ({})", 100.0 * share, object.key, object.tags.names.join(", "))?;
+            let fraction = ids.iter().filter(|&&id| id == object.id).count() as f64 / ids.len() as f64;
+            if fraction > 0.01 {
+                writeln!(list, "{:5.1} %  {}  ({})", 100.0 * fraction, object.key, object.tags.names.join(", "))?;
             }
         }
         std::fs::write(Path::new(&folder).join(format!("{}.txt", i + 1)), list)?;

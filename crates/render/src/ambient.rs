@@ -65,12 +65,12 @@ impl Survey {
 
     /// The fraction of the sky that each of these sees, in steps of 1/255. A map after the other: neighbours read the same part.
     fn openness(&self, points: &[Vec3]) -> Vec<u8> {
-        let share = 255.0 / DIRECTIONS as f32;
+        let fraction = 255.0 / DIRECTIONS as f32;
         let mut seen = vec![0u8; points.len()];
         for map in &self.maps {
             seen.iter_mut().zip(points).for_each(|(seen, &p)| *seen += u8::from(map.sees(p)));
         }
-        seen.into_iter().map(|seen| (f32::from(seen) * share + 0.5) as u8).collect()
+        seen.into_iter().map(|seen| (f32::from(seen) * fraction + 0.5) as u8).collect()
     }
 
     /// The corners of the cell of that number, as they are kept.
@@ -171,9 +171,9 @@ impl Ambient {
         for lane in 0..LANES {
             [floor[lane], ceiling[lane]] = self.corners.get(place[lane] as usize).copied().unwrap_or([u32::MAX; 2]);
         }
-        let share = [x - x0, y - y0];
-        let low = four_bytes(U::from_slice(simd, &floor), share);
-        let high = four_bytes(U::from_slice(simd, &ceiling), share);
+        let fraction = [x - x0, y - y0];
+        let low = four_bytes(U::from_slice(simd, &floor), fraction);
+        let high = four_bytes(U::from_slice(simd, &ceiling), fraction);
         let fz = z - z0;
         inside.select((low + (high - low) * fz) * ((1.0 - CLOSED) / 255.0) + CLOSED, F::splat(simd, 1.0))
     }
@@ -228,8 +228,8 @@ mod tests {
         let mut shades = BTreeSet::new();
         for i in 0..4000_u32 {
             // Some of them outside.
-            let share = |k: u32| (i.wrapping_mul(k) >> 12) as f32 / (1 << 20) as f32 * 1.2 - 0.1;
-            let p = low + size * Vec3::new(share(2_654_435_761), share(2_246_822_519), share(3_266_489_917).powi(3));
+            let fraction = |k: u32| (i.wrapping_mul(k) >> 12) as f32 / (1 << 20) as f32 * 1.2 - 0.1;
+            let p = low + size * Vec3::new(fraction(2_654_435_761), fraction(2_246_822_519), fraction(3_266_489_917).powi(3));
             let grid = with_instructions!(Instructions::plain(), simd => ambient.open(V3::splat(simd, p))[0]);
             assert_eq!(spots.open(p).to_bits(), grid.to_bits(), "{p}");
             shades.insert(grid.to_bits());

@@ -260,29 +260,29 @@ fn lower(over: &mut [f32], (width, height): (usize, usize), corners: [Vec3; 3]) 
 }
 
 /// Blurred twice by a box of this radius, along both axes.
-fn blurred(mut picture: Vec<f32>, width: usize, radius: usize) -> Vec<f32> {
-    let height = picture.len() / width.max(1);
+fn blurred(mut image: Vec<f32>, width: usize, radius: usize) -> Vec<f32> {
+    let height = image.len() / width.max(1);
     for _ in 0..2 {
         for y in 0..height {
-            means(&mut picture, y * width, 1, width, radius);
+            means(&mut image, y * width, 1, width, radius);
         }
         for x in 0..width {
-            means(&mut picture, x, width, height, radius);
+            means(&mut image, x, width, height, radius);
         }
     }
-    picture
+    image
 }
 
 /// Replaces a line of numbers by their running means.
-fn means(picture: &mut [f32], first: usize, stride: usize, count: usize, radius: usize) {
-    let line: Vec<f32> = (0..count).map(|i| picture[first + i * stride]).collect();
-    let share = 1.0 / (2 * radius + 1) as f32;
+fn means(image: &mut [f32], first: usize, stride: usize, count: usize, radius: usize) {
+    let line: Vec<f32> = (0..count).map(|i| image[first + i * stride]).collect();
+    let fraction = 1.0 / (2 * radius + 1) as f32;
     let mut sum: f32 = line.iter().take(radius).sum();
     for i in 0..count {
         sum += line.get(i + radius).copied().unwrap_or(0.0);
         if i > radius {
             sum -= line[i - radius - 1];
         }
-        picture[first + i * stride] = (sum * share).max(0.0);
+        image[first + i * stride] = (sum * fraction).max(0.0);
     }
 }

@@ -122,8 +122,8 @@ impl LampLight {
         let from = three(3).plus_same(Vec3::splat(-128.0)) * F::splat(simd, 1.0 / 127.0);
         // Of light from all sides alike a fourth falls on each surface.
         let even = (1.0 - from.dot(from)).max(0.0) * 0.25;
-        let share = (normal.dot(from).max(0.0) + even) * BRIGHTEST;
-        V3::select(inside, root.times(root) * share, dark)
+        let fraction = (normal.dot(from).max(0.0) + even) * BRIGHTEST;
+        V3::select(inside, root.times(root) * fraction, dark)
     }
 
     /// The eight points about a place, mixed; `at` is its place in steps, within the lattice.
@@ -140,10 +140,10 @@ impl LampLight {
             (first + layer, (1.0 - fy) * fz),
             (first + layer + row, fy * fz),
         ];
-        for (at, share) in rows {
+        for (at, fraction) in rows {
             let Some(&[a, b]) = self.points.get(at..at + 2) else { continue };
             for k in 0..8 {
-                sum[k] += (f32::from(a[k]) * (1.0 - fx) + f32::from(b[k]) * fx) * share;
+                sum[k] += (f32::from(a[k]) * (1.0 - fx) + f32::from(b[k]) * fx) * fraction;
             }
         }
         sum
@@ -183,11 +183,11 @@ fn direct_line(lattice: &Lattice, first: usize, lamps: &[Lamp], cubes: &[Cube]) 
         for (column, flux) in line.iter_mut().enumerate().take(to).skip(from) {
             let towards = off - Vec3::X * (column as f32 * step);
             let square = towards.length_squared();
-            let share = square / (lamp.reach * lamp.reach);
-            if share >= 1.0 {
+            let fraction = square / (lamp.reach * lamp.reach);
+            if fraction >= 1.0 {
                 continue;
             }
-            let window = 1.0 - share * share;
+            let window = 1.0 - fraction * fraction;
             let colour = lamp.colour * (cube.seen(-towards) * window * window / (square + BULB * BULB));
             flux.colour += colour;
             flux.from += towards * (luminance(colour) / (square + BULB * BULB).sqrt());

@@ -15,6 +15,7 @@ mod develop;
 mod edge;
 pub mod effects;
 mod facet;
+mod image;
 mod joins;
 mod lamps;
 mod lanes;
@@ -22,7 +23,6 @@ mod meter;
 mod noise;
 mod packet;
 mod pattern;
-mod picture;
 mod prepare;
 mod rain;
 mod raster;
@@ -48,12 +48,12 @@ use ambient::Ambient;
 use contact::Contact;
 use develop::{Developed, Srgb};
 use glam::Vec3;
+pub use image::{RenderedImage, SaveError};
 use lamps::LampLight;
 use lanes::{Instructions, with_instructions};
 use meter::Meter;
 use noise::Noise;
 use pattern::Paint;
-pub use picture::{RenderedImage, SaveError};
 use prepare::Soup;
 use raster::{NONE, SUB, TILE, TILE_AREA, Tile};
 use setup::{Bins, Wanted, tiles};
@@ -179,27 +179,27 @@ impl Renderer {
     /// A new image from `pose`. Lens distortion is not drawn: the image is that of the undistorted camera.
     #[must_use]
     pub fn render(&self, camera: &Camera, pose: &Pose, channels: Channels) -> RenderedImage {
-        let mut picture = RenderedImage::default();
-        self.render_into(camera, pose, channels, &[], &mut picture);
-        picture
+        let mut image = RenderedImage::default();
+        self.render_into(camera, pose, channels, &[], &mut image);
+        image
     }
 
-    /// Draws into `picture`, whose memory is used again; `actors` are parts that this image alone has (things that move), in
+    /// Draws into `image`, whose memory is used again; `actors` are parts that this image alone has (things that move), in
     /// world coordinates, with materials of the scene. Actors stand in the scene's shadows but cast none.
-    pub fn render_into(&self, camera: &Camera, pose: &Pose, channels: Channels, actors: &[Part], picture: &mut RenderedImage) {
+    pub fn render_into(&self, camera: &Camera, pose: &Pose, channels: Channels, actors: &[Part], image: &mut RenderedImage) {
         let mut view = View::new(camera, pose);
         (view.width, view.height) = (view.width.min(MAX_SIDE), view.height.min(MAX_SIDE));
-        picture.shape(view.width, view.height, channels);
+        image.shape(view.width, view.height, channels);
         if view.width == 0 || view.height == 0 || !(channels.rgb || channels.depth || channels.ids || channels.openings) {
             return;
         }
         let actors = if channels.rgb { Soup::new(actors, &self.materials) } else { Soup::unpainted(actors, &self.materials) };
         let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
-        self.draw(&view, channels, &actors, &mut scratch, picture);
+        self.draw(&view, channels, &actors, &mut scratch, image);
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
     }
 
-    fn draw(&self, view: &View, channels: Channels, actors: &Soup, scratch: &mut Scratch, picture: &mut RenderedImage) {
+    fn draw(&self, view: &View, channels: Channels, actors: &Soup, scratch: &mut Scratch, image: &mut RenderedImage) {
         let soups = [&self.soup, actors];
         let centres = !channels.rgb;
         scratch.solid.fill(self.instructions, &soups, view, Wanted { openings: false, centres });
@@ -224,12 +224,12 @@ impl Renderer {
             Some(&object) => object,
             None => actors.objects.get((id as usize).wrapping_sub(self.soup.objects.len())).copied().unwrap_or(0),
         };
-        picture.take_truth(&scratch.near, &scratch.id, columns, object);
+        image.take_truth(&scratch.near, &scratch.id, columns, object);
         if channels.openings {
             scratch.openings.fill(self.instructions, &soups, view, Wanted { openings: true, centres: true });
         }
         if channels.openings && scratch.openings.are_empty() {
-            picture.take_no_openings();
+            image.take_no_openings();
         } else if channels.openings {
             scratch.opening_near.resize(area, 0.0);
             scratch.opening_id.resize(area, NONE);
@@ -249,7 +249,7 @@ impl Renderer {
                     }
                 });
             });
-            picture.take_openings(&scratch.opening_near, &scratch.opening_id, columns, object);
+            image.take_openings(&scratch.opening_near, &scratch.opening_id, columns, object);
         }
         if channels.rgb {
             let palette = self.palette();
@@ -261,8 +261,8 @@ impl Renderer {
             scratch.rgb.par_chunks_mut(TILE_AREA * 3).enumerate().for_each_init(tile::Work::default, |work, (index, rgb)| {
                 work.shade(&shader, bins, &samples, index, rgb);
             });
-            picture.take_rgb(&scratch.rgb, columns);
-            if let Some(rgb) = picture.rgb.as_mut().filter(|_| self.light.rain > 0.0) {
+            image.take_rgb(&scratch.rgb, columns);
+            if let Some(rgb) = image.rgb.as_mut().filter(|_| self.light.rain > 0.0) {
                 rain::fall(rgb, view, palette, palette.exposure(view.eye), |x, y| samples.near_at(x, y));
             }
         }

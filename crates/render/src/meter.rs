@@ -74,25 +74,25 @@ impl Lights<'_> {
 }
 
 impl Renderer {
-    /// Light on each thing in `picture`, which needs ids and depth and was drawn from `pose`: 0 dark to 1, where it is as clear as
+    /// Light on each thing in `image`, which needs ids and depth and was drawn from `pose`: 0 dark to 1, where it is as clear as
     /// by day; what is not listed is clear. It is the mean over up to some twenty of the thing's pixels of what a white surface
     /// there would come to on the film; things that glow are clear.
     ///
     /// Nothing is worked out in scenes without dark places, and all things there are clear.
     #[must_use]
-    pub fn light_on(&self, camera: &Camera, pose: &Pose, picture: &RenderedImage) -> BTreeMap<u16, f32> {
-        let (Some(ids), Some(depth)) = (&picture.ids, &picture.depth) else { return BTreeMap::new() };
-        if picture.width == 0 || !self.light.dark_places {
+    pub fn light_on(&self, camera: &Camera, pose: &Pose, image: &RenderedImage) -> BTreeMap<u16, f32> {
+        let (Some(ids), Some(depth)) = (&image.ids, &image.depth) else { return BTreeMap::new() };
+        if image.width == 0 || !self.light.dark_places {
             return BTreeMap::new();
         }
         let view = View::new(camera, pose);
         // A colour render provides all of it; for the light alone that would take too long.
         if let Some(palette) = self.palette.get() {
-            light_on(&palette.lights(&|p| palette.open(p)), &view, picture.width, ids, depth)
+            light_on(&palette.lights(&|p| palette.open(p)), &view, image.width, ids, depth)
         } else {
             let meter = self.meter.get_or_init(|| self.meter());
             let Meter { sky, lamps, shadows, glowing, open } = meter;
-            light_on(&Lights { sky, lamps, shadows, glowing, open: &|p| open.open(p) }, &view, picture.width, ids, depth)
+            light_on(&Lights { sky, lamps, shadows, glowing, open: &|p| open.open(p) }, &view, image.width, ids, depth)
         }
     }
 

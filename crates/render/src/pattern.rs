@@ -177,8 +177,8 @@ impl<S: Simd> Surface<S> {
                 Self { mirror: (mirror > 0.0).then(|| one * mirror), ..Self::matt(V3::along(base, one)) }
             }
             Pattern::Stripes { .. } => {
-                let share = pulse(v * paint.cells.y, at.foot_v * paint.cells.y, 0.5);
-                Self::matt(mix(base, accent, share) * (noise.faded(u, v, 1.0 / 0.9, wide) * 0.03 + 1.0))
+                let fraction = pulse(v * paint.cells.y, at.foot_v * paint.cells.y, 0.5);
+                Self::matt(mix(base, accent, fraction) * (noise.faded(u, v, 1.0 / 0.9, wide) * 0.03 + 1.0))
             }
         }
     }
@@ -201,7 +201,7 @@ fn windows<S: Simd>(paint: &Paint, cell: Vec2, glass: f32, at: &Spot<S>, noise: 
     let (fx, fy) = (at.foot_u * paint.cells.x, at.foot_v * paint.cells.y);
     // Glass stands in the middle of its cell.
     let edge = 0.5 * (1.0 - glass);
-    let share = pulse(x - edge, fx, glass) * pulse(y - edge, fy, glass);
+    let fraction = pulse(x - edge, fx, glass) * pulse(y - edge, fy, glass);
     let near = clamp(1.5 - fx.max(fy) * 2.0, 0.0, 1.0);
     let (x0, y0) = (x.floor(), y.floor());
     let draw = cell_hashes(whole(x0), whole(y0), 1);
@@ -219,7 +219,7 @@ fn windows<S: Simd>(paint: &Paint, cell: Vec2, glass: f32, at: &Spot<S>, noise: 
     let line = pulse(y + 0.01, fy, 0.02) * 0.25;
     let wall = V3::along(paint.base, stain * (1.0 - line + sill * 0.25));
     let pane = V3::along(paint.accent, ((room - 1.0) * near + 1.0) * (1.0 - lintel));
-    let covered = share * (1.0 - mullion);
+    let covered = fraction * (1.0 - mullion);
     let glow = covered * draw.simd_gt(0.6).select(one, one * 0.15);
     Surface { mirror: Some(covered * (1.0 - lintel)), glow: Some(glow), ..Surface::matt(wall + (pane - wall) * covered) }
 }

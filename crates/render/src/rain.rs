@@ -29,8 +29,8 @@ pub(super) fn fall(rgb: &mut [u8], view: &View, palette: &Palette, exposure: f32
     for i in 0..(DROPS * rain) as i32 {
         let draw = |k: u32| cell_hash(i, k as i32, salt);
         // As many at each distance as the image's field is wide there.
-        let share = libm::cbrtf(draw(0));
-        let depth = DEPTHS.0 + (DEPTHS.1 - DEPTHS.0) * share;
+        let fraction = libm::cbrtf(draw(0));
+        let depth = DEPTHS.0 + (DEPTHS.1 - DEPTHS.0) * fraction;
         let (x, y) = (draw(1) * view.width as f32, draw(2) * view.height as f32);
         let ray = view.forward + view.right * ((x - view.cx) / view.fx) + view.down * ((y - view.cy) / view.fy);
         let top = view.eye + ray * depth;
@@ -41,11 +41,11 @@ pub(super) fn fall(rgb: &mut [u8], view: &View, palette: &Palette, exposure: f32
         }
         let end = (view.cx + view.fx * bottom.x / bottom.z, view.cy + view.fy * bottom.y / bottom.z);
         let byte = developed(palette, lit * exposure);
-        let share = (WIDTH * view.fx / depth).min(1.0) * 0.5;
+        let fraction = (WIDTH * view.fx / depth).min(1.0) * 0.5;
         streak(rgb, view, ((x, y), end), |pixel, at| {
             if near(at.0, at.1) * depth < 1.0 {
                 for (old, new) in pixel.iter_mut().zip(byte) {
-                    *old = (f32::from(*old) + (f32::from(new) - f32::from(*old)) * share) as u8;
+                    *old = (f32::from(*old) + (f32::from(new) - f32::from(*old)) * fraction) as u8;
                 }
             }
         });

@@ -217,9 +217,9 @@ impl<'a> Shader<'a> {
         let spot = spot(facet, away, z, if self.fine { 1.0 } else { COARSE });
         let mut surface = Surface::new(paint, &spot, &self.palette.noise);
         if let Pattern::Image { texture, .. } = paint.pattern
-            && let Some(picture) = self.textures.get(usize::from(texture))
+            && let Some(image) = self.textures.get(usize::from(texture))
         {
-            surface.albedo = surface.albedo.times(texture::samples(picture, &spot));
+            surface.albedo = surface.albedo.times(texture::samples(image, &spot));
         }
         let leaves = paint.pattern == Pattern::Foliage;
         let mut normal = facet.flat;
@@ -262,10 +262,10 @@ impl<'a> Shader<'a> {
             let mirrored = rays.to - normal * (across * 2.0);
             let grazing = clamp(across + 1.0, 0.0, 1.0);
             let g2 = grazing * grazing;
-            let share = (g2 * g2 * grazing * 0.92 + 0.08) * mirror;
+            let fraction = (g2 * g2 * grazing * 0.92 + 0.08) * mirror;
             let below = sky.light.horizon * 0.35 + sky.light.ground_ambient * 0.3;
             let seen = V3::select(mirrored.z.simd_gt(0.0), sky.clear(mirrored), V3::splat(simd, below));
-            colour = colour + (seen * (open * 0.65 + 0.35) - colour) * share;
+            colour = colour + (seen * (open * 0.65 + 0.35) - colour) * fraction;
         }
         colour
     }

@@ -246,10 +246,10 @@ impl ShadowMap {
         }
     }
 
-    /// Fraction of the sun's light that reaches `p` on a surface, all or nothing unless `soft`; pixels outside of `asked` get any
+    /// Fraction of the sun's light that reaches `p` on a surface, all or nothing unless `soft`; pixels outside of `mask` get any
     /// answer.
     #[inline(always)]
-    pub(crate) fn lit<S: Simd>(&self, p: V3<F<S>>, on: &Receiver<F<S>>, asked: M<S>, soft: bool) -> F<S> {
+    pub(crate) fn lit<S: Simd>(&self, p: V3<F<S>>, on: &Receiver<F<S>>, mask: M<S>, soft: bool) -> F<S> {
         let simd = p.x.token();
         let p = p + on.shift;
         let at = V3 {
@@ -261,7 +261,7 @@ impl ShadowMap {
             & at.y.simd_ge(0.0)
             & at.x.simd_lt((self.width - 5) as f32)
             & at.y.simd_lt((self.height - 5) as f32)
-            & asked;
+            & mask;
         let mut lit = F::splat(simd, 1.0);
         let mut left = inside.to_bitmask() as u32;
         if left == 0 {
@@ -287,14 +287,14 @@ impl ShadowMap {
         if unsure == 0 {
             return lit;
         }
-        let mut shares: [f32; LANES] = lit.into();
+        let mut fractions: [f32; LANES] = lit.into();
         while unsure != 0 {
             let lane = unsure.trailing_zeros() as usize;
             unsure &= unsure - 1;
             let (own, x, y) = (at.z[lane].max(0.0), at.x[lane], at.y[lane]);
-            shares[lane] = if soft { self.filtered(simd, own, x, y) } else { self.nearest(own, x, y) };
+            fractions[lane] = if soft { self.filtered(simd, own, x, y) } else { self.nearest(own, x, y) };
         }
-        F::from_slice(simd, &shares)
+        F::from_slice(simd, &fractions)
     }
 
     /// 1 if the texel in the middle of [`ShadowMap::filtered`]'s is no nearer to the sun than `own`, else 0.

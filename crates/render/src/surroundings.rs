@@ -38,8 +38,8 @@ impl Surroundings {
     /// Fraction of each object's silhouette inside the frame, 0..=1, from that image; openings by their own. Objects beside the
     /// view are not listed.
     #[must_use]
-    pub fn shares(&self, picture: &RenderedImage) -> BTreeMap<ObjectId, f32> {
-        let channels = || [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten();
+    pub fn fractions(&self, image: &RenderedImage) -> BTreeMap<ObjectId, f32> {
+        let channels = || [image.ids.as_deref(), image.opening_ids.as_deref()].into_iter().flatten();
         let most = channels().flatten().max().copied().unwrap_or(0);
         let mut counts = vec![(0u32, 0u32); usize::from(most) + 1];
         for ids in channels() {
@@ -85,7 +85,7 @@ fn through_lens(camera: &Camera, wide: &Camera) -> Vec<bool> {
     let inside = |(x, y): (u32, u32)| {
         let right = (f64::from(x) + 0.5 - wide.cx) / wide.fx;
         let down = (f64::from(y) + 0.5 - wide.cy) / wide.fy;
-        let within = |share: f64| (0.0..=1.0).contains(&share);
+        let within = |fraction: f64| (0.0..=1.0).contains(&fraction);
         camera.project(right, 1.0, -down).is_some_and(|point| within(point.u) && within(point.v))
     };
     (0..wide.height).flat_map(|y| (0..wide.width).map(move |x| (x, y))).map(inside).collect()
@@ -104,15 +104,15 @@ mod tests {
     #[test]
     fn the_frame_fills_its_share_of_the_view() {
         let around = Surroundings::of(&Camera::quad());
-        let shares = around.shares(&halves(around.camera()));
-        assert_eq!(shares.keys().copied().collect::<Vec<_>>(), [1, 2]);
-        for share in shares.values() {
-            assert!((f64::from(*share) - 1.0 / (WIDE * WIDE)).abs() < 1e-6, "{share}");
+        let fractions = around.fractions(&halves(around.camera()));
+        assert_eq!(fractions.keys().copied().collect::<Vec<_>>(), [1, 2]);
+        for fraction in fractions.values() {
+            assert!((f64::from(*fraction) - 1.0 / (WIDE * WIDE)).abs() < 1e-6, "{fraction}");
         }
         // The Tello's principal point lies 22 pixels left of the middle: more of the frame is to its right.
         let around = Surroundings::of(&Camera::tello());
-        let shares = around.shares(&halves(around.camera()));
-        assert!(shares[&2] > shares[&1] + 0.005, "{shares:?}");
+        let fractions = around.fractions(&halves(around.camera()));
+        assert!(fractions[&2] > fractions[&1] + 0.005, "{fractions:?}");
     }
 
     #[test]

@@ -27,13 +27,13 @@ pub(crate) fn sample(texture: &Texture, uv: Vec2, foot: Vec2) -> Vec3 {
     let (long, short) = (covered.max_element(), covered.min_element().max(1.0));
     // A ground seen at a slant is sharp across and sampled several times along.
     let probes = (long / short + 0.75).clamp(1.0, PROBES) as u32;
-    let (finer, share) = level(short.max(long / probes as f32), levels.len());
+    let (finer, fraction) = level(short.max(long / probes as f32), levels.len());
     let step = if covered.x > covered.y { Vec2::new(foot.x, 0.0) } else { Vec2::new(0.0, foot.y) } / probes as f32;
     let mut light = Vec3::ZERO;
     for probe in 0..probes {
         let at = uv + step * (probe as f32 + 0.5 - 0.5 * probes as f32);
         let fine = bilinear(&levels[finer], at);
-        light += if share > 0.0 { fine + (bilinear(&levels[finer + 1], at) - fine) * share } else { fine };
+        light += if fraction > 0.0 { fine + (bilinear(&levels[finer + 1], at) - fine) * fraction } else { fine };
     }
     light / probes as f32
 }

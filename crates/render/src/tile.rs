@@ -168,10 +168,10 @@ impl Work {
                     self.packets.add_like(shader, pixel, [rgb[from], rgb[from + 1], rgb[from + 2]], group.count);
                     continue;
                 }
-                let share = 1.0 / f32::from(group.count);
-                let step = share / SUB as f32;
+                let fraction = 1.0 / f32::from(group.count);
+                let step = fraction / SUB as f32;
                 let at = ((area.left + x) as f32 + group.x as f32 * step, (area.top + y) as f32 + group.y as f32 * step);
-                self.packets.push(shader, group.id, at, group.near * share, pixel, group.count);
+                self.packets.push(shader, group.id, at, group.near * fraction, pixel, group.count);
             }
         }
     }

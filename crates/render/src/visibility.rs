@@ -155,9 +155,9 @@ pub(crate) fn sky(count: usize) -> Vec<Vec3> {
     const GOLDEN: f64 = 2.399_963_229_728_653;
     (0..count)
         .map(|i| {
-            let share = (i as f64 + 0.5) / count as f64;
-            let (level, turn) = (libm::sqrt(share), i as f64 * GOLDEN);
-            let up = libm::sqrt(1.0 - share);
+            let fraction = (i as f64 + 0.5) / count as f64;
+            let (level, turn) = (libm::sqrt(fraction), i as f64 * GOLDEN);
+            let up = libm::sqrt(1.0 - fraction);
             Vec3::new((level * libm::cos(turn)) as f32, (level * libm::sin(turn)) as f32, up as f32)
         })
         .collect()

@@ -168,8 +168,8 @@ impl Collider {
         let length = from.distance(to);
         let mut along = 0.0;
         loop {
-            let share = if length > 0.0 { along / length } else { 0.0 };
-            let centre = from.towards(to, share);
+            let fraction = if length > 0.0 { along / length } else { 0.0 };
+            let centre = from.towards(to, fraction);
             let near = self.nearest(centre)?;
             if near.distance <= radius {
                 let upward = if near.distance > 1e-9 { (centre.up - near.surface.up) / near.distance } else { 0.0 };

@@ -108,7 +108,7 @@ impl Weather {
 
     /// The light that is left of a clear one.
     pub(crate) fn over(self, light: Light) -> Light {
-        let grey = |c: Vec3, share: f32, gain: f32| c.lerp(Vec3::splat(c.dot(Vec3::new(0.21, 0.72, 0.07))), share) * gain;
+        let grey = |c: Vec3, fraction: f32, gain: f32| c.lerp(Vec3::splat(c.dot(Vec3::new(0.21, 0.72, 0.07))), fraction) * gain;
         match self {
             Self::Clear => light,
             Self::Haze => Light {

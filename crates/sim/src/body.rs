@@ -30,12 +30,12 @@ pub(crate) struct Response {
 
 impl Response {
     pub(crate) fn new(model: &Model, step: f64) -> Self {
-        let share = |lag: f64| if lag > 0.0 { 1.0 - libm::exp(-step / lag) } else { 1.0 };
+        let fraction = |lag: f64| if lag > 0.0 { 1.0 - libm::exp(-step / lag) } else { 1.0 };
         Self {
             step,
-            gain: share(model.craft.lag) / step,
-            tilt_share: share(model.tilt_lag),
-            wind_share: share(model.wind_lag),
+            gain: fraction(model.craft.lag) / step,
+            tilt_share: fraction(model.tilt_lag),
+            wind_share: fraction(model.wind_lag),
             thrust_limit: GRAVITY * libm::tan(model.max_tilt),
         }
     }
@@ -47,8 +47,8 @@ fn limited(pair: (f64, f64), limit: f64) -> (f64, f64) {
     if square <= limit * limit {
         return pair;
     }
-    let share = limit / libm::sqrt(square);
-    (pair.0 * share, pair.1 * share)
+    let fraction = limit / libm::sqrt(square);
+    (pair.0 * fraction, pair.1 * fraction)
 }
 
 impl Body {
@@ -75,14 +75,14 @@ impl Body {
         let (right, forward) = limited((setpoint.right, setpoint.forward), model.max_speed);
         let east = right * cos + forward * sin + creep.0;
         let north = forward * cos - right * sin + creep.1;
-        let asked = limited(
+        let requested = limited(
             ((east - self.velocity.east) * response.gain, (north - self.velocity.north) * response.gain),
             craft.acceleration,
         );
         let thrust = limited(
             (
-                asked.0 + model.drag * (self.velocity.east - self.learned.0),
-                asked.1 + model.drag * (self.velocity.north - self.learned.1),
+                requested.0 + model.drag * (self.velocity.east - self.learned.0),
+                requested.1 + model.drag * (self.velocity.north - self.learned.1),
             ),
             response.thrust_limit,
         );

@@ -195,14 +195,14 @@ impl SimCraft {
             return Some(earlier);
         }
         let later = *self.history.get(index + 1)?;
-        let share = rest as f64 / step as f64;
+        let fraction = rest as f64 / step as f64;
         let (a, b) = (earlier.attitude, later.attitude);
         Some(Pose {
-            position: earlier.position.towards(later.position, share),
+            position: earlier.position.towards(later.position, fraction),
             attitude: Attitude {
-                heading: wrap_angle(a.heading + wrap_angle(b.heading - a.heading) * share),
-                pitch: a.pitch + (b.pitch - a.pitch) * share,
-                roll: a.roll + (b.roll - a.roll) * share,
+                heading: wrap_angle(a.heading + wrap_angle(b.heading - a.heading) * fraction),
+                pitch: a.pitch + (b.pitch - a.pitch) * fraction,
+                roll: a.roll + (b.roll - a.roll) * fraction,
             },
         })
     }

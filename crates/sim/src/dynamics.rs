@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 use spf_core::command::{Command, Setpoint};
 use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_scene::collide::{Collider, Contact};
@@ -119,7 +119,7 @@ impl Dynamics {
         let position = if conditions.hovering { start.position } else { launch };
         let creep = |key| {
             let sigma = if conditions.exact { 0.0 } else { model.creep };
-            Wander::new(sigma, 5.0, STEP, Draw::new(conditions.seed, "creep", &[key]))
+            Wander::new(sigma, 5.0, STEP, RandomStream::new(conditions.seed, "creep", &[key]))
         };
         Self {
             model,

@@ -7,7 +7,7 @@
 //! way it faces, and its own whole degrees count from there.
 
 use spf_core::geometry::{EnuPosition, EnuVelocity, wrap_angle};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::telemetry::Telemetry;
 
 use crate::dynamics::{Dynamics, TICK};
@@ -28,7 +28,7 @@ pub struct Senses {
     home_error: f64,
     height: Wander,
     heading: Wander,
-    white: Draw,
+    white: RandomStream,
 }
 
 impl Senses {
@@ -38,8 +38,9 @@ impl Senses {
     pub fn new(dynamics: &Dynamics, seed: u64, exact: bool) -> Self {
         let figures = dynamics.model().senses;
         let step = figures.period_ms as f64 * 1e-3;
-        let wander =
-            |sigma: f64, time, name, key| Wander::new(if exact { 0.0 } else { sigma }, time, step, Draw::new(seed, name, &[key]));
+        let wander = |sigma: f64, time, name, key| {
+            Wander::new(if exact { 0.0 } else { sigma }, time, step, RandomStream::new(seed, name, &[key]))
+        };
         let sigma = figures.position.unwrap_or(0.0);
         let position = [0, 1, 2].map(|axis| wander(sigma, figures.position_time, "sensed position", axis));
         Self {
@@ -51,7 +52,7 @@ impl Senses {
             position,
             height: wander(figures.height, 20.0, "sensed height", 0),
             heading: wander(figures.heading, figures.heading_time, "sensed heading", 0),
-            white: Draw::new(seed, "sensed velocity", &[]),
+            white: RandomStream::new(seed, "sensed velocity", &[]),
         }
     }
 

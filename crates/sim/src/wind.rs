@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use spf_core::geometry::EnuVelocity;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use crate::noise::Wander;
 
@@ -91,7 +91,7 @@ pub(crate) struct Air {
 impl Air {
     pub(crate) fn new(wind: Wind, seed: u64, step: f64) -> Self {
         let time = if wind.gust_time > 0.0 { wind.gust_time } else { 2.0 };
-        let axis = |key| Wander::new(wind.gust, time, step, Draw::new(seed, "gust", &[key]));
+        let axis = |key| Wander::new(wind.gust, time, step, RandomStream::new(seed, "gust", &[key]));
         Self { steady: wind, east: axis(0), north: axis(1) }
     }
 

@@ -7,7 +7,7 @@ use std::time::Instant;
 use bytes::Bytes;
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::QueryKind;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::time::Duration;
 
 use crate::account::{Account, Parts, Tokens};
@@ -27,7 +27,7 @@ const WORTH_ASKING: Duration = Duration::from_millis(300);
 /// A vendor that asks for a longer wait than this will not be available again in this flight.
 const LONGEST_WAIT: Duration = Duration::from_secs(120);
 /// Estimated tokens of a JPEG, and characters per token, if the vendor reports no counts.
-const GUESSED_PICTURE: u64 = 1000;
+const GUESSED_IMAGE: u64 = 1000;
 const CHARACTERS_A_TOKEN: u64 = 4;
 /// Approximate size of a request without image and prompt, bytes: schema and settings.
 const ROOM: usize = 8192;
@@ -57,7 +57,7 @@ pub(crate) struct Written {
 impl Written {
     /// Estimated input tokens of the query.
     pub(crate) fn guessed(&self) -> Tokens {
-        let input = GUESSED_PICTURE + self.prompt_length as u64 / CHARACTERS_A_TOKEN;
+        let input = GUESSED_IMAGE + self.prompt_length as u64 / CHARACTERS_A_TOKEN;
         Tokens { input, estimated: true, ..Tokens::default() }
     }
 
@@ -113,7 +113,7 @@ impl Backend {
         sent: Arc<AtomicU32>,
     ) -> Outcome {
         let mut account = Account::default();
-        let mut jitter = Draw::new(u64::from(std::process::id()), "pause", &[written.body.len() as u64]);
+        let mut jitter = RandomStream::new(u64::from(std::process::id()), "pause", &[written.body.len() as u64]);
         let mut model = self.model.id.clone();
         loop {
             if let Some((until, error)) = self.left_alone() {
@@ -178,10 +178,10 @@ impl Backend {
 
     /// Warns once if another model than the one queried replies. Self-hosted servers use arbitrary names.
     fn notice(&self, served: &str) {
-        let asked = &self.model.id;
-        let same = served.contains(asked.as_str()) || asked.contains(served);
+        let requested = &self.model.id;
+        let same = served.contains(requested.as_str()) || requested.contains(served);
         if !same && self.model.vendor.key_needed && !self.warned.swap(true, Ordering::Relaxed) {
-            tracing::warn!("{}: requested {asked}, served by {served}", self.model.vendor.title);
+            tracing::warn!("{}: requested {requested}, served by {served}", self.model.vendor.title);
         }
     }
 

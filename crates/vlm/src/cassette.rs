@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::query::QueryId;
 use spf_core::time::Duration;
 
-use crate::{Account, Answer, Asked, ImageSpec, QueryImage, Vlm, VlmError};
+use crate::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
 
 /// Version of the recording format.
 const FORMAT: u32 = 1;
@@ -119,12 +119,12 @@ impl Vlm for Recording {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let answer = self.vlm.answer(asked, picture);
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        let answer = self.vlm.answer(request, image);
         let recorded = |error: &VlmError| RecordedError { code: error.code().to_owned(), message: error.to_string() };
         let row = Row {
-            query: asked.query.id,
-            prompt_fnv1a: digest(&asked.query.prompt),
+            query: request.query.id,
+            prompt_fnv1a: digest(&request.query.prompt),
             text: answer.text.as_ref().ok().cloned(),
             error: answer.text.as_ref().err().map(recorded),
             latency_ns: u64::try_from(answer.latency.as_nanos()).unwrap_or(u64::MAX),
@@ -168,7 +168,7 @@ impl Replay {
         let mut rows = VecDeque::new();
         while let Some(row) = read_line(&mut lines, rows.len() + 2)? {
             if rows.len() == MOST_ROWS {
-                return Err(wrong(rows.len() + 2, "there are too many"));
+                return Err(wrong(rows.len() + 2, format!("more than {MOST_ROWS} replies")));
             }
             rows.push_back(row);
         }
@@ -198,8 +198,8 @@ impl Vlm for Replay {
         self.head.image_spec
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
-        let query = asked.query;
+    fn answer(&mut self, request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
+        let query = request.query;
         let refused = |reason: String| Answer {
             text: Err(VlmError::Replay(reason)),
             latency: Duration::ZERO,
@@ -207,18 +207,18 @@ impl Vlm for Replay {
             account: Account::default(),
         };
         let Some(row) = self.rows.pop_front() else {
-            return refused(format!("it ends before question {}", query.id.0));
+            return refused(format!("it ends before query {}", query.id.0));
         };
         if row.query != query.id || row.prompt_fnv1a != digest(&query.prompt) {
             return refused(format!(
-                "question {} differs from the recorded one: the recording is of a different flight",
+                "query {} differs from the recorded one: the recording is of a different flight",
                 query.id.0
             ));
         }
         let text = match (row.text, row.error) {
             (Some(text), _) => Ok(text),
             (None, Some(RecordedError { code, message })) => Err(VlmError::Recorded { code, message }),
-            (None, None) => Err(VlmError::Replay(format!("question {} has neither text nor error", query.id.0))),
+            (None, None) => Err(VlmError::Replay(format!("query {} has neither text nor error", query.id.0))),
         };
         Answer { text, latency: Duration::from_nanos(row.latency_ns), model: row.model, account: row.account }
     }

@@ -10,7 +10,7 @@ use spf_core::reply::parse_reply;
 use spf_core::time::Duration;
 use spf_media::{Jpeg, Rgb, resize};
 
-use crate::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
+use crate::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
 
 /// Positions of the dots, off the diagonal so that swapped coordinates show.
 pub const DOTS: [ImagePoint; 3] = [ImagePoint { u: 0.2, v: 0.7 }, ImagePoint { u: 0.75, v: 0.3 }, ImagePoint { u: 0.55, v: 0.9 }];
@@ -68,8 +68,8 @@ impl QueryImage for Dotted {
     }
 
     fn jpeg(&mut self, (width, height): (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
-        let picture = resize(&dotted(self.0), width, height);
-        Jpeg::encode(&picture, quality).map(|jpeg| jpeg.shared()).map_err(|error| VlmError::Image(error.to_string()))
+        let image = resize(&dotted(self.0), width, height);
+        Jpeg::encode(&image, quality).map(|jpeg| jpeg.shared()).map_err(|error| VlmError::Image(error.to_string()))
     }
 }
 
@@ -77,17 +77,17 @@ impl QueryImage for Dotted {
 #[must_use]
 pub fn dotted(dot: ImagePoint) -> Rgb {
     let (width, height) = SIZE;
-    let mut picture = Rgb::filled(width, height, [128, 128, 128]);
+    let mut image = Rgb::filled(width, height, [128, 128, 128]);
     let (x, y, radius) = (dot.u * f64::from(width), dot.v * f64::from(height), RADIUS * f64::from(width));
     for row in 0..height {
         for column in 0..width {
             let (dx, dy) = (f64::from(column) + 0.5 - x, f64::from(row) + 0.5 - y);
             if dx * dx + dy * dy <= radius * radius {
-                picture.set_pixel(column, row, [230, 20, 20]);
+                image.set_pixel(column, row, [230, 20, 20]);
             }
         }
     }
-    picture
+    image
 }
 
 /// Sends the dots to a model, one after the other, each with a time limit of `time`.
@@ -96,7 +96,7 @@ pub fn check(vlm: &mut dyn Vlm, time: Duration) -> Check {
     let mut check = Check { pointed: Vec::new(), verdict: Verdict::Good(0.0), account: Account::default() };
     for (number, dot) in (0..).zip(DOTS) {
         let query = query(number, &image_spec.grounding, image_spec.image_size);
-        let answer = vlm.answer(&Asked::new(&query, time), &mut Dotted(dot));
+        let answer = vlm.answer(&QueryRequest::new(&query, time), &mut Dotted(dot));
         check.account.add(&answer.account);
         check.account.parts = answer.account.parts;
         if let Err(error) = &answer.text {
@@ -131,8 +131,8 @@ fn worst(pointed: &[Pointed], profile: &GroundingProfile) -> Option<f64> {
     pointed.iter().map(distance).try_fold(0.0, |worst: f64, distance| distance.map(|distance| worst.max(distance)))
 }
 
-fn verdict(pointed: &[Pointed], asked: &GroundingProfile, (width, height): (u32, u32)) -> Verdict {
-    let own = worst(pointed, asked);
+fn verdict(pointed: &[Pointed], request: &GroundingProfile, (width, height): (u32, u32)) -> Verdict {
+    let own = worst(pointed, request);
     if let Some(worst) = own.filter(|worst| *worst <= NEAR) {
         return Verdict::Good(worst);
     }
@@ -145,12 +145,13 @@ fn verdict(pointed: &[Pointed], asked: &GroundingProfile, (width, height): (u32,
     if let Some(worst) = own {
         return Verdict::Astray(worst);
     }
-    let unread =
-        pointed.iter().filter_map(|pointed| pointed.answer.text.as_ref().ok()).find_map(|text| match parse_reply(text, asked) {
+    let unread = pointed.iter().filter_map(|pointed| pointed.answer.text.as_ref().ok()).find_map(|text| {
+        match parse_reply(text, request) {
             Err(error) => Some(error.to_string()),
             Ok(reply) if reply.point.is_none() => Some("it reports the dot as not visible".to_owned()),
             Ok(_) => None,
-        });
+        }
+    });
     Verdict::Unreadable(unread.unwrap_or_default())
 }
 
@@ -161,7 +162,7 @@ mod tests {
 
     /// Points at the dots in its own coordinates, whatever the query.
     struct Pointer {
-        asked: GroundingProfile,
+        request: GroundingProfile,
         own: GroundingProfile,
         shift: f64,
     }
@@ -172,19 +173,19 @@ mod tests {
         }
 
         fn image_spec(&self, _: (u32, u32)) -> ImageSpec {
-            ImageSpec { grounding: self.asked, image_size: None }
+            ImageSpec { grounding: self.request, image_size: None }
         }
 
-        fn answer(&mut self, asked: &Asked<'_>, _: &mut dyn QueryImage) -> Answer {
-            let dot = DOTS[usize::try_from(asked.query.id.0).unwrap()];
+        fn answer(&mut self, request: &QueryRequest<'_>, _: &mut dyn QueryImage) -> Answer {
+            let dot = DOTS[usize::try_from(request.query.id.0).unwrap()];
             let [a, b] = self.own.point_numbers(ImagePoint { u: dot.u + self.shift, v: dot.v });
             let text = format!("{{\"status\":\"navigating\",\"point\":[{a},{b}],\"depth\":2}}");
             Answer { text: Ok(text), latency: Duration::ZERO, model: String::new(), account: Account::default() }
         }
     }
 
-    fn verdict_of(asked: GroundingProfile, own: GroundingProfile, shift: f64) -> Verdict {
-        check(&mut Pointer { asked, own, shift }, Duration::from_secs(1)).verdict
+    fn verdict_of(request: GroundingProfile, own: GroundingProfile, shift: f64) -> Verdict {
+        check(&mut Pointer { request, own, shift }, Duration::from_secs(1)).verdict
     }
 
     #[test]
@@ -194,12 +195,12 @@ mod tests {
             [Scale::Thousand, Scale::Hundred, Scale::Unit, pixels].map(|scale| GroundingProfile { order, scale })
         });
         let all: Vec<_> = all.collect();
-        for asked in &all {
+        for request in &all {
             for own in &all {
-                match verdict_of(*asked, *own, 0.0) {
-                    Verdict::Good(worst) => assert!(asked == own && worst < 0.01, "{asked:?} {own:?}"),
-                    Verdict::Other(found) => assert!(asked != own && found == *own, "{asked:?} {own:?} {found:?}"),
-                    other => panic!("{asked:?} {own:?}: {other:?}"),
+                match verdict_of(*request, *own, 0.0) {
+                    Verdict::Good(worst) => assert!(request == own && worst < 0.01, "{request:?} {own:?}"),
+                    Verdict::Other(found) => assert!(request != own && found == *own, "{request:?} {own:?} {found:?}"),
+                    other => panic!("{request:?} {own:?}: {other:?}"),
                 }
             }
         }
@@ -209,12 +210,12 @@ mod tests {
 
     #[test]
     fn the_dot_is_where_it_is_said_to_be() {
-        let picture = dotted(DOTS[0]);
-        assert_eq!(picture.pixel(192, 504), Some([230, 20, 20]));
-        assert_eq!(picture.pixel(504, 192), Some([128, 128, 128]));
+        let image = dotted(DOTS[0]);
+        assert_eq!(image.pixel(192, 504), Some([230, 20, 20]));
+        assert_eq!(image.pixel(504, 192), Some([128, 128, 128]));
         let red = (0..720)
             .flat_map(|y| (0..960).map(move |x| (x, y)))
-            .filter(|(x, y)| picture.pixel(*x, *y) == Some([230, 20, 20]))
+            .filter(|(x, y)| image.pixel(*x, *y) == Some([230, 20, 20]))
             .count();
         // π·28.8² = 2606.
         assert!((2550..2660).contains(&red), "{red}");

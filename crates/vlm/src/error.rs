@@ -25,7 +25,7 @@ pub enum VlmError {
         reason: String,
     },
     /// The query was cancelled before the reply.
-    #[error("the question was cancelled")]
+    #[error("the query was cancelled")]
     Cancelled,
     /// Timeout.
     #[error("no complete reply from {host} within {:.1} s: {stage}", waited.as_secs_f64())]
@@ -94,7 +94,7 @@ pub enum VlmError {
         reason: String,
     },
     /// The vendor blocked the query or the reply.
-    #[error("{host} blocked the question: {reason}")]
+    #[error("{host} blocked the query: {reason}")]
     Blocked {
         /// The host.
         host: String,
@@ -137,7 +137,7 @@ pub enum VlmError {
         message: String,
     },
     /// The cost limit of the flight is reached.
-    #[error("cost limit reached: {spent:.4} $ of {limit} $ (--max-cost)")]
+    #[error("cost limit reached: ${spent:.4} of ${limit} (--max-cost)")]
     Spent {
         /// Cost so far, US dollars.
         spent: f64,
@@ -197,7 +197,7 @@ impl VlmError {
             Self::ContentType { host, content_type } => Self::ContentType { host, content_type: words(content_type) },
             Self::Malformed { host, reason } => Self::Malformed { host, reason: words(reason) },
             Self::Blocked { host, reason } => Self::Blocked { host, reason: words(reason) },
-            Self::Declined(said) => Self::Declined(words(said)),
+            Self::Declined(error) => Self::Declined(words(error)),
             Self::CutOff { reason, characters } => Self::CutOff { reason: words(reason), characters },
             Self::Empty { host, reason } => Self::Empty { host, reason: reason.map(words) },
             // The others contain no external text.

@@ -8,7 +8,6 @@
 //! [`wire`].
 
 mod account;
-mod asked;
 mod backend;
 pub mod cassette;
 pub mod check;
@@ -18,6 +17,7 @@ mod error;
 mod image;
 mod key;
 mod remote;
+mod request;
 pub mod setup;
 pub mod table;
 mod transport;
@@ -32,12 +32,12 @@ use spf_core::time::Duration;
 use spf_media::Rgb;
 
 pub use account::{Account, Parts, Tokens};
-pub use asked::{Asked, Cancel};
 pub use day::today;
 pub use error::VlmError;
 pub use image::{ImageRule, SentSize};
 pub use key::ApiKey;
 pub use remote::{Remote, Strategy};
+pub use request::{Cancel, QueryRequest};
 pub use transport::TransportError;
 
 /// The image of a query, created only on request: the oracle needs none, and rendering is expensive.
@@ -108,7 +108,7 @@ pub trait Vlm: Send {
 
     /// Answers a query; blocks until the reply is complete, the time is up or the query is cancelled. The reported
     /// latency is what the flight waits, also in virtual time.
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer;
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer;
 }
 
 /// The examples of the README, run as tests.

@@ -13,9 +13,9 @@ use spf_core::time::Duration;
 use tokio::task::AbortHandle;
 
 use crate::account::{Account, Tokens};
-use crate::asked::Asked;
 use crate::backend::{Backend, Outcome};
 use crate::error::VlmError;
+use crate::request::QueryRequest;
 use crate::transport::Transport;
 use crate::wire::Question;
 use crate::{Answer, ImageSpec, QueryImage, Vlm};
@@ -88,7 +88,7 @@ impl Drop for Out {
 /// A query being answered.
 struct Asking<'a> {
     remote: &'a Remote,
-    asked: &'a Asked<'a>,
+    request: &'a QueryRequest<'a>,
     began: Instant,
     deadline: Instant,
     camera: (u32, u32),
@@ -159,24 +159,24 @@ impl Vlm for Remote {
         self.backends[0].model.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         // The simulator renders its frame here, which must not count as latency; a real camera has it available.
-        picture.prepare(self.sight(0, picture.size()).1);
+        image.prepare(self.sight(0, image.size()).1);
         let began = Instant::now();
         let mut asking = Asking {
             remote: self,
-            asked,
+            request,
             began,
-            deadline: began + asked.time_left.min(Duration::from_secs(86_400)) + GRACE,
-            camera: picture.size(),
+            deadline: began + request.time_left.min(Duration::from_secs(86_400)) + GRACE,
+            camera: image.size(),
             results: channel(),
             // A fallback needs time to reply.
-            hedge: self.strategy.hedge.or((self.backends.len() > 1).then_some(asked.time_left / 2)),
+            hedge: self.strategy.hedge.or((self.backends.len() > 1).then_some(request.time_left / 2)),
             sent: 0,
             out: Vec::new(),
             account: Account::default(),
         };
-        let (text, model) = asking.first_good(picture);
+        let (text, model) = asking.first_good(image);
         asking.drop_out();
         Answer { text, latency: began.elapsed(), model, account: asking.account.clone() }
     }
@@ -184,11 +184,11 @@ impl Vlm for Remote {
 
 impl Asking<'_> {
     /// The first valid reply; the error of the first backend if there is none.
-    fn first_good(&mut self, picture: &mut dyn QueryImage) -> (Result<String, VlmError>, String) {
+    fn first_good(&mut self, image: &mut dyn QueryImage) -> (Result<String, VlmError>, String) {
         let remote = self.remote;
         let mut named = remote.backends[0].model.id.clone();
         let mut failed: Option<VlmError> = None;
-        if let Err(error) = self.send(0, picture) {
+        if let Err(error) = self.send(0, image) {
             return (Err(error), named);
         }
         self.watch_cancel();
@@ -205,7 +205,7 @@ impl Asking<'_> {
                     match outcome.text {
                         Ok(text) => return (self.translated(index, text), outcome.model),
                         Err(error) => {
-                            tracing::debug!(who = remote.backends[index].name, %error, "no reply");
+                            tracing::debug!(model = remote.backends[index].name, %error, "no reply");
                             failed.get_or_insert(error);
                             named = outcome.model;
                         }
@@ -213,7 +213,7 @@ impl Asking<'_> {
                     // A failed request is not repeated by a hedge: retries cover that.
                     let next = second.take().filter(|next| *next != index);
                     if let Some(next) = next {
-                        self.try_send(next, picture);
+                        self.try_send(next, image);
                     }
                     // One of them is the cancellation watch.
                     if self.out.len() <= 1 {
@@ -222,31 +222,31 @@ impl Asking<'_> {
                 }
                 Err(RecvTimeoutError::Timeout) if Instant::now() >= self.deadline => {
                     let host = remote.backends[0].endpoint.host.clone();
-                    let late = || VlmError::Deadline { host, waited: self.began.elapsed(), stage: "nothing came".to_owned() };
+                    let late = || VlmError::Deadline { host, waited: self.began.elapsed(), stage: "no response".to_owned() };
                     return (Err(failed.unwrap_or_else(late)), named);
                 }
                 Err(_) => {
                     if let Some(next) = second.take() {
-                        self.try_send(next, picture);
+                        self.try_send(next, image);
                     }
                 }
             }
         }
     }
 
-    fn try_send(&mut self, index: usize, picture: &mut dyn QueryImage) {
-        if let Err(error) = self.send(index, picture) {
-            tracing::warn!(%error, who = self.remote.backends[index].name, "cannot be queried");
+    fn try_send(&mut self, index: usize, image: &mut dyn QueryImage) {
+        if let Err(error) = self.send(index, image) {
+            tracing::warn!(%error, model = self.remote.backends[index].name, "cannot be queried");
         }
     }
 
     /// Sends the query to a backend, in its own coordinates and image size.
-    fn send(&mut self, index: usize, picture: &mut dyn QueryImage) -> Result<(), VlmError> {
+    fn send(&mut self, index: usize, image: &mut dyn QueryImage) -> Result<(), VlmError> {
         let remote = self.remote;
         let backend = remote.backends[index].clone();
         let (grounding, size) = remote.sight(index, self.camera);
-        let jpeg = picture.jpeg(size, remote.strategy.quality)?;
-        let query = self.asked.query;
+        let jpeg = image.jpeg(size, remote.strategy.quality)?;
+        let query = self.request.query;
         let own = (index > 0).then(|| remote.prompt_for(query, &grounding)).flatten();
         let question = Question { prompt: own.as_deref().unwrap_or(&query.prompt), jpeg: &jpeg, kind: &query.kind };
         let written = backend.write(&question, grounding, self.began)?;
@@ -267,7 +267,7 @@ impl Asking<'_> {
     }
 
     fn watch_cancel(&mut self) {
-        let (cancel, results) = (self.asked.cancel.clone(), self.results.0.clone());
+        let (cancel, results) = (self.request.cancel.clone(), self.results.0.clone());
         let work = self.remote.transport.spawn(async move {
             cancel.cancelled().await;
             drop(results.send(None));
@@ -291,12 +291,12 @@ impl Asking<'_> {
 
     /// A second backend's reply, converted to the coordinates of the query.
     fn translated(&self, index: usize, text: String) -> Result<String, VlmError> {
-        let (asked, own) = (self.remote.sight(0, self.camera).0, self.remote.sight(index, self.camera).0);
-        let QueryKind::Point { avoid } = self.asked.query.kind else { return Ok(text) };
-        if asked == own {
+        let (request, own) = (self.remote.sight(0, self.camera).0, self.remote.sight(index, self.camera).0);
+        let QueryKind::Point { avoid } = self.request.query.kind else { return Ok(text) };
+        if request == own {
             return Ok(text);
         }
         // An invalid reply is left for the policy to reject.
-        Ok(parse_reply(&text, &own).map_or(text, |reply| reply.to_json_exact(&asked, avoid)))
+        Ok(parse_reply(&text, &own).map_or(text, |reply| reply.to_json_exact(&request, avoid)))
     }
 }

@@ -1,5 +1,7 @@
 //! Creates a model client from its name and the environment.
 
+use std::net::IpAddr;
+
 use reqwest::Url;
 use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderName, HeaderValue};
 
@@ -44,7 +46,7 @@ pub enum SetupError {
         variable: String,
     },
     /// An invalid address.
-    #[error("`{0}` is not a server URL")]
+    #[error("invalid server URL `{0}`")]
     Url(String),
     /// An address with a user name, a password or a query, which could not be kept secret.
     #[error("URLs are stored in logs, so they must not contain a user name, a password or a query")]
@@ -102,11 +104,25 @@ pub fn has_key(model: &Model, variables: Variables<'_>) -> bool {
     !model.vendor.key_needed || key(&model.vendor.keys, variables).is_some()
 }
 
-fn endpoint(choice: &Choice, variables: Variables<'_>) -> Result<Endpoint, SetupError> {
+/// The base URL: of the name, else of the vendor's variable, else of the vendor.
+fn base_url(choice: &Choice, variables: Variables<'_>) -> String {
     let vendor = &choice.model.vendor;
     let elsewhere = vendor.base_url_env.as_deref().and_then(variables).filter(|url| !url.trim().is_empty());
     let base = choice.url.clone().or(elsewhere).unwrap_or_else(|| vendor.base_url.clone());
-    let base = base.trim().trim_end_matches('/').to_owned();
+    base.trim().trim_end_matches('/').to_owned()
+}
+
+/// Whether the server of this model is on this machine: `localhost` or a loopback address.
+#[must_use]
+pub fn is_local(choice: &Choice, variables: Variables<'_>) -> bool {
+    let Ok(url) = Url::parse(&base_url(choice, variables)) else { return false };
+    let host = url.host_str().unwrap_or_default().trim_matches(['[', ']']);
+    host == "localhost" || host.ends_with(".localhost") || host.parse().is_ok_and(|address: IpAddr| address.is_loopback())
+}
+
+fn endpoint(choice: &Choice, variables: Variables<'_>) -> Result<Endpoint, SetupError> {
+    let vendor = &choice.model.vendor;
+    let base = base_url(choice, variables);
     let url = Url::parse(&base).ok().filter(|url| matches!(url.scheme(), "http" | "https") && url.host_str().is_some());
     let Some(url) = url else { return Err(SetupError::Url(base)) };
     if !url.username().is_empty() || url.password().is_some() || url.query().is_some() {
@@ -135,4 +151,22 @@ fn endpoint(choice: &Choice, variables: Variables<'_>) -> Result<Endpoint, Setup
         headers.insert(name, value);
     }
     Ok(Endpoint { host, base, headers, wire: choice.model.wire, key: key.map(|(_, key)| key) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_server_on_this_machine_is_local() {
+        let local = |name: &str| is_local(&Table::shipped().select(name, "2026-11-22").unwrap(), &|_| None);
+        for name in
+            ["ollama", "http://localhost:1/v1#m", "http://127.0.0.1:1/v1#m", "http://[::1]:1/v1#m", "gemini@http://127.0.0.1:1"]
+        {
+            assert!(local(name), "{name}");
+        }
+        for name in ["gemini", "http://localhost.example/v1#m", "http://192.168.0.2:1/v1#m", "ollama@http://10.0.0.2:1/v1"] {
+            assert!(!local(name), "{name}");
+        }
+    }
 }

@@ -109,10 +109,15 @@ fn answer(stream: impl Read + Write) -> std::io::Result<()> {
         let mut body = vec![0; length.parse().unwrap()];
         reader.read_exact(&mut body)?;
         let reply = r#"{"status":"navigating","look":null,"stage":1,"point":[500,500],"depth":3,"target":"dot"}"#;
-        let said = serde_json::json!({ "model": "m", "choices": [{ "message": { "content": reply }, "finish_reason": "stop" }] });
-        let said = said.to_string();
+        let message =
+            serde_json::json!({ "model": "m", "choices": [{ "message": { "content": reply }, "finish_reason": "stop" }] });
+        let message = message.to_string();
         let stream = reader.get_mut();
-        write!(stream, "HTTP/1.1 200 OK\r\ncontent-type: application/json\r\ncontent-length: {}\r\n\r\n{said}", said.len())?;
+        write!(
+            stream,
+            "HTTP/1.1 200 OK\r\ncontent-type: application/json\r\ncontent-length: {}\r\n\r\n{message}",
+            message.len()
+        )?;
         stream.flush()?;
     }
 }
@@ -136,7 +141,7 @@ fn proxy() -> (SocketAddr, Arc<AtomicU32>) {
 }
 
 /// What a process of its own says that asks a model at this address, with these variables and no others of the kind.
-fn asked(address: SocketAddr, variables: &[(&str, &str)]) -> String {
+fn requested(address: SocketAddr, variables: &[(&str, &str)]) -> String {
     let mut process = Command::new(std::env::current_exe().unwrap());
     process.args(["--exact", "ask", "--ignored", "--nocapture"]).env(ADDRESS, address.to_string());
     for name in ["SSL_CERT_FILE", "SSL_CERT_DIR", "HTTPS_PROXY", "HTTP_PROXY", "ALL_PROXY", "NO_PROXY"] {
@@ -168,15 +173,15 @@ fn an_authority_of_ones_own_is_trusted_when_named() {
         return;
     }
     let server = Server::start();
-    let refused = asked(server.address, &[]);
+    let refused = requested(server.address, &[]);
     assert!(refused.contains("FAILED") && refused.contains("UnknownIssuer") && refused.contains("SSL_CERT_FILE"), "{refused}");
-    let trusted = asked(server.address, &[("SSL_CERT_FILE", &server.authority)]);
+    let trusted = requested(server.address, &[("SSL_CERT_FILE", &server.authority)]);
     assert!(trusted.contains("ANSWERED"), "{trusted}");
     // Another authority's file is no help.
     let other = Server::start();
-    let refused = asked(server.address, &[("SSL_CERT_FILE", &other.authority)]);
+    let refused = requested(server.address, &[("SSL_CERT_FILE", &other.authority)]);
     assert!(refused.contains("FAILED") && refused.contains("invalid peer certificate"), "{refused}");
-    let missing = asked(server.address, &[("SSL_CERT_FILE", "/no/such/file")]);
+    let missing = requested(server.address, &[("SSL_CERT_FILE", "/no/such/file")]);
     assert!(missing.contains("NOT SET UP") && missing.contains("certificates"), "{missing}");
 }
 
@@ -187,14 +192,14 @@ fn questions_go_through_a_proxy_unless_excepted() {
     }
     let (server, (proxy, tunnels)) = (Server::start(), proxy());
     let (authority, proxy) = (server.authority.as_str(), format!("http://{proxy}"));
-    let through = asked(server.address, &[("SSL_CERT_FILE", authority), ("HTTPS_PROXY", &proxy)]);
+    let through = requested(server.address, &[("SSL_CERT_FILE", authority), ("HTTPS_PROXY", &proxy)]);
     assert!(through.contains("ANSWERED"), "{through}");
     let opened = tunnels.load(Ordering::SeqCst);
     assert!(opened > 0);
-    let past = asked(server.address, &[("SSL_CERT_FILE", authority), ("HTTPS_PROXY", &proxy), ("NO_PROXY", "127.0.0.1")]);
+    let past = requested(server.address, &[("SSL_CERT_FILE", authority), ("HTTPS_PROXY", &proxy), ("NO_PROXY", "127.0.0.1")]);
     assert!(past.contains("ANSWERED"), "{past}");
     assert_eq!(tunnels.load(Ordering::SeqCst), opened);
     // A proxy that is not there is told of.
-    let gone = asked(server.address, &[("SSL_CERT_FILE", authority), ("HTTPS_PROXY", "http://127.0.0.1:1")]);
+    let gone = requested(server.address, &[("SSL_CERT_FILE", authority), ("HTTPS_PROXY", "http://127.0.0.1:1")]);
     assert!(gone.contains("FAILED") && gone.contains("cannot reach"), "{gone}");
 }

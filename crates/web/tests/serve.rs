@@ -198,15 +198,15 @@ fn pictures_do_not_queue_up() {
     }
     // The answer to this comes after all pictures that were sent before it.
     page.say(json!({"type": "craft", "craft": "quad"}));
-    let mut pictures = 0;
+    let mut images = 0;
     loop {
         match page.0.read().unwrap() {
-            Message::Binary(_) => pictures += 1,
-            Message::Text(text) if text.contains(r#""type":"scene""#) && pictures > 0 => break,
+            Message::Binary(_) => images += 1,
+            Message::Text(text) if text.contains(r#""type":"scene""#) && images > 0 => break,
             _ => {}
         }
     }
-    assert!((1..=2).contains(&pictures), "{pictures} pictures unasked for");
+    assert!((1..=2).contains(&images), "{images} pictures unasked for");
     // The next after a word from the page is of now.
     page.say(json!({"type": "shown", "frame": last.number("frame") as u64 + 2}));
     let now = page.show();
@@ -280,8 +280,8 @@ fn wrong_messages_are_told_and_change_nothing() {
         (r#"{"type":"scene","name":"/etc/passwd"}"#, "unknown scene `/etc/passwd`"),
     ] {
         page.0.send(Message::text(message)).unwrap();
-        let said = page.text("refused");
-        assert!(said["reason"].as_str().unwrap().contains(reason), "{said}");
+        let error = page.text("refused");
+        assert!(error["reason"].as_str().unwrap().contains(reason), "{error}");
     }
     page.0.send(Message::binary(vec![1, 2, 3])).unwrap();
     assert_eq!(page.text("refused")["reason"], "expected a text message");

@@ -5,7 +5,7 @@
 use core::ops::RangeInclusive;
 
 use spf_core::query::{ImagePoint, Mark};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 /// Image width for which the pixel values are meant; wider images count as scaled down to it.
 const MAX_WIDTH: f64 = 1024.0;
@@ -103,7 +103,7 @@ impl Distribution {
 
     /// Up to `count` candidates in the image with a minimum distance. Rejected samples are drawn again, with a growing
     /// spread, [`MOST_DRAWS`] times in total.
-    pub(super) fn sample(&self, sheet: &Sheet, sampling: &Sampling, count: usize, draw: &mut Draw) -> Vec<Offset> {
+    pub(super) fn sample(&self, sheet: &Sheet, sampling: &Sampling, count: usize, rng: &mut RandomStream) -> Vec<Offset> {
         let (mut spread, mut draws) = (self.spread, 0);
         let mut found: Vec<Offset> = Vec::new();
         while found.len() < count && draws < MOST_DRAWS {
@@ -112,7 +112,7 @@ impl Distribution {
             for _ in 0..missing {
                 draws += 1;
                 let offset: Offset = core::array::from_fn(|axis| {
-                    let drawn = self.mean[axis] + spread[axis] * draw.normal();
+                    let drawn = self.mean[axis] + spread[axis] * rng.normal();
                     drawn.clamp(-sampling.reach, sampling.reach)
                 });
                 if on(sheet.point(offset)) && found.iter().all(|other| distance(offset, *other) >= sheet.apart()) {
@@ -184,7 +184,7 @@ mod tests {
         let sheet = Sheet::new((960, 720), MIDDLE);
         let sampling = Sampling::default();
         for seed in 0..20 {
-            let found = Distribution::initial(&sampling).sample(&sheet, &sampling, 25, &mut Draw::new(seed, "test", &[]));
+            let found = Distribution::initial(&sampling).sample(&sheet, &sampling, 25, &mut RandomStream::new(seed, "test", &[]));
             assert_eq!(found.len(), 25);
         }
     }
@@ -197,7 +197,7 @@ mod tests {
         ) {
             let (sheet, sampling) = (Sheet::new((width, height), ImagePoint { u, v }), Sampling::default());
             let around = Distribution { mean, spread: [spread; 2] };
-            let found = around.sample(&sheet, &sampling, count, &mut Draw::new(seed, "test", &[]));
+            let found = around.sample(&sheet, &sampling, count, &mut RandomStream::new(seed, "test", &[]));
             prop_assert!(found.len() <= count);
             for (i, offset) in found.iter().enumerate() {
                 prop_assert!(on(sheet.point(*offset)) && offset.iter().all(|o| o.abs() <= sampling.reach));

@@ -21,7 +21,7 @@ use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptInput, PromptKind, PromptText};
 use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Choice, Completion, Look, parse_choice, parse_completion};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 /// How the results of parallel runs are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,7 +89,7 @@ impl PivotSettings {
 #[derive(Clone, Debug)]
 struct Run {
     /// The open query.
-    asked: Option<QueryId>,
+    pending: Option<QueryId>,
     /// Number of rounds completed.
     round: u32,
     around: Distribution,
@@ -100,7 +100,7 @@ struct Run {
 
 impl Run {
     fn new(around: Distribution) -> Self {
-        Self { asked: None, round: 0, around, shown: Vec::new(), best: None }
+        Self { pending: None, round: 0, around, shown: Vec::new(), best: None }
     }
 }
 
@@ -109,7 +109,7 @@ enum State {
     /// Waiting for a frame.
     Looking,
     /// Querying whether the instruction is fulfilled.
-    Completing { asked: QueryId, view: View },
+    Completing { pending: QueryId, view: View },
     /// Querying for a choice.
     Choosing(Box<Choosing>),
     /// Moving.
@@ -189,7 +189,7 @@ impl Pivot {
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
         let prompt = self.write(&PromptText::shipped(PromptKind::Done), |_| None);
         let query = self.query(view, QueryKind::Done, prompt);
-        self.state = State::Completing { asked: query.id, view: *view };
+        self.state = State::Completing { pending: query.id, view: *view };
         Step::Ask(Box::new(query))
     }
 
@@ -225,15 +225,15 @@ impl Pivot {
     fn ask_next(&mut self) -> Step {
         let State::Choosing(choosing) = &mut self.state else { return Step::Wait };
         let settings = &self.settings;
-        let waits = |run: &&mut Run| run.asked.is_none() && run.round < settings.rounds.max(1);
+        let waits = |run: &&mut Run| run.pending.is_none() && run.round < settings.rounds.max(1);
         let Some(run) = choosing.runs.iter_mut().find(waits) else { return Step::Wait };
         let id = QueryId(self.next_id);
-        run.asked = Some(id);
+        run.pending = Some(id);
         let last = run.round + 1 >= settings.rounds.max(1);
         if !choosing.voting {
             let count = if run.round == 0 { settings.first_candidates } else { settings.candidates };
-            let mut draw = Draw::new(settings.seed, "pivot candidates", &[id.0]);
-            run.shown = run.around.sample(&choosing.sheet, &settings.sampling, count, &mut draw);
+            let mut rng = RandomStream::new(settings.seed, "pivot candidates", &[id.0]);
+            run.shown = run.around.sample(&choosing.sheet, &settings.sampling, count, &mut rng);
         }
         let (view, marks) = (choosing.view, choosing.sheet.marks(&run.shown));
         let most = if last { 1 } else { settings.chosen };
@@ -250,7 +250,7 @@ impl Pivot {
     fn chosen(&mut self, index: usize, choice: &Choice) -> Step {
         let State::Choosing(choosing) = &mut self.state else { return Step::Wait };
         let run = &mut choosing.runs[index];
-        run.asked = None;
+        run.pending = None;
         run.round += 1;
         // Numbers that are not in the image are ignored.
         let picked = choice.points.iter().filter_map(|&number| run.shown.get((number as usize).checked_sub(1)?).copied());
@@ -267,7 +267,7 @@ impl Pivot {
     /// Moves once all runs have ended.
     fn conclude(&mut self) -> Step {
         let State::Choosing(choosing) = &mut self.state else { return Step::Wait };
-        if choosing.runs.iter().any(|run| run.asked.is_some()) {
+        if choosing.runs.iter().any(|run| run.pending.is_some()) {
             return Step::Wait;
         }
         let results: Vec<Offset> = choosing.runs.iter().filter_map(|run| run.best).collect();
@@ -330,7 +330,7 @@ impl Pivot {
 
     fn answered(&mut self, id: QueryId, text: &str) -> Step {
         match &self.state {
-            State::Completing { asked, view } if *asked == id => {
+            State::Completing { pending, view } if *pending == id => {
                 let view = *view;
                 self.reading = Reading::default();
                 self.state = State::Looking;
@@ -340,7 +340,7 @@ impl Pivot {
                 }
             }
             State::Choosing(choosing) => {
-                let Some(index) = choosing.runs.iter().position(|run| run.asked == Some(id)) else { return Step::Wait };
+                let Some(index) = choosing.runs.iter().position(|run| run.pending == Some(id)) else { return Step::Wait };
                 self.reading = Reading::default();
                 match parse_choice(text) {
                     Ok(choice) => self.chosen(index, &choice),
@@ -354,8 +354,8 @@ impl Pivot {
     /// Whether this query is open.
     fn waits_for(&self, id: QueryId) -> bool {
         match &self.state {
-            State::Completing { asked, .. } => *asked == id,
-            State::Choosing(choosing) => choosing.runs.iter().any(|run| run.asked == Some(id)),
+            State::Completing { pending, .. } => *pending == id,
+            State::Choosing(choosing) => choosing.runs.iter().any(|run| run.pending == Some(id)),
             State::Looking | State::Moving => false,
         }
     }

@@ -52,9 +52,9 @@ fn nearest(query: &Query, u: f64, v: f64) -> u32 {
 
 /// The first question about candidates.
 fn begun(pivot: &mut Pivot) -> Query {
-    let asked = query(pivot.handle(PolicyEvent::Frame(&view(1))));
-    assert_eq!(asked.kind, QueryKind::Done);
-    query(pivot.handle(PolicyEvent::Reply { id: asked.id, text: r#"{"done":false,"stage":1}"# }))
+    let sent = query(pivot.handle(PolicyEvent::Frame(&view(1))));
+    assert_eq!(sent.kind, QueryKind::Done);
+    query(pivot.handle(PolicyEvent::Reply { id: sent.id, text: r#"{"done":false,"stage":1}"# }))
 }
 
 fn answer(pivot: &mut Pivot, to: &Query, points: &[u32]) -> Step {
@@ -65,16 +65,16 @@ fn answer(pivot: &mut Pivot, to: &Query, points: &[u32]) -> Step {
 fn three_rounds_on_one_frame_close_in_on_the_target() {
     let mut pivot = pivot(|_| ());
     let (u, v) = (0.62, 0.41);
-    let mut asked = begun(&mut pivot);
+    let mut query = begun(&mut pivot);
     let mut counts = Vec::new();
     for round in 0..3 {
-        counts.push(numbers(&asked).len());
-        assert_eq!((asked.kind.clone(), asked.frame), (QueryKind::Choose, FrameId(1)));
+        counts.push(numbers(&query).len());
+        assert_eq!((query.kind.clone(), query.frame), (QueryKind::Choose, FrameId(1)));
         let most = if round == 2 { "the numbers of the best 1," } else { "the numbers of the best 3," };
-        assert!(asked.prompt.contains(most) && asked.prompt.contains("fly 2 m that way"), "{}", asked.prompt);
-        let number = nearest(&asked, u, v);
-        match answer(&mut pivot, &asked, &[number]) {
-            Step::Ask(next) => asked = *next,
+        assert!(query.prompt.contains(most) && query.prompt.contains("fly 2 m that way"), "{}", query.prompt);
+        let number = nearest(&query, u, v);
+        match answer(&mut pivot, &query, &[number]) {
+            Step::Ask(next) => query = *next,
             Step::Move(motion) => {
                 assert_eq!(round, 2);
                 let reached = pivot.reading().waypoint.unwrap();
@@ -94,9 +94,9 @@ fn three_rounds_on_one_frame_close_in_on_the_target() {
 #[test]
 fn arrows_begin_where_straight_on_appears() {
     let mut pivot = pivot(|_| ());
-    let asked = begun(&mut pivot);
+    let query = begun(&mut pivot);
     // The lens looks 5° down: straight on is tan 5° above the middle, 0.0875 · 480.3 px of 720.
-    let Mark::Arrow { from, .. } = asked.marks[0] else { panic!() };
+    let Mark::Arrow { from, .. } = query.marks[0] else { panic!() };
     assert!((from.u - 0.5).abs() < 1e-9 && (from.v - (0.5 - 0.0875 * 480.4 / 720.0)).abs() < 1e-3, "{from:?}");
 }
 
@@ -124,8 +124,8 @@ fn where_nothing_is_chosen_the_search_turns_until_it_gives_up() {
     let mut pivot = pivot(|settings| settings.rounds = 1);
     let mut turns = 0;
     for _ in 0..40 {
-        let asked = begun(&mut pivot);
-        match answer(&mut pivot, &asked, &[]) {
+        let query = begun(&mut pivot);
+        match answer(&mut pivot, &query, &[]) {
             Step::Move(motion) => {
                 assert!(motion.then_rest && motion.primitives.forward == 0.0);
                 turns += 1;

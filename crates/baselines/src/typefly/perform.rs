@@ -136,8 +136,8 @@ impl TypeFly {
 
     fn question(&mut self, argument: Argument) -> Outcome {
         let text = one_line(&argument.text);
-        let asked = text.clone();
-        let prompt = self.write(&PromptText::shipped(PromptKind::Question), |place| (place == "question").then(|| asked.clone()));
+        let sent = text.clone();
+        let prompt = self.write(&PromptText::shipped(PromptKind::Question), |place| (place == "question").then(|| sent.clone()));
         let query = self.query(QueryKind::Question { text }, prompt);
         self.waits = Waits::Answer(query.id);
         Outcome::Step(Step::Ask(Box::new(query)))

@@ -42,24 +42,24 @@ impl Told {
 
     /// Shows a frame with these detections; what comes of it.
     fn sees(&mut self, list: &str) -> Step {
-        let asked = query(self.frame());
-        assert!(matches!(asked.kind, QueryKind::Detect { .. }) && asked.detections.is_empty());
-        self.reply(&asked, list)
+        let sent = query(self.frame());
+        assert!(matches!(sent.kind, QueryKind::Detect { .. }) && sent.detections.is_empty());
+        self.reply(&sent, list)
     }
 
     /// The first frame, its list and the program; what the program begins with.
     fn plans(&mut self, list: &str, program: &str) -> Step {
-        let asked = query(self.sees(list));
-        assert_eq!(asked.kind, QueryKind::Program);
-        self.reply(&asked, program)
+        let sent = query(self.sees(list));
+        assert_eq!(sent.kind, QueryKind::Program);
+        self.reply(&sent, program)
     }
 
     /// The program is over: the next frame is asked about.
     fn ends(&mut self, step: Step, done: bool) -> Step {
         assert_eq!(step, Step::Look);
-        let asked = query(self.frame());
-        assert_eq!(asked.kind, QueryKind::Done);
-        self.reply(&asked, &format!("{{\"done\":{done},\"stage\":1}}"))
+        let sent = query(self.frame());
+        assert_eq!(sent.kind, QueryKind::Done);
+        self.reply(&sent, &format!("{{\"done\":{done},\"stage\":1}}"))
     }
 
     fn moved(&mut self) -> Step {
@@ -88,7 +88,7 @@ fn forward(metres: f64) -> Primitives {
 #[test]
 fn the_planner_is_told_skills_list_and_instruction() {
     let mut told = Told::new(|_| ());
-    let asked = query(told.sees(CAR));
+    let sent = query(told.sees(CAR));
     for words in [
         "mf move_forward(argument): fly forward by centimetres\n",
         "\ncar_3 x:0.50",
@@ -96,10 +96,10 @@ fn the_planner_is_told_skills_list_and_instruction() {
         "rp re_plan",
         "end it with rp",
     ] {
-        assert!(asked.prompt.contains(words), "{words}: {}", asked.prompt);
+        assert!(sent.prompt.contains(words), "{words}: {}", sent.prompt);
     }
-    assert_eq!(asked.detections, [CAR]);
-    assert!(!asked.prompt.contains("Your last program"));
+    assert_eq!(sent.detections, [CAR]);
+    assert!(!sent.prompt.contains("Your last program"));
 }
 
 #[test]
@@ -119,16 +119,16 @@ fn an_end_that_the_picture_does_not_show_is_planned_on_from() {
     let over = told.plans(CAR, "->True;");
     let list = query(told.ends(over, false));
     assert_eq!(list.kind, QueryKind::Detect { coco: false, scored: false });
-    let asked = query(told.reply(&list, CAR));
-    assert!(asked.prompt.contains("It ended because: the picture does not show"), "{}", asked.prompt);
-    motion(told.reply(&asked, "mf,50;->True;"));
+    let sent = query(told.reply(&list, CAR));
+    assert!(sent.prompt.contains("It ended because: the picture does not show"), "{}", sent.prompt);
+    motion(told.reply(&sent, "mf,50;->True;"));
     let over = told.moved();
     // One that moved was of use; six in a row that did not are not.
     let mut step = told.ends(over, false);
     for _ in 0..6 {
         let list = query(step);
-        let asked = query(told.reply(&list, CAR));
-        let over = told.reply(&asked, "->True;");
+        let sent = query(told.reply(&list, CAR));
+        let over = told.reply(&sent, "->True;");
         step = told.ends(over, false);
     }
     assert_eq!(step, Step::Fail(FailReason::NoProgram));
@@ -191,12 +191,12 @@ fn long_moves_outdate_the_plan() {
 #[test]
 fn the_weak_configuration_turns_once_and_hops_once() {
     let mut told = Told::new(|settings| (settings.replanning, settings.coco) = (false, true));
-    let asked = query(told.frame());
-    assert_eq!(asked.kind, QueryKind::Detect { coco: true, scored: false });
-    assert!(asked.prompt.contains("classes only: person, bicycle,"), "{}", asked.prompt);
-    let asked = query(told.reply(&asked, "car_3 x:0.80 y:0.6 width:0.1 height:0.1 color:black"));
-    assert!(!asked.prompt.contains("rp;") && !asked.prompt.contains("re_plan"), "{}", asked.prompt);
-    let moved = motion(told.reply(&asked, "g(car);->True;"));
+    let sent = query(told.frame());
+    assert_eq!(sent.kind, QueryKind::Detect { coco: true, scored: false });
+    assert!(sent.prompt.contains("classes only: person, bicycle,"), "{}", sent.prompt);
+    let sent = query(told.reply(&sent, "car_3 x:0.80 y:0.6 width:0.1 height:0.1 color:black"));
+    assert!(!sent.prompt.contains("rp;") && !sent.prompt.contains("re_plan"), "{}", sent.prompt);
+    let moved = motion(told.reply(&sent, "g(car);->True;"));
     assert!((moved.yaw - (70.0 * 0.3_f64).to_radians()).abs() < 1e-12 && (moved.forward - 1.1).abs() < 1e-12);
     assert_eq!(told.moved(), Step::Done);
 }
@@ -210,23 +210,23 @@ fn a_faster_craft_flies_longer_hops() {
 #[test]
 fn questions_are_asked_while_the_program_runs() {
     let mut told = Told::new(|_| ());
-    let asked = query(told.plans(CAR, "_1=sa('what can be driven?');?_1!=False{mf,50;}->True;"));
-    assert_eq!(asked.kind, QueryKind::Question { text: "what can be driven?".to_owned() });
-    assert!(asked.prompt.contains("«what can be driven?»") && asked.detections == [CAR]);
-    assert_eq!(motion(told.reply(&asked, " 'car_3'.\n")), forward(0.5));
+    let sent = query(told.plans(CAR, "_1=sa('what can be driven?');?_1!=False{mf,50;}->True;"));
+    assert_eq!(sent.kind, QueryKind::Question { text: "what can be driven?".to_owned() });
+    assert!(sent.prompt.contains("«what can be driven?»") && sent.detections == [CAR]);
+    assert_eq!(motion(told.reply(&sent, " 'car_3'.\n")), forward(0.5));
 }
 
 #[test]
 fn a_program_runs_while_it_arrives_and_nothing_of_it_twice() {
     let mut told = Told::new(|_| ());
-    let asked = query(told.sees(CAR));
-    let mut chunk = |text: &str| told.policy.handle(PolicyEvent::Chunk { id: asked.id, text });
+    let sent = query(told.sees(CAR));
+    let mut chunk = |text: &str| told.policy.handle(PolicyEvent::Chunk { id: sent.id, text });
     assert_eq!(chunk("mf,"), Step::Wait);
     assert_eq!(motion(chunk("50;mf,1")), forward(0.5));
     assert_eq!(chunk("00;"), Step::Wait, "the first move is under way");
     assert_eq!(motion(told.moved()), forward(1.0));
     assert_eq!(told.moved(), Step::Wait, "nothing more has arrived");
-    let over = told.reply(&asked, "mf,50;mf,100;->True;");
+    let over = told.reply(&sent, "mf,50;mf,100;->True;");
     assert_eq!(told.ends(over, true), Step::Done);
 }
 
@@ -256,9 +256,9 @@ fn what_is_cut_short_or_never_answered_is_planned_anew() {
     let mut told = Told::new(|_| ());
     motion(told.plans(CAR, "mf,50;->True;"));
     assert_eq!(told.policy.handle(PolicyEvent::MoveEnded { completed: false }), Step::Wait);
-    let asked = query(told.sees(CAR));
-    assert_eq!(told.policy.handle(PolicyEvent::ReplyFailed { id: asked.id }), Step::Wait);
-    assert_eq!(told.reply(&asked, "->True;"), Step::Wait, "too late");
+    let sent = query(told.sees(CAR));
+    assert_eq!(told.policy.handle(PolicyEvent::ReplyFailed { id: sent.id }), Step::Wait);
+    assert_eq!(told.reply(&sent, "->True;"), Step::Wait, "too late");
     let over = told.plans(CAR, "->True;");
     assert_eq!(told.ends(over, true), Step::Done);
 }

@@ -134,7 +134,7 @@ pub(crate) struct Flight {
     coming: Vec<(Time, Event)>,
     /// Truth of each capture, by frame number.
     pub(crate) frames: Vec<Seen>,
-    pub(crate) asked: Vec<Query>,
+    pub(crate) query: Vec<Query>,
     setpoints: Vec<(Time, Setpoint)>,
     notes: Vec<Note>,
     finished: Option<(Ending, EnuPosition)>,
@@ -175,7 +175,7 @@ impl Flight {
             vlm: Box::new(vlm),
             coming: Vec::new(),
             frames: Vec::new(),
-            asked: Vec::new(),
+            query: Vec::new(),
             setpoints: Vec::new(),
             notes: Vec::new(),
             finished: None,
@@ -234,7 +234,7 @@ impl Flight {
                     let (latency, text) = (self.vlm)(&query, &self.frames[usize::try_from(query.frame.0).unwrap()]);
                     let event = Event::Reply { id: query.id, text };
                     self.coming.push((self.now + duration_from_secs(latency), event));
-                    self.asked.push(*query);
+                    self.query.push(*query);
                 }
                 Some(Action::Cancel(id)) => self.forget(id),
                 Some(Action::Command(cleared)) => {

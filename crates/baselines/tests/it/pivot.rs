@@ -34,6 +34,6 @@ fn pivot_flies_to_what_the_choices_lead_to() {
         let (outcome, ended_at) = flight.end();
         assert_eq!(outcome, Outcome::Reached, "{preset:?} {heading}");
         assert!(ended_at.distance(CRANE) < 3.2, "{ended_at:?}");
-        assert!(flight.asked.iter().any(|query| query.marks.len() == 50), "25 arrows with their numbers");
+        assert!(flight.query.iter().any(|query| query.marks.len() == 50), "25 arrows with their numbers");
     }
 }

@@ -31,12 +31,12 @@ fn plain_flies_its_actions_one_after_the_other_and_then_looks_again() {
     let mut order = axes.clone();
     order.dedup();
     assert_eq!(order, [0, 1, 2], "forward, then the turn, then the climb");
-    let last = flight.frames[usize::try_from(flight.asked[1].frame.0).unwrap()];
+    let last = flight.frames[usize::try_from(flight.query[1].frame.0).unwrap()];
     assert!(last.speed < 0.1, "asked again only after all of them, at rest");
     // The paper's timed moves of a craft that accelerates: about what was asked.
     assert!((last.pose.position.north - 3.0).abs() < 0.7 && (last.pose.position.up - 4.0).abs() < 0.5, "{last:?}");
     assert!((last.pose.attitude.heading.to_degrees() - 90.0).abs() < 25.0, "{last:?}");
-    let told: Vec<usize> = flight.asked.iter().map(|query| query.memory.actions.len()).collect();
+    let told: Vec<usize> = flight.query.iter().map(|query| query.memory.actions.len()).collect();
     assert_eq!(told, [0, 3, 3], "what was flown is told; a done is looked at twice");
     assert_eq!(flight.pilot.decisions(), 3);
     assert_eq!(flight.decisions().next().unwrap().reading.actions.len(), 3);
@@ -46,10 +46,10 @@ fn plain_flies_its_actions_one_after_the_other_and_then_looks_again() {
 fn plain_believes_done_at_once_where_it_is_set_to() {
     let mut flight = plain(false, &[DONE]);
     assert_eq!(flight.end().0, Outcome::Reached);
-    assert_eq!(flight.asked.len(), 1);
+    assert_eq!(flight.query.len(), 1);
     let mut flight = plain(true, &[DONE]);
     assert_eq!(flight.end().0, Outcome::Reached);
-    let confirming: Vec<bool> = flight.asked.iter().map(|query| query.memory.confirming).collect();
+    let confirming: Vec<bool> = flight.query.iter().map(|query| query.memory.confirming).collect();
     assert_eq!(confirming, [false, true]);
 }
 

@@ -35,7 +35,7 @@ fn typefly_goes_to_what_its_list_tells() {
         assert_eq!(outcome, Outcome::Reached, "{preset:?} {heading}");
         assert!(ended_at.distance(CRANE) < 4.2, "{ended_at:?}");
         // Lists are many, and no decisions.
-        let lists = flight.asked.iter().filter(|query| matches!(query.kind, QueryKind::Detect { .. })).count();
+        let lists = flight.query.iter().filter(|query| matches!(query.kind, QueryKind::Detect { .. })).count();
         assert!(lists > flight.pilot.decisions() as usize + 4, "{lists} {}", flight.pilot.decisions());
     }
 }

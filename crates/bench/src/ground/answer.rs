@@ -8,7 +8,7 @@ use spf_vlm::{Account, Answer};
 /// A parsed answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Said {
+pub enum ParsedReply {
     /// A valid reply; positions are fractions of the image.
     Reply(Reply),
     /// An invalid reply, with the reason.
@@ -29,7 +29,8 @@ pub struct AnswerRow {
     /// Latency, seconds.
     pub latency_s: f64,
     /// The parsed answer.
-    pub said: Said,
+    #[serde(rename = "said")]
+    pub parsed: ParsedReply,
     /// The reply text as received.
     pub text: Option<String>,
     /// Resources used.
@@ -40,16 +41,18 @@ impl AnswerRow {
     /// The row for an answer in the coordinates requested.
     #[must_use]
     pub fn of(answerer: &str, item: &str, answer: Answer, grounding: &GroundingProfile) -> Self {
-        let said = match &answer.text {
-            Ok(text) => parse_reply(text, grounding).map_or_else(|error| Said::Refused(error.to_string()), Said::Reply),
-            Err(error) => Said::Nothing(error.code().to_owned(), error.to_string()),
+        let parsed = match &answer.text {
+            Ok(text) => {
+                parse_reply(text, grounding).map_or_else(|error| ParsedReply::Refused(error.to_string()), ParsedReply::Reply)
+            }
+            Err(error) => ParsedReply::Nothing(error.code().to_owned(), error.to_string()),
         };
         Self {
             answerer: answerer.to_owned(),
             item: item.to_owned(),
             model: answer.model,
             latency_s: answer.latency.as_secs_f64(),
-            said,
+            parsed,
             text: answer.text.ok(),
             account: answer.account,
         }
@@ -58,6 +61,6 @@ impl AnswerRow {
     /// The reply, if it is valid.
     #[must_use]
     pub fn reply(&self) -> Option<&Reply> {
-        if let Said::Reply(reply) = &self.said { Some(reply) } else { None }
+        if let ParsedReply::Reply(reply) = &self.parsed { Some(reply) } else { None }
     }
 }

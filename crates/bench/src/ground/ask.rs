@@ -15,10 +15,10 @@ use spf_core::reply::{Reply, Status};
 use spf_core::time::Duration;
 use spf_media::Rgb;
 use spf_oracle::ErrorFile;
-use spf_vlm::{Account, Answer, Asked, Cancel, Vlm, VlmError};
+use spf_vlm::{Account, Answer, Cancel, QueryRequest, Vlm, VlmError};
 
 use super::photo::Photograph;
-use super::{AnswerRow, Item, Said, oracle, photo};
+use super::{AnswerRow, Item, ParsedReply, oracle, photo};
 use crate::fnv;
 
 /// The baseline that always points at the image centre.
@@ -45,7 +45,7 @@ pub enum AnswererKind {
 impl AnswererKind {
     /// A digest of its configuration: its prompt, or its error file and seed.
     #[must_use]
-    pub fn manner(&self) -> String {
+    pub fn digest(&self) -> String {
         let words = match self {
             Self::Centre => String::new(),
             Self::Oracle(errors, seed) => format!("{errors:?} {seed}"),
@@ -94,12 +94,12 @@ impl Answerer {
 
     /// Asks about an item; `number` is its index in the dataset.
     #[must_use]
-    pub fn ask(&self, item: &Item, number: u64, manner: AskOptions, cancel: &Cancel) -> AnswerRow {
+    pub fn ask(&self, item: &Item, number: u64, options: AskOptions, cancel: &Cancel) -> AnswerRow {
         let profile = GroundingProfile::default();
         match &self.kind {
             AnswererKind::Centre => centre(&item.key),
             AnswererKind::Oracle(errors, seed) => {
-                let query = query(number, &item.instruction, String::new(), manner, None);
+                let query = query(number, &item.instruction, String::new(), options, None);
                 let answer = match &item.sim {
                     Some(example) => oracle::answer(&self.name, errors, *seed, &query, example),
                     None => failed(&self.name, "no ID and depth images for the oracle".to_owned()),
@@ -107,14 +107,14 @@ impl Answerer {
                 AnswerRow::of(&self.name, &item.key, answer, &profile)
             }
             AnswererKind::Model(make, prompt) => {
-                let read = std::fs::read(&item.picture).map_err(|error| error.to_string());
+                let read = std::fs::read(&item.image).map_err(|error| error.to_string());
                 match read.and_then(|bytes| photo::decode(&bytes).map_err(|error| error.to_string())) {
-                    Ok(picture) => {
-                        let picture = Arc::new(picture);
-                        self.show(make().as_mut(), prompt, &picture, &item.key, &item.instruction, number, manner, cancel)
+                    Ok(image) => {
+                        let image = Arc::new(image);
+                        self.show(make().as_mut(), prompt, &image, &item.key, &item.instruction, number, options, cancel)
                     }
                     Err(error) => {
-                        let why = format!("cannot read `{}`: {error}", item.picture.display());
+                        let why = format!("cannot read `{}`: {error}", item.image.display());
                         AnswerRow::of(&self.name, &item.key, failed(&self.name, why), &profile)
                     }
                 }
@@ -123,25 +123,25 @@ impl Answerer {
     }
 
     /// Sends a model an image.
-    #[expect(clippy::too_many_arguments, reason = "a question is made of these")]
+    #[expect(clippy::too_many_arguments, reason = "all parts of one question")]
     #[must_use]
     pub fn show(
         &self,
         vlm: &mut dyn Vlm,
         prompt: &PromptText,
-        picture: &Arc<Rgb>,
+        image: &Arc<Rgb>,
         key: &str,
         instruction: &str,
         number: u64,
-        manner: AskOptions,
+        options: AskOptions,
         cancel: &Cancel,
     ) -> AnswerRow {
-        let image_spec = vlm.image_spec((picture.width(), picture.height()));
+        let image_spec = vlm.image_spec((image.width(), image.height()));
         let (profile, memory) = (image_spec.grounding, Memory::default());
-        let text = prompt.write(&PromptInput { instruction, memory: &memory, profile: &profile, avoid: manner.avoid });
-        let query = query(number, instruction, text, manner, image_spec.image_size);
-        let asked = Asked { query: &query, time_left: manner.time, cancel: cancel.clone() };
-        let answer = vlm.answer(&asked, &mut Photograph::new(picture.clone()));
+        let text = prompt.write(&PromptInput { instruction, memory: &memory, profile: &profile, avoid: options.avoid });
+        let query = query(number, instruction, text, options, image_spec.image_size);
+        let request = QueryRequest { query: &query, time_left: options.time, cancel: cancel.clone() };
+        let answer = vlm.answer(&request, &mut Photograph::new(image.clone()));
         AnswerRow::of(&self.name, key, answer, &profile)
     }
 }
@@ -166,18 +166,18 @@ fn centre(key: &str) -> AnswerRow {
         item: key.to_owned(),
         model: CENTRE.to_owned(),
         latency_s: 0.0,
-        said: Said::Reply(reply),
+        parsed: ParsedReply::Reply(reply),
         text: None,
         account: Account::default(),
     }
 }
 
-fn query(number: u64, instruction: &str, prompt: String, manner: AskOptions, image_size: Option<(u32, u32)>) -> Query {
+fn query(number: u64, instruction: &str, prompt: String, options: AskOptions, image_size: Option<(u32, u32)>) -> Query {
     Query {
         instruction: instruction.to_owned(),
         prompt,
         image_size,
-        ..Query::new(QueryId(number), FrameId(number), QueryKind::Point { avoid: manner.avoid })
+        ..Query::new(QueryId(number), FrameId(number), QueryKind::Point { avoid: options.avoid })
     }
 }
 
@@ -188,7 +188,7 @@ pub struct Plan<'a> {
     /// The answerers.
     pub answerers: &'a [Answerer],
     /// How questions are asked.
-    pub manner: AskOptions,
+    pub options: AskOptions,
     /// Number of parallel questions.
     pub parallel: usize,
     /// Questions per minute and model; `None` for no limit.
@@ -259,8 +259,8 @@ impl Plan<'_> {
                 let (send, desk) = (send.clone(), &desk);
                 scope.spawn(move || {
                     while let Some((item, answerer)) = desk.take() {
-                        let asked = &desk.plan.answerers[answerer];
-                        let row = asked.ask(&desk.plan.items[item], item as u64, desk.plan.manner, &desk.cancel);
+                        let chosen = &desk.plan.answerers[answerer];
+                        let row = chosen.ask(&desk.plan.items[item], item as u64, desk.plan.options, &desk.cancel);
                         *lock(&desk.spent) += row.account.cost_usd.unwrap_or(0.0);
                         if send.send(row).is_err() {
                             return;
@@ -272,7 +272,7 @@ impl Plan<'_> {
             loop {
                 match answers.recv_timeout(LOOK_UP) {
                     // A cancelled question was not answered.
-                    Ok(row) if matches!(&row.said, Said::Nothing(code, _) if code == "cancelled") => {}
+                    Ok(row) if matches!(&row.parsed, ParsedReply::Nothing(code, _) if code == "cancelled") => {}
                     Ok(row) => {
                         if let Err(error) = each(row) {
                             failed = Err(error);

@@ -63,13 +63,13 @@ fn mass(inside: &[bool], width: usize, middle: ImagePoint, deviation: f64) -> f6
         let (x, y) = ((middle.u * width as f64) as usize, (middle.v * height as f64) as usize);
         return f64::from(u8::from(inside.get(y * width + x).copied().unwrap_or(false)));
     }
-    let shares = |count: usize, centre: f64| -> Vec<f64> {
+    let fractions = |count: usize, centre: f64| -> Vec<f64> {
         let below = |edge: f64| 0.5 * libm::erfc((centre - edge) / (deviation * std::f64::consts::SQRT_2));
         let upper = |i: usize| if i + 1 == count { 1.0 } else { below((i + 1) as f64) };
         let lower = |i: usize| if i == 0 { 0.0 } else { below(i as f64) };
         (0..count).map(|i| upper(i) - lower(i)).collect()
     };
-    let (across, down) = (shares(width, middle.u * width as f64), shares(height, middle.v * height as f64));
+    let (across, down) = (fractions(width, middle.u * width as f64), fractions(height, middle.v * height as f64));
     let row = |y: usize| -> f64 { (0..width).filter(|x| inside[y * width + x]).map(|x| across[x]).sum() };
     (0..height).filter(|y| down[*y] > 1e-12).map(|y| down[y] * row(y)).sum()
 }

@@ -3,7 +3,7 @@
 use spf_core::query::ImageBox;
 use spf_core::reply::Status;
 
-use super::{Outline, Said, Truth};
+use super::{Outline, ParsedReply, Truth};
 
 /// Grades of one answer; `None` where the ground truth is unknown.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,8 +27,8 @@ pub struct Grade {
 
 /// Grades an answer; `outline` is that of the target, `boxes` are the true boxes of the image.
 #[must_use]
-pub fn grade(truth: &Truth, outline: Option<&Outline>, boxes: &[ImageBox], said: &Said) -> Grade {
-    let reply = if let Said::Reply(reply) = said { Some(reply) } else { None };
+pub fn grade(truth: &Truth, outline: Option<&Outline>, boxes: &[ImageBox], parsed: &ParsedReply) -> Grade {
+    let reply = if let ParsedReply::Reply(reply) = parsed { Some(reply) } else { None };
     let says_absent = reply.map(|reply| reply.status == Status::NotVisible);
     let point = reply.and_then(|reply| reply.point).filter(|_| says_absent == Some(false));
     match (truth, outline) {
@@ -68,9 +68,9 @@ mod tests {
     use spf_core::query::ImagePoint;
     use spf_core::reply::Reply;
 
-    fn reply(status: Status, point: Option<(f64, f64)>) -> Said {
+    fn reply(status: Status, point: Option<(f64, f64)>) -> ParsedReply {
         let point = point.map(|(u, v)| ImagePoint { u, v });
-        Said::Reply(Reply {
+        ParsedReply::Reply(Reply {
             status,
             look: None,
             stage: None,
@@ -91,7 +91,7 @@ mod tests {
     fn answers_about_something_that_is_there() {
         let outline = target().outline((100, 100)).unwrap();
         let truth = Truth::Target(Box::new(target()));
-        let of = |said: &Said| grade(&truth, Some(&outline), &[], said);
+        let of = |parsed: &ParsedReply| grade(&truth, Some(&outline), &[], parsed);
         let hit = of(&reply(Status::Navigating, Some((0.5, 0.55))));
         assert_eq!(
             (hit.hit, hit.is_absent, hit.says_absent, hit.label),
@@ -102,7 +102,7 @@ mod tests {
         assert_eq!(of(&reply(Status::Navigating, Some((0.7, 0.5)))).hit, Some(false));
         let blind = of(&reply(Status::NotVisible, None));
         assert_eq!((blind.hit, blind.says_absent, blind.error_sides), (Some(false), Some(true), None));
-        let unread = of(&Said::Refused("no JSON".to_owned()));
+        let unread = of(&ParsedReply::Refused("no JSON".to_owned()));
         assert_eq!((unread.hit, unread.says_absent), (Some(false), None));
         // Done, and it shows where.
         assert_eq!(of(&reply(Status::Done, Some((0.5, 0.5)))).hit, Some(true));
@@ -110,14 +110,14 @@ mod tests {
 
     #[test]
     fn without_truth_there_is_no_hit_and_no_miss() {
-        for said in [reply(Status::Navigating, Some((0.5, 0.5))), reply(Status::NotVisible, None)] {
-            let grade = grade(&Truth::Unknown, None, &[], &said);
+        for parsed in [reply(Status::Navigating, Some((0.5, 0.5))), reply(Status::NotVisible, None)] {
+            let grade = grade(&Truth::Unknown, None, &[], &parsed);
             assert_eq!((grade.hit, grade.error_width, grade.is_absent), (None, None, None));
         }
         let points = Target { shape: Shape::Points(vec![ImagePoint { u: 0.5, v: 0.5 }], None), ..target() };
         let outline = points.outline((100, 100)).unwrap();
         let truth = Truth::Target(Box::new(points));
-        let of = |said: &Said| grade(&truth, Some(&outline), &[], said);
+        let of = |parsed: &ParsedReply| grade(&truth, Some(&outline), &[], parsed);
         assert_eq!(of(&reply(Status::Navigating, Some((0.5, 0.5)))).hit, None);
         assert_eq!(of(&reply(Status::NotVisible, None)).hit, None);
     }

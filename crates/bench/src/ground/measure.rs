@@ -8,7 +8,7 @@ use spf_vlm::Tokens;
 
 use super::ask::{Answerer, AnswererKind};
 use super::grade::{Grade, grade};
-use super::{AnswerRow, Item, Outline, Said, Truth, TruthError, expected, photo};
+use super::{AnswerRow, Item, Outline, ParsedReply, Truth, TruthError, expected, photo};
 use crate::stats::{
     Bootstrap, Estimate, PairedDifference, Rate, concordance, holm, kendall_tau_b, mean, median, percentile, sign_flip,
 };
@@ -25,7 +25,8 @@ pub struct Measures {
     /// Name of the answerer.
     pub answerer: String,
     /// Number of questions.
-    pub asked: usize,
+    #[serde(rename = "asked")]
+    pub questions: usize,
     /// Number of invalid answers.
     pub unreadable: usize,
     /// Number of questions without an answer.
@@ -136,7 +137,7 @@ pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow], avoid:
         let boxes = boxes(item, answers.iter().flatten().any(|row| row.reply().is_some_and(|reply| !reply.boxes.is_empty())));
         for (which, row) in answers.into_iter().enumerate() {
             let Some(row) = row else { continue };
-            let grade = grade(&item.truth, outline.as_ref(), &boxes, &row.said);
+            let grade = grade(&item.truth, outline.as_ref(), &boxes, &row.parsed);
             by_answerer[which].push(Graded { item: number, row: (*row).clone(), grade });
             if let (AnswererKind::Oracle(errors, _), Some(sim), Some(outline)) = (&answerers[which].kind, &item.sim, &outline)
                 && !avoid
@@ -152,7 +153,7 @@ pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow], avoid:
 pub(super) fn outline(item: &Item) -> Result<Option<Outline>, TruthError> {
     let Truth::Target(target) = &item.truth else { return Ok(None) };
     // An unreadable image is reported when it is sent; only its shape matters here.
-    let size = photo::size(&item.picture).unwrap_or((1, 1));
+    let size = photo::size(&item.image).unwrap_or((1, 1));
     target.outline(size).map(Some)
 }
 
@@ -191,19 +192,19 @@ fn measure(answerer: &Answerer, graded: &[Graded], hits_expected: Option<f64>) -
     let absent = |grade: &Grade| grade.says_absent.zip(grade.is_absent);
     let model = answerer.is_model();
     // The centre baseline takes no time and no tokens.
-    let answered: Vec<&Graded> = graded.iter().filter(|graded| !matches!(graded.row.said, Said::Nothing(..))).collect();
+    let answered: Vec<&Graded> = graded.iter().filter(|graded| !matches!(graded.row.parsed, ParsedReply::Nothing(..))).collect();
     let latencies: Vec<f64> = answered.iter().map(|graded| graded.row.latency_s).filter(|latency| *latency > 0.0).collect();
     let tokens = |count: fn(&Tokens) -> u64| {
         let counts: Vec<f64> = answered.iter().map(|graded| count(&graded.row.account.tokens) as f64).collect();
         boot.estimate(&counts, mean).filter(|_| model)
     };
     let costs: Vec<f64> = graded.iter().filter_map(|graded| graded.row.account.cost_usd).collect();
-    let count = |wanted: fn(&Said) -> bool| graded.iter().filter(|graded| wanted(&graded.row.said)).count();
+    let count = |wanted: fn(&ParsedReply) -> bool| graded.iter().filter(|graded| wanted(&graded.row.parsed)).count();
     Measures {
         answerer: name.to_owned(),
-        asked: graded.len(),
-        unreadable: count(|said| matches!(said, Said::Refused(_))),
-        failed: count(|said| matches!(said, Said::Nothing(..))),
+        questions: graded.len(),
+        unreadable: count(|parsed| matches!(parsed, ParsedReply::Refused(_))),
+        failed: count(|parsed| matches!(parsed, ParsedReply::Nothing(..))),
         hits: rate(&mut grades().filter_map(|grade| grade.hit)),
         hits_expected,
         error_sides: middle(&values(|grade| grade.error_sides)),

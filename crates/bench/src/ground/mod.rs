@@ -16,7 +16,7 @@ pub mod source;
 pub mod table;
 mod truth;
 
-pub use answer::{AnswerRow, Said};
+pub use answer::{AnswerRow, ParsedReply};
 pub use ask::{Answerer, CENTRE};
 pub use truth::{Mask, Outline, Shape, Target, Truth, TruthError};
 
@@ -32,7 +32,7 @@ pub struct Item {
     /// The instruction.
     pub instruction: String,
     /// Path of the image.
-    pub picture: PathBuf,
+    pub image: PathBuf,
     /// The ground truth.
     pub truth: Truth,
     /// Data for the oracle; `None` for photographs.

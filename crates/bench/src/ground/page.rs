@@ -11,7 +11,7 @@ use spf_media::{Jpeg, Rgb, resize};
 
 use super::ask::CENTRE;
 use super::measure::{Grades, Report, outline};
-use super::{AnswerRow, Item, Outline, Said, photo, table};
+use super::{AnswerRow, Item, Outline, ParsedReply, photo, table};
 
 /// Maximum number of misses shown on a page; the rest are counted.
 const MOST: usize = 60;
@@ -34,10 +34,10 @@ fn colour(answerer: usize) -> Colour {
 /// An answer in a few words.
 #[must_use]
 pub fn words(row: &AnswerRow) -> String {
-    match &row.said {
-        Said::Nothing(code, why) => format!("no reply ({code}): {why}"),
-        Said::Refused(why) => format!("not usable: {why}"),
-        Said::Reply(reply) => {
+    match &row.parsed {
+        ParsedReply::Nothing(code, why) => format!("no reply ({code}): {why}"),
+        ParsedReply::Refused(why) => format!("not usable: {why}"),
+        ParsedReply::Reply(reply) => {
             let place = reply.point.map_or(String::new(), |point| format!(" at ({:.3}, {:.3})", point.u, point.v));
             let depth = reply.depth.filter(|_| reply.point.is_some()).map_or(String::new(), |depth| format!(", depth {depth}"));
             let target =
@@ -62,18 +62,18 @@ pub fn account(row: &AnswerRow) -> String {
         let _ = write!(text, ", {about}{} tokens in, {} out", tokens.input, tokens.output + tokens.thinking);
     }
     if let Some(cost) = row.account.cost_usd {
-        let _ = write!(text, ", {cost:.5} $");
+        let _ = write!(text, ", ${cost:.5}");
     }
     text
 }
 
 /// One copy of an image per answer, side by side, with its point.
 #[must_use]
-pub fn side_by_side(picture: &Rgb, instruction: &str, rows: &[AnswerRow]) -> Rgb {
+pub fn side_by_side(image: &Rgb, instruction: &str, rows: &[AnswerRow]) -> Rgb {
     let width = |of: &Rgb| {
         (u64::from(of.width()) * u64::from(PANEL) / u64::from(of.height().max(1))).clamp(64, 4 * u64::from(PANEL)) as u32
     };
-    let small = resize(picture, width(picture), PANEL);
+    let small = resize(image, width(image), PANEL);
     let panels: Vec<Rgb> = rows.iter().map(|row| panel(&small, instruction, row)).collect();
     let line = 3 * small.width() as usize;
     let data: Vec<u8> = (0..PANEL as usize)
@@ -82,8 +82,8 @@ pub fn side_by_side(picture: &Rgb, instruction: &str, rows: &[AnswerRow]) -> Rgb
     Rgb::from_raw(small.width() * panels.len() as u32, PANEL, data).unwrap_or(small)
 }
 
-fn panel(picture: &Rgb, instruction: &str, row: &AnswerRow) -> Rgb {
-    let mut panel = picture.clone();
+fn panel(image: &Rgb, instruction: &str, row: &AnswerRow) -> Rgb {
+    let mut panel = image.clone();
     let reply = row.reply();
     let boxes: Vec<Mark> = reply
         .iter()
@@ -92,8 +92,8 @@ fn panel(picture: &Rgb, instruction: &str, row: &AnswerRow) -> Rgb {
         .collect();
     let label = reply.as_ref().and_then(|reply| reply.depth).map_or(String::new(), |depth| depth.to_string());
     let point = reply.as_ref().and_then(|reply| reply.point);
-    let (said, took) = (words(row), account(row));
-    let hud = Hud { title: &row.answerer, status: "", lines: &[instruction, &said, &took] };
+    let (outcome, took) = (words(row), account(row));
+    let hud = Hud { title: &row.answerer, status: "", lines: &[instruction, &outcome, &took] };
     marks::annotate(&mut panel, &boxes, point.map(|point| (point, label.as_str())), &hud);
     panel
 }
@@ -165,10 +165,10 @@ fn card(item: usize, items: &[Item], report: &Report, grades: &Grades) -> String
         let (red, green, blue) = COLOURS[which % COLOURS.len()];
         let outcome = match (graded.grade.hit, graded.grade.is_absent, graded.grade.says_absent) {
             (Some(true), ..) => "hit",
-            (Some(false), _, Some(true)) => "overlooked",
+            (Some(false), _, Some(true)) => "wrongly reported as not visible",
             (Some(false), ..) => "missed",
             (None, Some(true), Some(true)) => "correctly reported as not visible",
-            (None, Some(true), _) => "is not there",
+            (None, Some(true), _) => "reported, but not in the image",
             (None, ..) => "",
         };
         let _ = write!(
@@ -184,9 +184,9 @@ fn card(item: usize, items: &[Item], report: &Report, grades: &Grades) -> String
 
 /// An item's image with its target and all points.
 fn drawn(item: &Item, points: &[(usize, ImagePoint)]) -> Option<Jpeg> {
-    let picture = photo::decode(&std::fs::read(&item.picture).ok()?).ok()?;
-    let height = (u64::from(picture.height()) * u64::from(WIDTH) / u64::from(picture.width().max(1))).clamp(1, 4096) as u32;
-    let mut small = resize(&picture, WIDTH, height);
+    let image = photo::decode(&std::fs::read(&item.image).ok()?).ok()?;
+    let height = (u64::from(image.height()) * u64::from(WIDTH) / u64::from(image.width().max(1))).clamp(1, 4096) as u32;
+    let mut small = resize(&image, WIDTH, height);
     if let Some(outline) = outline(item).ok().flatten() {
         edge(&mut small, &outline);
     }
@@ -197,26 +197,26 @@ fn drawn(item: &Item, points: &[(usize, ImagePoint)]) -> Option<Jpeg> {
 }
 
 /// Draws the outline of a target: the rim of a mask, otherwise the box.
-fn edge(picture: &mut Rgb, outline: &Outline) {
-    let (width, height) = (picture.width(), picture.height());
+fn edge(image: &mut Rgb, outline: &Outline) {
+    let (width, height) = (image.width(), image.height());
     let Some(mask) = outline.mask() else {
         let ImageBox { left, top, right, bottom } = outline.bounds();
-        let mut canvas = Canvas::new(picture);
+        let mut canvas = Canvas::new(image);
         let (from, to) = (canvas.place(ImagePoint { u: left, v: top }), canvas.place(ImagePoint { u: right, v: bottom }));
         canvas.frame(marks::Rect { left: from.x, top: from.y, right: to.x, bottom: to.y }, 2.0, TARGET);
         return;
     };
     let holds = |x: i64, y: i64| {
         let inside = (0..i64::from(width)).contains(&x) && (0..i64::from(height)).contains(&y);
-        let share = |at: i64, side: u32| (at as f64 + 0.5) / f64::from(side);
-        inside && mask.holds(ImagePoint { u: share(x, width), v: share(y, height) })
+        let fraction = |at: i64, side: u32| (at as f64 + 0.5) / f64::from(side);
+        inside && mask.holds(ImagePoint { u: fraction(x, width), v: fraction(y, height) })
     };
     for y in 0..i64::from(height) {
         for x in 0..i64::from(width) {
             // Just outside of the mask, so that its inside stays visible.
             let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| holds(x + dx, y + dy));
             if beside && !holds(x, y) {
-                picture.set_pixel(x as u32, y as u32, [64, 230, 120]);
+                image.set_pixel(x as u32, y as u32, [64, 230, 120]);
             }
         }
     }

@@ -70,7 +70,7 @@ pub struct VideoFrame {
     /// Presentation time, seconds from the start; for a bare stream its number.
     pub at: f64,
     /// The image.
-    pub picture: Rgb,
+    pub image: Rgb,
 }
 
 /// Frames of an H.264 video, one every `every` seconds, at most `most`: from an MP4 file, or from a bare stream with
@@ -85,11 +85,11 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
     let times: Vec<f64> = units.iter().map(|(at, _)| *at).collect();
     let (mut frames, mut shown, mut last_error) = (Vec::new(), 0, None);
     let mut next = 0.0;
-    let mut take = |picture: Rgb| {
+    let mut take = |image: Rgb| {
         let at = times.get(shown).copied().unwrap_or(next);
         shown += 1;
         if at >= next && frames.len() < most {
-            frames.push(VideoFrame { at, picture });
+            frames.push(VideoFrame { at, image });
             next = at + every;
         }
         frames.len() >= most
@@ -97,8 +97,8 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
     let mut enough = false;
     for (_, unit) in &units {
         match decoder.decode_in_order(unit) {
-            Ok(picture) => {
-                if picture.is_some_and(&mut take) {
+            Ok(image) => {
+                if image.is_some_and(&mut take) {
                     enough = true;
                     break;
                 }
@@ -109,7 +109,7 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
     }
     if !enough {
         match decoder.rest() {
-            Ok(rest) => rest.into_iter().for_each(|picture| enough |= take(picture)),
+            Ok(rest) => rest.into_iter().for_each(|image| enough |= take(image)),
             Err(error) => last_error = Some(error.to_string()),
         }
     }
@@ -252,28 +252,28 @@ type Encoded = ((u32, u32), u8, Arc<[u8]>);
 /// An image as sent to a VLM; encoded once per size.
 #[derive(Clone, Debug)]
 pub struct Photograph {
-    picture: Arc<Rgb>,
+    image: Arc<Rgb>,
     encoded: Option<Encoded>,
 }
 
 impl Photograph {
     /// An image.
     #[must_use]
-    pub fn new(picture: Arc<Rgb>) -> Self {
-        Self { picture, encoded: None }
+    pub fn new(image: Arc<Rgb>) -> Self {
+        Self { image, encoded: None }
     }
 }
 
 impl QueryImage for Photograph {
     fn size(&self) -> (u32, u32) {
-        (self.picture.width(), self.picture.height())
+        (self.image.width(), self.image.height())
     }
 
     fn jpeg(&mut self, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
         if let Some((.., bytes)) = self.encoded.as_ref().filter(|(of, at, _)| (*of, *at) == (size, quality)) {
             return Ok(bytes.clone());
         }
-        let jpeg = Jpeg::encode(&resize(&self.picture, size.0, size.1), quality);
+        let jpeg = Jpeg::encode(&resize(&self.image, size.0, size.1), quality);
         let bytes = jpeg.map_err(|error| VlmError::Image(error.to_string()))?.shared();
         self.encoded = Some((size, quality, bytes.clone()));
         Ok(bytes)
@@ -299,9 +299,7 @@ mod tests {
         let all = frames(&stream, 0.0, 100).unwrap();
         assert_eq!(all.len(), 6);
         for (n, frame) in (0_u8..).zip(&all) {
-            assert!(
-                frame.picture.pixel(20, 20).unwrap()[0].abs_diff(40 * n) < 6 && (frame.at - f64::from(n) / 30.0).abs() < 1e-9
-            );
+            assert!(frame.image.pixel(20, 20).unwrap()[0].abs_diff(40 * n) < 6 && (frame.at - f64::from(n) / 30.0).abs() < 1e-9);
         }
         // Every tenth of a second, at thirty a second.
         assert_eq!(frames(&stream, 0.1, 100).unwrap().len(), 2);

@@ -7,23 +7,23 @@ use crate::stats::Estimate;
 type Figure = (&'static str, fn(&Measures) -> Option<String>);
 
 const FIGURES: [Figure; 17] = [
-    ("asked", |m| Some(m.asked.to_string())),
-    ("unreadable", |m| (m.unreadable > 0).then(|| m.unreadable.to_string())),
+    ("questions", |m| Some(m.questions.to_string())),
+    ("invalid replies", |m| (m.unreadable > 0).then(|| m.unreadable.to_string())),
     ("no reply", |m| (m.failed > 0).then(|| m.failed.to_string())),
     ("hits %", |m| m.hits.map(percent)),
-    ("hits expected from its error file %", |m| m.hits_expected.map(|share| format!("{:.1}", 100.0 * share))),
-    ("error / target side, median", |m| m.error_sides.map(|e| number(e, 2))),
+    ("hits expected from the error file %", |m| m.hits_expected.map(|fraction| format!("{:.1}", 100.0 * fraction))),
+    ("error / √(target area), median", |m| m.error_sides.map(|e| number(e, 2))),
     ("error, % of width, median", |m| m.error_width.map(percent)),
     ("box IoU, mean", |m| m.box_iou.map(|e| number(e, 2))),
     ("label rank correlation τ", |m| m.label_tau.map(|e| number(e, 2))),
-    ("label monotone %", |m| m.label_monotone.map(percent)),
+    ("labels in depth order %", |m| m.label_monotone.map(percent)),
     ("not visible, precision %", |m| m.absent_precision.map(percent)),
     ("not visible, recall %", |m| m.absent_recall.map(percent)),
     ("latency s, median", |m| m.latency_p50_s.map(|e| number(e, 2))),
     ("latency s, 95th percentile", |m| m.latency_p95_s.map(|e| number(e, 2))),
     ("tokens in, mean", |m| m.tokens_in.map(|e| number(e, 0))),
     ("tokens out, mean", |m| m.tokens_out.map(|e| number(e, 0))),
-    ("cost $ a question; in all", |m| {
+    ("cost, $ per question; total", |m| {
         m.cost_usd.zip(m.cost_usd_total).map(|(each, total)| format!("{}; {total:.4}", number(each, 5)))
     }),
 ];
@@ -47,11 +47,11 @@ pub fn figures(report: &Report) -> Vec<Vec<String>> {
 #[must_use]
 pub fn comparisons(report: &Report) -> Vec<Vec<String>> {
     let head = [
-        "paired",
-        "hits, difference in points",
+        "pair",
+        "hits, difference in percentage points",
         "only first : only second",
         "p (McNemar, Holm)",
-        "error / side, difference",
+        "error / √(target area), difference",
         "p (sign flips, Holm)",
     ];
     let row = |c: &Comparison| {

@@ -115,7 +115,8 @@ impl Mask {
     /// Whether the pixel under a point is inside; a point on the lower or right edge belongs to the last pixel.
     #[must_use]
     pub fn holds(&self, at: ImagePoint) -> bool {
-        let index = |share: f64, side: u32| ((share.clamp(0.0, 1.0) * f64::from(side)) as usize).min(side.max(1) as usize - 1);
+        let index =
+            |fraction: f64, side: u32| ((fraction.clamp(0.0, 1.0) * f64::from(side)) as usize).min(side.max(1) as usize - 1);
         let (x, y) = (index(at.u, self.width), index(at.v, self.height));
         self.inside.get(y * self.width as usize + x).copied().unwrap_or(false)
     }
@@ -264,7 +265,7 @@ const CELLS: u32 = 96;
 /// The deepest point inside a polygon, to a grid cell; the centre of its box if no cell centre is inside.
 fn deep_inside(polygon: &[ImagePoint]) -> ImagePoint {
     let b = around(polygon);
-    let of = |share: f64, low: f64, high: f64| low + share * (high - low);
+    let of = |fraction: f64, low: f64, high: f64| low + fraction * (high - low);
     let place = |at: ImagePoint| ImagePoint { u: of(at.u, b.left, b.right), v: of(at.v, b.top, b.bottom) };
     let cell = |i: u32| ImagePoint {
         u: (f64::from(i % CELLS) + 0.5) / f64::from(CELLS),

@@ -16,17 +16,17 @@ pub(super) fn crossing(loaded: &LoadedScene, object: ObjectId, from: EnuPosition
     let parts = loaded.scene.geometry.parts.iter().filter(|part| part.object == object);
     let corners =
         parts.flat_map(|part| part.triangles.iter().map(move |triangle| triangle.map(|i| part.vertices.get(i as usize))));
-    let shares = corners.filter_map(|corners| {
+    let fractions = corners.filter_map(|corners| {
         let [a, b, c] = corners.map(|corner| corner.map(|vertex| vertex.position.as_dvec3()));
         meets(from, to, [a?, b?, c?])
     });
-    shares.min_by(f64::total_cmp).map(|share| from + (to - from) * share)
+    fractions.min_by(f64::total_cmp).map(|fraction| from + (to - from) * fraction)
 }
 
 /// The fraction of the path at which it intersects a triangle (Möller and Trumbore 1997), from either side.
 fn meets(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
-    let (way, ab, ac) = (to - from, b - a, c - a);
-    let normal = way.cross(ac);
+    let (direction, ab, ac) = (to - from, b - a, c - a);
+    let normal = direction.cross(ac);
     let det = ab.dot(normal);
     if det.abs() < 1e-12 {
         return None;
@@ -34,9 +34,9 @@ fn meets(from: DVec3, to: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let away = from - a;
     let u = away.dot(normal) / det;
     let across = away.cross(ab);
-    let v = way.dot(across) / det;
-    let share = ac.dot(across) / det;
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && (0.0..=1.0).contains(&share)).then_some(share)
+    let v = direction.dot(across) / det;
+    let fraction = ac.dot(across) / det;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && (0.0..=1.0).contains(&fraction)).then_some(fraction)
 }
 
 /// Whether a position is horizontally inside any polygon (crossings of a ray to the east).

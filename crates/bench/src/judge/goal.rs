@@ -83,7 +83,7 @@ impl Watch {
             GoalKind::Over => self.over(shown),
             GoalKind::Behind { within } => self.behind(shown, within),
             GoalKind::Scan { angle } => self.scan(shown, angle),
-            GoalKind::Follow { within, share, window } => self.follow(shown, sight, within, share, window),
+            GoalKind::Follow { within, fraction, window } => self.follow(shown, sight, within, fraction, window),
         }
     }
 
@@ -128,7 +128,7 @@ impl Watch {
             }
         }
         let wanted = count.unwrap_or(self.targets.len()).min(self.targets.len());
-        let on = self.crossed.map_or(0.0, |(at, way)| (vector(to) - at).dot(way));
+        let on = self.crossed.map_or(0.0, |(at, direction)| (vector(to) - at).dot(direction));
         !self.passed.is_empty() && self.passed.len() >= wanted && on >= beyond
     }
 
@@ -174,7 +174,7 @@ impl Watch {
         let beyond = on_map(shown.snapshot.pose.position) - middle;
         let half = DVec2::new(bounds.max.east - bounds.min.east, bounds.max.north - bounds.min.north) * 0.5;
         // Extent of the box from its centre along a direction.
-        let reach = |way: DVec2| half.dot(way.abs());
+        let reach = |direction: DVec2| half.dot(direction.abs());
         beyond.dot(away) >= reach(away) && beyond.perp_dot(away).abs() <= reach(away.perp()) && distance <= within
     }
 
@@ -188,7 +188,7 @@ impl Watch {
         self.turned[2] - self.turned[1] + shown.field >= angle
     }
 
-    fn follow(&mut self, shown: &JudgeInput<'_>, sight: &mut Sight, within: f64, share: f64, window: f64) -> bool {
+    fn follow(&mut self, shown: &JudgeInput<'_>, sight: &mut Sight, within: f64, fraction: f64, window: f64) -> bool {
         let kept = !self.clear_within(shown, sight, within, |_| true).is_empty();
         self.kept.push_back((shown.at, kept));
         let gone = |at: Time| shown.at.since(at).as_secs_f64();
@@ -198,7 +198,7 @@ impl Watch {
         }
         let whole = self.kept.front().is_some_and(|(at, _)| gone(*at) >= window);
         let near = self.kept.iter().filter(|(_, kept)| *kept).count();
-        whole && near as f64 >= share * self.kept.len() as f64
+        whole && near as f64 >= fraction * self.kept.len() as f64
     }
 }
 

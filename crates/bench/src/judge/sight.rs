@@ -15,7 +15,7 @@ pub const CLEAR_HEIGHT: f64 = 0.015;
 pub struct Sight {
     camera: Camera,
     surroundings: Surroundings,
-    picture: RenderedImage,
+    image: RenderedImage,
     around: RenderedImage,
 }
 
@@ -27,7 +27,7 @@ impl Sight {
         Self {
             camera,
             surroundings: Surroundings::of(&camera),
-            picture: RenderedImage::default(),
+            image: RenderedImage::default(),
             around: RenderedImage::default(),
         }
     }
@@ -41,19 +41,19 @@ impl Sight {
     /// The objects clearly visible in a snapshot.
     pub fn clearly(&mut self, loaded: &LoadedScene, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> Vec<ObjectId> {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        loaded.render_into(&self.camera, snapshot, channels, &mut self.picture);
+        loaded.render_into(&self.camera, snapshot, channels, &mut self.image);
         let (around, surroundings) = (&mut self.around, &self.surroundings);
-        sighted(&self.picture, objects, CLEAR_HEIGHT, || {
+        sighted(&self.image, objects, CLEAR_HEIGHT, || {
             loaded.render_into(surroundings.camera(), snapshot, channels, around);
-            surroundings.shares(around)
+            surroundings.fractions(around)
         })
     }
 
     /// Whether one of the objects has a pixel in a snapshot.
     pub fn glimpses(&mut self, loaded: &LoadedScene, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> bool {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        loaded.render_into(&self.camera, snapshot, channels, &mut self.picture);
-        let pictures = [&self.picture.ids, &self.picture.opening_ids];
-        pictures.into_iter().flatten().flatten().any(|id| *id != 0 && objects.contains(id))
+        loaded.render_into(&self.camera, snapshot, channels, &mut self.image);
+        let images = [&self.image.ids, &self.image.opening_ids];
+        images.into_iter().flatten().flatten().any(|id| *id != 0 && objects.contains(id))
     }
 }

@@ -95,12 +95,12 @@ fn samples(trajectory: &Trajectory) -> Vec<(Time, Pose)> {
     samples
 }
 
-fn between(from: &Pose, to: &Pose, turn: f64, share: f64) -> Pose {
-    let mix = |a: f64, b: f64| a + (b - a) * share;
+fn between(from: &Pose, to: &Pose, turn: f64, fraction: f64) -> Pose {
+    let mix = |a: f64, b: f64| a + (b - a) * fraction;
     let (a, b) = (from.position, to.position);
     Pose {
         position: EnuPosition { east: mix(a.east, b.east), north: mix(a.north, b.north), up: mix(a.up, b.up) },
-        attitude: Attitude { heading: wrap_angle(from.attitude.heading + turn * share), ..Attitude::default() },
+        attitude: Attitude { heading: wrap_angle(from.attitude.heading + turn * fraction), ..Attitude::default() },
     }
 }
 

@@ -110,7 +110,7 @@ impl Sums {
 
     /// Quartiles of the completion times.
     pub(super) fn quartiles(&self) -> Option<[f64; 3]> {
-        let at = |share| percentile(&self.times, share);
+        let at = |fraction| percentile(&self.times, fraction);
         Some([at(0.25)?, at(0.5)?, at(0.75)?])
     }
 }

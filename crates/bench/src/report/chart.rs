@@ -52,7 +52,7 @@ pub(super) fn overview(source: &Source) -> Markup {
 
 fn lying(scale: Scale, y: f64, arm: &Arm, rate: Rate, filled: bool, what: &str) -> Markup {
     let Some(e) = rate.estimate() else { return html! {} };
-    let x = |share: f64| scale.at(100.0 * share);
+    let x = |fraction: f64| scale.at(100.0 * fraction);
     html! {
         (line(&format!("whisker {}", colour(arm.colour)), [x(e.low), y], [x(e.high), y]))
         (mark(arm.colour, [x(e.value), y], 4.0, filled, &format!("{}, {what}: {}", arm.name(), words(rate))))
@@ -87,7 +87,7 @@ impl Area {
     }
 
     fn curve(&self, curve: &Curve<'_>, aside: f64) -> Markup {
-        let place = |x: f64, share: f64| [self.x.at(x) + aside, self.y.at(100.0 * share)];
+        let place = |x: f64, fraction: f64| [self.x.at(x) + aside, self.y.at(100.0 * fraction)];
         let class = colour(curve.arm.colour);
         let points = || curve.points.iter().filter_map(|point| Some((point, point.rate.estimate()?)));
         let joined = points().filter(|(point, _)| point.joined).map(|(point, e)| place(point.x, e.value));

@@ -198,7 +198,7 @@ fn compared(source: &Source) -> String {
 fn comparison(scoring: Scoring, contrast: &Contrast) -> Vec<String> {
     let (paired, e) = (&contrast.paired, contrast.paired.difference);
     let mut row = vec![scoring.name().to_owned()];
-    row.extend(contrast.who.iter().flat_map(|(method, vlm)| [method.clone(), vlm.clone()]));
+    row.extend(contrast.pair.iter().flat_map(|(method, vlm)| [method.clone(), vlm.clone()]));
     row.extend([e.n.to_string(), paired.discordant.first.to_string(), paired.discordant.second.to_string()]);
     row.extend([e.value, e.low, e.high, paired.p, contrast.p_holm].map(shown));
     row

@@ -63,7 +63,7 @@ fn methods(source: &Source) -> String {
 fn compared(source: &Source) -> String {
     let head = ["Pair", "Scoring", "Points", "Only first : only second", "$p$ (McNemar, Holm)"].map(str::to_owned);
     let row = |scoring: Scoring, contrast: &Contrast| {
-        let [first, second] = contrast.who.each_ref().map(|(method, vlm)| escaped(&format!("{method} {vlm}")));
+        let [first, second] = contrast.pair.each_ref().map(|(method, vlm)| escaped(&format!("{method} {vlm}")));
         let [value, low, high] = contrast.points();
         vec![
             format!("{first} -- {second}"),

@@ -23,7 +23,7 @@ const BARS: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
 type Key<'a> = (&'a str, &'a str, &'a str);
 
 /// All trials of one task from one start in one scene.
-pub(super) struct Draw {
+pub(super) struct TrialMap {
     pub(super) task: String,
     pub(super) seed: String,
     pub(super) scene: String,
@@ -92,13 +92,13 @@ impl View {
     }
 }
 
-impl Draw {
+impl TrialMap {
     /// The draws with a known path, by task and seed in order of appearance.
     pub(super) fn all(source: &Source) -> Vec<Self> {
         let mut groups: Vec<(Key<'_>, Vec<usize>)> = Vec::new();
         let mut places: BTreeMap<Key<'_>, usize> = BTreeMap::new();
         for (row, record) in source.records.iter().enumerate() {
-            if way(source, record).is_none() {
+            if path(source, record).is_none() {
                 continue;
             }
             let key = (record.task.as_str(), seed(record), record.scene_id.as_str());
@@ -113,14 +113,14 @@ impl Draw {
 
     fn new(source: &Source, (task, seed, scene): Key<'_>, rows: Vec<usize>) -> Self {
         let records = rows.iter().filter_map(|row| source.records.get(*row));
-        let ways: Vec<&FlownPath> = records.clone().filter_map(|record| way(source, record)).collect();
-        let mut targets: Vec<String> = ways.iter().flat_map(|way| way.targets.iter().flatten().cloned()).collect();
+        let paths: Vec<&FlownPath> = records.clone().filter_map(|record| path(source, record)).collect();
+        let mut targets: Vec<String> = paths.iter().flat_map(|path| path.targets.iter().flatten().cloned()).collect();
         targets.sort();
         targets.dedup();
         let start = records.clone().map(|record| record.start_pose.position).next().unwrap_or_default();
         let ground = Ground::load(scene, &targets);
         let marks = ground.iter().flat_map(|ground| ground.marks.iter().map(|(at, _)| *at));
-        let flown = ways.iter().flat_map(|way| way.places.iter().map(|place| [place[0], place[1]]));
+        let flown = paths.iter().flat_map(|path| path.places.iter().map(|place| [place[0], place[1]]));
         // With many possible targets, those far from every path should not make the map small.
         let flown_view = View::of(flown.clone().chain([[start.east, start.north]]));
         let near = marks.filter(|at| targets.len() < 4 || is_near(&flown_view, *at));
@@ -165,17 +165,17 @@ impl Draw {
         html! {
             svg class="map" viewBox=(format!("0 0 {WIDTH} {HEIGHT}")) role="img" aria-label=(label) {
                 use href=(format!("#{plan}")) {}
-                @for record in records { (self.way(source, record)) }
+                @for record in records { (self.curve(source, record)) }
                 path class="start" d=(format!("M{0} {2}L{1} {3}M{1} {2}L{0} {3}", n(x - 4.0), n(x + 4.0), n(y - 4.0), n(y + 4.0))) {}
             }
         }
     }
 
-    fn way(&self, source: &Source, record: &Record) -> Markup {
-        let (Some(arm), Some(way)) = (source.arms.iter().find(|arm| arm.flew(record)), way(source, record)) else {
+    fn curve(&self, source: &Source, record: &Record) -> Markup {
+        let (Some(arm), Some(flown_path)) = (source.arms.iter().find(|arm| arm.flew(record)), path(source, record)) else {
             return html! {};
         };
-        let places: Vec<[f64; 2]> = way.places.iter().map(|place| self.view.at([place[0], place[1]])).collect();
+        let places: Vec<[f64; 2]> = flown_path.places.iter().map(|place| self.view.at([place[0], place[1]])).collect();
         let end = places.last().copied();
         let class = format!("way {} {}", colour(arm.colour), dashes(arm.dash));
         let done = record.scores.self_stop;
@@ -189,8 +189,8 @@ impl Draw {
 }
 
 /// The path of a row, if it is known and not empty.
-pub(super) fn way<'a>(source: &'a Source, record: &Record) -> Option<&'a FlownPath> {
-    source.paths.get(&record.run_id).filter(|way| !way.places.is_empty())
+pub(super) fn path<'a>(source: &'a Source, record: &Record) -> Option<&'a FlownPath> {
+    source.paths.get(&record.run_id).filter(|path| !path.places.is_empty())
 }
 
 /// The seed of a row, from its name.

@@ -163,9 +163,9 @@ impl Run {
 
     /// Folder, shard and number of rows in a few words.
     pub(super) fn words(&self) -> String {
-        let share = self.head.shard;
-        let share = if share == Shard::WHOLE { String::new() } else { format!(", shard {} of {}", share.index, share.count) };
-        format!("{} trials of {}{share}", self.records, self.head.trials.len())
+        let shard = self.head.shard;
+        let shard = if shard == Shard::WHOLE { String::new() } else { format!(", shard {} of {}", shard.index, shard.count) };
+        format!("{} trials of {}{shard}", self.records, self.head.trials.len())
     }
 }
 

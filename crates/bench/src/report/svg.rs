@@ -19,8 +19,8 @@ pub(super) struct Scale {
 impl Scale {
     pub(super) fn at(self, value: f64) -> f64 {
         let [low, high] = self.values;
-        let share = if high > low { (value - low) / (high - low) } else { 0.5 };
-        self.places[0] + share * (self.places[1] - self.places[0])
+        let fraction = if high > low { (value - low) / (high - low) } else { 0.5 };
+        self.places[0] + fraction * (self.places[1] - self.places[0])
     }
 
     /// About `count` round values along it.
@@ -114,8 +114,8 @@ pub(super) fn simplified(places: &[[f64; 2]], off: f64) -> Vec<[f64; 2]> {
 fn distance([x, y]: [f64; 2], [ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
     let (dx, dy) = (bx - ax, by - ay);
     let square = dx * dx + dy * dy;
-    let share = if square > 0.0 { (((x - ax) * dx + (y - ay) * dy) / square).clamp(0.0, 1.0) } else { 0.0 };
-    libm::hypot(x - ax - share * dx, y - ay - share * dy)
+    let fraction = if square > 0.0 { (((x - ax) * dx + (y - ay) * dy) / square).clamp(0.0, 1.0) } else { 0.0 };
+    libm::hypot(x - ax - fraction * dx, y - ay - fraction * dy)
 }
 
 #[cfg(test)]

@@ -80,10 +80,10 @@ impl RunManifest {
     }
 
     /// The manifest of the complete plan from those of its shards: from the first day to the last.
-    pub(super) fn joined(shares: impl Iterator<Item = Self>) -> Option<Self> {
-        shares.reduce(|whole, share| Self {
-            began: whole.began.min(share.began),
-            ended: whole.ended.zip(share.ended).map(|(one, other)| one.max(other)),
+    pub(super) fn joined(shards: impl Iterator<Item = Self>) -> Option<Self> {
+        shards.reduce(|whole, shard| Self {
+            began: whole.began.min(shard.began),
+            ended: whole.ended.zip(shard.ended).map(|(one, other)| one.max(other)),
             ..whole
         })
     }
@@ -102,13 +102,13 @@ mod tests {
 
     #[test]
     fn shares_make_a_whole_from_the_first_day_to_the_last() {
-        let share = |began: &str, ended: &str| RunManifest {
+        let shard = |began: &str, ended: &str| RunManifest {
             began: began.to_owned(),
             ended: Some(ended.to_owned()),
             ..RunManifest::default()
         };
         let whole =
-            RunManifest::joined([share("2026-01-02", "2026-01-04"), share("2026-01-01", "2026-01-03")].into_iter()).unwrap();
+            RunManifest::joined([shard("2026-01-02", "2026-01-04"), shard("2026-01-01", "2026-01-03")].into_iter()).unwrap();
         assert_eq!((whole.began.as_str(), whole.ended.as_deref()), ("2026-01-01", Some("2026-01-04")));
         assert_eq!(RunManifest::joined(std::iter::empty()), None);
     }

@@ -55,14 +55,14 @@ impl Plan {
 
     fn draw(&self, task: &Arc<Task>, seed: u64) -> Vec<Trial> {
         let trial = |method, pointer| Trial { task: task.clone(), method, pointer, seed, max_cost_usd: self.max_cost_usd };
-        let asked = |method: Method| -> Vec<Trial> {
+        let trials = |method: Method| -> Vec<Trial> {
             if method.asks() {
                 self.pointers.iter().map(|pointer| trial(method, Some(pointer.clone()))).collect()
             } else {
                 vec![trial(method, None)]
             }
         };
-        self.methods.iter().flat_map(|method| asked(*method)).collect()
+        self.methods.iter().flat_map(|method| trials(*method)).collect()
     }
 
     /// Its head, for one shard. `pointing` describes what the VLM names stand for.
@@ -107,12 +107,12 @@ pub fn run(
     plan: &Plan,
     head: &Head,
     folder: &Path,
-    manner: &RunOptions,
+    options: &RunOptions,
     stop: &dyn Fn() -> bool,
     on_progress: &mut dyn FnMut(Progress, Option<&Record>),
 ) -> Result<Progress, StoreError> {
     let (mut store, there) = Store::open(folder, head)?;
-    let made = RunManifest::begin(folder, &manner.command, &manner.files)?;
+    let made = RunManifest::begin(folder, &options.command, &options.files)?;
     let is_there = |trial: &Trial| there.binary_search(&trial.run_id()).is_ok();
     let own = plan.draws().into_iter().enumerate().filter(|(number, _)| head.shard.has(*number)).map(|(_, trials)| trials);
     let own: Vec<Vec<Trial>> = own.collect();
@@ -127,17 +127,17 @@ pub fn run(
     let (next, ending) = (AtomicUsize::new(0), AtomicBool::new(false));
     let (rows, arrived) = channel();
     std::thread::scope(|scope| {
-        for _ in 0..manner.jobs.clamp(1, left.len().max(1)) {
+        for _ in 0..options.jobs.clamp(1, left.len().max(1)) {
             let (rows, next, ending, left) = (rows.clone(), &next, &ending, &left);
             scope.spawn(move || {
-                let own = threads(manner.jobs);
+                let own = threads(options.jobs);
                 loop {
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     let Some(trials) = left.get(number) else { return };
-                    let film = manner.videos.then_some(folder);
+                    let film = options.videos.then_some(folder);
                     let fly = || fly_draw(trials, film, ending, &mut |flown| rows.send(flown).is_ok());
                     // Towards the end some jobs have finished: the others may use all threads.
-                    let is_last = number + manner.jobs > left.len();
+                    let is_last = number + options.jobs > left.len();
                     if !own.as_ref().filter(|_| !is_last).map_or_else(fly, |own| own.install(fly)) {
                         return;
                     }

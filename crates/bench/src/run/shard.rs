@@ -42,7 +42,7 @@ impl Shard {
             let text = variable(name);
             text.map(|text| text.parse::<u32>().map_err(|_| ShardError(format!("{name}={text}")))).transpose()
         };
-        let share = if let Some(id) = number("SLURM_ARRAY_TASK_ID")? {
+        let shard = if let Some(id) = number("SLURM_ARRAY_TASK_ID")? {
             let Some(count) = number("SLURM_ARRAY_TASK_COUNT")? else { return Ok(None) };
             Self { index: id.saturating_sub(number("SLURM_ARRAY_TASK_MIN")?.unwrap_or(0)), count }
         } else if let (Some(index), Some(count)) = (number("JOB_COMPLETION_INDEX")?, number(Self::COUNT_VARIABLE)?) {
@@ -50,7 +50,7 @@ impl Shard {
         } else {
             return Ok(None);
         };
-        if share.index < share.count { Ok(Some(share)) } else { Err(ShardError(format!("{}/{}", share.index, share.count))) }
+        if shard.index < shard.count { Ok(Some(shard)) } else { Err(ShardError(format!("{}/{}", shard.index, shard.count))) }
     }
 }
 
@@ -59,8 +59,8 @@ impl FromStr for Shard {
 
     fn from_str(text: &str) -> Result<Self, ShardError> {
         let parts = text.split_once('/').and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
-        let share = parts.map(|(index, count)| Self { index, count });
-        share.filter(|share| share.index < share.count).ok_or_else(|| ShardError(text.to_owned()))
+        let shard = parts.map(|(index, count)| Self { index, count });
+        shard.filter(|shard| shard.index < shard.count).ok_or_else(|| ShardError(text.to_owned()))
     }
 }
 
@@ -92,7 +92,7 @@ mod tests {
 
     #[test]
     fn shares_have_everything_once() {
-        let shares: Vec<Shard> = (0..3).map(|index| Shard { index, count: 3 }).collect();
-        assert!((0..100).all(|number| shares.iter().filter(|share| share.has(number)).count() == 1));
+        let shards: Vec<Shard> = (0..3).map(|index| Shard { index, count: 3 }).collect();
+        assert!((0..100).all(|number| shards.iter().filter(|shard| shard.has(number)).count() == 1));
     }
 }

@@ -130,7 +130,7 @@ fn append(file: &mut File, row: &impl Serialize, path: &Path) -> Result<(), Stor
 
 fn difference(there: &Head, wanted: &Head) -> &'static str {
     if there.program != wanted.program {
-        "they were made by another version of spf"
+        "they were written by another version of spf"
     } else if there.trials != wanted.trials {
         "different tasks, methods, models, seeds or numbers of trials"
     } else if there.shard != wanted.shard {
@@ -203,10 +203,10 @@ fn no_row(path: &Path, line: usize) -> StoreError {
 ///
 /// # Errors
 /// [`StoreError`] if a shard is missing, incomplete, or belongs to another plan.
-pub fn merge(shares: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
+pub fn merge(shards: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
     let mut whole: Option<Head> = None;
     let (mut rows, mut ways, mut made) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
-    for folder in shares {
+    for folder in shards {
         let head = Head { shard: Shard::WHOLE, ..read_head(folder)? };
         match &whole {
             Some(first) if *first != head => {

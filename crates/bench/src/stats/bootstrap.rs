@@ -1,6 +1,6 @@
 //! The bootstrap: variability of a statistic over resampled data.
 
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use super::{Estimate, percentile};
 
@@ -41,17 +41,17 @@ impl<'a> Bootstrap<'a> {
     ) -> Option<Estimate> {
         let all: Vec<T> = clusters.iter().flat_map(|cluster| cluster.as_ref().iter().cloned()).collect();
         let value = statistic(&all)?;
-        let mut draw = Draw::new(self.seed, "bootstrap", &name_key(self.name));
+        let mut rng = RandomStream::new(self.seed, "bootstrap", &name_key(self.name));
         let mut sample = Vec::with_capacity(all.len());
         let mut found = Vec::with_capacity(self.draws);
         for _ in 0..self.draws {
             sample.clear();
             for _ in 0..clusters.len() {
-                let cluster = clusters[draw.below(clusters.len())].as_ref();
+                let cluster = clusters[rng.below(clusters.len())].as_ref();
                 // A single item needs no draw.
                 match cluster {
                     [only] => sample.push(only.clone()),
-                    several => sample.extend((0..several.len()).map(|_| several[draw.below(several.len())].clone())),
+                    several => sample.extend((0..several.len()).map(|_| several[rng.below(several.len())].clone())),
                 }
             }
             found.extend(statistic(&sample));

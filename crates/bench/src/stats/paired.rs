@@ -1,7 +1,7 @@
 //! Comparison of two methods on the same items.
 
 use serde::{Deserialize, Serialize};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use statrs::distribution::{Binomial, DiscreteCDF};
 
 use super::{Estimate, wilson};
@@ -86,10 +86,10 @@ pub fn sign_flip(differences: &[f64], seed: u64, draws: u32) -> f64 {
         });
         return far.count() as f64 / f64::from(all);
     }
-    let mut draw = Draw::new(seed, "sign flip", &[n as u64]);
+    let mut rng = RandomStream::new(seed, "sign flip", &[n as u64]);
     let mut far = 0_u32;
     for _ in 0..draws {
-        let sum: f64 = differences.iter().map(|d| if draw.chance(0.5) { -d } else { *d }).sum();
+        let sum: f64 = differences.iter().map(|d| if rng.chance(0.5) { -d } else { *d }).sum();
         far += u32::from(sum.abs() >= reached);
     }
     f64::from(far + 1) / (f64::from(draws) + 1.0)

@@ -67,10 +67,10 @@ mod tests {
 
     #[test]
     fn ties_break_no_monotony() {
-        let share = |second: [f64; 4]| concordance(&[1.0, 2.0, 3.0, 4.0].into_iter().zip(second).collect::<Vec<_>>());
-        assert_eq!(share([1.0, 2.0, 2.0, 4.0]), Some(1.0));
-        assert_eq!(share([7.0; 4]), Some(1.0));
-        assert!((share([1.0, 3.0, 2.0, 4.0]).unwrap() - 5.0 / 6.0).abs() < 1e-12);
+        let fraction = |second: [f64; 4]| concordance(&[1.0, 2.0, 3.0, 4.0].into_iter().zip(second).collect::<Vec<_>>());
+        assert_eq!(fraction([1.0, 2.0, 2.0, 4.0]), Some(1.0));
+        assert_eq!(fraction([7.0; 4]), Some(1.0));
+        assert!((fraction([1.0, 3.0, 2.0, 4.0]).unwrap() - 5.0 / 6.0).abs() < 1e-12);
         assert_eq!(concordance(&[(1.0, 2.0), (1.0, 3.0)]), None);
     }
 }

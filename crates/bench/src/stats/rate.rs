@@ -111,8 +111,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn intervals_hold_their_rate(of in 1_u64..3000, share in 0.0_f64..=1.0) {
-            let hits = ((of as f64 * share) as u64).min(of);
+        fn intervals_hold_their_rate(of in 1_u64..3000, fraction in 0.0_f64..=1.0) {
+            let hits = ((of as f64 * fraction) as u64).min(of);
             let rate = hits as f64 / of as f64;
             let estimate = Rate { hits, of }.estimate().unwrap();
             prop_assert!(estimate.holds(rate) && estimate.low >= 0.0 && estimate.high <= 1.0, "{estimate:?}");

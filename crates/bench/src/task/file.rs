@@ -99,7 +99,8 @@ struct RawGoal {
     beyond_m: Option<Spanned<f64>>,
     angle_deg: Option<Spanned<f64>>,
     within_m: Option<Spanned<f64>>,
-    share: Option<Spanned<f64>>,
+    #[serde(rename = "share")]
+    fraction: Option<Spanned<f64>>,
     window_s: Option<Spanned<f64>>,
 }
 
@@ -337,7 +338,7 @@ fn goal(raw: Spanned<RawGoal>, source: &Source<'_>) -> Result<Goal, TaskError> {
         RawKind::Scan => GoalKind::Scan { angle: turn(360.0)? },
         RawKind::Follow => GoalKind::Follow {
             within: within(3.0)?,
-            share: source.or("share", raw.share.as_ref(), 0.01, 1.0, 2.0 / 3.0)?,
+            fraction: source.or("share", raw.fraction.as_ref(), 0.01, 1.0, 2.0 / 3.0)?,
             window: source.or("window_s", raw.window_s.as_ref(), 1.0, 600.0, 20.0)?,
         },
     };
@@ -354,7 +355,7 @@ fn allowed(raw: &RawGoal, at: Range<usize>, source: &Source<'_>) -> Result<(), T
         ("beyond_m", raw.beyond_m.is_some(), &[Through]),
         ("angle_deg", raw.angle_deg.is_some(), &[Around, Scan]),
         ("within_m", raw.within_m.is_some(), &[Around, Behind, Follow]),
-        ("share", raw.share.is_some(), &[Follow]),
+        ("share", raw.fraction.is_some(), &[Follow]),
         ("window_s", raw.window_s.is_some(), &[Follow]),
     ];
     match uses.iter().find(|(_, given, kinds)| *given && !kinds.contains(&raw.kind)) {

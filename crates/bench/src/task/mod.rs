@@ -209,7 +209,7 @@ pub enum GoalKind {
         /// Maximum distance from its surface, metres.
         within: f64,
         /// Fraction of the window, 0..=1.
-        share: f64,
+        fraction: f64,
         /// Length of the window, seconds.
         window: f64,
     },

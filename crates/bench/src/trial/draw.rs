@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_flight::sim::{LoadedScene, SceneLoadError, WorldSnapshot};
 use spf_scene::geometry::ObjectId;
 use spf_sim::model::Model;
@@ -86,11 +86,11 @@ pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
         View::Always => Some(true),
         View::Never => Some(false),
         // Every second seed; which parity comes first depends on the task.
-        View::Half => Some((seed ^ Draw::new(0, "bench view", &[word]).below(2) as u64).is_multiple_of(2)),
+        View::Half => Some((seed ^ RandomStream::new(0, "bench view", &[word]).below(2) as u64).is_multiple_of(2)),
         View::Any => None,
     };
     for attempt in 0..if task.variants { VARIANTS } else { 1 } {
-        let number = (Draw::new(seed, "bench variant", &[word, attempt]).uniform() * 1e9) as u64;
+        let number = (RandomStream::new(seed, "bench variant", &[word, attempt]).uniform() * 1e9) as u64;
         let scene = if task.variants { format!("{}@{number}", task.scene) } else { task.scene.clone() };
         let loaded = LoadedScene::load_with(&scene, &task.conditions);
         let loaded = Arc::new(loaded.map_err(|source| DrawError::Scene {
@@ -98,8 +98,8 @@ pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
             task: task.id.clone(),
             source: Box::new(source),
         })?);
-        let draw = Draw::new(seed, "bench start", &[word, attempt]);
-        let found = if task.start.own { own_start(task, &loaded) } else { start(task, &loaded, in_view, draw) };
+        let rng = RandomStream::new(seed, "bench start", &[word, attempt]);
+        let found = if task.start.own { own_start(task, &loaded) } else { start(task, &loaded, in_view, rng) };
         if let Some(drawn) = found {
             return Ok(Drawn { scene, wind: wind(task, seed, word), ..drawn });
         }
@@ -110,10 +110,10 @@ pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
 /// The wind of a trial: within the task's speeds, from any direction.
 fn wind(task: &Task, seed: u64, word: u64) -> Wind {
     let Some(winds) = task.wind else { return Wind::default() };
-    let mut draw = Draw::new(seed, "bench wind", &[word]);
+    let mut rng = RandomStream::new(seed, "bench wind", &[word]);
     let [least, most] = winds.speed;
-    let speed = least + (most - least) * draw.uniform();
-    let (sin, cos) = libm::sincos(draw.uniform() * core::f64::consts::TAU);
+    let speed = least + (most - least) * rng.uniform();
+    let (sin, cos) = libm::sincos(rng.uniform() * core::f64::consts::TAU);
     Wind { east: speed * sin, north: speed * cos, gust: winds.gust, gust_time: winds.gust_time }
 }
 
@@ -134,7 +134,7 @@ fn own_start(task: &Task, loaded: &Arc<LoadedScene>) -> Option<Drawn> {
 }
 
 /// A start in a scene; none when none is found.
-fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw: Draw) -> Option<Drawn> {
+fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw: RandomStream) -> Option<Drawn> {
     let mut sight = Sight::of(task.craft);
     let mut looks = 0;
     let has = |selectors: &[Selector]| selectors.is_empty() || !select_all(selectors, loaded, EnuPosition::default()).is_empty();
@@ -189,18 +189,18 @@ struct Place {
 }
 
 impl Place {
-    fn draw(task: &Task, loaded: &LoadedScene, in_view: Option<bool>, draw: &mut Draw) -> Self {
+    fn draw(task: &Task, loaded: &LoadedScene, in_view: Option<bool>, rng: &mut RandomStream) -> Self {
         let bounds = loaded.scene.bounds;
-        let mut within = |[from, to]: [f64; 2]| from + (to - from) * draw.uniform();
+        let mut within = |[from, to]: [f64; 2]| from + (to - from) * rng.uniform();
         let east = within(task.start.east.unwrap_or([bounds.min.east, bounds.max.east]));
         let north = within(task.start.north.unwrap_or([bounds.min.north, bounds.max.north]));
         let above = EnuPosition { east, north, up: bounds.max.up - CEILING_M };
-        let (aside, turn) = (draw.uniform() * 2.0 - 1.0, draw.uniform());
+        let (aside, turn) = (rng.uniform() * 2.0 - 1.0, rng.uniform());
         let up = loaded.collider.ground_below(above).map_or(0.0, |ground| ground.up);
         let at = EnuPosition { east, north, up };
         let start = Pose { position: at, attitude: Attitude::default() };
         let place = Self::at(start, select_all(task.start_targets(), loaded, at), loaded);
-        let focus = place.lasting.get(draw.below(place.lasting.len())).copied();
+        let focus = place.lasting.get(rng.below(place.lasting.len())).copied();
         let bearing = focus.and_then(|id| loaded.scene.object(id)).map_or(0.0, |object| {
             let to = centre(&object.bounds);
             libm::atan2(to.east - east, to.north - north)
@@ -316,13 +316,13 @@ impl Place {
 
 /// Horizontal distance of a position from the segment between two others, metres.
 fn distance_from_path(from: EnuPosition, to: EnuPosition, at: EnuPosition) -> f64 {
-    let (way, away) = ([to.east - from.east, to.north - from.north], [at.east - from.east, at.north - from.north]);
-    let length = libm::hypot(way[0], way[1]).max(1e-9);
-    let along = (away[0] * way[0] + away[1] * way[1]) / length;
+    let (direction, away) = ([to.east - from.east, to.north - from.north], [at.east - from.east, at.north - from.north]);
+    let length = libm::hypot(direction[0], direction[1]).max(1e-9);
+    let along = (away[0] * direction[0] + away[1] * direction[1]) / length;
     if !(0.0..=length).contains(&along) {
         return f64::INFINITY;
     }
-    ((away[0] * way[1] - away[1] * way[0]) / length).abs()
+    ((away[0] * direction[1] - away[1] * direction[0]) / length).abs()
 }
 
 #[cfg(test)]

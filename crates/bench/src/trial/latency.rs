@@ -1,9 +1,9 @@
 //! Reply latencies set by the bench.
 
 use spf_core::query::QueryKind;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::time::duration_from_secs;
-use spf_vlm::{Answer, Asked, ImageSpec, QueryImage, Vlm};
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
 
 /// Maximum latency in a VLM name, seconds.
 const LONGEST_S: f64 = 600.0;
@@ -12,10 +12,10 @@ const LONGEST_S: f64 = 600.0;
 /// fixed; for models an address follows `@`.
 #[must_use]
 pub fn split_latency(name: &str) -> (&str, Option<f64>) {
-    let fixed = name.rsplit_once('@').filter(|(who, _)| *who == "oracle" || who.starts_with("oracle:"));
-    let split = fixed.and_then(|(who, text)| {
+    let fixed = name.rsplit_once('@').filter(|(oracle, _)| *oracle == "oracle" || oracle.starts_with("oracle:"));
+    let split = fixed.and_then(|(oracle, text)| {
         let seconds: f64 = text.strip_suffix('s')?.parse().ok()?;
-        (0.0..=LONGEST_S).contains(&seconds).then_some((who, Some(seconds)))
+        (0.0..=LONGEST_S).contains(&seconds).then_some((oracle, Some(seconds)))
     });
     split.unwrap_or((name, None))
 }
@@ -43,17 +43,17 @@ impl Vlm for Timed {
         self.vlm.temperature()
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let mut answer = self.vlm.answer(asked, picture);
-        if matches!(asked.query.kind, QueryKind::Detect { .. }) {
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        let mut answer = self.vlm.answer(request, image);
+        if matches!(request.query.kind, QueryKind::Detect { .. }) {
             return answer;
         }
         if let Some(seconds) = self.fixed {
             answer.latency = duration_from_secs(seconds);
         }
         if let Some([least, most]) = self.delay {
-            let share = Draw::new(self.seed, "bench delay", &[asked.query.id.0]).uniform();
-            answer.latency += duration_from_secs(least + (most - least) * share);
+            let fraction = RandomStream::new(self.seed, "bench delay", &[request.query.id.0]).uniform();
+            answer.latency += duration_from_secs(least + (most - least) * fraction);
         }
         answer
     }

@@ -6,13 +6,13 @@ use spf_core::geometry::EnuPosition;
 const SPACING: f64 = 1.0;
 
 /// Length of a polyline, metres.
-pub(super) fn length(way: &[EnuPosition]) -> f64 {
-    way.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+pub(super) fn length(path: &[EnuPosition]) -> f64 {
+    path.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
 }
 
 /// Minimum path length: past the corners, up to `radius` before the last, metres.
-pub(super) fn shortest(way: &[EnuPosition], radius: f64) -> f64 {
-    (length(way) - radius).max(0.0)
+pub(super) fn shortest(path: &[EnuPosition], radius: f64) -> f64 {
+    (length(path) - radius).max(0.0)
 }
 
 /// Success weighted by path length: `shortest / max(flown, shortest)`; 1 if there is no distance to fly.
@@ -22,14 +22,14 @@ pub(super) fn spl(shortest: f64, flown: f64) -> f64 {
 }
 
 /// Points along a path, [`SPACING`] apart.
-fn spread(way: &[EnuPosition]) -> Vec<EnuPosition> {
-    let mut points: Vec<EnuPosition> = way.first().copied().into_iter().collect();
-    for pair in way.windows(2) {
+fn spread(path: &[EnuPosition]) -> Vec<EnuPosition> {
+    let mut points: Vec<EnuPosition> = path.first().copied().into_iter().collect();
+    for pair in path.windows(2) {
         let (from, to) = (pair[0], pair[1]);
         let steps = libm::ceil(from.distance(to) / SPACING).max(1.0);
         for i in 1..=steps as usize {
-            let share = i as f64 / steps;
-            let mix = |a: f64, b: f64| a + (b - a) * share;
+            let fraction = i as f64 / steps;
+            let mix = |a: f64, b: f64| a + (b - a) * fraction;
             points.push(EnuPosition { east: mix(from.east, to.east), north: mix(from.north, to.north), up: mix(from.up, to.up) });
         }
     }
@@ -38,12 +38,12 @@ fn spread(way: &[EnuPosition]) -> Vec<EnuPosition> {
 
 /// Points of a time-sampled path, at least [`SPACING`] apart along the path, with the first and the last: otherwise
 /// hovering would count for every sample.
-fn thinned(way: &[EnuPosition]) -> Vec<EnuPosition> {
-    let mut kept: Vec<EnuPosition> = way.first().copied().into_iter().collect();
+fn thinned(path: &[EnuPosition]) -> Vec<EnuPosition> {
+    let mut kept: Vec<EnuPosition> = path.first().copied().into_iter().collect();
     let mut since = 0.0;
-    for (i, pair) in way.windows(2).enumerate() {
+    for (i, pair) in path.windows(2).enumerate() {
         since += pair[0].distance(pair[1]);
-        if since >= SPACING || (i + 2 == way.len() && since > 0.0) {
+        if since >= SPACING || (i + 2 == path.len() && since > 0.0) {
             kept.push(pair[1]);
             since = 0.0;
         }
@@ -74,14 +74,14 @@ pub(super) fn ndtw(reference: &[EnuPosition], flown: &[EnuPosition], radius: f64
 mod tests {
     use super::*;
 
-    fn way(norths: &[f64]) -> Vec<EnuPosition> {
+    fn path(norths: &[f64]) -> Vec<EnuPosition> {
         norths.iter().map(|&north| EnuPosition { north, ..EnuPosition::default() }).collect()
     }
 
     #[test]
     fn a_way_like_its_reference_has_one_and_a_far_one_nothing() {
-        let reference = way(&[0.0, 4.0]);
-        assert_eq!(ndtw(&reference, &way(&[0.0, 1.0, 2.0, 3.0, 4.0]), 1.0), 1.0);
+        let reference = path(&[0.0, 4.0]);
+        assert_eq!(ndtw(&reference, &path(&[0.0, 1.0, 2.0, 3.0, 4.0]), 1.0), 1.0);
         // Five reference points, each one metre off the way.
         let aside: Vec<EnuPosition> = spread(&reference).iter().map(|p| EnuPosition { east: 1.0, ..*p }).collect();
         assert!((ndtw(&reference, &aside, 1.0) - libm::exp(-1.0)).abs() < 1e-12);
@@ -90,16 +90,16 @@ mod tests {
 
     #[test]
     fn a_way_flown_slowly_with_rests_is_the_same_way() {
-        let reference = way(&[0.0, 4.0]);
+        let reference = path(&[0.0, 4.0]);
         // A step of 5 cm each moment, and a hundred moments of hovering.
         let slow: Vec<f64> = (0..=80).map(|i| f64::from(i) * 0.05).chain([4.0; 100]).collect();
-        assert!(ndtw(&reference, &way(&slow), 1.0) > 0.9, "{}", ndtw(&reference, &way(&slow), 1.0));
+        assert!(ndtw(&reference, &path(&slow), 1.0) > 0.9, "{}", ndtw(&reference, &path(&slow), 1.0));
     }
 
     #[test]
     fn the_least_way_ends_at_the_radius() {
-        assert_eq!(shortest(&way(&[0.0, 10.0, 4.0]), 5.0), 11.0);
-        assert_eq!(shortest(&way(&[0.0, 3.0]), 5.0), 0.0);
+        assert_eq!(shortest(&path(&[0.0, 10.0, 4.0]), 5.0), 11.0);
+        assert_eq!(shortest(&path(&[0.0, 3.0]), 5.0), 0.0);
         assert_eq!((spl(10.0, 20.0), spl(10.0, 5.0), spl(0.0, 0.0)), (0.5, 1.0, 1.0));
     }
 }

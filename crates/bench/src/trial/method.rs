@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use spf_core::pilot::{PilotSettings, Preset};
 use spf_core::time::duration_from_secs;
-use spf_flight::methods::{Manner, MethodRow, rows};
+use spf_flight::methods::{BenchSettings, MethodRow, rows};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::VlmFactory;
-use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm};
+use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm};
 
 use crate::task::{Set, Task};
 
@@ -15,13 +15,13 @@ use crate::task::{Set, Task};
 #[derive(Clone, Copy, Debug)]
 pub struct Method {
     row: &'static MethodRow,
-    manner: &'static Manner,
+    settings: &'static BenchSettings,
 }
 
 impl Method {
     /// All methods, in table order.
     pub fn all() -> impl Iterator<Item = Self> {
-        rows().iter().filter_map(|row| row.bench.as_ref().map(|manner| Self { row, manner }))
+        rows().iter().filter_map(|row| row.bench.as_ref().map(|settings| Self { row, settings }))
     }
 
     /// Its name on the command line.
@@ -39,7 +39,7 @@ impl Method {
     /// Whether it queries a VLM; the blind control does not.
     #[must_use]
     pub fn asks(self) -> bool {
-        !self.manner.blind
+        !self.settings.blind
     }
 
     pub(super) fn policy(self) -> PolicyKind {
@@ -47,16 +47,16 @@ impl Method {
     }
 
     pub(super) fn preset(self) -> Preset {
-        self.manner.preset()
+        self.settings.preset()
     }
 
     /// Its pilot settings for a task: the preset with the method's changes.
     pub(super) fn settings(self, task: &Task) -> PilotSettings {
         PilotSettings {
-            avoid: task.avoid || self.manner.avoid,
+            avoid: task.avoid || self.settings.avoid,
             max_time: duration_from_secs(task.max_time),
             max_decisions: task.max_decisions,
-            ..self.manner.settings(median_step(task.set))
+            ..self.settings.settings(median_step(task.set))
         }
     }
 }
@@ -93,9 +93,9 @@ impl Vlm for Blind {
         NOBODY
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
+    fn answer(&mut self, request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         Answer {
-            text: Ok(self.text(asked.query.memory.actions.len())),
+            text: Ok(self.text(request.query.memory.actions.len())),
             latency: duration_from_secs(LATENCY_S),
             model: NOBODY.to_owned(),
             account: Account::default(),

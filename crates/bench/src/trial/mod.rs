@@ -44,7 +44,7 @@ pub struct Pointer {
     /// Its name on the command line.
     pub name: String,
     /// Creates it.
-    pub who: VlmFactory,
+    pub vlm_factory: VlmFactory,
     /// Fixed latency of its replies, seconds; `None` for the original one.
     pub latency: Option<f64>,
 }
@@ -104,14 +104,14 @@ impl Trial {
             Ok(judge) => judge,
             Err(error) => return self.failed(Some(drawn), &error),
         };
-        let (world, asked) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()));
+        let (world, query_settings) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()));
         let mut watcher = Watcher::new(world.clone(), judge);
-        match fly(self.plan(drawn, world, asked.clone(), record), &mut [&mut watcher]) {
+        match fly(self.plan(drawn, world, query_settings.clone(), record), &mut [&mut watcher]) {
             Ok(flown) => {
                 let mut flown = self.scored(drawn, watcher, flown.summary);
-                if let Some(asked) = asked.get() {
-                    flown.record.vlm_details.image_px = Some([asked.size.0, asked.size.1]);
-                    flown.record.vlm_details.temperature = asked.temperature;
+                if let Some(query_settings) = query_settings.get() {
+                    flown.record.vlm_details.image_px = Some([query_settings.size.0, query_settings.size.1]);
+                    flown.record.vlm_details.temperature = query_settings.temperature;
                 }
                 flown
             }
@@ -132,29 +132,29 @@ impl Trial {
         Flown { path: FlownPath { run_id: record.run_id.clone(), ..FlownPath::default() }, record }
     }
 
-    /// `world` and `asked` receive the world and the query settings when the VLM is created.
+    /// `world` and `query_settings` receive the world and the query settings when the VLM is created.
     fn plan(
         &self,
         drawn: &Drawn,
         world: Arc<OnceLock<SimWorld>>,
-        asked: Arc<OnceLock<QuerySettings>>,
+        query_settings: Arc<OnceLock<QuerySettings>>,
         record: Option<RecordPlan>,
     ) -> FlightPlan {
         let task = &self.task;
-        let who = match &self.pointer {
-            Some(pointer) => pointer.who.clone(),
+        let vlm_factory = match &self.pointer {
+            Some(pointer) => pointer.vlm_factory.clone(),
             None => method::blind(if task.set == Set::Simulation { 5.0 } else { 1.0 }),
         };
         let (fixed, delay) = (self.pointer.as_ref().and_then(|pointer| pointer.latency), task.vlm_delay);
-        let who = self.with_detector(who);
+        let vlm_factory = self.with_detector(vlm_factory);
         let seen: VlmFactory = Arc::new(move |of, seed| {
-            let vlm = who(of, seed)?;
+            let vlm = vlm_factory(of, seed)?;
             // A flight has one world, requested once.
             if let Some(of) = of {
                 let camera = of.camera();
                 let frame = (camera.width, camera.height);
                 let size = vlm.image_spec(frame).image_size.unwrap_or(frame);
-                asked.get_or_init(|| QuerySettings { size, temperature: vlm.temperature() });
+                query_settings.get_or_init(|| QuerySettings { size, temperature: vlm.temperature() });
                 drop(world.set(of.clone()));
             }
             Ok(Box::new(Timed { vlm, fixed, delay, seed }))
@@ -184,10 +184,10 @@ impl Trial {
         self.method.policy().has_detector().then(|| if own { self.vlm() } else { DETECTOR }.to_owned())
     }
 
-    fn with_detector(&self, who: VlmFactory) -> VlmFactory {
+    fn with_detector(&self, vlm_factory: VlmFactory) -> VlmFactory {
         match self.detector() {
-            Some(name) if name != self.vlm() => with_detector(who, oracle_factory(name, ErrorFile::default())),
-            _ => who,
+            Some(name) if name != self.vlm() => with_detector(vlm_factory, oracle_factory(name, ErrorFile::default())),
+            _ => vlm_factory,
         }
     }
 
@@ -309,16 +309,16 @@ impl Trial {
     fn scores(&self, found: &Findings) -> Scores {
         let outcome = found.outcome;
         let done = found.holds_at_end && found.untouched;
-        let said = outcome == Some(Outcome::Reached);
+        let reported_done = outcome == Some(Outcome::Reached);
         // Nobody says that following is done: the time that is given runs out.
         let follows = matches!(self.task.goals.last().map(|goal| goal.kind), Some(GoalKind::Follow { .. }));
-        let ended = said || (follows && outcome == Some(Outcome::Timeout));
+        let ended = reported_done || (follows && outcome == Some(Outcome::Timeout));
         let within = |metres: f64| found.distance.is_some_and(|distance| distance <= metres);
         Scores {
             self_stop: done && ended,
             judge_stop: found.judge_stop.is_some(),
             judge_stop_s: found.judge_stop.map(spf_core::time::Time::as_secs_f64),
-            false_stop: said && !done,
+            false_stop: reported_done && !done,
             success_1m: within(1.0),
             success_5m: within(5.0),
             success_20m: within(20.0),
@@ -332,13 +332,13 @@ impl Trial {
     fn reference(&self, drawn: &Drawn, judge: &Judge) -> Vec<EnuPosition> {
         let stage = &drawn.loaded;
         let up = drawn.start.position.up + Model::of(self.task.craft).craft.take_off_height;
-        let mut way = vec![EnuPosition { up, ..drawn.start.position }];
+        let mut path = vec![EnuPosition { up, ..drawn.start.position }];
         for targets in judge.targets() {
-            let from = way[way.len() - 1];
+            let from = path[path.len() - 1];
             let places = targets.iter().filter_map(|id| stage.scene.object(*id)).map(|object| centre(&object.bounds));
-            way.extend(places.min_by(|a, b| a.distance(from).total_cmp(&b.distance(from))));
+            path.extend(places.min_by(|a, b| a.distance(from).total_cmp(&b.distance(from))));
         }
-        way
+        path
     }
 }
 
@@ -347,6 +347,6 @@ fn provider(vlm: &str) -> String {
 }
 
 fn milliseconds(seconds: &[f64]) -> Option<Milliseconds> {
-    let at = |share| percentile(seconds, share).map(|value| 1e3 * value);
+    let at = |fraction| percentile(seconds, fraction).map(|value| 1e3 * value);
     Some(Milliseconds { p50: at(0.5)?, p95: at(0.95)?, p99: at(0.99)?, max: at(1.0)? })
 }

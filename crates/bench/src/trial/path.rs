@@ -49,8 +49,8 @@ impl Trace {
             if due > now {
                 break;
             }
-            let share = if now > before { (due - before) / (now - before) } else { 1.0 };
-            let mix = |a: f64, b: f64| a + (b - a) * share;
+            let fraction = if now > before { (due - before) / (now - before) } else { 1.0 };
+            let mix = |a: f64, b: f64| a + (b - a) * fraction;
             let between = EnuPosition { east: mix(was.east, at.east), north: mix(was.north, at.north), up: mix(was.up, at.up) };
             self.places.push(rounded(between));
         }

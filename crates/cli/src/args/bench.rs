@@ -98,8 +98,8 @@ pub(crate) struct BenchCheck {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
     /// Render the first camera image of each trial into this folder
-    #[arg(long, value_name = "DIR")]
-    pub(crate) pictures: Option<PathBuf>,
+    #[arg(long = "pictures", value_name = "DIR")]
+    pub(crate) images: Option<PathBuf>,
 }
 
 /// Joins the shards of one run; the rows are byte for byte those of an unsharded run.
@@ -110,7 +110,7 @@ Example:
 pub(crate) struct BenchMerge {
     /// Folders of all shards
     #[arg(value_name = "DIR", required = true)]
-    pub(crate) shares: Vec<PathBuf>,
+    pub(crate) shards: Vec<PathBuf>,
     /// Output folder for the merged results; must be new or empty
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: PathBuf,

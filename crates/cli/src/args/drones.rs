@@ -1,4 +1,4 @@
-//! What help says of drones, from the registry of their drivers.
+//! Help texts about drones, from the registry of their drivers.
 
 use spf_drone::registry::{DRIVERS, alternatives, forms};
 

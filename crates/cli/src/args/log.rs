@@ -66,8 +66,8 @@ pub(crate) struct Repair {
 Examples:
   spf replay flight.mcap
   spf replay flight.mcap --json | jq '.differences[0]'
-  spf replay flight.mcap --vlm oracle:poor --out pictures
-  spf replay flight.mcap --vlm gemini --out pictures      # every question is a request to the vendor
+  spf replay flight.mcap --vlm oracle:poor --out replies
+  spf replay flight.mcap --vlm gemini --out replies      # each query is a request to the vendor
 
 Parsing, projection, policy, executor and envelope run on the recorded frames, telemetry and replies. No VLM is queried and \
 nothing is rendered. Exit code 1 if anything differs.

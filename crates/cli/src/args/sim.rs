@@ -83,8 +83,8 @@ pub(crate) struct Scenes {
     #[arg(long)]
     pub(crate) objects: bool,
     /// Render an image of each scene into this folder, and print the paths
-    #[arg(long, value_name = "DIR")]
-    pub(crate) pictures: Option<PathBuf>,
+    #[arg(long = "pictures", value_name = "DIR")]
+    pub(crate) images: Option<PathBuf>,
     /// Render a contact sheet of the scenes in every light and weather, variants in their own (.jpg or .png)
     #[arg(long, value_name = "FILE")]
     pub(crate) contact_sheet: Option<PathBuf>,
@@ -164,8 +164,8 @@ pub(crate) struct Dataset {
     #[arg(long, value_name = "EFFECTS")]
     pub(crate) camera_effects: Option<String>,
     /// Image format: png or jpeg:QUALITY
-    #[arg(long, value_name = "FORMAT", default_value = "jpeg:90")]
-    pub(crate) pictures: String,
+    #[arg(long = "pictures", value_name = "FORMAT", default_value = "jpeg:90")]
+    pub(crate) images: String,
     /// Resume the dataset in the folder
     #[arg(long, conflicts_with = "overwrite")]
     pub(crate) resume: bool,

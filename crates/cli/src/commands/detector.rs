@@ -16,7 +16,7 @@ use crate::settings::Settings;
 const DEFAULT: &str = "oracle";
 
 /// The policy and settings of a flight with the configured detector; unchanged if there is none.
-pub(crate) fn manner(
+pub(crate) fn policy_and_settings(
     settings: &Settings,
     policy: PolicyKind,
     method: PilotSettings,
@@ -33,7 +33,7 @@ pub(crate) fn manner(
 }
 
 /// The VLM combined with the detector, and the detector's name; `None` if the policy does not use one.
-pub(crate) fn beside(
+pub(crate) fn combine(
     settings: &Settings,
     policy: PolicyKind,
     pointing: Pointing,
@@ -47,15 +47,15 @@ pub(crate) fn beside(
         None if pointing.name.split(':').next() == Some("oracle") => return Ok((pointing.clone(), Some(pointing.name))),
         None => DEFAULT,
     };
-    let Detecting { name, who, sentence } = detecting(settings, name)?;
-    let (who, sentence) = (with_detector(pointing.who, who), format!("{} {sentence}", pointing.sentence));
-    Ok((Pointing { who, sentence, ..pointing }, Some(name)))
+    let Detecting { name, vlm_factory, sentence } = detecting(settings, name)?;
+    let (vlm_factory, sentence) = (with_detector(pointing.vlm_factory, vlm_factory), format!("{} {sentence}", pointing.sentence));
+    Ok((Pointing { vlm_factory, sentence, ..pointing }, Some(name)))
 }
 
 /// A detector.
 struct Detecting {
     name: String,
-    who: VlmFactory,
+    vlm_factory: VlmFactory,
     sentence: String,
 }
 
@@ -70,12 +70,12 @@ fn detecting(settings: &Settings, name: &str) -> Result<Detecting, CliError> {
         let (width, height) = detector.input();
         let (name, classes) = (detector.name().to_owned(), detector.classes().len());
         let sentence = format!("Detector: {name}, {classes} classes, {width}×{height} pixels.");
-        return Ok(Detecting { name, who: model_detects(detector), sentence });
+        return Ok(Detecting { name, vlm_factory: model_detects(detector), sentence });
     }
     let expected = "FILE.onnx, oracle, oracle:NAME or oracle:FILE";
     let (name, errors) = oracle_named(name, |_, near| settings.fly.detector.wrong(expected, near))?;
     let sentence = format!("Detector: {name}, which reads the simulator's ID images and simulates the COCO classes.");
-    Ok(Detecting { who: oracle_factory(name.clone(), errors), name, sentence })
+    Ok(Detecting { vlm_factory: oracle_factory(name.clone(), errors), name, sentence })
 }
 
 /// Loads the model of a file.

@@ -61,7 +61,7 @@ fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
         Err(error) => return Ok(bad(&error)),
     };
     let time = settings.reply_timeout()?;
-    match (pointing.who)(None, 0) {
+    match (pointing.vlm_factory)(None, 0) {
         Ok(mut vlm) => Ok(Some(doctor::vlm(&pointing.name, vlm.as_mut(), time))),
         Err(error) => Ok(bad(&CliError::usage("cannot query the VLM").because(&*error))),
     }

@@ -28,7 +28,7 @@ use spf_scene::SceneLook;
 use spf_sim::model::Model;
 
 use self::manual::Manual;
-use self::settings::{flight_conditions, limits, manner, method, prompt, script};
+use self::settings::{flight_conditions, limits, method, preset_and_policy, prompt, script};
 use crate::args::Fly;
 use crate::background::{self, Talk};
 use crate::commands::vlm::pointing;
@@ -64,7 +64,7 @@ struct Ready {
     /// The plan, without recording and operator.
     plan: FlightPlan,
     /// Messages before take-off.
-    said: Vec<String>,
+    announcements: Vec<String>,
     /// The craft for manual flight; `None` in virtual time.
     by_hand: Option<Craft>,
     /// The camera whose video statistics are reported at the end.
@@ -73,7 +73,7 @@ struct Ready {
 
 /// Flies, reports the result, and writes the files.
 fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: Printer) -> Result<Exit, CliError> {
-    let Ready { plan, said, by_hand, camera } = ready;
+    let Ready { plan, announcements, by_hand, camera } = ready;
     // A flight on the wall clock waits for no terminal.
     let paced = by_hand.is_some();
     let view = settings.fly.live.get()?.map(live_view).transpose()?;
@@ -82,12 +82,12 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     let record = RecordPlan { out: out.clone(), video: settings.fly.video.is_on()?, view: view.as_ref().map(Live::sender) };
     let plan = FlightPlan { record: Some(record), operator, ..plan };
     printer.start_live();
-    said.iter().for_each(|line| printer.say(line));
+    announcements.iter().for_each(|line| printer.log(line));
     if let Some(view) = &view {
         print_live_address(view, &printer);
     }
     if manual.is_on() {
-        printer.say(HELP);
+        printer.log(HELP);
     }
     let (talk, mut progress) = Talk::start(printer, paced);
     let flown = spf_flight::flight::fly(plan, &mut [&mut progress]);
@@ -106,11 +106,11 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
         }
     })?;
     for problem in &flown.recording_problems {
-        printer.say(&format!("warning: recording failed: {problem}"));
+        printer.log(&format!("warning: recording failed: {problem}"));
     }
     if let Some(camera) = camera {
         let tally = camera.tally();
-        printer.say(&format!(
+        printer.log(&format!(
             "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} rejected, {} superseded by newer ones",
             tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused, tally.overtaken
         ));
@@ -122,7 +122,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
 /// Creates the output folder of the flight.
 fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
     OutDir::create(settings.fly.out.text().map(Path::new), instruction).map_err(|error| {
-        CliError::usage("no folder for the flight's files").because(&error).hint("give a new or empty folder with --out DIR")
+        CliError::usage("cannot use the output folder").because(&error).hint("give a new or empty folder with --out DIR")
     })
 }
 
@@ -137,9 +137,9 @@ fn live_view(address: SocketAddr) -> Result<Live, CliError> {
 
 fn print_live_address(view: &Live, printer: &Printer) {
     let address = view.address();
-    printer.say(&format!("Live view: open a Foxglove WebSocket connection to ws://{address}"));
+    printer.log(&format!("Live view: open a Foxglove WebSocket connection to ws://{address}"));
     if !address.ip().is_loopback() {
-        printer.say("warning: anyone who can reach this address can watch the flight");
+        printer.log("warning: anyone who can reach this address can watch the flight");
     }
 }
 
@@ -160,11 +160,11 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     if args.world.tello_motion.is_some() {
         return Err(CliError::usage("--tello-motion requires --drone tello").hint("use --motion for the simulated craft"));
     }
-    let (preset, policy) = manner(settings)?;
-    let (policy, method) = detector::manner(settings, policy, method(settings, preset)?)?;
+    let (preset, policy) = preset_and_policy(settings)?;
+    let (policy, method) = detector::policy_and_settings(settings, policy, method(settings, preset)?)?;
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
-    let (pointing, detector) = detector::beside(settings, policy, pointing(settings, prompt.clone())?)?;
+    let (pointing, detector) = detector::combine(settings, policy, pointing(settings, prompt.clone())?)?;
     let seed = settings.fly.seed.or_default()?;
     let start = settings.fly.start.get()?;
     let kind = settings.fly.drone_model.get()?;
@@ -187,9 +187,9 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
         settings.fly.preset.text().unwrap_or_default(),
     );
     let limits = limits(settings, loaded.limits(kind))?;
-    let mut said = vec![flying, sentence(&pointing.sentence, &craft)];
+    let mut announcements = vec![flying, sentence(&pointing.sentence, &craft)];
     if pointing.is_oracle {
-        said.extend(reading::lines(instruction, &loaded, start)?);
+        announcements.extend(reading::lines(instruction, &loaded, start)?);
     }
     let site = Simulated { loaded, scene: scene.to_owned(), start, kind, flight_conditions, seed, realtime };
     let plan = FlightPlan {
@@ -202,9 +202,9 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
         max_cost_usd,
         script,
         interrupts: interrupts()?,
-        ..FlightPlan::new(Site::Simulated(site), instruction, &pointing.name, pointing.who)
+        ..FlightPlan::new(Site::Simulated(site), instruction, &pointing.name, pointing.vlm_factory)
     };
-    Ok(Ready { plan, said, by_hand: realtime.then_some(craft), camera: None })
+    Ok(Ready { plan, announcements, by_hand: realtime.then_some(craft), camera: None })
 }
 
 /// Counts Ctrl-C presses, SIGTERM and SIGHUP. The first one lands, finishes all files and exits with code 5. The second one
@@ -219,7 +219,7 @@ pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
             drop(std::thread::Builder::new().name("landing".to_owned()).spawn(land_and_exit));
         } else if before > 0 {
             manual::restore();
-            #[allow(clippy::exit, reason = "a second Ctrl-C asks for exactly this")]
+            #[allow(clippy::exit, reason = "a second Ctrl-C exits at once")]
             std::process::exit(Exit::Aborted as i32);
         }
     })
@@ -278,7 +278,9 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     printer.result(&format!("files: {}", out_dir.display()));
     // A real flight has neither scene nor truth.
     if summary.targets.is_empty() && !summary.scene.is_empty() {
-        printer.say("hint: the simulator found no target for this instruction in the scene");
+        printer.log(
+            "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME` lists its objects",
+        );
     }
     Ok(())
 }

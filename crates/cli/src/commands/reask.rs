@@ -48,7 +48,7 @@ pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit,
     for question in &questions {
         let opinion = asker.ask(question);
         if let Some(out) = &args.out {
-            write_picture(out, &asker, question, &opinion, &head.vlm)?;
+            write_image(out, &asker, question, &opinion, &head.vlm)?;
         }
         if !args.json {
             printer.result(&line(&opinion));
@@ -75,7 +75,7 @@ fn responder(settings: &Settings, vlm: &str) -> Result<(String, Responder), CliE
         return Err(CliError::usage(format!("`{vlm}` can only replay its own flight")).hint("for example oracle:poor or gemini"));
     }
     let pointing = pointing(settings, None)?;
-    Ok((pointing.name, Responder::Other(pointing.who)))
+    Ok((pointing.name, Responder::Other(pointing.vlm_factory)))
 }
 
 fn stage_of(head: &Head) -> Result<spf_flight::sim::LoadedScene, CliError> {
@@ -87,10 +87,10 @@ fn stage_of(head: &Head) -> Result<spf_flight::sim::LoadedScene, CliError> {
     load_scene(&sim.scene, &SceneLook { lighting, weather })
 }
 
-fn write_picture(out: &Path, asker: &Asker, question: &Question, opinion: &ReplyPair, then: &str) -> Result<(), CliError> {
-    let picture = asker.picture(question, opinion, then);
+fn write_image(out: &Path, asker: &Asker, question: &Question, opinion: &ReplyPair, then: &str) -> Result<(), CliError> {
+    let image = asker.image(question, opinion, then);
     let path = out.join(format!("{:04}.jpg", opinion.query.0));
-    let jpeg = Jpeg::encode(&picture, QUALITY).map_err(|error| CliError::internal("cannot render the image").because(&error))?;
+    let jpeg = Jpeg::encode(&image, QUALITY).map_err(|error| CliError::internal("cannot render the image").because(&error))?;
     std::fs::write(&path, jpeg.bytes())
         .map_err(|error| CliError::internal(format!("cannot write `{}`", path.display())).because(&error))
 }
@@ -116,9 +116,9 @@ fn summary(printed: &Printed<'_>) -> String {
     let failed = opinions.iter().filter(|opinion| opinion.failed.is_some()).count();
     let failed = if failed > 0 { format!(" ({failed} without a reply)") } else { String::new() };
     let costs: Vec<f64> = opinions.iter().filter_map(|opinion| opinion.cost_usd).collect();
-    let cost = if costs.is_empty() { String::new() } else { format!("; {:.4} $", costs.iter().sum::<f64>()) };
+    let cost = if costs.is_empty() { String::new() } else { format!("; ${:.4}", costs.iter().sum::<f64>()) };
     format!(
-        "{flight} | {now}: {} questions{failed}, the same status in {same}; both point in {}{median}, the same depth label in \
+        "{flight} | {now}: {} queries{failed}, the same status in {same}; both point in {}{median}, the same depth label in \
          {same_label}{cost}",
         opinions.len(),
         apart.len(),

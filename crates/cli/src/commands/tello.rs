@@ -36,15 +36,15 @@ fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
     let interrupts = interrupts()?;
     let start = Instant::now();
     let Connected { drone, warning, .. } = real::connect(target.as_ref(), &options, start, printer)?;
-    printer.say("Measuring for about 45 s: keep 3 m ahead and 2 m above clear.");
-    printer.say(warning);
+    printer.log("Measuring for about 45 s: keep 3 m ahead and 2 m above clear.");
+    printer.log(warning);
     match calibrate(drone, options.tello.calibration, start, interrupts) {
         Ok(measured) => {
             printer.result(&table(&measured));
             Ok(Exit::Success)
         }
         Err(error @ CalibrateError::Ended(_)) => {
-            printer.say(&format!("calibration incomplete: {error}"));
+            printer.log(&format!("calibration incomplete: {error}"));
             Ok(Exit::Aborted)
         }
         Err(error) => Err(CliError::internal("cannot calibrate the drone").because(&error)),

@@ -38,9 +38,9 @@ impl Settings {
                 let value = value.into_string().map_err(|_| {
                     CliError::usage(format!("environment {}: the value is not UTF-8", key.env)).hint(key.meaning())
                 })?;
-                row.say(value, Origin::Env(key.env));
+                row.set(value, Origin::Env(key.env));
             } else if let Some(value) = dotenv.get(key.env) {
-                row.say(value.clone(), Origin::DotEnv(key.env));
+                row.set(value.clone(), Origin::DotEnv(key.env));
             }
         }
         Ok(())

@@ -49,7 +49,7 @@ impl Settings {
                         .hint(row.key().meaning()));
                     }
                 };
-                row.say(value, Origin::File(path.to_owned(), line));
+                row.set(value, Origin::File(path.to_owned(), line));
             }
         }
         Ok(())

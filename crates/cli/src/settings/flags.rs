@@ -14,7 +14,7 @@ pub(crate) trait Flags {
     fn file(&self) -> Option<&Path>;
 
     /// Applies the flags.
-    fn say(&self, settings: &mut Settings);
+    fn apply(&self, settings: &mut Settings);
 }
 
 impl Flags for args::Fly {
@@ -22,17 +22,17 @@ impl Flags for args::Fly {
         self.output.config.as_deref()
     }
 
-    fn say(&self, settings: &mut Settings) {
+    fn apply(&self, settings: &mut Settings) {
         let Self { instruction: _, world, method, limits, output } = self;
-        world.say(settings);
-        method.say(settings);
-        limits.say(settings);
-        output.say(settings);
+        world.apply(settings);
+        method.apply(settings);
+        limits.apply(settings);
+        output.apply(settings);
     }
 }
 
 impl WorldArgs {
-    fn say(&self, Settings { fly, camera, tello, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, camera, tello, .. }: &mut Settings) {
         let Self {
             scene,
             conditions: ConditionArgs { light, weather },
@@ -63,7 +63,7 @@ impl WorldArgs {
 }
 
 impl MethodArgs {
-    fn say(&self, Settings { fly, vlm: models, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, vlm: models, .. }: &mut Settings) {
         let Self {
             vlm,
             prompt,
@@ -100,7 +100,7 @@ impl MethodArgs {
 }
 
 impl LimitArgs {
-    fn say(&self, Settings { fly, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, .. }: &mut Settings) {
         let Self { max_time, max_decisions, max_cost, geofence } = self;
         fly.max_time_s.flag(max_time.as_deref());
         fly.max_decisions.flag(max_decisions.as_deref());
@@ -110,7 +110,7 @@ impl LimitArgs {
 }
 
 impl OutputArgs {
-    fn say(&self, Settings { fly, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, .. }: &mut Settings) {
         let Self { out, no_video, live, json: _, config: _ } = self;
         fly.out.flag(out.as_deref());
         fly.video.switch(*no_video);
@@ -123,7 +123,7 @@ impl Flags for args::Doctor {
         self.config.as_deref()
     }
 
-    fn say(&self, Settings { fly, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, .. }: &mut Settings) {
         fly.drone.flag(self.drone.as_deref());
         fly.vlm.flag(self.vlm.as_deref());
         fly.scene.flag(self.scene.as_deref());
@@ -136,7 +136,7 @@ impl Flags for args::Calibrate {
         self.config.as_deref()
     }
 
-    fn say(&self, Settings { fly, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, .. }: &mut Settings) {
         fly.drone.flag(self.drone.as_deref());
     }
 }
@@ -146,7 +146,7 @@ impl Flags for args::Ground {
         self.config.as_deref()
     }
 
-    fn say(&self, Settings { fly, vlm, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, vlm, .. }: &mut Settings) {
         fly.vlm.flag(self.vlm.as_deref());
         vlm.models.flag(self.vlm_models.as_deref());
         fly.max_cost_usd.flag(self.max_cost.as_deref());
@@ -158,7 +158,7 @@ impl Flags for args::Replay {
         self.config.as_deref()
     }
 
-    fn say(&self, Settings { fly, vlm, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, vlm, .. }: &mut Settings) {
         fly.vlm.flag(self.vlm.as_deref());
         vlm.models.flag(self.vlm_models.as_deref());
     }
@@ -169,7 +169,7 @@ impl Flags for args::VlmList {
         self.config.as_deref()
     }
 
-    fn say(&self, Settings { vlm, .. }: &mut Settings) {
+    fn apply(&self, Settings { vlm, .. }: &mut Settings) {
         vlm.models.flag(self.vlm_models.as_deref());
     }
 }
@@ -179,7 +179,7 @@ impl Flags for args::VlmCheck {
         self.config.as_deref()
     }
 
-    fn say(&self, Settings { fly, vlm, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, vlm, .. }: &mut Settings) {
         vlm.models.flag(self.vlm_models.as_deref());
         fly.vlm.argument("NAME", &self.name);
     }

@@ -46,13 +46,13 @@ settings! {
         /// setpoint rate, 5 to 100 Hz
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
         /// obstacle mode: true or false
-        avoid: bool = "false", Word, "SPF_AVOID", "--avoid" says "true";
+        avoid: bool = "false", Word, "SPF_AVOID", "--avoid" sets "true";
         /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM gives the boxes
         detector: String = "", Text, "SPF_DETECTOR", "--detector";
         /// VLM: NAME[#MODEL][@URL], auto, replay:FILE, oracle, oracle:NAME or oracle:FILE
         vlm: String = "oracle", Text, "SPF_VLM", "--vlm";
         /// with a real drone, check the VLM's pointing before take-off: true or false
-        vlm_check: bool = "true", Word, "SPF_VLM_CHECK", "--no-vlm-check" says "false";
+        vlm_check: bool = "true", Word, "SPF_VLM_CHECK", "--no-vlm-check" sets "false";
         /// random seed, a whole number
         seed: u64 = "0", Count(0, u64::MAX), "SPF_SEED", "--seed";
         /// wind m/s[,from=DEG][,gust=M_S][,gust_time=S], from the north by default; empty: still air
@@ -72,9 +72,9 @@ settings! {
         /// geofence: GeoJSON file with polygons in local east/north metres; empty: none
         geofence: String = "", Text, "SPF_GEOFENCE", "--geofence";
         /// fly in real time: true or false
-        realtime: bool = "false", Word, "SPF_REALTIME", "--realtime" says "true";
+        realtime: bool = "false", Word, "SPF_REALTIME", "--realtime" sets "true";
         /// record video.mp4: true or false
-        video: bool = "true", Word, "SPF_VIDEO", "--no-video" says "false";
+        video: bool = "true", Word, "SPF_VIDEO", "--no-video" sets "false";
         /// address and port of the Foxglove live view, such as 127.0.0.1:8765; empty: none
         live: SocketAddr = "", Parsed("an address and a port, such as 127.0.0.1:8765"), "SPF_LIVE", "--live";
         /// folder for the flight's files; empty: flights/NNN-instruction

@@ -41,7 +41,7 @@ impl Settings {
     /// A file, `.env` or variable that cannot be read, or an unknown key in the file. Invalid values are reported on use.
     pub(crate) fn of(args: &impl Flags, printer: &Printer) -> Result<Self, CliError> {
         let mut settings = Self::load(args.file(), printer)?;
-        args.say(&mut settings);
+        args.apply(&mut settings);
         Ok(settings)
     }
 
@@ -58,7 +58,7 @@ impl Settings {
             None => {}
         }
         for warning in settings.read_environment()? {
-            printer.say(&warning);
+            printer.log(&warning);
         }
         Ok(settings)
     }

@@ -23,7 +23,7 @@ pub(crate) trait Reading<T>: Sync {
     /// The value of a text that is not empty.
     ///
     /// # Errors
-    /// [`Refusal`] for a text that is none.
+    /// [`Refusal`] for an invalid text.
     fn read(&self, text: &str) -> Result<T, Refusal>;
 
     /// The numbers that are read, in words; `None` for what is no number, or any.
@@ -36,9 +36,9 @@ pub(crate) trait Reading<T>: Sync {
 /// Why a text is not read.
 #[derive(Debug)]
 pub(crate) struct Refusal {
-    /// What was expected, as in "it is not …".
+    /// What was expected, as in "expected …".
     pub(super) expected: String,
-    /// What the text may be a slip of the finger for.
+    /// A likely intended value.
     pub(super) near: Option<&'static str>,
     /// The parser's error.
     pub(super) cause: Option<Box<dyn Error>>,
@@ -92,7 +92,7 @@ fn within<T: FromStr + PartialOrd>(text: &str, low: &T, high: &T) -> Option<T> {
     text.parse().ok().filter(|value| (low..=high).contains(&value))
 }
 
-/// What the type's own parser reads, which has no more to say than that it cannot; in words.
+/// A value for the type's own parser, whose errors give no reason; with a description.
 pub(super) struct Parsed(pub(super) &'static str);
 
 impl<T: FromStr> Reading<T> for Parsed {
@@ -101,7 +101,7 @@ impl<T: FromStr> Reading<T> for Parsed {
     }
 }
 
-/// What the type's own parser reads, which says why it cannot; in words.
+/// A value for the type's own parser, whose errors give the reason; with a description.
 pub(super) struct Explained(pub(super) &'static str);
 
 impl<T: FromStr<Err: Error + 'static>> Reading<T> for Explained {
@@ -118,7 +118,7 @@ impl<T: Words> Reading<T> for Word {
         let words = T::words();
         words.iter().find(|(word, _)| *word == text).map(|(_, value)| *value).ok_or_else(|| {
             let known: Vec<&'static str> = words.iter().map(|(word, _)| *word).collect();
-            Refusal { near: nearest(text, known.iter().copied()), ..Refusal::of(known.join(" or ")) }
+            Refusal { near: nearest(text, known.iter().copied()), ..Refusal::of(alternatives(&known)) }
         })
     }
 }

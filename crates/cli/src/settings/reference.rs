@@ -50,8 +50,8 @@ fn document(settings: &Settings) -> String {
 fn line(row: &dyn Row) -> String {
     let key = row.key();
     let code = |text: &str| if text.is_empty() { String::new() } else { format!("`{text}`") };
-    let flag = key.flag.as_ref().map_or(String::new(), |flag| match flag.says {
-        Some(says) => format!("`{}`: {says}", flag.name),
+    let flag = key.flag.as_ref().map_or(String::new(), |flag| match flag.sets {
+        Some(sets) => format!("`{}`: {sets}", flag.name),
         None => code(flag.name),
     });
     let cells = [code(key.field), code(key.default), row.range().unwrap_or_default(), code(key.env), flag, escaped(key.doc)];

@@ -28,7 +28,7 @@ pub(crate) struct Flag {
     /// With its dashes.
     pub(crate) name: &'static str,
     /// The value of a flag without an argument.
-    pub(crate) says: Option<&'static str>,
+    pub(crate) sets: Option<&'static str>,
 }
 
 /// Where a value came from.
@@ -60,7 +60,7 @@ impl std::fmt::Display for Origin {
 
 /// The value of one key: its text, source and parser.
 ///
-/// The text is read when a command asks for the value, and not before: what is wrong with a key stops only the commands that use it.
+/// The text is parsed when a command uses the value, not before: an invalid key stops only the commands that use it.
 pub(crate) struct Setting<T: 'static> {
     key: &'static Key,
     reading: &'static dyn Reading<T>,
@@ -110,10 +110,10 @@ impl<T> Setting<T> {
         })
     }
 
-    /// The error for a text that is not what it should be, with where it came from; `near` is what it may be a slip of the finger for.
+    /// The error for an invalid value, with its origin; `near` is a likely intended value.
     pub(crate) fn wrong(&self, expected: &str, near: Option<&str>) -> CliError {
         let hint = near.map_or_else(|| self.meaning(), |near| format!("did you mean `{near}`?"));
-        CliError::usage(format!("{}: `{}` is not {expected}", self.origin, self.text)).hint(hint)
+        CliError::usage(format!("{}: expected {expected}, found `{}`", self.origin, self.text)).hint(hint)
     }
 
     /// The key and what it means, as a hint.
@@ -124,20 +124,20 @@ impl<T> Setting<T> {
     /// Applies the key's flag; `None` leaves the value unchanged.
     pub(crate) fn flag(&mut self, text: Option<&str>) {
         if let Some(text) = text {
-            self.say(text.to_owned(), Origin::Flag(self.key.flag_name()));
+            self.set(text.to_owned(), Origin::Flag(self.key.flag_name()));
         }
     }
 
     /// Applies the key's flag without an argument, if given.
     pub(super) fn switch(&mut self, given: bool) {
-        if let (true, Some(Flag { name, says: Some(says) })) = (given, &self.key.flag) {
-            self.say((*says).to_owned(), Origin::Flag(name));
+        if let (true, Some(Flag { name, sets: Some(sets) })) = (given, &self.key.flag) {
+            self.set((*sets).to_owned(), Origin::Flag(name));
         }
     }
 
-    /// Takes an argument of a command that is no flag, called `name` there, over what is there.
+    /// Replaces the value by a command's positional argument, called `name`.
     pub(super) fn argument(&mut self, name: &'static str, text: &str) {
-        self.say(text.to_owned(), Origin::Flag(name));
+        self.set(text.to_owned(), Origin::Flag(name));
     }
 
     /// Replaces the key's default, if no value was given.
@@ -170,17 +170,17 @@ impl Key {
     }
 }
 
-/// A setting whatever its type: how files and the environment say it, and how it is shown.
+/// A setting of any type: how files and the environment set it, and how it is shown.
 pub(crate) trait Row {
     /// Its key.
     fn key(&self) -> &'static Key;
-    /// The text in force, empty when something else decides.
+    /// The effective text; empty if determined otherwise.
     fn shown(&self) -> &str;
-    /// Where that came from.
+    /// Its origin.
     fn origin(&self) -> &Origin;
-    /// Takes a text over what is there.
-    fn say(&mut self, text: String, origin: Origin);
-    /// The numbers that it may hold, in words.
+    /// Replaces the value and its origin.
+    fn set(&mut self, text: String, origin: Origin);
+    /// The valid range, in words.
     #[cfg(test)]
     fn range(&self) -> Option<String>;
     /// Reads the text.
@@ -201,7 +201,7 @@ impl<T> Row for Setting<T> {
         &self.origin
     }
 
-    fn say(&mut self, text: String, origin: Origin) {
+    fn set(&mut self, text: String, origin: Origin) {
         (self.text, self.origin) = (text, origin);
     }
 

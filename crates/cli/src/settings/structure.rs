@@ -4,7 +4,7 @@
 ///
 /// ```text
 /// /// meaning and unit
-/// name: Type = "default", Reading, "VARIABLE", "--flag" says "what it says without a value";
+/// name: Type = "default", Reading, "VARIABLE", "--flag" sets "its value without an argument";
 /// ```
 ///
 /// The last two may be left out. The doc comment is the key's meaning in hints, `spf config show` and
@@ -15,7 +15,7 @@ macro_rules! settings {
         $table:ident: $Table:ident {
             $(
                 #[doc = $doc:literal]
-                $field:ident: $Type:ty = $default:literal, $reading:expr, $env:literal $(, $flag:literal $(says $says:literal)?)?;
+                $field:ident: $Type:ty = $default:literal, $reading:expr, $env:literal $(, $flag:literal $(sets $sets:literal)?)?;
             )*
         }
     )*) => {
@@ -38,7 +38,7 @@ macro_rules! settings {
                                     field: stringify!($field),
                                     name: concat!(stringify!($table), ".", stringify!($field)),
                                     env: $env,
-                                    flag: settings!(@flag $($flag $(says $says)?)?),
+                                    flag: settings!(@flag $($flag $(sets $sets)?)?),
                                     default: $default,
                                     // A doc comment begins with the space after its slashes.
                                     doc: $doc.trim_ascii_start(),
@@ -73,8 +73,8 @@ macro_rules! settings {
         }
     };
     (@flag) => { None };
-    (@flag $flag:literal) => { Some(Flag { name: $flag, says: None }) };
-    (@flag $flag:literal says $says:literal) => { Some(Flag { name: $flag, says: Some($says) }) };
+    (@flag $flag:literal) => { Some(Flag { name: $flag, sets: None }) };
+    (@flag $flag:literal sets $sets:literal) => { Some(Flag { name: $flag, sets: Some($sets) }) };
 }
 
 pub(super) use settings;

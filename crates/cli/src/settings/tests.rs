@@ -28,7 +28,7 @@ fn check_all(settings: &Settings) -> Vec<CliError> {
 fn fly(settings: &mut Settings, flags: &[&str]) {
     let cli = Cli::try_parse_from(["spf", "fly", "x"].iter().chain(flags)).unwrap();
     let Command::Fly(args) = cli.command else { panic!("{flags:?}") };
-    args.say(settings);
+    args.apply(settings);
 }
 
 fn row<'a>(settings: &'a Settings, name: &str) -> &'a dyn Row {
@@ -52,8 +52,8 @@ fn every_key_has_its_own_name_variable_and_flag() {
 
 #[test]
 fn every_default_can_be_read() {
-    let said: Vec<String> = check_all(&Settings::default()).iter().map(ToString::to_string).collect();
-    assert_eq!(said, Vec::<String>::new());
+    let message: Vec<String> = check_all(&Settings::default()).iter().map(ToString::to_string).collect();
+    assert_eq!(message, Vec::<String>::new());
 }
 
 /// Names of one beginning are told together, as `pivot[-parallel]`.
@@ -76,18 +76,18 @@ fn each_flag_says_its_own_key_and_no_other() {
     for row in default.rows() {
         let Some(flag) = &row.key().flag else { continue };
         let mut settings = Settings::default();
-        let given = match flag.says {
+        let given = match flag.sets {
             Some(_) => flag.name.to_owned(),
             None => format!("{}=mine", flag.name),
         };
         fly(&mut settings, &[&given]);
-        for said in settings.rows() {
-            let expected = if said.key().name == row.key().name {
-                (flag.says.unwrap_or("mine"), Origin::Flag(flag.name))
+        for message in settings.rows() {
+            let expected = if message.key().name == row.key().name {
+                (flag.sets.unwrap_or("mine"), Origin::Flag(flag.name))
             } else {
-                (said.key().default, Origin::Default)
+                (message.key().default, Origin::Default)
             };
-            assert_eq!((said.shown(), said.origin().clone()), expected, "{given}: {}", said.key().name);
+            assert_eq!((message.shown(), message.origin().clone()), expected, "{given}: {}", message.key().name);
         }
     }
 }
@@ -111,10 +111,10 @@ fn flags_go_over_the_environment_over_dotenv_over_the_file_over_defaults() {
     let environment = |name: &str| ["SPF_SEED", "SPF_STEP"].contains(&name).then(|| OsString::from("c"));
     settings.take_variables(&dotenv, environment).unwrap();
     fly(&mut settings, &["--step", "d"]);
-    let said: Vec<String> =
+    let message: Vec<String> =
         keys.map(|name| row(&settings, name)).iter().map(|row| format!("{} ({})", row.shown(), row.origin())).collect();
     assert_eq!(
-        said,
+        message,
         ["city (default)", "a (spf.toml:2)", "b (.env SPF_THINK)", "c (environment SPF_SEED)", "d (--step)"],
         "in rising order"
     );
@@ -144,7 +144,10 @@ fn a_wrong_value_is_told_where_it_is_used_and_nowhere_else() {
     let settings = read("[fly]\nscene = 3\nseed = -1\n").unwrap();
     assert_eq!(settings.fly.scene.get().unwrap().as_deref(), Some("3"));
     let error = settings.fly.seed.get().unwrap_err().to_string();
-    assert!(error.starts_with("error: spf.toml:3: `-1` is not a whole number from 0 to 18446744073709551615"), "{error}");
+    assert!(
+        error.starts_with("error: spf.toml:3: expected a whole number from 0 to 18446744073709551615, found `-1`"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -177,7 +180,7 @@ proptest! {
     fn no_value_panics(value in "(any|\\PC{0,20}|[-+0-9a-z@:,=._]{0,30})") {
         let mut settings = Settings::default();
         for row in settings.rows_mut() {
-            row.say(value.clone(), Origin::Default);
+            row.set(value.clone(), Origin::Default);
         }
         for error in check_all(&settings) {
             prop_assert!(error.to_string().contains("hint: "));

@@ -60,8 +60,8 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     for (row, way) in flown.iter().zip(rows(&lab.path("whole/paths.jsonl"))) {
         let places: Vec<Vec<f64>> = serde_json::from_value(way["places"].clone()).unwrap();
         let steps = places.windows(2).map(|pair| pair[0].iter().zip(&pair[1]).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt());
-        let (metres, said) = (steps.sum::<f64>(), row["path_length_m"].as_f64().unwrap());
-        assert!(way["run_id"] == row["run_id"] && metres > 0.0 && metres < said + 0.1, "{metres} m of {said} m: {way}");
+        let (metres, message) = (steps.sum::<f64>(), row["path_length_m"].as_f64().unwrap());
+        assert!(way["run_id"] == row["run_id"] && metres > 0.0 && metres < message + 0.1, "{metres} m of {message} m: {way}");
         let start = &row["start_pose"]["position"];
         let off = (places[0][0] - start["east"].as_f64().unwrap()).hypot(places[0][1] - start["north"].as_f64().unwrap());
         assert!(off < 0.5, "{off} m: {way}");
@@ -83,8 +83,8 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     // Ways of rows that were there are kept, not flown again.
     assert_eq!(rows(&lab.path("torn/paths.jsonl")).len(), 6);
 
-    for share in ["0/3", "1/3", "2/3"] {
-        let part = run(&lab, &["--method", "spf,straight", "--shard", share, "-o", &share[..1]]);
+    for fraction in ["0/3", "1/3", "2/3"] {
+        let part = run(&lab, &["--method", "spf,straight", "--shard", fraction, "-o", &fraction[..1]]);
         assert_eq!(part.code, Some(0), "{}", part.stderr);
     }
     let missing = lab.spf(&["bench", "merge", "0", "2", "-o", "less"]);
@@ -205,11 +205,11 @@ fn a_browser_shows_the_report() {
 #[test]
 fn folders_that_are_none_of_results_are_told() {
     let lab = Lab::new();
-    for (args, said) in [
+    for (args, message) in [
         (["bench", "report"].as_slice(), "`bench-results` is not a results folder"),
         (&["bench", "report", "a", "b"], "set it with -o DIR"),
     ] {
         let run = lab.spf(args);
-        assert!(run.code == Some(2) && run.stderr.contains(said), "{}", run.stderr);
+        assert!(run.code == Some(2) && run.stderr.contains(message), "{}", run.stderr);
     }
 }

@@ -26,10 +26,10 @@ fn make(lab: &Lab, folder: &str, count: &str, more: &[&str]) -> crate::harness::
 
 /// A 16-bit grey picture.
 fn grey16(path: &Path) -> Vec<u16> {
-    let picture = file::decode(&std::fs::read(path).unwrap(), file::Limits::default());
-    let picture = picture.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    assert_eq!((picture.channels(), picture.bits()), (1, 16), "{}", path.display());
-    picture.into_grey16()
+    let image = file::decode(&std::fs::read(path).unwrap(), file::Limits::default());
+    let image = image.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    assert_eq!((image.channels(), image.bits()), (1, 16), "{}", path.display());
+    image.into_grey16()
 }
 
 /// The tags of a legend, as the oracle reads them.
@@ -152,8 +152,8 @@ fn a_dataset_is_what_it_says_and_the_oracle_can_be_graded_on_it() {
 /// What a row says of its pictures, against the pictures.
 fn check(folder: &Path, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]) {
     let (w, number) = (head.camera.width as usize, row.number);
-    let picture = jpeg::decode(&std::fs::read(folder.join(&row.files.picture)).unwrap()).unwrap();
-    assert_eq!((picture.width(), picture.height()), (head.camera.width, head.camera.height));
+    let image = jpeg::decode(&std::fs::read(folder.join(&row.files.image)).unwrap()).unwrap();
+    assert_eq!((image.width(), image.height()), (head.camera.width, head.camera.height));
     let visible =
         |opening: bool| row.visible.iter().filter(move |thing| thing.opening == opening).map(|thing| (thing.id, thing.pixels));
     for (ids, opening) in [(&seen.ids, false), (&seen.opening_ids, true)] {
@@ -267,6 +267,10 @@ fn python_reads_it() {
     assert_eq!(make(&lab, "data", "6", &["--pictures", "png"]).code, Some(0));
     lab.write("read.py", include_str!("dataset.py"));
     let output = std::process::Command::new(python).arg("read.py").arg("data").current_dir(lab.path(".")).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success() && said.trim() == "read 6 examples", "{said}{}", String::from_utf8_lossy(&output.stderr));
+    let message = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && message.trim() == "read 6 examples",
+        "{message}{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }

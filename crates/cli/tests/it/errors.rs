@@ -5,7 +5,7 @@ use crate::harness::{Lab, Run};
 /// What each command line says, and that it says it as it should.
 fn refusals(lab: &Lab, lines: &[&[&str]]) -> String {
     let before = lab.names(".");
-    let mut said = String::new();
+    let mut message = String::new();
     for args in lines {
         let run = lab.spf(args);
         let shown: Vec<String> = args
@@ -16,15 +16,15 @@ fn refusals(lab: &Lab, lines: &[&[&str]]) -> String {
         let hints = ["hint: ", "tip: ", "For more information, try '--help'."].map(|hint| run.stderr.matches(hint).count());
         assert!(hints[0] == 1 || (hints[0] == 0 && hints[1] + hints[2] > 0), "{args:?} has {hints:?} hints: {}", run.stderr);
         assert!(!run.stderr.contains('\u{1b}'), "{args:?}: control codes in {:?}", run.stderr);
-        said.push_str(&format!("$ spf {}\n{}\n", shown.join(" "), run.stderr));
+        message.push_str(&format!("$ spf {}\n{}\n", shown.join(" "), run.stderr));
     }
     assert_eq!(lab.names("."), before, "something was left behind");
-    said
+    message
 }
 
 #[test]
 fn of_flags() {
-    let said = refusals(
+    let message = refusals(
         &Lab::new(),
         &[
             &["flyy", "x"],
@@ -77,7 +77,7 @@ fn of_flags() {
             &["sim", "view", "--pose", "1,2,3"],
         ],
     );
-    insta::assert_snapshot!(said);
+    insta::assert_snapshot!(message);
 }
 
 // The system's own words differ elsewhere.
@@ -102,7 +102,7 @@ fn of_files() {
         lab.write(name, content);
     }
     lab.write("latin1.toml", b"[fly]\nscene = \"caf\xe9\"\n");
-    let said = refusals(
+    let message = refusals(
         &lab,
         &[
             &["fly", "x", "--geofence", "nowhere.json"],
@@ -126,7 +126,7 @@ fn of_files() {
             &["fly", "crane", "--out", "scene.toml"],
         ],
     );
-    insta::assert_snapshot!(said);
+    insta::assert_snapshot!(message);
 }
 
 #[test]
@@ -150,8 +150,8 @@ fn of_the_configuration() {
         lab.names(".").into_iter().map(|name| ["fly", "x", "--config", &name].map(str::to_owned).to_vec()).collect();
     let lines: Vec<Vec<&str>> = lines.iter().map(|line| line.iter().map(String::as_str).collect()).collect();
     let lines: Vec<&[&str]> = lines.iter().map(Vec::as_slice).collect();
-    let said = refusals(&lab, &lines);
-    insta::assert_snapshot!(said);
+    let message = refusals(&lab, &lines);
+    insta::assert_snapshot!(message);
 }
 
 #[test]
@@ -162,14 +162,14 @@ fn of_variables() {
         assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0));
         String::from_utf8(output.stderr).unwrap()
     };
-    let mut said = refused(&[("SPF_SEED", "many")]);
+    let mut message = refused(&[("SPF_SEED", "many")]);
     lab.write(".env", "SPF_THINK=never\n");
-    said.push_str(&refused(&[]));
-    insta::assert_snapshot!(said);
+    message.push_str(&refused(&[]));
+    insta::assert_snapshot!(message);
     // The line may hold a key: it is not shown.
     lab.write(".env", "API_KEY='secret\n");
-    let said = refused(&[]);
-    assert!(!said.contains("secret"), "{said}");
+    let message = refused(&[]);
+    assert!(!message.contains("secret"), "{message}");
 }
 
 #[test]

@@ -29,13 +29,13 @@ fn how_the_words_are_read_is_said_before_take_off() {
 #[test]
 fn words_that_name_nothing_fly_nothing() {
     let lab = Lab::new();
-    for (words, said) in [
+    for (words, message) in [
         ("fly to the qwertzuiop", "error: the oracle cannot parse \"fly to the qwertzuiop\": unknown word `qwertzuiop`\n"),
         ("hello", "error: the oracle cannot parse \"hello\": "),
         ("!!!", "error: the oracle cannot parse \"!!!\": it names no object\n"),
     ] {
         let run = lab.spf(&["fly", words, "--out", "mine"]);
-        assert!(run.code == Some(2) && run.stderr.starts_with(said), "{}", run.stderr);
+        assert!(run.code == Some(2) && run.stderr.starts_with(message), "{}", run.stderr);
         assert!(run.stderr.contains("objects in city include: "), "{}", run.stderr);
     }
     assert!(lab.names(".").is_empty(), "nothing is left behind");

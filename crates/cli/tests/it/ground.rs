@@ -23,14 +23,14 @@ fn ground(lab: &Lab, server: &Server, vendor: Vendor, args: &[&str]) -> Run {
 }
 
 /// A picture, half of it red.
-fn picture(lab: &Lab, name: &str, (width, height): (u32, u32)) {
-    let mut picture = Rgb::filled(width, height, [90, 120, 150]);
+fn image(lab: &Lab, name: &str, (width, height): (u32, u32)) {
+    let mut image = Rgb::filled(width, height, [90, 120, 150]);
     for y in 0..height {
         for x in width / 2..width {
-            picture.set_pixel(x, y, [200, 40, 40]);
+            image.set_pixel(x, y, [200, 40, 40]);
         }
     }
-    lab.write(name, Jpeg::encode(&picture, 90).unwrap().bytes());
+    lab.write(name, Jpeg::encode(&image, 90).unwrap().bytes());
 }
 
 fn report(run: &Run) -> Value {
@@ -87,8 +87,8 @@ fn the_oracle_is_graded_as_its_error_files_say() {
 #[test]
 fn without_truth_there_is_no_hit_rate() {
     let lab = Lab::new();
-    picture(&lab, "a.jpg", (320, 240));
-    picture(&lab, "b.jpg", (320, 240));
+    image(&lab, "a.jpg", (320, 240));
+    image(&lab, "b.jpg", (320, 240));
     let row = |name: &str| json!({"picture": name, "instruction": "fly to the red thing"}).to_string();
     lab.write("rows.jsonl", [row("a.jpg"), row("b.jpg")].join("\n"));
     let server = model(Vendor::Gemini, AHEAD);
@@ -109,7 +109,7 @@ fn without_truth_there_is_no_hit_rate() {
 fn a_model_is_graded_on_boxes_points_masks_and_absence() {
     let lab = Lab::new();
     std::fs::create_dir(lab.path("set")).unwrap();
-    picture(&lab, "set/a.jpg", (400, 200));
+    image(&lab, "set/a.jpg", (400, 200));
     let mask = spf_media::png::encode_grey8(4, 2, &[0, 0, 255, 0, 0, 0, 255, 0]).unwrap();
     lab.write("set/m.png", mask);
     let rows = [
@@ -145,9 +145,9 @@ fn a_model_is_graded_on_boxes_points_masks_and_absence() {
     let run = ground(&lab, &server, Vendor::Gemini, &args);
     let found = report(&run);
     assert_eq!(found["measures"].as_array().unwrap().len(), 3, "{found}");
-    let said = |request: &crate::vlm::server::Request| request.json().to_string().contains("aircraft");
+    let message = |request: &crate::vlm::server::Request| request.json().to_string().contains("aircraft");
     let questions = server.questions();
-    assert_eq!((questions.len(), questions.iter().filter(|request| said(request)).count()), (15, 5));
+    assert_eq!((questions.len(), questions.iter().filter(|request| message(request)).count()), (15, 5));
 
     // Answers to another prompt, or about another dataset, are not gone on with.
     let resumed = || ground(&lab, &server, Vendor::Gemini, &[&args[..], &["--resume"]].concat());
@@ -169,7 +169,7 @@ fn a_model_is_graded_on_boxes_points_masks_and_absence() {
 #[test]
 fn a_model_that_answers_nothing_is_told_by_the_exit_code() {
     let lab = Lab::new();
-    picture(&lab, "a.jpg", (320, 240));
+    image(&lab, "a.jpg", (320, 240));
     lab.write("rows.jsonl", json!({"picture": "a.jpg", "instruction": "go", "box": [0, 0, 9, 9]}).to_string());
     // Nobody listens there.
     let args = ["ground", "--dataset", "rows.jsonl", "--vlm", "vllm#m@http://127.0.0.1:9/v1", "-o", "graded"];
@@ -180,7 +180,7 @@ fn a_model_that_answers_nothing_is_told_by_the_exit_code() {
 #[test]
 fn the_money_ends_it_and_it_can_be_gone_on_with() {
     let lab = Lab::new();
-    picture(&lab, "a.jpg", (320, 240));
+    image(&lab, "a.jpg", (320, 240));
     let row = |n: u32| json!({"id": n.to_string(), "picture": "a.jpg", "instruction": "go", "box": [0, 0, 9, 9]}).to_string();
     lab.write("rows.jsonl", (0..20).map(row).collect::<Vec<_>>().join("\n"));
     let server = model(Vendor::Gemini, AHEAD);
@@ -196,7 +196,7 @@ fn the_money_ends_it_and_it_can_be_gone_on_with() {
 fn coco_and_public_layouts_are_read() {
     let lab = Lab::new();
     std::fs::create_dir_all(lab.path("coco/images")).unwrap();
-    picture(&lab, "coco/images/a.jpg", (400, 200));
+    image(&lab, "coco/images/a.jpg", (400, 200));
     let outline = json!([[150, 50, 250, 50, 250, 150, 150, 150]]);
     let coco = json!({
         "images": [{"id": 7, "file_name": "a.jpg", "width": 400, "height": 200}],
@@ -209,7 +209,7 @@ fn coco_and_public_layouts_are_read() {
     lab.write("coco/instances.json", coco.to_string());
     std::fs::create_dir_all(lab.path("ref/image")).unwrap();
     std::fs::create_dir_all(lab.path("ref/mask")).unwrap();
-    picture(&lab, "ref/image/0.jpg", (400, 200));
+    image(&lab, "ref/image/0.jpg", (400, 200));
     lab.write("ref/mask/0.png", spf_media::png::encode_grey8(2, 1, &[0, 255]).unwrap());
     let question = json!([{"id": 0, "object": "x", "prompt": "Point at x.", "suffix": "s", "rgb_path": "image/0.jpg",
         "mask_path": "mask/0.png", "category": "location", "step": 1}]);
@@ -236,7 +236,7 @@ fn coco_and_public_layouts_are_read() {
 #[test]
 fn photographs_side_by_side() {
     let lab = Lab::new();
-    picture(&lab, "photo.jpg", (400, 200));
+    image(&lab, "photo.jpg", (400, 200));
     let (gemini, chat) = (model(Vendor::Gemini, AHEAD), model(Vendor::Chat, "I am not sure."));
     let vlm = format!("gemini@{},vllm#m@{}", gemini.url(), chat.url());
     let args = ["ground", "photo.jpg", "the red half", "--vlm", &vlm, "--json", "-o", "out"];
@@ -262,8 +262,8 @@ fn photographs_side_by_side() {
         run.stderr
     );
     std::fs::create_dir(lab.path("folder")).unwrap();
-    picture(&lab, "folder/1.jpg", (64, 64));
-    picture(&lab, "folder/2.JPG", (64, 64));
+    image(&lab, "folder/1.jpg", (64, 64));
+    image(&lab, "folder/2.JPG", (64, 64));
     let run = ground(&lab, &gemini, Vendor::Gemini, &["folder", "photo.jpg", "the red half", "-o", "out"]);
     assert_eq!(lab.names("out").len(), 5, "{}{}", run.stdout, run.stderr);
 
@@ -281,8 +281,8 @@ fn frames_of_a_video_of_a_flight() {
     let args = ["f/video.mp4", "the red crane", "--every", "1.5", "--frames", "3", "-o", "out", "--json"];
     let run = ground(&lab, &server, Vendor::Gemini, &args);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    let pictures = report(&run)["pictures"].clone();
-    let names: Vec<&str> = pictures.as_array().unwrap().iter().map(|one| one["picture"].as_str().unwrap()).collect();
+    let images = report(&run)["pictures"].clone();
+    let names: Vec<&str> = images.as_array().unwrap().iter().map(|one| one["picture"].as_str().unwrap()).collect();
     assert_eq!(names, ["video.mp4-0.00s", "video.mp4-1.50s", "video.mp4-3.00s"]);
     // What is no video is told so.
     lab.write("bad.mp4", b"\0\0\0\x18ftypisom\0\0\0\0isomiso2nothing more");

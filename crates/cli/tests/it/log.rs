@@ -203,8 +203,8 @@ fn a_video_is_made_of_a_log() {
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     let made = lab.spf(&["log", "video", "mine/flight.mcap", "-o", "flight.mp4"]);
     assert_eq!(made.code, Some(0), "{}", made.stderr);
-    let pictures = by_topic(&lab.path("mine/flight.mcap"))["/camera/image"].len();
-    assert!(made.stdout.starts_with(&format!("flight.mp4: {pictures} frames, ")), "{}", made.stdout);
+    let images = by_topic(&lab.path("mine/flight.mcap"))["/camera/image"].len();
+    assert!(made.stdout.starts_with(&format!("flight.mp4: {images} frames, ")), "{}", made.stdout);
     assert!(lab.read("flight.mp4").len() > 50_000);
     lab.fly("bare", &["fly to the red crane", "--max-time", "3"]);
     let none = lab.spf(&["log", "video", "bare/flight.mcap", "-o", "none.mp4"]);
@@ -232,8 +232,8 @@ fn another_mind_is_asked_about_the_same_frames() {
     let apart = poor["opinions"].as_array().unwrap().iter().filter(|opinion| opinion["then"] != opinion["now"]).count();
     assert!(apart > 0, "{poor}");
     assert_eq!(lab.names("poor").len(), opinions.len());
-    let picture = spf_media::jpeg::decode_any(&lab.read(&format!("poor/{}", lab.names("poor")[0]))).unwrap();
-    assert_eq!((picture.width(), picture.height()), (1280, 480));
+    let image = spf_media::jpeg::decode_any(&lab.read(&format!("poor/{}", lab.names("poor")[0]))).unwrap();
+    assert_eq!((image.width(), image.height()), (1280, 480));
     let wrong = lab.spf(&["replay", "mine/flight.mcap", "--vlm", "orcale"]);
     assert!(wrong.code == Some(2) && wrong.stderr.contains("did you mean `oracle`?"), "{}", wrong.stderr);
 }
@@ -301,6 +301,6 @@ fn old_logs_stay_readable() {
     let table = lab.spf(&["log", "export", "1.mcap", "--topic", "/pose/true", "-o", "poses.csv"]);
     assert!(table.stdout.starts_with("poses.csv: "), "{}", table.stderr);
     assert!(String::from_utf8(lab.read("poses.csv")).unwrap().lines().next().unwrap().contains("pose.position.x"));
-    let asked = lab.spf(&["replay", "1.mcap", "--vlm", "oracle"]);
-    assert!(asked.code == Some(0) && asked.stdout.contains(" questions, "), "{}", asked.stderr);
+    let requested = lab.spf(&["replay", "1.mcap", "--vlm", "oracle"]);
+    assert!(requested.code == Some(0) && requested.stdout.contains(" queries, "), "{}", requested.stderr);
 }

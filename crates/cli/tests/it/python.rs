@@ -9,7 +9,7 @@ use crate::harness::skip;
 pub(crate) fn with(packages: &[&str]) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("python-{}", packages.join("-")));
     let python = folder.join("bin").join("python3");
-    let said = |output: std::io::Result<Output>| match output {
+    let message = |output: std::io::Result<Output>| match output {
         Ok(output) if output.status.success() => Ok(()),
         Ok(output) => Err(String::from_utf8_lossy(&output.stderr).trim().to_owned()),
         Err(error) => Err(error.to_string()),
@@ -17,8 +17,8 @@ pub(crate) fn with(packages: &[&str]) -> Option<PathBuf> {
     // The marker is written last: an environment that was cut short is made again.
     let marker = folder.join("complete");
     if !marker.exists() {
-        let made = said(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder).output())
-            .and_then(|()| said(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(packages).output()))
+        let made = message(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder).output())
+            .and_then(|()| message(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(packages).output()))
             .and_then(|()| std::fs::write(&marker, "").map_err(|error| error.to_string()));
         if let Err(why) = made {
             skip(&format!("Python with {} ({why})", packages.join(", ")));

@@ -38,8 +38,8 @@ fn stats_count_what_is_there_and_pictures_are_drawn() {
     assert_eq!(tags.iter().map(|tag| tag["count"].as_u64().unwrap()).sum::<u64>(), objects);
     let path = city["picture"].as_str().unwrap();
     assert_eq!(lab.names("previews/small"), ["city.png"]);
-    let picture = lab.read(path);
-    assert!(picture.starts_with(b"\x89PNG") && picture.len() > 100_000, "{} bytes", picture.len());
+    let image = lab.read(path);
+    assert!(image.starts_with(b"\x89PNG") && image.len() > 100_000, "{} bytes", image.len());
 }
 
 #[test]

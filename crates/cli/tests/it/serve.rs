@@ -60,10 +60,10 @@ impl Drop for Serving {
 }
 
 /// Asks about a picture by our own client; the answer's row.
-fn ground(lab: &Lab, serving: &Serving, vendor: Vendor, picture: &str) -> (Option<i32>, Value) {
+fn ground(lab: &Lab, serving: &Serving, vendor: Vendor, image: &str) -> (Option<i32>, Value) {
     let model = if vendor == Vendor::Chat { "#m" } else { "" };
     let vlm = format!("{}{model}@{}/v1", vendor.name(), serving.url);
-    let args = ["ground", picture, INSTRUCTION, "--vlm", &vlm, "--json", "-o", "out"];
+    let args = ["ground", image, INSTRUCTION, "--vlm", &vlm, "--json", "-o", "out"];
     let run = Run::of(&lab.command(&args).env(vendor.key(), "none").output().unwrap());
     (run.code, serde_json::from_str(&run.stdout).unwrap_or_else(|_| Value::String(run.stderr.clone())))
 }
@@ -93,8 +93,8 @@ fn our_own_clients_get_the_same_answer_in_their_own_coordinates() {
 
     // A picture that it never took.
     lab.write("other.jpg", spf_media::Jpeg::encode(&spf_media::Rgb::filled(960, 720, [200, 10, 10]), 90).unwrap().bytes());
-    let (code, said) = ground(&lab, &serving, Vendor::Gemini, "other.jpg");
-    assert!(code == Some(6), "{said}");
+    let (code, message) = ground(&lab, &serving, Vendor::Gemini, "other.jpg");
+    assert!(code == Some(6), "{message}");
     let nothing = serving.request("POST /v1/chat/completions", br#"{"messages":[{"role":"user","content":"Where?"}]}"#);
     assert!(nothing.0 == 422 && String::from_utf8_lossy(&nothing.1).contains("no image"), "{nothing:?}");
 }
@@ -107,9 +107,9 @@ fn the_vendors_own_sdks_ask_it() {
     let serving = Serving::start(&lab, &[]);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/serve.py");
     let output = Command::new(python).arg(script).args([&serving.url, INSTRUCTION]).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{said}\n{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(said.matches("agrees").count(), 3, "{said}");
+    let message = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{message}\n{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(message.matches("agrees").count(), 3, "{message}");
 }
 
 #[test]

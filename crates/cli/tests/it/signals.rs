@@ -11,7 +11,7 @@ use crate::harness::{Lab, rows};
 struct Flight {
     child: Child,
     talk: BufReader<ChildStderr>,
-    said: String,
+    message: String,
 }
 
 impl Flight {
@@ -20,15 +20,15 @@ impl Flight {
         all.extend(args);
         let mut child = lab.command(&all).spawn().unwrap();
         let talk = BufReader::new(child.stderr.take().unwrap());
-        Self { child, talk, said: String::new() }
+        Self { child, talk, message: String::new() }
     }
 
     /// Reads on until a line ends in `words`.
     fn until(&mut self, words: &str) {
         loop {
             let mut line = String::new();
-            assert!(self.talk.read_line(&mut line).unwrap() > 0, "it ended before `{words}`: {}", self.said);
-            self.said.push_str(&line);
+            assert!(self.talk.read_line(&mut line).unwrap() > 0, "it ended before `{words}`: {}", self.message);
+            self.message.push_str(&line);
             if line.trim_end().ends_with(words) {
                 return;
             }
@@ -42,10 +42,10 @@ impl Flight {
 
     /// Exit code, standard output, and all that was said.
     fn end(mut self) -> (Option<i32>, String, String) {
-        self.talk.read_to_string(&mut self.said).unwrap();
+        self.talk.read_to_string(&mut self.message).unwrap();
         let mut printed = String::new();
         self.child.stdout.take().unwrap().read_to_string(&mut printed).unwrap();
-        (self.child.wait().unwrap().code(), printed, self.said)
+        (self.child.wait().unwrap().code(), printed, self.message)
     }
 }
 
@@ -55,11 +55,14 @@ fn ctrl_c_lands_and_closes_everything() {
     let mut flight = Flight::start(&lab, &[]);
     flight.until(" flying");
     flight.signal("INT");
-    let (code, printed, said) = flight.end();
-    assert_eq!(code, Some(5), "{said}");
+    let (code, printed, message) = flight.end();
+    assert_eq!(code, Some(5), "{message}");
     let summary: Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(summary["outcome"], "aborted");
-    assert!(said.contains("operator: land") && said.contains("landing") && said.trim_end().ends_with("ended"), "{said}");
+    assert!(
+        message.contains("operator: land") && message.contains("landing") && message.trim_end().ends_with("ended"),
+        "{message}"
+    );
     assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
     lab.decisions("mine");
 }
@@ -72,9 +75,9 @@ fn a_second_ctrl_c_stops_at_once() {
     flight.signal("INT");
     flight.until(" landing");
     flight.signal("INT");
-    let (code, printed, said) = flight.end();
-    assert_eq!((code, printed.as_str()), (Some(5), ""), "{said}");
-    assert!(!said.contains("ended"), "{said}");
+    let (code, printed, message) = flight.end();
+    assert_eq!((code, printed.as_str()), (Some(5), ""), "{message}");
+    assert!(!message.contains("ended"), "{message}");
     assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap"]);
 }
 
@@ -84,7 +87,7 @@ fn kill_leaves_whole_lines() {
     let mut flight = Flight::start(&lab, &[]);
     loop {
         flight.until("m]");
-        if flight.said.contains("  2. ") {
+        if flight.message.contains("  2. ") {
             break;
         }
     }
@@ -106,8 +109,8 @@ fn kill_leaves_whole_lines() {
 #[test]
 fn a_flight_on_the_wall_clock_ends_by_itself() {
     let lab = Lab::new();
-    let (code, printed, said) = Flight::start(&lab, &["--max-time", "6"]).end();
-    assert_eq!(code, Some(3), "{said}");
+    let (code, printed, message) = Flight::start(&lab, &["--max-time", "6"]).end();
+    assert_eq!(code, Some(3), "{message}");
     let summary: Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(summary["outcome"], "timeout");
     assert!(summary["finished_at_s"].as_f64().unwrap() >= 6.0);

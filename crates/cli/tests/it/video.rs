@@ -25,7 +25,7 @@ fn a_video_has_ten_pictures_a_second_of_the_whole_flight() {
     assert_eq!(stream["codec_name"], "h264");
     assert_eq!(number(&stream["start_time"]), 0.0);
     // Take-off, waiting and landing are in it, each second with ten pictures or more.
-    let (pictures, duration) = (number(&stream["nb_read_frames"]), number(&probed["format"]["duration"]));
+    let (images, duration) = (number(&stream["nb_read_frames"]), number(&probed["format"]["duration"]));
     assert!((duration - ended).abs() < 0.25, "{duration} s of video, {ended} s of flight");
-    assert!(pictures >= 10.0 * duration - 1.0, "{pictures} pictures in {duration} s");
+    assert!(images >= 10.0 * duration - 1.0, "{images} pictures in {duration} s");
 }

@@ -83,10 +83,10 @@ impl Browser {
         });
         let mut child = child?;
         let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-        let said = lines.find_map(|line| line.unwrap().strip_prefix("DevTools listening on ").map(str::to_owned));
+        let message = lines.find_map(|line| line.unwrap().strip_prefix("DevTools listening on ").map(str::to_owned));
         // It talks on; a full pipe would stop it.
         std::thread::spawn(move || lines.for_each(drop));
-        let (socket, _) = tungstenite::connect(said.expect("the browser tells where it listens")).unwrap();
+        let (socket, _) = tungstenite::connect(message.expect("the browser tells where it listens")).unwrap();
         Some(Self { child, socket, session: None, calls: 0, complaints: Vec::new() })
     }
 

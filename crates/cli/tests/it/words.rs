@@ -69,7 +69,7 @@ fn configuration_with_nothing_said() {
 }
 
 /// The lines of `spf config show` that are not defaults.
-fn said(stdout: &str) -> String {
+fn message(stdout: &str) -> String {
     stdout.lines().filter(|line| line.contains(" = ") && !line.contains("# default;")).map(|line| format!("{line}\n")).collect()
 }
 
@@ -85,7 +85,7 @@ fn configuration_from_file_dotenv_and_environment() {
     command.env("SPF_MOTION", "blended").env("SPF_OUT", "007").env("SPF_VLM", "oracle:./a \"b\"\n.toml");
     let output = command.output().unwrap();
     let shown = String::from_utf8(output.stdout).unwrap();
-    insta::assert_snapshot!(said(&shown));
+    insta::assert_snapshot!(message(&shown));
 
     // What is printed is a configuration file of the same meaning.
     let again = Lab::new();
@@ -106,7 +106,7 @@ fn tables_of_every_spelling_name_their_line() {
     assert_eq!(run.code, Some(2));
     lab.write("b.toml", "fly.seed = 7\n\"fly\".\"scene\" = 'city'\nenvelope = { max_altitude_m = 40 }\n");
     let run = lab.spf(&["config", "show", "--config", "b.toml"]);
-    insta::assert_snapshot!(said(&run.stdout), @r#"
+    insta::assert_snapshot!(message(&run.stdout), @r#"
     scene = "city"                     # b.toml:2; SPF_SCENE: scene: a built-in name, scene file or .glb
     seed = 7                           # b.toml:1; SPF_SEED: random seed, a whole number
     max_altitude_m = 40                # b.toml:3; SPF_MAX_ALTITUDE_M: maximum height above take-off, metres; empty: the scene's, else 120

@@ -70,11 +70,11 @@ fn numeric(value: &Value) -> Result<Moves, ActionsError> {
 fn discrete(word: &Value) -> Result<Moves, ActionsError> {
     let Value::Text(text) = word else { return Err(wrong("action".to_owned(), "a word", word)) };
     let plain = |text: &str| text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<String>();
-    let said = plain(&text.chars().take(40).collect::<String>());
-    if said == "stop" {
+    let given = plain(&text.chars().take(40).collect::<String>());
+    if given == "stop" {
         return Ok(Moves { moves: Vec::new(), done: true });
     }
-    let found = FIXED.into_iter().find(|(name, _)| plain(name) == said);
+    let found = FIXED.into_iter().find(|(name, _)| plain(name) == given);
     let (name, [forward, right, climb, degrees]) =
         found.ok_or_else(|| ActionsError::UnknownCommand { found: crate::reply::one_line(text) })?;
     Ok(Moves { moves: vec![(name.to_owned(), Primitives { yaw: degrees.to_radians(), forward, right, climb })], done: false })
@@ -82,7 +82,7 @@ fn discrete(word: &Value) -> Result<Moves, ActionsError> {
 
 /// How to move next.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted")]
+#[allow(dead_code, reason = "used only for its schema")]
 struct WireNumeric {
     /// Metres forward, negative backward.
     dx: f64,
@@ -98,7 +98,7 @@ struct WireNumeric {
 
 /// What to do next.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted")]
+#[allow(dead_code, reason = "used only for its schema")]
 struct WireDiscrete {
     /// The move.
     #[schemars(schema_with = "fixed")]

@@ -158,10 +158,10 @@ fn sampled_distance(plan: &PlannedStep<'_>, point: ImagePoint, step: f64, obstac
     let way: Vec<DVec3> = legs.iter().flat_map(|&(a, b)| (0..=50).map(move |i| a + (b - a) * (f64::from(i) / 50.0))).collect();
     let reach = way.iter().map(|p| p.length()).fold(near, f64::max);
     for (i, j) in (0..=24).flat_map(|i| (0..=24).map(move |j| (i, j))) {
-        let share = |k: i32, low: f64, high: f64| low + (high - low) * f64::from(k) / 24.0;
+        let fraction = |k: i32, low: f64, high: f64| low + (high - low) * f64::from(k) / 24.0;
         let area = obstacle.area;
         let toward =
-            direction(plan.camera, ImagePoint { u: share(i, area.left, area.right), v: share(j, area.top, area.bottom) });
+            direction(plan.camera, ImagePoint { u: fraction(i, area.left, area.right), v: fraction(j, area.top, area.bottom) });
         for p in &way {
             // On one ray the nearest point is the foot, if that is not before the near edge.
             let range = p.dot(toward).clamp(near, reach.max(near));

@@ -13,9 +13,9 @@ impl Envelope {
     /// Clears a manoeuvre of the pilot, shortened so that its path and end stay within all limits; a hold if nothing of
     /// it is left or a setpoint would not be allowed to move now. No manoeuvre starts from outside a limit. The
     /// clearance is valid until the manoeuvre must have ended.
-    pub fn clear_manoeuvre(&mut self, now: Time, asked: Manoeuvre) -> Clearance {
+    pub fn clear_manoeuvre(&mut self, now: Time, requested: Manoeuvre) -> Clearance {
         let now = self.advance(now);
-        let velocity = asked.velocity(self.craft.yaw_rate);
+        let velocity = requested.velocity(self.craft.yaw_rate);
         // A manoeuvre must not be used to fly back inside a limit, as a setpoint may: it would not be supervised.
         let reaction = match self.reaction(now) {
             Reaction::Continue => None,
@@ -23,9 +23,9 @@ impl Envelope {
         };
         let stopped = self.stopped_by(now, velocity, Control::Pilot).max(reaction);
         let (allowed, changed) = match stopped {
-            _ if !asked.is_finite() => (None, Some(Cause::NotFinite)),
+            _ if !requested.is_finite() => (None, Some(Cause::NotFinite)),
             Some(cause) => (None, Some(cause)),
-            None => self.confined(now, asked),
+            None => self.confined(now, requested),
         };
         let Some(manoeuvre) = allowed else { return Clearance { changed, ..self.hold(now) } };
         let turn_rate = self.craft.yaw_rate.max(0.1);
@@ -36,9 +36,9 @@ impl Envelope {
     }
 
     /// The part of a finite manoeuvre that stays within the limits.
-    fn confined(&self, now: Time, asked: Manoeuvre) -> (Option<Manoeuvre>, Option<Cause>) {
+    fn confined(&self, now: Time, requested: Manoeuvre) -> (Option<Manoeuvre>, Option<Cause>) {
         let limits = &self.limits;
-        let Manoeuvre::Go { displacement: way, speed } = asked else { return (Some(asked), None) };
+        let Manoeuvre::Go { displacement: way, speed } = requested else { return (Some(requested), None) };
         let (Some(home), Some(heading)) = (self.estimate.home, self.estimate.heading) else {
             return (None, Some(Cause::NoTelemetry));
         };

@@ -292,22 +292,22 @@ impl Envelope {
     }
 
     /// A finite setpoint reduced to the limits.
-    fn limit(&self, now: Time, asked: Setpoint) -> (Setpoint, Option<Cause>) {
+    fn limit(&self, now: Time, requested: Setpoint) -> (Setpoint, Option<Cause>) {
         let limits = &self.limits;
-        let mut setpoint = asked;
+        let mut setpoint = requested;
         let mut cause = None;
-        let speed = libm::hypot(asked.right, asked.forward);
+        let speed = libm::hypot(requested.right, requested.forward);
         if speed > limits.max_speed {
-            let share = limits.max_speed / speed;
-            (setpoint.right, setpoint.forward) = (asked.right * share, asked.forward * share);
+            let fraction = limits.max_speed / speed;
+            (setpoint.right, setpoint.forward) = (requested.right * fraction, requested.forward * fraction);
             cause = Some(Cause::SpeedLimit);
         }
-        if asked.up.abs() > limits.max_climb {
-            setpoint.up = asked.up.clamp(-limits.max_climb, limits.max_climb);
+        if requested.up.abs() > limits.max_climb {
+            setpoint.up = requested.up.clamp(-limits.max_climb, limits.max_climb);
             cause = cause.or(Some(Cause::ClimbLimit));
         }
-        if asked.yaw_rate.abs() > limits.max_yaw_rate {
-            setpoint.yaw_rate = asked.yaw_rate.clamp(-limits.max_yaw_rate, limits.max_yaw_rate);
+        if requested.yaw_rate.abs() > limits.max_yaw_rate {
+            setpoint.yaw_rate = requested.yaw_rate.clamp(-limits.max_yaw_rate, limits.max_yaw_rate);
             cause = cause.or(Some(Cause::YawRateLimit));
         }
         let (Some(home), Some(heading)) = (self.estimate.home, self.estimate.heading) else {

@@ -94,12 +94,12 @@ struct Wall {
 pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
     let (up, altitudes, mut cause) = confine_climb(limits, craft, is, setpoint.up);
     let mut limited = Setpoint { up, ..setpoint };
-    let asked = map_velocity(setpoint, is.heading);
-    if asked == (0.0, 0.0) {
+    let requested = map_velocity(setpoint, is.heading);
+    if requested == (0.0, 0.0) {
         return (limited, cause);
     }
-    let plane = Plane::new(limits, craft, is, altitudes, libm::hypot(asked.0, asked.1));
-    let (mut v, mut changed) = plane.only_back(asked);
+    let plane = Plane::new(limits, craft, is, altitudes, libm::hypot(requested.0, requested.1));
+    let (mut v, mut changed) = plane.only_back(requested);
     // A corner has two sides, and a circle may meet a straight edge; whatever four corrections do not resolve is
     // scaled.
     for _ in 0..4 {
@@ -113,7 +113,7 @@ pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: 
             break;
         }
     }
-    if dot(v, asked) <= 0.0 {
+    if dot(v, requested) <= 0.0 {
         v = (0.0, 0.0);
     }
     // The setpoint is in the body frame: while it holds, a turning craft sweeps all directions between first and last.
@@ -132,8 +132,8 @@ pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: 
     }
     if changed.is_some() {
         cause = cause.or(changed);
-        let share = if allowed > CREEP { allowed / speed } else { 0.0 };
-        v = (v.0 * share, v.1 * share);
+        let fraction = if allowed > CREEP { allowed / speed } else { 0.0 };
+        v = (v.0 * fraction, v.1 * fraction);
         let (sin, cos) = (libm::sin(is.heading), libm::cos(is.heading));
         limited.right = v.0 * cos - v.1 * sin;
         limited.forward = v.0 * sin + v.1 * cos;
@@ -175,16 +175,16 @@ pub(super) fn confine_path(
     if let (_, Some(outside)) = plane.only_back(v) {
         return (BodyDisplacement::default(), Some(outside));
     }
-    let mut share = 1.0;
+    let mut fraction = 1.0;
     for wall in plane.walls(v).into_iter().flatten() {
         let across = (dot(v, wall.out) / level).max(ALONG);
         let room = (wall.distance - limits.margin / across) / (1.0 + WAY_ERROR);
-        if room < share * level {
-            share = (room / level).max(0.0);
+        if room < fraction * level {
+            fraction = (room / level).max(0.0);
             cause = cause.or(Some(wall.cause));
         }
     }
-    (BodyDisplacement { right: way.right * share, forward: way.forward * share, up }, cause)
+    (BodyDisplacement { right: way.right * fraction, forward: way.forward * fraction, up }, cause)
 }
 
 /// The climb rate between floor and ceiling, the altitudes it may sweep, and the limit that applied.

@@ -95,8 +95,8 @@ fn square(half: f64, properties: &str) -> Geofence {
 #[test]
 fn what_is_within_the_limits_passes_bit_for_bit() {
     let mut rig = Rig::flying(Limits::default());
-    let asked = Setpoint { right: 0.3, forward: 2.9, up: 0.7, yaw_rate: -1.1 };
-    assert_eq!(rig.ask(ms(1000), asked), (asked, None));
+    let requested = Setpoint { right: 0.3, forward: 2.9, up: 0.7, yaw_rate: -1.1 };
+    assert_eq!(rig.ask(ms(1000), requested), (requested, None));
 }
 
 #[test]

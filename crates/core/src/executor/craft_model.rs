@@ -7,7 +7,7 @@ use crate::craft::Craft;
 use crate::estimator::{Known, MotionEstimator, Senses};
 use crate::executor::Executor;
 use crate::geometry::{Attitude, BodyDisplacement, EnuPosition, EnuVelocity, Pose, wrap_angle};
-use crate::rng::Draw;
+use crate::rng::RandomStream;
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Duration, Time};
 
@@ -69,14 +69,14 @@ impl CraftModel {
             self.heading += self.yaw_rate * step;
             let (sin, cos) = self.heading.sin_cos();
             let limited = |(x, y): (f64, f64), limit: f64| {
-                let share = (limit / x.hypot(y).max(1e-12)).min(1.0);
-                (x * share, y * share)
+                let fraction = (limit / x.hypot(y).max(1e-12)).min(1.0);
+                (x * fraction, y * fraction)
             };
             let v = self.velocity;
             let wanted_east = setpoint.right * cos + setpoint.forward * sin + self.creep[0];
             let wanted_north = setpoint.forward * cos - setpoint.right * sin + self.creep[1];
-            let asked = limited(((wanted_east - v.east) / c.lag, (wanted_north - v.north) / c.lag), c.acceleration);
-            let thrust = limited((asked.0 + self.drag * v.east, asked.1 + self.drag * v.north), self.thrust);
+            let requested = limited(((wanted_east - v.east) / c.lag, (wanted_north - v.north) / c.lag), c.acceleration);
+            let thrust = limited((requested.0 + self.drag * v.east, requested.1 + self.drag * v.north), self.thrust);
             let (east, north) = (thrust.0 - self.drag * v.east, thrust.1 - self.drag * v.north);
             self.velocity.east += east * step;
             self.velocity.north += north * step;
@@ -144,11 +144,11 @@ struct Wander {
 }
 
 impl Wander {
-    fn new(spread: f64, time: f64, noise: &mut Draw) -> Self {
+    fn new(spread: f64, time: f64, noise: &mut RandomStream) -> Self {
         Self { spread, time, value: spread * noise.normal() }
     }
 
-    fn advance(&mut self, step: f64, noise: &mut Draw) -> f64 {
+    fn advance(&mut self, step: f64, noise: &mut RandomStream) -> f64 {
         let keep = (-step / self.time).exp();
         self.value = self.value * keep + self.spread * (1.0 - keep * keep).sqrt() * noise.normal();
         self.value
@@ -160,7 +160,7 @@ impl Wander {
 pub(crate) struct Coarse {
     pub(crate) estimator: MotionEstimator,
     quad: bool,
-    noise: Draw,
+    noise: RandomStream,
     position: [Wander; 3],
     heading: Wander,
     creep: [Wander; 2],
@@ -181,13 +181,13 @@ impl Coarse {
     }
 
     fn new(estimator: MotionEstimator, quad: bool, seed: u64) -> Self {
-        let mut noise = Draw::new(seed, "senses", &[]);
-        let draw = &mut noise;
+        let mut noise = RandomStream::new(seed, "senses", &[]);
+        let rng = &mut noise;
         let (place, place_time) = if quad { (0.3, 30.0) } else { (0.05, 20.0) };
         let (turn, turn_time) = if quad { (1.0_f64, 30.0) } else { (2.0, 60.0) };
-        let position = [(); 3].map(|()| Wander::new(place, place_time, draw));
-        let heading = Wander::new(turn.to_radians(), turn_time, draw);
-        let creep = [(); 2].map(|()| Wander::new(if quad { 0.0 } else { 0.02 }, 5.0, draw));
+        let position = [(); 3].map(|()| Wander::new(place, place_time, rng));
+        let heading = Wander::new(turn.to_radians(), turn_time, rng);
+        let creep = [(); 2].map(|()| Wander::new(if quad { 0.0 } else { 0.02 }, 5.0, rng));
         Self { estimator, quad, noise, position, heading, creep, applied: 0, waiting: None }
     }
 

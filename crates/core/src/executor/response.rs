@@ -91,8 +91,8 @@ impl AxisResponse {
         if speed == 0.0 {
             return [0.0; 2];
         }
-        let share = self.coast(speed) / speed;
-        [velocity[0] * share, velocity[1] * share]
+        let fraction = self.coast(speed) / speed;
+        [velocity[0] * fraction, velocity[1] * fraction]
     }
 }
 

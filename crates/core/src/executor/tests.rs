@@ -32,13 +32,13 @@ fn fly_step(
     motion: Motion,
     ending: Ending,
     period: Duration,
-    asked: BodyDisplacement,
+    requested: BodyDisplacement,
     sense: &mut impl Sense,
 ) -> Flown {
     let mut model = CraftModel::new(craft);
     pass(&mut model, Duration::from_millis(500), sense);
     let mut executor = Executor::new(craft, motion, ending).with_period(period);
-    executor.start(model.now, sense.known(&model), Primitives::from_displacement(asked));
+    executor.start(model.now, sense.known(&model), Primitives::from_displacement(requested));
     fly(&mut executor, &mut model, period, sense)
 }
 
@@ -55,15 +55,15 @@ fn measured_steps_are_flown_exactly() {
             let (mut worst, mut worst_turn, mut seconds) = (0.0_f64, 0.0_f64, 0.0);
             for cruise in CRUISES {
                 for period in PERIODS {
-                    for asked in steps() {
-                        let flown = fly_step(at_cruise(craft, cruise), motion, Ending::Measured, period, asked, &mut Exact);
-                        let what = format!("{name} {motion:?} {cruise} m/s {period:?} {asked:?}: {flown:?}");
-                        let error = distance(flown.displacement, asked);
-                        let turn = (flown.turned - libm::atan2(asked.right, asked.forward)).to_degrees().abs();
+                    for requested in steps() {
+                        let flown = fly_step(at_cruise(craft, cruise), motion, Ending::Measured, period, requested, &mut Exact);
+                        let what = format!("{name} {motion:?} {cruise} m/s {period:?} {requested:?}: {flown:?}");
+                        let error = distance(flown.displacement, requested);
+                        let turn = (flown.turned - libm::atan2(requested.right, requested.forward)).to_degrees().abs();
                         assert!(!flown.timed_out && flown.speed_at_end < REST_SPEED, "{what}");
-                        assert!(error <= (0.05 * asked.length()).max(0.03), "off by {error:.3} m: {what}");
+                        assert!(error <= (0.05 * requested.length()).max(0.03), "off by {error:.3} m: {what}");
                         assert!(turn <= 2.0, "turned {turn:.2}° off: {what}");
-                        worst = worst.max(error / (0.05 * asked.length()).max(0.03));
+                        worst = worst.max(error / (0.05 * requested.length()).max(0.03));
                         worst_turn = worst_turn.max(turn);
                         seconds += flown.seconds;
                     }
@@ -82,11 +82,11 @@ fn measured_steps_are_flown_exactly() {
 #[test]
 fn irregular_ticks_cost_nothing() {
     for motion in [Motion::Sequential, Motion::Blended] {
-        for asked in steps() {
+        for requested in steps() {
             let craft = Craft::quad();
             let mut model = CraftModel::new(craft);
             let mut executor = Executor::new(craft, motion, Ending::Measured);
-            executor.start(model.now, model.known(), Primitives::from_displacement(asked));
+            executor.start(model.now, model.known(), Primitives::from_displacement(requested));
             let from = (model.position, model.heading);
             for millis in [100, 60, 140, 90, 123, 71, 3, 99].into_iter().cycle().take(2000) {
                 let tick = executor.tick(model.now, model.known());
@@ -98,8 +98,8 @@ fn irregular_ticks_cost_nothing() {
             }
             assert!(!executor.is_active() && !executor.timed_out());
             model.fly_until(model.now + Duration::from_secs(2));
-            let error = distance(from.0.displacement_to(model.position, from.1), asked);
-            assert!(error <= (0.05 * asked.length()).max(0.03), "{motion:?} {asked:?}: off by {error}");
+            let error = distance(from.0.displacement_to(model.position, from.1), requested);
+            assert!(error <= (0.05 * requested.length()).max(0.03), "{motion:?} {requested:?}: off by {error}");
         }
     }
 }
@@ -148,9 +148,9 @@ fn no_time_is_rounded_away() {
                 Primitives { yaw: 4.0, forward: 0.0, right: 0.0, climb: 0.0 },
             ] {
                 let (flown, turned, _) = commanded_integral(motion, period, primitives);
-                let asked = primitives.to_displacement();
+                let requested = primitives.to_displacement();
                 assert!(
-                    distance(flown, asked) <= 0.01 * asked.length() + 1e-9,
+                    distance(flown, requested) <= 0.01 * requested.length() + 1e-9,
                     "{motion:?} {period:?} {primitives:?}: {flown:?}"
                 );
                 assert!((turned - primitives.yaw).abs() <= 0.01 * primitives.yaw.abs(), "{motion:?} {period:?}: turned {turned}");
@@ -182,9 +182,9 @@ fn paper_queue_by_hand() {
 /// What the timed ending loses: the paper's manner at 3 m/s flies 0.06 m of a step of 0.158 m (closed-loop study, finding 4).
 #[test]
 fn timed_steps_fall_short() {
-    let asked = BodyDisplacement { right: 0.0, forward: 0.158, up: 0.0 };
+    let requested = BodyDisplacement { right: 0.0, forward: 0.158, up: 0.0 };
     let quad = Craft { dead_time: 0.0, ..Craft::quad() };
-    let flown = fly_step(quad, Motion::Sequential, Ending::Timed, Duration::from_millis(10), asked, &mut Exact);
+    let flown = fly_step(quad, Motion::Sequential, Ending::Timed, Duration::from_millis(10), requested, &mut Exact);
     assert!((flown.displacement.forward - 0.06).abs() < 0.03, "{flown:?}");
 }
 
@@ -194,8 +194,8 @@ fn failing_6_finished_means_flown() {
     for ending in [Ending::Timed, Ending::Measured] {
         for motion in [Motion::Sequential, Motion::Blended] {
             for craft in [Craft::quad(), at_cruise(Craft::tello(), 3.0)] {
-                let asked = BodyDisplacement { right: 1.0, forward: 6.0, up: 0.5 };
-                let flown = fly_step(craft, motion, ending, PERIODS[0], asked, &mut Exact);
+                let requested = BodyDisplacement { right: 1.0, forward: 6.0, up: 0.5 };
+                let flown = fly_step(craft, motion, ending, PERIODS[0], requested, &mut Exact);
                 assert!(
                     flown.speed_at_end < REST_SPEED && flown.coasted < 0.05 && !flown.timed_out,
                     "{ending:?} {motion:?} {flown:?}"
@@ -210,8 +210,8 @@ fn failing_6_finished_means_flown() {
 fn failing_11_small_stays_small() {
     for craft in [at_cruise(Craft::quad(), 8.0), at_cruise(Craft::tello(), 8.0)] {
         for forward in [0.05, 0.1, 0.158] {
-            let asked = BodyDisplacement { right: 0.0, forward, up: 0.0 };
-            let flown = fly_step(craft, Motion::Blended, Ending::Measured, PERIODS[0], asked, &mut Exact);
+            let requested = BodyDisplacement { right: 0.0, forward, up: 0.0 };
+            let flown = fly_step(craft, Motion::Blended, Ending::Measured, PERIODS[0], requested, &mut Exact);
             assert!((flown.displacement.forward / forward - 1.0).abs() < 0.2, "{forward}: {flown:?}");
         }
         for degrees in [0.5, 1.0, 2.0] {
@@ -232,8 +232,8 @@ fn blended_motion_arrives_together() {
     let craft = Craft::quad();
     let mut model = CraftModel::new(craft);
     let mut executor = Executor::new(craft, Motion::Blended, Ending::Measured);
-    let asked = BodyDisplacement { right: 4.0, forward: 8.0, up: 1.5 };
-    let primitives = Primitives::from_displacement(asked);
+    let requested = BodyDisplacement { right: 4.0, forward: 8.0, up: 1.5 };
+    let primitives = Primitives::from_displacement(requested);
     let start = model.pose();
     executor.start(model.now, model.known(), primitives);
     loop {
@@ -244,13 +244,16 @@ fn blended_motion_arrives_together() {
         model.send(tick.setpoint);
         model.fly_until(model.now + Duration::from_millis(100));
         let moved = start.position.displacement_to(model.position, start.attitude.heading);
-        let along = (moved.right * asked.right + moved.forward * asked.forward) / (80.0_f64).sqrt();
-        let across = (moved.right * asked.forward - moved.forward * asked.right) / (80.0_f64).sqrt();
+        let along = (moved.right * requested.right + moved.forward * requested.forward) / (80.0_f64).sqrt();
+        let across = (moved.right * requested.forward - moved.forward * requested.right) / (80.0_f64).sqrt();
         assert!(across.abs() < 0.15, "{across} m off the line");
-        let share = along / 80.0_f64.sqrt();
+        let fraction = along / 80.0_f64.sqrt();
         let turned = wrap_angle(model.heading - start.attitude.heading) / primitives.yaw;
-        let climbed = moved.up / asked.up;
-        assert!((turned - share).abs() < 0.2 && (climbed - share).abs() < 0.2, "way {share}, turn {turned}, climb {climbed}");
+        let climbed = moved.up / requested.up;
+        assert!(
+            (turned - fraction).abs() < 0.2 && (climbed - fraction).abs() < 0.2,
+            "way {fraction}, turn {turned}, climb {climbed}"
+        );
     }
 }
 
@@ -381,14 +384,15 @@ fn wrong_figures_are_corrected() {
         for (what, truly) in [("slower", slower), ("quicker", quicker)] {
             for motion in [Motion::Sequential, Motion::Blended] {
                 let (mut worst, mut worst_turn, mut seconds) = (0.0_f64, 0.0_f64, 0.0);
-                for asked in steps() {
+                for requested in steps() {
                     let mut model = CraftModel::new(truly);
                     let mut executor = Executor::new(believed, motion, Ending::Measured);
-                    executor.start(model.now, model.known(), Primitives::from_displacement(asked));
+                    executor.start(model.now, model.known(), Primitives::from_displacement(requested));
                     let flown = fly(&mut executor, &mut model, PERIODS[0], &mut Exact);
-                    assert!(!flown.timed_out, "{name} {what} {motion:?} {asked:?} {flown:?}");
-                    worst = worst.max(distance(flown.displacement, asked) / (0.05 * asked.length()).max(0.03));
-                    worst_turn = worst_turn.max((flown.turned - libm::atan2(asked.right, asked.forward)).to_degrees().abs());
+                    assert!(!flown.timed_out, "{name} {what} {motion:?} {requested:?} {flown:?}");
+                    worst = worst.max(distance(flown.displacement, requested) / (0.05 * requested.length()).max(0.03));
+                    worst_turn =
+                        worst_turn.max((flown.turned - libm::atan2(requested.right, requested.forward)).to_degrees().abs());
                     seconds += flown.seconds / steps().len() as f64;
                 }
                 println!(
@@ -413,15 +417,15 @@ fn coarse_telemetry_table() {
                 let (mut errors, mut turns, mut seconds) = (Vec::new(), Vec::new(), 0.0);
                 for trial in 0..20 {
                     let bearing = -0.4 + 0.04 * f64::from(trial);
-                    let asked =
+                    let requested =
                         BodyDisplacement { right: d * libm::tan(bearing), forward: d, up: 0.02 * d * f64::from(trial - 10) };
                     let mut sense = match name {
                         "quad" => Coarse::quad(&craft, trial as u64),
                         _ => Coarse::tello(&craft, trial as u64),
                     };
-                    let flown = fly_step(craft, motion, Ending::Measured, period, asked, &mut sense);
-                    assert!(!flown.timed_out, "{name} {motion:?} {asked:?} {flown:?}");
-                    errors.push(distance(flown.displacement_at_end, asked));
+                    let flown = fly_step(craft, motion, Ending::Measured, period, requested, &mut sense);
+                    assert!(!flown.timed_out, "{name} {motion:?} {requested:?} {flown:?}");
+                    errors.push(distance(flown.displacement_at_end, requested));
                     turns.push((flown.turned - bearing).to_degrees().abs());
                     seconds += flown.seconds / 20.0;
                 }

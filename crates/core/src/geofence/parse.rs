@@ -18,7 +18,7 @@ const MIN_AREA: f64 = 1.0;
 #[non_exhaustive]
 pub enum GeofenceError {
     /// The document is beyond [`MAX_BYTES`].
-    #[error("the geofence file has `{bytes}` bytes, at most `{MAX_BYTES}` are allowed; simplify it")]
+    #[error("the geofence file has `{bytes}` bytes, but at most `{MAX_BYTES}` are allowed; simplify it")]
     TooLarge {
         /// Its size.
         bytes: usize,

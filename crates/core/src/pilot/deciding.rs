@@ -134,7 +134,7 @@ impl Pilot {
                 Step::Reject(_) => return self.stop_motion(now),
                 Step::Fail(reason) => {
                     let (outcome, cause) = match reason {
-                        FailReason::NotFound => (Outcome::NotFound, "searched a full turn twice without seeing the target"),
+                        FailReason::NotFound => (Outcome::NotFound, "two full search turns without seeing the target"),
                         FailReason::NoProgram => (Outcome::Failed, "several programs in a row failed"),
                     };
                     return self.finish(now, outcome, cause.to_owned());
@@ -150,7 +150,7 @@ impl Pilot {
             return;
         }
         query.deadline = now + self.settings.reply_timeout.max(LEAST_TIMEOUT);
-        self.waiting.insert(query.id, Waiting { query: query.clone(), view, asked: now, decided: false });
+        self.waiting.insert(query.id, Waiting { query: query.clone(), view, queried_at: now, decided: false });
         self.outbox.push_back(Action::Ask(query));
     }
 
@@ -181,10 +181,10 @@ impl Pilot {
             step: step.to_owned(),
             frame: waiting.view.frame.id,
             captured: waiting.view.frame.captured,
-            asked: waiting.asked,
+            queried_at: waiting.queried_at,
             answered: now,
             frame_age_s: now.since(waiting.view.frame.captured).as_secs_f64(),
-            latency_s: now.since(waiting.asked).as_secs_f64(),
+            latency_s: now.since(waiting.queried_at).as_secs_f64(),
             pose: waiting.view.pose,
             pose_at_reply: self.known_pose(now),
             goal,

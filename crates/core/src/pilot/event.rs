@@ -178,7 +178,8 @@ pub struct Decision {
     /// When that frame was captured.
     pub captured: Time,
     /// When the query was sent.
-    pub asked: Time,
+    #[serde(rename = "asked")]
+    pub queried_at: Time,
     /// When the reply arrived.
     pub answered: Time,
     /// Age of the frame when the reply arrived, seconds.

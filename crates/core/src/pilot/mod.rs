@@ -41,7 +41,7 @@ use crate::time::{Duration, Time, duration_from_secs};
 struct Waiting {
     query: Box<crate::query::Query>,
     view: View,
-    asked: Time,
+    queried_at: Time,
     /// Part of its streamed reply has already decided; the rest is not a second decision.
     decided: bool,
 }

@@ -76,7 +76,7 @@ pub struct Spf {
     instruction: String,
     memory: Memory,
     search: Option<Search>,
-    asked: Option<OpenQuery>,
+    open_query: Option<OpenQuery>,
     confirming: bool,
     blocked: u32,
     /// Turns towards paths along an edge since the last other step.
@@ -112,7 +112,7 @@ impl Spf {
             instruction: String::new(),
             memory: Memory::default(),
             search: None,
-            asked: None,
+            open_query: None,
             confirming: false,
             blocked: 0,
             turned_first: None,
@@ -146,7 +146,7 @@ impl Spf {
     fn asking(&mut self, view: &View, about: QuerySubject) -> QueryId {
         let id = QueryId(self.next_id);
         self.next_id += 1;
-        self.asked = Some(OpenQuery { id, view: *view, about });
+        self.open_query = Some(OpenQuery { id, view: *view, about });
         id
     }
 
@@ -186,14 +186,14 @@ impl Spf {
         Step::Reject(error.to_string())
     }
 
-    fn answered(&mut self, asked: OpenQuery, confirming: bool, text: &str) -> Step {
+    fn answered(&mut self, open_query: OpenQuery, confirming: bool, text: &str) -> Step {
         self.reading = Reading::default();
         let mut reply = match parse_reply(text, &self.settings.grounding) {
             Ok(reply) => reply,
             Err(error) => return self.refuse(&error),
         };
         if self.lists() {
-            reply.boxes = self.obstacles(&reply, &asked.view);
+            reply.boxes = self.obstacles(&reply, &open_query.view);
         }
         self.reading.reply = Some(reply.clone());
         if let Some(stage) = reply.stage {
@@ -201,8 +201,8 @@ impl Spf {
         }
         match reply.status {
             Status::Done => self.done(confirming),
-            Status::NotVisible => self.not_visible(asked, &reply),
-            Status::Navigating => self.navigate(asked, &reply),
+            Status::NotVisible => self.not_visible(open_query, &reply),
+            Status::Navigating => self.navigate(open_query, &reply),
         }
     }
 
@@ -227,11 +227,11 @@ impl Spf {
         Step::Look
     }
 
-    fn not_visible(&mut self, asked: OpenQuery, reply: &Reply) -> Step {
+    fn not_visible(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
         // Whatever follows is not the step to which it has turned.
         self.turned_first = None;
-        let View { camera, pose, .. } = asked.view;
+        let View { camera, pose, .. } = open_query.view;
         let heading = pose.attitude.heading;
         let craft = self.settings.craft;
         let search = self.search.get_or_insert_with(|| Search::new(2.0 * camera.half_fov().0, craft.take_off_height));
@@ -242,12 +242,12 @@ impl Spf {
                 self.reading.primitives = Some(primitives);
                 Step::Move(Move { primitives, anchor: Some(pose), then_rest: true })
             }
-            (SearchAction::Fly, Some(way)) => self.fly_to(asked, reply, way.point, way.depth),
+            (SearchAction::Fly, Some(way)) => self.fly_to(open_query, reply, way.point, way.depth),
             (SearchAction::Fly | SearchAction::Exhausted, _) => Step::Fail(FailReason::NotFound),
         }
     }
 
-    fn navigate(&mut self, asked: OpenQuery, reply: &Reply) -> Step {
+    fn navigate(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
         let (Some(point), Some(depth)) = (reply.point, reply.depth) else {
             // The parser refuses such replies; a policy must not rely on that alone.
@@ -257,12 +257,12 @@ impl Spf {
             search.reset();
         }
         self.remember(reply, point);
-        self.fly_to(asked, reply, point, depth)
+        self.fly_to(open_query, reply, point, depth)
     }
 
     /// A step towards an image point, clear of the obstacle boxes in obstacle mode.
-    fn fly_to(&mut self, asked: OpenQuery, reply: &Reply, point: ImagePoint, depth: u8) -> Step {
-        let view = asked.view;
+    fn fly_to(&mut self, open_query: OpenQuery, reply: &Reply, point: ImagePoint, depth: u8) -> Step {
+        let view = open_query.view;
         let mut step = self.settings.step.length(depth);
         let mut waypoint = point;
         let (before, mut turn) = (self.turned_first.take(), None);
@@ -288,7 +288,7 @@ impl Spf {
                     self.blocked = 0;
                     step = shorter;
                 }
-                Avoidance::Hold { .. } => return self.blocked(asked),
+                Avoidance::Hold { .. } => return self.blocked(open_query),
             }
             if avoid::leads_along_edge(&plan, waypoint, step, clearance) {
                 // A target at the very edge of the frame every time is flown to anyway.
@@ -324,7 +324,7 @@ impl Spf {
     }
 
     /// No free direction: hold and ask again; if that repeats, the policy searches from higher up.
-    fn blocked(&mut self, asked: OpenQuery) -> Step {
+    fn blocked(&mut self, open_query: OpenQuery) -> Step {
         self.blocked += 1;
         if self.blocked < BLOCKED_LOOKS {
             return Step::Look;
@@ -332,7 +332,7 @@ impl Spf {
         self.blocked = 0;
         let primitives = Primitives { climb: 1.0, ..Primitives::default() };
         self.reading.primitives = Some(primitives);
-        Step::Move(Move { primitives, anchor: Some(asked.view.pose), then_rest: true })
+        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
     }
 
     fn remember(&mut self, reply: &Reply, point: ImagePoint) {
@@ -360,16 +360,16 @@ impl Policy for Spf {
                 *self = Self { instruction: text.to_owned(), next_id, prompt, detector, ..Self::new(self.settings) };
                 Step::Look
             }
-            PolicyEvent::Frame(view) if self.asked.is_none() && (view.at_rest || !self.confirming) => self.decide(view),
-            PolicyEvent::Reply { id, text } => match self.asked.take_if(|asked| asked.id == id) {
+            PolicyEvent::Frame(view) if self.open_query.is_none() && (view.at_rest || !self.confirming) => self.decide(view),
+            PolicyEvent::Reply { id, text } => match self.open_query.take_if(|open_query| open_query.id == id) {
                 Some(OpenQuery { view, about: QuerySubject::List, .. }) => self.listed(&view, text),
-                Some(asked @ OpenQuery { about: QuerySubject::Point { confirming }, .. }) => {
-                    self.answered(asked, confirming, text)
+                Some(open_query @ OpenQuery { about: QuerySubject::Point { confirming }, .. }) => {
+                    self.answered(open_query, confirming, text)
                 }
                 None => Step::Wait,
             },
             PolicyEvent::ReplyFailed { id } => {
-                self.asked.take_if(|asked| asked.id == id);
+                self.open_query.take_if(|open_query| open_query.id == id);
                 self.turned_first = None;
                 Step::Wait
             }

@@ -46,7 +46,7 @@ static QUESTION: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_st
 static DETECT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/detect-1.txt")));
 
 fn shipped(file: &str) -> Arc<PromptText> {
-    Arc::new(PromptText::parse(file).expect("the shipped prompts are part of the program"))
+    Arc::new(PromptText::parse(file).expect("the embedded prompts are valid"))
 }
 
 impl PromptText {
@@ -88,7 +88,7 @@ impl PromptText {
     /// Renders the prompt for a query, with the placeholders that only its policy can fill.
     #[must_use]
     pub fn write_with(&self, input: &PromptInput<'_>, own: impl Fn(&str) -> Option<String>) -> String {
-        let said = |flag: bool| if flag { "yes".to_owned() } else { String::new() };
+        let yes_if = |flag: bool| if flag { "yes".to_owned() } else { String::new() };
         let range = |(least, most): (f64, f64)| format!("{least} to {most}");
         self.fill(|place| {
             own(place).unwrap_or_else(|| match place {
@@ -96,9 +96,9 @@ impl PromptText {
                 "coordinates" => input.profile.describe(),
                 "labels" => DEPTH_LABELS.to_string(),
                 "scale" => scale(),
-                "avoid" => said(input.avoid),
+                "avoid" => yes_if(input.avoid),
                 "memory" => remembered(input.memory),
-                "confirming" => said(input.memory.confirming),
+                "confirming" => yes_if(input.memory.confirming),
                 "example" => example(input),
                 "metres" => range(MOVE_METRES),
                 "degrees" => range(TURN_DEGREES),

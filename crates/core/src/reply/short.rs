@@ -88,7 +88,7 @@ pub fn parse_choice(text: &str) -> Result<Choice, ShortReplyError> {
 /// [`ShortReplyError`] if there is no valid answer.
 pub fn parse_completion(text: &str) -> Result<Completion, ShortReplyError> {
     find(text, "done", |value, _| match value.field(&DONE) {
-        Some(said) => completion(value, said).map_or_else(Verdict::Refused, Verdict::Accepted),
+        Some(flag) => completion(value, flag).map_or_else(Verdict::Refused, Verdict::Accepted),
         None => Verdict::Other,
     })
 }
@@ -129,8 +129,8 @@ fn numbers(value: &Value) -> Result<Choice, ShortReplyError> {
     Ok(Choice { points })
 }
 
-fn completion(value: &Value, said: &Value) -> Result<Completion, ShortReplyError> {
-    let done = said.truth().ok_or_else(|| wrong("done", "true or false", said))?;
+fn completion(value: &Value, flag: &Value) -> Result<Completion, ShortReplyError> {
+    let done = flag.truth().ok_or_else(|| wrong("done", "true or false", flag))?;
     let stage = match value.field(&["stage"]) {
         None => None,
         Some(stage) => {
@@ -144,7 +144,7 @@ fn completion(value: &Value, said: &Value) -> Result<Completion, ShortReplyError
 
 /// Which of the numbered marks.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted")]
+#[allow(dead_code, reason = "used only for its schema")]
 struct WireChoice {
     /// Why, in one short sentence.
     reason: String,
@@ -154,7 +154,7 @@ struct WireChoice {
 
 /// Whether the instruction is fulfilled.
 #[derive(JsonSchema)]
-#[allow(dead_code, reason = "only its schema is wanted")]
+#[allow(dead_code, reason = "used only for its schema")]
 struct WireCompletion {
     /// Whether the whole instruction is fulfilled.
     done: bool,

@@ -137,16 +137,16 @@ fn refuses_with_a_reason() {
 
 #[test]
 fn messages_say_what_is_wrong_and_where() {
-    let said = |text: &str| parse_reply(text, &yx()).unwrap_err().to_string();
+    let message = |text: &str| parse_reply(text, &yx()).unwrap_err().to_string();
     assert_eq!(
-        said("{\"point\":[1500,500],\"depth\":3}"),
+        message("{\"point\":[1500,500],\"depth\":3}"),
         "`point`: `[1500, 500]` is outside the image, whose coordinates are x 0 to 1000, y 0 to 1000"
     );
     assert_eq!(
-        said("{\"point\":[1,2],\"depth\":3,\"boxes\":[{\"box\":[1,2,3,4],\"depth\":15}]}"),
+        message("{\"point\":[1,2],\"depth\":3,\"boxes\":[{\"box\":[1,2,3,4],\"depth\":15}]}"),
         "`boxes[0].depth` is 15; depth labels must be 1 to 10"
     );
-    assert_eq!(said("{\"status\":\"hovering\"}"), "`status` must be `navigating`, `not_visible` or `done`, found `hovering`");
+    assert_eq!(message("{\"status\":\"hovering\"}"), "`status` must be `navigating`, `not_visible` or `done`, found `hovering`");
 }
 
 /// Failing 12 of programs of this kind: a depth label of 15 became seconds at full stick.
@@ -243,7 +243,7 @@ fn profiles() -> impl Strategy<Value = GroundingProfile> {
     (prop_oneof![Just(AxisOrder::Yx), Just(AxisOrder::Xy)], scale).prop_map(|(order, scale)| GroundingProfile { order, scale })
 }
 
-fn share() -> impl Strategy<Value = f64> {
+fn fraction() -> impl Strategy<Value = f64> {
     // Below 2 % a percent value may be a share that was meant as such, which is refused on purpose.
     0.02..=1.0
 }
@@ -252,15 +252,16 @@ fn replies() -> impl Strategy<Value = Reply> {
     let status = prop_oneof![Just(Status::Navigating), Just(Status::NotVisible), Just(Status::Done)];
     let look = prop_oneof![Just(Look::Left), Just(Look::Right), Just(Look::Up), Just(Look::Down), Just(Look::Behind)];
     let name = "[a-zA-Z\"'{}\\[\\]\\\\,:<é🚁]{1,9}( [a-z\"'{}\\[\\]\\\\,:<é🚁]{1,9}){0,2}";
-    let obstacle = (share(), share(), share(), share(), 1..=DEPTH_LABELS, name).prop_map(|(a, b, c, d, depth, name)| {
-        ObstacleBox { area: ImageBox { left: a.min(c), top: b.min(d), right: a.max(c), bottom: b.max(d) }, depth, name }
-    });
+    let obstacle =
+        (fraction(), fraction(), fraction(), fraction(), 1..=DEPTH_LABELS, name).prop_map(|(a, b, c, d, depth, name)| {
+            ObstacleBox { area: ImageBox { left: a.min(c), top: b.min(d), right: a.max(c), bottom: b.max(d) }, depth, name }
+        });
     let boxes = proptest::collection::vec(obstacle, 0..4);
     (
         status,
         proptest::option::of(look),
         proptest::option::of(1..=MAX_STAGE),
-        (share(), share()),
+        (fraction(), fraction()),
         1..=DEPTH_LABELS,
         proptest::option::of(name),
         boxes,
@@ -335,14 +336,14 @@ proptest! {
 
 fn check_in_range(text: &str, profile: &GroundingProfile) -> Result<(), TestCaseError> {
     let Ok(reply) = parse_reply(text, profile) else { return Ok(()) };
-    let share = |x: f64| (0.0..=1.0).contains(&x);
+    let fraction = |x: f64| (0.0..=1.0).contains(&x);
     let points = reply.point.iter().chain(reply.open_way.iter().map(|way| &way.point));
-    prop_assert!(points.into_iter().all(|p| share(p.u) && share(p.v)), "{}", text);
+    prop_assert!(points.into_iter().all(|p| fraction(p.u) && fraction(p.v)), "{}", text);
     prop_assert!(reply.depth.is_none_or(|d| (1..=DEPTH_LABELS).contains(&d)), "{}", text);
     prop_assert!(reply.status != Status::Navigating || (reply.point.is_some() && reply.depth.is_some()), "{}", text);
     prop_assert!(reply.look.is_none() || reply.status == Status::NotVisible, "{}", text);
     for b in &reply.boxes {
-        prop_assert!([b.area.left, b.area.top, b.area.right, b.area.bottom].into_iter().all(share), "{}", text);
+        prop_assert!([b.area.left, b.area.top, b.area.right, b.area.bottom].into_iter().all(fraction), "{}", text);
         prop_assert!(
             b.area.left <= b.area.right && b.area.top <= b.area.bottom && (1..=DEPTH_LABELS).contains(&b.depth),
             "{}",

@@ -25,7 +25,7 @@ pub trait Frames: Send + Sync {
 }
 
 /// Renders an image with a width and height, pixels.
-type Draw = dyn Fn((u32, u32)) -> Rgb + Send + Sync;
+type RenderFn = dyn Fn((u32, u32)) -> Rgb + Send + Sync;
 
 /// A frame that is held: it stays available as long as this value lives, even if the camera has dropped it.
 #[derive(Clone)]
@@ -37,7 +37,7 @@ pub struct Photo {
 #[derive(Clone)]
 enum Source {
     Received(Arc<Rgb>),
-    Drawn(Arc<Draw>),
+    Drawn(Arc<RenderFn>),
 }
 
 impl Photo {

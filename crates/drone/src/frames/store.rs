@@ -50,9 +50,9 @@ impl FrameStore {
     }
 
     /// Adds an image, captured and received at these flight times, as the newest frame, and counts it as decoded.
-    pub fn receive(&self, captured: Time, received: Time, picture: Rgb) {
-        let digest = digest(&picture);
-        let size = (picture.width(), picture.height());
+    pub fn receive(&self, captured: Time, received: Time, image: Rgb) {
+        let digest = digest(&image);
+        let size = (image.width(), image.height());
         let mut guard = self.kept();
         let kept = &mut *guard;
         kept.tally.decoded += 1;
@@ -81,7 +81,7 @@ impl FrameStore {
         if kept.frames.len() >= KEPT {
             kept.frames.pop_front();
         }
-        kept.frames.push_back((meta, Arc::new(picture)));
+        kept.frames.push_back((meta, Arc::new(image)));
         kept.news = Some(meta);
     }
 
@@ -100,11 +100,11 @@ impl FrameStore {
 
 impl Frames for FrameStore {
     fn photo(&self, id: FrameId) -> Option<Photo> {
-        self.kept().frames.iter().find(|(meta, _)| meta.id == id).map(|(_, picture)| Photo::received(picture.clone()))
+        self.kept().frames.iter().find(|(meta, _)| meta.id == id).map(|(_, image)| Photo::received(image.clone()))
     }
 
     fn newest(&self) -> Option<(FrameMeta, Photo)> {
-        self.kept().frames.back().map(|(meta, picture)| (*meta, Photo::received(picture.clone())))
+        self.kept().frames.back().map(|(meta, image)| (*meta, Photo::received(image.clone())))
     }
 
     fn tally(&self) -> FrameStats {
@@ -113,9 +113,9 @@ impl Frames for FrameStore {
 }
 
 /// FNV-1a over every eighth row.
-fn digest(picture: &Rgb) -> u64 {
-    let row = picture.width() as usize * 3;
-    let rows = picture.data().chunks_exact(row.max(1)).step_by(DIGEST_ROWS);
+fn digest(image: &Rgb) -> u64 {
+    let row = image.width() as usize * 3;
+    let rows = image.data().chunks_exact(row.max(1)).step_by(DIGEST_ROWS);
     let mut hasher = FnvHasher::default();
     rows.for_each(|row| hasher.write(row));
     hasher.finish()
@@ -125,9 +125,9 @@ fn digest(picture: &Rgb) -> u64 {
 mod tests {
     use super::*;
 
-    fn receive(frames: &FrameStore, at: u64, picture: Rgb) -> FrameMeta {
+    fn receive(frames: &FrameStore, at: u64, image: Rgb) -> FrameMeta {
         let received = Time::from_millis(at + 150);
-        frames.receive(Time::from_millis(at), received, picture);
+        frames.receive(Time::from_millis(at), received, image);
         frames.take_new_frame().unwrap()
     }
 

@@ -34,7 +34,7 @@ impl FrameDecoder {
         let (mut decoded, mut whole) = (0, true);
         for (index, Unit { at, unit }) in units.iter().enumerate() {
             let result = if index + 1 == units.len() {
-                self.decoder.decode(&unit.annex_b).map(|picture| newest = picture.map(|picture| (*at, picture)))
+                self.decoder.decode(&unit.annex_b).map(|image| newest = image.map(|image| (*at, image)))
             } else {
                 self.decoder.skip(&unit.annex_b)
             };
@@ -49,8 +49,8 @@ impl FrameDecoder {
             tally.decoded += decoded - u64::from(newest.is_some());
             tally.refused += u64::from(!whole);
         });
-        if let Some((at, picture)) = newest {
-            frames.receive(at - self.latency, at, picture);
+        if let Some((at, image)) = newest {
+            frames.receive(at - self.latency, at, image);
         }
         whole
     }
@@ -105,21 +105,21 @@ mod tests {
             .unwrap()
     }
 
-    fn unit(at: u64, encoder: &mut Encoder, picture: &Rgb) -> Unit {
+    fn unit(at: u64, encoder: &mut Encoder, image: &Rgb) -> Unit {
         let at = Time::from_millis(at);
-        Unit { at, unit: encoder.encode(at, picture).unwrap() }
+        Unit { at, unit: encoder.encode(at, image).unwrap() }
     }
 
     fn red(width: u32, height: u32, shift: u32) -> Rgb {
-        let mut picture = Rgb::filled(width, height, [200, 40, 40]);
+        let mut image = Rgb::filled(width, height, [200, 40, 40]);
         for y in 0..height {
             for x in 0..width {
                 if (x + shift) % 24 < 6 {
-                    picture.set_pixel(x, y, [40, 60, 180]);
+                    image.set_pixel(x, y, [40, 60, 180]);
                 }
             }
         }
-        picture
+        image
     }
 
     #[test]

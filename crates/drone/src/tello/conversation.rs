@@ -84,7 +84,7 @@ pub enum OrderOutcome {
 #[derive(Clone, Debug)]
 struct InFlight {
     order: Order,
-    said: Time,
+    sent_at: Time,
     repeats_left: u32,
     /// Until when responses to an earlier transmission can arrive.
     echoes_until: Time,
@@ -122,7 +122,7 @@ impl Conversation {
         self.waiting.clear();
         self.urgent = Some(order.text.clone());
         let repeats_left = order.repeats;
-        self.flight = Some(InFlight { order, said: now, repeats_left, echoes_until: now + ECHO });
+        self.flight = Some(InFlight { order, sent_at: now, repeats_left, echoes_until: now + ECHO });
     }
 
     /// Removes an order from the queue; false if it was already sent.
@@ -153,7 +153,7 @@ impl Conversation {
     /// Handles a datagram from the command port.
     pub fn handle(&mut self, now: Time, datagram: &[u8]) {
         let answer = Answer::read(datagram);
-        let credited = self.flight.take_if(|flight| flight.order.accepts(&answer, now.since(flight.said)));
+        let credited = self.flight.take_if(|flight| flight.order.accepts(&answer, now.since(flight.sent_at)));
         let Some(InFlight { order, echoes_until, .. }) = credited else {
             self.strays += 1;
             return;
@@ -170,14 +170,14 @@ impl Conversation {
             return Some(text);
         }
         if let Some(flight) = &mut self.flight {
-            if now.since(flight.said) < flight.order.timeout {
+            if now.since(flight.sent_at) < flight.order.timeout {
                 return None;
             }
             if flight.repeats_left > 0 {
                 // A response to any of the transmissions is valid: it is the same order.
                 flight.repeats_left -= 1;
                 flight.echoes_until = now + GRACE;
-                flight.said = now;
+                flight.sent_at = now;
                 return Some(flight.order.text.clone());
             }
             let tomb = &mut self.tombs[flight.order.kind as usize];
@@ -193,7 +193,7 @@ impl Conversation {
         let order = self.waiting.pop_front()?;
         let text = order.text.clone();
         let repeats_left = order.repeats;
-        self.flight = Some(InFlight { order, said: now, repeats_left, echoes_until: Time::ZERO });
+        self.flight = Some(InFlight { order, sent_at: now, repeats_left, echoes_until: Time::ZERO });
         Some(text)
     }
 
@@ -205,7 +205,7 @@ impl Conversation {
 
 #[cfg(test)]
 mod tests {
-    use spf_core::rng::Draw;
+    use spf_core::rng::RandomStream;
 
     use super::*;
 
@@ -214,40 +214,40 @@ mod tests {
     /// Order texts carry a number, and the test's drone encodes that number in the letter case of its response, so that
     /// the test knows which order a response belongs to independently of the channel.
     struct Schedule {
-        draw: Draw,
+        rng: RandomStream,
         /// Time, datagram and order number.
         under_way: Vec<(Time, Vec<u8>, usize)>,
     }
 
     impl Schedule {
         fn delay(&mut self) -> Duration {
-            Duration::from_secs_f64(0.02 + 0.1 * self.draw.uniform())
+            Duration::from_secs_f64(0.02 + 0.1 * self.rng.uniform())
         }
 
         /// The drone receives order `number` and responds, over an unreliable link.
         fn hear(&mut self, now: Time, text: &str, number: usize, motion: bool) {
             let answer = if text.ends_with('?') {
                 format!("{}\r\n", number % 100)
-            } else if self.draw.chance(0.1) {
+            } else if self.rng.chance(0.1) {
                 "error".to_owned()
             } else {
                 "ok".to_owned()
             };
             let takes =
-                if motion && answer == "ok" { Duration::from_secs_f64(0.6 + 3.0 * self.draw.uniform()) } else { Duration::ZERO };
+                if motion && answer == "ok" { Duration::from_secs_f64(0.6 + 3.0 * self.rng.uniform()) } else { Duration::ZERO };
             let mut at = now + takes + self.delay();
-            if self.draw.chance(0.15) {
+            if self.rng.chance(0.15) {
                 return;
             }
             // Late: after the order's timeout, within the grace period.
-            if self.draw.chance(0.1) {
-                at += Duration::from_secs_f64(2.0 + 7.0 * self.draw.uniform());
+            if self.rng.chance(0.1) {
+                at += Duration::from_secs_f64(2.0 + 7.0 * self.rng.uniform());
             }
             self.under_way.push((at, answer.clone().into_bytes(), number));
-            if self.draw.chance(0.2) {
-                self.under_way.push((at + Duration::from_secs_f64(0.45 * self.draw.uniform()), answer.into_bytes(), number));
+            if self.rng.chance(0.2) {
+                self.under_way.push((at + Duration::from_secs_f64(0.45 * self.rng.uniform()), answer.into_bytes(), number));
             }
-            if self.draw.chance(0.05) {
+            if self.rng.chance(0.05) {
                 self.under_way.push((at, vec![0xcc, 0x58, 0x00, 0x7c], usize::MAX));
             }
         }
@@ -258,22 +258,22 @@ mod tests {
     #[test]
     fn ten_thousand_schedules_credit_no_answer_to_another_order() {
         for seed in 0..10_000 {
-            let mut schedule = Schedule { draw: Draw::new(seed, "schedule", &[]), under_way: Vec::new() };
+            let mut schedule = Schedule { rng: RandomStream::new(seed, "schedule", &[]), under_way: Vec::new() };
             let mut conversation = Conversation::default();
             let orders: Vec<Order> = (0..6)
-                .map(|number| match schedule.draw.below(4) {
+                .map(|number| match schedule.rng.below(4) {
                     0 => Order::quick(&format!("x{number}?")),
                     1 => Order::quick(&format!("set{number}")),
                     _ => Order::motion(&format!("go{number}"), Duration::from_millis(500), Duration::from_secs(4)),
                 })
                 .collect();
             orders.iter().for_each(|order| conversation.submit(order.clone()));
-            let (mut now, mut said, mut ended) = (Time::ZERO, vec![0; orders.len()], 0);
+            let (mut now, mut times_sent, mut ended) = (Time::ZERO, vec![0; orders.len()], 0);
             while ended < orders.len() {
                 assert!(now < Time::from_millis(300_000), "seed {seed}: it ends");
                 while let Some(text) = conversation.poll(now) {
                     let number = orders.iter().position(|order| order.text == text).unwrap();
-                    said[number] += 1;
+                    times_sent[number] += 1;
                     schedule.hear(now, &text, number, orders[number].repeats == 0);
                 }
                 while let Some((_, fate)) = conversation.take_ended() {
@@ -293,8 +293,8 @@ mod tests {
                 }
                 now += STEP;
             }
-            for (order, said) in orders.iter().zip(said) {
-                assert!(said >= 1 && said <= order.repeats + 1, "seed {seed}: {order:?} was said {said} times");
+            for (order, times_sent) in orders.iter().zip(times_sent) {
+                assert!(times_sent >= 1 && times_sent <= order.repeats + 1, "seed {seed}: {order:?} was sent {times_sent} times");
             }
         }
     }

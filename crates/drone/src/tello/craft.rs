@@ -133,7 +133,7 @@ impl Tello {
         let video = bind(local, video_port, "video")?;
         // A small buffer loses video when this machine is busy; a system that grants less reports it nowhere else.
         if let Err(error) = socket2::SockRef::from(&video).set_recv_buffer_size(VIDEO_BUFFER) {
-            tracing::debug!(%error, "the video's buffer stays small");
+            tracing::debug!(%error, "cannot enlarge the receive buffer of the video socket");
         }
         let timeouts = [(&command, POLL_INTERVAL), (&state, POLL_INTERVAL), (&video, VIDEO_NAP)];
         for (socket, nap) in timeouts {
@@ -164,7 +164,7 @@ impl Tello {
         tello.spawn("answers", move || answers(&one))?;
         tello.spawn("state", move || states(&two, &state, drone.ip()))?;
         tello.spawn("video", move || gather(&video, drone.ip(), &received, three.start, &three.stopped))?;
-        tello.spawn("pictures", move || watch(&inlet, decoder, &seen, &four.stopped, || four.link().ask_for_video()))?;
+        tello.spawn("frames", move || watch(&inlet, decoder, &seen, &four.stopped, || four.link().ask_for_video()))?;
         Ok(Connected { drone: tello, state: first, firmware })
     }
 

@@ -7,7 +7,7 @@ use super::answer::explain;
 use super::craft::{Connected, Tello};
 use super::opening::ConnectError;
 use super::settings::TelloSettings;
-use crate::examine::{Check, FIRST_PICTURE, Finding, Observation, battery, light};
+use crate::examine::{Check, FIRST_FRAME, Finding, Observation, battery, light};
 
 /// The drone shuts down slightly above this temperature, °C.
 const HOT: i32 = 80;
@@ -38,18 +38,18 @@ pub(super) fn examine(address: SocketAddr, settings: &TelloSettings) -> Vec<Chec
         format!("{:.1} Hz of 10 Hz", watched.telemetry),
         Some("move closer to the drone, or to a place with fewer Wi-Fi networks"),
     ));
-    let Some(picture) = &watched.newest else {
+    let Some(image) = &watched.newest else {
         let todo = format!(
             "allow UDP {} from {} in the firewall; a Tello EDU in station mode sends no video with SDK 2.0",
             settings.video_port,
             address.ip()
         );
-        let found = format!("none within {} s", FIRST_PICTURE.as_secs());
+        let found = format!("none within {} s", FIRST_FRAME.as_secs());
         checks.push(Check::new("video", Finding::Bad, found, Some(&todo)));
         return checks;
     };
-    checks.push(watched.video(picture, "move closer to the drone; each lost datagram can lose up to a second of video"));
-    checks.push(light(picture, "switch on a light: in the dark the drone drifts and returns `error No valid imu`"));
+    checks.push(watched.video(image, "move closer to the drone; each lost datagram can lose up to a second of video"));
+    checks.push(light(image, "switch on a light: in the dark the drone drifts and returns `error No valid imu`"));
     checks
 }
 

@@ -99,16 +99,16 @@ mod tests {
     use super::*;
 
     /// Datagrams of images, with a key frame every ten.
-    fn datagrams(pictures: u64) -> Vec<Vec<Vec<u8>>> {
+    fn datagrams(images: u64) -> Vec<Vec<Vec<u8>>> {
         let settings = EncoderSettings { key_interval: 1.0, ..EncoderSettings::for_size(96, 64, 10.0) };
         let mut encoder = Encoder::new(settings).unwrap();
         let cut = |unit: &[u8]| nal_units(unit).map(|nal| [&[0, 0, 0, 1][..], nal].concat()).collect();
-        let picture = |n: u64| Rgb::filled(96, 64, [20 + (n % 200) as u8, 90, 60]);
-        (0..pictures).map(|n| cut(&encoder.encode(Time::from_millis(100 * n), &picture(n)).unwrap().annex_b)).collect()
+        let image = |n: u64| Rgb::filled(96, 64, [20 + (n % 200) as u8, 90, 60]);
+        (0..images).map(|n| cut(&encoder.encode(Time::from_millis(100 * n), &image(n)).unwrap().annex_b)).collect()
     }
 
-    fn put(inlet: &Inlet, pictures: &[Vec<Vec<u8>>], from: u64) {
-        for (n, datagrams) in (from..).zip(pictures) {
+    fn put(inlet: &Inlet, images: &[Vec<Vec<u8>>], from: u64) {
+        for (n, datagrams) in (from..).zip(images) {
             datagrams.iter().for_each(|datagram| inlet.put(Time::from_millis(100 * n), datagram));
         }
     }

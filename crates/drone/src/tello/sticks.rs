@@ -42,16 +42,16 @@ impl Calibration {
     #[must_use]
     pub fn sticks(&self, setpoint: Setpoint) -> [i8; 4] {
         let vertical = if setpoint.up > 0.0 { self.climb } else { self.sink };
-        let share = |value: f64, full: f64| {
-            let share = 100.0 * value / full;
+        let fraction = |value: f64, full: f64| {
+            let fraction = 100.0 * value / full;
             // NaN must not become full stick.
-            if share.is_finite() { libm::round(share.clamp(-100.0, 100.0)) as i8 } else { 0 }
+            if fraction.is_finite() { libm::round(fraction.clamp(-100.0, 100.0)) as i8 } else { 0 }
         };
         [
-            share(setpoint.right, self.speed),
-            share(setpoint.forward, self.speed),
-            share(setpoint.up, vertical),
-            share(setpoint.yaw_rate, self.yaw_rate),
+            fraction(setpoint.right, self.speed),
+            fraction(setpoint.forward, self.speed),
+            fraction(setpoint.up, vertical),
+            fraction(setpoint.yaw_rate, self.yaw_rate),
         ]
     }
 }
@@ -60,7 +60,7 @@ impl Calibration {
 #[derive(Clone, Debug, Default)]
 pub struct Sticks {
     wanted: Option<([i8; 4], Time)>,
-    said: Option<([i8; 4], Time)>,
+    last_sent: Option<([i8; 4], Time)>,
     zeros: u32,
 }
 
@@ -84,8 +84,8 @@ impl Sticks {
     fn due(&self, now: Time) -> Option<([i8; 4], Time)> {
         let (sticks, valid_until) = self.wanted?;
         let sticks = if now < valid_until { sticks } else { [0; 4] };
-        let Some((said, at)) = self.said else { return Some((sticks, now)) };
-        let after = if said != sticks {
+        let Some((last_sent, at)) = self.last_sent else { return Some((sticks, now)) };
+        let after = if last_sent != sticks {
             LEAST
         } else if sticks == [0; 4] && self.zeros < ZEROS {
             COPIES
@@ -99,7 +99,7 @@ impl Sticks {
     pub fn poll(&mut self, now: Time) -> Option<String> {
         let (sticks, _) = self.due(now).filter(|(_, at)| *at <= now)?;
         self.zeros = if sticks == [0; 4] { self.zeros + 1 } else { 0 };
-        self.said = Some((sticks, now));
+        self.last_sent = Some((sticks, now));
         let [right, forward, up, clockwise] = sticks;
         Some(format!("rc {right} {forward} {up} {clockwise}"))
     }
@@ -117,7 +117,7 @@ impl Sticks {
 mod tests {
     use super::*;
 
-    fn said(sticks: &mut Sticks, from: u64, to: u64) -> Vec<(u64, String)> {
+    fn sent_between(sticks: &mut Sticks, from: u64, to: u64) -> Vec<(u64, String)> {
         (from..to).filter_map(|ms| Some((ms, sticks.poll(Time::from_millis(ms))?))).collect()
     }
 
@@ -134,7 +134,7 @@ mod tests {
     fn a_motion_is_repeated_and_its_end_is_a_zero_three_times() {
         let mut sticks = Sticks::default();
         sticks.set([0, 50, 0, 0], Time::from_millis(500));
-        let all = said(&mut sticks, 0, 1000);
+        let all = sent_between(&mut sticks, 0, 1000);
         let moving: Vec<u64> = all.iter().filter(|(_, text)| text == "rc 0 50 0 0").map(|(ms, _)| *ms).collect();
         assert_eq!(moving, [0, 80, 160, 240, 320, 400, 480]);
         let zeros: Vec<u64> = all.iter().filter(|(_, text)| text == "rc 0 0 0 0").map(|(ms, _)| *ms).collect();
@@ -145,8 +145,8 @@ mod tests {
     fn a_new_setpoint_goes_out_within_20_ms() {
         let mut sticks = Sticks::default();
         sticks.set([0, 50, 0, 0], Time::MAX);
-        assert_eq!(said(&mut sticks, 0, 5).len(), 1);
+        assert_eq!(sent_between(&mut sticks, 0, 5).len(), 1);
         sticks.set([0; 4], Time::MAX);
-        assert_eq!(said(&mut sticks, 5, 25)[0].0, 20);
+        assert_eq!(sent_between(&mut sticks, 5, 25)[0].0, 20);
     }
 }

@@ -217,12 +217,12 @@ mod tests {
     fn stream(frames: u32) -> Vec<Vec<Vec<u8>>> {
         let settings = EncoderSettings { key_interval: 1.0, quantiser: 20, ..EncoderSettings::for_size(192, 144, 10.0) };
         let mut encoder = Encoder::new(settings).unwrap();
-        let picture = |frame: u32| {
-            let mut picture = Rgb::new(192, 144);
-            for (index, byte) in picture.data_mut().iter_mut().enumerate() {
+        let image = |frame: u32| {
+            let mut image = Rgb::new(192, 144);
+            for (index, byte) in image.data_mut().iter_mut().enumerate() {
                 *byte = (index as u32 / 5 * (7 + frame)) as u8;
             }
-            picture
+            image
         };
         let cut = |unit: &[u8]| -> Vec<Vec<u8>> {
             nal_units(unit)
@@ -237,7 +237,7 @@ mod tests {
                 .collect()
         };
         (0..frames)
-            .map(|frame| cut(&encoder.encode(Time::from_millis(100 * u64::from(frame)), &picture(frame)).unwrap().annex_b))
+            .map(|frame| cut(&encoder.encode(Time::from_millis(100 * u64::from(frame)), &image(frame)).unwrap().annex_b))
             .collect()
     }
 

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 use spf_core::query::ImagePoint;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
 
@@ -91,7 +91,7 @@ impl Recipe {
     #[must_use]
     pub fn kind(&self, number: u64) -> Kind {
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
-        let first = Draw::new(self.seed, "dataset kinds", &[]).uniform();
+        let first = RandomStream::new(self.seed, "dataset kinds", &[]).uniform();
         let at = first + GOLDEN * number as f64;
         let at = at - libm::floor(at);
         if at < self.absent {
@@ -235,25 +235,25 @@ impl<'a> Generator<'a> {
     /// Generates example `number`; `None` if no suitable view was found.
     pub fn example(&mut self, number: u64) -> Option<Example> {
         let kind = self.recipe.kind(number);
-        let at = Time::from_secs_f64(TRAFFIC * Draw::new(self.recipe.seed, "dataset traffic", &[number]).uniform());
+        let at = Time::from_secs_f64(TRAFFIC * RandomStream::new(self.recipe.seed, "dataset traffic", &[number]).uniform());
         let actors = self.loaded.snapshot(Pose::default(), self.recipe.seed, at).actors;
         (0..ATTEMPTS).find_map(|attempt| self.attempt(kind, number, attempt, &actors))
     }
 
     fn attempt(&mut self, kind: Kind, number: u64, attempt: u64, actors: &[ActorPlace]) -> Option<Example> {
-        let mut draw = Draw::new(self.recipe.seed, "dataset view", &[number, attempt]);
+        let mut rng = RandomStream::new(self.recipe.seed, "dataset view", &[number, attempt]);
         let groups = if kind == Kind::LookAlike { &self.alike } else { &self.groups };
-        let group = groups.get(draw.below(groups.len()))?;
-        let focus = *group.get(draw.below(group.len()))?;
+        let group = groups.get(rng.below(groups.len()))?;
+        let focus = *group.get(rng.below(group.len()))?;
         let object = self.loaded.scene.object(focus)?;
-        let pose = Views { loaded: self.loaded, actors, camera: self.sim_camera.camera() }.of(object, &mut draw)?;
+        let pose = Views { loaded: self.loaded, actors, camera: self.sim_camera.camera() }.of(object, &mut rng)?;
         let snapshot = WorldSnapshot { pose, actors: actors.to_vec() };
         if !self.glance_shows(&snapshot, kind, focus) {
             return None;
         }
         let mut truth = RenderedImage::default();
-        self.sim_camera.look(self.sim_camera.camera(), &mut truth, |camera, picture| {
-            self.loaded.render_into(camera, &snapshot, Channels::TRUTH, picture);
+        self.sim_camera.look(self.sim_camera.camera(), &mut truth, |camera, image| {
+            self.loaded.render_into(camera, &snapshot, Channels::TRUTH, image);
         });
         let seen = seen(&truth);
         let mask = seen.iter().find(|mask| mask.id == focus)?;
@@ -261,14 +261,14 @@ impl<'a> Generator<'a> {
             return None;
         }
         let visible = self.visible(&snapshot, &truth, &seen);
-        let share = mask.area as f64 / (f64::from(truth.width) * f64::from(truth.height));
+        let fraction = mask.area as f64 / (f64::from(truth.width) * f64::from(truth.height));
         let in_frame = visible.iter().find(|thing| thing.id == focus)?.in_frame;
-        if share > FILLS || (share < 0.1 && in_frame < IN_FRAME) {
+        if fraction > FILLS || (fraction < 0.1 && in_frame < IN_FRAME) {
             return None;
         }
         let (wording, instruction, meant) = match kind {
-            Kind::Absent => self.absent(&visible, &snapshot, &mut draw)?,
-            _ => self.present(kind, focus, &visible, (&snapshot, &Plainly { masks: &seen, truth: &truth }), &mut draw)?,
+            Kind::Absent => self.absent(&visible, &snapshot, &mut rng)?,
+            _ => self.present(kind, focus, &visible, (&snapshot, &Plainly { masks: &seen, truth: &truth }), &mut rng)?,
         };
         let look_alikes = self.look_alikes(meant, &visible);
         let target = match kind {
@@ -276,8 +276,8 @@ impl<'a> Generator<'a> {
             _ => Some(self.target(mask, &snapshot, &truth).filter(|target| target.occlusion <= HIDDEN_SHARE)?),
         };
         let shot = Shot::still(Time::from_nanos(number), snapshot);
-        let photograph = self.sim_camera.photograph(&shot, None, |camera, snapshot, picture| {
-            self.loaded.render_into(camera, snapshot, Channels::RGB, picture);
+        let photograph = self.sim_camera.photograph(&shot, None, |camera, snapshot, image| {
+            self.loaded.render_into(camera, snapshot, Channels::RGB, image);
         });
         Some(Example { kind, instruction, wording, target, look_alikes, pose, photograph, truth, visible })
     }
@@ -288,9 +288,9 @@ impl<'a> Generator<'a> {
         let camera = camera.resized((camera.width / GLANCE).max(1), (camera.height / GLANCE).max(1));
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(&camera, snapshot, channels, &mut self.glance);
-        let picture = &self.glance;
-        let counts = counts(picture);
-        let shows = |id: ObjectId, least: f64| counts.get(&id).is_some_and(|pixels| self.is_large(*pixels, least, picture));
+        let image = &self.glance;
+        let counts = counts(image);
+        let shows = |id: ObjectId, least: f64| counts.get(&id).is_some_and(|pixels| self.is_large(*pixels, least, image));
         let alike = || {
             let mut others = self.loaded.tags.iter().filter(|other| is_look_alike(&self.loaded.tags, focus, other));
             others.any(|other| shows(other.id, LOOK_ALIKE_PIXELS))
@@ -299,10 +299,10 @@ impl<'a> Generator<'a> {
         shows(focus, 0.7 * f64::from(self.recipe.min_pixels)) && (kind != Kind::LookAlike || alike())
     }
 
-    /// Whether `pixels` in `picture` correspond to at least `least` at [`SIZE_SENT`].
-    fn is_large(&self, pixels: u64, least: f64, picture: &RenderedImage) -> bool {
+    /// Whether `pixels` in `image` correspond to at least `least` at [`SIZE_SENT`].
+    fn is_large(&self, pixels: u64, least: f64, image: &RenderedImage) -> bool {
         let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
-        pixels as f64 * sent >= least * f64::from(picture.width) * f64::from(picture.height)
+        pixels as f64 * sent >= least * f64::from(image.width) * f64::from(image.height)
     }
 
     /// Whether another object close to the lens blocks the view.
@@ -317,7 +317,7 @@ impl<'a> Generator<'a> {
         let light = self.loaded.renderer.light_on(self.sim_camera.camera(), &snapshot.pose, truth);
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
         self.loaded.render_into(self.around.camera(), snapshot, channels, &mut self.scratch);
-        let shares = self.around.shares(&self.scratch);
+        let fractions = self.around.fractions(&self.scratch);
         let visible = |mask: &Mask| {
             let tags = self.tags_of(mask.id)?;
             Some(Visible {
@@ -325,7 +325,7 @@ impl<'a> Generator<'a> {
                 key: tags.key.clone(),
                 opening: tags.opening,
                 pixels: mask.area,
-                in_frame: shares.get(&mask.id).copied().unwrap_or(1.0),
+                in_frame: fractions.get(&mask.id).copied().unwrap_or(1.0),
                 // Objects not listed are fully lit.
                 light: light.get(&mask.id).copied().unwrap_or(1.0),
             })
@@ -340,7 +340,7 @@ impl<'a> Generator<'a> {
         focus: ObjectId,
         visible: &[Visible],
         (snapshot, plainly): (&WorldSnapshot, &Plainly<'_>),
-        draw: &mut Draw,
+        rng: &mut RandomStream,
     ) -> Option<(Wording, String, ObjectId)> {
         let tags = self.tags_of(focus)?;
         let alike = self.look_alikes(focus, visible);
@@ -357,22 +357,27 @@ impl<'a> Generator<'a> {
             });
             (kind == Kind::Present || wording.by_look()) && meant.checkable && meant.objects == [focus] && plain
         };
-        let (wording, instruction) = instructions(tags, draw).into_iter().find(clear)?;
+        let (wording, instruction) = instructions(tags, rng).into_iter().find(clear)?;
         Some((wording, instruction, focus))
     }
 
     /// An instruction for an object of the scene that matches nothing visible; in half of the cases a similar object is
     /// visible.
-    fn absent(&self, visible: &[Visible], snapshot: &WorldSnapshot, draw: &mut Draw) -> Option<(Wording, String, ObjectId)> {
+    fn absent(
+        &self,
+        visible: &[Visible],
+        snapshot: &WorldSnapshot,
+        rng: &mut RandomStream,
+    ) -> Option<(Wording, String, ObjectId)> {
         let is_shown = |id: ObjectId| visible.iter().any(|thing| thing.id == id);
         let (shown, all) = (self.placed(snapshot, is_shown), self.placed(snapshot, |_| true));
         let mut hidden: Vec<ObjectId> = Vec::new();
         for group in &self.groups {
             let unseen: Vec<ObjectId> = group.iter().copied().filter(|id| !is_shown(*id)).collect();
-            hidden.extend(unseen.get(draw.below(unseen.len())));
+            hidden.extend(unseen.get(rng.below(unseen.len())));
         }
-        shuffle(&mut hidden, draw);
-        if draw.chance(0.5) {
+        shuffle(&mut hidden, rng);
+        if rng.chance(0.5) {
             hidden.sort_by_key(|id| self.look_alikes(*id, visible).is_empty());
         }
         for id in hidden.into_iter().take(HIDDEN) {
@@ -383,7 +388,7 @@ impl<'a> Generator<'a> {
                 let here = resolve_truth(instruction, &shown, Some(snapshot.pose));
                 here.checkable && !here.fits && resolve_truth(instruction, &all, Some(snapshot.pose)).objects.contains(&id)
             };
-            if let Some((wording, instruction)) = instructions(tags, draw).into_iter().filter(plain).find(means_nothing) {
+            if let Some((wording, instruction)) = instructions(tags, rng).into_iter().filter(plain).find(means_nothing) {
                 return Some((wording, instruction, id));
             }
         }
@@ -440,8 +445,8 @@ impl<'a> Generator<'a> {
             Renderer::new(&SceneGeometry { parts, ..scene.geometry.clone() })
         });
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        self.sim_camera.look(self.sim_camera.camera(), &mut self.scratch, |camera, picture| {
-            alone.render_into(camera, &snapshot.pose, channels, &moving, picture);
+        self.sim_camera.look(self.sim_camera.camera(), &mut self.scratch, |camera, image| {
+            alone.render_into(camera, &snapshot.pose, channels, &moving, image);
         });
         let ids = if opening { &self.scratch.opening_ids } else { &self.scratch.ids };
         Some(ids.as_ref()?.iter().filter(|seen| **seen == id).count() as u64)
@@ -473,9 +478,9 @@ fn seen(truth: &RenderedImage) -> Vec<Mask> {
 }
 
 /// Number of pixels per object in both id images.
-fn counts(picture: &RenderedImage) -> BTreeMap<ObjectId, u64> {
+fn counts(image: &RenderedImage) -> BTreeMap<ObjectId, u64> {
     let mut counts = BTreeMap::new();
-    for ids in [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten() {
+    for ids in [image.ids.as_deref(), image.opening_ids.as_deref()].into_iter().flatten() {
         for run in ids.chunk_by(|a, b| a == b) {
             if let Some(&id) = run.first().filter(|id| **id != 0) {
                 *counts.entry(id).or_default() += run.len() as u64;

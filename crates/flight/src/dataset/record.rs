@@ -34,7 +34,8 @@ pub struct Head {
     /// Minimum pixels of a target, at 960×720.
     pub min_pixels: u32,
     /// Image format: `png` or `jpeg:QUALITY`.
-    pub pictures: String,
+    #[serde(rename = "pictures")]
+    pub images: String,
 }
 
 /// One scene of a dataset.
@@ -87,7 +88,8 @@ impl From<Pose> for RecordedPose {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Files {
     /// The camera image.
-    pub picture: String,
+    #[serde(rename = "picture")]
+    pub image: String,
     /// Object id per pixel: 16-bit grey PNG, 0 for none.
     pub ids: String,
     /// Depth along the optical axis: 16-bit grey PNG in centimetres, 0 for none or beyond 655 m.

@@ -2,7 +2,7 @@
 
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use spf_scene::Object;
 use spf_scene::actors::ActorPlace;
@@ -29,27 +29,27 @@ pub(super) struct Views<'a> {
 
 impl Views<'_> {
     /// A pose looking towards `object` from any side, at a log-uniform distance; `None` if that position is not free.
-    pub(super) fn of(&self, object: &Object, draw: &mut Draw) -> Option<Pose> {
+    pub(super) fn of(&self, object: &Object, rng: &mut RandomStream) -> Option<Pose> {
         let scene = &self.loaded.scene;
         let bounds = self.loaded.bounds(object, self.actors);
         let (min, max) = (bounds.min, bounds.max);
         // Aim at any part of it: the centre of a large object is always far away.
-        let mut part = |low: f64, high: f64| low + draw.uniform() * (high - low);
+        let mut part = |low: f64, high: f64| low + rng.uniform() * (high - low);
         let (east, north) = (part(min.east, max.east), part(min.north, max.north));
         // Close enough for the last decisions of a flight, or as far as the scene reaches.
-        let away = log_uniform(draw, 0.7 * scene.near, FARTHEST);
-        let bearing = core::f64::consts::TAU * draw.uniform();
+        let away = log_uniform(rng, 0.7 * scene.near, FARTHEST);
+        let bearing = core::f64::consts::TAU * rng.uniform();
         let position = EnuPosition {
             east: east - away * libm::sin(bearing),
             north: north - away * libm::cos(bearing),
-            up: scene.start.position.up + log_uniform(draw, HEIGHTS.0, HEIGHTS.1),
+            up: scene.start.position.up + log_uniform(rng, HEIGHTS.0, HEIGHTS.1),
         };
         if !self.is_free(position) {
             return None;
         }
         let (sideways, _) = self.camera.half_fov();
-        let aside = ASIDE * sideways * (2.0 * draw.uniform() - 1.0);
-        let attitude = Attitude { heading: wrap_angle(bearing + aside), pitch: TILT * draw.normal(), roll: TILT * draw.normal() };
+        let aside = ASIDE * sideways * (2.0 * rng.uniform() - 1.0);
+        let attitude = Attitude { heading: wrap_angle(bearing + aside), pitch: TILT * rng.normal(), roll: TILT * rng.normal() };
         Some(Pose { position, attitude })
     }
 
@@ -78,8 +78,8 @@ impl Views<'_> {
     }
 }
 
-fn log_uniform(draw: &mut Draw, low: f64, high: f64) -> f64 {
-    low * libm::exp(draw.uniform() * libm::log(high / low))
+fn log_uniform(rng: &mut RandomStream, low: f64, high: f64) -> f64 {
+    low * libm::exp(rng.uniform() * libm::log(high / low))
 }
 
 /// Whether a polygon, east and north, contains a position: a line from it to the west crosses an odd number of sides.
@@ -88,8 +88,8 @@ fn surrounds(polygon: &[[f64; 2]], p: EnuPosition) -> bool {
     for (i, a) in polygon.iter().enumerate() {
         let b = polygon[(i + 1) % polygon.len()];
         if (a[1] > p.north) != (b[1] > p.north) {
-            let share = (p.north - a[1]) / (b[1] - a[1]);
-            inside ^= p.east > a[0] + share * (b[0] - a[0]);
+            let fraction = (p.north - a[1]) / (b[1] - a[1]);
+            inside ^= p.east > a[0] + fraction * (b[0] - a[0]);
         }
     }
     inside
@@ -116,8 +116,8 @@ mod tests {
         let views = Views { loaded: &loaded, actors: &actors, camera: &camera };
         let LoadedScene { scene, collider, .. } = &loaded;
         let crane = scene.objects.iter().find(|object| object.tags.names.iter().any(|name| name.contains("crane"))).unwrap();
-        let mut draw = Draw::new(1, "test", &[]);
-        let poses: Vec<Pose> = (0..400).filter_map(|_| views.of(crane, &mut draw)).collect();
+        let mut rng = RandomStream::new(1, "test", &[]);
+        let poses: Vec<Pose> = (0..400).filter_map(|_| views.of(crane, &mut rng)).collect();
         assert!(poses.len() > 50, "{}", poses.len());
         for pose in &poses {
             assert!(collider.contact(pose.position, 0.3).is_none() && scene.bounds.contains(pose.position));

@@ -1,6 +1,6 @@
 //! Generates instructions from tags in varied wording. The language resolver checks whether each is unambiguous.
 
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use spf_core::tags::Tagged;
 
@@ -58,7 +58,7 @@ impl Wording {
 
 /// All instructions that the tags of an object allow, shuffled by `draw`. Each kind of wording has the same probability
 /// of coming first, however many names there are.
-pub(super) fn instructions(tags: &Tagged, draw: &mut Draw) -> Vec<(Wording, String)> {
+pub(super) fn instructions(tags: &Tagged, rng: &mut RandomStream) -> Vec<(Wording, String)> {
     let mut kinds: Vec<(Wording, Vec<String>)> = [
         (Wording::Name, names(tags, &tags.names)),
         (Wording::Synonym, names(tags, &tags.synonyms)),
@@ -71,9 +71,9 @@ pub(super) fn instructions(tags: &Tagged, draw: &mut Draw) -> Vec<(Wording, Stri
     .into_iter()
     .filter(|(_, ways)| !ways.is_empty())
     .collect();
-    shuffle(&mut kinds, draw);
+    shuffle(&mut kinds, rng);
     for (_, ways) in &mut kinds {
-        shuffle(ways, draw);
+        shuffle(ways, rng);
     }
     let longest = kinds.iter().map(|(_, ways)| ways.len()).max().unwrap_or(0);
     let mut worded = Vec::new();
@@ -81,7 +81,7 @@ pub(super) fn instructions(tags: &Tagged, draw: &mut Draw) -> Vec<(Wording, Stri
         for (wording, ways) in &kinds {
             if let Some(way) = ways.get(nth) {
                 let orders: &[&str] = if *wording == Wording::Use { &USES } else { &ORDERS };
-                worded.push((*wording, orders[draw.below(orders.len())].replace("{}", way)));
+                worded.push((*wording, orders[rng.below(orders.len())].replace("{}", way)));
             }
         }
     }
@@ -120,9 +120,9 @@ fn placed(tags: &Tagged) -> Vec<String> {
 }
 
 /// Fisher-Yates shuffle.
-pub(super) fn shuffle<T>(list: &mut [T], draw: &mut Draw) {
+pub(super) fn shuffle<T>(list: &mut [T], rng: &mut RandomStream) {
     for last in (1..list.len()).rev() {
-        list.swap(last, draw.below(last + 1));
+        list.swap(last, rng.below(last + 1));
     }
 }
 
@@ -173,7 +173,7 @@ mod tests {
     #[test]
     fn words_vary_and_repeat_by_seed() {
         let red = tags(1, "chair", "red", "tall");
-        let worded = |seed| instructions(&red, &mut Draw::new(seed, "test", &[]));
+        let worded = |seed| instructions(&red, &mut RandomStream::new(seed, "test", &[]));
         assert_eq!(worded(4), worded(4));
         let firsts: std::collections::BTreeSet<Wording> = (0..60).map(|seed| worded(seed)[0].0).collect();
         assert_eq!(firsts.len(), 7, "{firsts:?}");

@@ -42,7 +42,7 @@ pub(crate) struct FlightLog {
     /// The pilot was woken at this time, and nothing has been logged for it yet.
     woken: Option<Time>,
     posed: Option<Time>,
-    asked: BTreeMap<QueryId, Time>,
+    query_times: BTreeMap<QueryId, Time>,
     /// Dropped messages (the disk was too slow) that the log does not mention yet.
     missing: u64,
 }
@@ -70,7 +70,7 @@ impl Outlet {
     }
 
     /// Writes a camera image and its annotations.
-    pub(crate) fn picture(&self, at: Time, jpeg: Bytes, size: (u32, u32), marks: &Marks) {
+    pub(crate) fn image(&self, at: Time, jpeg: Bytes, size: (u32, u32), marks: &Marks) {
         self.put(Channel::Image, at, foxglove::encode(&foxglove::image(at, jpeg)));
         self.put(Channel::Annotations, at, foxglove::encode(&foxglove::annotations(at, size, marks)));
     }
@@ -88,11 +88,11 @@ impl FlightLog {
         let out = Outlet { log: log.as_ref().map(Log::sender), live };
         out.row(Channel::Flight, Time::ZERO, head);
         out.put(Channel::Scene, Time::ZERO, foxglove::encode(&foxglove::scene(Time::ZERO, scene)));
-        Self { log, out, frame_source, woken: None, posed: None, asked: BTreeMap::new(), missing: 0 }
+        Self { log, out, frame_source, woken: None, posed: None, query_times: BTreeMap::new(), missing: 0 }
     }
 
     /// An outlet for images, which come from another thread; also writes the calibration of the camera at their size.
-    pub(crate) fn pictures(&self, size: (u32, u32)) -> Outlet {
+    pub(crate) fn images(&self, size: (u32, u32)) -> Outlet {
         let camera = self.frame_source.camera().resized(size.0, size.1);
         self.out.put(Channel::Calibration, Time::ZERO, foxglove::encode(&foxglove::calibration(Time::ZERO, &camera)));
         self.out.clone()
@@ -155,7 +155,7 @@ impl FlightLog {
             Event::ReplyFailed { id, reason } => self.reply(now, *id, None, Some(reason), false),
             Event::Spent { reason } => {
                 // The query that was not sent is the newest one open.
-                let id = self.asked.pop_last().map(|(id, _)| id).unwrap_or_default();
+                let id = self.query_times.pop_last().map(|(id, _)| id).unwrap_or_default();
                 let (failed, text, latency_s) = (Some(reason.clone()), None, None);
                 self.row(Channel::Reply, now, &ReplyRow { id, text, failed, spent: true, part: false, latency_s });
             }
@@ -166,8 +166,8 @@ impl FlightLog {
     }
 
     fn reply(&mut self, now: Time, id: QueryId, text: Option<&String>, failed: Option<&String>, part: bool) {
-        let asked = if part { self.asked.get(&id).copied() } else { self.asked.remove(&id) };
-        let latency_s = asked.map(|asked| now.since(asked).as_secs_f64());
+        let query_times = if part { self.query_times.get(&id).copied() } else { self.query_times.remove(&id) };
+        let latency_s = query_times.map(|query_times| now.since(query_times).as_secs_f64());
         self.row(
             Channel::Reply,
             now,
@@ -194,10 +194,10 @@ impl FlightLog {
     }
 
     fn ask(&mut self, now: Time, query: &Query) {
-        if self.asked.len() >= REMEMBERED {
-            self.asked.pop_first();
+        if self.query_times.len() >= REMEMBERED {
+            self.query_times.pop_first();
         }
-        self.asked.insert(query.id, now);
+        self.query_times.insert(query.id, now);
         // Ground truth of the frame, from which its ids and depth can be rendered again.
         if let Some(pose) = self.frame_source.true_pose_of(query.frame) {
             self.row(Channel::Truth, now, &TruthRow { frame: query.frame, pose });

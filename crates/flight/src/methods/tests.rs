@@ -26,24 +26,27 @@ fn options_that_are_left_out_are_those_of_the_first_of_a_family() {
 
 #[test]
 fn a_wrong_row_is_told() {
-    assert_eq!(refused(&[row("a", SPF, ""), row("a", "family = \"plain\"", "")].concat()), "two rows are called `a`");
+    assert_eq!(refused(&[row("a", SPF, ""), row("a", "family = \"plain\"", "")].concat()), "duplicate name `a`");
     for name in ["", "Spf", "1m", "spf-", "-spf", "spf--x", "a,b", "a/b", "ä"] {
-        let said = refused(&row(name, SPF, ""));
-        assert_eq!(said, format!("`{name}` is no name: lower-case letters, digits and dashes between them, a letter first"));
+        let message = refused(&row(name, SPF, ""));
+        assert_eq!(
+            message,
+            format!("invalid name `{name}`: use lower-case letters, digits and single dashes, starting with a letter")
+        );
     }
     let unused = row("a", SPF, "").replace("fly = \"words\"\nbench = {  }\n", "");
-    assert_eq!(refused(&unused), "`a` is neither for `spf fly` nor for the bench");
-    assert_eq!(refused(&row("a", SPF, "").replace("a row", " ")), "`a` has no words about it");
-    assert_eq!(refused(&row("a", SPF, "").replace("words", "")), "`a` has no words about it");
+    assert_eq!(refused(&unused), "`a` has neither `fly` nor `bench`: set at least one");
+    assert_eq!(refused(&row("a", SPF, "").replace("a row", " ")), "`a` has no `about`: add a description");
+    assert_eq!(refused(&row("a", SPF, "").replace("words", "")), "`a` has no `about`: add a description");
     assert_eq!(refused(&row("a", "family = \"pivot\", runs = 9", "")), "`runs` of `a` is 9, but must be 1 to 8");
     let long = refused(&row("a", SPF, "step = { fixed_m = 51 }"));
     assert_eq!(long, "`fixed_m` of `a` is 51, but must be 0.05 to 50");
     assert!(refused(&row("a", SPF, "step = { fixed_m = nan }")).starts_with("`fixed_m` of `a` is NaN"));
     let alike = [row("a", SPF, ""), row("b", SPF, "")].concat();
-    assert_eq!(refused(&alike), "`a` and `b` are both for `spf fly` and decide alike, so that a log could name either");
+    assert_eq!(refused(&alike), "`a` and `b` both have `fly` and the same policy, so a log could name either");
     let nameless = row("a", SPF, "").replace("fly = \"words\"\n", "");
-    assert!(refused(&nameless).starts_with("no row for `spf fly` decides as `a` does"));
-    assert!(refused(&row("a", SPF, "blind = true")).starts_with("`a` is blind, but of the policies only `plain`"));
+    assert!(refused(&nameless).starts_with("no row with `fly` has the policy of `a`"));
+    assert!(refused(&row("a", SPF, "blind = true")).starts_with("`a` is blind, but only the policy `plain`"));
 }
 
 #[test]
@@ -58,17 +61,17 @@ fn an_unknown_word_is_told_with_its_line() {
         (row("a", SPF, "") + "colour = \"red\"\n", "unknown field `colour`"),
         ("[[way]]\n".to_owned(), "unknown field `way`"),
     ] {
-        let said = refused(&wrong);
-        assert!(said.starts_with("TOML parse error at line ") && said.contains(piece), "{said}");
+        let message = refused(&wrong);
+        assert!(message.starts_with("TOML parse error at line ") && message.contains(piece), "{message}");
     }
 }
 
 #[test]
 fn a_variant_changes_what_it_says_and_nothing_else() {
-    let manner = |words: &str| read(&row("some", SPF, words)).unwrap().remove(0).bench.unwrap();
+    let settings = |words: &str| read(&row("some", SPF, words)).unwrap().remove(0).bench.unwrap();
     let preset = PilotSettings::preset(Preset::Default);
-    assert_eq!((manner("").settings(6.7), manner("").preset()), (preset, Preset::Default));
-    let paper = manner("preset = \"paper\"");
+    assert_eq!((settings("").settings(6.7), settings("").preset()), (preset, Preset::Default));
+    let paper = settings("preset = \"paper\"");
     assert_eq!((paper.settings(6.7), paper.preset()), (PilotSettings::preset(Preset::Paper), Preset::Paper));
     for (words, wanted) in [
         ("step = \"median\"", PilotSettings { step: StepRule::Fixed(6.7), ..preset }),
@@ -79,7 +82,7 @@ fn a_variant_changes_what_it_says_and_nothing_else() {
         ("think = \"stop\"", PilotSettings { think: Think::Stop, ..preset }),
         ("confirm_done = false", PilotSettings { confirm_done: false, ..preset }),
     ] {
-        assert_eq!(manner(words).settings(6.7), wanted, "{words}");
+        assert_eq!(settings(words).settings(6.7), wanted, "{words}");
     }
 }
 
@@ -148,7 +151,7 @@ fn documents_name_every_policy() {
     }
 }
 
-fn manners() -> impl Strategy<Value = Manner> {
+fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let step = prop_oneof![Just(Step::Median), FIXED_M.prop_map(Step::FixedM)];
     let preset = prop_oneof![Just(Preset::Default), Just(Preset::Paper)];
     let lifting = prop_oneof![Just(Lifting::Paper), Just(Lifting::Levelled)];
@@ -156,7 +159,7 @@ fn manners() -> impl Strategy<Value = Manner> {
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(Think::Stop), Just(Think::Continuous)];
     (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<bool>()).prop_map(
-        |(preset, step, lifting, motion, ending, think, confirm_done, avoid)| Manner {
+        |(preset, step, lifting, motion, ending, think, confirm_done, avoid)| BenchSettings {
             preset,
             step,
             lifting,
@@ -171,7 +174,7 @@ fn manners() -> impl Strategy<Value = Manner> {
 }
 
 fn tables() -> impl Strategy<Value = Vec<MethodRow>> {
-    let one = ("[a-z][a-z0-9]{0,3}(-[a-z0-9]{1,2}){0,2}", "\\PC{1,20}", families(), of("[a-z ]{1,9}"), of(manners()))
+    let one = ("[a-z][a-z0-9]{0,3}(-[a-z0-9]{1,2}){0,2}", "\\PC{1,20}", families(), of("[a-z ]{1,9}"), of(bench_settings()))
         .prop_map(|(name, about, policy, fly, bench)| MethodRow { name, about, policy, fly, bench });
     proptest::collection::vec(one, 0..6)
 }
@@ -183,9 +186,9 @@ proptest! {
         prop_assert_eq!(&toml::from_str::<File>(&text).unwrap().method, &rows);
         let called = |name: &str| rows.iter().filter(|row| row.name == name).count();
         let deciding = |policy| rows.iter().filter(|row| row.fly.is_some() && row.policy == policy).count();
-        let said = |row: &MethodRow| [Some(&row.about), row.fly.as_ref()].into_iter().flatten().all(|words| !words.trim().is_empty());
+        let message = |row: &MethodRow| [Some(&row.about), row.fly.as_ref()].into_iter().flatten().all(|words| !words.trim().is_empty());
         let used = |row: &MethodRow| row.fly.is_some() || row.bench.is_some();
-        let fine = |row: &MethodRow| called(&row.name) == 1 && deciding(row.policy) == 1 && said(row) && used(row);
+        let fine = |row: &MethodRow| called(&row.name) == 1 && deciding(row.policy) == 1 && message(row) && used(row);
         prop_assert_eq!(read(&text).is_ok(), rows.iter().all(fine));
     }
 

@@ -138,16 +138,16 @@ impl LoadedScene {
     /// Renders an image of a snapshot.
     #[must_use]
     pub fn render(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels) -> RenderedImage {
-        let mut picture = RenderedImage::default();
-        self.render_into(camera, snapshot, channels, &mut picture);
-        picture
+        let mut image = RenderedImage::default();
+        self.render_into(camera, snapshot, channels, &mut image);
+        image
     }
 
     /// Renders a snapshot into existing buffers.
-    pub fn render_into(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels, picture: &mut RenderedImage) {
+    pub fn render_into(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels, image: &mut RenderedImage) {
         let frustum = Frustum::new(camera, &snapshot.pose);
         let actors = self.cast.parts(&snapshot.actors, |centre, radius| frustum.sees(centre, radius));
-        self.renderer.render_into(camera, &snapshot.pose, channels, &actors, picture);
+        self.renderer.render_into(camera, &snapshot.pose, channels, &actors, image);
     }
 
     /// Bounding box of an object with the actors at the given places.

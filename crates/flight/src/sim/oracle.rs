@@ -6,7 +6,7 @@ use spf_core::query::Query;
 use spf_core::time::Duration;
 use spf_oracle::{ErrorFile, Oracle, Percept, Sight};
 use spf_render::Channels;
-use spf_vlm::{Account, Answer, Asked, QueryImage, Vlm, VlmError};
+use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
 
 use super::loaded_scene::{PerceptBuffers, WorldSnapshot};
 use super::world::SimWorld;
@@ -46,7 +46,7 @@ impl OracleVlm {
             return Ok(percept.clone());
         }
         let snapshot =
-            self.world.capture(frame).ok_or_else(|| VlmError::Image(format!("frame {} is no longer kept", frame.0)))?;
+            self.world.capture(frame).ok_or_else(|| VlmError::Image(format!("frame {} is no longer stored", frame.0)))?;
         let percept = self.look(frame, &snapshot);
         self.percept = Some((frame, percept.clone()));
         Ok(percept)
@@ -61,14 +61,14 @@ impl OracleVlm {
         // Outside of the parallel section: the first request for light waits for its computation, and must not run
         // another flight's percept in the meantime, which would wait for itself.
         let light = self.world.light_on(snapshot, &eyes.sight);
-        let picture = &eyes.sight;
+        let image = &eyes.sight;
         let sight = Sight {
-            width: picture.width as usize,
-            height: picture.height as usize,
-            ids: picture.ids.as_deref().unwrap_or_default(),
-            depth: picture.depth.as_deref().unwrap_or_default(),
-            opening_ids: picture.opening_ids.as_deref().unwrap_or_default(),
-            opening_depth: picture.opening_depth.as_deref().unwrap_or_default(),
+            width: image.width as usize,
+            height: image.height as usize,
+            ids: image.ids.as_deref().unwrap_or_default(),
+            depth: image.depth.as_deref().unwrap_or_default(),
+            opening_ids: image.opening_ids.as_deref().unwrap_or_default(),
+            opening_depth: image.opening_depth.as_deref().unwrap_or_default(),
             camera: self.world.camera(),
             in_frame: &in_frame,
             light: &light,
@@ -84,9 +84,9 @@ impl Vlm for OracleVlm {
         &self.name
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, _picture: &mut dyn QueryImage) -> Answer {
-        match self.percept(asked.query.frame) {
-            Ok(percept) => self.answer_from(asked.query, &percept),
+    fn answer(&mut self, request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
+        match self.percept(request.query.frame) {
+            Ok(percept) => self.answer_from(request.query, &percept),
             Err(error) => {
                 let (latency, model) = (Duration::ZERO, self.name.clone());
                 Answer { text: Err(error), latency, model, account: Account::default() }

@@ -65,24 +65,24 @@ pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
 
 /// The subset of `objects` in view.
 fn in_view(world: &SimWorld, snapshot: &WorldSnapshot, objects: &[ObjectId]) -> Vec<ObjectId> {
-    let picture = world.look(snapshot, Channels { ids: true, openings: true, ..Channels::default() });
-    sighted(&picture, objects, VIEW_HEIGHT, || world.in_frame(snapshot, &mut RenderedImage::default()))
+    let image = world.look(snapshot, Channels { ids: true, openings: true, ..Channels::default() });
+    sighted(&image, objects, VIEW_HEIGHT, || world.in_frame(snapshot, &mut RenderedImage::default()))
 }
 
 /// The subset of `objects`, openings included, that an image with ids and openings shows well: at least `height` of the
-/// frame high with a quarter of the silhouette inside the frame (`shares`; objects not listed touch no edge), or
-/// filling a tenth of the frame. Only visible pixels count. `shares`, which needs another render, is called only if it
+/// frame high with a quarter of the silhouette inside the frame (`fractions`; objects not listed touch no edge), or
+/// filling a tenth of the frame. Only visible pixels count. `fractions`, which needs another render, is called only if it
 /// decides.
 pub fn sighted(
-    picture: &RenderedImage,
+    image: &RenderedImage,
     objects: &[ObjectId],
     height: f64,
-    shares: impl FnOnce() -> BTreeMap<ObjectId, f32>,
+    fractions: impl FnOnce() -> BTreeMap<ObjectId, f32>,
 ) -> Vec<ObjectId> {
-    let extents = extents(picture, objects);
-    let (high, fills) = (|of: &Extent| of.high(picture, height), |of: &Extent| of.fills(picture));
-    let shares = if extents.iter().any(|(_, of)| high(of) && !fills(of)) { shares() } else { BTreeMap::new() };
-    let inside = |id: &ObjectId| shares.get(id).is_none_or(|share| *share >= VIEW_SHARE);
+    let extents = extents(image, objects);
+    let (high, fills) = (|of: &Extent| of.high(image, height), |of: &Extent| of.fills(image));
+    let fractions = if extents.iter().any(|(_, of)| high(of) && !fills(of)) { fractions() } else { BTreeMap::new() };
+    let inside = |id: &ObjectId| fractions.get(id).is_none_or(|fraction| *fraction >= VIEW_SHARE);
     let shown = extents.into_iter().filter(|(id, of)| fills(of) || (high(of) && inside(id)));
     shown.map(|(id, _)| id).collect()
 }
@@ -96,20 +96,20 @@ struct Extent {
 }
 
 impl Extent {
-    fn high(&self, picture: &RenderedImage, share: f64) -> bool {
-        (self.bottom - self.top + 1) as f64 >= share * f64::from(picture.height)
+    fn high(&self, image: &RenderedImage, fraction: f64) -> bool {
+        (self.bottom - self.top + 1) as f64 >= fraction * f64::from(image.height)
     }
 
-    fn fills(&self, picture: &RenderedImage) -> bool {
-        self.pixels as f64 >= VIEW_FILL * f64::from(picture.width) * f64::from(picture.height)
+    fn fills(&self, image: &RenderedImage) -> bool {
+        self.pixels as f64 >= VIEW_FILL * f64::from(image.width) * f64::from(image.height)
     }
 }
 
 /// The extents of `objects` in an image: first objects, then openings, each by ascending id.
-fn extents(picture: &RenderedImage, objects: &[ObjectId]) -> Vec<(ObjectId, Extent)> {
-    let w = picture.width as usize;
+fn extents(image: &RenderedImage, objects: &[ObjectId]) -> Vec<(ObjectId, Extent)> {
+    let w = image.width as usize;
     let objects = BTreeSet::from_iter(objects.iter().copied().filter(|id| *id != 0));
-    let channels = [picture.ids.as_deref(), picture.opening_ids.as_deref()].into_iter().flatten().filter(|_| w > 0);
+    let channels = [image.ids.as_deref(), image.opening_ids.as_deref()].into_iter().flatten().filter(|_| w > 0);
     channels.flat_map(|ids| objects.iter().filter_map(move |id| Some((*id, extent(ids, w, *id)?)))).collect()
 }
 

@@ -148,9 +148,9 @@ impl SimWorld {
     /// Renders what the camera sees in a snapshot.
     #[must_use]
     pub fn look(&self, snapshot: &WorldSnapshot, channels: Channels) -> RenderedImage {
-        let mut picture = RenderedImage::default();
-        self.look_into(snapshot, channels, &mut picture);
-        picture
+        let mut image = RenderedImage::default();
+        self.look_into(snapshot, channels, &mut image);
+        image
     }
 
     /// Renders a camera image, at the camera's size or another.
@@ -163,13 +163,13 @@ impl SimWorld {
     #[must_use]
     pub fn photograph_with(&self, shot: &Shot<WorldSnapshot>, size: Option<(u32, u32)>, channels: Channels) -> Rgb {
         self.sim_camera
-            .photograph(shot, size, |camera, snapshot, picture| self.loaded.render_into(camera, snapshot, channels, picture))
+            .photograph(shot, size, |camera, snapshot, image| self.loaded.render_into(camera, snapshot, channels, image))
     }
 
     /// Renders a snapshot into existing buffers: allocating new ones takes a fifth of a decision's time.
-    pub fn look_into(&self, snapshot: &WorldSnapshot, channels: Channels, picture: &mut RenderedImage) {
-        self.sim_camera.look(self.camera(), picture, |camera, picture| {
-            self.loaded.render_into(camera, snapshot, channels, picture);
+    pub fn look_into(&self, snapshot: &WorldSnapshot, channels: Channels, image: &mut RenderedImage) {
+        self.sim_camera.look(self.camera(), image, |camera, image| {
+            self.loaded.render_into(camera, snapshot, channels, image);
         });
     }
 
@@ -177,16 +177,16 @@ impl SimWorld {
     ///
     /// [`Renderer::light_on`]: spf_render::Renderer::light_on
     #[must_use]
-    pub fn light_on(&self, snapshot: &WorldSnapshot, picture: &RenderedImage) -> BTreeMap<u16, f32> {
-        self.loaded.renderer.light_on(self.camera(), &snapshot.pose, picture)
+    pub fn light_on(&self, snapshot: &WorldSnapshot, image: &RenderedImage) -> BTreeMap<u16, f32> {
+        self.loaded.renderer.light_on(self.camera(), &snapshot.pose, image)
     }
 
     /// Fraction of each object's silhouette inside the frame, openings separately. The wider view in which they are
-    /// counted is rendered into `picture`.
+    /// counted is rendered into `image`.
     #[must_use]
-    pub fn in_frame(&self, snapshot: &WorldSnapshot, picture: &mut RenderedImage) -> BTreeMap<u16, f32> {
+    pub fn in_frame(&self, snapshot: &WorldSnapshot, image: &mut RenderedImage) -> BTreeMap<u16, f32> {
         let channels = Channels { ids: true, openings: true, ..Channels::default() };
-        self.loaded.render_into(self.surroundings.camera(), snapshot, channels, picture);
-        self.surroundings.shares(picture)
+        self.loaded.render_into(self.surroundings.camera(), snapshot, channels, image);
+        self.surroundings.fractions(image)
     }
 }

@@ -9,10 +9,10 @@ use spf_core::pilot::{Action, Event, OperatorEvent};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
-use spf_vlm::{Asked, Cancel, Vlm, VlmError};
+use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
 use super::{Script, answer_event, pilot_event};
-use crate::picture::Pictures;
+use crate::image::QueryImages;
 use crate::run::World;
 
 /// Maximum reaction time to Ctrl-C when nothing else happens.
@@ -47,17 +47,17 @@ impl Live {
         script: Script,
         interrupts: Arc<AtomicU32>,
     ) -> std::io::Result<Self> {
-        let mut pictures = Pictures::of(drone.as_ref());
-        let (queries, asked) = channel::<(Query, Cancel)>();
+        let mut images = QueryImages::of(drone.as_ref());
+        let (queries, request) = channel::<(Query, Cancel)>();
         let (answered, events) = channel();
         std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
-            for (query, cancel) in asked {
+            for (query, cancel) in request {
                 let begun = start.elapsed();
                 let (latency, text) = if cancel.is_cancelled() {
                     (Duration::ZERO, Err(VlmError::Cancelled))
                 } else {
-                    let asked = Asked { query: &query, time_left: query.deadline.since(Time::ZERO + begun), cancel };
-                    let answer = vlm.answer(&asked, &mut pictures.about(&query));
+                    let request = QueryRequest { query: &query, time_left: query.deadline.since(Time::ZERO + begun), cancel };
+                    let answer = vlm.answer(&request, &mut images.about(&query));
                     (answer.latency, answer.text)
                 };
                 let event = answer_event(query.id, text);

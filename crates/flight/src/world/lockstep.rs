@@ -8,10 +8,10 @@ use spf_core::pilot::{Action, Event, OperatorEvent};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::Time;
 use spf_drone::Drone;
-use spf_vlm::{Asked, Vlm};
+use spf_vlm::{QueryRequest, Vlm};
 
 use super::{Script, answer_event, pilot_event};
-use crate::picture::Pictures;
+use crate::image::QueryImages;
 use crate::run::World;
 
 /// A world in virtual time: the craft is advanced to the next event, and a VLM reply arrives its latency after the
@@ -23,7 +23,7 @@ pub struct Lockstep {
     now: Time,
     drone: Box<dyn Drone>,
     vlm: Box<dyn Vlm>,
-    pictures: Pictures,
+    images: QueryImages,
     script: Script,
     answers: Vec<(Time, QueryId, Event)>,
     interrupts: Arc<AtomicU32>,
@@ -35,18 +35,8 @@ impl Lockstep {
     /// A world at flight time zero. `interrupts` counts Ctrl-C presses: the first one lands.
     #[must_use]
     pub fn new(drone: Box<dyn Drone>, vlm: Box<dyn Vlm>, script: Script, interrupts: Arc<AtomicU32>) -> Self {
-        let pictures = Pictures::of(drone.as_ref());
-        Self {
-            now: Time::ZERO,
-            drone,
-            vlm,
-            pictures,
-            script,
-            answers: Vec::new(),
-            interrupts,
-            interrupted: false,
-            operator: None,
-        }
+        let images = QueryImages::of(drone.as_ref());
+        Self { now: Time::ZERO, drone, vlm, images, script, answers: Vec::new(), interrupts, interrupted: false, operator: None }
     }
 
     /// Adds manual operator inputs, which are delivered before any other event.
@@ -57,8 +47,8 @@ impl Lockstep {
     }
 
     fn ask(&mut self, query: &Query) {
-        let asked = Asked::new(query, query.deadline.since(self.now));
-        let answer = self.vlm.answer(&asked, &mut self.pictures.about(query));
+        let request = QueryRequest::new(query, query.deadline.since(self.now));
+        let answer = self.vlm.answer(&request, &mut self.images.about(query));
         self.answers.push((self.now + answer.latency, query.id, answer_event(query.id, answer.text)));
     }
 

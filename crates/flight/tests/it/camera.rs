@@ -36,9 +36,9 @@ fn misses(world: &SimWorld, by: &Camera) -> (f64, f64) {
     let position = EnuPosition { east: 2.0, north: -4.0, up: 6.0 };
     let pose = Pose { position, attitude: Attitude { heading: 0.4, pitch: -0.05, roll: 0.03 } };
     let moment = world.loaded().beginning(pose);
-    let picture = world.look(&moment, Channels { ids: true, depth: true, ..Channels::default() });
-    let (ids, depth) = (picture.ids.unwrap(), picture.depth.unwrap());
-    let (w, h) = (picture.width as usize, picture.height as usize);
+    let image = world.look(&moment, Channels { ids: true, depth: true, ..Channels::default() });
+    let (ids, depth) = (image.ids.unwrap(), image.depth.unwrap());
+    let (w, h) = (image.width as usize, image.height as usize);
     let mut misses = Vec::new();
     for (x, y) in (7..h - 2).step_by(24).flat_map(|y| (5..w - 2).step_by(24).map(move |x| (x, y))) {
         let at = y * w + x;
@@ -75,8 +75,8 @@ fn what_is_pointed_at_is_what_is_lifted_to() {
 
 fn flown(flight_conditions: FlightConditions, kind: CraftKind, seed: u64) -> Summary {
     let site = Simulated { kind, flight_conditions, seed, ..Simulated::new(city(), "city") };
-    let who = oracle_factory("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
-    let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle:perfect", who);
+    let vlm_factory = oracle_factory("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
+    let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle:perfect", vlm_factory);
     fly(plan, &mut []).unwrap().summary
 }
 

@@ -53,8 +53,8 @@ fn a_vlm_behind_http_points_straight_ahead_three_times_where_nothing_is_red() {
     let (grey, ahead) = (Rgb::filled(64, 48, [128; 3]), AtomicU32::default());
     for _flight in 0..2 {
         let prompts = ["first", "What came before: …", "What came before: …", "What came before: …", "What came before: …"];
-        let said = prompts.map(|prompt| vlm_server::reply(prompt, &grey, &ahead)["status"].clone());
-        assert_eq!(said, ["navigating", "navigating", "navigating", "done", "done"]);
+        let message = prompts.map(|prompt| vlm_server::reply(prompt, &grey, &ahead)["status"].clone());
+        assert_eq!(message, ["navigating", "navigating", "navigating", "done", "done"]);
     }
 }
 

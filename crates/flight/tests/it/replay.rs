@@ -47,12 +47,12 @@ fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
         (at(19_000), OperatorEvent::Instruction("fly to the black car".to_owned())),
     ];
     let site = Simulated { kind, seed: 3, ..Simulated::new(Arc::new(LoadedScene::load("city").unwrap()), "city") };
-    let who = oracle_factory("oracle".to_owned(), ErrorFile::named("default").unwrap());
+    let vlm_factory = oracle_factory("oracle".to_owned(), ErrorFile::named("default").unwrap());
     let mut plan = FlightPlan {
         settings: settings(),
         script: Script::new(events),
         record: Some(RecordPlan { out: OutDir::at(folder).unwrap(), video: false, view: None }),
-        ..FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle", who)
+        ..FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle", vlm_factory)
     };
     change(&mut plan);
     let flown = fly(plan, &mut []).unwrap();
@@ -111,7 +111,7 @@ fn a_flight_with_a_detector_is_the_same_again() {
         (plan.policy, plan.detector) = (policy("spf-detector"), Some("oracle:perfect".to_owned()));
         plan.settings.avoid = true;
         let detector = oracle_factory("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap());
-        plan.who = with_detector(plan.who.clone(), detector);
+        plan.vlm_factory = with_detector(plan.vlm_factory.clone(), detector);
     });
     assert_eq!(replayed(&log, &Changes::default()).differences, []);
     let mut entries = LogReader::open(&log).unwrap();
@@ -136,7 +136,7 @@ fn a_flight_with_a_model_is_the_same_again() {
         (plan.policy, plan.detector) = (policy("spf-detector"), Some(detector.name().to_owned()));
         plan.settings.avoid = true;
         // The network is quick, but how quick is another matter each time: replay takes what the log has.
-        plan.who = with_detector(plan.who.clone(), model_detects(detector));
+        plan.vlm_factory = with_detector(plan.vlm_factory.clone(), model_detects(detector));
     });
     assert_eq!(replayed(&log, &Changes::default()).differences, []);
     let mut entries = LogReader::open(&log).unwrap();
@@ -150,10 +150,10 @@ fn a_torn_log_is_replayed_as_far_as_it_goes() {
     let folder = tempfile::tempdir().unwrap();
     let log = flown(&folder.path().join("flight"), |_| {});
     let whole = std::fs::read(&log).unwrap();
-    for share in [0.3, 0.6, 0.9] {
-        std::fs::write(&log, &whole[..(share * whole.len() as f64) as usize]).unwrap();
+    for fraction in [0.3, 0.6, 0.9] {
+        std::fs::write(&log, &whole[..(fraction * whole.len() as f64) as usize]).unwrap();
         let report = replayed(&log, &Changes::default());
-        assert!(report.torn && report.differences.is_empty(), "{share}: {:?}", report.differences.first());
-        assert!(report.inputs > 50, "{share}: {} inputs", report.inputs);
+        assert!(report.torn && report.differences.is_empty(), "{fraction}: {:?}", report.differences.first());
+        assert!(report.inputs > 50, "{fraction}: {} inputs", report.inputs);
     }
 }

@@ -48,14 +48,14 @@ impl Orientation {
 
     /// The upright image.
     #[must_use]
-    pub fn turned(self, picture: Rgb) -> Rgb {
+    pub fn turned(self, image: Rgb) -> Rgb {
         if self == Self::default() {
-            return picture;
+            return image;
         }
-        let (file_width, file_height) = (picture.width(), picture.height());
+        let (file_width, file_height) = (image.width(), image.height());
         let (width, height) = self.turned_size((file_width, file_height));
-        let (pixels, _) = picture.data().as_chunks::<3>();
-        let mut turned = Vec::with_capacity(picture.data().len());
+        let (pixels, _) = image.data().as_chunks::<3>();
+        let mut turned = Vec::with_capacity(image.data().len());
         for y in 0..height {
             for x in 0..width {
                 let (column, row) = if self.swapped { (y, x) } else { (x, y) };
@@ -65,7 +65,7 @@ impl Orientation {
             }
         }
         // One pixel for each there was.
-        Rgb::from_raw(width, height, turned).unwrap_or(picture)
+        Rgb::from_raw(width, height, turned).unwrap_or(image)
     }
 }
 
@@ -119,9 +119,9 @@ mod tests {
     fn the_eight_orientations_worked_by_hand() {
         // 1 2 3
         // 4 5 6
-        let picture = Rgb::from_raw(3, 2, (1..=6).flat_map(|n| [n; 3]).collect()).unwrap();
+        let image = Rgb::from_raw(3, 2, (1..=6).flat_map(|n| [n; 3]).collect()).unwrap();
         let turned = |number| {
-            let turned = Orientation::of_exif(&block(number % 2 == 0, number)).turned(picture.clone());
+            let turned = Orientation::of_exif(&block(number % 2 == 0, number)).turned(image.clone());
             (turned.width(), turned.data().iter().step_by(3).copied().collect::<Vec<_>>())
         };
         assert_eq!(turned(1), (3, vec![1, 2, 3, 4, 5, 6]));

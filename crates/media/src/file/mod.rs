@@ -251,16 +251,16 @@ mod tests {
     use crate::{Jpeg, Rgb, png as ours};
     use proptest::prelude::*;
 
-    fn picture() -> Rgb {
-        let mut picture = Rgb::filled(5, 4, [1, 2, 3]);
-        picture.set_pixel(4, 3, [255, 0, 128]);
-        picture
+    fn image() -> Rgb {
+        let mut image = Rgb::filled(5, 4, [1, 2, 3]);
+        image.set_pixel(4, 3, [255, 0, 128]);
+        image
     }
 
     #[test]
     fn formats_are_told_by_their_first_bytes() {
-        let png = ours::encode(&picture()).unwrap();
-        let jpeg = Jpeg::encode(&picture(), 90).unwrap();
+        let png = ours::encode(&image()).unwrap();
+        let jpeg = Jpeg::encode(&image(), 90).unwrap();
         assert_eq!((Format::of(&png), Format::of(jpeg.bytes())), (Some(Format::Png), Some(Format::Jpeg)));
         assert_eq!(Format::of(b"GIF89a"), None);
         assert_eq!(ImageFile::open(jpeg.bytes(), Limits::default()).unwrap().size(), (5, 4));
@@ -269,7 +269,7 @@ mod tests {
 
     #[test]
     fn limits_hold_before_anything_is_decoded() {
-        let (png, jpeg) = (ours::encode(&picture()).unwrap(), Jpeg::encode(&picture(), 90).unwrap());
+        let (png, jpeg) = (ours::encode(&image()).unwrap(), Jpeg::encode(&image(), 90).unwrap());
         for bytes in [&png[..], jpeg.bytes()] {
             assert!(matches!(ImageFile::open(bytes, Limits { side: 4, ..Limits::default() }), Err(FileError::TooLarge)));
             assert!(decode(bytes, Limits { side: 5, ..Limits::default() }).is_ok());

@@ -94,10 +94,10 @@ impl Samples {
     pub fn into_grey8(self) -> Vec<u8> {
         let channels = self.channels;
         match self.values {
-            Values::Eight(values) => grey(&values, channels, u8::MAX.into(), |share| (share * 255.0).round() as u8),
+            Values::Eight(values) => grey(&values, channels, u8::MAX.into(), |fraction| (fraction * 255.0).round() as u8),
             // Grey is rounded; colours are weighted first.
             Values::Sixteen(values) if channels < 3 => values.into_iter().step_by(channels).map(rounded).collect(),
-            Values::Sixteen(values) => grey(&values, channels, u16::MAX.into(), |share| (share * 255.0).round() as u8),
+            Values::Sixteen(values) => grey(&values, channels, u16::MAX.into(), |fraction| (fraction * 255.0).round() as u8),
         }
     }
 
@@ -107,8 +107,8 @@ impl Samples {
         let channels = self.channels;
         match self.values {
             Values::Eight(values) if channels < 3 => values.into_iter().step_by(channels).map(spread).collect(),
-            Values::Eight(values) => grey(&values, channels, u8::MAX.into(), |share| (share * 65_535.0).round() as u16),
-            Values::Sixteen(values) => grey(&values, channels, u16::MAX.into(), |share| (share * 65_535.0).round() as u16),
+            Values::Eight(values) => grey(&values, channels, u8::MAX.into(), |fraction| (fraction * 65_535.0).round() as u16),
+            Values::Sixteen(values) => grey(&values, channels, u16::MAX.into(), |fraction| (fraction * 65_535.0).round() as u16),
         }
     }
 
@@ -131,13 +131,13 @@ fn colour(pixel: &[u8]) -> [u8; 3] {
 
 /// Converts to grey by luminance; grey values are kept exactly.
 fn grey<T: Copy + Into<f32>, G>(values: &[T], channels: usize, most: f32, of: impl Fn(f32) -> G) -> Vec<G> {
-    let share = |value: T| value.into() * (1.0 / most);
+    let fraction = |value: T| value.into() * (1.0 / most);
     let luminance = |pixel: &[T]| match *pixel {
         [red, green, blue, ..] => {
             let [r, g, b] = LUMINANCE;
-            share(red) * r + share(green) * g + share(blue) * b
+            fraction(red) * r + fraction(green) * g + fraction(blue) * b
         }
-        [grey, ..] => share(grey),
+        [grey, ..] => fraction(grey),
         [] => 0.0,
     };
     values.chunks_exact(channels).map(|pixel| of(luminance(pixel))).collect()

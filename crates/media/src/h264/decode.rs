@@ -74,15 +74,15 @@ impl Decoder {
 fn colours(planes: &DecodedYUV<'_>) -> Rgb {
     let (width, height) = planes.dimensions();
     let (luma_stride, blue_stride, red_stride) = planes.strides();
-    let mut picture = Rgb::new(width as u32, height as u32);
-    for (y, row) in picture.data_mut().chunks_exact_mut(width * 3).enumerate() {
+    let mut image = Rgb::new(width as u32, height as u32);
+    for (y, row) in image.data_mut().chunks_exact_mut(width * 3).enumerate() {
         let luma = &planes.y()[y * luma_stride..];
         let (blue, red) = (&planes.u()[y / 2 * blue_stride..], &planes.v()[y / 2 * red_stride..]);
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
             pixel.copy_from_slice(&colour(luma[x], blue[x / 2], red[x / 2]));
         }
     }
-    picture
+    image
 }
 
 fn colour(luma: u8, blue: u8, red: u8) -> [u8; 3] {
@@ -115,16 +115,16 @@ mod tests {
 
     #[test]
     fn an_encoded_picture_comes_back() {
-        let mut picture = Rgb::filled(64, 48, [200, 60, 40]);
+        let mut image = Rgb::filled(64, 48, [200, 60, 40]);
         for y in 0..48 {
             for x in 32..64 {
-                picture.set_pixel(x, y, [30, 90, 180]);
+                image.set_pixel(x, y, [30, 90, 180]);
             }
         }
         let mut encoder = Encoder::new(EncoderSettings { quantiser: 14, ..EncoderSettings::for_size(64, 48, 10.0) }).unwrap();
         let mut decoder = Decoder::new().unwrap();
         for frame in 0..3 {
-            let unit = encoder.encode(Time::from_millis(100 * frame), &picture).unwrap();
+            let unit = encoder.encode(Time::from_millis(100 * frame), &image).unwrap();
             let back = decoder.decode(&unit.annex_b).unwrap().expect("every unit is a picture");
             assert_eq!((back.width(), back.height()), (64, 48));
             for (x, colour) in [(8, [200, 60, 40]), (56, [30, 90, 180])] {

@@ -133,16 +133,16 @@ impl Encoder {
     /// # Errors
     /// [`EncoderError::SizeChanged`] if the image has another size, [`EncoderError::Codec`] and [`EncoderError::Dropped`] if
     /// the codec fails.
-    pub fn encode(&mut self, time: Time, picture: &Rgb) -> Result<AccessUnit, EncoderError> {
-        if (picture.width(), picture.height()) != (self.width, self.height) {
+    pub fn encode(&mut self, time: Time, image: &Rgb) -> Result<AccessUnit, EncoderError> {
+        if (image.width(), image.height()) != (self.width, self.height) {
             return Err(EncoderError::SizeChanged {
                 expected_width: self.width,
                 expected_height: self.height,
-                width: picture.width(),
-                height: picture.height(),
+                width: image.width(),
+                height: image.height(),
             });
         }
-        self.planes.fill(picture);
+        self.planes.fill(image);
         let millis = openh264::Timestamp::from_millis(time.as_nanos() / 1_000_000);
         let stream = self.codec.encode_at(&self.planes.source(), millis)?;
         let key = match stream.frame_type() {
@@ -176,9 +176,9 @@ impl Planes {
 
     /// Converts in integer arithmetic with 1/65536 (ITU-R BT.709-6, items 3.2 to 3.5), independent of rounding modes.
     /// Chroma is the mean of four pixels.
-    fn fill(&mut self, picture: &Rgb) {
+    fn fill(&mut self, image: &Rgb) {
         let (width, half) = (self.width, self.width / 2);
-        for (index, rows) in picture.data().chunks_exact(width * 6).enumerate() {
+        for (index, rows) in image.data().chunks_exact(width * 6).enumerate() {
             let (upper, lower) = rows.split_at(width * 3);
             let (luma_upper, luma_lower) = self.luma[index * 2 * width..][..2 * width].split_at_mut(width);
             let blue = &mut self.blue[index * half..][..half];
@@ -217,20 +217,20 @@ mod tests {
     use openh264::formats::YUVSource;
 
     /// An image that changes from frame to frame: a bar that wanders over a gradient.
-    fn picture(frame: u32) -> Rgb {
-        let mut picture = Rgb::new(96, 64);
+    fn image(frame: u32) -> Rgb {
+        let mut image = Rgb::new(96, 64);
         for y in 0..64 {
             for x in 0..96 {
                 let bar = (x + frame * 3) % 96 < 12;
-                picture.set_pixel(x, y, if bar { [240, 30, 20] } else { [(x * 2) as u8, (y * 3) as u8, 90] });
+                image.set_pixel(x, y, if bar { [240, 30, 20] } else { [(x * 2) as u8, (y * 3) as u8, 90] });
             }
         }
-        picture
+        image
     }
 
     fn stream(frames: u32) -> Vec<AccessUnit> {
         let mut encoder = Encoder::new(EncoderSettings { key_interval: 1.0, ..EncoderSettings::for_size(96, 64, 10.0) }).unwrap();
-        (0..frames).map(|frame| encoder.encode(Time::from_millis(u64::from(frame) * 100), &picture(frame)).unwrap()).collect()
+        (0..frames).map(|frame| encoder.encode(Time::from_millis(u64::from(frame) * 100), &image(frame)).unwrap()).collect()
     }
 
     #[test]
@@ -274,7 +274,7 @@ mod tests {
                 if frame == 4 {
                     encoder.force_key();
                 }
-                encoder.encode(Time::from_millis(u64::from(frame) * 100), &picture(frame)).unwrap().key
+                encoder.encode(Time::from_millis(u64::from(frame) * 100), &image(frame)).unwrap().key
             })
             .collect();
         assert!(keys.iter().enumerate().all(|(frame, &key)| key == (frame % 4 == 0 && frame < 8)), "{keys:?}");
@@ -287,7 +287,7 @@ mod tests {
         let mut worst = 0;
         for (frame, unit) in (0..).zip(&units) {
             let mut planes = Planes::new(96, 64);
-            planes.fill(&picture(frame));
+            planes.fill(&image(frame));
             let decoded = decoder.decode(&unit.annex_b).unwrap().expect("every unit is a picture");
             let (stride, _, _) = decoded.strides();
             for y in 0..64 {
@@ -303,7 +303,7 @@ mod tests {
         let bytes = |quantiser| {
             let settings = EncoderSettings { quantiser, ..EncoderSettings::for_size(96, 64, 10.0) };
             let mut encoder = Encoder::new(settings).unwrap();
-            let unit = |frame: u64| encoder.encode(Time::from_millis(frame * 100), &picture(frame as u32)).unwrap().annex_b.len();
+            let unit = |frame: u64| encoder.encode(Time::from_millis(frame * 100), &image(frame as u32)).unwrap().annex_b.len();
             (0..20).map(unit).sum::<usize>()
         };
         let sizes = [20, 25, 30, 35, 40].map(bytes);

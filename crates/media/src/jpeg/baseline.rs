@@ -42,12 +42,12 @@ const HEADERS: usize = 640;
 
 /// Encodes an image of `sides` pixels, none of them zero. `level` selects the machine's instructions, which does not
 /// affect the bytes.
-pub(super) fn encode(picture: &Rgb, sides: (u16, u16), quality: u8, sampling: Sampling, level: Level) -> Vec<u8> {
+pub(super) fn encode(image: &Rgb, sides: (u16, u16), quality: u8, sampling: Sampling, level: Level) -> Vec<u8> {
     let steps = Steps::of(quality);
     // A typical size; larger files grow the buffer.
-    let mut file = Vec::with_capacity(HEADERS + picture.data().len() / 12);
+    let mut file = Vec::with_capacity(HEADERS + image.data().len() / 12);
     headers(&mut file, sides, &steps, sampling);
-    let mut file = scanned(picture, &steps, sampling, level, file);
+    let mut file = scanned(image, &steps, sampling, level, file);
     file.extend_from_slice(&[0xff, 0xd9]);
     file
 }
@@ -79,32 +79,32 @@ fn headers(file: &mut Vec<u8>, (width, height): (u16, u16), steps: &Steps, sampl
 /// The scan, compiled for AVX2 and for the architecture's baseline; more variants would not be worth their compile
 /// time.
 #[cfg(target_arch = "x86_64")]
-fn scanned(picture: &Rgb, steps: &Steps, sampling: Sampling, level: Level, file: Vec<u8>) -> Vec<u8> {
+fn scanned(image: &Rgb, steps: &Steps, sampling: Sampling, level: Level, file: Vec<u8>) -> Vec<u8> {
     if let Some(simd) = level.as_avx2() {
         return simd.vectorize(
             #[inline(always)]
-            || scan(simd, picture, steps, sampling, file),
+            || scan(simd, image, steps, sampling, file),
         );
     }
     let simd = level.as_sse2().expect("the architecture has SSE2");
     simd.vectorize(
         #[inline(always)]
-        || scan(simd, picture, steps, sampling, file),
+        || scan(simd, image, steps, sampling, file),
     )
 }
 
 /// The scan with the machine's vector instructions.
 #[cfg(not(target_arch = "x86_64"))]
-fn scanned(picture: &Rgb, steps: &Steps, sampling: Sampling, level: Level, file: Vec<u8>) -> Vec<u8> {
-    fearless_simd::dispatch!(level, simd => scan(simd, picture, steps, sampling, file))
+fn scanned(image: &Rgb, steps: &Steps, sampling: Sampling, level: Level, file: Vec<u8>) -> Vec<u8> {
+    fearless_simd::dispatch!(level, simd => scan(simd, image, steps, sampling, file))
 }
 
 /// All tiles, row by row.
 #[inline(always)]
-fn scan<S: Simd>(simd: S, picture: &Rgb, steps: &Steps, sampling: Sampling, file: Vec<u8>) -> Vec<u8> {
+fn scan<S: Simd>(simd: S, image: &Rgb, steps: &Steps, sampling: Sampling, file: Vec<u8>) -> Vec<u8> {
     let (luma, chroma) = (Divisors::of(&steps.luma), Divisors::of(&steps.chroma));
     let kinds: [(&Divisors, &Alphabet); 3] = [(&luma, &tables::LUMA), (&chroma, &tables::CHROMA), (&chroma, &tables::CHROMA)];
-    let (width, height, tile) = (picture.width() as usize, picture.height() as usize, sampling.tile());
+    let (width, height, tile) = (image.width() as usize, image.height() as usize, sampling.tile());
     let mut bits = Bits::new(file);
     let (mut samples, mut coefficients) = ([[0; BLOCK]; 6], [0; BLOCK]);
     let mut padded = [0; LONGEST_TILE * LONGEST_TILE * 3];
@@ -112,9 +112,9 @@ fn scan<S: Simd>(simd: S, picture: &Rgb, steps: &Steps, sampling: Sampling, file
     for y in (0..height).step_by(tile) {
         for x in (0..width).step_by(tile) {
             let (bytes, stride) = if x + tile <= width && y + tile <= height {
-                (&picture.data()[(y * width + x) * 3..], width * 3)
+                (&image.data()[(y * width + x) * 3..], width * 3)
             } else {
-                pad(picture, (x, y), tile, &mut padded);
+                pad(image, (x, y), tile, &mut padded);
                 (&padded[..], tile * 3)
             };
             match sampling {
@@ -132,13 +132,13 @@ fn scan<S: Simd>(simd: S, picture: &Rgb, steps: &Steps, sampling: Sampling, file
 }
 
 /// A tile that extends beyond the right or lower edge; edge pixels are repeated, which needs the fewest bits.
-fn pad(picture: &Rgb, (x, y): (usize, usize), tile: usize, into: &mut [u8]) {
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
+fn pad(image: &Rgb, (x, y): (usize, usize), tile: usize, into: &mut [u8]) {
+    let (width, height) = (image.width() as usize, image.height() as usize);
     let inside = tile.min(width - x) * 3;
     for (row, into) in into.chunks_exact_mut(tile * 3).take(tile).enumerate() {
         let from = ((y + row).min(height - 1) * width + x) * 3;
         let (kept, repeated) = into.split_at_mut(inside);
-        kept.copy_from_slice(&picture.data()[from..from + inside]);
+        kept.copy_from_slice(&image.data()[from..from + inside]);
         let last = &kept[inside - 3..];
         repeated.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(last));
     }

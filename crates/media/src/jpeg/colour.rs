@@ -59,8 +59,8 @@ impl<S: Simd> Pixels<S> {
 
     /// Each times its share, with `add` to the sum, shifted down.
     #[inline(always)]
-    fn mixed(self, simd: S, shares: [i32; 3], add: i32, down: u32) -> Lanes<S> {
-        (self.red * shares[0] + self.green * shares[1] + self.blue * shares[2] + i32x8::splat(simd, add)) >> down
+    fn mixed(self, simd: S, weights: [i32; 3], add: i32, down: u32) -> Lanes<S> {
+        (self.red * weights[0] + self.green * weights[1] + self.blue * weights[2] + i32x8::splat(simd, add)) >> down
     }
 
     #[inline(always)]
@@ -70,8 +70,8 @@ impl<S: Simd> Pixels<S> {
 
     /// A colour of pixels that are sums of 2 to the power of `sums`. Halves go down, or the purest colour would not fit a byte.
     #[inline(always)]
-    fn chroma(self, simd: S, shares: [i32; 3], sums: u32) -> Lanes<S> {
-        self.mixed(simd, shares, (1 << (POINT + sums - 1)) - 1, POINT + sums)
+    fn chroma(self, simd: S, weights: [i32; 3], sums: u32) -> Lanes<S> {
+        self.mixed(simd, weights, (1 << (POINT + sums - 1)) - 1, POINT + sums)
     }
 }
 

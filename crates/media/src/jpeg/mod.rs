@@ -88,9 +88,9 @@ impl Jpeg {
     ///
     /// # Errors
     /// [`EncodeError::Image`] if a side is zero or longer than 65535 pixels.
-    pub fn encode(picture: &Rgb, quality: u8) -> Result<Self, EncodeError> {
-        let (width, height) = (picture.width(), picture.height());
-        let bytes = encoded(picture, quality.clamp(1, 100), Level::new()).map_err(|source| EncodeError::Image {
+    pub fn encode(image: &Rgb, quality: u8) -> Result<Self, EncodeError> {
+        let (width, height) = (image.width(), image.height());
+        let bytes = encoded(image, quality.clamp(1, 100), Level::new()).map_err(|source| EncodeError::Image {
             format: "JPEG",
             width,
             height,
@@ -129,11 +129,11 @@ impl Jpeg {
 #[error("JPEG sides must be 1 to 65535 pixels")]
 struct Sides;
 
-fn encoded(picture: &Rgb, quality: u8, level: Level) -> Result<Vec<u8>, Sides> {
+fn encoded(image: &Rgb, quality: u8, level: Level) -> Result<Vec<u8>, Sides> {
     let side = |pixels: u32| u16::try_from(pixels).ok().filter(|side| *side > 0).ok_or(Sides);
-    let sides = (side(picture.width())?, side(picture.height())?);
+    let sides = (side(image.width())?, side(image.height())?);
     let sampling = if quality < FULL_COLOUR { Sampling::Halved } else { Sampling::Full };
-    Ok(baseline::encode(picture, sides, quality, sampling, level))
+    Ok(baseline::encode(image, sides, quality, sampling, level))
 }
 
 #[cfg(test)]

@@ -8,8 +8,8 @@ use super::tables::{BLOCK, Steps};
 use super::*;
 
 /// Blocks, a slope and grain: something of all that images are made of.
-fn picture(width: u32, height: u32, grain: u32, seed: u32) -> Rgb {
-    let mut picture = Rgb::new(width, height);
+fn image(width: u32, height: u32, grain: u32, seed: u32) -> Rgb {
+    let mut image = Rgb::new(width, height);
     let mut state = seed;
     for y in 0..height {
         for x in 0..width {
@@ -17,10 +17,10 @@ fn picture(width: u32, height: u32, grain: u32, seed: u32) -> Rgb {
             let block = if (x / 9 + y / 7) % 3 == 0 { 70 } else { 0 };
             let noise = |shift: u32| (state >> shift & 0xff) * grain / 255;
             let level = |slope: u32, shift: u32| (slope + block + noise(shift)).min(255) as u8;
-            picture.set_pixel(x, y, [level(x * 120 / width, 24), level(y * 120 / height, 16), level(60, 8)]);
+            image.set_pixel(x, y, [level(x * 120 / width, 24), level(y * 120 / height, 16), level(60, 8)]);
         }
     }
-    picture
+    image
 }
 
 /// Every kind of instructions that the encoder is compiled for and this machine has.
@@ -46,10 +46,10 @@ fn psnr(a: &Rgb, b: &Rgb) -> f64 {
 fn every_kind_of_instructions_gives_the_same_bytes() {
     for (width, height) in [(1, 1), (7, 3), (8, 8), (16, 16), (17, 33), (64, 48), (131, 67)] {
         for (grain, quality) in [(0, 60), (20, 75), (255, 100), (90, 1), (40, 90), (255, 70)] {
-            let picture = picture(width, height, grain, width ^ u32::from(quality));
-            let wanted = encoded(&picture, quality, Level::baseline()).unwrap();
+            let image = image(width, height, grain, width ^ u32::from(quality));
+            let wanted = encoded(&image, quality, Level::baseline()).unwrap();
             for level in levels() {
-                assert!(encoded(&picture, quality, level).unwrap() == wanted, "{level:?}: {width}×{height} at {quality}");
+                assert!(encoded(&image, quality, level).unwrap() == wanted, "{level:?}: {width}×{height} at {quality}");
             }
         }
     }
@@ -72,7 +72,7 @@ const OTHER_ENCODER: [((u32, u32, u32), Figures); 3] = [
 #[test]
 fn is_as_good_as_another_encoder() {
     for ((width, height, grain), figures) in OTHER_ENCODER {
-        let original = picture(width, height, grain, 5);
+        let original = image(width, height, grain, 5);
         for (quality, (their_psnr, their_len)) in QUALITIES.into_iter().zip(figures) {
             let sides = (width as u16, height as u16);
             let ours = baseline::encode(&original, sides, quality, Sampling::Full, Level::new());
@@ -89,7 +89,7 @@ fn is_as_good_as_another_encoder() {
 /// What two by two pixels share is their mean, and lies where decoders take it from.
 #[test]
 fn shared_colours_are_means() {
-    let original = picture(160, 120, 0, 0);
+    let original = image(160, 120, 0, 0);
     let shared = baseline::encode(&original, (160, 120), 89, Sampling::Halved, Level::new());
     let own = baseline::encode(&original, (160, 120), 89, Sampling::Full, Level::new());
     let (shared_psnr, own_psnr) = (psnr(&original, &decode(&shared).unwrap()), psnr(&original, &decode(&own).unwrap()));
@@ -109,7 +109,7 @@ proptest! {
         (grain, seed) in (0..=255_u32, any::<u32>()),
         quality in 1..=100_u8,
     ) {
-        let mut original = picture(width, height, grain, seed);
+        let mut original = image(width, height, grain, seed);
         let own_colour = quality >= FULL_COLOUR;
         if !own_colour {
             // Without colours there is nothing that is shared.
@@ -158,27 +158,27 @@ fn damage_is_an_error() {
 fn bytes_are_these() {
     let mut digest = FnvHasher::default();
     for (width, height, quality) in [(64, 48, 30), (129, 77, 70), (97, 130, 85), (33, 41, 95), (1, 1, 100), (240, 240, 75)] {
-        let mut picture = Rgb::new(width, height);
+        let mut image = Rgb::new(width, height);
         let mut state = 7_u32;
         for y in 0..height {
             for x in 0..width {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 let grain = if y % 40 < 20 { (state >> 24) as u8 } else { (state >> 29) as u8 };
-                picture.set_pixel(x, y, [grain, (x * 5 + y) as u8, if (x / 9 + y / 7) % 2 == 0 { 255 } else { grain }]);
+                image.set_pixel(x, y, [grain, (x * 5 + y) as u8, if (x / 9 + y / 7) % 2 == 0 { 255 } else { grain }]);
             }
         }
-        digest.write(Jpeg::encode(&picture, quality).unwrap().bytes());
+        digest.write(Jpeg::encode(&image, quality).unwrap().bytes());
     }
     assert_eq!(digest.finish(), 260_382_375_433_074_500);
 }
 
 #[test]
 fn what_others_send_may_be_a_png_too() {
-    let picture = picture(40, 30, 9, 3);
-    assert_eq!(decode_any(&crate::png::encode(&picture).unwrap()).unwrap(), picture);
-    let jpeg = Jpeg::encode(&picture, 90).unwrap();
+    let image = image(40, 30, 9, 3);
+    assert_eq!(decode_any(&crate::png::encode(&image).unwrap()).unwrap(), image);
+    let jpeg = Jpeg::encode(&image, 90).unwrap();
     assert_eq!(decode_any(jpeg.bytes()).unwrap(), decode(jpeg.bytes()).unwrap());
-    assert!(decode_any(b"GIF89a").is_err() && decode(&crate::png::encode(&picture).unwrap()).is_err());
+    assert!(decode_any(b"GIF89a").is_err() && decode(&crate::png::encode(&image).unwrap()).is_err());
 }
 
 #[test]

@@ -111,7 +111,7 @@ impl Rect {
 /// Draws on an image. Shapes are clipped to it; coordinates may have any value, and NaN draws nothing.
 #[derive(Debug)]
 pub struct Canvas<'a> {
-    picture: &'a mut Rgb,
+    image: &'a mut Rgb,
     /// Where captions may be placed.
     room: Rect,
     /// The captions placed so far.
@@ -121,9 +121,9 @@ pub struct Canvas<'a> {
 impl<'a> Canvas<'a> {
     /// A canvas over an image.
     #[must_use]
-    pub fn new(picture: &'a mut Rgb) -> Self {
-        let room = Rect { left: 0.0, top: 0.0, right: f64::from(picture.width()), bottom: f64::from(picture.height()) };
-        Self { picture, room, captions: Vec::new() }
+    pub fn new(image: &'a mut Rgb) -> Self {
+        let room = Rect { left: 0.0, top: 0.0, right: f64::from(image.width()), bottom: f64::from(image.height()) };
+        Self { image, room, captions: Vec::new() }
     }
 
     /// Keeps captions within `room`, such as between the bars of an overlay.
@@ -163,13 +163,13 @@ impl<'a> Canvas<'a> {
     /// Width, pixels.
     #[must_use]
     pub fn width(&self) -> f64 {
-        f64::from(self.picture.width())
+        f64::from(self.image.width())
     }
 
     /// Height, pixels.
     #[must_use]
     pub fn height(&self) -> f64 {
-        f64::from(self.picture.height())
+        f64::from(self.image.height())
     }
 
     /// The unit for strokes and text: 1 px for an image 480 px high, at least 1.
@@ -246,25 +246,25 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Blends `colour` into one pixel with coverage `share` (0..=255).
-    pub(super) fn blend(&mut self, x: u32, y: u32, colour: Colour, share: u8) {
-        let Some([red, green, blue]) = self.picture.pixel(x, y) else { return };
-        let weight = (u32::from(colour.opacity) * u32::from(share) + 127) / 255;
+    /// Blends `colour` into one pixel with coverage `alpha` (0..=255).
+    pub(super) fn blend(&mut self, x: u32, y: u32, colour: Colour, alpha: u8) {
+        let Some([red, green, blue]) = self.image.pixel(x, y) else { return };
+        let weight = (u32::from(colour.opacity) * u32::from(alpha) + 127) / 255;
         let mix = |below: u8, above: u8| ((u32::from(below) * (255 - weight) + u32::from(above) * weight + 127) / 255) as u8;
-        self.picture.set_pixel(x, y, [mix(red, colour.red), mix(green, colour.green), mix(blue, colour.blue)]);
+        self.image.set_pixel(x, y, [mix(red, colour.red), mix(green, colour.green), mix(blue, colour.blue)]);
     }
 
     /// Blends every pixel within half a pixel of `area` by its distance from the shape.
     fn cover(&mut self, area: Rect, colour: Colour, distance: impl Fn(Point) -> f64) {
         let area = area.grown(1.0);
         // `as` saturates: positions left of or above the image become its first pixel.
-        let (left, right) = (area.left.floor() as u32, (area.right.ceil() as u32).min(self.picture.width()));
-        let (top, bottom) = (area.top.floor() as u32, (area.bottom.ceil() as u32).min(self.picture.height()));
+        let (left, right) = (area.left.floor() as u32, (area.right.ceil() as u32).min(self.image.width()));
+        let (top, bottom) = (area.top.floor() as u32, (area.bottom.ceil() as u32).min(self.image.height()));
         for y in top..bottom {
             for x in left..right {
-                let share = 0.5 - distance(Point::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
-                if share > 0.0 {
-                    self.blend(x, y, colour, (share.min(1.0) * 255.0 + 0.5) as u8);
+                let alpha = 0.5 - distance(Point::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+                if alpha > 0.0 {
+                    self.blend(x, y, colour, (alpha.min(1.0) * 255.0 + 0.5) as u8);
                 }
             }
         }
@@ -286,9 +286,9 @@ mod tests {
 
     /// Sum of the red channel over a white-on-black drawing, in whole pixels.
     fn area(draw: impl Fn(&mut Canvas<'_>)) -> f64 {
-        let mut picture = Rgb::new(64, 64);
-        draw(&mut Canvas::new(&mut picture));
-        picture.data().chunks_exact(3).map(|pixel| f64::from(pixel[0]) / 255.0).sum()
+        let mut image = Rgb::new(64, 64);
+        draw(&mut Canvas::new(&mut image));
+        image.data().chunks_exact(3).map(|pixel| f64::from(pixel[0]) / 255.0).sum()
     }
 
     #[test]
@@ -312,11 +312,11 @@ mod tests {
 
     #[test]
     fn half_opacity_mixes_half() {
-        let mut picture = Rgb::filled(8, 8, [200, 0, 100]);
+        let mut image = Rgb::filled(8, 8, [200, 0, 100]);
         let area = Rect { left: 2.0, top: 2.0, right: 6.0, bottom: 6.0 };
-        Canvas::new(&mut picture).fill(area, Colour::rgb(0, 200, 100).with_opacity(128));
-        assert_eq!(picture.pixel(3, 3), Some([100, 100, 100]));
-        assert_eq!(picture.pixel(7, 7), Some([200, 0, 100]));
+        Canvas::new(&mut image).fill(area, Colour::rgb(0, 200, 100).with_opacity(128));
+        assert_eq!(image.pixel(3, 3), Some([100, 100, 100]));
+        assert_eq!(image.pixel(7, 7), Some([200, 0, 100]));
     }
 
     #[test]

@@ -19,8 +19,8 @@ pub struct Hud<'a> {
 
 /// Draws marks, the waypoint with its caption, and a [`Hud`] over them. Captions stay between the bars of the overlay and
 /// off each other; one for which there is no room is left out.
-pub fn annotate(picture: &mut Rgb, marks: &[Mark], waypoint: Option<(ImagePoint, &str)>, hud: &Hud<'_>) {
-    annotate_canvas(&mut Canvas::new(picture), marks, waypoint, hud);
+pub fn annotate(image: &mut Rgb, marks: &[Mark], waypoint: Option<(ImagePoint, &str)>, hud: &Hud<'_>) {
+    annotate_canvas(&mut Canvas::new(image), marks, waypoint, hud);
 }
 
 fn annotate_canvas(canvas: &mut Canvas<'_>, marks: &[Mark], waypoint: Option<(ImagePoint, &str)>, hud: &Hud<'_>) {
@@ -39,8 +39,8 @@ fn annotate_canvas(canvas: &mut Canvas<'_>, marks: &[Mark], waypoint: Option<(Im
 }
 
 /// Draws a [`Hud`] on an image.
-pub fn draw_hud(picture: &mut Rgb, hud: &Hud<'_>) {
-    hud.draw(&mut Canvas::new(picture));
+pub fn draw_hud(image: &mut Rgb, hud: &Hud<'_>) {
+    hud.draw(&mut Canvas::new(image));
 }
 
 impl Hud<'_> {
@@ -124,8 +124,8 @@ mod tests {
                     label: "grey street lamp 5".to_owned(),
                 })
                 .collect();
-            let mut picture = Rgb::new(640, 480);
-            let mut canvas = Canvas::new(&mut picture);
+            let mut image = Rgb::new(640, 480);
+            let mut canvas = Canvas::new(&mut image);
             let hud = Hud { title: "Fly to the taxi", status: "12.0 s  flying", lines: &["height 2.4 m"; 4][..lines] };
             let free = hud.free_area(&canvas);
             annotate_canvas(&mut canvas, &boxes, Some((ImagePoint { u, v }, "2.2 m")), &hud);
@@ -140,18 +140,18 @@ mod tests {
 
     #[test]
     fn an_empty_hud_leaves_the_picture_alone() {
-        let mut picture = Rgb::filled(320, 240, [90, 120, 150]);
-        draw_hud(&mut picture, &Hud { lines: &["", ""], ..Hud::default() });
-        assert_eq!(picture, Rgb::filled(320, 240, [90, 120, 150]));
+        let mut image = Rgb::filled(320, 240, [90, 120, 150]);
+        draw_hud(&mut image, &Hud { lines: &["", ""], ..Hud::default() });
+        assert_eq!(image, Rgb::filled(320, 240, [90, 120, 150]));
     }
 
     #[test]
     fn bars_hug_the_edges_and_leave_the_middle_alone() {
-        let mut picture = Rgb::filled(640, 480, [90, 120, 150]);
-        draw_hud(&mut picture, &Hud { title: "Fly to the red crane", status: "12.3 s", lines: &["one", "two"] });
+        let mut image = Rgb::filled(640, 480, [90, 120, 150]);
+        draw_hud(&mut image, &Hud { title: "Fly to the red crane", status: "12.3 s", lines: &["one", "two"] });
         // 16 px of text and 4 px above and below: rows 0..24 and 480 - 40..480.
         for (y, touched) in [(0, true), (23, true), (24, false), (300, false), (439, false), (440, true), (479, true)] {
-            assert_eq!(picture.pixel(320, y) != Some([90, 120, 150]), touched, "row {y}");
+            assert_eq!(image.pixel(320, y) != Some([90, 120, 150]), touched, "row {y}");
         }
     }
 }

@@ -16,16 +16,16 @@ use spf_core::query::{ImageBox, ImagePoint, Mark};
 use crate::frame::Rgb;
 
 /// Draws the marks of a query in order, in the candidate colour (boxes: in the obstacle colour).
-pub fn draw(picture: &mut Rgb, marks: &[Mark]) {
-    let mut canvas = Canvas::new(picture);
+pub fn draw(image: &mut Rgb, marks: &[Mark]) {
+    let mut canvas = Canvas::new(image);
     for mark in marks {
         canvas.mark(mark);
     }
 }
 
 /// Draws the waypoint of a decision: a ring with a cross hair and a label beside it (such as `5 · red crane`).
-pub fn draw_waypoint(picture: &mut Rgb, at: ImagePoint, label: &str, colour: Colour) {
-    Canvas::new(picture).waypoint(at, label, colour);
+pub fn draw_waypoint(image: &mut Rgb, at: ImagePoint, label: &str, colour: Colour) {
+    Canvas::new(image).waypoint(at, label, colour);
 }
 
 impl Canvas<'_> {

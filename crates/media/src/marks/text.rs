@@ -21,7 +21,7 @@ static SIZES: LazyLock<Vec<Size>> = LazyLock::new(|| {
         spleen_font::FONT_16X32,
         spleen_font::FONT_32X64,
     ];
-    files.into_iter().map(|file| Size::decode(file).expect("the embedded font files are whole")).collect()
+    files.into_iter().map(|file| Size::decode(file).expect("the embedded font files are valid")).collect()
 });
 
 impl Size {
@@ -258,10 +258,10 @@ mod tests {
 
     #[test]
     fn sizes_are_those_of_the_font() {
-        for (asked, width, height) in
+        for (size, width, height) in
             [(5.0, 6.0, 12.0), (16.0, 8.0, 16.0), (23.9, 8.0, 16.0), (24.0, 12.0, 24.0), (99.0, 32.0, 64.0)]
         {
-            assert_eq!(TextStyle::outlined(asked).measure("abc"), (3.0 * width, height));
+            assert_eq!(TextStyle::outlined(size).measure("abc"), (3.0 * width, height));
         }
     }
 
@@ -293,9 +293,9 @@ mod tests {
 
     #[test]
     fn a_capital_i_is_a_stem() {
-        let mut picture = Rgb::new(16, 24);
-        Canvas::new(&mut picture).text(Point::new(4.0, 4.0), "I", TextStyle::plain(16.0, Colour::WHITE));
-        let rows: Vec<usize> = (0..24).map(|y| (0..16).filter(|&x| picture.pixel(x, y) == Some([255; 3])).count()).collect();
+        let mut image = Rgb::new(16, 24);
+        Canvas::new(&mut image).text(Point::new(4.0, 4.0), "I", TextStyle::plain(16.0, Colour::WHITE));
+        let rows: Vec<usize> = (0..24).map(|y| (0..16).filter(|&x| image.pixel(x, y) == Some([255; 3])).count()).collect();
         let inked = rows.iter().filter(|&&row| row > 0).count();
         assert!((9..=11).contains(&inked), "{rows:?}");
         assert!(rows.iter().filter(|&&row| row == 2 || row == 1).count() >= 6, "{rows:?}");

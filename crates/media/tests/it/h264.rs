@@ -46,12 +46,12 @@ fn pictures_with_b_frames_come_whole_and_in_order() {
     seen.extend(decoder.rest().unwrap());
     assert_eq!((seen.len(), expected.len()), (25, 25));
     // The clock of the test picture moves: each is nearest to its own.
-    let apart = |picture: &Rgb, grey: &[u8]| -> u64 {
+    let apart = |image: &Rgb, grey: &[u8]| -> u64 {
         let luma = |p: &[u8]| (54 * u32::from(p[0]) + 183 * u32::from(p[1]) + 19 * u32::from(p[2])) >> 8;
-        picture.data().chunks_exact(3).zip(grey).map(|(p, g)| u64::from(luma(p).abs_diff(u32::from(*g)))).sum()
+        image.data().chunks_exact(3).zip(grey).map(|(p, g)| u64::from(luma(p).abs_diff(u32::from(*g)))).sum()
     };
-    for (number, picture) in seen.iter().enumerate() {
-        let nearest = (0..25).min_by_key(|other| apart(picture, expected[*other])).unwrap();
+    for (number, image) in seen.iter().enumerate() {
+        let nearest = (0..25).min_by_key(|other| apart(image, expected[*other])).unwrap();
         assert_eq!(nearest, number);
     }
 }

@@ -8,15 +8,15 @@ use spf_media::{Jpeg, Rgb};
 use crate::ffmpeg::have_ffmpeg;
 
 /// Bright and dark blocks on a slope of colours.
-fn picture(width: u32, height: u32) -> Rgb {
-    let mut picture = Rgb::new(width, height);
+fn image(width: u32, height: u32) -> Rgb {
+    let mut image = Rgb::new(width, height);
     for y in 0..height {
         for x in 0..width {
             let block = if (x / 24 + y / 16) % 2 == 0 { 60 } else { 0 };
-            picture.set_pixel(x, y, [(x * 180 / width) as u8 + block, (y * 180 / height) as u8 + block, 90 + block]);
+            image.set_pixel(x, y, [(x * 180 / width) as u8 + block, (y * 180 / height) as u8 + block, 90 + block]);
         }
     }
-    picture
+    image
 }
 
 /// The picture as ffmpeg decodes it, which must not complain.
@@ -41,7 +41,7 @@ fn ffmpeg_reads_every_kind() {
         return;
     }
     for (width, height, quality) in [(96, 64, 95), (96, 64, 70), (101, 67, 85), (17, 31, 100), (1, 1, 60)] {
-        let original = picture(width, height);
+        let original = image(width, height);
         let seen = as_ffmpeg_sees(&Jpeg::encode(&original, quality).unwrap());
         let errors = original.data().iter().zip(seen.data()).map(|(a, b)| f64::from(a.abs_diff(*b)));
         let mean = errors.sum::<f64>() / original.data().len() as f64;

@@ -34,10 +34,10 @@ proptest! {
 
     #[test]
     fn no_waypoint_and_no_text_panics(at in point(), text in ".{0,60}", size in coordinate(), width in 0_u32..90, height in 0_u32..70) {
-        let mut picture = Rgb::new(width, height);
-        marks::draw_waypoint(&mut picture, at, &text, Colour::WAYPOINT);
-        marks::draw_hud(&mut picture, &Hud { title: &text, status: &text, lines: &[&text, &text] });
-        let mut canvas = Canvas::new(&mut picture);
+        let mut image = Rgb::new(width, height);
+        marks::draw_waypoint(&mut image, at, &text, Colour::WAYPOINT);
+        marks::draw_hud(&mut image, &Hud { title: &text, status: &text, lines: &[&text, &text] });
+        let mut canvas = Canvas::new(&mut image);
         canvas.text(Point::new(at.u, at.v), &text, TextStyle::outlined(size));
         canvas.triangle([Point::new(at.u, at.v), Point::new(at.v, size), Point::new(size, size)], Colour::WHITE);
         canvas.fill(Rect { left: at.u, top: at.v, right: size, bottom: size }, Colour::WHITE);
@@ -50,23 +50,23 @@ proptest! {
             Mark::Number { at, .. } | Mark::Circle { at, .. } => at.v = f64::NAN,
             Mark::Box { area, .. } => area.left = f64::NAN,
         }
-        let mut picture = Rgb::filled(80, 60, [7, 7, 7]);
-        marks::draw(&mut picture, &[mark]);
-        prop_assert_eq!(picture, Rgb::filled(80, 60, [7, 7, 7]));
+        let mut image = Rgb::filled(80, 60, [7, 7, 7]);
+        marks::draw(&mut image, &[mark]);
+        prop_assert_eq!(image, Rgb::filled(80, 60, [7, 7, 7]));
     }
 }
 
 /// One of everything, over a gradient.
 fn sheet(width: u32, height: u32) -> Rgb {
-    let mut picture = Rgb::new(width, height);
+    let mut image = Rgb::new(width, height);
     for y in 0..height {
         for x in 0..width {
-            picture.set_pixel(x, y, [(x * 255 / width) as u8, 140, (y * 255 / height) as u8]);
+            image.set_pixel(x, y, [(x * 255 / width) as u8, 140, (y * 255 / height) as u8]);
         }
     }
     let at = |u, v| ImagePoint { u, v };
     marks::draw(
-        &mut picture,
+        &mut image,
         &[
             Mark::Arrow { from: at(0.5, 0.9), to: at(0.2, 0.45) },
             Mark::Arrow { from: at(0.5, 0.9), to: at(0.62, 0.5) },
@@ -77,17 +77,17 @@ fn sheet(width: u32, height: u32) -> Rgb {
             Mark::Box { area: ImageBox { left: -0.1, top: 0.02, right: 0.12, bottom: 0.3 }, label: "tree".into() },
         ],
     );
-    marks::draw_waypoint(&mut picture, at(0.35, 0.6), "depth 7: red tower crane", Colour::WAYPOINT);
-    marks::draw_waypoint(&mut picture, at(0.97, 0.95), "at the edge", Colour::WAYPOINT);
+    marks::draw_waypoint(&mut image, at(0.35, 0.6), "depth 7: red tower crane", Colour::WAYPOINT);
+    marks::draw_waypoint(&mut image, at(0.97, 0.95), "at the edge", Colour::WAYPOINT);
     marks::draw_hud(
-        &mut picture,
+        &mut image,
         &Hud {
             title: "Take off and fly to the red crane",
             status: "12.40 s  flying",
             lines: &["#5 red tower crane  depth 7  step 5.3 m", "yaw +12°  forward 5.1 m  climb +0.8 m"],
         },
     );
-    picture
+    image
 }
 
 #[test]

@@ -220,8 +220,9 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
         _ => (n, verb),
     };
     let asks_who = matches!(words[at].as_str(), "who" | "whos") || words[at..at + n].iter().any(|w| w == "who");
-    let said: &[String] = &if asks_who { [&["person".to_owned()], &words[at + n..]].concat() } else { words[at + n..].to_vec() };
-    let (verb, rest) = refine(verb, said);
+    let spoken: &[String] =
+        &if asks_who { [&["person".to_owned()], &words[at + n..]].concat() } else { words[at + n..].to_vec() };
+    let (verb, rest) = refine(verb, spoken);
     let mut target = Phrase::read(rest);
     let mut verb = verb;
     let reciprocal = starts(rest, "each other") || starts(rest, "one another");
@@ -230,7 +231,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
         verb = Verb::GoTo;
         target.other = true;
     }
-    let toward = said.iter().find(|w| !VERBS.adverbs.contains(w)).is_some_and(|w| w.starts_with("toward"));
+    let toward = spoken.iter().find(|w| !VERBS.adverbs.contains(w)).is_some_and(|w| w.starts_with("toward"));
     if verb == Verb::Up && words[at] == "pick" {
         verb = Verb::GoTo;
     }
@@ -271,9 +272,9 @@ fn leads_in(words: &[String]) -> bool {
 
 /// "Take off", "lift off", and nothing else.
 fn take_off(words: &[String]) -> bool {
-    let said: Vec<&str> = words.iter().map(String::as_str).filter(|w| !filler(w)).collect();
+    let spoken: Vec<&str> = words.iter().map(String::as_str).filter(|w| !filler(w)).collect();
     matches!(
-        said.as_slice(),
+        spoken.as_slice(),
         ["take", "off", ..]
             | ["takeoff", ..]
             | ["lift", "off", ..]
@@ -281,9 +282,9 @@ fn take_off(words: &[String]) -> bool {
             | ["taking", "off", ..]
             | ["start", ..]
             | ["begin", ..]
-    ) && !said.iter().any(|w| matches!(*w, "to" | "towards" | "for" | "toward" | "from"))
+    ) && !spoken.iter().any(|w| matches!(*w, "to" | "towards" | "for" | "toward" | "from"))
         || matches!(
-            said.as_slice(),
+            spoken.as_slice(),
             ["land"]
                 | ["hover"]
                 | ["stop"]

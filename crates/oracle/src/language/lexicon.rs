@@ -23,7 +23,7 @@ pub(crate) static PHRASES: LazyLock<Joints> = LazyLock::new(|| embedded(include_
 pub(super) static SPELLING: LazyLock<Spelling> = LazyLock::new(|| embedded(include_str!("../../data/spelling.toml")));
 
 fn embedded<T: DeserializeOwned>(text: &str) -> T {
-    toml::from_str(text).expect("the words are part of the program, and a test reads them")
+    toml::from_str(text).expect("the embedded word lists are valid; a test parses them")
 }
 
 /// `verbs.toml`.
@@ -202,14 +202,14 @@ mod tests {
     #[test]
     fn unknown_keys_are_refused() {
         let more = "wrods = [\"car\"]";
-        for said in [
+        for error in [
             refused::<Verbs>(include_str!("../../data/verbs.toml"), more),
             refused::<Adjectives>(include_str!("../../data/adjectives.toml"), more),
             refused::<Nouns>(include_str!("../../data/nouns.toml"), more),
             refused::<Joints>(include_str!("../../data/phrases.toml"), more),
             refused::<Spelling>(include_str!("../../data/spelling.toml"), more),
         ] {
-            assert!(said.starts_with("unknown field `wrods`"), "{said}");
+            assert!(error.starts_with("unknown field `wrods`"), "{error}");
         }
         let verbs = include_str!("../../data/verbs.toml").replace("\nscan = [", "\nlook = [");
         assert!(refused::<Verbs>(&verbs, "").starts_with("unknown variant `look`"));

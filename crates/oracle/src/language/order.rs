@@ -22,9 +22,9 @@ pub(super) fn on_side(side: Side, found: Vec<usize>, items: &[Item<'_>]) -> Vec<
 pub(super) fn of_size(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
     let words = phrase.sizes.iter().filter(|_| !phrase.superlative).filter_map(|size| ADJECTIVES.qualities.get(size));
     words.fold(found, |found, words| {
-        let said: Vec<usize> =
+        let matching: Vec<usize> =
             found.iter().copied().filter(|&i| items[i].tags.qualities.iter().any(|q| words.contains(q))).collect();
-        if said.is_empty() { found } else { said }
+        if matching.is_empty() { found } else { matching }
     })
 }
 
@@ -46,9 +46,9 @@ pub(super) fn ranked(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> 
             }
             continue;
         };
-        let said = |i: &usize| items[*i].tags.qualities.iter().any(|q| words.contains(q));
-        if found.iter().any(said) {
-            found.retain(said);
+        let matching = |i: &usize| items[*i].tags.qualities.iter().any(|q| words.contains(q));
+        if found.iter().any(matching) {
+            found.retain(matching);
         } else if size == Size::Tall {
             found.retain(|&i| items[i].tags.kind != "building" || items[i].height.is_none_or(|height| height >= TALL_M));
         }

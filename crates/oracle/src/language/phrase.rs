@@ -54,7 +54,7 @@ pub struct Phrase {
     pub pronoun: bool,
     /// All words as given, in the singular, without articles and punctuation, since some names are complete
     /// descriptions.
-    pub said: Vec<String>,
+    pub written: Vec<String>,
     /// Unknown words beside others that name an object; ignored.
     pub ignored: Vec<String>,
     /// Nouns that were put right: as they were said, and as they are read.
@@ -82,8 +82,9 @@ impl Phrase {
 
     /// Parses a noun phrase from the words after a verb and its preposition.
     pub(super) fn read(words: &[String]) -> Self {
-        let said = words.iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an" | "," | ".")).map(|w| singular(w)).collect();
-        let mut phrase = Self { said, ..Self::default() };
+        let written =
+            words.iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an" | "," | ".")).map(|w| singular(w)).collect();
+        let mut phrase = Self { written, ..Self::default() };
         let (main, apposed) = apposition(words);
         phrase.take(main, 0);
         if let Some(words) = apposed {

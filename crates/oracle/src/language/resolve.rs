@@ -67,7 +67,7 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
         }
     }
     if found.is_empty() {
-        found = (0..items.len()).filter(|&i| described(&phrase.said, items[i].tags)).collect();
+        found = (0..items.len()).filter(|&i| described(&phrase.written, items[i].tags)).collect();
     }
     found
 }
@@ -95,14 +95,14 @@ pub(crate) fn entrances(phrase: &Phrase) -> impl Iterator<Item = Phrase> {
 
 /// Whether the words hold a name of the object that is a whole description: "person in the dark", "engine of the train". Taken
 /// apart, such a name would ask for an object called "dark".
-fn described(said: &[String], tags: &Tagged) -> bool {
+fn described(written: &[String], tags: &Tagged) -> bool {
     let place = |w: &String| NOUNS.placing.contains(w);
     tags.names.iter().chain(&tags.synonyms).any(|name| {
         let mut name = split(name);
         name.retain(|w| !matches!(w.as_str(), "the" | "a" | "an"));
         // Only in the middle: "on ice" is not a description of an object.
         let whole = name.iter().skip(1).rev().skip(1).any(place);
-        whole && said.windows(name.len()).any(|words| words == name)
+        whole && written.windows(name.len()).any(|words| words == name)
     })
 }
 

@@ -29,7 +29,7 @@ impl<'de> Deserialize<'de> for Words {
         for word in Vec::<String>::deserialize(deserializer)? {
             check(&word).map_err(Error::custom)?;
             if let Some(twice) = words.replace(word) {
-                return Err(Error::custom(format!("`{twice}` stands twice in a list")));
+                return Err(Error::custom(format!("`{twice}` occurs twice in a list")));
             }
         }
         Ok(Self(words))
@@ -86,7 +86,7 @@ impl<T: Copy> Phrases<T> {
         let others: Vec<String> = words.collect();
         let beginning_alike = self.by_first.entry(first).or_default();
         if beginning_alike.iter().any(|(known, _)| *known == others) {
-            return Err(format!("`{phrase}` stands twice in a table"));
+            return Err(format!("`{phrase}` occurs twice in a table"));
         }
         let at = beginning_alike.partition_point(|(known, _)| known.len() > others.len());
         beginning_alike.insert(at, (others, meaning));
@@ -143,7 +143,7 @@ impl<'de> Deserialize<'de> for Forms {
             for word in words {
                 check(&word).map_err(Error::custom)?;
                 if forms.contains_key(&word) {
-                    return Err(Error::custom(format!("`{word}` stands twice in a table")));
+                    return Err(Error::custom(format!("`{word}` occurs twice in a table")));
                 }
                 forms.insert(word, plain.clone());
             }
@@ -174,10 +174,10 @@ impl<'de> Deserialize<'de> for Compounds {
                 check(&phrase).map_err(Error::custom)?;
                 let words: Vec<String> = phrase.split(' ').map(str::to_owned).collect();
                 if words.len() < 2 {
-                    return Err(Error::custom(format!("`{phrase}` is one word already")));
+                    return Err(Error::custom(format!("`{phrase}` is a single word already")));
                 }
                 if known.insert(words, plain.clone()).is_some() {
-                    return Err(Error::custom(format!("`{phrase}` stands twice in a table")));
+                    return Err(Error::custom(format!("`{phrase}` occurs twice in a table")));
                 }
             }
         }
@@ -191,7 +191,7 @@ fn check(phrase: &str) -> Result<(), String> {
     if phrase.split(' ').all(usable) {
         return Ok(());
     }
-    Err(format!("`{phrase}` is not of lower-case words with one space between them"))
+    Err(format!("`{phrase}` must be lower-case words separated by single spaces"))
 }
 
 #[cfg(test)]
@@ -235,9 +235,9 @@ mod tests {
             list(deserializer).map(Some)
         }
         let refused = |text: &str| toml::from_str::<File>(text).unwrap_err().to_string();
-        assert!(refused("words = [\"car\", \"bus\", \"car\"]").contains("`car` stands twice"));
-        assert!(refused("list = [\"look for\", \"look for\"]").contains("`look for` stands twice"));
-        assert!(refused("[forms]\nred = [\"crimson\"]\npink = [\"crimson\"]").contains("`crimson` stands twice"));
+        assert!(refused("words = [\"car\", \"bus\", \"car\"]").contains("`car` occurs twice"));
+        assert!(refused("list = [\"look for\", \"look for\"]").contains("`look for` occurs twice"));
+        assert!(refused("[forms]\nred = [\"crimson\"]\npink = [\"crimson\"]").contains("`crimson` occurs twice"));
         for word in ["Car", "", "two  spaces", "it's"] {
             assert!(refused(&format!("words = [\"{word}\"]")).contains("lower-case"), "{word}");
         }

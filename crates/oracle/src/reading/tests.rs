@@ -26,21 +26,21 @@ fn read(instruction: &str) -> InstructionReading {
 }
 
 fn corrections(reading: &InstructionReading) -> Vec<(&str, &str)> {
-    reading.corrections.iter().map(|c| (c.said.as_str(), c.read.as_str())).collect()
+    reading.corrections.iter().map(|c| (c.written.as_str(), c.read.as_str())).collect()
 }
 
 #[test]
 fn slips_of_people_in_a_hurry_are_put_right_and_shown() {
-    for (said, target, object, shown) in [
+    for (message, target, object, shown) in [
         ("GO TO TEH RED CRAN", "red crane", 1, vec![("teh", "the"), ("cran", "crane")]),
         ("flyy to the bleu car pls", "blue car", 2, vec![("flyy", "fly"), ("bleu", "blue")]),
         ("hed for the churhc", "church", 3, vec![("hed", "head"), ("churhc", "church")]),
     ] {
-        let reading = read(said);
-        assert_eq!(reading.steps.len(), 1, "{said}: {reading:?}");
-        assert_eq!((reading.steps[0].target.as_str(), &reading.steps[0].candidates), (target, &vec![object]), "{said}");
+        let reading = read(message);
+        assert_eq!(reading.steps.len(), 1, "{message}: {reading:?}");
+        assert_eq!((reading.steps[0].target.as_str(), &reading.steps[0].candidates), (target, &vec![object]), "{message}");
         for pair in shown {
-            assert!(corrections(&reading).contains(&pair), "{said}: {reading:?}");
+            assert!(corrections(&reading).contains(&pair), "{message}: {reading:?}");
         }
     }
 }
@@ -65,27 +65,27 @@ fn what_is_known_but_absent_is_understood_and_what_is_not_is_named() {
 #[test]
 fn a_word_that_nobody_knows_is_passed_over_beside_a_thing_and_named() {
     let ignored = |reading: &InstructionReading| -> Vec<String> { reading.ignored.iter().map(|w| w.word.clone()).collect() };
-    for (said, object, passed_over) in [
+    for (message, object, passed_over) in [
         ("fly to the wonky crane", 1, "wonky"),
         ("go to 2j the red crane", 1, "2j"),
         ("the blue car zzgrmpf", 2, "zzgrmpf"),
         ("fly to the church next to the blorb", 3, "blorb"),
     ] {
-        let reading = read(said);
-        assert!(reading.is_understood(), "{said}: {reading:?}");
-        assert_eq!((&reading.steps[0].candidates, ignored(&reading)), (&vec![object], vec![passed_over.to_owned()]), "{said}");
+        let reading = read(message);
+        assert!(reading.is_understood(), "{message}: {reading:?}");
+        assert_eq!((&reading.steps[0].candidates, ignored(&reading)), (&vec![object], vec![passed_over.to_owned()]), "{message}");
     }
     // What excludes is not passed over: a colour, a name, and what is known to be something else.
-    for said in ["fly to the wonky green crane", "fly to the Hilton church", "go to the police car"] {
-        assert!(read(said).steps[0].candidates.is_empty(), "{said}: {:?}", read(said));
+    for message in ["fly to the wonky green crane", "fly to the Hilton church", "go to the police car"] {
+        assert!(read(message).steps[0].candidates.is_empty(), "{message}: {:?}", read(message));
     }
     assert_eq!(read("fly to the chuurrcch crane").ignored[0].nearest.as_deref(), Some("church"));
 }
 
 #[test]
 fn what_is_right_as_it_stands_is_put_right_to_nothing() {
-    for said in ["go to the lady", "go to the shirt", "go to the printer", "would you mind going to the vending machine"] {
-        assert!(read(said).corrections.is_empty(), "{said}: {:?}", read(said));
+    for message in ["go to the lady", "go to the shirt", "go to the printer", "would you mind going to the vending machine"] {
+        assert!(read(message).corrections.is_empty(), "{message}: {:?}", read(message));
     }
 }
 
@@ -157,15 +157,15 @@ fn people_in_a_hurry_say_it_in_many_ways() {
     ];
     let read: Vec<String> = cases
         .iter()
-        .filter(|(said, right)| !steps(said).iter().map(|(verb, of)| (*verb, of.as_slice())).eq(right.iter().copied()))
-        .map(|(said, right)| format!("{said}: {:?}, not {right:?}", steps(said)))
+        .filter(|(message, right)| !steps(message).iter().map(|(verb, of)| (*verb, of.as_slice())).eq(right.iter().copied()))
+        .map(|(message, right)| format!("{message}: {:?}, not {right:?}", steps(message)))
         .collect();
     assert!(read.is_empty(), "{}", read.join("\n"));
 }
 
 #[test]
 fn a_direction_is_no_thing_to_fly_to() {
-    for said in [
+    for message in [
         "fly north 20 metres",
         "fly forward 20m",
         "go up a bit",
@@ -174,11 +174,11 @@ fn a_direction_is_no_thing_to_fly_to() {
         "ascend 5 m",
         "fly to the left",
     ] {
-        let reading = read(said);
-        assert!(!reading.is_understood() && reading.directions.len() == 1, "{said}: {reading:?}");
+        let reading = read(message);
+        assert!(!reading.is_understood() && reading.directions.len() == 1, "{message}: {reading:?}");
     }
-    for said in ["go up to the church", "turn around", "fly left of the church", "fly forward to the crane"] {
-        assert!(read(said).directions.is_empty() && read(said).is_understood(), "{said}: {:?}", read(said));
+    for message in ["go up to the church", "turn around", "fly left of the church", "fly forward to the crane"] {
+        assert!(read(message).directions.is_empty() && read(message).is_understood(), "{message}: {:?}", read(message));
     }
     let both = read("fly forward 10 metres, then go to the church");
     assert!(both.is_understood() && both.directions == ["fly forward 10 metres"], "{both:?}");
@@ -187,7 +187,7 @@ fn a_direction_is_no_thing_to_fly_to() {
 
 #[test]
 fn what_asks_for_no_flight_ends_at_once() {
-    for said in [
+    for message in [
         "what should i cook tonight",
         "play some music",
         "make me a sandwich",
@@ -198,13 +198,13 @@ fn what_asks_for_no_flight_ends_at_once() {
         "blah blah blubb",
         "asdf jkl hhhh",
     ] {
-        assert!(!read(said).is_understood(), "{said}: {:?}", read(said));
+        assert!(!read(message).is_understood(), "{message}: {:?}", read(message));
     }
     // What is not here is searched for all the same.
-    for said in
+    for message in
         ["is there a bicycle anywhere? go to it", "fly to the windmill", "find me a printer", "somewhere to pray", "hotel"]
     {
-        assert!(read(said).is_understood(), "{said}: {:?}", read(said));
+        assert!(read(message).is_understood(), "{message}: {:?}", read(message));
     }
 }
 

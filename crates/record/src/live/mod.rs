@@ -88,7 +88,7 @@ impl Live {
             state: Mutex::default(),
         });
         let inside = shared.clone();
-        let door = std::thread::Builder::new().name("live door".to_owned()).spawn(move || answer(&listener, &inside))?;
+        let door = std::thread::Builder::new().name("live listener".to_owned()).spawn(move || answer(&listener, &inside))?;
         Ok(Self { address, shared, door: Some(door) })
     }
 

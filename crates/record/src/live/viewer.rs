@@ -45,7 +45,7 @@ fn greet(stream: TcpStream, shared: &Shared) -> Result<WebSocket<TcpStream>, Err
 }
 
 /// The first supported subprotocol that the viewer offers; an error if there is none.
-#[allow(clippy::result_large_err, reason = "the handshake's own type")]
+#[allow(clippy::result_large_err, reason = "the type is given by the handshake API")]
 fn choose(hello: &Hello, mut response: Response) -> Result<Response, ErrorResponse> {
     let offered: Vec<&str> = hello
         .headers()
@@ -111,12 +111,12 @@ fn show(mut socket: WebSocket<TcpStream>, subscription: &Subscription<'_>) -> Re
 fn take(request: Request, subscriptions: &mut BTreeMap<u32, usize>, subscription: &Subscription<'_>) {
     match request {
         Request::Subscribe { subscriptions: wanted } => {
-            for wish in wanted {
-                let topic = usize::try_from(wish.channel_id).ok().filter(|topic| *topic < subscription.shared.topics.len());
+            for entry in wanted {
+                let topic = usize::try_from(entry.channel_id).ok().filter(|topic| *topic < subscription.shared.topics.len());
                 if let Some(topic) = topic
                     && subscriptions.len() < SUBSCRIPTIONS
                 {
-                    subscriptions.insert(wish.id, topic);
+                    subscriptions.insert(entry.id, topic);
                     subscription.subscribe(topic);
                 }
             }

@@ -113,11 +113,11 @@ pub(super) fn line_of(data: &[u8]) -> Option<String> {
 /// The marks in a message created by [`annotations`] for an image of this size.
 pub(super) fn marks_of(data: &[u8], size: (u32, u32)) -> Option<Marks> {
     let drawn = ImageAnnotations::decode(data).ok()?;
-    let share = |at: &Point2| ImagePoint { u: at.x / f64::from(size.0), v: at.y / f64::from(size.1) };
+    let fraction = |at: &Point2| ImagePoint { u: at.x / f64::from(size.0), v: at.y / f64::from(size.1) };
     let mut captions = drawn.texts.iter().map(|text| text.text.clone());
-    let waypoint = drawn.circles.first().and_then(|circle| circle.position.as_ref()).map(share);
+    let waypoint = drawn.circles.first().and_then(|circle| circle.position.as_ref()).map(fraction);
     let waypoint = waypoint.map(|point| (point, captions.next().unwrap_or_default()));
-    let corners = |line: &PointsAnnotation| Some((share(line.points.first()?), share(line.points.get(2)?)));
+    let corners = |line: &PointsAnnotation| Some((fraction(line.points.first()?), fraction(line.points.get(2)?)));
     let areas = drawn.points.iter().filter_map(corners);
     let areas = areas.map(|(low, high)| ImageBox { left: low.u, top: low.v, right: high.u, bottom: high.v });
     Some(Marks { waypoint, boxes: areas.map(|area| (area, captions.next().unwrap_or_default())).collect() })

@@ -25,7 +25,7 @@ pub enum LogVideoError {
     Read(#[from] ReadError),
     /// The log contains no images.
     #[error("the log has no camera images: the flight was recorded with `--no-video`")]
-    NoPictures,
+    NoImages,
     /// An image is invalid.
     #[error("cannot read the image at {at}")]
     Image {
@@ -45,7 +45,7 @@ pub enum LogVideoError {
 /// # Errors
 /// [`LogVideoError`] if the log cannot be read or has no images, or the video cannot be written.
 pub fn video(log: &Path, out: &Path) -> Result<VideoFacts, LogVideoError> {
-    let mut reel = Reel { out, writer: None, picture: None, lines: VecDeque::new(), line: String::new() };
+    let mut reel = Reel { out, writer: None, image: None, lines: VecDeque::new(), line: String::new() };
     for entry in LogReader::open(log)? {
         let entry = match entry {
             Ok(entry) => entry,
@@ -54,13 +54,13 @@ pub fn video(log: &Path, out: &Path) -> Result<VideoFacts, LogVideoError> {
         };
         match entry.schema.as_str() {
             foxglove::LOG => reel.line(entry.time, foxglove::line_of(&entry.data)),
-            foxglove::IMAGE => reel.picture(entry.time, foxglove::jpeg_of(&entry.data).as_deref())?,
+            foxglove::IMAGE => reel.image(entry.time, foxglove::jpeg_of(&entry.data).as_deref())?,
             foxglove::ANNOTATIONS => reel.marks(entry.time, &entry.data)?,
             _ => {}
         }
     }
     reel.flush(&Marks::default())?;
-    let writer = reel.writer.ok_or(LogVideoError::NoPictures)?;
+    let writer = reel.writer.ok_or(LogVideoError::NoImages)?;
     Ok(writer.finish()?)
 }
 
@@ -69,7 +69,7 @@ struct Reel<'a> {
     out: &'a Path,
     writer: Option<VideoWriter>,
     /// An image whose marks have not been read yet.
-    picture: Option<(Time, Rgb)>,
+    image: Option<(Time, Rgb)>,
     /// Text messages later than the last image.
     lines: VecDeque<(Time, String)>,
     line: String,
@@ -85,20 +85,20 @@ impl Reel<'_> {
         }
     }
 
-    fn picture(&mut self, at: Time, bytes: Option<&[u8]>) -> Result<(), LogVideoError> {
+    fn image(&mut self, at: Time, bytes: Option<&[u8]>) -> Result<(), LogVideoError> {
         self.flush(&Marks::default())?;
         if let Some(bytes) = bytes {
-            let picture = jpeg::decode(bytes).map_err(|source| LogVideoError::Image { at, source })?;
-            self.picture = Some((at, picture));
+            let image = jpeg::decode(bytes).map_err(|source| LogVideoError::Image { at, source })?;
+            self.image = Some((at, image));
         }
         Ok(())
     }
 
     /// Handles marks, which belong to the image of the same time.
     fn marks(&mut self, at: Time, data: &[u8]) -> Result<(), LogVideoError> {
-        match &self.picture {
-            Some((of, picture)) if *of == at => {
-                let size = (picture.width(), picture.height());
+        match &self.image {
+            Some((of, image)) if *of == at => {
+                let size = (image.width(), image.height());
                 self.flush(&foxglove::marks_of(data, size).unwrap_or_default())
             }
             _ => Ok(()),
@@ -107,7 +107,7 @@ impl Reel<'_> {
 
     /// Draws and writes the pending image.
     fn flush(&mut self, marks: &Marks) -> Result<(), LogVideoError> {
-        let Some((at, mut picture)) = self.picture.take() else { return Ok(()) };
+        let Some((at, mut image)) = self.image.take() else { return Ok(()) };
         while let Some((_, line)) = self.lines.pop_front_if(|(of, _)| *of <= at) {
             self.line = line;
         }
@@ -115,12 +115,12 @@ impl Reel<'_> {
         let status = format!("{:.1} s", at.as_secs_f64());
         let hud = Hud { title: "", status: &status, lines: &[seen, then] };
         let waypoint = marks.waypoint.as_ref().map(|(point, caption)| (*point, caption.as_str()));
-        marks::annotate(&mut picture, &marks.as_marks(), waypoint, &hud);
+        marks::annotate(&mut image, &marks.as_marks(), waypoint, &hud);
         let writer = match &mut self.writer {
             Some(writer) => writer,
-            none => none.insert(VideoWriter::create(self.out, picture.width(), picture.height(), FPS)?),
+            none => none.insert(VideoWriter::create(self.out, image.width(), image.height(), FPS)?),
         };
-        writer.push(at, &picture)?;
+        writer.push(at, &image)?;
         Ok(())
     }
 }

@@ -120,7 +120,7 @@ impl VideoWriter {
     /// # Errors
     /// After [`VideoError::Order`] the video is unchanged and accepts later images. After any other error it accepts no
     /// more images ([`VideoError::Stopped`]), but what was written until then can be finished.
-    pub fn push(&mut self, time: Time, picture: &Rgb) -> Result<(), VideoError> {
+    pub fn push(&mut self, time: Time, image: &Rgb) -> Result<(), VideoError> {
         if self.stopped {
             return Err(VideoError::Stopped { path: self.path.clone() });
         }
@@ -129,20 +129,20 @@ impl VideoWriter {
         {
             return Err(VideoError::Order { path: self.path.clone(), last, time });
         }
-        let result = self.encode_and_write(time, picture);
+        let result = self.encode_and_write(time, image);
         self.stopped = result.is_err();
         result
     }
 
-    fn encode_and_write(&mut self, time: Time, picture: &Rgb) -> Result<(), VideoError> {
+    fn encode_and_write(&mut self, time: Time, image: &Rgb) -> Result<(), VideoError> {
         let scaled;
-        let picture = if (picture.width(), picture.height()) == self.size {
-            picture
+        let image = if (image.width(), image.height()) == self.size {
+            image
         } else {
-            scaled = resize(picture, self.size.0, self.size.1);
+            scaled = resize(image, self.size.0, self.size.1);
             &scaled
         };
-        let unit = self.encoder.encode(time, picture);
+        let unit = self.encoder.encode(time, image);
         let unit = unit.map_err(|source| VideoError::Encode { path: self.path.clone(), source })?;
         let start = if self.last.is_none() { 0 } else { ticks(time) };
         self.muxer.push(start, &unit).map_err(|error| failure(&self.path, error))?;

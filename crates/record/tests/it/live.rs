@@ -115,14 +115,14 @@ fn a_stuck_viewer_holds_nobody_up() {
     assert_eq!(stuck.shown().unwrap().1, 0);
     assert_eq!(quick.shown().unwrap().1, 0);
     let reading = std::thread::spawn(move || {
-        let mut pictures = 0;
+        let mut images = 0;
         loop {
             let (id, time, data) = quick.shown().expect("it is not let go");
             if id == 100 {
                 assert_eq!((time, data.len()), (3_000_000_000, 7));
-                return pictures;
+                return images;
             }
-            pictures += 1;
+            images += 1;
         }
     });
     for number in 1..=2000 {
@@ -137,9 +137,9 @@ fn a_stuck_viewer_holds_nobody_up() {
     assert!(reading.join().unwrap() > 0, "it saw pictures while the other one was stuck");
     // What the stuck one has of it is what fitted into its queue and the wires: the rest went by without it.
     drop(live);
-    let mut pictures = 0;
+    let mut images = 0;
     while stuck.shown().is_some() {
-        pictures += 1;
+        images += 1;
     }
-    assert!(pictures < 2000, "somebody waited for it");
+    assert!(images < 2000, "somebody waited for it");
 }

@@ -24,7 +24,7 @@ fn row(number: u32) -> Message {
 }
 
 /// A message like a picture: large, and of bytes that do not compress.
-fn picture(number: u32) -> Message {
+fn image(number: u32) -> Message {
     let mut state = number.wrapping_mul(2_654_435_761) | 1;
     let noise = (0..60_000).map(|_| {
         state ^= state << 13;
@@ -51,7 +51,7 @@ fn what_goes_in_comes_out_in_order() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flight.mcap");
     let log = Log::create(&path, &topics(), true).unwrap();
-    let sent: Vec<Message> = (0..300).map(|number| if number % 10 == 0 { picture(number) } else { row(number) }).collect();
+    let sent: Vec<Message> = (0..300).map(|number| if number % 10 == 0 { image(number) } else { row(number) }).collect();
     let sender = log.sender();
     for message in &sent {
         sender.send(message.clone());
@@ -117,7 +117,7 @@ fn sample() -> Vec<u8> {
         let path = folder.path().join("flight.mcap");
         let log = Log::create(&path, &topics(), true).unwrap();
         for number in 0..2000 {
-            log.sender().send(if number % 50 == 0 { picture(number) } else { row(number) });
+            log.sender().send(if number % 50 == 0 { image(number) } else { row(number) });
         }
         log.finish().unwrap();
         std::fs::read(&path).unwrap()
@@ -190,8 +190,8 @@ proptest! {
                 prop_assert_eq!(kept.len() as u64, found.messages);
                 prop_assert!(kept == all[..kept.len()]);
                 // A chunk holds some nine pictures: no more than one and a bit of them is lost.
-                let pictures = |entries: &[Entry]| entries.iter().filter(|entry| entry.topic == "/image").count() as f64;
-                prop_assert!(pictures(&kept) >= cut * pictures(&all) - 12.0, "{} of {}", pictures(&kept), pictures(&all));
+                let images = |entries: &[Entry]| entries.iter().filter(|entry| entry.topic == "/image").count() as f64;
+                prop_assert!(images(&kept) >= cut * images(&all) - 12.0, "{} of {}", images(&kept), images(&all));
             }
             Err(error) => prop_assert!(false, "{error:?}"),
         }

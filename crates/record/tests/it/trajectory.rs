@@ -15,16 +15,17 @@ fn square(east: f64, north: f64, half: f64) -> Vec<[f64; 2]> {
 
 /// A flight of 40 s: up to 3 m, then along a bend to a crane 60 m away.
 fn flight() -> TrajectoryInput {
-    let place = |share: f64| at(4.0 + 46.0 * share, 60.0 * share * share, (3.0 + 9.0 * share).min(40.0 * share));
+    let place =
+        |fraction: f64| at(4.0 + 46.0 * fraction, 60.0 * fraction * fraction, (3.0 + 9.0 * fraction).min(40.0 * fraction));
     let path: Vec<_> = (0..=400).map(|n| (Time::from_millis(n * 100), place(n as f64 / 400.0))).collect();
     let known_path = path.iter().map(|(time, p)| (*time, at(p.east + 0.8, p.north - 0.5, p.up + 0.2))).collect();
     let decisions = (0..9)
         .map(|n| {
-            let share = 0.08 + n as f64 * 0.1;
-            let ahead = place((share + 0.13).min(1.0));
+            let fraction = 0.08 + n as f64 * 0.1;
+            let ahead = place((fraction + 0.13).min(1.0));
             DecisionMark {
-                time: Time::from_secs_f64(share * 40.0),
-                position: place(share),
+                time: Time::from_secs_f64(fraction * 40.0),
+                position: place(fraction),
                 waypoint: (n != 4).then(|| at(ahead.east + 2.0, ahead.north - 1.0, ahead.up)),
                 label: format!("red tower crane, depth {}", 9 - n),
             }

@@ -11,16 +11,16 @@ use spf_media::Rgb;
 use spf_media::marks::{Hud, draw_hud};
 use spf_record::{VideoError, VideoFacts, VideoWriter};
 
-fn picture(width: u32, height: u32, frame: u64) -> Rgb {
-    let mut picture = Rgb::new(width, height);
+fn image(width: u32, height: u32, frame: u64) -> Rgb {
+    let mut image = Rgb::new(width, height);
     for y in 0..height {
         for x in 0..width {
             let bar = (u64::from(x) + frame * 5) % u64::from(width) < 20;
-            picture.set_pixel(x, y, if bar { [230, 60, 20] } else { [x as u8, y as u8, 100] });
+            image.set_pixel(x, y, if bar { [230, 60, 20] } else { [x as u8, y as u8, 100] });
         }
     }
-    draw_hud(&mut picture, &Hud { title: "frame", status: &frame.to_string(), lines: &[] });
-    picture
+    draw_hud(&mut image, &Hud { title: "frame", status: &frame.to_string(), lines: &[] });
+    image
 }
 
 /// Frames at irregular times: every 90 ms, from 0.5 s on, with a gap of 2 s after the twentieth.
@@ -31,7 +31,7 @@ fn time_of(frame: u64) -> Time {
 fn record(path: &Path, frames: u64) -> VideoFacts {
     let mut video = VideoWriter::create(path, 320, 240, 10.0).unwrap();
     for frame in 0..frames {
-        video.push(time_of(frame), &picture(320, 240, frame)).unwrap();
+        video.push(time_of(frame), &image(320, 240, frame)).unwrap();
     }
     video.finish().unwrap()
 }
@@ -95,10 +95,10 @@ fn ffmpeg_decodes_what_was_pushed() {
         .output()
         .unwrap();
     assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
-    let pictures: Vec<&[u8]> = output.stdout.chunks_exact(320 * 240 * 3).collect();
-    assert_eq!(pictures.len(), 30);
-    for (frame, decoded) in (0..).zip(pictures) {
-        let wanted = picture(320, 240, frame);
+    let images: Vec<&[u8]> = output.stdout.chunks_exact(320 * 240 * 3).collect();
+    assert_eq!(images.len(), 30);
+    for (frame, decoded) in (0..).zip(images) {
+        let wanted = image(320, 240, frame);
         let error: u64 = decoded.iter().zip(wanted.data()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
         let mean = error as f64 / decoded.len() as f64;
         assert!(mean < 6.0, "frame {frame} differs by {mean} on average");
@@ -119,7 +119,7 @@ fn pictures_of_another_size_are_scaled() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("video.mp4");
     let mut video = VideoWriter::create(&path, 160, 120, 10.0).unwrap();
-    video.push(Time::ZERO, &picture(320, 240, 0)).unwrap();
+    video.push(Time::ZERO, &image(320, 240, 0)).unwrap();
     assert_eq!(video.finish().unwrap().duration, Duration::from_millis(100));
 }
 
@@ -127,10 +127,10 @@ fn pictures_of_another_size_are_scaled() {
 fn a_picture_out_of_order_is_refused_and_the_next_is_taken() {
     let folder = tempfile::tempdir().unwrap();
     let mut video = VideoWriter::create(&folder.path().join("video.mp4"), 160, 120, 10.0).unwrap();
-    let picture = Rgb::new(160, 120);
-    video.push(Time::from_millis(100), &picture).unwrap();
-    assert!(matches!(video.push(Time::from_millis(100), &picture), Err(VideoError::Order { .. })));
-    video.push(Time::from_millis(200), &picture).unwrap();
+    let image = Rgb::new(160, 120);
+    video.push(Time::from_millis(100), &image).unwrap();
+    assert!(matches!(video.push(Time::from_millis(100), &image), Err(VideoError::Order { .. })));
+    video.push(Time::from_millis(200), &image).unwrap();
     assert_eq!(video.finish().unwrap().frames, 2);
 }
 

@@ -87,19 +87,19 @@ fn moments(camera: &Camera, from: &Pose, to: &Pose) -> usize {
     (libm::ceil(pixels / STEP) as usize).clamp(1, MOST)
 }
 
-/// Draws every moment and puts the mean of their light into `picture`.
-pub(super) fn add_up<M>(moments: &[M], picture: &mut RenderedImage, mut draw: impl FnMut(&M, &mut RenderedImage)) {
+/// Draws every moment and puts the mean of their light into `image`.
+pub(super) fn add_up<M>(moments: &[M], image: &mut RenderedImage, mut draw: impl FnMut(&M, &mut RenderedImage)) {
     let curve = Curve::get();
     let mut sum: Vec<f32> = Vec::new();
     for moment in moments {
-        draw(moment, picture);
-        let rgb = picture.rgb.as_deref().unwrap_or_default();
+        draw(moment, image);
+        let rgb = image.rgb.as_deref().unwrap_or_default();
         sum.resize(rgb.len(), 0.0);
         sum.par_iter_mut().zip(rgb).for_each(|(sum, byte)| *sum += curve.light(*byte));
     }
-    let share = 1.0 / moments.len().max(1) as f32;
-    if let Some(rgb) = &mut picture.rgb {
-        rgb.par_iter_mut().zip(&sum).for_each(|(byte, sum)| *byte = curve.byte(sum * share));
+    let fraction = 1.0 / moments.len().max(1) as f32;
+    if let Some(rgb) = &mut image.rgb {
+        rgb.par_iter_mut().zip(&sum).for_each(|(byte, sum)| *byte = curve.byte(sum * fraction));
     }
 }
 

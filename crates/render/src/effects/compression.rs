@@ -17,12 +17,12 @@ pub enum Compression {
 impl Compression {
     /// The image after the way. An image that the codec does not hold stays as it is: those of less than 16 or more than 3840
     /// pixels a side, of H.264.
-    pub(super) fn round_trip(self, picture: Rgb) -> Rgb {
+    pub(super) fn round_trip(self, image: Rgb) -> Rgb {
         let back = match self {
-            Self::Jpeg(quality) => Jpeg::encode(&picture, quality).ok().and_then(|jpeg| jpeg::decode(jpeg.bytes()).ok()),
-            Self::H264(quantiser) => key_picture(&picture, quantiser),
+            Self::Jpeg(quality) => Jpeg::encode(&image, quality).ok().and_then(|jpeg| jpeg::decode(jpeg.bytes()).ok()),
+            Self::H264(quantiser) => key_frame(&image, quantiser),
         };
-        back.unwrap_or(picture)
+        back.unwrap_or(image)
     }
 }
 
@@ -36,9 +36,9 @@ impl std::fmt::Display for Compression {
 }
 
 /// Through an encoder and a decoder of its own, so that an image does not depend on those before it.
-fn key_picture(picture: &Rgb, quantiser: u8) -> Option<Rgb> {
-    let (width, height) = (picture.width(), picture.height());
-    let even = padded(picture);
+fn key_frame(image: &Rgb, quantiser: u8) -> Option<Rgb> {
+    let (width, height) = (image.width(), image.height());
+    let even = padded(image);
     let settings = EncoderSettings { quantiser, ..EncoderSettings::for_size(even.width(), even.height(), 30.0) };
     let unit = Encoder::new(settings).ok()?.encode(Time::ZERO, &even).ok()?;
     let back = Decoder::new().ok()?.decode(&unit.annex_b).ok()??;
@@ -46,21 +46,21 @@ fn key_picture(picture: &Rgb, quantiser: u8) -> Option<Rgb> {
 }
 
 /// With even sides: the last column and row stand twice where they are odd, for 4:2:0 video has no odd sides.
-fn padded(picture: &Rgb) -> Rgb {
-    let (width, height) = (picture.width(), picture.height());
-    fitted(picture, width.next_multiple_of(2), height.next_multiple_of(2))
+fn padded(image: &Rgb) -> Rgb {
+    let (width, height) = (image.width(), image.height());
+    fitted(image, width.next_multiple_of(2), height.next_multiple_of(2))
 }
 
-fn cut(picture: &Rgb, width: u32, height: u32) -> Rgb {
-    fitted(picture, width, height)
+fn cut(image: &Rgb, width: u32, height: u32) -> Rgb {
+    fitted(image, width, height)
 }
 
 /// The upper left part of that size; beyond the image its last pixels are repeated.
-fn fitted(picture: &Rgb, width: u32, height: u32) -> Rgb {
+fn fitted(image: &Rgb, width: u32, height: u32) -> Rgb {
     let mut out = Rgb::new(width, height);
     for y in 0..height {
         for x in 0..width {
-            let nearest = picture.pixel(x.min(picture.width().saturating_sub(1)), y.min(picture.height().saturating_sub(1)));
+            let nearest = image.pixel(x.min(image.width().saturating_sub(1)), y.min(image.height().saturating_sub(1)));
             out.set_pixel(x, y, nearest.unwrap_or_default());
         }
     }
@@ -72,34 +72,34 @@ mod tests {
     use super::*;
 
     /// Stripes of several widths and colours.
-    fn picture(width: u32, height: u32) -> Rgb {
-        let mut picture = Rgb::new(width, height);
+    fn image(width: u32, height: u32) -> Rgb {
+        let mut image = Rgb::new(width, height);
         for y in 0..height {
             for x in 0..width {
-                picture.set_pixel(x, y, [(x * 5) as u8, if (x / 7 + y / 5) % 2 == 0 { 200 } else { 40 }, (y * 3) as u8]);
+                image.set_pixel(x, y, [(x * 5) as u8, if (x / 7 + y / 5) % 2 == 0 { 200 } else { 40 }, (y * 3) as u8]);
             }
         }
-        picture
+        image
     }
 
-    fn error(compression: Compression, picture: &Rgb) -> f64 {
-        let back = compression.round_trip(picture.clone());
-        assert_eq!((back.width(), back.height()), (picture.width(), picture.height()));
-        let squares = back.data().iter().zip(picture.data()).map(|(a, b)| f64::from(a.abs_diff(*b)));
-        squares.map(|d| d * d).sum::<f64>() / picture.data().len() as f64
+    fn error(compression: Compression, image: &Rgb) -> f64 {
+        let back = compression.round_trip(image.clone());
+        assert_eq!((back.width(), back.height()), (image.width(), image.height()));
+        let squares = back.data().iter().zip(image.data()).map(|(a, b)| f64::from(a.abs_diff(*b)));
+        squares.map(|d| d * d).sum::<f64>() / image.data().len() as f64
     }
 
     #[test]
     fn coarser_is_worse_and_never_perfect() {
-        let picture = picture(97, 64);
+        let image = image(97, 64);
         for errors in [
-            [95, 60, 20, 5].map(|quality| error(Compression::Jpeg(quality), &picture)),
-            [12, 24, 32, 40].map(|quantiser| error(Compression::H264(quantiser), &picture)),
+            [95, 60, 20, 5].map(|quality| error(Compression::Jpeg(quality), &image)),
+            [12, 24, 32, 40].map(|quantiser| error(Compression::H264(quantiser), &image)),
         ] {
             assert!(errors[0] > 0.0 && errors.is_sorted_by(|fine, coarse| fine < coarse), "{errors:?}");
         }
         // The chroma of either is halved both ways, which alone costs this image some; luma is nearly kept.
-        assert!(error(Compression::H264(12), &picture) < 1000.0);
+        assert!(error(Compression::H264(12), &image) < 1000.0);
     }
 
     #[test]
@@ -115,6 +115,6 @@ mod tests {
 
     #[test]
     fn what_a_codec_does_not_hold_stays() {
-        assert_eq!(Compression::H264(30).round_trip(picture(8, 8)), picture(8, 8));
+        assert_eq!(Compression::H264(30).round_trip(image(8, 8)), image(8, 8));
     }
 }

@@ -229,17 +229,17 @@ mod tests {
 
     fn bent(camera: &Camera) -> (Remap, RenderedImage) {
         let remap = Remap::new(camera);
-        let mut picture = RenderedImage::default();
-        remap.bend(&ruler(&remap.pinhole), &mut picture);
-        (remap, picture)
+        let mut image = RenderedImage::default();
+        remap.bend(&ruler(&remap.pinhole), &mut image);
+        (remap, image)
     }
 
     #[test]
     fn a_pixel_shows_what_its_ray_points_at() {
         for lens in Lens::names() {
             let camera = Lens::named(lens).unwrap().on(&Camera::tello()).resized(240, 180);
-            let (remap, picture) = bent(&camera);
-            let (depth, ids) = (picture.depth.unwrap(), picture.ids.unwrap());
+            let (remap, image) = bent(&camera);
+            let (depth, ids) = (image.depth.unwrap(), image.ids.unwrap());
             for (x, y) in [(0, 0), (239, 0), (0, 179), (239, 179), (120, 90), (17, 160)] {
                 let point = ImagePoint { u: (f64::from(x) + 0.5) / 240.0, v: (f64::from(y) + 0.5) / 180.0 };
                 let ray = camera.ray(point);
@@ -267,9 +267,9 @@ mod tests {
     #[test]
     fn beyond_the_fold_there_is_nothing() {
         let fold = Distortion { k1: -0.4, ..Distortion::default() };
-        let (remap, picture) = bent(&Lens::Distorted(fold).on(&Camera::quad()).resized(96, 72));
+        let (remap, image) = bent(&Lens::Distorted(fold).on(&Camera::quad()).resized(96, 72));
         assert_eq!(remap.sources[0].upper_left, NOWHERE);
-        assert_eq!(picture.rgb.unwrap()[..3], [0, 0, 0]);
+        assert_eq!(image.rgb.unwrap()[..3], [0, 0, 0]);
         assert_ne!(remap.sources[36 * 96 + 48].upper_left, NOWHERE);
     }
 

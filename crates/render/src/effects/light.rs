@@ -83,8 +83,8 @@ mod tests {
     fn automatic_exposure_aims_at_a_grey_card() {
         let curve = Curve::get();
         for (light, stops) in [(0.18, 0.0), (0.09, 1.0), (0.36, -1.0), (0.0001, 3.0)] {
-            let picture = vec![light as f32; 300];
-            assert!((curve.automatic_stops(&picture) - stops).abs() < 0.03, "{light}");
+            let image = vec![light as f32; 300];
+            assert!((curve.automatic_stops(&image) - stops).abs() < 0.03, "{light}");
         }
     }
 }

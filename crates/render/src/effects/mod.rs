@@ -63,15 +63,15 @@ impl SimCamera {
 
     /// Draws any channels as the lens shows them, at the size and with the lens of `camera`. `draw` draws what the perfect pinhole
     /// that it is given sees.
-    pub fn look(&self, camera: &Camera, picture: &mut RenderedImage, draw: impl FnOnce(&Camera, &mut RenderedImage)) {
+    pub fn look(&self, camera: &Camera, image: &mut RenderedImage, draw: impl FnOnce(&Camera, &mut RenderedImage)) {
         if camera.distortion.is_none() {
-            draw(camera, picture);
+            draw(camera, image);
             return;
         }
         let remap = self.remap(camera);
         let mut straight = self.take_scratch();
         draw(&remap.pinhole, &mut straight);
-        remap.bend(&straight, picture);
+        remap.bend(&straight, image);
         self.keep_scratch(straight);
     }
 
@@ -89,16 +89,16 @@ impl SimCamera {
         mut draw: impl FnMut(&Camera, &M, &mut RenderedImage),
     ) -> Rgb {
         let camera = size.map_or(self.camera, |(width, height)| self.camera.resized(width, height));
-        let mut picture = RenderedImage::default();
+        let mut image = RenderedImage::default();
         if let [moment] = shot.moments() {
-            self.look(&camera, &mut picture, |pinhole, picture| draw(pinhole, moment, picture));
+            self.look(&camera, &mut image, |pinhole, image| draw(pinhole, moment, image));
         } else {
-            self.look(&camera, &mut picture, |pinhole, picture| {
-                blur::add_up(shot.moments(), picture, |moment, picture| draw(pinhole, moment, picture));
+            self.look(&camera, &mut image, |pinhole, image| {
+                blur::add_up(shot.moments(), image, |moment, image| draw(pinhole, moment, image));
             });
         }
-        let (width, height) = (picture.width, picture.height);
-        let mut rgb = picture.rgb.unwrap_or_default();
+        let (width, height) = (image.width, image.height);
+        let mut rgb = image.rgb.unwrap_or_default();
         self.develop(&mut rgb, shot.at());
         let photograph = Rgb::from_raw(width, height, rgb).unwrap_or_else(|_| Rgb::new(width, height));
         match self.effects.compression {
@@ -149,8 +149,8 @@ impl SimCamera {
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
 
-    fn keep_scratch(&self, picture: RenderedImage) {
-        self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(picture);
+    fn keep_scratch(&self, image: RenderedImage) {
+        self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(image);
     }
 }
 
@@ -160,13 +160,13 @@ mod tests {
     use spf_core::geometry::{Attitude, EnuPosition, Pose};
 
     /// A white stripe whose place follows the heading.
-    fn stripe(camera: &Camera, pose: &Pose, picture: &mut RenderedImage) {
+    fn stripe(camera: &Camera, pose: &Pose, image: &mut RenderedImage) {
         let (w, h) = (camera.width as usize, camera.height as usize);
-        (picture.width, picture.height) = (camera.width, camera.height);
+        (image.width, image.height) = (camera.width, camera.height);
         let column = camera.cx - camera.fx * libm::tan(pose.attitude.heading);
         let lit = |i: usize| u8::from((((i % w) as f64) + 0.5 - column).abs() < 4.0) * 255;
-        picture.rgb = Some((0..w * h).flat_map(|i| [lit(i); 3]).collect());
-        picture.ids = Some((0..w * h).map(|i| u16::from(lit(i))).collect());
+        image.rgb = Some((0..w * h).flat_map(|i| [lit(i); 3]).collect());
+        image.ids = Some((0..w * h).map(|i| u16::from(lit(i))).collect());
     }
 
     /// Turning at a radian a second.
@@ -233,9 +233,9 @@ mod tests {
         let grey = |stops: &str| {
             let sim_camera = SimCamera::new(Camera::quad().resized(16, 16), format!("exposure={stops}").parse().unwrap(), 0);
             let shot = sim_camera.shot(Time::ZERO, |_| Some(Pose::default())).unwrap();
-            let draw = |camera: &Camera, _: &Pose, picture: &mut RenderedImage| {
-                (picture.width, picture.height) = (camera.width, camera.height);
-                picture.rgb = Some(vec![100; 16 * 16 * 3]);
+            let draw = |camera: &Camera, _: &Pose, image: &mut RenderedImage| {
+                (image.width, image.height) = (camera.width, camera.height);
+                image.rgb = Some(vec![100; 16 * 16 * 3]);
             };
             sim_camera.photograph(&shot, None, draw).data()[0]
         };

@@ -4,7 +4,7 @@
 //! stream cipher would take longer than the image.
 
 use rayon::prelude::*;
-use spf_core::rng::{Draw, finalise};
+use spf_core::rng::{RandomStream, finalise};
 
 use super::light::Curve;
 
@@ -16,15 +16,15 @@ const MIDDLE: u8 = 128;
 const PIECE: usize = 4096;
 
 /// Adds noise to light that was brightened by `gain`. `grey_levels` is the standard deviation at middle grey without gain, in
-/// steps of a byte; `picture` names the image.
-pub(super) fn add(light: &mut [f32], gain: f32, grey_levels: f64, seed: u64, picture: u64) {
+/// steps of a byte; `image` names the image.
+pub(super) fn add(light: &mut [f32], gain: f32, grey_levels: f64, seed: u64, image: u64) {
     let curve = Curve::get();
     let middle = curve.light(MIDDLE);
     // Light of one step of a byte at middle grey.
     let step = 0.5 * (curve.light(MIDDLE + 1) - curve.light(MIDDLE - 1));
     let sigma = grey_levels as f32 * step;
     let variance = sigma * sigma;
-    let key = (Draw::new(seed, "sensor noise", &[picture]).uniform() * (1_u64 << 53) as f64) as u64;
+    let key = (RandomStream::new(seed, "sensor noise", &[image]).uniform() * (1_u64 << 53) as f64) as u64;
     light.par_chunks_mut(PIECE).enumerate().for_each(|(piece, values)| {
         for (at, value) in (piece * PIECE..).zip(values) {
             let before = value.max(0.0) / gain;
@@ -86,9 +86,9 @@ mod tests {
 
     #[test]
     fn pictures_and_seeds_differ_and_repeat() {
-        let noisy = |seed, picture| {
+        let noisy = |seed, image| {
             let mut light = vec![0.2; 3000];
-            add(&mut light, 1.0, 3.0, seed, picture);
+            add(&mut light, 1.0, 3.0, seed, image);
             light
         };
         assert_eq!(noisy(1, 2), noisy(1, 2));

@@ -182,8 +182,8 @@ impl std::fmt::Display for Effects {
             self.noise.map(|levels| format!("noise={levels}")),
             self.compression.map(|compression| format!("compression={compression}")),
         ];
-        let said: Vec<String> = words.into_iter().flatten().collect();
-        f.write_str(if said.is_empty() { "none".to_owned() } else { said.join(",") }.as_str())
+        let parts: Vec<String> = words.into_iter().flatten().collect();
+        f.write_str(if parts.is_empty() { "none".to_owned() } else { parts.join(",") }.as_str())
     }
 }
 

@@ -15,17 +15,17 @@ fn a_model_without_ground_is_seen_from_its_start() {
     let mesh = model.block(2.0, 1.0, 4.0);
     model.node(json!({"name": "car", "translation": [0.0, 1.0, 0.0], "mesh": mesh}));
     let scene = model.scene();
-    let picture = Renderer::new(&scene.geometry).render(&Camera::quad(), &scene.preview, Channels::TRUTH);
-    assert!(picture.ids.unwrap().contains(&object(&scene, "car").id));
+    let image = Renderer::new(&scene.geometry).render(&Camera::quad(), &scene.preview, Channels::TRUTH);
+    assert!(image.ids.unwrap().contains(&object(&scene, "car").id));
 }
 
 #[test]
 fn pictures_are_drawn_where_the_coordinates_say() {
     let mut model = Model::new();
-    let picture = model.picture(&png(2, 2, |x, y| {
+    let image = model.image(&png(2, 2, |x, y| {
         [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [250, 250, 250, 0]][(y * 2 + x) as usize]
     }));
-    let floor = model.floor(20.0, 1.0, Some(picture));
+    let floor = model.floor(20.0, 1.0, Some(image));
     model.node(json!({"name": "carpet", "mesh": floor}));
     let scene = model.scene();
     assert_eq!(scene.geometry.textures.len(), 1);
@@ -74,11 +74,11 @@ kind = "thing"
     let scene = Scene::load(&path.to_string_lossy()).unwrap();
     let position = EnuPosition { east: 0.0, north: 0.0, up: 1.0 };
     let camera = Camera { tilt: 0.0, ..Camera::quad() };
-    let picture = Renderer::new(&scene.geometry).render(&camera, &Pose { position, ..Pose::default() }, Channels::ALL);
-    let middle = (picture.height / 2 * picture.width + picture.width / 2) as usize;
-    assert_eq!(picture.ids.unwrap()[middle], object(&scene, "block").id);
-    assert!((picture.depth.unwrap()[middle] - 7.0).abs() < 1e-3);
-    let rgb = picture.rgb.unwrap();
+    let image = Renderer::new(&scene.geometry).render(&camera, &Pose { position, ..Pose::default() }, Channels::ALL);
+    let middle = (image.height / 2 * image.width + image.width / 2) as usize;
+    assert_eq!(image.ids.unwrap()[middle], object(&scene, "block").id);
+    assert!((image.depth.unwrap()[middle] - 7.0).abs() < 1e-3);
+    let rgb = image.rgb.unwrap();
     let [r, g, b] = [rgb[3 * middle], rgb[3 * middle + 1], rgb[3 * middle + 2]];
     assert!(r > 2 * g && r > 2 * b, "{r} {g} {b}");
 }

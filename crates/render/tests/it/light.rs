@@ -108,15 +108,15 @@ fn avenue() -> Pose {
 
 #[test]
 fn night_is_darker_than_dusk_and_dusk_than_day_but_for_windows() {
-    let pictures = [Lighting::Day, Lighting::Dusk, Lighting::Night].map(|light| seen(light, Weather::Clear, &avenue()).1);
+    let images = [Lighting::Day, Lighting::Dusk, Lighting::Night].map(|light| seen(light, Weather::Clear, &avenue()).1);
     let mean = |rgb: &[u8]| rgb.iter().map(|&byte| f64::from(byte)).sum::<f64>() / rgb.len() as f64;
-    let [day, dusk, night] = [0, 1, 2].map(|i| mean(&pictures[i]));
+    let [day, dusk, night] = [0, 1, 2].map(|i| mean(&images[i]));
     assert!(day > dusk + 20.0 && dusk > night + 20.0, "{day} {dusk} {night}");
     let bright = |rgb: &[u8]| rgb.chunks_exact(3).filter(|p| p[0] > 200).count();
-    assert!(bright(&pictures[2]) > 100, "windows and lamps shine at night");
+    assert!(bright(&images[2]) > 100, "windows and lamps shine at night");
     // The lamp beside the avenue, 25 m ahead on the right, lights its post's foot more than what lies in the dark.
     let row = |rgb: &[u8], y: usize, x: usize| u32::from(rgb[(y * 320 + x) * 3]);
-    assert!(row(&pictures[2], 150, 200) > 2 * row(&pictures[2], 235, 10));
+    assert!(row(&images[2], 150, 200) > 2 * row(&images[2], 235, 10));
 }
 
 #[test]
@@ -138,9 +138,9 @@ fn by_day_everything_in_the_city_is_clear_and_by_night_the_park_is_dark() {
     let light = |lighting: Lighting, pose: &Pose| {
         let (scene, _) = seen(lighting, Weather::Clear, pose);
         let renderer = Renderer::new(&scene.geometry);
-        let picture = renderer.render(&Camera::quad(), pose, Channels::TRUTH);
-        let light = renderer.light_on(&Camera::quad(), pose, &picture);
-        assert_eq!(light, renderer.light_on(&Camera::quad(), pose, &picture));
+        let image = renderer.render(&Camera::quad(), pose, Channels::TRUTH);
+        let light = renderer.light_on(&Camera::quad(), pose, &image);
+        assert_eq!(light, renderer.light_on(&Camera::quad(), pose, &image));
         (scene, light)
     };
     let park = Pose {
@@ -166,8 +166,8 @@ fn a_person_in_the_dark_shed_has_little_light_by_day() {
     // From where a flight starts, turned to the shed.
     let mut eye = scene.start;
     (eye.position.up, eye.attitude.heading) = (0.8, 45.0_f64.to_radians());
-    let picture = renderer.render(&Camera::quad(), &eye, Channels::TRUTH);
-    let light = renderer.light_on(&Camera::quad(), &eye, &picture);
+    let image = renderer.render(&Camera::quad(), &eye, Channels::TRUTH);
+    let light = renderer.light_on(&Camera::quad(), &eye, &image);
     let sunlit = light.values().filter(|&&l| l == 1.0).count();
     assert!(light[&person.id] < 0.7 && sunlit > 3, "{}, {sunlit} in full light", light[&person.id]);
 }

@@ -24,13 +24,13 @@ fn level() -> Camera {
 }
 
 /// FNV-1a over all channels, floats by their bits.
-fn digest(picture: &RenderedImage) -> u64 {
+fn digest(image: &RenderedImage) -> u64 {
     let mut hasher = FnvHasher::default();
-    picture.rgb.iter().for_each(|bytes| hasher.write(bytes));
-    for words in [&picture.ids, &picture.opening_ids] {
+    image.rgb.iter().for_each(|bytes| hasher.write(bytes));
+    for words in [&image.ids, &image.opening_ids] {
         words.iter().flatten().for_each(|w| hasher.write(&w.to_le_bytes()));
     }
-    for floats in [&picture.depth, &picture.opening_depth] {
+    for floats in [&image.depth, &image.opening_depth] {
         floats.iter().flatten().for_each(|f| hasher.write(&f.to_le_bytes()));
     }
     hasher.finish()
@@ -41,8 +41,8 @@ fn a_wall_is_where_it_stands_and_as_far() {
     let mut scene = yard::empty();
     // A wall 20 m north of the lens, 4 m wide, 2 m high, its middle at the height of the lens.
     scene.add_box(Vec3::new(-2.0, 20.0, 1.0), Vec3::new(2.0, 21.0, 3.0), 1, 9, Role::Solid);
-    let picture = Renderer::new(&scene.geometry).render(&level(), &pose(0.0, 0.0, 2.0, 0.0), Channels::TRUTH);
-    let (ids, depth) = (picture.ids.unwrap(), picture.depth.unwrap());
+    let image = Renderer::new(&scene.geometry).render(&level(), &pose(0.0, 0.0, 2.0, 0.0), Channels::TRUTH);
+    let (ids, depth) = (image.ids.unwrap(), image.depth.unwrap());
     // fx = 480: the edges stand at 480 ± 2/20·480 = 432 and 528, fy = 480.3: 360 ± 24.
     for (x, y, inside) in
         [(432, 360, true), (431, 360, false), (527, 360, true), (528, 360, false), (480, 337, true), (480, 335, false)]
@@ -62,8 +62,8 @@ fn a_picture_hangs_upright_and_repeats() {
     // Red over green, left over right: red, white / green, black. Facing south, 8 m square, two repetitions across, one up.
     let rgb = [[200, 10, 10], [230, 230, 230], [10, 160, 10], [5, 5, 5]].concat();
     scene.geometry.textures.push(Texture::from_srgb(2, 2, &rgb).unwrap());
-    let picture = Pattern::Image { texture: 0, mirror: 0.0 };
-    scene.geometry.materials[9].pattern = picture;
+    let image = Pattern::Image { texture: 0, mirror: 0.0 };
+    scene.geometry.materials[9].pattern = image;
     scene.geometry.materials[9].colour = Vec3::ONE;
     let corners = [(-4.0, 0.0), (4.0, 0.0), (4.0, 8.0), (-4.0, 8.0)].map(|(x, z)| Vec3::new(x, 10.0, z));
     scene.add_quad(corners, 9, 2);
@@ -88,8 +88,8 @@ fn a_picture_hangs_upright_and_repeats() {
 #[test]
 fn depth_of_ground_is_exact_out_to_the_horizon() {
     let scene = yard::empty();
-    let picture = Renderer::new(&scene.geometry).render(&level(), &pose(3.0, -5.0, 10.0, 30.0), Channels::TRUTH);
-    let depth = picture.depth.unwrap();
+    let image = Renderer::new(&scene.geometry).render(&level(), &pose(3.0, -5.0, 10.0, 30.0), Channels::TRUTH);
+    let depth = image.depth.unwrap();
     for y in [375_usize, 400, 500, 719] {
         // The ray falls (y + ½ − cy)/fy for each metre along the axis.
         let expected = 10.0 * Camera::quad().fy / (y as f64 + 0.5 - 360.0);
@@ -105,13 +105,13 @@ fn depth_of_ground_is_exact_out_to_the_horizon() {
 fn the_near_plane_cuts_the_ground_under_the_lens() {
     let scene = yard::empty();
     let attitude = Attitude { pitch: -1.2, ..Attitude::default() };
-    let picture = Renderer::new(&scene.geometry).render(
+    let image = Renderer::new(&scene.geometry).render(
         &level(),
         &Pose { position: EnuPosition { up: 1.0, ..EnuPosition::default() }, attitude },
         Channels::TRUTH,
     );
     // Looking almost straight down there is ground at every pixel.
-    assert!(picture.ids.unwrap().iter().all(|&id| id == 1));
+    assert!(image.ids.unwrap().iter().all(|&id| id == 1));
 }
 
 #[test]
@@ -120,10 +120,10 @@ fn an_opening_hides_nothing_and_is_hidden_by_walls() {
     scene.add_box(Vec3::new(-2.0, 30.0, 0.0), Vec3::new(2.0, 31.0, 4.0), 1, 5, Role::Solid);
     scene.add_box(Vec3::new(-1.0, 20.0, 1.0), Vec3::new(1.0, 20.5, 3.0), 1, 6, Role::Opening);
     scene.add_box(Vec3::new(0.0, 10.0, 0.0), Vec3::new(3.0, 10.5, 4.0), 1, 7, Role::Solid);
-    let picture = Renderer::new(&scene.geometry).render(&level(), &pose(0.0, 0.0, 2.0, 0.0), Channels::TRUTH);
+    let image = Renderer::new(&scene.geometry).render(&level(), &pose(0.0, 0.0, 2.0, 0.0), Channels::TRUTH);
     let at = |x: usize| 360 * 960 + x;
-    let (ids, openings) = (picture.ids.unwrap(), picture.opening_ids.unwrap());
-    let (depth, opening_depth) = (picture.depth.unwrap(), picture.opening_depth.unwrap());
+    let (ids, openings) = (image.ids.unwrap(), image.opening_ids.unwrap());
+    let (depth, opening_depth) = (image.depth.unwrap(), image.opening_depth.unwrap());
     assert_eq!((ids[at(470)], openings[at(470)]), (5, 6));
     assert!((depth[at(470)] - 30.0).abs() < 1e-3 && (opening_depth[at(470)] - 20.0).abs() < 1e-3);
     assert_eq!((ids[at(490)], openings[at(490)]), (7, 0));
@@ -164,9 +164,9 @@ fn actors_are_drawn_like_the_scene() {
     scene.add_box(Vec3::new(-2.0, 20.0, 1.0), Vec3::new(2.0, 21.0, 3.0), 1, 9, Role::Solid);
     let actors: Vec<_> = scene.geometry.parts.drain(1..).collect();
     let eye = pose(0.0, 0.0, 2.0, 0.0);
-    let mut picture = RenderedImage::default();
-    Renderer::new(&scene.geometry).render_into(&Camera::quad(), &eye, Channels::TRUTH, &actors, &mut picture);
-    assert_eq!(picture, Renderer::new(&whole.geometry).render(&Camera::quad(), &eye, Channels::TRUTH));
+    let mut image = RenderedImage::default();
+    Renderer::new(&scene.geometry).render_into(&Camera::quad(), &eye, Channels::TRUTH, &actors, &mut image);
+    assert_eq!(image, Renderer::new(&whole.geometry).render(&Camera::quad(), &eye, Channels::TRUTH));
 }
 
 #[test]
@@ -217,18 +217,18 @@ fn live_pictures_show_the_same_things_more_coarsely() {
 
 #[test]
 fn files_hold_what_the_picture_holds() {
-    let picture = Renderer::new(&yard::yard().geometry).render(&Camera::quad(), &pose(0.0, -25.0, 6.0, 0.0), Channels::ALL);
+    let image = Renderer::new(&yard::yard().geometry).render(&Camera::quad(), &pose(0.0, -25.0, 6.0, 0.0), Channels::ALL);
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    picture.save_rgb(&path("rgb.png")).unwrap();
-    picture.save_ids(&path("ids.png")).unwrap();
-    picture.save_depth(&path("depth.png")).unwrap();
+    image.save_rgb(&path("rgb.png")).unwrap();
+    image.save_ids(&path("ids.png")).unwrap();
+    image.save_depth(&path("depth.png")).unwrap();
     let read = |name: &str| file::decode(&std::fs::read(path(name)).unwrap(), file::Limits::default()).unwrap();
-    assert_eq!(Some(read("rgb.png").into_rgb().into_data()), picture.rgb);
-    assert_eq!(Some(read("ids.png").into_grey16()), picture.ids);
+    assert_eq!(Some(read("rgb.png").into_rgb().into_data()), image.rgb);
+    assert_eq!(Some(read("ids.png").into_grey16()), image.ids);
     let depth = read("depth.png").into_grey16();
-    for (&stored, &metres) in depth.iter().zip(picture.depth.as_ref().unwrap()) {
+    for (&stored, &metres) in depth.iter().zip(image.depth.as_ref().unwrap()) {
         assert!(metres > 655.0 || (f32::from(stored) / 100.0 - metres).abs() < 0.006);
     }
-    assert!(picture.save_rgb(&path("no/such/folder.png")).unwrap_err().to_string().starts_with("cannot write"));
+    assert!(image.save_rgb(&path("no/such/folder.png")).unwrap_err().to_string().starts_with("cannot write"));
 }

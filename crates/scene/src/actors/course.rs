@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 use spf_core::geometry::{EnuPosition, wrap_angle};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use super::footprint::Footprint;
 use super::place::ActorPlace;
@@ -29,7 +29,7 @@ const STOREY: f64 = 3.0;
 
 /// How something of this gait speeds up, slows down and keeps its distance; m/s² and metres.
 #[derive(Clone, Copy, Debug)]
-struct Manner {
+struct MotionLimits {
     speeding: f64,
     /// Braking where it foresees the end.
     braking: f64,
@@ -42,8 +42,8 @@ struct Manner {
     sample: f64,
 }
 
-const WALKING: Manner = Manner { speeding: 1.0, braking: 0.8, stopping: 2.0, lateral: 2.0, gap: 0.1, sample: 0.2 };
-const DRIVING: Manner = Manner { speeding: 1.5, braking: 1.5, stopping: 4.0, lateral: 2.0, gap: 0.5, sample: 0.5 };
+const WALKING: MotionLimits = MotionLimits { speeding: 1.0, braking: 0.8, stopping: 2.0, lateral: 2.0, gap: 0.1, sample: 0.2 };
+const DRIVING: MotionLimits = MotionLimits { speeding: 1.5, braking: 1.5, stopping: 4.0, lateral: 2.0, gap: 0.5, sample: 0.5 };
 
 /// A path and what goes along it.
 #[derive(Clone, Debug)]
@@ -51,7 +51,7 @@ pub(crate) struct Course {
     pub(super) motion: Motion,
     route: Route,
     body: Footprint,
-    manner: Manner,
+    limits: MotionLimits,
 }
 
 /// Where an actor is on its course, and how it moves.
@@ -99,12 +99,12 @@ pub(super) struct Seen {
 impl Course {
     /// The course of an actor; with `ground`, standing on it.
     pub(crate) fn new(actor: &Actor, ground: Option<&crate::collide::Collider>) -> Self {
-        let manner = match actor.motion.gait {
+        let limits = match actor.motion.gait {
             Gait::Walk => WALKING,
             Gait::Drive => DRIVING,
         };
-        let route = Route::new(&actor.motion, manner.lateral, manner.braking, ground);
-        Self { motion: actor.motion.clone(), route, body: Footprint::of(actor), manner }
+        let route = Route::new(&actor.motion, limits.lateral, limits.braking, ground);
+        Self { motion: actor.motion.clone(), route, body: Footprint::of(actor), limits }
     }
 
     /// Where it begins.
@@ -135,7 +135,7 @@ impl Course {
             rested: false,
             heading: bearing(self.route.at(along).direction),
             walked: 0.0,
-            cruise: self.motion.speed * (1.0 - 0.1 * Draw::new(seed, "cruise", &[number]).uniform()),
+            cruise: self.motion.speed * (1.0 - 0.1 * RandomStream::new(seed, "cruise", &[number]).uniform()),
             blocked: 0.0,
             pauses: 0,
             seed,
@@ -178,7 +178,7 @@ impl Course {
     }
 
     /// The room that a person wants to go through next; none for a vehicle and for one that stands for a while.
-    pub(super) fn wish(&self, state: &State, place: &ActorPlace, claim: &mut Claim) -> bool {
+    pub(super) fn claim_ahead(&self, state: &State, place: &ActorPlace, claim: &mut Claim) -> bool {
         if self.body.axle > 0.0 || state.wait > 0.0 {
             return false;
         }
@@ -197,7 +197,7 @@ impl Course {
     }
 
     fn cover(&self, state: &State, way: f64, claim: &mut Claim) {
-        let samples = (way / self.manner.sample).ceil().max(1.0) as u32;
+        let samples = (way / self.limits.sample).ceil().max(1.0) as u32;
         let sign = if state.back { -1.0 } else { 1.0 };
         for k in 0..=samples {
             let ahead = sign * way * f64::from(k) / f64::from(samples);
@@ -207,7 +207,7 @@ impl Course {
 
     /// The way to standstill, metres.
     fn stopping(&self, state: &State) -> f64 {
-        (state.speed * state.speed / (2.0 * self.manner.stopping)).min(self.left(state))
+        (state.speed * state.speed / (2.0 * self.limits.stopping)).min(self.left(state))
     }
 
     fn discs(&self, state: &State, discs: &mut Vec<DVec2>) {
@@ -219,7 +219,7 @@ impl Course {
 
     /// Free room that it keeps to others when it goes on.
     pub(super) fn gap(&self) -> f64 {
-        self.manner.gap
+        self.limits.gap
     }
 
     /// Whether it has waited long enough for what others only want to do.
@@ -252,13 +252,13 @@ impl Course {
         let spot = self.route.at(now.along);
         let ahead = if now.back { -spot.direction } else { spot.direction };
         let facing = self.body.axle > 0.0 || Self::turn_towards(&mut now, bearing(ahead)) < FACING;
-        let foreseen = libm::sqrt(2.0 * self.manner.braking * self.left(&now));
+        let foreseen = libm::sqrt(2.0 * self.limits.braking * self.left(&now));
         let limit = self.route.speed_limit(now.along, now.back).min(now.cruise).min(foreseen);
-        let least = (now.speed - self.manner.stopping * STEP).max(0.0);
-        let best = if facing { limit.min(now.speed + self.manner.speeding * STEP).max(least) } else { least };
+        let least = (now.speed - self.limits.stopping * STEP).max(0.0);
+        let best = if facing { limit.min(now.speed + self.limits.speeding * STEP).max(least) } else { least };
         let aim = self.step_aside(&now, &spot, others);
         let shift = (aim - now.aside).clamp(-ASIDE_SPEED * STEP, ASIDE_SPEED * STEP);
-        let milder = (now.speed - 0.5 * self.manner.stopping * STEP).max(0.0);
+        let milder = (now.speed - 0.5 * self.limits.stopping * STEP).max(0.0);
         for speed in [best, now.speed.min(best), milder.min(best), least] {
             for shift in [shift, 0.0] {
                 let next = self.moved(&now, speed, shift);
@@ -300,8 +300,8 @@ impl Course {
             Round::Once => f64::INFINITY,
             // At least a tick: the pause is where it turns round.
             Round::Circle | Round::ThereAndBack => {
-                let share = Draw::new(state.seed, "pause", &[state.number, state.pauses]).uniform();
-                (self.motion.wait * (0.5 + share)).max(STEP)
+                let fraction = RandomStream::new(state.seed, "pause", &[state.number, state.pauses]).uniform();
+                (self.motion.wait * (0.5 + fraction)).max(STEP)
             }
         };
         state
@@ -330,7 +330,7 @@ impl Course {
                 continue;
             }
             let (distance, beside) = (away.dot(ahead), state.aside + away.dot(right));
-            let room = self.body.radius + other.radius + self.manner.gap + 0.1;
+            let room = self.body.radius + other.radius + self.limits.gap + 0.1;
             let coming = other.velocity.dot(ahead) < 0.3 * state.cruise && libm::fabs(other.velocity.dot(right)) < 0.5;
             let in_the_way = libm::fabs(beside) < room && (-room..room + 3.0).contains(&distance);
             if coming && in_the_way && nearest.is_none_or(|(d, _)| distance < d) {

@@ -23,12 +23,12 @@ pub struct ActorPlace {
 }
 
 impl ActorPlace {
-    /// The place `share` of the way to a later one.
-    pub(crate) fn towards(&self, later: &Self, share: f64) -> Self {
-        let part = |a: f64, b: f64| a + (b - a) * share;
+    /// The place `fraction` of the way to a later one.
+    pub(crate) fn towards(&self, later: &Self, fraction: f64) -> Self {
+        let part = |a: f64, b: f64| a + (b - a) * fraction;
         Self {
-            position: self.position.towards(later.position, share),
-            heading: wrap_angle(self.heading + wrap_angle(later.heading - self.heading) * share),
+            position: self.position.towards(later.position, fraction),
+            heading: wrap_angle(self.heading + wrap_angle(later.heading - self.heading) * fraction),
             pitch: part(self.pitch, later.pitch),
             walked: part(self.walked, later.walked),
             speed: part(self.speed, later.speed),

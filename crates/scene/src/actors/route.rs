@@ -88,11 +88,11 @@ impl Route {
         let along = self.wrapped(along);
         let [before, after] = self.around(along);
         let length = after.along - before.along;
-        let share = if length > 0.0 { (along - before.along) / length } else { 0.0 };
-        let within = share.clamp(0.0, 1.0);
+        let fraction = if length > 0.0 { (along - before.along) / length } else { 0.0 };
+        let within = fraction.clamp(0.0, 1.0);
         let direction = before.direction.lerp(after.direction, within).normalize_or(before.direction);
         let up = before.up + (after.up - before.up) * within;
-        Spot { at: before.at.lerp(after.at, share), up, direction }
+        Spot { at: before.at.lerp(after.at, fraction), up, direction }
     }
 
     /// Maximum speed at a point, m/s.
@@ -166,8 +166,8 @@ struct Corner {
 }
 
 impl Corner {
-    fn towards(self, other: Self, share: f64) -> Self {
-        Self { at: self.at.lerp(other.at, share), up: self.up + (other.up - self.up) * share }
+    fn towards(self, other: Self, fraction: f64) -> Self {
+        Self { at: self.at.lerp(other.at, fraction), up: self.up + (other.up - self.up) * fraction }
     }
 }
 
@@ -210,15 +210,15 @@ fn arc(from: Corner, corner: Corner, to: Corner, radius: f64) -> Vec<Corner> {
     let centre = begin + side * radius;
     // Pieces that are not divided any more: the bend of a route is that of its knots.
     let steps = (libm::fabs(turn) / ARC_STEP).max(libm::fabs(turn) * radius / SPACING).ceil().max(1.0) as u32;
-    let share = reach / arriving.length();
-    let (low, high) = (corner.towards(from, share).up, corner.towards(to, reach / leaving.length()).up);
+    let fraction = reach / arriving.length();
+    let (low, high) = (corner.towards(from, fraction).up, corner.towards(to, reach / leaving.length()).up);
     (0..=steps)
         .map(|k| {
-            let share = f64::from(k) / f64::from(steps);
-            let (sin, cos) = (libm::sin(turn * share), libm::cos(turn * share));
+            let fraction = f64::from(k) / f64::from(steps);
+            let (sin, cos) = (libm::sin(turn * fraction), libm::cos(turn * fraction));
             let spoke = -side * radius;
             let turned = DVec2::new(spoke.x * cos - spoke.y * sin, spoke.x * sin + spoke.y * cos);
-            Corner { at: centre + turned, up: low + (high - low) * share }
+            Corner { at: centre + turned, up: low + (high - low) * fraction }
         })
         .collect()
 }

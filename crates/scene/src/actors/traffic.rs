@@ -47,7 +47,7 @@ struct Rooms {
     claims: Vec<Claim>,
     craft: Option<Claim>,
     trial: Claim,
-    wish: Claim,
+    claim_ahead: Claim,
 }
 
 impl Traffic {
@@ -94,15 +94,15 @@ impl Traffic {
         if self.states.is_empty() {
             return Some(Vec::new());
         }
-        let (earlier, later, share) = self.about(at)?;
-        Some(earlier.iter().zip(later).map(|(a, b)| a.towards(b, share)).collect())
+        let (earlier, later, fraction) = self.about(at)?;
+        Some(earlier.iter().zip(later).map(|(a, b)| a.towards(b, fraction)).collect())
     }
 
     /// Position of one actor; `None` for an invalid index, or a time outside the history.
     #[must_use]
     pub fn place_at(&self, actor: usize, at: Time) -> Option<ActorPlace> {
-        let (earlier, later, share) = self.about(at)?;
-        Some(earlier.get(actor)?.towards(later.get(actor)?, share))
+        let (earlier, later, fraction) = self.about(at)?;
+        Some(earlier.get(actor)?.towards(later.get(actor)?, fraction))
     }
 
     /// Places at the ticks before and after, and where between them.
@@ -169,9 +169,12 @@ impl Rooms {
             if self.trial.meets(&self.claims[other], gap) {
                 return false;
             }
-            if yields && theirs.wish(&states[other], &places[other], &mut self.wish) && self.trial.meets(&self.wish, gap) {
+            if yields
+                && theirs.claim_ahead(&states[other], &places[other], &mut self.claim_ahead)
+                && self.trial.meets(&self.claim_ahead, gap)
+            {
                 course.fill(&states[actor], &mut self.claims[actor]);
-                if !self.claims[actor].meets(&self.wish, gap) {
+                if !self.claims[actor].meets(&self.claim_ahead, gap) {
                     return false;
                 }
             }

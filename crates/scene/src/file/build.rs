@@ -51,7 +51,7 @@ impl Materials<'_> {
         let Some((material, span)) = own.or_else(|| palette().get(name).map(|m| (m, at.clone()))) else {
             let known = self.raw.materials.keys().chain(palette().keys()).map(String::as_str);
             let hint = nearest(name, known).map_or_else(
-                || "define it under `[materials]`, or use one of the palette in docs/reference/scene-format.md".to_owned(),
+                || "define it under `[materials]`, or use one from the palette in docs/reference/scene-format.md".to_owned(),
                 |n| format!("did you mean `{n}`?"),
             );
             return Err(source.error(at, format!("unknown material `{name}`"), Some(hint)));
@@ -118,8 +118,8 @@ pub(super) fn build(
                 let gait = gait(generator.as_ref(), motion);
                 gait_triangles += gait.iter().map(Sketch::triangle_count).sum::<usize>();
                 if gait_triangles > MAX_GAIT_TRIANGLES {
-                    let message = format!("the walking persons exceed {MAX_GAIT_TRIANGLES} triangles");
-                    return Err(source.error(&placed.span, message, Some("use fewer walking persons".to_owned())));
+                    let message = format!("the walking people exceed {MAX_GAIT_TRIANGLES} triangles");
+                    return Err(source.error(&placed.span, message, Some("use fewer walking people".to_owned())));
                 }
                 postures.extend(gait.iter().map(|sketch| parts(sketch, &slots, &to_world, id)));
                 actors.add(motion, postures, &mut object, placed, source)?;
@@ -154,7 +154,7 @@ pub(super) fn build(
 fn parts(sketch: &Sketch, slots: &[(&'static str, u16)], to_world: &Frame, object: ObjectId) -> Vec<Part> {
     let part = |surface: &Surface| {
         let Some(&(_, material)) = slots.iter().find(|(slot, _)| *slot == surface.slot) else {
-            unreachable!("a generator draws only on its own slots; a test draws them all");
+            unreachable!("a generator uses only its own slots; a test generates every mesh kind");
         };
         let vertices = surface.vertices.iter().map(|v| to_world.vertex(v)).collect();
         Part { vertices, triangles: surface.triangles.clone(), material, object, role: surface.role }

@@ -23,7 +23,7 @@ const SLOT: &str = "model";
 const MAX_MODELS: usize = 100;
 
 /// Most memory that the images of all models may take, bytes: as much as those of one world.
-const MAX_PICTURES: usize = 256 << 20;
+const MAX_TEXTURE_BYTES: usize = 256 << 20;
 
 /// The keys of such a mesh.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -40,7 +40,7 @@ struct RawModel {
 pub(super) struct Models {
     list: Vec<(RawModel, Arc<Model>)>,
     /// Memory that their images take, bytes.
-    pictures: usize,
+    images: usize,
 }
 
 impl Models {
@@ -78,9 +78,9 @@ impl Models {
         }
         let model = Model::load(folder, &raw.file, raw.up)
             .map_err(|problem| source.error(at, format!("the model `{}`: {}", raw.file, problem.message), problem.hint))?;
-        self.pictures += model.textures.iter().map(Texture::bytes).sum::<usize>();
-        if self.pictures > MAX_PICTURES {
-            let message = format!("the textures of the models exceed {} MiB", MAX_PICTURES >> 20);
+        self.images += model.textures.iter().map(Texture::bytes).sum::<usize>();
+        if self.images > MAX_TEXTURE_BYTES {
+            let message = format!("the textures of the models exceed {} MiB", MAX_TEXTURE_BYTES >> 20);
             return Err(source.error(at, message, Some("make them smaller".to_owned())));
         }
         self.list.push((raw, Arc::new(model)));

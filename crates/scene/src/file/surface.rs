@@ -121,7 +121,7 @@ impl RawMaterial {
 /// The materials that every scene may name.
 pub(super) fn palette() -> &'static BTreeMap<String, RawMaterial> {
     static PALETTE: OnceLock<BTreeMap<String, RawMaterial>> = OnceLock::new();
-    PALETTE.get_or_init(|| toml::from_str(include_str!("palette.toml")).expect("the palette is part of the program"))
+    PALETTE.get_or_init(|| toml::from_str(include_str!("palette.toml")).expect("the embedded palette is valid"))
 }
 
 #[cfg(test)]

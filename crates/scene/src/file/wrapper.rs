@@ -72,7 +72,7 @@ pub(super) fn load(source: &Source<'_>, conditions: &SceneLook) -> Result<Scene,
         s => s.as_ref().map(|s| *s.get_ref()),
     };
     let bounds = raw.bounds.as_ref().map(|bounds| build::bounds(bounds, source)).transpose()?;
-    let wishes = ModelOverrides {
+    let overrides = ModelOverrides {
         name: raw.name.as_ref().map(|name| build::checked_name(name, source)).transpose()?,
         description: build::description(raw.description.as_ref(), source)?,
         craft: raw.craft,
@@ -85,5 +85,5 @@ pub(super) fn load(source: &Source<'_>, conditions: &SceneLook) -> Result<Scene,
         up: raw.gltf.up,
     };
     let shining = shine::light_alone(&raw.light, conditions, source)?;
-    gltf::load(&folder.join(name).to_string_lossy(), &wishes, shining)
+    gltf::load(&folder.join(name).to_string_lossy(), &overrides, shining)
 }

@@ -53,13 +53,13 @@ fn split(bytes: &[u8]) -> Result<Chunks<'_>, Problem> {
     }
     let glb = gltf::Glb::from_slice(bytes).map_err(|e| {
         let cut = "the file is truncated or not glTF 2.0: download or export it again";
-        Problem::new(format!("cannot read the binary container: {}", said(&e))).hint(cut)
+        Problem::new(format!("cannot read the binary container: {}", reason(&e))).hint(cut)
     })?;
     Ok((glb.json, glb.bin))
 }
 
 /// The message of a parser error.
-fn said(error: &gltf::Error) -> String {
+fn reason(error: &gltf::Error) -> String {
     match error {
         gltf::Error::Binary(inner) => inner.to_string(),
         other => other.to_string(),

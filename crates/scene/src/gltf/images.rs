@@ -118,15 +118,15 @@ fn unreadable(image: usize, error: &FileError) -> Problem {
 
 fn decode(encoded: &Encoded<'_>) -> Result<Texture, Problem> {
     let file = ImageFile::open(&encoded.bytes, LIMITS);
-    let picture = file.and_then(ImageFile::decode).map_err(|e| unreadable(encoded.image, &e))?;
-    let (width, height) = (picture.width(), picture.height());
-    let rgb = if picture.has_alpha() { filled(picture) } else { picture.into_rgb().into_data() };
+    let image = file.and_then(ImageFile::decode).map_err(|e| unreadable(encoded.image, &e))?;
+    let (width, height) = (image.width(), image.height());
+    let rgb = if image.has_alpha() { filled(image) } else { image.into_rgb().into_data() };
     Texture::from_srgb(width, height, &rgb).ok_or_else(|| Problem::new(format!("image {} has no pixels", encoded.image)))
 }
 
 /// Colours without alpha: transparent pixels get the mean colour of the opaque ones, since their own is arbitrary.
-fn filled(picture: Samples) -> Vec<u8> {
-    let rgba = picture.into_rgba();
+fn filled(image: Samples) -> Vec<u8> {
+    let rgba = image.into_rgba();
     let (mut sum, mut count) = ([0_u64; 3], 0_u64);
     for pixel in rgba.iter().filter(|p| p[3] >= 128) {
         (0..3).for_each(|k| sum[k] += u64::from(pixel[k]));
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn clear_pixels_take_the_mean_of_the_others() {
         let rgba = spf_media::png::encode_rgba8(2, 1, &[200, 100, 0, 255, 0, 255, 0, 0]).unwrap();
-        let picture = spf_media::file::decode(&rgba, LIMITS).unwrap();
-        assert_eq!(filled(picture), [200, 100, 0, 200, 100, 0]);
+        let image = spf_media::file::decode(&rgba, LIMITS).unwrap();
+        assert_eq!(filled(image), [200, 100, 0, 200, 100, 0]);
     }
 }

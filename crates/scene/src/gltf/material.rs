@@ -27,7 +27,7 @@ pub(super) struct Look {
     /// Mean colour, linear RGB.
     pub(super) mean: Vec3,
     /// The image on it.
-    pub(super) picture: Option<TextureUse>,
+    pub(super) image: Option<TextureUse>,
     /// Whether its corners bring the colours.
     pub(super) by_corner: bool,
     /// Clear: touched, not drawn.
@@ -109,16 +109,16 @@ impl<'a> Looks<'a> {
             None => &default,
         };
         let pbr = &found.pbr_metallic_roughness;
-        let [r, g, b, alpha] = pbr.base_color_factor.0.map(share);
+        let [r, g, b, alpha] = pbr.base_color_factor.0.map(fraction);
         let colour = Vec3::new(r, g, b);
-        let mirror = mirror(share(pbr.metallic_factor.0), share(pbr.roughness_factor.0));
+        let mirror = mirror(fraction(pbr.metallic_factor.0), fraction(pbr.roughness_factor.0));
         let base = pbr.base_color_texture.as_ref();
         let texture = base.and_then(|info| self.images.of(self.root, info));
         let emission = self.emission(found);
         let (pattern, mean, by_corner) = match texture {
             Some(texture) => {
-                let picture = self.images.textures.get(usize::from(texture)).map_or(Vec3::ONE, Texture::mean);
-                (Pattern::Image { texture, mirror }, colour * picture, false)
+                let image = self.images.textures.get(usize::from(texture)).map_or(Vec3::ONE, Texture::mean);
+                (Pattern::Image { texture, mirror }, colour * image, false)
             }
             None if coloured => (Pattern::Image { texture: self.palette()?, mirror }, colour, true),
             // A texture that is not there is white.
@@ -129,16 +129,16 @@ impl<'a> Looks<'a> {
         let material = u16::try_from(self.materials.len()).map_err(|_| Problem::new("it has more than 65535 materials"))?;
         self.materials.push(made);
         let clear = found.alpha_mode != Checked::Valid(AlphaMode::Opaque) && alpha < 0.05;
-        let picture = texture.and(base).map(TextureUse::new);
-        Ok(Look { material, mean, picture, by_corner, invisible: clear })
+        let image = texture.and(base).map(TextureUse::new);
+        Ok(Look { material, mean, image, by_corner, invisible: clear })
     }
 
     fn emission(&self, material: &gltf::json::Material) -> Vec3 {
         let strength =
             material.extensions.as_ref().and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
-        let given = Vec3::from(material.emissive_factor.0.map(share)) * strength.clamp(0.0, 20.0);
-        let picture = material.emissive_texture.as_ref().and_then(|info| self.images.of(self.root, info));
-        let mean = picture.and_then(|i| self.images.textures.get(usize::from(i))).map_or(Vec3::ONE, Texture::mean);
+        let given = Vec3::from(material.emissive_factor.0.map(fraction)) * strength.clamp(0.0, 20.0);
+        let image = material.emissive_texture.as_ref().and_then(|info| self.images.of(self.root, info));
+        let mean = image.and_then(|i| self.images.textures.get(usize::from(i))).map_or(Vec3::ONE, Texture::mean);
         given * mean
     }
 
@@ -158,7 +158,7 @@ impl<'a> Looks<'a> {
 
 /// Where in the palette the mean of three corners' colours lies.
 pub(super) fn shade_of(corners: [[f32; 4]; 3]) -> Vec2 {
-    let mean = |channel: usize| corners.iter().map(|c| share(c[channel])).sum::<f32>() / 3.0;
+    let mean = |channel: usize| corners.iter().map(|c| fraction(c[channel])).sum::<f32>() / 3.0;
     let step = |channel: usize| (mean(channel).sqrt() * (STEPS - 1) as f32 + 0.5) as usize;
     let index = (step(0) * STEPS + step(1)) * STEPS + step(2);
     let (x, y) = (index % PALETTE_WIDTH, index / PALETTE_WIDTH);
@@ -166,7 +166,7 @@ pub(super) fn shade_of(corners: [[f32; 4]; 3]) -> Vec2 {
 }
 
 /// A share, 0..=1, whatever the file says.
-fn share(value: f32) -> f32 {
+fn fraction(value: f32) -> f32 {
     if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) }
 }
 
@@ -194,8 +194,8 @@ mod tests {
     fn pictures_are_turned_as_the_extension_says() {
         // A quarter turn counter-clockwise with v down: u goes to −v.
         let (c, s) = (0.0, 1.0);
-        let picture = TextureUse { set: 0, offset: Vec2::new(0.5, 0.0), columns: [Vec2::new(c, -s) * 2.0, Vec2::new(s, c)] };
-        assert_eq!(picture.at([1.0, 0.25]), Vec2::new(0.75, -2.0));
-        assert_eq!(picture.at([f32::INFINITY, 0.0]), Vec2::ZERO);
+        let image = TextureUse { set: 0, offset: Vec2::new(0.5, 0.0), columns: [Vec2::new(c, -s) * 2.0, Vec2::new(s, c)] };
+        assert_eq!(image.at([1.0, 0.25]), Vec2::new(0.75, -2.0));
+        assert_eq!(image.at([f32::INFINITY, 0.0]), Vec2::ZERO);
     }
 }

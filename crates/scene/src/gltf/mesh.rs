@@ -97,7 +97,7 @@ impl<'a> Meshes<'a> {
         let wrap = |p: Problem| Problem { message: format!("{of}: {}", p.message), ..p };
         let positions = accessors.vectors::<3>(position(primitive)?, 3, 0.0, false).map_err(wrap)?;
         let normals = attribute(primitive, Semantic::Normals).map(|i| accessors.vectors::<3>(i, 3, 0.0, false));
-        let set = look.picture.as_ref().map(|picture| Semantic::TexCoords(picture.set));
+        let set = look.image.as_ref().map(|image| Semantic::TexCoords(image.set));
         let uv = set.and_then(|set| attribute(primitive, set)).map(|i| accessors.vectors::<2>(i, 2, 0.0, true));
         let coloured = look.by_corner.then(|| attribute(primitive, Semantic::Colors(0))).flatten();
         let colours = coloured.map(|i| accessors.vectors::<4>(i, 3, 1.0, true));
@@ -170,9 +170,9 @@ fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look:
         let corner = |k: usize| {
             let i = corners[k];
             let position = positions[i as usize];
-            let uv = match (own, &look.picture, &from.uv) {
+            let uv = match (own, &look.image, &from.uv) {
                 (Some(shade), _, _) => shade,
-                (None, Some(picture), Some(uv)) => picture.at(uv[i as usize]),
+                (None, Some(image), Some(uv)) => image.at(uv[i as usize]),
                 // What no image covers has metres, slanted so that no upright or level plane is seen edge-on.
                 _ => Vec2::new(position.x + 0.31 * position.z, position.y + 0.47 * position.z),
             };

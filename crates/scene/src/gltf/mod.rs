@@ -85,10 +85,10 @@ pub(crate) fn is_model(path: &str) -> bool {
 }
 
 /// Loads a `.glb` or `.gltf` with the files it names, which must lie in its folder.
-pub(crate) fn load(path: &str, wishes: &ModelOverrides, shining: Shining) -> Result<Scene, SceneError> {
+pub(crate) fn load(path: &str, overrides: &ModelOverrides, shining: Shining) -> Result<Scene, SceneError> {
     let read = open(Path::new(path)).map_err(|problem| refused(path, problem))?;
     let bytes = read.map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
-    parse(&bytes, path, Path::new(path).parent(), wishes, shining)
+    parse(&bytes, path, Path::new(path).parent(), overrides, shining)
 }
 
 /// The bytes of a file that is not too large.
@@ -110,26 +110,32 @@ pub(crate) fn parse(
     bytes: &[u8],
     file: &str,
     folder: Option<&Path>,
-    wishes: &ModelOverrides,
+    overrides: &ModelOverrides,
     shining: Shining,
 ) -> Result<Scene, SceneError> {
-    import(bytes, file, folder, wishes, shining).map_err(|problem| refused(file, problem))
+    import(bytes, file, folder, overrides, shining).map_err(|problem| refused(file, problem))
 }
 
 fn refused(file: &str, problem: Problem) -> SceneError {
     SceneError::Model { file: file.to_owned(), message: problem.message, hint: problem.hint }
 }
 
-fn import(bytes: &[u8], file: &str, folder: Option<&Path>, wishes: &ModelOverrides, shining: Shining) -> Result<Scene, Problem> {
-    let Assembled { assembly, start, said } = assemble(bytes, folder, wishes.scale, wishes.up)?;
-    world(assembly, start, &said, wishes, file, shining)
+fn import(
+    bytes: &[u8],
+    file: &str,
+    folder: Option<&Path>,
+    overrides: &ModelOverrides,
+    shining: Shining,
+) -> Result<Scene, Problem> {
+    let Assembled { assembly, start, extras } = assemble(bytes, folder, overrides.scale, overrides.up)?;
+    world(assembly, start, &extras, overrides, file, shining)
 }
 
 /// Everything that a file holds for us.
 struct Assembled {
     assembly: Assembly,
     start: Option<Viewpoint>,
-    said: SceneSpec,
+    extras: SceneSpec,
 }
 
 /// Reads a file; scale and the axis that points up stand over what its extras say.
@@ -138,17 +144,17 @@ fn assemble(bytes: &[u8], folder: Option<&Path>, scale: Option<f64>, up: Option<
     let mut around = Surroundings::new(folder);
     let buffers = Buffers::load(&root, blob, &mut around)?;
     let scene = root.scene.map_or(0, |scene| scene.value());
-    let said = scene_spec(&root, scene)?;
-    let scale = scale.or(said.scale).unwrap_or(1.0);
+    let extras = scene_spec(&root, scene)?;
+    let scale = scale.or(extras.scale).unwrap_or(1.0);
     if !(1e-4..=1e4).contains(&scale) {
         return Err(Problem::new(format!("`scale` must be from 0.0001 to 10000, not `{scale}`")));
     }
-    let walked = walk::walk(&root, walk::axes(up.or(said.up).unwrap_or_default(), scale), scene)?;
+    let walked = walk::walk(&root, walk::axes(up.or(extras.up).unwrap_or_default(), scale), scene)?;
     let images = Images::load(&root, &materials(&root, &walked), &buffers, &mut around)?;
     let looks = Looks::new(&root, images);
     let meshes = Meshes::new(Accessors { root: &root, buffers: &buffers });
     let assembly = Assembly::build(&root, &walked, meshes, looks)?;
-    Ok(Assembled { assembly, start: walked.start, said })
+    Ok(Assembled { assembly, start: walked.start, extras })
 }
 
 /// What the scene's extras say.
@@ -168,8 +174,8 @@ fn materials(root: &Root, walked: &Walked) -> BTreeSet<usize> {
 fn world(
     assembly: Assembly,
     view: Option<Viewpoint>,
-    said: &SceneSpec,
-    wishes: &ModelOverrides,
+    extras: &SceneSpec,
+    overrides: &ModelOverrides,
     file: &str,
     shining: Shining,
 ) -> Result<Scene, Problem> {
@@ -182,7 +188,7 @@ fn world(
     };
     let span = (extent.max.east - extent.min.east).max(extent.max.north - extent.min.north);
     let wide = span >= WIDE;
-    let start = match (wishes.start, &said.start) {
+    let start = match (overrides.start, &extras.start) {
         (Some(pose), _) => Some(pose),
         (None, Some(text)) => Some(pose::parse_pose(text).ok_or_else(|| {
             Problem::new(format!("the extras of the scene: invalid pose `{text}`")).hint("use `east,north,up,heading_deg`")
@@ -215,7 +221,7 @@ fn world(
     // Heights of the ground are rounded.
     bounds.min.up -= 0.01;
     bounds.max.up = extent.max.up + HEADROOM;
-    let bounds = wishes.bounds.unwrap_or(bounds);
+    let bounds = overrides.bounds.unwrap_or(bounds);
     let start = start
         .or_else(|| view.and_then(|view| start::below(&collider, &view)))
         .or_else(|| start::find(&collider, &extent, room))
@@ -226,15 +232,15 @@ fn world(
         let message = format!("the start {east:.1},{north:.1},{up:.1} is outside `bounds`");
         return Err(Problem::new(message));
     }
-    let craft = wishes.craft.or(said.craft).unwrap_or(if wide { CraftKind::Quad } else { CraftKind::Tello });
+    let craft = overrides.craft.or(extras.craft).unwrap_or(if wide { CraftKind::Quad } else { CraftKind::Tello });
     Ok(Scene {
-        description: wishes.description.clone(),
-        preview: wishes.preview.unwrap_or_else(|| pose::above(start, craft)),
-        name: wishes.name.clone().or_else(|| said.name.clone()).and_then(|name| shown(&name)).unwrap_or_else(|| stem(file)),
-        near: radius("near_m", wishes.near.or(said.near_m), if wide { 3.0 } else { 0.8 })?,
+        description: overrides.description.clone(),
+        preview: overrides.preview.unwrap_or_else(|| pose::above(start, craft)),
+        name: overrides.name.clone().or_else(|| extras.name.clone()).and_then(|name| shown(&name)).unwrap_or_else(|| stem(file)),
+        near: radius("near_m", overrides.near.or(extras.near_m), if wide { 3.0 } else { 0.8 })?,
         success_radius: radius(
             "success_radius_m",
-            wishes.success_radius.or(said.success_radius_m),
+            overrides.success_radius.or(extras.success_radius_m),
             if wide { 5.0 } else { 1.0 },
         )?,
         max_altitude: None,

@@ -166,14 +166,14 @@ mod tests {
 
     #[test]
     fn names_of_programs_become_words() {
-        let said = |name: &str| words(name).join(" ");
-        assert_eq!(said("Red_Car.003"), "red car");
-        assert_eq!(said("RedCar2"), "red car");
-        assert_eq!(said("tall-white building"), "tall white building");
-        assert_eq!(said("3D Printer_01"), "3 d printer");
-        assert_eq!(said("007"), "007");
-        assert_eq!(said("Müllcontainer"), "müllcontainer");
-        assert_eq!(said("..__"), "");
+        let joined = |name: &str| words(name).join(" ");
+        assert_eq!(joined("Red_Car.003"), "red car");
+        assert_eq!(joined("RedCar2"), "red car");
+        assert_eq!(joined("tall-white building"), "tall white building");
+        assert_eq!(joined("3D Printer_01"), "3 d printer");
+        assert_eq!(joined("007"), "007");
+        assert_eq!(joined("Müllcontainer"), "müllcontainer");
+        assert_eq!(joined("..__"), "");
         assert_eq!(names(&words("Red_Car.003")), ["red car", "car"]);
         assert_eq!(names(&words("red")), ["red"]);
         assert_eq!(colour(&words("big RED ball")).as_deref(), Some("red"));

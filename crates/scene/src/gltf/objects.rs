@@ -167,10 +167,10 @@ fn tags(owner: &Owner, areas: &BTreeMap<&'static str, f32>) -> Result<Tags, Prob
     }
     let list = |words: &Option<Words>| words.clone().unwrap_or_default().0;
     let given = list(&spec.names);
-    let said = if given.is_empty() { words.clone() } else { given.iter().flat_map(|name| names::words(name)).collect() };
+    let own_words = if given.is_empty() { words.clone() } else { given.iter().flat_map(|name| names::words(name)).collect() };
     let main = || areas.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(word, _)| (*word).to_owned());
     let opening = owner.is_opening();
-    let colour = spec.colour.as_deref().map(tidy).or_else(|| names::colour(&said)).or_else(|| main().filter(|_| !opening));
+    let colour = spec.colour.as_deref().map(tidy).or_else(|| names::colour(&own_words)).or_else(|| main().filter(|_| !opening));
     let kind = spec.kind.as_deref().map(tidy).filter(|kind| !kind.is_empty());
     let tags = Tags {
         names: if given.is_empty() { names::names(&words) } else { given },

@@ -124,8 +124,8 @@ pub(super) fn ours(extras: &Extras) -> Result<Option<Map<String, Value>>, Proble
 /// Reads our keys; `of` says whose they are.
 pub(super) fn read<T: DeserializeOwned>(own: Map<String, Value>, of: &str) -> Result<T, Problem> {
     serde_json::from_value(Value::Object(own)).map_err(|e| {
-        let said = e.to_string();
-        Problem { hint: hint_from(&said), message: format!("the extras of {of}: {said}") }
+        let reason = e.to_string();
+        Problem { hint: hint_from(&reason), message: format!("the extras of {of}: {reason}") }
     })
 }
 

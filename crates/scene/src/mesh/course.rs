@@ -68,12 +68,12 @@ impl Course {
                     segment += 1;
                 }
                 let (a, b) = (line[segment], line[segment + 1]);
-                let share = (wanted - along[segment]) / (along[segment + 1] - along[segment]).max(1e-6);
+                let fraction = (wanted - along[segment]) / (along[segment + 1] - along[segment]).max(1e-6);
                 // The direction turns smoothly: between those at the two ends of the dense line's segment.
                 let before = line[segment.saturating_sub(1)];
                 let after = line[(segment + 2).min(line.len() - 1)];
-                let forward = ((b - before).normalize() * (1.0 - share) + (after - a).normalize() * share).normalize();
-                Station { at: a.lerp(b, share), right: Vec2::new(forward.y, -forward.x), along: wanted }
+                let forward = ((b - before).normalize() * (1.0 - fraction) + (after - a).normalize() * fraction).normalize();
+                Station { at: a.lerp(b, fraction), right: Vec2::new(forward.y, -forward.x), along: wanted }
             })
             .collect()
     }

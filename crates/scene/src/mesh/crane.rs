@@ -126,7 +126,7 @@ impl Generator for LatticeMast {
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let (height, half) = (self.height.0, 0.5 * self.width.0);
         let bands = parts(height, 6.5);
-        let half_at = |share: f32| half * (1.6 - 1.2 * share);
+        let half_at = |fraction: f32| half * (1.6 - 1.2 * fraction);
         for i in 0..bands {
             let (s0, s1) = (i as f32 / bands as f32, (i + 1) as f32 / bands as f32);
             let chords = mast_chords(half_at(s0), half_at(s1), s0 * height, s1 * height);
@@ -136,8 +136,8 @@ impl Generator for LatticeMast {
         sketch.on("base").block(Vec3::ZERO, Vec3::new(5.0 * half, 5.0 * half, 0.5));
         sketch.on("band").rod(Vec3::Z * height, Vec3::Z * (height + 5.0), 0.12, 0.05, 6);
         sketch.on("lamp").block(Vec3::Z * (height + 5.0), Vec3::splat(0.4));
-        for (share, x, y) in [(0.8, 1.0, -0.3), (0.74, -0.8, -0.8), (0.86, -0.4, 1.0)] {
-            let at = Vec3::new(x, y, 0.0).normalize() * (half_at(share) + 0.3) + Vec3::Z * (share * height);
+        for (fraction, x, y) in [(0.8, 1.0, -0.3), (0.74, -0.8, -0.8), (0.86, -0.4, 1.0)] {
+            let at = Vec3::new(x, y, 0.0).normalize() * (half_at(fraction) + 0.3) + Vec3::Z * (fraction * height);
             let out = Vec3::new(x, y, 0.0).normalize();
             sketch.on("dish").rod(at, at + out * 0.5, 0.5, 0.95, 14);
         }

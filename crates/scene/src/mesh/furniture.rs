@@ -148,8 +148,8 @@ impl Generator for Kiosk {
         sketch.on("glass").prism(&ring(1.6), 1.15, 2.2);
         sketch.on("body").prism(&ring(1.75), 2.2, 2.6);
         for i in 0..8 {
-            let share = (i as f32 + 0.5) / 8.0;
-            sketch.on("body").bar(on_circle(share, 1.64, 1.1), on_circle(share, 1.64, 2.25), 0.14);
+            let fraction = (i as f32 + 0.5) / 8.0;
+            sketch.on("body").bar(on_circle(fraction, 1.64, 1.1), on_circle(fraction, 1.64, 2.25), 0.14);
         }
         let (inner, outer) = (ring(1.72), ring(2.6));
         for i in 0..8 {
@@ -295,8 +295,8 @@ impl Generator for Slide {
         }
         sketch.on("step").block(Vec3::new(0.0, -0.6, top - 0.1), Vec3::new(1.1, 1.1, 0.1));
         for i in 0..6 {
-            let share = (i as f32 + 0.7) / 7.0;
-            let at = Vec3::new(0.0, -1.9 + 0.75 * share, share * top);
+            let fraction = (i as f32 + 0.7) / 7.0;
+            let at = Vec3::new(0.0, -1.9 + 0.75 * fraction, fraction * top);
             sketch.on("step").block(at, Vec3::new(1.0, 0.14, 0.06));
         }
         let roof = [Vec2::new(-0.75, 3.2), Vec2::new(0.75, 3.2), Vec2::new(0.0, 4.0)];

@@ -83,13 +83,13 @@ impl Generator for Pavilion {
                     sketch.on("trim").plank(corner(i, 0.9 * r, z), corner(i + 1, 0.9 * r, z), 0.08, 0.1);
                 }
                 for k in 1..6 {
-                    let share = k as f32 / 6.0;
-                    let (low, top) = (corner(i, 0.9 * r, 0.75).lerp(corner(i + 1, 0.9 * r, 0.75), share), Vec3::Z * 0.75);
+                    let fraction = k as f32 / 6.0;
+                    let (low, top) = (corner(i, 0.9 * r, 0.75).lerp(corner(i + 1, 0.9 * r, 0.75), fraction), Vec3::Z * 0.75);
                     sketch.on("trim").bar(low, low + top, 0.06);
                 }
             }
             let (low, knee, top) = (eaves, eaves + 0.32 * r, eaves + 0.75 * r);
-            let roof = |i: u32, share: f32, z: f32| corner(i, share * r, z);
+            let roof = |i: u32, fraction: f32, z: f32| corner(i, fraction * r, z);
             sketch.on("roof").face(&[roof(i, 1.15, low), roof(i + 1, 1.15, low), roof(i + 1, 0.6, knee), roof(i, 0.6, knee)]);
             sketch.on("roof").face(&[roof(i, 0.6, knee), roof(i + 1, 0.6, knee), Vec3::Z * top]);
         }

@@ -40,7 +40,7 @@ impl Generator for Gate {
         };
         // Five blocks along each side, the corners in the first colour.
         for i in 0..5u32 {
-            let at = |share: f32, from: f32, to: f32| from + (to - from) * share / 5.0;
+            let at = |fraction: f32, from: f32, to: f32| from + (to - from) * fraction / 5.0;
             let (a, b) = (i as f32, i as f32 + 1.0);
             let across = (at(a, -half, half), at(b, -half, half));
             let upright = (at(a, low, top), at(b, low, top));

@@ -73,9 +73,9 @@ impl Generator for House {
                 continue;
             }
             for side in [-1.0f32, 1.0] {
-                for share in [-0.28, 0.28] {
-                    window(sketch, Vec3::new(side * 0.5 * w, share * d, z), Vec3::X * side, 1.2, 1.2);
-                    window(sketch, Vec3::new(share * w, side * 0.5 * d, z), Vec3::Y * side, 1.2, 1.2);
+                for fraction in [-0.28, 0.28] {
+                    window(sketch, Vec3::new(side * 0.5 * w, fraction * d, z), Vec3::X * side, 1.2, 1.2);
+                    window(sketch, Vec3::new(fraction * w, side * 0.5 * d, z), Vec3::Y * side, 1.2, 1.2);
                 }
             }
         }

@@ -78,8 +78,8 @@ fn platform(sketch: &mut Sketch, deck: f32, half: f32, top: f32) {
             sketch.on("wood").plank(a + Vec3::Z * (deck + z), b + Vec3::Z * (deck + z), 0.08, 0.16);
         }
         sketch.on("wood").plank(a + Vec3::Z * (eaves - 0.1), b + Vec3::Z * (eaves - 0.1), 0.2, 0.24);
-        for share in [0.25, 0.5, 0.75] {
-            let post = a.lerp(b, share);
+        for fraction in [0.25, 0.5, 0.75] {
+            let post = a.lerp(b, fraction);
             sketch.on("wood").bar(post + Vec3::Z * deck, post + Vec3::Z * (deck + 1.25), 0.12);
         }
     }

@@ -135,8 +135,8 @@ fn car(sketch: &mut Sketch, rear: f32, front: f32, first: bool, last: bool) {
         }
     }
     for side in [-1.0f32, 1.0] {
-        for share in [0.38, 0.5, 0.62] {
-            let y = rear + (front - rear) * share;
+        for fraction in [0.38, 0.5, 0.62] {
+            let y = rear + (front - rear) * fraction;
             sketch.on("joint").block(Vec3::new(side * 1.48, y, 0.2), Vec3::new(0.05, 0.05, 2.0));
         }
         let (a, b) = (side * 0.6, side * 1.36);

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use super::sign::write;
 use super::sketch::cos_sin;
@@ -107,10 +107,10 @@ impl Generator for Computer {
         };
         face(sketch, "screen", Vec2::new(-0.275, 0.15), Vec2::new(0.275, 0.475), 0.090);
         face(sketch, "window", Vec2::new(-0.22, 0.17), Vec2::new(0.10, 0.455), 0.088);
-        let mut draw = Draw::new(0, seed, &[]);
+        let mut rng = RandomStream::new(0, seed, &[]);
         for i in 0..9 {
             let z = 0.435 - 0.028 * i as f32;
-            let long = 0.08 + 0.2 * draw.uniform() as f32;
+            let long = 0.08 + 0.2 * rng.uniform() as f32;
             face(sketch, "line", Vec2::new(-0.205, z - 0.010), Vec2::new(-0.205 + long, z), 0.086);
         }
         sketch.on("body").cushion(Vec3::new(-0.04, -0.13, 0.0), Vec3::new(0.44, 0.15, 0.02), 0.008);
@@ -155,34 +155,34 @@ impl Generator for Shelf {
         sketch.on("body").block(Vec3::new(0.0, 0.006 - 0.5 * d, 0.0), Vec3::new(w - 2.0 * board, 0.012, h));
         let rows = self.boards.0.min(12);
         let step = (h - board) / rows as f32;
-        let mut draw = Draw::new(0, seed, &[]);
+        let mut rng = RandomStream::new(0, seed, &[]);
         for row in 0..=rows {
             let z = row as f32 * step;
             sketch.on("body").block(Vec3::new(0.0, 0.006, z), Vec3::new(w - 2.0 * board, d - 0.012, board));
             if row < rows {
-                books(sketch, &mut draw, Vec3::new(0.5 * board - 0.5 * w, 0.5 * d, z + board), w - board, step - board);
+                books(sketch, &mut rng, Vec3::new(0.5 * board - 0.5 * w, 0.5 * d, z + board), w - board, step - board);
             }
         }
     }
 }
 
 /// A row of books from `start` to the right, whose backs stand a little behind the shelf's edge.
-fn books(sketch: &mut Sketch, draw: &mut Draw, start: Vec3, room: f32, high: f32) {
+fn books(sketch: &mut Sketch, rng: &mut RandomStream, start: Vec3, room: f32, high: f32) {
     let mut x = 0.02;
     let mut slot = "blue";
     // Longer rows consist of several shelves.
     while x < room.min(6.0) - 0.08 {
-        let chance = draw.uniform() as f32;
+        let chance = rng.uniform() as f32;
         if chance < 0.10 {
-            x += 0.05 + 0.25 * draw.uniform() as f32;
+            x += 0.05 + 0.25 * rng.uniform() as f32;
             continue;
         }
         if chance < 0.75 {
-            slot = ["red", "blue", "green", "pale", "yellow"][(draw.uniform() * 5.0) as usize % 5];
+            slot = ["red", "blue", "green", "pale", "yellow"][(rng.uniform() * 5.0) as usize % 5];
         }
-        let thick = 0.022 + 0.04 * draw.uniform() as f32;
-        let tall = (0.18 + 0.10 * draw.uniform() as f32).min(high - 0.02);
-        let deep = 0.15 + 0.04 * draw.uniform() as f32;
+        let thick = 0.022 + 0.04 * rng.uniform() as f32;
+        let tall = (0.18 + 0.10 * rng.uniform() as f32).min(high - 0.02);
+        let deep = 0.15 + 0.04 * rng.uniform() as f32;
         let at = start + Vec3::new(x + 0.5 * thick, -0.5 * deep - 0.03, 0.0);
         sketch.on(slot).block(at, Vec3::new(thick - 0.002, deep, tall));
         x += thick;
@@ -223,11 +223,11 @@ impl Generator for VendingMachine {
         sketch.on("panel").cuboid(Vec3::new(-w + 0.03, -front + 0.03, 0.0), Vec3::new(w - 0.03, front - 0.04, 0.06));
         let at = |x: f32, z: f32| Vec3::new(x, 0.104, z);
         sketch.on("inside").face(&[at(high, sill), at(low, sill), at(low, lintel), at(high, lintel)]);
-        let mut draw = Draw::new(0, seed, &[]);
+        let mut rng = RandomStream::new(0, seed, &[]);
         for row in 0..5 {
             let z = sill + 0.02 + 0.22 * row as f32;
             sketch.on("rail").cuboid(Vec3::new(low, 0.11, z - 0.02), Vec3::new(high, 0.34, z));
-            let kind = ["red", "green", "yellow"][(draw.uniform() * 3.0) as usize % 3];
+            let kind = ["red", "green", "yellow"][(rng.uniform() * 3.0) as usize % 3];
             for i in 0..7 {
                 let slot = if i < 4 { kind } else { ["yellow", "red", "green"][row % 3] };
                 let foot = Vec3::new(low + 0.045 + 0.082 * i as f32, 0.29, z);

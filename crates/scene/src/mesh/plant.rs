@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use super::sketch::{cos_sin, on_circle};
 use super::tree::blob;
@@ -44,7 +44,7 @@ impl Generator for PottedPlant {
 
     fn draw(&self, sketch: &mut Sketch, seed: &str) {
         let h = self.height.0;
-        let mut draw = Draw::new(0, seed, &[]);
+        let mut rng = RandomStream::new(0, seed, &[]);
         let (r, pot) = ((0.16 * h).clamp(0.06, 0.24), (0.26 * h).clamp(0.08, 0.42));
         let wall = [
             (0.7 * r, 0.0),
@@ -58,21 +58,21 @@ impl Generator for PottedPlant {
         sketch.on("soil").revolve(Vec3::ZERO, &[(0.92 * r, 0.9 * pot), (0.0, 0.92 * pot)], 14);
         let root = Vec3::Z * (0.9 * pot);
         match self.style {
-            Style::Leafy => leafy(sketch, &mut draw, root, h - 0.9 * pot),
+            Style::Leafy => leafy(sketch, &mut rng, root, h - 0.9 * pot),
             Style::Cactus => cactus(sketch.on("stalk"), root, h - 0.9 * pot),
-            Style::Flowers => flowers(sketch, &mut draw, root, h - 0.9 * pot, 0.8 * r, 14),
+            Style::Flowers => flowers(sketch, &mut rng, root, h - 0.9 * pot, 0.8 * r, 14),
         }
     }
 }
 
 /// Broad leaves at the ends of stalks that bow outwards.
-fn leafy(sketch: &mut Sketch, draw: &mut Draw, root: Vec3, tall: f32) {
+fn leafy(sketch: &mut Sketch, rng: &mut RandomStream, root: Vec3, tall: f32) {
     for i in 0..22u32 {
-        let turn = f64::from(i) * 0.382 + 0.1 * draw.uniform();
+        let turn = f64::from(i) * 0.382 + 0.1 * rng.uniform();
         let rise = 0.35 + 0.6 * (i as f32 + 0.5) / 22.0;
         let (c, s) = cos_sin(turn * TAU);
         let out = Vec3::new(c, s, 0.0);
-        let spread = tall * (0.36 - 0.24 * (rise - 0.35)) * (0.85 + 0.3 * draw.uniform() as f32);
+        let spread = tall * (0.36 - 0.24 * (rise - 0.35)) * (0.85 + 0.3 * rng.uniform() as f32);
         let knee = root + Vec3::Z * (rise * tall * 0.82) + out * (0.35 * spread);
         sketch.on("stalk").bar(root + out * 0.02, knee, 0.008 + 0.006 * tall);
         let long = tall * 0.30;
@@ -103,10 +103,10 @@ fn leaf(surface: &mut Surface, foot: Vec3, out: Vec3, way: Vec3, long: f32, wide
 fn cactus(surface: &mut Surface, root: Vec3, tall: f32) {
     let mut column = |foot: Vec3, high: f32, radius: f32| {
         surface.limb(
-            &[0.0, 0.15, 0.85, 1.0].map(|share| super::round::Section {
-                at: foot + Vec3::Z * (share * (high - radius)),
-                wide: radius * if share == 0.0 { 0.85 } else { 1.0 },
-                deep: radius * if share == 0.0 { 0.85 } else { 1.0 },
+            &[0.0, 0.15, 0.85, 1.0].map(|fraction| super::round::Section {
+                at: foot + Vec3::Z * (fraction * (high - radius)),
+                wide: radius * if fraction == 0.0 { 0.85 } else { 1.0 },
+                deep: radius * if fraction == 0.0 { 0.85 } else { 1.0 },
             }),
             Vec3::X,
             super::round::Skin::closed(12, [0.0, radius]),
@@ -125,14 +125,14 @@ fn cactus(surface: &mut Surface, root: Vec3, tall: f32) {
 }
 
 /// Low leaves with blossoms on stalks above them, within `radius` of the root.
-fn flowers(sketch: &mut Sketch, draw: &mut Draw, root: Vec3, tall: f32, radius: f32, count: u32) {
+fn flowers(sketch: &mut Sketch, rng: &mut RandomStream, root: Vec3, tall: f32, radius: f32, count: u32) {
     for i in 0..count {
         let (c, s) = cos_sin(f64::from(i) * 0.382 * TAU);
-        let away = radius * (0.25 + 0.75 * draw.uniform() as f32);
+        let away = radius * (0.25 + 0.75 * rng.uniform() as f32);
         let foot = root + Vec3::new(c, s, 0.0) * away;
         let out = Vec3::new(c, s, 0.0);
         leaf(sketch.on("leaf"), foot, out, (out + Vec3::Z * 1.2).normalize(), 0.55 * tall, 0.14 * tall);
-        let head = foot + out * (0.15 * tall) + Vec3::Z * (tall * (0.7 + 0.3 * draw.uniform() as f32));
+        let head = foot + out * (0.15 * tall) + Vec3::Z * (tall * (0.7 + 0.3 * rng.uniform() as f32));
         sketch.on("stalk").bar(foot, head, 0.006);
         let size = 0.11 * tall.min(0.5);
         sketch.on("flower").ellipsoid(head, Vec3::new(size, size, 0.7 * size), 7, 4);
@@ -154,12 +154,12 @@ impl Generator for Hedge {
 
     fn draw(&self, sketch: &mut Sketch, seed: &str) {
         let [w, l, h] = self.size.map(|m| m.0);
-        let mut draw = Draw::new(0, seed, &[]);
+        let mut rng = RandomStream::new(0, seed, &[]);
         let count = parts(l, 0.7);
         let step = l / count as f32;
         for i in 0..count {
             let y = (i as f32 + 0.5) * step - 0.5 * l;
-            let (more, tall) = (0.94 + 0.12 * draw.uniform() as f32, 0.95 + 0.05 * draw.uniform() as f32);
+            let (more, tall) = (0.94 + 0.12 * rng.uniform() as f32, 0.95 + 0.05 * rng.uniform() as f32);
             let size = Vec3::new(w * more, step * 1.25, h * tall);
             sketch.on("leaf").cushion(Vec3::new(0.0, y, 0.0), size, 0.22 * w.min(h));
         }
@@ -196,22 +196,22 @@ impl Generator for FlowerBed {
             sketch.on("wood").block(Vec3::Y * (side * 0.5 * (l - plank)), Vec3::new(w - 2.0 * plank, plank, h));
         }
         sketch.on("soil").block(Vec3::ZERO, Vec3::new(w - 2.0 * plank, l - 2.0 * plank, 0.9 * h));
-        let mut draw = Draw::new(0, seed, &[]);
+        let mut rng = RandomStream::new(0, seed, &[]);
         let (across, along) = (parts(w, 0.35).min(12), parts(l, 0.35).min(24));
         for i in 0..across * along {
             let cell = |index: u32, count: u32, room: f32, jitter: f32| {
                 ((index as f32 + 0.3 + 0.4 * jitter) / count as f32 - 0.5) * room
             };
-            let x = cell(i % across, across, w - 0.16, draw.uniform() as f32);
-            let y = cell(i / across, along, l - 0.16, draw.uniform() as f32);
+            let x = cell(i % across, across, w - 0.16, rng.uniform() as f32);
+            let y = cell(i / across, along, l - 0.16, rng.uniform() as f32);
             let mut clump = Sketch::default();
-            flowers(&mut clump, &mut draw, Vec3::ZERO, 0.34, 0.07, 3);
+            flowers(&mut clump, &mut rng, Vec3::ZERO, 0.34, 0.07, 3);
             if i % 2 == 1 {
                 for surface in clump.surfaces.iter_mut().filter(|s| s.slot == "flower") {
                     surface.slot = "blossom";
                 }
             }
-            sketch.append(&clump, draw.uniform() * TAU, Vec3::new(x, y, 0.88 * h));
+            sketch.append(&clump, rng.uniform() * TAU, Vec3::new(x, y, 0.88 * h));
         }
     }
 }
@@ -229,14 +229,14 @@ impl Generator for Bush {
     }
 
     fn draw(&self, sketch: &mut Sketch, seed: &str) {
-        let mut draw = Draw::new(0, seed, &[]);
+        let mut rng = RandomStream::new(0, seed, &[]);
         let h = self.height.0;
-        blob(sketch.on("leaf"), &mut draw, Vec3::Z * (0.5 * h), Vec3::new(0.5, 0.5, 0.5) * h, 1);
-        let turn = draw.uniform() as f32;
+        blob(sketch.on("leaf"), &mut rng, Vec3::Z * (0.5 * h), Vec3::new(0.5, 0.5, 0.5) * h, 1);
+        let turn = rng.uniform() as f32;
         for i in 0..4 {
-            let size = (0.28 + 0.12 * draw.uniform() as f32) * h;
-            let at = on_circle(turn + (i as f32 + 0.4 * draw.uniform() as f32) / 4.0, 0.42 * h, 0.85 * size);
-            blob(sketch.on("leaf"), &mut draw, at, Vec3::splat(size), 1);
+            let size = (0.28 + 0.12 * rng.uniform() as f32) * h;
+            let at = on_circle(turn + (i as f32 + 0.4 * rng.uniform() as f32) / 4.0, 0.42 * h, 0.85 * size);
+            blob(sketch.on("leaf"), &mut rng, at, Vec3::splat(size), 1);
         }
         sketch.outline.push((0..12).map(|i| on_circle(i as f32 / 12.0, 0.6 * h, 0.0).truncate()).collect());
     }
@@ -258,7 +258,7 @@ impl Generator for OvalBed {
     }
 
     fn draw(&self, sketch: &mut Sketch, seed: &str) {
-        let mut draw = Draw::new(0, seed, &[]);
+        let mut rng = RandomStream::new(0, seed, &[]);
         let half = plan(self.size) * 0.5;
         let oval = |scale: f32, z: f32| {
             (0..24).map(|i| (on_circle(i as f32 / 24.0, scale, 0.0).truncate() * half).extend(z)).collect::<Vec<Vec3>>()
@@ -269,9 +269,9 @@ impl Generator for OvalBed {
         let blossoms = (half.x * half.y * 18.0).clamp(6.0, MOST_BLOSSOMS) as u32;
         for i in 0..blossoms {
             // The square root spreads them evenly over the oval.
-            let out = (draw.uniform() as f32).sqrt() * 0.86;
-            let at = (on_circle(draw.uniform() as f32, out, 0.0).truncate() * half).extend(0.52 - 0.2 * out * out);
-            let size = 0.13 + 0.06 * draw.uniform() as f32;
+            let out = (rng.uniform() as f32).sqrt() * 0.86;
+            let at = (on_circle(rng.uniform() as f32, out, 0.0).truncate() * half).extend(0.52 - 0.2 * out * out);
+            let size = 0.13 + 0.06 * rng.uniform() as f32;
             let slot = if i % 3 == 2 { "second" } else { "petal" };
             sketch.on(slot).revolve(at, &[(0.0, -0.9 * size), (size, 0.2 * size), (0.0, 0.5 * size)], 6);
         }

@@ -210,7 +210,7 @@ impl Door {
     /// The leaf with its hinge at the origin, reaching `wide` towards `side`·x.
     fn leaf(&self, leaf: &mut Sketch, wide: f32, high: f32, side: f32) {
         let thick = 0.04;
-        let centre = |share: f32| Vec3::new(side * wide * share, -0.5 * thick, 0.0);
+        let centre = |fraction: f32| Vec3::new(side * wide * fraction, -0.5 * thick, 0.0);
         match self.style {
             DoorStyle::Panel => {
                 leaf.on("leaf").block(centre(0.5), Vec3::new(wide, thick, high));
@@ -221,8 +221,8 @@ impl Door {
             }
             DoorStyle::Glass => {
                 let stile = 0.09;
-                for share in [0.5 * stile / wide, 1.0 - 0.5 * stile / wide] {
-                    leaf.on("leaf").block(centre(share), Vec3::new(stile, thick, high));
+                for fraction in [0.5 * stile / wide, 1.0 - 0.5 * stile / wide] {
+                    leaf.on("leaf").block(centre(fraction), Vec3::new(stile, thick, high));
                 }
                 for (low, tall) in [(0.0, 0.20), (high - stile, stile)] {
                     leaf.on("leaf").block(centre(0.5) + Vec3::Z * low, Vec3::new(wide - 2.0 * stile, thick, tall));

@@ -144,8 +144,8 @@ fn stool(sketch: &mut Sketch) {
     sketch.on("seat").disc(Vec3::Z * 0.625, 0.18, 0.045, 24);
     let frame = sketch.on("frame");
     let leg = |i: u32, z: f32| {
-        let share = (i as f32 + 0.5) / 4.0;
-        on_circle(share, 0.21 - 0.11 * z / 0.62, z)
+        let fraction = (i as f32 + 0.5) / 4.0;
+        on_circle(fraction, 0.21 - 0.11 * z / 0.62, z)
     };
     for i in 0..4 {
         frame.rod(leg(i, 0.0), leg(i, 0.625), 0.016, 0.020, 8);

@@ -15,9 +15,9 @@ pub(super) fn cos_sin(angle: f64) -> (f32, f32) {
     (libm::cos(angle) as f32, libm::sin(angle) as f32)
 }
 
-/// Point of a circle about the z axis: `share` of a full turn, counter-clockwise from x.
-pub(super) fn on_circle(share: f32, radius: f32, z: f32) -> Vec3 {
-    let (c, s) = cos_sin(f64::from(share) * TAU);
+/// Point of a circle about the z axis: `fraction` of a full turn, counter-clockwise from x.
+pub(super) fn on_circle(fraction: f32, radius: f32, z: f32) -> Vec3 {
+    let (c, s) = cos_sin(f64::from(fraction) * TAU);
     Vec3::new(c * radius, s * radius, z)
 }
 

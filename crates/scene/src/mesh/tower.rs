@@ -28,9 +28,9 @@ impl Generator for NeedleTower {
         sketch.on("body").revolve(Vec3::ZERO, &shaft, 24);
         // Three legs lean on the shaft.
         for i in 0..3 {
-            let share = i as f32 / 3.0 + 0.25;
-            let foot = on_circle(share, 5.6, 0.4);
-            let knee = on_circle(share, 2.0, 0.36 * pod);
+            let fraction = i as f32 / 3.0 + 0.25;
+            let foot = on_circle(fraction, 5.6, 0.4);
+            let knee = on_circle(fraction, 2.0, 0.36 * pod);
             sketch.on("body").rod(foot, knee, 0.8, 0.35, 10);
         }
         let saucer = [(1.9, pod - 2.6), (5.6, pod - 0.9), (6.3, pod - 0.5), (6.3, pod)];
@@ -40,8 +40,8 @@ impl Generator for NeedleTower {
         sketch.on("body").revolve(Vec3::ZERO, &roof, 36);
         sketch.on("glass").revolve(Vec3::ZERO, &[(3.23, pod + 3.35), (3.23, pod + 4.1)], 24);
         for i in 0..18 {
-            let share = i as f32 / 18.0;
-            sketch.on("body").bar(on_circle(share, 6.16, pod - 0.05), on_circle(share, 5.76, pod + 1.65), 0.16);
+            let fraction = i as f32 / 18.0;
+            sketch.on("body").bar(on_circle(fraction, 6.16, pod - 0.05), on_circle(fraction, 5.76, pod + 1.65), 0.16);
         }
         for z in [0.45 * pod, 0.7 * pod] {
             sketch.on("ring").revolve(Vec3::ZERO, &[(1.3, z - 0.4), (1.85, z - 0.3), (1.85, z + 0.3), (1.3, z + 0.4)], 20);
@@ -68,13 +68,13 @@ impl Generator for Chimney {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let (h, r) = (self.height.0, self.radius.0);
-        let at = |share: f32| (r * (1.0 - 0.4 * share), h * share);
-        let wider = |share: f32, by: f32| (at(share).0 + by, h * share);
+        let at = |fraction: f32| (r * (1.0 - 0.4 * fraction), h * fraction);
+        let wider = |fraction: f32, by: f32| (at(fraction).0 + by, h * fraction);
         sketch.on("base").block(Vec3::ZERO, Vec3::new(2.8 * r, 2.8 * r, 2.0));
         sketch.on("body").revolve(Vec3::ZERO, &[at(0.0), at(0.3), at(0.6), at(1.0), (at(1.0).0 - 0.25, h)], 24);
         sketch.on("soot").revolve(Vec3::ZERO, &[(at(1.0).0 - 0.25, h), (at(1.0).0 - 0.3, h - 2.0), (0.0, h - 2.0)], 24);
-        for share in [0.32, 0.64, 0.93] {
-            let ring = [at(share), wider(share, 0.3), wider(share + 0.02, 0.3), at(share + 0.02)];
+        for fraction in [0.32, 0.64, 0.93] {
+            let ring = [at(fraction), wider(fraction, 0.3), wider(fraction + 0.02, 0.3), at(fraction + 0.02)];
             sketch.on("band").revolve(Vec3::ZERO, &ring, 24);
         }
     }
@@ -96,8 +96,8 @@ impl Generator for WaterTower {
         let h = self.height.0;
         let r = 0.24 * h;
         for i in 0..6 {
-            let share = i as f32 / 6.0;
-            sketch.on("body").rod(on_circle(share, 0.72 * r, 0.0), on_circle(share, 0.62 * r, 0.66 * h), 0.35, 0.3, 8);
+            let fraction = i as f32 / 6.0;
+            sketch.on("body").rod(on_circle(fraction, 0.72 * r, 0.0), on_circle(fraction, 0.62 * r, 0.66 * h), 0.35, 0.3, 8);
         }
         sketch.on("body").revolve(Vec3::ZERO, &[(1.0, 0.0), (1.0, 0.62 * h)], 16);
         for z in [0.2 * h, 0.42 * h] {

@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 
 use super::sketch::{cos_sin, on_circle};
 use super::{Generator, Metres, Sketch, Slots, Surface};
@@ -36,41 +36,41 @@ impl Generator for Tree {
     }
 
     fn draw(&self, sketch: &mut Sketch, seed: &str) {
-        let mut draw = Draw::new(0, seed, &[]);
-        let height = self.height.0 * (0.88 + 0.24 * draw.uniform() as f32);
+        let mut rng = RandomStream::new(0, seed, &[]);
+        let height = self.height.0 * (0.88 + 0.24 * rng.uniform() as f32);
         match self.style {
-            Style::Broadleaf => broadleaf(sketch, &mut draw, height),
-            Style::Conifer => conifer(sketch, &mut draw, height),
+            Style::Broadleaf => broadleaf(sketch, &mut rng, height),
+            Style::Conifer => conifer(sketch, &mut rng, height),
         }
         sketch.outline.push((0..12).map(|i| on_circle(i as f32 / 12.0, 0.25 * height, 0.0).truncate()).collect());
     }
 }
 
-fn broadleaf(sketch: &mut Sketch, draw: &mut Draw, h: f32) {
+fn broadleaf(sketch: &mut Sketch, rng: &mut RandomStream, h: f32) {
     let fork = Vec3::new(0.0, 0.0, 0.36 * h);
     sketch.on("bark").rod(Vec3::ZERO, Vec3::Z * (0.06 * h), 0.055 * h, 0.034 * h, 9);
     sketch.on("bark").rod(Vec3::Z * (0.06 * h), fork, 0.034 * h, 0.026 * h, 9);
-    let turn = draw.uniform() as f32;
-    blob(sketch.on("leaf"), draw, Vec3::Z * (0.68 * h), Vec3::new(0.25, 0.25, 0.27) * h, 2);
+    let turn = rng.uniform() as f32;
+    blob(sketch.on("leaf"), rng, Vec3::Z * (0.68 * h), Vec3::new(0.25, 0.25, 0.27) * h, 2);
     for i in 0..6 {
-        let share = turn + (i as f32 + 0.3 * draw.uniform() as f32) / 6.0;
-        let z = h * (0.5 + 0.22 * draw.uniform() as f32);
-        let centre = on_circle(share, 0.19 * h, z);
+        let fraction = turn + (i as f32 + 0.3 * rng.uniform() as f32) / 6.0;
+        let z = h * (0.5 + 0.22 * rng.uniform() as f32);
+        let centre = on_circle(fraction, 0.19 * h, z);
         sketch.on("bark").rod(fork - Vec3::Z * 0.1, centre, 0.018 * h, 0.008 * h, 5);
-        let size = 0.13 + 0.05 * draw.uniform() as f32;
-        blob(sketch.on("leaf"), draw, centre, Vec3::new(size, size, 0.85 * size) * h, 1);
+        let size = 0.13 + 0.05 * rng.uniform() as f32;
+        blob(sketch.on("leaf"), rng, centre, Vec3::new(size, size, 0.85 * size) * h, 1);
     }
-    blob(sketch.on("leaf"), draw, on_circle(turn + 0.4, 0.06 * h, 0.86 * h), Vec3::splat(0.13 * h), 1);
+    blob(sketch.on("leaf"), rng, on_circle(turn + 0.4, 0.06 * h, 0.86 * h), Vec3::splat(0.13 * h), 1);
 }
 
-fn conifer(sketch: &mut Sketch, draw: &mut Draw, h: f32) {
+fn conifer(sketch: &mut Sketch, rng: &mut RandomStream, h: f32) {
     sketch.on("bark").rod(Vec3::ZERO, Vec3::Z * (0.5 * h), 0.028 * h, 0.015 * h, 8);
     let layers = 6;
     for i in 0..layers {
-        let share = i as f32 / layers as f32;
-        let (low, high) = (h * (0.13 + 0.78 * share), h * (0.13 + 0.78 * share + 0.26).min(1.0));
-        let radius = h * 0.21 * (1.0 - 0.82 * share);
-        let phase = draw.uniform() as f32;
+        let fraction = i as f32 / layers as f32;
+        let (low, high) = (h * (0.13 + 0.78 * fraction), h * (0.13 + 0.78 * fraction + 0.26).min(1.0));
+        let radius = h * 0.21 * (1.0 - 0.82 * fraction);
+        let phase = rng.uniform() as f32;
         skirt(sketch.on("leaf"), phase, radius, low, high);
     }
 }
@@ -91,9 +91,9 @@ fn skirt(surface: &mut Surface, phase: f32, radius: f32, low: f32, high: f32) {
 }
 
 /// A lumpy ball: an icosahedron subdivided `level` times, with vertices randomly moved in or out.
-pub(super) fn blob(surface: &mut Surface, draw: &mut Draw, centre: Vec3, radii: Vec3, level: u32) {
+pub(super) fn blob(surface: &mut Surface, rng: &mut RandomStream, centre: Vec3, radii: Vec3, level: u32) {
     let (points, triangles) = icosphere(level);
-    let moved: Vec<Vec3> = points.iter().map(|&p| p * (0.86 + 0.28 * draw.uniform() as f32)).collect();
+    let moved: Vec<Vec3> = points.iter().map(|&p| p * (0.86 + 0.28 * rng.uniform() as f32)).collect();
     let mut normals = vec![Vec3::ZERO; moved.len()];
     for t in &triangles {
         let [a, b, c] = t.map(|i| moved[i as usize]);

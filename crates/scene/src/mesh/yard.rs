@@ -135,17 +135,17 @@ impl Generator for Bicycle {
 
 /// A spoked wheel across x about its hub.
 fn wheel(sketch: &mut Sketch, hub: Vec3, radius: f32) {
-    let at = |share: f32, r: f32| {
-        let p = on_circle(share, r, 0.0);
+    let at = |fraction: f32, r: f32| {
+        let p = on_circle(fraction, r, 0.0);
         hub + Vec3::new(0.0, p.x, p.y)
     };
     let sides = 20;
     let ring = |r: f32, thick: f32| -> Vec<Ring> {
         (0..=sides)
             .map(|i| {
-                let share = (i % sides) as f32 / sides as f32;
-                let out = (at(share, 1.0) - hub) * thick;
-                Ring { centre: at(share, r), side: out, up: Vec3::NEG_X * thick }
+                let fraction = (i % sides) as f32 / sides as f32;
+                let out = (at(fraction, 1.0) - hub) * thick;
+                Ring { centre: at(fraction, r), side: out, up: Vec3::NEG_X * thick }
             })
             .collect()
     };
@@ -178,7 +178,8 @@ impl Generator for Parasol {
         sketch.on("pole").revolve(Vec3::Z * h, &[(0.02, -0.02), (0.03, 0.02), (0.0, 0.07)], 10);
         let sag = 0.26 * r;
         let rows = [(1.0, 0.0), (0.66, 0.45), (0.33, 0.76), (0.03, 1.0)];
-        let point = |share: f32, (out, rise): (f32, f32), lift: f32| on_circle(share, out * r, h - sag * (1.0 - rise) + lift);
+        let point =
+            |fraction: f32, (out, rise): (f32, f32), lift: f32| on_circle(fraction, out * r, h - sag * (1.0 - rise) + lift);
         for i in 0..8u32 {
             let slot = if i % 2 == 0 { "canopy" } else { "panel" };
             let (a, b) = (i as f32 / 8.0, (i + 1) as f32 / 8.0);

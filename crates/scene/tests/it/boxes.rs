@@ -1,5 +1,5 @@
 //! A hand-made scene: a wide floor, and boxes on it.
-#![allow(dead_code, reason = "each test binary uses its share")]
+#![allow(dead_code, reason = "each test binary uses a part of it")]
 
 use std::sync::Arc;
 

@@ -174,9 +174,9 @@ fn crc32(bytes: &[u8]) -> u32 {
 
 #[test]
 fn pictures_are_measured_before_they_are_decoded() {
-    let with = |picture: &[u8]| {
+    let with = |image: &[u8]| {
         let mut model = Model::new();
-        let material = model.picture(picture);
+        let material = model.image(image);
         let floor = model.floor(4.0, 1.0, Some(material));
         model.node(json!({"mesh": floor}));
         model.refusal()
@@ -187,9 +187,9 @@ fn pictures_are_measured_before_they_are_decoded() {
     assert!(with(&png(4, 4, |_, _| [1; 4])[..50]).contains("cannot read image 0"));
     // Many pictures of the allowed size.
     let mut model = Model::new();
-    let picture = hollow_png(8192, 8192);
+    let image = hollow_png(8192, 8192);
     for _ in 0..9 {
-        let material = model.picture(&picture);
+        let material = model.image(&image);
         let floor = model.floor(4.0, 1.0, Some(material));
         model.node(json!({"mesh": floor}));
     }

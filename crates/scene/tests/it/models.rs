@@ -40,7 +40,7 @@ const CRATE: &str = "\n[[objects]]\nid = \"crate\"\nlike = \"crate\"\nposition =
 /// A box 2 m wide, 1 m high, 4 m deep that stands on its origin, with a picture on it.
 fn crate_model() -> Model {
     let mut model = Model::new();
-    let boards = model.picture(&png(2, 2, |x, _| [100 + 50 * x as u8, 80, 40, 255]));
+    let boards = model.image(&png(2, 2, |x, _| [100 + 50 * x as u8, 80, 40, 255]));
     let mesh = model.block(2.0, 1.0, 4.0);
     model.json["meshes"][mesh]["primitives"][0]["material"] = json!(boards);
     model.node(json!({"name": "Red Barrel", "mesh": mesh}));
@@ -128,7 +128,7 @@ fn refusal(objects: &str) -> String {
 #[test]
 fn errors_say_what_to_do() {
     let with = |mesh: &str| refusal(&CRATE.replace("position", &format!("mesh = {{ kind = \"model\", {mesh} }}\nposition")));
-    for (mesh, said) in [
+    for (mesh, message) in [
         ("file = \"models/chair.glb\"", "scene.toml:25: the model `models/chair.glb`: cannot read it: No such file"),
         ("file = \"../crate.glb\"", "the model `../crate.glb`: it is not a file in the scene's folder"),
         ("file = \"/etc/crate.glb\"", "copy it next to the scene file and use a relative path"),
@@ -138,7 +138,7 @@ fn errors_say_what_to_do() {
         ("file = \"models/crate.glb\", up = \"x\"", "unknown variant `x`"),
     ] {
         let error = with(mesh);
-        assert!(error.contains(said), "{mesh}: {error}");
+        assert!(error.contains(message), "{mesh}: {error}");
     }
     let materials = refusal(&format!("{CRATE}materials = {{ body = \"red_paint\" }}\n"));
     assert!(materials.contains("a model has its own materials"), "{materials}");

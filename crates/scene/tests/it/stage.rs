@@ -1,5 +1,5 @@
 //! Small scenes with actors, and what touches them.
-#![allow(dead_code, reason = "each test binary uses its share")]
+#![allow(dead_code, reason = "each test binary uses a part of it")]
 
 use std::fmt::Write as _;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! Parameters of the Tello protocol: response times and limits.
 
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::time::{Duration, duration_from_secs};
 
 /// SDK version of the firmware.
@@ -109,7 +109,7 @@ impl Figures {
         Self { move_share: 0.0, move_fixed: 0.0, turn_spread: 0.0, quick_spread: 0.0, ..Self::default() }
     }
 
-    pub(super) fn quick(&self, draw: &mut Draw) -> Duration {
-        duration_from_secs(self.quick + self.quick_spread * (2.0 * draw.uniform() - 1.0))
+    pub(super) fn quick(&self, rng: &mut RandomStream) -> Duration {
+        duration_from_secs(self.quick + self.quick_spread * (2.0 * rng.uniform() - 1.0))
     }
 }

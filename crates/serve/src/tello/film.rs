@@ -47,7 +47,7 @@ pub(super) fn film(
     let mut previous: Option<Time> = None;
     let mut pace = Pace::new(quality);
     while shared.runs() {
-        let Some(wish) = *lock(&shared.video) else {
+        let Some(request) = *lock(&shared.video) else {
             (reel, last, previous, next) = (None, None, None, shared.now());
             std::thread::sleep(POLL_INTERVAL);
             continue;
@@ -58,24 +58,24 @@ pub(super) fn film(
             continue;
         }
         let begun = Instant::now();
-        let period = pace.period(wish.fps);
+        let period = pace.period(request.fps);
         // Up to the simulated time, which lags behind the clock on a busy machine.
         let captured = lock(craft).time().min(now) - SHUTTER;
         let frozen = shared.faults().freezes(now, Stream::Frames);
         let kept = last.take().filter(|_| frozen);
-        let Some(picture) = kept.or_else(|| photographer(captured, &wish, pace.fineness())) else {
+        let Some(image) = kept.or_else(|| photographer(captured, &request, pace.fineness())) else {
             std::thread::sleep(Duration::from_millis(2));
             continue;
         };
-        if let Some(unit) = encode(&mut reel, &wish, captured, &picture) {
+        if let Some(unit) = encode(&mut reel, &request, captured, &image) {
             let interval = previous.replace(now).map_or(period, |previous| now.since(previous));
             shared.counters.wanted_ns.fetch_add(interval.as_nanos() as u64, Ordering::Relaxed);
-            if taken.try_send((captured + latency, wish.to, datagrams(nal_units(&unit)))).is_err() {
+            if taken.try_send((captured + latency, request.to, datagrams(nal_units(&unit)))).is_err() {
                 // Later images depend on it.
                 reel = None;
             }
         }
-        last = Some(picture);
+        last = Some(image);
         pace.took(begun.elapsed());
         // Missed images are skipped.
         next = (next + period).max(shared.now());
@@ -85,16 +85,16 @@ pub(super) fn film(
 /// An active encoder.
 struct Reel {
     encoder: Encoder,
-    wish: VideoRequest,
+    request: VideoRequest,
     last_key: Time,
 }
 
 impl Reel {
-    fn new(wish: &VideoRequest, at: Time, (width, height): (u32, u32)) -> Option<Self> {
-        let size = EncoderSettings::for_size(width, height, f64::from(wish.fps));
+    fn new(request: &VideoRequest, at: Time, (width, height): (u32, u32)) -> Option<Self> {
+        let size = EncoderSettings::for_size(width, height, f64::from(request.fps));
         let settings = EncoderSettings { quantiser: QUANTISER, ..size };
         match Encoder::new(settings) {
-            Ok(encoder) => Some(Self { encoder, wish: *wish, last_key: at }),
+            Ok(encoder) => Some(Self { encoder, request: *request, last_key: at }),
             Err(error) => {
                 tracing::warn!(%error, "no video");
                 None
@@ -103,15 +103,15 @@ impl Reel {
     }
 }
 
-fn encode(reel: &mut Option<Reel>, wish: &VideoRequest, at: Time, picture: &Rgb) -> Option<Vec<u8>> {
-    if reel.as_ref().is_none_or(|reel| reel.wish != *wish) {
-        *reel = Reel::new(wish, at, (picture.width(), picture.height()));
+fn encode(reel: &mut Option<Reel>, request: &VideoRequest, at: Time, image: &Rgb) -> Option<Vec<u8>> {
+    if reel.as_ref().is_none_or(|reel| reel.request != *request) {
+        *reel = Reel::new(request, at, (image.width(), image.height()));
     }
     let rolling = reel.as_mut()?;
     if at.since(rolling.last_key) >= KEY_INTERVAL {
         rolling.encoder.force_key();
     }
-    match rolling.encoder.encode(at, picture) {
+    match rolling.encoder.encode(at, image) {
         Ok(unit) => {
             if unit.key {
                 rolling.last_key = at;
@@ -130,9 +130,9 @@ fn encode(reel: &mut Option<Reel>, wish: &VideoRequest, at: Time, picture: &Rgb)
 mod tests {
     use super::*;
 
-    fn wish(asked: u32) -> VideoRequest {
+    fn request(stream_number: u32) -> VideoRequest {
         let to = SocketAddr::from(([127, 0, 0, 1], 11_111));
-        VideoRequest { to, fps: 30, low_resolution: false, downwards: false, asked }
+        VideoRequest { to, fps: 30, low_resolution: false, downwards: false, stream_number }
     }
 
     fn is_key(unit: &[u8]) -> bool {
@@ -141,11 +141,11 @@ mod tests {
 
     #[test]
     fn there_is_a_key_picture_each_second_however_few_pictures_there_are() {
-        let (mut reel, picture) = (None, Rgb::filled(96, 64, [90, 120, 30]));
+        let (mut reel, image) = (None, Rgb::filled(96, 64, [90, 120, 30]));
         for fps in [2, 5, 12, 30] {
             let keys: Vec<u64> = (0..4 * fps)
                 .map(|n| 10_000 * fps + n * 1000 / fps)
-                .filter(|at| is_key(&encode(&mut reel, &wish(fps as u32), Time::from_millis(*at), &picture).unwrap()))
+                .filter(|at| is_key(&encode(&mut reel, &request(fps as u32), Time::from_millis(*at), &image).unwrap()))
                 .collect();
             assert!(keys.len() >= 4 && keys.windows(2).all(|pair| pair[1] - pair[0] <= 1100), "{fps} a second: {keys:?}");
         }
@@ -153,9 +153,9 @@ mod tests {
 
     #[test]
     fn each_streamon_begins_with_a_key_picture() {
-        let (mut reel, picture) = (None, Rgb::filled(96, 64, [90, 120, 30]));
-        let keys =
-            [1, 1, 2, 2, 3].map(|asked| is_key(&encode(&mut reel, &wish(asked), Time::from_millis(50), &picture).unwrap()));
+        let (mut reel, image) = (None, Rgb::filled(96, 64, [90, 120, 30]));
+        let keys = [1, 1, 2, 2, 3]
+            .map(|stream_number| is_key(&encode(&mut reel, &request(stream_number), Time::from_millis(50), &image).unwrap()));
         assert_eq!(keys, [true, false, true, false, true]);
     }
 }

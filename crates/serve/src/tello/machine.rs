@@ -6,7 +6,7 @@ use std::net::{IpAddr, SocketAddr};
 
 use spf_core::command::{Command, Setpoint};
 use spf_core::fault::{FaultMachine, Stream, Trouble};
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_sim::craft::SimCraft;
@@ -66,7 +66,7 @@ pub struct VideoRequest {
     /// Whether the downward camera is used.
     pub downwards: bool,
     /// Number of `streamon` commands; each starts with a key frame.
-    pub asked: u32,
+    pub stream_number: u32,
 }
 
 /// The protocol of one virtual Tello. Sans-IO; see the [module](super).
@@ -74,7 +74,7 @@ pub struct VideoRequest {
 pub struct VirtualTello {
     figures: Figures,
     firmware: Firmware,
-    draw: Draw,
+    rng: RandomStream,
     seed: u64,
     link: Link,
     /// The last client that sent `command`.
@@ -105,7 +105,7 @@ impl VirtualTello {
         Self {
             figures,
             firmware,
-            draw: Draw::new(seed, "virtual tello", &[]),
+            rng: RandomStream::new(seed, "virtual tello", &[]),
             seed,
             link: Link::new(faults),
             client: None,
@@ -190,7 +190,7 @@ impl VirtualTello {
     }
 
     fn answer_quickly(&mut self, now: Time, to: SocketAddr, text: &str) {
-        let after = self.figures.quick(&mut self.draw);
+        let after = self.figures.quick(&mut self.rng);
         self.answer(now + after, to, text);
     }
 
@@ -244,7 +244,7 @@ impl VirtualTello {
             Request::Stream(on) => {
                 let to = SocketAddr::new(from.ip(), self.ports.1);
                 self.streams += u32::from(on);
-                let wish = VideoRequest { to, fps: 30, low_resolution: false, downwards: false, asked: self.streams };
+                let wish = VideoRequest { to, fps: 30, low_resolution: false, downwards: false, stream_number: self.streams };
                 self.stream = on.then_some(wish);
             }
             Request::Speed(speed) => self.speed = speed,
@@ -281,8 +281,8 @@ impl VirtualTello {
     }
 
     fn change_video(&mut self, change: impl FnOnce(&mut VideoRequest)) {
-        if let Some(wish) = &mut self.stream {
-            change(wish);
+        if let Some(request) = &mut self.stream {
+            change(request);
         }
     }
 
@@ -292,13 +292,13 @@ impl VirtualTello {
             return;
         }
         let Figures { stick_speed, stick_climb, stick_sink, stick_yaw, .. } = self.figures;
-        let share = |stick: i32| f64::from(stick) * 0.01;
+        let fraction = |stick: i32| f64::from(stick) * 0.01;
         let vertical = if up > 0 { stick_climb } else { stick_sink };
         let setpoint = Setpoint {
-            right: share(right) * stick_speed,
-            forward: share(forward) * stick_speed,
-            up: share(up) * vertical,
-            yaw_rate: share(clockwise) * stick_yaw,
+            right: fraction(right) * stick_speed,
+            forward: fraction(forward) * stick_speed,
+            up: fraction(up) * vertical,
+            yaw_rate: fraction(clockwise) * stick_yaw,
         };
         craft.apply(now, Command::Setpoint(setpoint), Time::MAX);
     }
@@ -357,7 +357,7 @@ impl VirtualTello {
         let Some(client) = self.client.filter(|_| now >= self.booted) else { return };
         let mut state = self.state(craft);
         // No two lines of a real drone are equal. A stream of its own, so that nothing else depends on how many were sent.
-        let mut noise = Draw::new(self.seed, "accelerometer", &[now.as_nanos()]);
+        let mut noise = RandomStream::new(self.seed, "accelerometer", &[now.as_nanos()]);
         state.acceleration.iter_mut().for_each(|axis| *axis += ACCELEROMETER_NOISE * (2.0 * noise.uniform() - 1.0));
         let line = state.line(self.firmware);
         self.link.send(now, Stream::Telemetry, SocketAddr::new(client, self.ports.0), line.as_bytes());

@@ -153,8 +153,8 @@ impl Manoeuvre {
     }
 }
 
-fn towards(missing: BodyDisplacement, share: f64) -> Setpoint {
-    Setpoint { right: missing.right * share, forward: missing.forward * share, up: missing.up * share, yaw_rate: 0.0 }
+fn towards(missing: BodyDisplacement, fraction: f64) -> Setpoint {
+    Setpoint { right: missing.right * fraction, forward: missing.forward * fraction, up: missing.up * fraction, yaw_rate: 0.0 }
 }
 
 /// Distance to standstill after zero takes effect: at the acceleration limit, then exponentially.
@@ -165,9 +165,9 @@ fn stopping(velocity: f64, limit: f64, lag: f64) -> f64 {
 }
 
 /// The position at an offset in the craft's axes, with its current heading.
-pub(super) fn place(craft: &SimCraft, offset: Offset, share: f64) -> EnuPosition {
+pub(super) fn place(craft: &SimCraft, offset: Offset, fraction: f64) -> EnuPosition {
     let pose = craft.dynamics().pose();
-    let metres = |cm: i32| f64::from(cm) * 0.01 * share;
+    let metres = |cm: i32| f64::from(cm) * 0.01 * fraction;
     let displacement = BodyDisplacement { forward: metres(offset.x), right: -metres(offset.y), up: metres(offset.z) };
     pose.position.displaced(displacement, pose.attitude.heading)
 }

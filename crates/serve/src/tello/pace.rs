@@ -101,8 +101,8 @@ impl Pace {
 mod tests {
     use super::*;
 
-    fn after(pace: &mut Pace, pictures: u32, millis: u64) -> RenderQuality {
-        (0..pictures).for_each(|_| pace.took(Duration::from_millis(millis)));
+    fn after(pace: &mut Pace, images: u32, millis: u64) -> RenderQuality {
+        (0..images).for_each(|_| pace.took(Duration::from_millis(millis)));
         pace.fineness()
     }
 

@@ -16,29 +16,29 @@ pub(super) fn channels(fineness: RenderQuality) -> Channels {
 }
 
 /// The camera image at `at`, in the requested format.
-pub(super) fn photograph(world: &SimWorld, at: Time, wish: &VideoRequest, fineness: RenderQuality) -> Option<Rgb> {
+pub(super) fn photograph(world: &SimWorld, at: Time, request: &VideoRequest, fineness: RenderQuality) -> Option<Rgb> {
     let channels = channels(fineness);
-    if wish.downwards {
+    if request.downwards {
         return below(world, at, channels);
     }
     let shot = world.shot(at)?;
-    let (width, height) = if wish.low_resolution { (640, 480) } else { (world.camera().width, world.camera().height) };
+    let (width, height) = if request.low_resolution { (640, 480) } else { (world.camera().width, world.camera().height) };
     let drawn = if fineness == RenderQuality::Draft { (width / 2, height / 2) } else { (width, height) };
-    let picture = world.photograph_with(&shot, Some(drawn), channels);
-    Some(if drawn == (width, height) { picture } else { resize(&picture, width, height) })
+    let image = world.photograph_with(&shot, Some(drawn), channels);
+    Some(if drawn == (width, height) { image } else { resize(&image, width, height) })
 }
 
 /// The grey image of the downward camera.
 fn below(world: &SimWorld, at: Time, channels: Channels) -> Option<Rgb> {
     let moment = world.snapshot_at(at)?;
     let camera = Camera::from_fov(320, 240, 1.0, 0.79, core::f64::consts::FRAC_PI_2);
-    let mut picture = RenderedImage::default();
-    world.loaded().render_into(&camera, &moment, channels, &mut picture);
-    let mut pixels = picture.rgb?;
+    let mut image = RenderedImage::default();
+    world.loaded().render_into(&camera, &moment, channels, &mut image);
+    let mut pixels = image.rgb?;
     for pixel in pixels.chunks_exact_mut(3) {
         // Luma of ITU-R BT.709.
         let [red, green, blue] = [pixel[0], pixel[1], pixel[2]].map(u32::from);
         pixel.fill(((213 * red + 715 * green + 72 * blue) / 1000) as u8);
     }
-    Rgb::from_raw(picture.width, picture.height, pixels).ok()
+    Rgb::from_raw(image.width, image.height, pixels).ok()
 }

@@ -75,12 +75,12 @@ impl TelloService {
             listen,
             craft: world.shared_craft(),
             quality,
-            photographer: Box::new(move |at, wish, fineness| {
-                let picture = photograph(&camera, at, wish, fineness)?;
-                if let Some((onboard, moment)) = onboard.as_ref().filter(|_| !wish.downwards).zip(camera.snapshot_at(at)) {
-                    onboard.keep(moment, &picture);
+            photographer: Box::new(move |at, request, fineness| {
+                let image = photograph(&camera, at, request, fineness)?;
+                if let Some((onboard, moment)) = onboard.as_ref().filter(|_| !request.downwards).zip(camera.snapshot_at(at)) {
+                    onboard.keep(moment, &image);
                 }
-                Some(picture)
+                Some(image)
             }),
             figures: Figures::default(),
             firmware,

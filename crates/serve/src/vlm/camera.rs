@@ -57,10 +57,10 @@ impl Camera {
         let scene_time = Time::ZERO + Duration::from_nanos(nanos);
         let snapshot = self.world.loaded().snapshot(self.pose(), self.seed, scene_time);
         let shot = self.world.still(scene_time, &snapshot)?;
-        let picture = self.world.photograph(&shot, None);
+        let image = self.world.photograph(&shot, None);
         let frame = FrameId(self.next.fetch_add(1, Ordering::Relaxed));
-        self.memory.push(now, Remembered { frame, snapshot }, &picture);
-        Some((frame, picture))
+        self.memory.push(now, Remembered { frame, snapshot }, &image);
+        Some((frame, image))
     }
 }
 

@@ -85,10 +85,10 @@ impl Memory {
     }
 
     /// Stores a frame captured at `at`, and drops frames more than [`KEPT`] older.
-    pub fn push(&self, at: Time, remembered: Remembered, picture: &Rgb) {
-        let thumbnail = thumbnail(picture);
+    pub fn push(&self, at: Time, remembered: Remembered, image: &Rgb) {
+        let thumbnail = thumbnail(image);
         let mut film = self.film();
-        film.shape = f64::from(picture.width()) / f64::from(picture.height().max(1));
+        film.shape = f64::from(image.width()) / f64::from(image.height().max(1));
         film.seen.push_back(Seen { at, remembered, thumbnail });
         film.forget(at);
     }
@@ -97,16 +97,16 @@ impl Memory {
     ///
     /// # Errors
     /// [`Unrecognised`] if there is no match.
-    pub fn recognise(&self, now: Time, picture: &Rgb) -> Result<Remembered, Unrecognised> {
-        let shape = f64::from(picture.width()) / f64::from(picture.height().max(1));
-        let thumbnail = thumbnail(picture);
+    pub fn recognise(&self, now: Time, image: &Rgb) -> Result<Remembered, Unrecognised> {
+        let shape = f64::from(image.width()) / f64::from(image.height().max(1));
+        let thumbnail = thumbnail(image);
         let mut film = self.film();
         film.forget(now);
         if film.seen.is_empty() {
             return Err(Unrecognised::Nothing);
         }
         if (shape / film.shape - 1.0).abs() > SHAPE {
-            return Err(Unrecognised::Shape { width: picture.width(), height: picture.height() });
+            return Err(Unrecognised::Shape { width: image.width(), height: image.height() });
         }
         let mut best: Option<(u64, &Seen)> = None;
         for seen in film.seen.iter().rev() {
@@ -133,9 +133,9 @@ impl Film {
 }
 
 /// Scales an image down to a thumbnail by averaging.
-fn thumbnail(picture: &Rgb) -> Vec<u8> {
-    let (width, height) = (picture.width().max(1) as usize, picture.height().max(1) as usize);
-    let data = picture.data();
+fn thumbnail(image: &Rgb) -> Vec<u8> {
+    let (width, height) = (image.width().max(1) as usize, image.height().max(1) as usize);
+    let data = image.data();
     let mut small = Vec::with_capacity(VALUES);
     let part = |index: u32, of: u32, side: usize| {
         let from = index as usize * side / of as usize;
@@ -182,13 +182,13 @@ mod tests {
 
     /// A bright square on a dark background, at this distance from the left.
     fn square(left: u32) -> Rgb {
-        let mut picture = Rgb::filled(320, 240, [30, 40, 50]);
+        let mut image = Rgb::filled(320, 240, [30, 40, 50]);
         for y in 100..160 {
             for x in left..left + 80 {
-                picture.set_pixel(x, y, [220, 200, 40]);
+                image.set_pixel(x, y, [220, 200, 40]);
             }
         }
-        picture
+        image
     }
 
     #[test]

@@ -35,10 +35,10 @@ impl OnboardCamera {
     }
 
     /// Stores an image with the state of the world in it.
-    pub(crate) fn keep(&self, snapshot: WorldSnapshot, picture: &Rgb) {
+    pub(crate) fn keep(&self, snapshot: WorldSnapshot, image: &Rgb) {
         let frame = FrameId(self.next.fetch_add(1, Ordering::Relaxed));
-        self.memory.push(self.now(), Remembered { frame, snapshot }, picture);
-        *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some((frame, picture.clone()));
+        self.memory.push(self.now(), Remembered { frame, snapshot }, image);
+        *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some((frame, image.clone()));
     }
 }
 

@@ -69,18 +69,18 @@ impl Responder {
     ///
     /// # Errors
     /// [`Unrecognised`] if the image is not a frame of the last ten seconds.
-    pub fn answer(&self, now: Time, number: u64, prompt: &str, picture: &Rgb) -> Result<OracleReply, Unrecognised> {
-        let Remembered { frame, snapshot } = self.memory.recognise(now, picture)?;
+    pub fn answer(&self, now: Time, number: u64, prompt: &str, image: &Rgb) -> Result<OracleReply, Unrecognised> {
+        let Remembered { frame, snapshot } = self.memory.recognise(now, image)?;
         let avoid = prompt.contains("\"boxes\"") || prompt.contains("- boxes:");
         let query = Query {
             instruction: self.instruction_for(prompt),
             memory: PilotMemory { stage: stage_of(prompt), ..PilotMemory::default() },
-            image_size: Some((picture.width(), picture.height())),
+            image_size: Some((image.width(), image.height())),
             ..Query::new(QueryId(number), frame, QueryKind::Point { avoid })
         };
         let answer = self.oracle.answer_at(&query, &snapshot);
         let text = answer.text.unwrap_or_default();
-        Ok(OracleReply { text: self.written(&text, prompt, picture, avoid), latency: answer.latency })
+        Ok(OracleReply { text: self.written(&text, prompt, image, avoid), latency: answer.latency })
     }
 
     fn instruction_for(&self, prompt: &str) -> String {
@@ -92,19 +92,19 @@ impl Responder {
     }
 
     fn instruction_of(&self, prompt: &str) -> String {
-        let said = match &self.instruction {
+        let stage = match &self.instruction {
             Instruction::Text(text) => text.as_str(),
             Instruction::FromPrompt => between(prompt).unwrap_or(prompt).trim(),
         };
-        said.chars().take(MAX_INSTRUCTION).collect()
+        stage.chars().take(MAX_INSTRUCTION).collect()
     }
 
     /// The oracle's reply converted to the requested format.
-    fn written(&self, text: &str, prompt: &str, picture: &Rgb, avoid: bool) -> String {
+    fn written(&self, text: &str, prompt: &str, image: &Rgb, avoid: bool) -> String {
         let own = GroundingProfile::default();
         let Ok(reply) = parse_reply(text, &own) else { return text.to_owned() };
         match self.form {
-            AnswerForm::Spf => reply.to_json(&profile_of(prompt, (picture.width(), picture.height())), avoid),
+            AnswerForm::Spf => reply.to_json(&profile_of(prompt, (image.width(), image.height())), avoid),
             AnswerForm::GeminiPoint => {
                 let points = reply.point.map(|point| {
                     let [y, x] = own.point_numbers(point).map(|number| number as i64);
@@ -124,8 +124,8 @@ fn between(prompt: &str) -> Option<&str> {
 
 /// The current stage according to the prompt.
 fn stage_of(prompt: &str) -> u32 {
-    let said = prompt.split_once("Stage ").and_then(|(_, behind)| behind.split_once(" was reached"));
-    said.and_then(|(number, _)| number.parse().ok()).unwrap_or(1)
+    let text = prompt.split_once("Stage ").and_then(|(_, behind)| behind.split_once(" was reached"));
+    text.and_then(|(number, _)| number.parse().ok()).unwrap_or(1)
 }
 
 /// The coordinates described in the prompt, in the wording of the project's prompts.

@@ -133,8 +133,8 @@ fn router(shared: Arc<Shared>) -> Router {
 
 async fn frame(State(shared): State<Arc<Shared>>) -> Response {
     let taken = tokio::task::spawn_blocking(move || {
-        let (frame, picture) = shared.lens.newest()?;
-        Some((frame, Jpeg::encode(&picture, QUALITY).ok()?))
+        let (frame, image) = shared.lens.newest()?;
+        Some((frame, Jpeg::encode(&image, QUALITY).ok()?))
     });
     match taken.await.ok().flatten() {
         Some((frame, jpeg)) => {
@@ -157,8 +157,8 @@ async fn pose(State(shared): State<Arc<Shared>>, body: String) -> Response {
 async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String, String)>, body: Bytes) -> Response {
     match call.rsplit_once(':') {
         Some((model, method @ ("generateContent" | "streamGenerateContent"))) => {
-            let asked = (model.to_owned(), method.starts_with("stream"));
-            ask(shared, Wire::Gemini, body, Some(asked)).await
+            let requested = (model.to_owned(), method.starts_with("stream"));
+            ask(shared, Wire::Gemini, body, Some(requested)).await
         }
         _ => refused(Wire::Gemini, StatusCode::NOT_FOUND, "only generateContent and streamGenerateContent are supported"),
     }
@@ -174,12 +174,12 @@ async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String
     if let Some((model, stream)) = named {
         (question.model, question.stream) = (model, stream);
     }
-    let Some(picture) = question.picture.take() else {
+    let Some(image) = question.image.take() else {
         return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, "the request contains no image (base64, JPEG)");
     };
     let number = shared.questions.fetch_add(1, Ordering::Relaxed);
     let prompt = question.prompt.clone();
-    let thought = tokio::task::spawn_blocking(move || think(&shared, number, &prompt, &picture)).await;
+    let thought = tokio::task::spawn_blocking(move || think(&shared, number, &prompt, &image)).await;
     let OracleReply { text, latency } = match thought {
         Ok(Ok(thought)) => thought,
         Ok(Err(why)) => return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, &why),
@@ -195,9 +195,9 @@ async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String
     ([(header::CONTENT_TYPE, kind)], body).into_response()
 }
 
-fn think(shared: &Shared, number: u64, prompt: &str, picture: &[u8]) -> Result<OracleReply, String> {
-    let picture = jpeg::decode_any(picture).map_err(|error| error.to_string())?;
-    let answer = shared.responder.answer(shared.lens.now(), number, prompt, &picture);
+fn think(shared: &Shared, number: u64, prompt: &str, image: &[u8]) -> Result<OracleReply, String> {
+    let image = jpeg::decode_any(image).map_err(|error| error.to_string())?;
+    let answer = shared.responder.answer(shared.lens.now(), number, prompt, &image);
     answer.map_err(|why: Unrecognised| why.to_string())
 }
 

@@ -24,7 +24,7 @@ use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
 use spf_serve::tello::Figures;
 use spf_sim::craft::SimCraft;
-use spf_vlm::{Answer, Asked, ImageSpec, QueryImage, Vlm};
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
 
 /// An oracle that takes its time, or another.
 struct Slow(OracleVlm, Option<Duration>);
@@ -38,8 +38,8 @@ impl Vlm for Slow {
         self.0.image_spec(camera)
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let answer = self.0.answer(asked, picture);
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        let answer = self.0.answer(request, image);
         Answer { latency: self.1.unwrap_or(answer.latency), ..answer }
     }
 }
@@ -80,7 +80,7 @@ impl Observer for Seen {
 
 struct Flight {
     seen: Seen,
-    said: Vec<(Time, String)>,
+    sent: Vec<(Time, String)>,
     world: SimWorld,
 }
 
@@ -96,7 +96,7 @@ impl Flight {
     /// Sticks as they were told, as numbers.
     fn sticks(&self) -> Vec<(Time, Vec<i32>)> {
         let numbers = |text: &str| text.strip_prefix("rc ").map(|rest| rest.split(' ').map(|n| n.parse().unwrap()).collect());
-        self.said.iter().filter_map(|(at, text)| Some((*at, numbers(text)?))).collect()
+        self.sent.iter().filter_map(|(at, text)| Some((*at, numbers(text)?))).collect()
     }
 }
 
@@ -117,17 +117,17 @@ fn fly_in(
     let start = loaded.scene.start;
     let world = SimWorld::new(loaded, CraftKind::Tello, start, 5);
     let drone = Wired::new(world.clone(), Figures::default(), faults);
-    let said = drone.said.clone();
+    let sent = drone.sent.clone();
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
     let oracle = Mutex::new(Some(Slow(oracle, latency)));
-    let who: VlmFactory = Arc::new(move |_, _| Ok(Box::new(oracle.lock().unwrap().take().unwrap())));
+    let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(oracle.lock().unwrap().take().unwrap())));
     let site = Site::Real(Real { drone: Box::new(drone), clock: Clock::Virtual });
     let script = Script::from_toml(events).unwrap();
-    let plan = FlightPlan { settings, script, ..FlightPlan::new(site, instruction, "oracle", who) };
+    let plan = FlightPlan { settings, script, ..FlightPlan::new(site, instruction, "oracle", vlm_factory) };
     let mut seen = Seen { world: Some(world.clone()), ..Seen::default() };
     flight::fly(plan, &mut [&mut seen]).unwrap();
-    let said = said.lock().unwrap().clone();
-    Flight { seen, said, world }
+    let sent = sent.lock().unwrap().clone();
+    Flight { seen, sent, world }
 }
 
 fn settings() -> PilotSettings {
@@ -151,7 +151,7 @@ fn a_whole_flight_over_the_protocol_lands_and_touches_nothing() {
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "{:?}", flight.seen.outcome);
     assert!(!flight.craft(|craft| craft.dynamics().crashed()));
     assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
-    let words = |text: &str| flight.said.iter().filter(|(_, said)| said == text).count();
+    let words = |text: &str| flight.sent.iter().filter(|(_, sent)| sent == text).count();
     assert_eq!(words("takeoff"), 1);
     assert!(words("land") >= 1);
     // From take-off to landing something is said ten times a second or more.
@@ -167,7 +167,7 @@ fn failing_4_the_drone_s_own_landing_never_comes_while_a_vlm_thinks_for_25_s() {
     let flight = fly(GOAL, FaultPlan::default(), Some(Duration::from_secs(25)), patient);
     let (ended, ..) = flight.seen.outcome.clone().unwrap();
     assert!(ended >= Time::from_millis(30_000), "it was still flying after the first answer: {:?}", flight.seen.outcome);
-    let landing = flight.said.iter().find(|(_, text)| text == "land").unwrap().0;
+    let landing = flight.sent.iter().find(|(_, text)| text == "land").unwrap().0;
     assert!(landing >= ended, "nobody landed before the pilot did");
 }
 
@@ -214,7 +214,7 @@ fn failing_8_an_override_ends_motion_and_answer_and_an_emergency_cuts_the_motors
     assert!(moved(Time::from_millis(8700)), "a command was in execution");
     assert_stopped(&flight, 9.0 + ZERO);
     assert!(flight.seen.late_replies.iter().any(|at| *at > hold), "an answer was out, came, and moved nothing");
-    let emergencies: Vec<Time> = flight.said.iter().filter(|(_, text)| text == "emergency").map(|(at, _)| *at).collect();
+    let emergencies: Vec<Time> = flight.sent.iter().filter(|(_, text)| text == "emergency").map(|(at, _)| *at).collect();
     assert_eq!(emergencies.len(), 3);
     assert!(emergencies.iter().all(|at| at.since(stop) <= Duration::from_millis(100)), "{emergencies:?}");
     assert!(flight.sticks().iter().all(|(at, _)| *at < emergencies[0]), "nothing is said to motors that are off");
@@ -226,14 +226,14 @@ fn a_cut_link_stops_commands_and_the_drone_lands_by_itself() {
     let flight = fly(GOAL, trouble(Trouble::LinkCut, 6.0, None), None, settings());
     assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
     assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
-    assert!(flight.said.iter().any(|(at, text)| text == "land" && *at > Time::from_millis(6000)), "it is tried all the same");
+    assert!(flight.sent.iter().any(|(at, text)| text == "land" && *at > Time::from_millis(6000)), "it is tried all the same");
 }
 
 #[test]
 fn a_link_that_comes_back_within_two_seconds_goes_on() {
     let flight = fly(GOAL, trouble(Trouble::LinkCut, 6.0, Some(7.5)), None, settings());
     assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
-    assert_eq!(flight.said.iter().filter(|(_, text)| text == "takeoff").count(), 1);
+    assert_eq!(flight.sent.iter().filter(|(_, text)| text == "takeoff").count(), 1);
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn a_refused_take_off_ends_the_flight_on_the_ground() {
     assert!(at < Time::from_millis(6000), "{at}");
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
     assert_stopped(&flight, 0.0);
-    assert_eq!(flight.said.iter().filter(|(_, text)| text == "takeoff").count(), 1, "never said twice");
+    assert_eq!(flight.sent.iter().filter(|(_, text)| text == "takeoff").count(), 1, "never said twice");
 }
 
 #[test]
@@ -338,7 +338,7 @@ fn by_go() -> PilotSettings {
 impl Flight {
     /// Words that begin so, with their times.
     fn words(&self, verb: &str) -> Vec<(Time, String)> {
-        self.said.iter().filter(|(_, said)| said.split(' ').next() == Some(verb)).cloned().collect()
+        self.sent.iter().filter(|(_, sent)| sent.split(' ').next() == Some(verb)).cloned().collect()
     }
 
     fn place(&self, at: Time) -> EnuPosition {
@@ -457,8 +457,8 @@ fn what_full_stick_does_is_measured() {
     let plan = calibrate::plan(Box::new(drone), Clock::Virtual, operator, Arc::default());
     let flown = flight::fly(plan, &mut [&mut routine]).unwrap();
     let measured = routine.measured().unwrap();
-    let near = |name: &str, value: f64, truth: f64, share: f64| {
-        assert!((value / truth - 1.0).abs() < share, "{name}: measured {value}, in truth {truth}");
+    let near = |name: &str, value: f64, truth: f64, fraction: f64| {
+        assert!((value / truth - 1.0).abs() < fraction, "{name}: measured {value}, in truth {truth}");
     };
     near("yaw", measured.yaw_rate, yaw, 0.05);
     near("climb", measured.climb, 1.1, 0.15);

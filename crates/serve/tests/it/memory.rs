@@ -27,44 +27,44 @@ fn flight(world: &SimWorld, east: f64, heading_deg: f64) -> Vec<(WorldSnapshot, 
             let at = Time::from_millis(100 * n);
             let snapshot = world.loaded().snapshot(pose(n), 3, at);
             let shot = world.still(at, &snapshot).unwrap();
-            let picture = world.photograph(&shot, Some(SIZE));
-            (snapshot, picture)
+            let image = world.photograph(&shot, Some(SIZE));
+            (snapshot, image)
         })
         .collect()
 }
 
 /// As a picture arrives: through H.264, at another size, as JPEG of quality 60.
-fn arrived(pictures: &[(WorldSnapshot, Rgb)]) -> Vec<Rgb> {
+fn arrived(images: &[(WorldSnapshot, Rgb)]) -> Vec<Rgb> {
     let mut encoder = Encoder::new(EncoderSettings { quantiser: 32, ..EncoderSettings::for_size(SIZE.0, SIZE.1, 10.0) }).unwrap();
     let mut decoder = Decoder::new().unwrap();
-    let one = |(n, (_, picture)): (usize, &(WorldSnapshot, Rgb))| {
-        let unit = encoder.encode(Time::from_millis(100 * n as u64), picture).unwrap();
+    let one = |(n, (_, image)): (usize, &(WorldSnapshot, Rgb))| {
+        let unit = encoder.encode(Time::from_millis(100 * n as u64), image).unwrap();
         let decoded = decoder.decode(&unit.annex_b).unwrap().unwrap();
         jpeg::decode(Jpeg::encode(&resize(&decoded, 384, 288), 60).unwrap().bytes()).unwrap()
     };
-    pictures.iter().enumerate().map(one).collect()
+    images.iter().enumerate().map(one).collect()
 }
 
 #[test]
 #[ignore = "long: .ci/interop runs it"]
 fn frames_are_recognised_after_h264_resizing_and_jpeg() {
-    let (mut right, mut wrong, mut strangers, mut asked) = (0, 0, 0, 0);
+    let (mut right, mut wrong, mut strangers, mut requested) = (0, 0, 0, 0);
     for (scene, kind) in [("city", CraftKind::Quad), ("yard", CraftKind::Tello)] {
         let loaded = Arc::new(LoadedScene::load(scene).unwrap());
         let world = SimWorld::new(loaded.clone(), kind, loaded.scene.start, 3);
         let frames = flight(&world, 0.0, 0.0);
         let memory = Memory::default();
-        for (n, (snapshot, picture)) in frames.iter().enumerate() {
+        for (n, (snapshot, image)) in frames.iter().enumerate() {
             memory.push(
                 Time::from_millis(100 * n as u64),
                 Remembered { frame: FrameId(n as u64), snapshot: snapshot.clone() },
-                picture,
+                image,
             );
         }
         let now = Time::from_millis(100 * FRAMES);
-        for (n, picture) in arrived(&frames).iter().enumerate() {
-            asked += 1;
-            match memory.recognise(now, picture) {
+        for (n, image) in arrived(&frames).iter().enumerate() {
+            requested += 1;
+            match memory.recognise(now, image) {
                 Ok(found) if found.frame == FrameId(n as u64) => right += 1,
                 Ok(_) => wrong += 1,
                 Err(_) => {}
@@ -72,11 +72,12 @@ fn frames_are_recognised_after_h264_resizing_and_jpeg() {
         }
         // Another run: elsewhere in the same scene, looking elsewhere.
         let others = flight(&world, 4.0, 40.0);
-        strangers += arrived(&others).iter().filter(|picture| memory.recognise(now, picture).is_ok()).count();
+        strangers += arrived(&others).iter().filter(|image| memory.recognise(now, image).is_ok()).count();
     }
-    let figures =
-        format!("{right} of {asked} right, {wrong} taken for another frame, {strangers} of {asked} of another run recognised");
-    assert!(right * 100 >= asked * 99 && strangers == 0, "{figures}");
+    let figures = format!(
+        "{right} of {requested} right, {wrong} taken for another frame, {strangers} of {requested} of another run recognised"
+    );
+    assert!(right * 100 >= requested * 99 && strangers == 0, "{figures}");
     #[allow(clippy::print_stderr, reason = "the figure stands in docs/guide/grounding.md")]
     {
         eprintln!("{figures}");

@@ -77,14 +77,14 @@ impl Bench {
 
     /// The next answer to a command, and how long it took; within 40 s.
     fn ask(&mut self, command: &str) -> (String, f64) {
-        let (asked, before) = (self.now, self.answers.len());
+        let (requested, before) = (self.now, self.answers.len());
         self.say(command);
         while self.answers.len() == before {
-            assert!(self.now.since(asked) < Duration::from_secs(40), "no answer to `{command}`");
+            assert!(self.now.since(requested) < Duration::from_secs(40), "no answer to `{command}`");
             self.wait(0.005);
         }
         let (at, text) = self.answers[before].clone();
-        (text, at.since(asked).as_secs_f64())
+        (text, at.since(requested).as_secs_f64())
     }
 
     fn place(&self) -> EnuPosition {

@@ -32,7 +32,7 @@ pub(crate) struct Wired {
     frame: FrameId,
     events: VecDeque<(Time, DroneEvent)>,
     /// Every word to the drone, with its time.
-    pub(crate) said: Arc<Mutex<Vec<(Time, String)>>>,
+    pub(crate) sent: Arc<Mutex<Vec<(Time, String)>>>,
 }
 
 impl Wired {
@@ -48,7 +48,7 @@ impl Wired {
         link.order(Order::quick("command"));
         link.order(Order::quick("streamon"));
         let (now, frame, events) = (Time::ZERO, FrameId(0), VecDeque::new());
-        Self { world, tello, link, now, clock: FrameClock::default(), frame, events, said: Arc::default() }
+        Self { world, tello, link, now, clock: FrameClock::default(), frame, events, sent: Arc::default() }
     }
 
     fn client() -> SocketAddr {
@@ -57,7 +57,7 @@ impl Wired {
 
     fn step(&mut self) {
         while let Some(text) = self.link.poll(self.now) {
-            self.said.lock().unwrap().push((self.now, text.clone()));
+            self.sent.lock().unwrap().push((self.now, text.clone()));
             self.tello.handle(self.now, Self::client(), text.as_bytes());
         }
         self.now += STEP;

@@ -49,12 +49,12 @@ fn tello() -> SimCraft {
 }
 
 /// Speed and yaw rate at full stick: more than the craft can do is asked for.
-fn stick(share: f64) -> Setpoint {
-    forward(share * Model::tello().max_speed)
+fn stick(fraction: f64) -> Setpoint {
+    forward(fraction * Model::tello().max_speed)
 }
 
-fn yaw_stick(share: f64) -> Setpoint {
-    Setpoint { yaw_rate: share * Model::tello().max_yaw_rate, ..Setpoint::HOLD }
+fn yaw_stick(fraction: f64) -> Setpoint {
+    Setpoint { yaw_rate: fraction * Model::tello().max_yaw_rate, ..Setpoint::HOLD }
 }
 
 fn north(craft: &SimCraft) -> f64 {

@@ -62,7 +62,7 @@ impl Table {
     /// Never: a test parses it.
     #[must_use]
     pub fn shipped() -> Self {
-        Self::from_toml(SHIPPED).expect("the shipped table is part of the program")
+        Self::from_toml(SHIPPED).expect("the embedded table is valid")
     }
 
     /// Parses a complete table.

@@ -44,7 +44,7 @@ pub enum SelectError {
         successor: String,
     },
     /// Invalid address.
-    #[error("`{0}` is not a server URL: it begins with http:// or https://")]
+    #[error("invalid server URL `{0}`: it must begin with http:// or https://")]
     Url(String),
 }
 

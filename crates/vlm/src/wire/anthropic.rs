@@ -45,7 +45,7 @@ pub(super) fn request(ask: &Ask<'_>) -> Request {
         messages: [Message {
             role: "user",
             content: [
-                Part::Image { source: Source::Base64 { media_type: "image/jpeg", data: ask.picture("") } },
+                Part::Image { source: Source::Base64 { media_type: "image/jpeg", data: ask.image("") } },
                 Part::Text { text: ask.prompt },
             ],
         }],

@@ -43,7 +43,7 @@ pub(super) fn request(ask: &Ask<'_>) -> Request {
         SchemaDialect::JsonObject => json!({ "type": "json_object" }),
         _ => json!({ "type": "json_schema", "json_schema": { "name": "spf_reply", "strict": true, "schema": schema } }),
     });
-    let image_url = ImageUrl { url: ask.picture(DATA_URL), detail: model.detail.as_deref() };
+    let image_url = ImageUrl { url: ask.image(DATA_URL), detail: model.detail.as_deref() };
     let body = Body {
         model: &model.id,
         stream: model.stream,
@@ -134,7 +134,7 @@ pub(super) fn decline(into: &mut Gathered, words: &str) {
         return;
     }
     match &mut into.end {
-        Some(End::Declined(said)) => said.push_str(words),
+        Some(End::Declined(reason)) => reason.push_str(words),
         end => *end = Some(End::Declined(words.to_owned())),
     }
 }

@@ -52,7 +52,7 @@ pub(super) fn request(ask: &Ask<'_>) -> Request {
     let body = Body {
         contents: [Content {
             role: "user",
-            parts: [Part::InlineData { mime_type: "image/jpeg", data: ask.picture("") }, Part::Text { text: ask.prompt }],
+            parts: [Part::InlineData { mime_type: "image/jpeg", data: ask.image("") }, Part::Text { text: ask.prompt }],
         }],
         generation_config: GenerationConfig {
             max_output_tokens: model.max_output_tokens,

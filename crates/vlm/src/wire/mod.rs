@@ -149,7 +149,7 @@ struct Ask<'a> {
 
 impl Ask<'_> {
     /// The image in base64, with a prefix.
-    fn picture(&self, prefix: &str) -> String {
+    fn image(&self, prefix: &str) -> String {
         let mut text = String::with_capacity(prefix.len() + self.jpeg.len().div_ceil(3) * 4);
         text.push_str(prefix);
         STANDARD.encode_string(self.jpeg, &mut text);

@@ -37,11 +37,11 @@ pub(super) fn request(ask: &Ask<'_>) -> Request {
         SchemaDialect::JsonObject => json!({ "format": { "type": "json_object" } }),
         _ => json!({ "format": { "type": "json_schema", "name": "spf_reply", "strict": true, "schema": schema } }),
     });
-    let picture = Part::InputImage { image_url: ask.picture(DATA_URL), detail: model.detail.as_deref().unwrap_or("auto") };
+    let image = Part::InputImage { image_url: ask.image(DATA_URL), detail: model.detail.as_deref().unwrap_or("auto") };
     let body = Body {
         model: &model.id,
         stream: model.stream,
-        input: [Message { role: "user", content: [picture, Part::InputText { text: ask.prompt }] }],
+        input: [Message { role: "user", content: [image, Part::InputText { text: ask.prompt }] }],
         max_output_tokens: model.max_output_tokens,
         text: format,
     };

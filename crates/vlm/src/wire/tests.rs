@@ -113,7 +113,7 @@ fn gemini_answers_are_read() {
     assert_eq!(ended("OTHER").code(), "error_in_answer");
     assert_eq!(ended("STOP").code(), "empty");
     let blocked = finished(WireKind::Gemini, &[json!({ "promptFeedback": { "blockReason": "SAFETY" } })]).unwrap_err();
-    assert_eq!(blocked.to_string(), "h blocked the question: SAFETY");
+    assert_eq!(blocked.to_string(), "h blocked the query: SAFETY");
 }
 
 #[test]

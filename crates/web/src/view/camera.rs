@@ -18,7 +18,7 @@ pub(super) struct Push {
 
 impl Push {
     fn is_none(&self) -> bool {
-        [self.right, self.forward, self.up, self.yaw, self.pitch].iter().all(|share| *share == 0.0)
+        [self.right, self.forward, self.up, self.yaw, self.pitch].iter().all(|fraction| *fraction == 0.0)
     }
 }
 
@@ -102,8 +102,8 @@ impl FreeCamera {
         }
         self.turn(push.yaw * YAW_RATE * seconds, push.pitch * PITCH_RATE * seconds);
         let speed = self.plain_speed * if push.fast { FAST } else { 1.0 };
-        let share = 1.0 - (-seconds / LAG).exp();
-        let follow = |velocity: &mut f64, share_of_speed: f64| *velocity += (share_of_speed * speed - *velocity) * share;
+        let fraction = 1.0 - (-seconds / LAG).exp();
+        let follow = |velocity: &mut f64, share_of_speed: f64| *velocity += (share_of_speed * speed - *velocity) * fraction;
         follow(&mut self.velocity.right, push.right);
         follow(&mut self.velocity.forward, push.forward);
         follow(&mut self.velocity.up, push.up);

@@ -25,15 +25,15 @@ pub(super) fn channels(channel: Channel) -> Channels {
 ///
 /// # Errors
 /// If the encoder rejects the size.
-pub(super) fn encode(picture: &RenderedImage, channel: Channel, marked: Option<u16>) -> Result<Jpeg, EncodeError> {
+pub(super) fn encode(image: &RenderedImage, channel: Channel, marked: Option<u16>) -> Result<Jpeg, EncodeError> {
     let data = match channel {
-        Channel::Colour => picture.rgb.clone().unwrap_or_default(),
-        Channel::Ids => ids(picture),
-        Channel::Depth => depth(picture),
+        Channel::Colour => image.rgb.clone().unwrap_or_default(),
+        Channel::Ids => ids(image),
+        Channel::Depth => depth(image),
     };
-    let mut rgb = Rgb::from_raw(picture.width, picture.height, data).unwrap_or_else(|_| Rgb::new(picture.width, picture.height));
+    let mut rgb = Rgb::from_raw(image.width, image.height, data).unwrap_or_else(|_| Rgb::new(image.width, image.height));
     if let Some(id) = marked {
-        for map in [&picture.ids, &picture.opening_ids].into_iter().flatten() {
+        for map in [&image.ids, &image.opening_ids].into_iter().flatten() {
             outline(&mut rgb, map, id);
         }
     }
@@ -41,10 +41,10 @@ pub(super) fn encode(picture: &RenderedImage, channel: Channel, marked: Option<u
 }
 
 /// A colour per object; openings are hatched over what is behind them.
-fn ids(picture: &RenderedImage) -> Vec<u8> {
-    let solid = picture.ids.as_deref().unwrap_or_default();
-    let openings = picture.opening_ids.as_deref().unwrap_or_default();
-    let width = picture.width.max(1) as usize;
+fn ids(image: &RenderedImage) -> Vec<u8> {
+    let solid = image.ids.as_deref().unwrap_or_default();
+    let openings = image.opening_ids.as_deref().unwrap_or_default();
+    let width = image.width.max(1) as usize;
     let pixel = |(index, id): (usize, &u16)| {
         let opening = openings.get(index).copied().unwrap_or(0);
         let hatched = (index % width + index / width) % 8 < 3;
@@ -53,8 +53,8 @@ fn ids(picture: &RenderedImage) -> Vec<u8> {
     solid.iter().enumerate().flat_map(pixel).collect()
 }
 
-fn depth(picture: &RenderedImage) -> Vec<u8> {
-    picture.depth.as_deref().unwrap_or_default().iter().flat_map(|metres| depth_colour(*metres)).collect()
+fn depth(image: &RenderedImage) -> Vec<u8> {
+    image.depth.as_deref().unwrap_or_default().iter().flat_map(|metres| depth_colour(*metres)).collect()
 }
 
 /// Consecutive ids get distant hues (golden ratio) and three levels of brightness.
@@ -66,8 +66,8 @@ pub(super) fn id_colour(id: u16) -> [u8; 3] {
     let value = [0.95, 0.72, 0.84][usize::from(id % 3)];
     let part = |shift: f32| {
         let k = (hue + shift).rem_euclid(6.0);
-        let share = 1.0 - 0.62 * (k.min(4.0 - k).clamp(0.0, 1.0));
-        (value * share * 255.0) as u8
+        let fraction = 1.0 - 0.62 * (k.min(4.0 - k).clamp(0.0, 1.0));
+        (value * fraction * 255.0) as u8
     };
     [part(5.0), part(3.0), part(1.0)]
 }
@@ -86,8 +86,8 @@ fn depth_colour(metres: f32) -> [u8; 3] {
     if metres <= 0.0 {
         return EMPTY;
     }
-    let share = (metres / NEAREST).ln() / (FARTHEST / NEAREST).ln();
-    let along = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
+    let fraction = (metres / NEAREST).ln() / (FARTHEST / NEAREST).ln();
+    let along = fraction.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
     let first = (along as usize).min(STOPS.len() - 2);
     let rest = along - first as f32;
     core::array::from_fn(|k| (STOPS[first][k] + (STOPS[first + 1][k] - STOPS[first][k]) * rest) as u8)
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn every_channel_is_encoded_at_its_size() {
-        let picture = RenderedImage {
+        let image = RenderedImage {
             width: 16,
             height: 8,
             rgb: Some(vec![90; 16 * 8 * 3]),
@@ -156,7 +156,7 @@ mod tests {
             ..RenderedImage::default()
         };
         for channel in [Channel::Colour, Channel::Ids, Channel::Depth] {
-            let jpeg = encode(&picture, channel, Some(4)).unwrap();
+            let jpeg = encode(&image, channel, Some(4)).unwrap();
             assert_eq!((jpeg.width(), jpeg.height()), (16, 8), "{channel:?}");
         }
     }

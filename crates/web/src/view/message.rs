@@ -118,8 +118,8 @@ impl FromPage {
         };
         match self {
             Self::Fly { right, forward, up, yaw, pitch, .. } => {
-                let shares = [("right", right), ("forward", forward), ("up", up), ("yaw", yaw), ("pitch", pitch)];
-                shares.into_iter().try_for_each(|(what, value)| within(what, *value, -1.0, 1.0))
+                let fractions = [("right", right), ("forward", forward), ("up", up), ("yaw", yaw), ("pitch", pitch)];
+                fractions.into_iter().try_for_each(|(what, value)| within(what, *value, -1.0, 1.0))
             }
             Self::Turn { yaw_deg, pitch_deg } => {
                 within("yaw_deg", *yaw_deg, -360.0, 360.0).and_then(|()| within("pitch_deg", *pitch_deg, -180.0, 180.0))
@@ -232,8 +232,8 @@ mod tests {
             ("[".to_owned(), "EOF"),
             (" ".repeat(LONGEST + 1), "exceeds the limit of 4096"),
         ] {
-            let said = FromPage::read(&text).unwrap_err();
-            assert!(said.contains(reason), "{said}");
+            let message = FromPage::read(&text).unwrap_err();
+            assert!(message.contains(reason), "{message}");
         }
     }
 

@@ -15,7 +15,7 @@ const WEIGHT: f64 = 0.2;
 
 /// Rendering parameters of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Manner {
+pub(super) struct FrameQuality {
     /// Width and height, pixels.
     pub(super) size: (u32, u32),
     pub(super) quality: Quality,
@@ -32,34 +32,37 @@ pub(super) struct Budget {
 
 impl Budget {
     /// Parameters of the next image, for a camera of this size.
-    pub(super) fn manner(&self, (width, height): (u32, u32), moving: bool) -> Manner {
-        let manner = |sixths: u32, quality| Manner { size: (width * sixths / 6, height * sixths / 6), quality };
+    pub(super) fn frame_quality(&self, (width, height): (u32, u32), moving: bool) -> FrameQuality {
+        let frame_quality = |sixths: u32, quality| FrameQuality { size: (width * sixths / 6, height * sixths / 6), quality };
         match self.detail {
-            Detail::Low => manner(2, Quality::Full),
-            Detail::Medium => manner(4, Quality::Full),
-            Detail::High => manner(6, Quality::Full),
-            Detail::Auto if !moving => manner(6, Quality::Full),
+            Detail::Low => frame_quality(2, Quality::Full),
+            Detail::Medium => frame_quality(4, Quality::Full),
+            Detail::High => frame_quality(6, Quality::Full),
+            Detail::Auto if !moving => frame_quality(6, Quality::Full),
             Detail::Auto => {
                 // Full size with anti-aliasing if fast enough; otherwise without, as large as possible.
-                let jagged = SIXTHS.into_iter().map(|sixths| manner(sixths, Quality::Live));
-                let fluent = [manner(6, Quality::Full)].into_iter().chain(jagged).find(|manner| self.is_fluent(manner));
-                fluent.unwrap_or(manner(SIXTHS[SIXTHS.len() - 1], Quality::Live))
+                let jagged = SIXTHS.into_iter().map(|sixths| frame_quality(sixths, Quality::Live));
+                let fluent = [frame_quality(6, Quality::Full)]
+                    .into_iter()
+                    .chain(jagged)
+                    .find(|frame_quality| self.is_fluent(frame_quality));
+                fluent.unwrap_or(frame_quality(SIXTHS[SIXTHS.len() - 1], Quality::Live))
             }
         }
     }
 
-    fn is_fluent(&self, manner: &Manner) -> bool {
-        let cost = match manner.quality {
+    fn is_fluent(&self, frame_quality: &FrameQuality) -> bool {
+        let cost = match frame_quality.quality {
             Quality::Full => self.smooth,
             Quality::Live => self.jagged,
         };
-        cost.is_none_or(|cost| cost * pixels(manner.size) <= FLUENT.as_nanos() as f64)
+        cost.is_none_or(|cost| cost * pixels(frame_quality.size) <= FLUENT.as_nanos() as f64)
     }
 
     /// Records the time of an image.
-    pub(super) fn took(&mut self, manner: &Manner, time: Duration) {
-        let cost = time.as_nanos() as f64 / pixels(manner.size).max(1.0);
-        let mean = match manner.quality {
+    pub(super) fn took(&mut self, frame_quality: &FrameQuality, time: Duration) {
+        let cost = time.as_nanos() as f64 / pixels(frame_quality.size).max(1.0);
+        let mean = match frame_quality.quality {
             Quality::Full => &mut self.smooth,
             Quality::Live => &mut self.jagged,
         };
@@ -75,26 +78,26 @@ fn pixels((width, height): (u32, u32)) -> f64 {
 mod tests {
     use super::*;
 
-    const WHOLE: Manner = Manner { size: (960, 720), quality: Quality::Full };
-    const JAGGED: Manner = Manner { size: (960, 720), quality: Quality::Live };
+    const WHOLE: FrameQuality = FrameQuality { size: (960, 720), quality: Quality::Full };
+    const JAGGED: FrameQuality = FrameQuality { size: (960, 720), quality: Quality::Live };
 
     #[test]
     fn a_slow_machine_draws_less_while_moving() {
         let mut budget = Budget::default();
         let moving = |budget: &Budget| {
-            assert_eq!(budget.manner((960, 720), false), WHOLE);
-            budget.manner((960, 720), true)
+            assert_eq!(budget.frame_quality((960, 720), false), WHOLE);
+            budget.frame_quality((960, 720), true)
         };
         assert_eq!(moving(&budget), WHOLE);
         budget.took(&WHOLE, Duration::from_millis(90));
         assert_eq!(moving(&budget), JAGGED);
         // 90 ms for the whole: 42 ms have room for four ninths of it.
         budget.took(&JAGGED, Duration::from_millis(90));
-        assert_eq!(moving(&budget), Manner { size: (640, 480), quality: Quality::Live });
+        assert_eq!(moving(&budget), FrameQuality { size: (640, 480), quality: Quality::Live });
         for _ in 0..50 {
             budget.took(&JAGGED, Duration::from_secs(5));
         }
-        assert_eq!(moving(&budget), Manner { size: (320, 240), quality: Quality::Live });
+        assert_eq!(moving(&budget), FrameQuality { size: (320, 240), quality: Quality::Live });
         for _ in 0..50 {
             budget.took(&WHOLE, Duration::from_millis(20));
         }
@@ -104,6 +107,6 @@ mod tests {
     #[test]
     fn a_chosen_size_stays() {
         let budget = Budget { detail: Detail::Low, smooth: Some(1e9), jagged: None };
-        assert_eq!(budget.manner((960, 720), true), Manner { size: (320, 240), quality: Quality::Full });
+        assert_eq!(budget.frame_quality((960, 720), true), FrameQuality { size: (320, 240), quality: Quality::Full });
     }
 }

@@ -16,7 +16,7 @@ use tokio::sync::mpsc::Sender;
 
 use super::camera::{FreeCamera, Push};
 use super::message::{Channel, FromPage, Head, ToPage, Under};
-use super::quality::{Budget, Manner};
+use super::quality::{Budget, FrameQuality};
 use super::{InitialView, Library, draw, sight};
 
 /// Maximum number of images sent but not yet displayed.
@@ -63,10 +63,10 @@ pub(super) struct ViewRenderer {
     under: Option<(u16, Under)>,
     channel: Channel,
     budget: Budget,
-    /// Quality of `picture`; `None` before the first image.
-    manner: Option<Manner>,
-    picture: RenderedImage,
-    /// The camera used for `picture`.
+    /// Quality of `image`; `None` before the first image.
+    frame_quality: Option<FrameQuality>,
+    image: RenderedImage,
+    /// The camera used for `image`.
     lens: Camera,
     /// Whether the image is outdated.
     stale: bool,
@@ -108,8 +108,8 @@ impl ViewRenderer {
             under: None,
             channel: Channel::default(),
             budget: Budget::default(),
-            manner: None,
-            picture: RenderedImage::default(),
+            frame_quality: None,
+            image: RenderedImage::default(),
             lens,
             stale: true,
             mark_changed: false,
@@ -150,7 +150,7 @@ impl ViewRenderer {
             let now = Instant::now();
             self.advance(now, now.duration_since(before).min(LONGEST_STEP));
             before = now;
-            if self.may_send() && self.until_due(now).is_zero() && self.wants_picture(now) {
+            if self.may_send() && self.until_due(now).is_zero() && self.wants_frame(now) {
                 self.look(now)?;
             }
         }
@@ -158,7 +158,7 @@ impl ViewRenderer {
 
     /// Time until something other than a message needs attention.
     fn wait(&self, now: Instant) -> Duration {
-        if self.wants_picture(now) {
+        if self.wants_frame(now) {
             return if self.may_send() { self.until_due(now) } else { TICK };
         }
         if self.is_moving(now) || self.is_lively() { TICK } else { IDLE }
@@ -181,8 +181,8 @@ impl ViewRenderer {
         self.running && !self.loaded.cast.is_empty()
     }
 
-    fn wants_picture(&self, now: Instant) -> bool {
-        let coarse = !self.is_moving(now) && self.manner != Some(self.next_manner(now));
+    fn wants_frame(&self, now: Instant) -> bool {
+        let coarse = !self.is_moving(now) && self.frame_quality != Some(self.next_quality(now));
         self.stale || self.mark_changed || coarse
     }
 
@@ -190,9 +190,9 @@ impl ViewRenderer {
         self.craft.unwrap_or(self.loaded.scene.default_craft)
     }
 
-    fn next_manner(&self, now: Instant) -> Manner {
+    fn next_quality(&self, now: Instant) -> FrameQuality {
         let camera = self.kind().camera();
-        self.budget.manner((camera.width, camera.height), self.is_moving(now))
+        self.budget.frame_quality((camera.width, camera.height), self.is_moving(now))
     }
 
     fn advance(&mut self, now: Instant, step: Duration) {
@@ -281,34 +281,34 @@ impl ViewRenderer {
     }
 
     fn seen_under_pointer(&self) -> Option<(u16, Under)> {
-        self.pointer.and_then(|at| sight::under(&self.loaded, &self.lens, &self.picture, at))
+        self.pointer.and_then(|at| sight::under(&self.loaded, &self.lens, &self.image, at))
     }
 
     /// Renders if anything but the outline changed, and sends.
     fn look(&mut self, now: Instant) -> Result<(), PageClosed> {
-        let manner = self.next_manner(now);
-        let (width, height) = manner.size;
-        let drawn = self.stale || self.manner != Some(manner);
+        let frame_quality = self.next_quality(now);
+        let (width, height) = frame_quality.size;
+        let drawn = self.stale || self.frame_quality != Some(frame_quality);
         if drawn {
             self.lens = self.kind().camera().resized(width, height);
-            let channels = Channels { quality: manner.quality, ..draw::channels(self.channel) };
+            let channels = Channels { quality: frame_quality.quality, ..draw::channels(self.channel) };
             let actors = self.traffic.places_at(self.time).unwrap_or_default();
             let snapshot = WorldSnapshot { pose: self.camera.pose(), actors };
-            self.loaded.render_into(&self.lens, &snapshot, channels, &mut self.picture);
+            self.loaded.render_into(&self.lens, &snapshot, channels, &mut self.image);
             self.draw_ms = milliseconds(now.elapsed());
         }
-        (self.manner, self.stale, self.mark_changed, self.drawn_at) = (Some(manner), false, false, Some(now));
+        (self.frame_quality, self.stale, self.mark_changed, self.drawn_at) = (Some(frame_quality), false, false, Some(now));
         self.under = self.seen_under_pointer();
         let encoding = Instant::now();
         // An outline of the ground would surround every object on it.
         let is_thing = |id: &u16| self.loaded.tags.get(usize::from(*id).wrapping_sub(1)).is_some_and(|tags| !tags.is_surface());
         let marked = self.under.as_ref().map(|(id, _)| *id).filter(is_thing);
-        let jpeg = match draw::encode(&self.picture, self.channel, marked) {
+        let jpeg = match draw::encode(&self.image, self.channel, marked) {
             Ok(jpeg) => jpeg,
             Err(error) => return self.tell(&ToPage::Refused { reason: error.to_string() }),
         };
         if drawn {
-            self.budget.took(&manner, now.elapsed());
+            self.budget.took(&frame_quality, now.elapsed());
         }
         self.frame += 1;
         let touching = self.camera.touching().and_then(|id| self.loaded.scene.object(id));

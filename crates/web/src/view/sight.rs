@@ -8,15 +8,15 @@ use spf_render::RenderedImage;
 use super::message::Under;
 
 /// The object or opening under a point, if any, with the id for its outline.
-pub(super) fn under(loaded: &LoadedScene, camera: &Camera, picture: &RenderedImage, [u, v]: [f64; 2]) -> Option<(u16, Under)> {
-    let pixel = |share: f64, side: u32| ((share * f64::from(side)) as usize).min((side as usize).saturating_sub(1));
-    let index = pixel(v, picture.height) * picture.width as usize + pixel(u, picture.width);
+pub(super) fn under(loaded: &LoadedScene, camera: &Camera, image: &RenderedImage, [u, v]: [f64; 2]) -> Option<(u16, Under)> {
+    let pixel = |fraction: f64, side: u32| ((fraction * f64::from(side)) as usize).min((side as usize).saturating_sub(1));
+    let index = pixel(v, image.height) * image.width as usize + pixel(u, image.width);
     let at = |ids: &Option<Vec<u16>>, depth: &Option<Vec<f32>>| {
         let id = ids.as_ref()?.get(index).copied().filter(|id| *id != 0)?;
         Some((id, f64::from(*depth.as_ref()?.get(index)?)))
     };
-    let solid = at(&picture.ids, &picture.depth);
-    let opening = at(&picture.opening_ids, &picture.opening_depth);
+    let solid = at(&image.ids, &image.depth);
+    let opening = at(&image.opening_ids, &image.opening_depth);
     let (id, depth) = solid.or(opening)?;
     let object = loaded.scene.object(id)?;
     let words = |id: u16| loaded.tags.get(usize::from(id).checked_sub(1)?).map(|tags| tags.words());
@@ -52,12 +52,12 @@ mod tests {
         let (min, max) = (crane.bounds.min, crane.bounds.max);
         let position = EnuPosition { east: (min.east + max.east) / 2.0, north: min.north - 30.0, up: 10.0 };
         let pose = Pose { position, attitude: Attitude::default() };
-        let picture = loaded.renderer.render(&camera, &pose, Channels::TRUTH);
-        let ids = picture.ids.as_ref().unwrap();
+        let image = loaded.renderer.render(&camera, &pose, Channels::TRUTH);
+        let ids = image.ids.as_ref().unwrap();
         let index = ids.iter().position(|id| *id == crane.id).unwrap();
         let (x, y) = (index % 960, index / 960);
         let point = [(x as f64 + 0.5) / 960.0, (y as f64 + 0.5) / 720.0];
-        let (id, seen) = under(&loaded, &camera, &picture, point).unwrap();
+        let (id, seen) = under(&loaded, &camera, &image, point).unwrap();
         assert_eq!((id, seen.key.as_str()), (crane.id, "red_crane"));
         assert!(seen.words.contains("red") && seen.words.contains("crane"), "{seen:?}");
         let truth = loaded.collider.distance_to(crane.id, position).unwrap();

@@ -39,22 +39,22 @@ impl SyntaxError {
 
 /// Parser options.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Manner {
+pub(super) struct ParseOptions {
     pub(super) precedence: Precedence,
     /// Whether `$1` is allowed: in the body of a skill.
     pub(super) parameters: bool,
 }
 
 /// Parses all statements of `text[from..until]`.
-pub(super) fn statements(text: &str, from: usize, until: usize, manner: Manner) -> Result<Vec<Statement>, SyntaxError> {
-    let mut reader = Reader { text: &text[..until], at: from, manner };
+pub(super) fn statements(text: &str, from: usize, until: usize, options: ParseOptions) -> Result<Vec<Statement>, SyntaxError> {
+    let mut reader = Reader { text: &text[..until], at: from, options };
     reader.program(0)
 }
 
 struct Reader<'a> {
     text: &'a str,
     at: usize,
-    manner: Manner,
+    options: ParseOptions,
 }
 
 /// Characters that end a bare token.
@@ -174,7 +174,7 @@ impl Reader<'_> {
         }
         let begins = self.at;
         if let Some(parameter) = self.numbered('$')? {
-            if self.manner.parameters && parameter > 0 {
+            if self.options.parameters && parameter > 0 {
                 return Ok(Operand::Parameter(parameter));
             }
             return Err(SyntaxError::at(self.text, begins, "`$` stands only in the body of a skill, and counts from 1"));
@@ -258,7 +258,7 @@ impl Reader<'_> {
             joints.push(joint);
             comparisons.push(self.comparison()?);
         }
-        let all_groups = self.manner.precedence == Precedence::Published;
+        let all_groups = self.options.precedence == Precedence::Published;
         let parts = if all_groups { '&' } else { '|' };
         let mut groups = Vec::new();
         let mut group = Vec::new();

@@ -3,7 +3,7 @@
 //! A byte-wise state machine without look-ahead finds the ends of statements, so the way a program is split into chunks
 //! cannot change the result.
 
-use super::parse::{MAX_DEPTH, Manner, Precedence, SyntaxError, statements};
+use super::parse::{MAX_DEPTH, ParseOptions, Precedence, SyntaxError, statements};
 use super::{Block, Statement};
 
 /// Maximum length of a program, bytes.
@@ -12,7 +12,7 @@ pub const MAX_TEXT: usize = 16 * 1024;
 /// A program that is still arriving.
 #[derive(Clone, Debug, Default)]
 pub struct ProgramStream {
-    manner: Manner,
+    options: ParseOptions,
     text: String,
     at: usize,
     /// Start of the current statement.
@@ -58,7 +58,7 @@ impl ProgramStream {
     /// An empty stream.
     #[must_use]
     pub fn new(precedence: Precedence) -> Self {
-        Self { manner: Manner { precedence, parameters: false }, ..Self::default() }
+        Self { options: ParseOptions { precedence, parameters: false }, ..Self::default() }
     }
 
     /// The text so far.
@@ -117,7 +117,7 @@ impl ProgramStream {
     }
 
     fn close(&mut self, until: usize, found: &mut Vec<Statement>) {
-        match statements(&self.text, self.start, until, self.manner) {
+        match statements(&self.text, self.start, until, self.options) {
             Ok(read) => found.extend(read),
             Err(error) => self.error = Some(error),
         }
@@ -223,8 +223,8 @@ pub fn parse_program(text: &str, precedence: Precedence) -> Result<Vec<Statement
 /// # Errors
 /// [`SyntaxError`] with its position.
 pub fn parse_body(text: &str) -> Result<Block, SyntaxError> {
-    let manner = Manner { precedence: Precedence::Published, parameters: true };
-    let mut stream = ProgramStream { manner, ..ProgramStream::default() };
+    let options = ParseOptions { precedence: Precedence::Published, parameters: true };
+    let mut stream = ProgramStream { options, ..ProgramStream::default() };
     let mut found = stream.push(text);
     found.extend(stream.finish()?);
     Ok(found.into())

@@ -50,8 +50,8 @@ fn run(text: &str, sights: &[Value]) -> (Vec<String>, Progress) {
             Progress::Skill(call) => {
                 let told: Vec<String> = call.arguments.iter().map(ToString::to_string).collect();
                 calls.push(format!("{} {}", call.name, told.join(" ")));
-                let said = call.arguments.first().cloned().unwrap_or(Value::None);
-                machine.resume(if call.name == "see" { sights.next().unwrap_or(Value::None) } else { said });
+                let message = call.arguments.first().cloned().unwrap_or(Value::None);
+                machine.resume(if call.name == "see" { sights.next().unwrap_or(Value::None) } else { message });
             }
             end => return (calls, end),
         }
@@ -136,11 +136,11 @@ fn skills_have_variables_of_their_own() {
 #[test]
 fn conditions_ask_before_they_compare() {
     let (seen, not) = (Value::Bool(true), Value::Bool(false));
-    let said = |text: &str, sights: &[Value]| run(text, sights).0.iter().any(|call| call == "say 1");
-    assert!(said("?see,a{say,1;}", core::slice::from_ref(&seen)));
-    assert!(!said("?see(a){say,1;}", core::slice::from_ref(&not)));
+    let message = |text: &str, sights: &[Value]| run(text, sights).0.iter().any(|call| call == "say 1");
+    assert!(message("?see,a{say,1;}", core::slice::from_ref(&seen)));
+    assert!(!message("?see(a){say,1;}", core::slice::from_ref(&not)));
     // (a|b)&c, and with ordinary precedence a|(b&c).
-    assert!(!said("?see(a)|see(b)&see(c){say,1;}", &[seen.clone(), seen.clone(), not.clone()]));
+    assert!(!message("?see(a)|see(b)&see(c){say,1;}", &[seen.clone(), seen.clone(), not.clone()]));
     let ordinary = parse_program("?see(a)|see(b)&see(c){say,1;}", Precedence::Ordinary).unwrap();
     let Statement::If { condition, .. } = &ordinary[0] else { panic!() };
     assert_eq!((condition.all_groups, condition.groups.len(), condition.groups[1].len()), (false, 2, 2));

@@ -48,15 +48,15 @@ struct Category {
 pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<Vec<Item>, SourceError> {
     let all = File::deserialize(value).map_err(|error| form_of(file, &error.to_string()))?;
     let names: BTreeMap<u64, &str> = all.categories.iter().map(|kind| (kind.id, kind.name.as_str())).collect();
-    let mut by_picture: BTreeMap<u64, Vec<&Annotation>> = BTreeMap::new();
+    let mut by_image: BTreeMap<u64, Vec<&Annotation>> = BTreeMap::new();
     for annotation in &all.annotations {
-        by_picture.entry(annotation.image_id).or_default().push(annotation);
+        by_image.entry(annotation.image_id).or_default().push(annotation);
     }
     let mut items = Vec::new();
     for image in &all.images {
-        let Some(annotations) = by_picture.get(&image.id) else { continue };
+        let Some(annotations) = by_image.get(&image.id) else { continue };
         let name = &image.file_name;
-        let picture = beside(folder, name, &["images", "../images", "train2017", "val2017", "train2014", "val2014"])
+        let path = beside(folder, name, &["images", "../images", "train2017", "val2017", "train2014", "val2014"])
             .ok_or_else(|| form_of(file, &format!("no file `{name}` next to it or in `images`")))?;
         let pixels = Pixels { width: image.width.max(1.0), height: image.height.max(1.0) };
         let corners = |[x, y, w, h]: [f64; 4]| pixels.area([x, y, x + w, y + h]);
@@ -72,7 +72,7 @@ pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<Vec<Ite
             items.push(Item {
                 key: format!("{}-{kind}", image.id),
                 instruction: format!("Fly to the {name}"),
-                picture: picture.clone(),
+                image: path.clone(),
                 truth: Truth::Target(Box::new(Target { shape, point: None, distance_m: None, boxes: boxes.clone() })),
                 sim: None,
             });

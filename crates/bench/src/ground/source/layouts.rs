@@ -65,12 +65,12 @@ pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<(&'stat
 
 fn item(folder: &Path, number: usize, entry: Entry) -> Result<(&'static str, Item), String> {
     let missing = |name: &str| format!("no file `{name}` in the dataset folder");
-    let masked = |picture: &str, mask: &str, folders: [&[&str]; 2]| {
-        let picture = beside(folder, picture, folders[0]).ok_or_else(|| missing(picture))?;
+    let masked = |image: &str, mask: &str, folders: [&[&str]; 2]| {
+        let image = beside(folder, image, folders[0]).ok_or_else(|| missing(image))?;
         let mask = beside(folder, mask, folders[1]).ok_or_else(|| missing(mask))?;
-        Ok::<_, String>((picture, Shape::MaskFile(mask), Vec::new()))
+        Ok::<_, String>((image, Shape::MaskFile(mask), Vec::new()))
     };
-    let (name, instruction, (picture, shape, boxes)) = match entry {
+    let (name, instruction, (image, shape, boxes)) = match entry {
         Entry::RefSpatial(e) => ("RefSpatial-Bench", e.prompt, masked(&e.rgb_path, &e.mask_path, [&["image"], &["mask"]])?),
         Entry::PointBench(e) if !stays(&e.category) => return Err(format!("`{}` is outside the dataset folder", e.category)),
         Entry::PointBench(e) => {
@@ -80,14 +80,14 @@ fn item(folder: &Path, number: usize, entry: Entry) -> Result<(&'static str, Ite
             ("Point-Bench", e.user_input, masked(&e.image_filename, &e.mask_filename, folders)?)
         }
         Entry::ScreenSpot(e) => {
-            let picture =
+            let image =
                 beside(folder, &e.img_filename, &["images"]).or_else(|| beside(&folder.join(".."), &e.img_filename, &["images"]));
-            let picture = picture.ok_or_else(|| missing(&e.img_filename))?;
-            let pixels = Pixels::of(&picture).map_err(|error| format!("`{}`: {error}", e.img_filename))?;
+            let image = image.ok_or_else(|| missing(&e.img_filename))?;
+            let pixels = Pixels::of(&image).map_err(|error| format!("`{}`: {error}", e.img_filename))?;
             let area = pixels.area(e.bbox);
-            ("ScreenSpot-Pro", e.instruction, (picture, Shape::Boxes(vec![area]), vec![area]))
+            ("ScreenSpot-Pro", e.instruction, (image, Shape::Boxes(vec![area]), vec![area]))
         }
     };
     let truth = Truth::Target(Box::new(Target { shape, point: None, distance_m: None, boxes }));
-    Ok((name, Item { key: format!("{number:06}"), instruction, picture, truth, sim: None }))
+    Ok((name, Item { key: format!("{number:06}"), instruction, image, truth, sim: None }))
 }

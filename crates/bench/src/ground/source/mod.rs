@@ -70,10 +70,10 @@ pub fn open(path: &Path) -> Result<Source, SourceError> {
     let file = if path.is_dir() { find(path)? } else { path.to_owned() };
     let folder = file.parent().unwrap_or(Path::new("")).to_owned();
     let text = read(&file)?;
-    let mut said = text.clone();
+    let mut content = text.clone();
     let (form, items) = if file.file_name().is_some_and(|name| name == "dataset.json") {
         let rows = read(&folder.join("examples.jsonl"))?;
-        said.push_str(&rows);
+        content.push_str(&rows);
         ("a dataset of `spf sim dataset`", sim::items(&folder, &text, &rows)?)
     } else if file.extension().is_some_and(|end| end == "jsonl") {
         ("images with a JSONL of targets", plain::items(&folder, &file, &text)?)
@@ -89,7 +89,11 @@ pub fn open(path: &Path) -> Result<Source, SourceError> {
     if let Some((row, twice)) = items.iter().enumerate().find(|(_, item)| !keys.insert(item.key.as_str())) {
         return Err(self::form(&file, Some(row + 1), format!("duplicate id `{}`", twice.key)));
     }
-    if items.is_empty() { Err(form_of(&file, "it is empty")) } else { Ok(Source { form, items, digest: fnv(said.as_bytes()) }) }
+    if items.is_empty() {
+        Err(form_of(&file, "it is empty"))
+    } else {
+        Ok(Source { form, items, digest: fnv(content.as_bytes()) })
+    }
 }
 
 impl Source {
@@ -158,8 +162,8 @@ struct Pixels {
 }
 
 impl Pixels {
-    fn of(picture: &Path) -> Result<Self, photo::PhotoError> {
-        photo::size(picture).map(|(width, height)| Self { width: f64::from(width.max(1)), height: f64::from(height.max(1)) })
+    fn of(image: &Path) -> Result<Self, photo::PhotoError> {
+        photo::size(image).map(|(width, height)| Self { width: f64::from(width.max(1)), height: f64::from(height.max(1)) })
     }
 
     const SHARES: Self = Self { width: 1.0, height: 1.0 };

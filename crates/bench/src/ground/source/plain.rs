@@ -7,12 +7,13 @@ use serde::Deserialize;
 use super::{Pixels, SourceError, beside, form};
 use crate::ground::{Item, Shape, Target, Truth};
 
-/// A row. Positions are pixels of the upright image from its upper left, unless `units` is `shares`.
+/// A row. Positions are pixels of the upright image from its upper left, unless `units` is `fractions`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Row {
     #[serde(alias = "image")]
-    picture: String,
+    #[serde(rename = "picture")]
+    image: String,
     #[serde(alias = "prompt")]
     instruction: String,
     #[serde(default)]
@@ -58,13 +59,13 @@ pub(super) fn items(folder: &Path, file: &Path, text: &str) -> Result<Vec<Item>,
 
 fn item(folder: &Path, number: usize, row: Row) -> Result<Item, String> {
     let missing = |name: &str| format!("no file `{name}` in the dataset folder");
-    let picture = beside(folder, &row.picture, &["images", "pictures"]).ok_or_else(|| missing(&row.picture))?;
+    let image = beside(folder, &row.image, &["images", "pictures"]).ok_or_else(|| missing(&row.image))?;
     let mask = match &row.mask {
         Some(name) => Some(beside(folder, name, &["masks"]).ok_or_else(|| missing(name))?),
         None => None,
     };
     let pixels = match row.units {
-        Units::Pixels => Pixels::of(&picture).map_err(|error| format!("`{}`: {error}", row.picture))?,
+        Units::Pixels => Pixels::of(&image).map_err(|error| format!("`{}`: {error}", row.image))?,
         Units::Shares => Pixels::SHARES,
     };
     let boxes: Vec<_> = row.area.iter().chain(&row.boxes).map(|area| pixels.area(*area)).collect();
@@ -90,7 +91,7 @@ fn item(folder: &Path, number: usize, row: Row) -> Result<Item, String> {
         }
     };
     let key = row.id.unwrap_or_else(|| format!("{:06}", number));
-    Ok(Item { key, instruction: row.instruction, picture, truth, sim: None })
+    Ok(Item { key, instruction: row.instruction, image, truth, sim: None })
 }
 
 #[cfg(test)]

@@ -76,7 +76,7 @@ pub(super) fn items(folder: &Path, head: &str, rows: &str) -> Result<Vec<Item>, 
     for (number, line) in rows.lines().enumerate() {
         let row: Row = serde_json::from_str(line).map_err(|error| form(&path, Some(number + 1), error.to_string()))?;
         let files = &row.files;
-        let named = [&files.picture, &files.ids, &files.depth].into_iter();
+        let named = [&files.image, &files.ids, &files.depth].into_iter();
         let maybe = [&files.mask, &files.opening_ids, &files.opening_depth].into_iter().flatten();
         if let Some(name) = named.chain(maybe).find(|name| !stays(name)) {
             return Err(form(&path, Some(number + 1), format!("`{name}` is outside the dataset folder")));
@@ -93,11 +93,11 @@ fn item(example: SimExample) -> Item {
     let truth = match (&row.target, &row.files.mask) {
         (Some(target), Some(mask)) => {
             let size = (f64::from(example.head.camera.width), f64::from(example.head.camera.height));
-            let share = |x: u32, y: u32| (f64::from(x) / size.0, f64::from(y) / size.1);
+            let fraction = |x: u32, y: u32| (f64::from(x) / size.0, f64::from(y) / size.1);
             let middle =
                 ImagePoint { u: (f64::from(target.point[0]) + 0.5) / size.0, v: (f64::from(target.point[1]) + 0.5) / size.1 };
             let ((left, top), (right, bottom)) =
-                (share(target.bounds[0], target.bounds[1]), share(target.bounds[2], target.bounds[3]));
+                (fraction(target.bounds[0], target.bounds[1]), fraction(target.bounds[2], target.bounds[3]));
             Truth::Target(Box::new(Target {
                 shape: Shape::MaskFile(example.folder.join(mask)),
                 point: Some(middle),
@@ -110,7 +110,7 @@ fn item(example: SimExample) -> Item {
     Item {
         key: format!("{:06}", row.number),
         instruction: row.instruction.clone(),
-        picture: example.folder.join(&row.files.picture),
+        image: example.folder.join(&row.files.image),
         truth,
         sim: Some(example),
     }
@@ -120,10 +120,10 @@ impl SimExample {
     /// True boxes of all objects in the image, including openings.
     pub(crate) fn boxes(&self, layers: &Layers) -> Vec<ImageBox> {
         let (width, height) = (self.head.camera.width as usize, self.head.camera.height as usize);
-        let shares = |x: usize, y: usize| (x as f64 / width as f64, y as f64 / height as f64);
+        let fractions = |x: usize, y: usize| (x as f64 / width as f64, y as f64 / height as f64);
         let found = masks(&layers.ids, width).into_iter().chain(masks(&layers.opening_ids, width));
         let area = |mask: spf_oracle::Mask| {
-            let ((left, top), (right, bottom)) = (shares(mask.left, mask.top), shares(mask.right + 1, mask.bottom + 1));
+            let ((left, top), (right, bottom)) = (fractions(mask.left, mask.top), fractions(mask.right + 1, mask.bottom + 1));
             ImageBox { left, top, right, bottom }
         };
         found.map(area).collect()

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::map::Draw;
+use super::map::TrialMap;
 use super::source::Source;
 use super::{chart, curve};
 
@@ -19,7 +19,7 @@ const STYLE: &str = include_str!("style.css");
 
 /// The complete page, to be placed in the folder `into`.
 pub(super) fn page(source: &Source, into: &Path) -> String {
-    let draws = Draw::all(source);
+    let maps = TrialMap::all(source);
     let films = trials::VideoLinks::of(source, into);
     let body = html! {
         h1 { "SPF benchmark report" }
@@ -39,9 +39,9 @@ pub(super) fn page(source: &Source, into: &Path) -> String {
         (latency(source))
         (times(source))
         (tables::tasks(source))
-        (trials::ways(source, &draws))
+        (trials::paths(source, &maps))
         (films.gallery(source))
-        (trials::failures(source, &draws, &films))
+        (trials::failures(source, &maps, &films))
         (published::published(source))
     };
     let page = html! {

@@ -18,7 +18,7 @@ pub(super) fn published(source: &Source) -> Markup {
         section id="published" {
             h2 { "Published results" }
             p class="note" { "Hu et al., CoRL 2025, arXiv 2509.22653: a different simulator or a real drone, real models, a \
-                human judge, different starts. They are given for orientation; the oracle results above are not comparable \
+                human judge, different starts. They are given for reference only; the oracle results above are not comparable \
                 with them. The 95 % Wilson intervals are computed here." }
             (paper())
             (others())
@@ -57,7 +57,7 @@ fn others() -> Markup {
         div class="wide" { table {
             thead { tr { th { "Published, by obstacle source" } th { "Decision time" } th { "Success" } th { "Equivalent of \
                 18" } } }
-            tbody { @for (who, seconds, percent, hits) in DETECTORS { tr { th { (who) } td { (seconds) " s" } td { (percent) " %" }
+            tbody { @for (detector, seconds, percent, hits) in DETECTORS { tr { th { (detector) } td { (seconds) " s" } td { (percent) " %" }
                 (cell(Rate { hits, of: DETECTOR_TRIALS })) } } }
         } }
         p class="note" { "The paper gives the detector's percentages without trial counts; 16 and 13 of 18 match them." }

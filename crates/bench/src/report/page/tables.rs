@@ -109,7 +109,7 @@ fn pairs(pairs: &[Contrast]) -> Markup {
             tbody { @for pair in pairs {
                 @let [value, low, high] = pair.points();
                 tr {
-                    @let [first, second] = pair.who.each_ref().map(|(method, vlm)| name(method, vlm));
+                    @let [first, second] = pair.pair.each_ref().map(|(method, vlm)| name(method, vlm));
                     th { (first) " − " (second) }
                     td { (pair.paired.difference.n) }
                     td { (minus(&format!("{value:+.1}"))) small { (minus(&format!(" [{low:.1}, {high:.1}]"))) } }

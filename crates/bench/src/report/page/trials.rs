@@ -6,7 +6,7 @@ use std::path::Path;
 use maud::{Markup, html};
 
 use super::super::chart;
-use super::super::map::{Draw, seed, way};
+use super::super::map::{TrialMap, path, seed};
 use super::super::source::Source;
 use super::{from, link};
 use crate::run::video_of;
@@ -23,9 +23,9 @@ fn plan(draw: usize) -> String {
 }
 
 /// One map per seed of each task, with all methods.
-pub(super) fn ways(source: &Source, draws: &[Draw]) -> Markup {
-    let unknown = source.records.iter().filter(|record| record.flight.is_some() && way(source, record).is_none()).count();
-    let undrawn: Vec<&str> = draws.iter().filter(|draw| !draw.has_ground()).map(|draw| draw.scene.as_str()).collect();
+pub(super) fn paths(source: &Source, maps: &[TrialMap]) -> Markup {
+    let unknown = source.records.iter().filter(|record| record.flight.is_some() && path(source, record).is_none()).count();
+    let undrawn: Vec<&str> = maps.iter().filter(|draw| !draw.has_ground()).map(|draw| draw.scene.as_str()).collect();
     html! {
         section id="ways" {
             h2 { "Top-down trajectories" }
@@ -35,26 +35,26 @@ pub(super) fn ways(source: &Source, draws: &[Draw]) -> Markup {
             @if let Some(scene) = undrawn.first() { p class="warn" { "The plan of " (undrawn.len()) " trials is not shown: \
                 their scenes, such as "
                 code { (scene) } ", cannot be loaded." } }
-            @if !draws.is_empty() {
+            @if !maps.is_empty() {
                 p class="note" { "North is up. A cross marks the start, an orange ring a target, grey the footprints of \
                     objects (moving ones at their initial position). A filled mark ends a success, a hollow one a failure. \
                     Each seed is its own variant of the scene and has its own map, up to " (MAPS) " per task." }
                 svg class="plans" aria-hidden="true" { defs {
-                    @for (draw, number) in draws.iter().zip(0..) { (draw.plan(&plan(number))) }
+                    @for (draw, number) in maps.iter().zip(0..) { (draw.plan(&plan(number))) }
                 } }
-                @for task in source.tasks() { (of_task(source, draws, task)) }
+                @for task in source.tasks() { (of_task(source, maps, task)) }
                 (from(source))
             }
         }
     }
 }
 
-fn of_task(source: &Source, draws: &[Draw], task: &str) -> Markup {
-    let all = || draws.iter().zip(0..).filter(|(draw, _)| draw.task == task);
+fn of_task(source: &Source, maps: &[TrialMap], task: &str) -> Markup {
+    let all = || maps.iter().zip(0..).filter(|(draw, _)| draw.task == task);
     let more = all().count().saturating_sub(MAPS);
     html! {
         @if all().next().is_some() {
-            h3 { (task) @if let Some(said) = instruction(source, task) { ": “" (said) "”" } }
+            h3 { (task) @if let Some(instruction_text) = instruction(source, task) { ": “" (instruction_text) "”" } }
             (chart::legend(source, true))
             div class="maps" { @for (draw, number) in all().take(MAPS) {
                 figure {
@@ -122,19 +122,19 @@ impl VideoLinks {
 }
 
 /// Every failure by self stop: result, path, video and the command to repeat it.
-pub(super) fn failures(source: &Source, draws: &[Draw], films: &VideoLinks) -> Markup {
+pub(super) fn failures(source: &Source, maps: &[TrialMap], films: &VideoLinks) -> Markup {
     let failed = || source.records.iter().enumerate().filter(|(_, record)| !record.scores.self_stop);
     html! {
         section id="failures" {
             h2 { "Failures" }
             p class="note" { (failed().count()) " of " (source.records.len()) " trials are not self-stop successes." }
-            div class="trials" { @for (row, record) in failed() { (failure(source, draws, films, row, record)) } }
+            div class="trials" { @for (row, record) in failed() { (failure(source, maps, films, row, record)) } }
         }
     }
 }
 
-fn failure(source: &Source, draws: &[Draw], films: &VideoLinks, row: usize, record: &Record) -> Markup {
-    let draw = draws.iter().zip(0..).find(|(draw, _)| draw.rows.contains(&row));
+fn failure(source: &Source, maps: &[TrialMap], films: &VideoLinks, row: usize, record: &Record) -> Markup {
+    let draw = maps.iter().zip(0..).find(|(draw, _)| draw.rows.contains(&row));
     let arm = source.arms.iter().find(|arm| arm.flew(record));
     html! {
         article class="trial" id=(format!("trial/{}", record.run_id)) {
@@ -162,7 +162,7 @@ fn happened(record: &Record) -> Markup {
         @if let Some(error) = &record.error { p { b { "could not be flown" } ": " (error) } }
         @if let Some(flight) = &record.flight {
             p { b { (spf_flight::words::outcome(flight.outcome)) } ": " (flight.cause)
-                @if scores.false_stop { "; reported done, but was not" } }
+                @if scores.false_stop { "; reported done, but the goals were not met" } }
             @if !flight.touched.is_empty() {
                 p { "Touched " @for (touch, number) in flight.touched.iter().zip(0..) {
                     @if number > 0 { ", " } code { (touch.object) } (format!(" at {:.1} s", touch.at_s)) } "." }

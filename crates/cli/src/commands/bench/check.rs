@@ -26,7 +26,7 @@ pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliErr
     printer.result(&format!("{}: \"{}\" in {}, craft {}", task.id, task.instruction, task.scene, task.craft.name()));
     let loaded = Arc::new(load_scene(&task.scene, &task.conditions)?);
     let wrong = trajectories(&task, &loaded, printer)?;
-    if let Some(folder) = &args.pictures {
+    if let Some(folder) = &args.images {
         std::fs::create_dir_all(folder)
             .map_err(|error| CliError::usage(format!("cannot create the folder `{}`", folder.display())).because(&error))?;
     }
@@ -35,8 +35,8 @@ pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliErr
         let seed = args.seed.wrapping_add(number);
         let drawn = draw(&task, seed).map_err(|error| CliError::usage("cannot fly the task").because(&error))?;
         rows.push(row(&task, seed, &drawn));
-        if let Some(folder) = &args.pictures {
-            picture(&task, &drawn, &folder.join(format!("{}-{seed}.png", task.id)))?;
+        if let Some(folder) = &args.images {
+            image(&task, &drawn, &folder.join(format!("{}-{seed}.png", task.id)))?;
         }
     }
     if args.trials > 0 {
@@ -110,8 +110,8 @@ fn row(task: &Task, seed: u64, drawn: &Drawn) -> Vec<String> {
     ]
 }
 
-fn picture(task: &Task, drawn: &Drawn, path: &Path) -> Result<(), CliError> {
+fn image(task: &Task, drawn: &Drawn, path: &Path) -> Result<(), CliError> {
     let moment = drawn.loaded.beginning(aloft(task, drawn));
-    let picture = drawn.loaded.render(&task.craft.camera(), &moment, Channels::RGB);
-    write(path, &colour(&picture)?)
+    let image = drawn.loaded.render(&task.craft.camera(), &moment, Channels::RGB);
+    write(path, &colour(&image)?)
 }

@@ -48,10 +48,10 @@ fn task_of(name: &str) -> Result<Task, CliError> {
 
 /// The VLM for a name as in `spf fly --vlm`; an oracle's latency may be fixed.
 fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
-    let (who, latency) = split_latency(name);
-    settings.fly.vlm.flag(Some(who));
+    let (vlm, latency) = split_latency(name);
+    settings.fly.vlm.flag(Some(vlm));
     let pointing = pointing(settings, None)?;
-    Ok(Pointer { name: name.to_owned(), who: pointing.who, latency })
+    Ok(Pointer { name: name.to_owned(), vlm_factory: pointing.vlm_factory, latency })
 }
 
 /// Why results cannot be kept, and what to do.
@@ -69,8 +69,8 @@ fn store_error(error: &StoreError) -> CliError {
 }
 
 fn merge_shares(args: &BenchMerge, printer: &Printer) -> Result<Exit, CliError> {
-    let trials = merge(&args.shares, &args.output).map_err(|error| store_error(&error))?;
-    printer.say(&format!("{trials} trials of {} shards", args.shares.len()));
+    let trials = merge(&args.shards, &args.output).map_err(|error| store_error(&error))?;
+    printer.log(&format!("{trials} trials of {} shards", args.shards.len()));
     printer.result(&args.output.join("results.jsonl").display().to_string());
     Ok(Exit::Success)
 }

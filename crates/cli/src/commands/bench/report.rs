@@ -16,7 +16,7 @@ pub(super) fn report(args: &BenchReport, printer: &Printer) -> Result<Exit, CliE
     let source = Source::read(&args.folders).map_err(|error| refused(&error))?;
     for plan in source.missing() {
         let folders: Vec<String> = plan.folders.iter().map(|folder| folder.display().to_string()).collect();
-        printer.say(&format!("{} of {} trials are missing in {}", plan.trials.len(), plan.of, folders.join(", ")));
+        printer.log(&format!("{} of {} trials are missing in {}", plan.trials.len(), plan.of, folders.join(", ")));
     }
     std::fs::create_dir_all(&output)
         .map_err(|error| CliError::usage(format!("cannot create the folder `{}`", output.display())).because(&error))?;

@@ -33,34 +33,34 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     }
     let shard = shard(args)?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let manner = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files };
+    let options = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files };
     let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: args.max_cost };
     let head = plan.head(shard, vlms);
     let interrupts = interrupts()?;
     if shard != Shard::WHOLE {
-        printer.say(&format!("shard {} of {}", shard.index, shard.count));
+        printer.log(&format!("shard {} of {}", shard.index, shard.count));
     }
     let mut begun = false;
     let ended = {
         let printer = &mut *printer;
-        run_plan(&plan, &head, &args.output, &manner, &|| interrupts.load(Ordering::Relaxed) > 0, &mut |progress, record| {
+        run_plan(&plan, &head, &args.output, &options, &|| interrupts.load(Ordering::Relaxed) > 0, &mut |progress, record| {
             if !begun {
                 begun = true;
                 if progress.done > 0 {
-                    printer.say(&format!("{} of {} trials already done", progress.done, progress.of));
+                    printer.log(&format!("{} of {} trials already done", progress.done, progress.of));
                 }
                 printer.start_count(progress.of as u64, progress.done as u64);
             }
             printer.count(progress.done as u64);
             if let Some((record, why)) = record.and_then(|record| Some((record, record.error.as_ref()?))) {
-                printer.say(&format!("warning: cannot fly {}: {why}", record.run_id));
+                printer.log(&format!("warning: cannot fly {}: {why}", record.run_id));
             }
         })
     };
     printer.end_live();
     let ended = ended.map_err(|error| store_error(&error))?;
     if ended.stopped {
-        printer.say(&format!("stopped after {} of {} trials; repeat the command to resume", ended.done, ended.of));
+        printer.log(&format!("stopped after {} of {} trials; repeat the command to resume", ended.done, ended.of));
         return Ok(Exit::Aborted);
     }
     let records = read_records(&args.output).map_err(|error| store_error(&error))?;
@@ -170,7 +170,7 @@ fn rows(lines: &[Line]) -> Vec<Vec<String>> {
 fn compared(pairs: &[Contrast]) -> Vec<Vec<String>> {
     let head = ["PAIRED", "SELF STOP, POINTS", "ONLY FIRST : ONLY SECOND", "P (MCNEMAR, HOLM)"].map(str::to_owned).to_vec();
     let row = |pair: &Contrast| {
-        let [first, second] = pair.who.each_ref().map(|(method, vlm)| format!("{method} {vlm}"));
+        let [first, second] = pair.pair.each_ref().map(|(method, vlm)| format!("{method} {vlm}"));
         let [value, low, high] = pair.points();
         let apart = pair.paired.discordant;
         vec![

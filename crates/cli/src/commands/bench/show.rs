@@ -23,7 +23,7 @@ pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError
     let out = OutDir::create(args.output.as_deref(), &args.run_id).map_err(|error| {
         CliError::usage("cannot create the output folder").because(&error).hint("give a new or empty folder with -o DIR")
     })?;
-    printer.say(&format!("Flying {} in {}: \"{}\"", args.run_id, drawn.scene, trial.task.instruction));
+    printer.log(&format!("Flying {} in {}: \"{}\"", args.run_id, drawn.scene, trial.task.instruction));
     let record = trial.fly(&drawn, Some(RecordPlan { out: out.clone(), video: !args.no_video, view: None })).record;
     if let Some(why) = record.error {
         return Err(CliError::internal(format!("cannot fly the trial: {why}")));
@@ -41,7 +41,7 @@ pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError
 
 fn trial(args: &BenchShow, settings: &mut Settings) -> Result<Trial, CliError> {
     let wrong = || {
-        CliError::usage(format!("`{}` is not a trial", args.run_id))
+        CliError::usage(format!("`{}` is not the name of a trial", args.run_id))
             .hint("use task/method/vlm/seed, the `run_id` of its row in results.jsonl")
     };
     let parts: Vec<&str> = args.run_id.split('/').collect();

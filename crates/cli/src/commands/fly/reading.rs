@@ -27,7 +27,8 @@ pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>
     let steps: Vec<String> = reading.steps.iter().map(|step| described(step, &loaded.tags)).collect();
     let mut lines = vec![format!("reads: {}", steps.join("; then "))];
     if !reading.corrections.is_empty() {
-        let read = reading.corrections.iter().map(|word| format!("\"{}\" as \"{}\"", one_line(&word.said), one_line(&word.read)));
+        let read =
+            reading.corrections.iter().map(|word| format!("\"{}\" as \"{}\"", one_line(&word.written), one_line(&word.read)));
         lines.push(format!("spelling: {}", read.collect::<Vec<_>>().join(", ")));
     }
     let words = reading.ignored.iter().map(|unknown| {

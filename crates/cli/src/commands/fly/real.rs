@@ -13,7 +13,7 @@ use spf_flight::site::Clock;
 use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 
-use super::settings::{limits, manner, method, options, prompt, script};
+use super::settings::{limits, method, options, preset_and_policy, prompt, script};
 use super::{Ready, interrupts, sentence};
 use crate::args::Fly;
 use crate::commands::detector;
@@ -33,8 +33,8 @@ pub(super) fn ready(
     target: &dyn Target,
     printer: &Printer,
 ) -> Result<Ready, CliError> {
-    let (preset, policy) = manner(settings)?;
-    let (policy, mut method) = detector::manner(settings, policy, method(settings, preset)?)?;
+    let (preset, policy) = preset_and_policy(settings)?;
+    let (policy, mut method) = detector::policy_and_settings(settings, policy, method(settings, preset)?)?;
     let prompt = prompt(settings, policy)?;
     let options = options(settings)?;
     let own = target.motion(&options) == Some(Motion::Manoeuvres);
@@ -48,11 +48,11 @@ pub(super) fn ready(
     let pointing = pointing(settings, prompt.clone())?;
     if pointing.is_oracle {
         return Err(
-            CliError::usage(NO_ORACLE).hint("`spf vlm list` lists the models, and docs/guide/vlm.md says how to choose one")
+            CliError::usage(NO_ORACLE).hint("`spf vlm list` lists the models, and docs/guide/vlm.md describes how to choose one")
         );
     }
     check_vlm(settings, &pointing, printer)?;
-    let (pointing, detector) = detector::beside(settings, policy, pointing)?;
+    let (pointing, detector) = detector::combine(settings, policy, pointing)?;
     let interrupts = interrupts()?;
     let start = Instant::now();
     let Connected { drone, warning, .. } = connect(target, &options, start, printer)?;
@@ -68,7 +68,7 @@ pub(super) fn ready(
     );
     let (craft, camera) = (drone.capabilities().craft, Some(drone.frames()));
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
-    let said = vec![flying, sentence(&pointing.sentence, &craft), warning.to_owned()];
+    let announcements = vec![flying, sentence(&pointing.sentence, &craft), warning.to_owned()];
     let plan = FlightPlan {
         policy: Arc::new(policy),
         preset,
@@ -79,23 +79,23 @@ pub(super) fn ready(
         max_cost_usd,
         script,
         interrupts,
-        ..FlightPlan::new(site, instruction, &pointing.name, pointing.who)
+        ..FlightPlan::new(site, instruction, &pointing.name, pointing.vlm_factory)
     };
-    Ok(Ready { plan, said, by_hand: Some(craft), camera })
+    Ok(Ready { plan, announcements, by_hand: Some(craft), camera })
 }
 
-/// Connects, and tells to whom.
+/// Connects, and prints the craft.
 pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, printer: &Printer) -> Result<Connected, CliError> {
     let connected = target.connect(options, start).map_err(|error| {
-        let said = CliError::failed(error.to_string());
+        let failure = CliError::failed(error.to_string());
         let ConnectError { source, hint, .. } = error;
-        let said = said.because(&*source);
+        let failure = failure.because(&*source);
         match hint {
-            Some(hint) => said.hint(hint),
-            None => said,
+            Some(hint) => failure.hint(hint),
+            None => failure,
         }
     })?;
-    printer.say(&connected.summary);
+    printer.log(&connected.summary);
     Ok(connected)
 }
 
@@ -106,13 +106,13 @@ fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Res
     if recorded || !settings.fly.vlm_check.is_on()? {
         return Ok(());
     }
-    printer.say("Checking the VLM with three images of a dot …");
+    printer.log("Checking the VLM with three images of a dot …");
     let time = settings.reply_timeout()?;
     let mut vlm: Box<dyn Vlm> =
-        (pointing.who)(None, 0).map_err(|error| CliError::usage("cannot query the VLM").because(&*error))?;
+        (pointing.vlm_factory)(None, 0).map_err(|error| CliError::usage("cannot query the VLM").because(&*error))?;
     match check(vlm.as_mut(), time).verdict {
         Verdict::Good(worst) => {
-            printer.say(&format!("{} responds and points within {:.1} % of the image width.", pointing.name, 100.0 * worst));
+            printer.log(&format!("{} responds and points within {:.1} % of the image width.", pointing.name, 100.0 * worst));
             Ok(())
         }
         Verdict::Failed(error) => Err(CliError::failed("the VLM does not respond; take-off cancelled").because(&error)),

@@ -20,8 +20,8 @@ use crate::commands::read;
 use crate::error::CliError;
 use crate::settings::{Setting, Settings};
 
-/// The named preset, and who decides.
-pub(super) fn manner(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
+/// The preset and the policy.
+pub(super) fn preset_and_policy(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
     Ok((settings.fly.preset.or_default()?, settings.fly.policy.or_default()?))
 }
 
@@ -88,7 +88,7 @@ pub(super) fn method(settings: &Settings, preset: Preset) -> Result<PilotSetting
     Ok(method)
 }
 
-/// Those of the settings, and `limits` where these say nothing.
+/// The configured limits, else those of `limits`.
 pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, CliError> {
     let envelope = &settings.envelope;
     let set = |limit: &mut f64, setting: &Setting<f64>| setting.get().map(|value| *limit = value.unwrap_or(*limit));
@@ -132,26 +132,26 @@ pub(super) fn script(path: &Path) -> Result<Script, CliError> {
 
 /// What is set about drivers.
 pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
-    let said = &settings.tello;
-    let mut tello = TelloSettings { motion: said.motion.or_default()?, ..TelloSettings::default() };
-    if let Some(local) = said.local.get()? {
+    let configured = &settings.tello;
+    let mut tello = TelloSettings { motion: configured.motion.or_default()?, ..TelloSettings::default() };
+    if let Some(local) = configured.local.get()? {
         tello.local = local;
     }
-    if let Some(port) = said.state_port.get()? {
+    if let Some(port) = configured.state_port.get()? {
         tello.state_port = port;
     }
-    if let Some(port) = said.video_port.get()? {
+    if let Some(port) = configured.video_port.get()? {
         tello.video_port = port;
     }
-    if let Some(latency) = said.video_latency_s.get()? {
+    if let Some(latency) = configured.video_latency_s.get()? {
         tello.video_latency = duration_from_secs(latency);
     }
     let Calibration { speed, climb, sink, yaw_rate } = tello.calibration;
     tello.calibration = Calibration {
-        speed: said.speed_m_s.get()?.unwrap_or(speed),
-        climb: said.climb_m_s.get()?.unwrap_or(climb),
-        sink: said.sink_m_s.get()?.unwrap_or(sink),
-        yaw_rate: said.yaw_deg_s.get()?.unwrap_or(yaw_rate.to_degrees()).to_radians(),
+        speed: configured.speed_m_s.get()?.unwrap_or(speed),
+        climb: configured.climb_m_s.get()?.unwrap_or(climb),
+        sink: configured.sink_m_s.get()?.unwrap_or(sink),
+        yaw_rate: configured.yaw_deg_s.get()?.unwrap_or(yaw_rate.to_degrees()).to_radians(),
     };
     Ok(Options { tello })
 }

@@ -36,7 +36,7 @@ pub(super) fn grade(
     args: &Ground,
     path: &Path,
     settings: &Settings,
-    manner: AskOptions,
+    options: AskOptions,
     printer: &mut Printer,
 ) -> Result<Exit, CliError> {
     let max_cost = settings.fly.max_cost_usd.get()?;
@@ -46,7 +46,7 @@ pub(super) fn grade(
             .hint("docs/guide/grounding.md lists the supported formats")
     })?;
     source.items.truncate(args.count.unwrap_or(usize::MAX));
-    let (answerers, sentences) = everybody(args, settings, &source)?;
+    let (answerers, sentences) = all_answerers(args, settings, &source)?;
     let out = args.output.clone().unwrap_or_else(|| default_folder(path));
     source.check_masks().map_err(|error| {
         CliError::usage(format!("cannot evaluate on the dataset `{}`", path.display()))
@@ -59,18 +59,18 @@ pub(super) fn grade(
         avoid: args.avoid,
         seed: args.seed,
         questions: format!("{:016x}", source.digest),
-        manners: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.kind.manner())).collect(),
+        digests: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.kind.digest())).collect(),
     };
     let (mut folder, mut rows) = Folder::open(&out, &head, args.resume, args.overwrite)?;
     let plan = Plan {
         items: &source.items,
         answerers: &answerers,
-        manner,
+        options,
         parallel: usize::from(args.parallel),
         per_minute: args.rate,
         max_cost,
     };
-    sentences.iter().for_each(|sentence| printer.say(sentence));
+    sentences.iter().for_each(|sentence| printer.log(sentence));
     let ended = ask(&plan, &mut folder, &mut rows, printer)?;
     let grades = grades(&source.items, &answerers, &rows, args.avoid)
         .map_err(|error| CliError::usage("cannot evaluate the replies").because(&error).hint("the dataset is incomplete"))?;
@@ -91,23 +91,23 @@ pub(super) fn grade(
     let unanswered = models.peek().is_some() && models.all(silent);
     Ok(match ended {
         Ended::Complete if unanswered => {
-            printer.say("no model answered any question; --resume retries them");
+            printer.log("no model answered any question; --resume retries them");
             Exit::Failed
         }
         Ended::Complete => Exit::Success,
         Ended::Stopped => {
-            printer.say("stopped; repeat the command with --resume to continue");
+            printer.log("stopped; repeat the command with --resume to continue");
             Exit::Aborted
         }
         Ended::Spent => {
-            printer.say("the --max-cost limit is reached; raise it and use --resume to continue");
+            printer.log("the --max-cost limit is reached; raise it and use --resume to continue");
             Exit::Aborted
         }
     })
 }
 
-/// Who always points at the middle, the oracle where there is what it reads, and those who are named.
-fn everybody(args: &Ground, settings: &Settings, source: &Source) -> Result<(Vec<Answerer>, Vec<String>), CliError> {
+/// The centre baseline, the oracle if the dataset has ID images, and the named VLMs.
+fn all_answerers(args: &Ground, settings: &Settings, source: &Source) -> Result<(Vec<Answerer>, Vec<String>), CliError> {
     let (named, sentences) = answerers(args, settings)?;
     let simulated = source.items.iter().any(|item| item.sim.is_some());
     if !simulated && named.iter().any(is_oracle) {
@@ -146,7 +146,7 @@ fn ask(plan: &Plan<'_>, folder: &mut Folder, rows: &mut Vec<AnswerRow>, printer:
     });
     let mut done = there.filter(|question| before.contains(question)).count() as u64;
     if done > 0 {
-        printer.say(&format!("{done} of {total} questions already answered"));
+        printer.log(&format!("{done} of {total} questions already answered"));
     }
     let stop = interrupts()?;
     printer.start_count(total, done);

@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use spf_bench::ground::{AnswerRow, Said};
+use spf_bench::ground::{AnswerRow, ParsedReply};
 
 use crate::commands::sim::write;
 use crate::error::CliError;
@@ -18,17 +18,18 @@ const RESULTS: [&str; 2] = ["report.json", "index.html"];
 /// Longest row that is read back, bytes.
 const LONGEST_ROW: u64 = 4 << 20;
 
-/// What all answers of a folder share; who is asked may grow.
+/// The settings common to all answers of a folder; answerers may be added.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Head {
     pub(super) format: u32,
     pub(super) dataset: PathBuf,
     pub(super) avoid: bool,
     pub(super) seed: u64,
-    /// A number of what the dataset's files say.
+    /// A digest of the dataset's files.
     pub(super) questions: String,
-    /// By the name of each who is asked, a number of how: the prompt, or the error file.
-    pub(super) manners: BTreeMap<String, String>,
+    /// By name of the answerer, a digest of its prompt or error file.
+    #[serde(rename = "manners")]
+    pub(super) digests: BTreeMap<String, String>,
 }
 
 /// A folder that answers are put into.
@@ -39,7 +40,7 @@ pub(super) struct Folder {
 
 impl Folder {
     /// Takes a new or an empty folder, goes on with one of the same head (`resume`), or begins it anew; with the answers that are
-    /// there. Questions that nobody answered are asked again.
+    /// there. Questions without an answer are sent again.
     pub(super) fn open(path: &Path, head: &Head, resume: bool, overwrite: bool) -> Result<(Self, Vec<AnswerRow>), CliError> {
         let unusable = |error: std::io::Error| {
             CliError::usage(format!("cannot use the folder `{}`", path.display()))
@@ -50,7 +51,7 @@ impl Folder {
         let shown = path.display();
         let empty = fs::read_dir(path).map_err(unusable)?.next().is_none();
         let known = path.join(HEAD).is_file();
-        let mut manners = BTreeMap::new();
+        let mut digests = BTreeMap::new();
         match (empty, known) {
             (false, false) => {
                 return Err(CliError::usage(format!("the folder `{shown}` is not empty and holds no evaluation"))
@@ -61,7 +62,7 @@ impl Folder {
                     fs::remove_file(path.join(name)).map_err(unusable)?;
                 }
             }
-            (false, true) if resume => manners.append(&mut same(path, head)?),
+            (false, true) if resume => digests.append(&mut same(path, head)?),
             (false, true) => {
                 return Err(CliError::usage(format!("the folder `{shown}` already holds an evaluation"))
                     .hint("use --resume to continue it, --overwrite to replace it, or another folder with -o DIR"));
@@ -69,8 +70,8 @@ impl Folder {
             (true, _) => {}
         }
         // Who is not asked this time was still asked so before.
-        manners.extend(head.manners.clone());
-        let text = serde_json::to_string_pretty(&Head { manners, ..head.clone() })
+        digests.extend(head.digests.clone());
+        let text = serde_json::to_string_pretty(&Head { digests, ..head.clone() })
             .map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         write(&path.join(HEAD), format!("{text}\n").as_bytes())?;
         let answers = path.join(ANSWERS);
@@ -97,7 +98,7 @@ impl Folder {
     }
 }
 
-/// Only answers to the same questions, asked in the same manner, go together; in which manner who was asked.
+/// The digests of the answerers in an existing evaluation, which must be of the same dataset and settings.
 fn same(path: &Path, head: &Head) -> Result<BTreeMap<String, String>, CliError> {
     let refused = |what: String| {
         Err(CliError::usage(what).hint(format!(
@@ -107,13 +108,13 @@ fn same(path: &Path, head: &Head) -> Result<BTreeMap<String, String>, CliError> 
     };
     let shown = path.display();
     let there = fs::read_to_string(path.join(HEAD)).ok().and_then(|text| serde_json::from_str::<Head>(&text).ok());
-    let Some(there) = there.filter(|there| Head { manners: head.manners.clone(), ..there.clone() } == *head) else {
+    let Some(there) = there.filter(|there| Head { digests: head.digests.clone(), ..there.clone() } == *head) else {
         return refused(format!("the evaluation in `{shown}` is of a different or changed dataset, or has different settings"));
     };
-    let differs = |(name, manner): &(&String, &String)| there.manners.get(*name).is_some_and(|before| before != *manner);
-    match head.manners.iter().find(differs) {
+    let differs = |(name, digest): &(&String, &String)| there.digests.get(*name).is_some_and(|before| before != *digest);
+    match head.digests.iter().find(differs) {
         Some((name, _)) => refused(format!("`{name}` was queried with a different prompt or error file in `{shown}`")),
-        None => Ok(there.manners),
+        None => Ok(there.digests),
     }
 }
 
@@ -132,7 +133,7 @@ fn whole(file: &Path) -> std::io::Result<(u64, Vec<AnswerRow>)> {
     }
 }
 
-/// Whether a question was answered, and need not be asked again.
+/// Whether a question was answered and need not be sent again.
 pub(super) fn is_answered(row: &AnswerRow) -> bool {
-    !matches!(row.said, Said::Nothing(..))
+    !matches!(row.parsed, ParsedReply::Nothing(..))
 }

@@ -25,14 +25,14 @@ pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliEr
     if args.rate.is_some_and(|rate| !(rate > 0.0 && rate <= 1e6)) {
         return Err(CliError::usage("--rate must be a number of questions per minute above 0").hint("--rate 60"));
     }
-    let manner = AskOptions { avoid: args.avoid, time: settings.reply_timeout()? };
+    let options = AskOptions { avoid: args.avoid, time: settings.reply_timeout()? };
     match &args.dataset {
-        Some(path) => dataset::grade(args, path, &settings, manner, printer),
-        None => photos::ask(args, &settings, manner, printer),
+        Some(path) => dataset::grade(args, path, &settings, options, printer),
+        None => photos::ask(args, &settings, options, printer),
     }
 }
 
-/// Everybody who is named, each with each of the prompts; and sentences about them for a person.
+/// The named VLMs, each with each prompt, and sentences about them for the user.
 fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<String>), CliError> {
     let prompts = prompts(args)?;
     let (mut answerers, mut sentences): (Vec<Answerer>, Vec<String>) = (Vec::new(), Vec::new());

@@ -9,7 +9,7 @@ use serde::Serialize;
 use spf_bench::ground::ask::{AnswererKind, AskOptions};
 use spf_bench::ground::page::{account, side_by_side, words};
 use spf_bench::ground::photo::{self, PhotoError};
-use spf_bench::ground::{AnswerRow, Answerer, Said};
+use spf_bench::ground::{AnswerRow, Answerer, ParsedReply};
 use spf_media::{Jpeg, Rgb};
 use spf_vlm::Cancel;
 
@@ -27,24 +27,26 @@ const QUALITY: u8 = 90;
 /// An image to ask about.
 struct ImageInput {
     name: String,
-    picture: Arc<Rgb>,
+    image: Arc<Rgb>,
 }
 
 /// What `--json` prints.
 #[derive(Serialize)]
 struct Printed<'a> {
     instruction: &'a str,
-    pictures: Vec<Answered>,
+    #[serde(rename = "pictures")]
+    images: Vec<Answered>,
 }
 
 #[derive(Serialize)]
 struct Answered {
-    picture: String,
+    #[serde(rename = "picture")]
+    image: String,
     annotated: PathBuf,
     answers: Vec<AnswerRow>,
 }
 
-pub(super) fn ask(args: &Ground, settings: &Settings, manner: AskOptions, printer: &Printer) -> Result<Exit, CliError> {
+pub(super) fn ask(args: &Ground, settings: &Settings, options: AskOptions, printer: &Printer) -> Result<Exit, CliError> {
     let Some((instruction, images)) = args.words.split_last().filter(|(_, images)| !images.is_empty()) else {
         return Err(CliError::usage("an image and an instruction are required")
             .hint("spf ground photo.jpg \"the blue door\" --vlm gemini"));
@@ -63,35 +65,35 @@ pub(super) fn ask(args: &Ground, settings: &Settings, manner: AskOptions, printe
     let out = args.output.clone().unwrap_or_else(|| PathBuf::from("grounding"));
     std::fs::create_dir_all(&out)
         .map_err(|error| CliError::usage(format!("cannot use the folder `{}`", out.display())).because(&error))?;
-    sentences.iter().for_each(|sentence| printer.say(sentence));
-    let mut printed = Printed { instruction, pictures: Vec::new() };
+    sentences.iter().for_each(|sentence| printer.log(sentence));
+    let mut printed = Printed { instruction, images: Vec::new() };
     for (number, shown) in (0_u64..).zip(&shown) {
-        let answers = put(&answerers, shown, instruction, number, manner);
+        let answers = put(&answerers, shown, instruction, number, options);
         let annotated = free_name(&out, &shown.name);
-        let picture = Jpeg::encode(&side_by_side(&shown.picture, instruction, &answers), QUALITY)
+        let picture = Jpeg::encode(&side_by_side(&shown.image, instruction, &answers), QUALITY)
             .map_err(|error| CliError::internal("cannot encode the annotated image").because(&error))?;
         std::fs::write(&annotated, picture.bytes())
             .map_err(|error| CliError::internal(format!("cannot write `{}`", annotated.display())).because(&error))?;
         report(&shown.name, &annotated, &answers, printer);
-        printed.pictures.push(Answered { picture: shown.name.clone(), annotated, answers });
+        printed.images.push(Answered { image: shown.name.clone(), annotated, answers });
     }
     if args.json {
         let text = serde_json::to_string(&printed).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         printer.data(&text);
     }
-    let answered = |row: &AnswerRow| !matches!(row.said, Said::Nothing(..));
-    if printed.pictures.iter().flat_map(|picture| &picture.answers).any(answered) {
+    let answered = |row: &AnswerRow| !matches!(row.parsed, ParsedReply::Nothing(..));
+    if printed.images.iter().flat_map(|picture| &picture.answers).any(answered) {
         return Ok(Exit::Success);
     }
     Err(CliError::failed("no VLM replied").hint("`spf vlm check NAME` shows why, and what to do"))
 }
 
 /// Everybody at once about one image.
-fn put(answerers: &[Answerer], shown: &ImageInput, instruction: &str, number: u64, manner: AskOptions) -> Vec<AnswerRow> {
+fn put(answerers: &[Answerer], shown: &ImageInput, instruction: &str, number: u64, options: AskOptions) -> Vec<AnswerRow> {
     let ask = |answerer: &Answerer| match &answerer.kind {
         AnswererKind::Model(make, prompt) => {
             let (key, cancel) = (&shown.name, Cancel::default());
-            Some(answerer.show(make().as_mut(), prompt, &shown.picture, key, instruction, number, manner, &cancel))
+            Some(answerer.show(make().as_mut(), prompt, &shown.image, key, instruction, number, options, &cancel))
         }
         AnswererKind::Centre | AnswererKind::Oracle(..) => None,
     };
@@ -120,7 +122,7 @@ fn report(name: &str, annotated: &Path, answers: &[AnswerRow], printer: &Printer
     }
 }
 
-/// A name that no file has: what was asked before stays.
+/// An unused file name, so that earlier results are kept.
 fn free_name(folder: &Path, name: &str) -> PathBuf {
     let stem: String =
         name.chars().map(|letter| if letter.is_alphanumeric() || "-_.".contains(letter) { letter } else { '-' }).collect();
@@ -172,10 +174,10 @@ fn bytes(from: impl Read, name: &str) -> Result<Vec<u8>, CliError> {
 
 /// One image, or the frames of a video, depending on the first bytes.
 fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<ImageInput>, CliError> {
-    let is_picture = bytes.starts_with(&[0xff, 0xd8]) || bytes.starts_with(b"\x89PNG");
+    let is_image = bytes.starts_with(&[0xff, 0xd8]) || bytes.starts_with(b"\x89PNG");
     let is_video = bytes.get(4..8) == Some(b"ftyp") || bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]);
     let wrong = |error: &PhotoError| CliError::usage(format!("cannot decode `{name}`")).because(error);
-    if is_video && !is_picture {
+    if is_video && !is_image {
         if !(args.every >= 0.0 && args.every.is_finite()) || args.frames == 0 {
             return Err(CliError::usage("--every must be a positive number of seconds and --frames at least 1")
                 .hint("--every 2 --frames 10"));
@@ -184,10 +186,9 @@ fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<ImageInput>, C
             wrong(&error).hint("convert it to H.264 in MP4, or extract frames: ffmpeg -i VIDEO -vf fps=1 frame-%03d.jpg")
         })?;
         let shown =
-            |frame: photo::VideoFrame| ImageInput { name: format!("{name}-{:.2}s", frame.at), picture: Arc::new(frame.picture) };
+            |frame: photo::VideoFrame| ImageInput { name: format!("{name}-{:.2}s", frame.at), image: Arc::new(frame.image) };
         return Ok(frames.into_iter().map(shown).collect());
     }
-    let picture =
-        photo::decode(bytes).map_err(|error| wrong(&error).hint("supported are PNG and JPEG images and H.264 videos"))?;
-    Ok(vec![ImageInput { name: name.to_owned(), picture: Arc::new(picture) }])
+    let image = photo::decode(bytes).map_err(|error| wrong(&error).hint("supported are PNG and JPEG images and H.264 videos"))?;
+    Ok(vec![ImageInput { name: name.to_owned(), image: Arc::new(image) }])
 }

@@ -50,5 +50,5 @@ pub(crate) fn unreplayable(path: &Path, error: &ReplayError) -> CliError {
 /// Says that a log ends early; what came before is all there.
 pub(crate) fn warn_truncated(path: &Path, printer: &Printer) {
     let path = path.display();
-    printer.say(&format!("warning: `{path}` ends during the flight; after the flight, `spf log repair {path}` completes it"));
+    printer.log(&format!("warning: `{path}` ends during the flight; after the flight, `spf log repair {path}` completes it"));
 }

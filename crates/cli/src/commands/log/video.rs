@@ -12,12 +12,12 @@ use crate::printer::Printer;
 pub(super) fn video(args: &Video, printer: &Printer) -> Result<Exit, CliError> {
     let facts = make(&args.file, &args.output).map_err(|error| match &error {
         LogVideoError::Read(source) => unreadable(&args.file, source),
-        LogVideoError::NoPictures => CliError::usage(format!("cannot make a video of `{}`", args.file.display()))
+        LogVideoError::NoImages => CliError::usage(format!("cannot make a video of `{}`", args.file.display()))
             .because(&error)
             .hint("record the flight without `--no-video`"),
         _ => CliError::internal("cannot make the video").because(&error),
     })?;
-    let (pictures, seconds) = (facts.frames, facts.duration.as_secs_f64());
-    printer.result(&format!("{}: {pictures} frames, {seconds:.1} s", args.output.display()));
+    let (images, seconds) = (facts.frames, facts.duration.as_secs_f64());
+    printer.result(&format!("{}: {images} frames, {seconds:.1} s", args.output.display()));
     Ok(Exit::Success)
 }

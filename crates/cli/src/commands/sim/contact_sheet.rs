@@ -48,8 +48,8 @@ pub(super) fn draw(names: &[String], mut progress: impl FnMut(&str)) -> Result<R
     for (index, name) in (0..).zip(variants) {
         progress(&format!("Rendering {name}."));
         let at = (MARGIN + index % singles * step.0, MARGIN + blocks + index / singles * step.1);
-        let (_, picture) = thumb(name, &SceneLook::default(), SINGLE)?;
-        paste(&mut sheet, &picture, at);
+        let (_, image) = thumb(name, &SceneLook::default(), SINGLE)?;
+        paste(&mut sheet, &image, at);
         label(&mut sheet, name, (at.0, at.1 + SINGLE.1 - 16));
     }
     Ok(sheet)
@@ -66,8 +66,8 @@ fn draw_block(sheet: &mut Rgb, name: &str, corner: (u32, u32), width: u32) -> Re
         for (column, lighting) in (0..).zip(Lighting::ALL) {
             let conditions = SceneLook { lighting: Some(lighting), weather: Some(weather) };
             let at = (corner.0 + column * (THUMB.0 + GAP), corner.1 + TITLE + row * (THUMB.1 + GAP));
-            let (title, picture) = thumb(name, &conditions, THUMB)?;
-            paste(sheet, &picture, at);
+            let (title, image) = thumb(name, &conditions, THUMB)?;
+            paste(sheet, &image, at);
             label(sheet, &format!("{}, {}", lighting.name(), weather.name()), (at.0, at.1 + THUMB.1 - 16));
             if (row, column) == (0, 0) {
                 let style = TextStyle::plain(16.0, Colour::WHITE);
@@ -92,18 +92,18 @@ fn thumb(name: &str, conditions: &SceneLook, (width, height): (u32, u32)) -> Res
     let loaded = load_scene(name, conditions)?;
     let scene = &loaded.scene;
     let camera = scene.default_craft.camera().resized(width * FINER, height * FINER);
-    let picture = loaded.render(&camera, &loaded.beginning(scene.preview), Channels::RGB);
-    let rgb = Rgb::from_raw(picture.width, picture.height, picture.rgb.unwrap_or_default())
+    let image = loaded.render(&camera, &loaded.beginning(scene.preview), Channels::RGB);
+    let rgb = Rgb::from_raw(image.width, image.height, image.rgb.unwrap_or_default())
         .map_err(|error| CliError::internal("cannot render the image").because(&error))?;
     let title = if scene.description.is_empty() { scene.name.clone() } else { format!("{}: {}", scene.name, scene.description) };
     Ok((title, resize(&rgb, width, height)))
 }
 
 /// Copies an image that fits into another, its upper left corner at a place.
-fn paste(sheet: &mut Rgb, picture: &Rgb, (left, top): (u32, u32)) {
-    let (width, row) = (sheet.width() as usize * 3, picture.width() as usize * 3);
+fn paste(sheet: &mut Rgb, image: &Rgb, (left, top): (u32, u32)) {
+    let (width, row) = (sheet.width() as usize * 3, image.width() as usize * 3);
     let data = sheet.data_mut();
-    for (y, line) in (top as usize..).zip(picture.data().chunks_exact(row)) {
+    for (y, line) in (top as usize..).zip(image.data().chunks_exact(row)) {
         let start = y * width + left as usize * 3;
         data[start..start + row].copy_from_slice(line);
     }

@@ -13,6 +13,7 @@ use std::path::Path;
 
 use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
+use spf_drone::registry::alternatives;
 use spf_media::{frame::Rgb, png};
 use spf_render::RenderedImage;
 use spf_render::effects::{Effects, EffectsError};
@@ -45,9 +46,9 @@ pub(super) fn above_start(mut start: Pose, kind: CraftKind) -> Pose {
 }
 
 /// The colour image as a PNG file.
-pub(super) fn colour(picture: &RenderedImage) -> Result<Vec<u8>, CliError> {
-    let data = picture.rgb.clone().unwrap_or_default();
-    let rgb = Rgb::from_raw(picture.width, picture.height, data)
+pub(super) fn colour(image: &RenderedImage) -> Result<Vec<u8>, CliError> {
+    let data = image.rgb.clone().unwrap_or_default();
+    let rgb = Rgb::from_raw(image.width, image.height, data)
         .map_err(|error| CliError::internal("cannot render the image").because(&error))?;
     png::encode(&rgb).map_err(|error| CliError::internal("cannot encode the image").because(&error))
 }
@@ -75,7 +76,7 @@ pub(super) fn centimetres(metres: f32) -> u16 {
 /// A list of camera effects.
 pub(super) fn parse_effects(text: &str) -> Result<Effects, CliError> {
     text.parse().map_err(|error: EffectsError| {
-        CliError::usage(format!("--camera-effects: `{text}` is not a list of camera effects")).because(&error).hint(
+        CliError::usage(format!("--camera-effects: expected a list of camera effects, found `{text}`")).because(&error).hint(
             "for example --camera-effects blur=20,noise=5,lens=wide,exposure=-1,compression=jpeg:30 (docs/reference/camera-effects.md)",
         )
     })
@@ -85,7 +86,7 @@ pub(super) fn parse_effects(text: &str) -> Result<Effects, CliError> {
 pub(super) fn parse_size(text: &str) -> Result<(u32, u32), CliError> {
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse::<u32>().ok()?, h.parse::<u32>().ok()?)));
     sides.filter(|(w, h)| SIZES.contains(w) && SIZES.contains(h)).ok_or_else(|| {
-        CliError::usage(format!("--size: `{text}` is not a size"))
+        CliError::usage(format!("--size: expected an image size, found `{text}`"))
             .hint("WIDTHxHEIGHT in pixels, each from 16 to 8192, for example 960x720")
     })
 }
@@ -101,7 +102,7 @@ pub(super) fn conditions(args: &ConditionArgs) -> Result<SceneLook, CliError> {
 fn choice<T: Copy>(flag: &str, text: &str, words: &[(&str, T)]) -> Result<T, CliError> {
     words.iter().find(|(word, _)| *word == text).map(|(_, choice)| *choice).ok_or_else(|| {
         let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
-        let error = CliError::usage(format!("{flag}: `{text}` is not {}", known.join(" or ")));
+        let error = CliError::usage(format!("{flag}: expected {}, found `{text}`", alternatives(&known)));
         match nearest(text, known) {
             Some(near) => error.hint(format!("did you mean `{near}`?")),
             None => error.hint("omit it to use the scene's own"),
@@ -112,7 +113,7 @@ fn choice<T: Copy>(flag: &str, text: &str, words: &[(&str, T)]) -> Result<T, Cli
 /// `quad` or `tello`.
 pub(super) fn parse_kind(text: &str) -> Result<CraftKind, CliError> {
     CraftKind::from_name(text).ok_or_else(|| {
-        let error = CliError::usage(format!("--drone-model: `{text}` is not quad or tello"));
+        let error = CliError::usage(format!("--drone-model: expected quad or tello, found `{text}`"));
         match nearest(text, ["quad", "tello"]) {
             Some(near) => error.hint(format!("did you mean `{near}`?")),
             None => error.hint("use quad or tello"),

@@ -21,7 +21,7 @@ use crate::printer::Printer;
 pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError> {
     let pose = args.pose.as_deref().map(parse_pose).transpose();
     let pose = pose.map_err(|expected| {
-        CliError::usage(format!("--pose: `{}` is not {expected}", args.pose.as_deref().unwrap_or_default()))
+        CliError::usage(format!("--pose: expected {expected}, found `{}`", args.pose.as_deref().unwrap_or_default()))
             .hint("for example --pose 0,0,3,90,-10: the origin, 3 m up, looking east and 10 degrees down")
     })?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
@@ -38,24 +38,24 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
     let sim_camera = SimCamera::new(camera, effects, 0);
     let shot = sim_camera.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
-    let shot = shot.ok_or_else(|| CliError::internal("the shutter is open at times that have no pose"))?;
-    let photograph = sim_camera.photograph(&shot, None, |camera, pose, picture| {
-        loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, picture);
+    let shot = shot.ok_or_else(|| CliError::internal("the exposure has times without a pose"))?;
+    let photograph = sim_camera.photograph(&shot, None, |camera, pose, image| {
+        loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, image);
     });
     let channels = Channels { depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
-    let mut picture = RenderedImage::default();
-    sim_camera.look(sim_camera.camera(), &mut picture, |camera, picture| {
-        loaded.render_into(camera, &loaded.beginning(pose), channels, picture);
+    let mut image = RenderedImage::default();
+    sim_camera.look(sim_camera.camera(), &mut image, |camera, image| {
+        loaded.render_into(camera, &loaded.beginning(pose), channels, image);
     });
     let mut written = vec![args.output.as_path()];
     write(&args.output, &encoded(png::encode(&photograph))?)?;
-    if let (Some(path), Some(depth)) = (&args.depth, &picture.depth) {
+    if let (Some(path), Some(depth)) = (&args.depth, &image.depth) {
         let centimetres: Vec<u16> = depth.iter().map(|metres| centimetres(*metres)).collect();
-        write(path, &grey(&picture, &centimetres)?)?;
+        write(path, &grey(&image, &centimetres)?)?;
         written.push(path);
     }
-    if let (Some(path), Some(ids), Some(legend)) = (&args.ids, &picture.ids, &legend) {
-        write(path, &grey(&picture, ids)?)?;
+    if let (Some(path), Some(ids), Some(legend)) = (&args.ids, &image.ids, &legend) {
+        write(path, &grey(&image, ids)?)?;
         write(legend, format!("{:#}\n", loaded.scene.legend_json()).as_bytes())?;
         written.extend([path.as_path(), legend.as_path()]);
     }
@@ -69,7 +69,7 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
 fn warn_outside(scene: &Scene, pose: Pose, printer: &Printer) {
     if !scene.bounds.contains(pose.position) {
         let (min, max) = (scene.bounds.min, scene.bounds.max);
-        printer.say(&format!(
+        printer.log(&format!(
             "warning: the pose is outside {}: east {:.0} to {:.0} m, north {:.0} to {:.0} m, up {:.0} to {:.0} m",
             scene.name, min.east, max.east, min.north, max.north, min.up, max.up
         ));
@@ -87,8 +87,8 @@ fn distinct(args: &Render, legend: Option<&PathBuf>) -> Result<(), CliError> {
     }
 }
 
-fn grey(picture: &RenderedImage, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
-    encoded(png::encode_grey16(picture.width, picture.height, pixels))
+fn grey(image: &RenderedImage, pixels: &[u16]) -> Result<Vec<u8>, CliError> {
+    encoded(png::encode_grey16(image.width, image.height, pixels))
 }
 
 fn encoded(file: Result<Vec<u8>, EncodeError>) -> Result<Vec<u8>, CliError> {
@@ -123,7 +123,7 @@ fn parse_motion(text: &str) -> Result<Motion, CliError> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     let numbers = numbers.filter(|numbers| numbers.len() <= 4 && numbers.iter().all(|number: &f64| number.abs() <= 1000.0));
     let Some(numbers) = numbers else {
-        return Err(CliError::usage(format!("--moving: `{text}` is not a motion"))
+        return Err(CliError::usage(format!("--moving: expected a velocity, found `{text}`"))
             .hint("forward,right,up,yaw in m/s and degrees/s, for example --moving 3,0,0,90"));
     };
     let number = |index: usize| numbers.get(index).copied().unwrap_or(0.0);

@@ -44,7 +44,8 @@ struct Entry {
     #[serde(skip_serializing_if = "Option::is_none")]
     object_list: Option<Vec<objects::Row>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    picture: Option<PathBuf>,
+    #[serde(rename = "picture")]
+    image: Option<PathBuf>,
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     stats: Option<Stats>,
 }
@@ -80,14 +81,15 @@ struct Stats {
     /// Reading and checking the file, building meshes and collider.
     load_s: f64,
     /// Drawing the first colour image, which makes shadow maps and tables.
-    first_picture_s: f64,
+    #[serde(rename = "first_picture_s")]
+    first_frame_s: f64,
     /// What the process grew by over both; none where the system does not tell.
     memory_bytes: Option<u64>,
 }
 
 /// Lists scenes.
 pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError> {
-    if let Some(folder) = &args.pictures {
+    if let Some(folder) = &args.images {
         create(folder)?;
     }
     let encoded = args.contact_sheet.as_deref().map(encoder).transpose()?;
@@ -110,7 +112,7 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
         tell(&listing, printer);
     }
     if let (Some(path), Some(encoded)) = (&args.contact_sheet, encoded) {
-        let sheet = contact_sheet::draw(&names, |line| printer.say(line))?;
+        let sheet = contact_sheet::draw(&names, |line| printer.log(line))?;
         write(path, &encoded(&sheet).map_err(|error| CliError::internal("cannot encode the contact sheet").because(&error))?)?;
         printer.result(&path.display().to_string());
     }
@@ -125,8 +127,8 @@ fn encoder(path: &Path) -> Result<Encoder, CliError> {
     let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {
         "png" => Ok(png::encode),
-        "jpg" | "jpeg" => Ok(|picture| Jpeg::encode(picture, 82).map(|jpeg| jpeg.bytes().to_vec())),
-        _ => Err(CliError::usage(format!("--contact-sheet: `{}` is not an image file", path.display()))
+        "jpg" | "jpeg" => Ok(|image| Jpeg::encode(image, 82).map(|jpeg| jpeg.bytes().to_vec())),
+        _ => Err(CliError::usage(format!("--contact-sheet: unsupported image format of `{}`", path.display()))
             .hint("use the extension .jpg or .png")),
     }
 }
@@ -139,19 +141,19 @@ fn look_at(name: &str, args: &Scenes) -> Result<(LoadedScene, Entry), CliError> 
     let load_time = started.elapsed();
     let mut entry = entry(&loaded.scene);
     entry.object_list = args.objects.then(|| objects::rows(&loaded.scene));
-    if args.stats || args.pictures.is_some() {
+    if args.stats || args.images.is_some() {
         let started = Instant::now();
         let camera = loaded.scene.default_craft.camera();
-        let picture = loaded.render(&camera, &loaded.beginning(loaded.scene.preview), Channels::RGB);
+        let image = loaded.render(&camera, &loaded.beginning(loaded.scene.preview), Channels::RGB);
         let drawn = started.elapsed();
         if args.stats {
             let grown = resident.zip(resident_bytes()).map(|(before, after)| after.saturating_sub(before));
             entry.stats = Some(stats(&loaded.scene, load_time, drawn, grown));
         }
-        if let Some(folder) = &args.pictures {
+        if let Some(folder) = &args.images {
             let path = folder.join(format!("{}.png", file_stem(&loaded.scene.name)));
-            write(&path, &colour(&picture)?)?;
-            entry.picture = Some(path);
+            write(&path, &colour(&image)?)?;
+            entry.image = Some(path);
         }
     }
     Ok((loaded, entry))
@@ -175,7 +177,7 @@ fn entry(scene: &Scene) -> Entry {
         objects: scene.objects.len(),
         tags: tags(&scene.objects),
         object_list: None,
-        picture: None,
+        image: None,
         stats: None,
     }
 }
@@ -205,7 +207,7 @@ fn stats(scene: &Scene, load_time: Duration, drawn: Duration, memory_bytes: Opti
         openings: scene.objects.iter().filter(|object| object.opening).count(),
         actors: scene.actors.len(),
         load_s: load_time.as_secs_f64(),
-        first_picture_s: drawn.as_secs_f64(),
+        first_frame_s: drawn.as_secs_f64(),
         memory_bytes,
     }
 }
@@ -232,11 +234,11 @@ fn tell(listing: &Listing, printer: &Printer) {
             printer.result(&objects::text(rows));
         }
     }
-    let pictures: Vec<_> = listing.scenes.iter().filter_map(|scene| scene.picture.as_ref()).collect();
-    if !pictures.is_empty() {
+    let images: Vec<_> = listing.scenes.iter().filter_map(|scene| scene.image.as_ref()).collect();
+    if !images.is_empty() {
         printer.result("");
     }
-    for path in pictures {
+    for path in images {
         printer.result(&path.display().to_string());
     }
 }
@@ -255,7 +257,7 @@ fn print_stats(listing: &Listing, printer: &Printer) {
                 stats.openings.to_string(),
                 stats.actors.to_string(),
                 format!("{:.2} s", stats.load_s),
-                format!("{:.2} s", stats.first_picture_s),
+                format!("{:.2} s", stats.first_frame_s),
                 stats.memory_bytes.map_or("?".to_owned(), |bytes| format!("{:.1} MB", bytes as f64 * 1e-6)),
             ]
         },

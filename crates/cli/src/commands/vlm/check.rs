@@ -33,18 +33,18 @@ fn report(check: &Check, printer: &Printer) {
     for pointed in &check.pointed {
         let dot = pointed.dot;
         let latency = pointed.answer.latency.as_secs_f64();
-        let said = match (&pointed.answer.text, pointed.point) {
+        let result = match (&pointed.answer.text, pointed.point) {
             (Ok(_), Some(point)) => format!("pointed at ({:.3}, {:.3})", point.u, point.v),
             (Ok(text), None) => format!("replied {}", text.chars().take(120).collect::<String>()),
             (Err(_), _) => "no reply".to_owned(),
         };
-        printer.result(&format!("dot at ({:.3}, {:.3}): {said}, {latency:.2} s", dot.u, dot.v));
+        printer.result(&format!("dot at ({:.3}, {:.3}): {result}, {latency:.2} s", dot.u, dot.v));
     }
     if let Verdict::Good(worst) = check.verdict {
         let model = check.pointed.first().map_or("", |pointed| &pointed.answer.model);
         let tokens = check.account.tokens;
         let about = if tokens.estimated { "about " } else { "" };
-        let cost = check.account.cost_usd.map_or(String::new(), |cost| format!(", {about}{cost:.5} $"));
+        let cost = check.account.cost_usd.map_or(String::new(), |cost| format!(", {about}${cost:.5}"));
         printer.result(&format!(
             "good: {model} responds and points within {:.1} % of the image width; {about}{} tokens in, {} out{cost}",
             100.0 * worst,

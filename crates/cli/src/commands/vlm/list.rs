@@ -37,17 +37,17 @@ struct Row<'a> {
 pub(crate) fn list(args: &VlmList, printer: &Printer) -> Result<Exit, CliError> {
     let settings = Settings::of(args, printer)?;
     let (table, variables, today) = (table(&settings)?, variables()?, today());
-    let asked: Vec<(&ModelRow, Model)> = table.models().iter().filter_map(|row| Some((row, table.row_model(row)?))).collect();
+    let models: Vec<(&ModelRow, Model)> = table.models().iter().filter_map(|row| Some((row, table.row_model(row)?))).collect();
     let key_set = |model: &Model| setup::has_key(model, &variables);
     if args.json {
-        let rows: Vec<Row<'_>> = asked.iter().map(|(row, model)| json(row, model, key_set(model), &today)).collect();
+        let rows: Vec<Row<'_>> = models.iter().map(|(row, model)| json(row, model, key_set(model), &today)).collect();
         let text =
             serde_json::to_string(&rows).map_err(|error| CliError::internal("cannot write the list as JSON").because(&error))?;
         printer.data(&text);
         return Ok(Exit::Success);
     }
     let head = ["vlm", "status", "$/M in", "$/M out", "key", "note"].map(str::to_owned).to_vec();
-    let lines = asked.iter().map(|(row, model)| line(row, model, key_set(model), &today));
+    let lines = models.iter().map(|(row, model)| line(row, model, key_set(model), &today));
     printer.data(&columns(&[head].into_iter().chain(lines).collect::<Vec<_>>()));
     printer.data(&servers(&table));
     printer.data(&format!(
@@ -91,7 +91,7 @@ fn line(row: &ModelRow, model: &Model, key_set: bool, today: &str) -> Vec<String
         notes.push(format!("default: {}", row.id));
     }
     if row.paper {
-        notes.push("one of the paper's six".to_owned());
+        notes.push("one of the six in the paper".to_owned());
     }
     match (row.status, &row.retires, &row.successor) {
         (Status::Retired, Some(day), Some(successor)) => notes.push(format!("retired {day}; use {successor}")),

@@ -28,15 +28,15 @@ use crate::settings::{Row, Settings, variables};
 pub(crate) struct Pointing {
     /// The name as it was given.
     pub(crate) name: String,
-    /// Makes it.
-    pub(crate) who: VlmFactory,
+    /// Creates it.
+    pub(crate) vlm_factory: VlmFactory,
     /// Whether it is the oracle, whose reading of an instruction is known before the flight.
     pub(crate) is_oracle: bool,
-    /// A sentence about it for the person who flies.
+    /// A sentence about it for the user.
     pub(crate) sentence: String,
 }
 
-/// Who points, by the settings.
+/// The VLM selected by the settings.
 pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
     let name = settings.fly.vlm.text_or_default();
     let pointing = match name.split_once(':') {
@@ -58,7 +58,7 @@ pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> 
     Ok(and_recorded(settings, Pointing { sentence, ..pointing }))
 }
 
-/// The same, its answers recorded where the settings want it.
+/// The same, with its replies recorded if the settings require it.
 fn and_recorded(settings: &Settings, pointing: Pointing) -> Pointing {
     match settings.vlm.record.text() {
         Some(path) => recorded(pointing, path.to_owned()),
@@ -66,7 +66,7 @@ fn and_recorded(settings: &Settings, pointing: Pointing) -> Pointing {
     }
 }
 
-/// The answers of a recording, under the name of who gave them.
+/// The replies of a recording, under the name of the recorded VLM.
 fn replay(file: &str) -> Result<Pointing, CliError> {
     let replay = Replay::open(Path::new(file)).map_err(|error| {
         CliError::usage(format!("cannot replay the recording `{file}`"))
@@ -75,21 +75,21 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
     })?;
     let name = replay.name().to_owned();
     let sentence = format!("VLM: replies of {name}, replayed from {file}.");
-    Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), is_oracle: false, sentence })
+    Ok(Pointing { name, vlm_factory: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), is_oracle: false, sentence })
 }
 
-/// The same, its answers recorded in a file.
+/// The same, with its replies recorded in a file.
 fn recorded(pointing: Pointing, path: String) -> Pointing {
-    let who = pointing.who;
+    let vlm_factory = pointing.vlm_factory;
     let record = move |world: Option<&SimWorld>, seed| {
         let camera = world.map_or(Camera::tello(), |world| *world.camera());
-        let vlm = who(world, seed)?;
+        let vlm = vlm_factory(world, seed)?;
         Ok(Box::new(Recording::new(vlm, Path::new(&path), (camera.width, camera.height))?) as Box<dyn Vlm>)
     };
-    Pointing { who: Arc::new(record), ..pointing }
+    Pointing { vlm_factory: Arc::new(record), ..pointing }
 }
 
-/// The oracle of a name, and its errors; `wrong` makes the error for a name that is none, from what was expected and what is near.
+/// The oracle's name and error file; `wrong` creates the error for another name, from the expected forms and a similar name.
 pub(crate) fn oracle_named(
     name: &str,
     wrong: impl FnOnce(&str, Option<&str>) -> CliError,
@@ -99,7 +99,7 @@ pub(crate) fn oracle_named(
         Some(("oracle", which)) if which.contains(['/', '.']) => ErrorFile::from_toml(&read(Path::new(which), "error")?),
         Some(("oracle", which)) => ErrorFile::named(which),
         other => {
-            let near = nearest(other.map_or(name, |(who, _)| who), ["oracle"]);
+            let near = nearest(other.map_or(name, |(scheme, _)| scheme), ["oracle"]);
             return Err(wrong("oracle, oracle:NAME or oracle:FILE", near));
         }
     };
@@ -119,12 +119,12 @@ fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
     Ok(Pointing {
         name: name.clone(),
         sentence: format!("VLM: {name}, which reads the simulator's own ID and depth images and is not a real VLM."),
-        who: oracle_factory(name, errors),
+        vlm_factory: oracle_factory(name, errors),
         is_oracle: true,
     })
 }
 
-/// The table of models, with the person's own rows.
+/// The table of models, with the user's own rows.
 pub(crate) fn table(settings: &Settings) -> Result<Table, CliError> {
     let table = Table::shipped();
     let Some(path) = settings.vlm.models.text() else { return Ok(table) };
@@ -133,20 +133,20 @@ pub(crate) fn table(settings: &Settings) -> Result<Table, CliError> {
     })
 }
 
-/// A model that can be asked.
+/// A model that can be queried.
 pub(crate) struct Chosen {
     /// The name as it was given, or that of the vendor that `auto` came to.
     pub(crate) name: String,
-    /// Asks it.
+    /// Its client.
     pub(crate) remote: Remote,
-    /// A sentence about it for a person.
+    /// A sentence about it for the user.
     pub(crate) sentence: String,
 }
 
 /// A model of the table, for a flight.
 fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
     let Chosen { name, remote, sentence } = remote(settings, name, prompt)?;
-    Ok(Pointing { name, who: Arc::new(move |_, _| Ok(Box::new(remote.clone()))), is_oracle: false, sentence })
+    Ok(Pointing { name, vlm_factory: Arc::new(move |_, _| Ok(Box::new(remote.clone()))), is_oracle: false, sentence })
 }
 
 /// A model of the table.
@@ -174,7 +174,8 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
             return Err(CliError::usage(format!("--max-cost requires a known price, and `{name}` has none"))
                 .hint("add a price with --vlm-models (docs/guide/vlm.md); use 0 for a local model"));
         }
-        chosen.push(format!("{} of {}{place}{assumed}", model.id, model.vendor.title));
+        let sent = if setup::is_local(&choice, &variables) { "" } else { "; images are sent to its server and may incur costs" };
+        chosen.push(format!("{} from {}{place}{assumed}{sent}", model.id, model.vendor.title));
     }
     let remote = setup::remote(&table, &names, &variables, strategy).map_err(|error| refused(settings, name, &error))?;
     let remote = match prompt {
@@ -184,43 +185,39 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     remote.warm();
     let steps_in = chosen.get(1).map_or(String::new(), |second| format!(" Fallback: {second}."));
     let name = if *name == *AUTO { auto } else { name.to_owned() };
-    Ok(Chosen {
-        name,
-        remote,
-        sentence: format!("VLM: {}; images are sent to its server and may incur costs.{steps_in}", chosen[0]),
-    })
+    Ok(Chosen { name, remote, sentence: format!("VLM: {}.{steps_in}", chosen[0]) })
 }
 
-/// Why a model cannot be asked, and what to do.
+/// The error for a model that cannot be used, with a hint.
 pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> CliError {
-    let said = CliError::usage(format!("cannot use the VLM `{name}`")).because(error);
+    let failure = CliError::usage(format!("cannot use the VLM `{name}`")).because(error);
     match error {
         SetupError::Select(SelectError::Unknown { name, known }) => {
             let words = known.iter().map(String::as_str).chain(["oracle", AUTO]);
             match nearest(name, words) {
-                Some(near) => said.hint(format!("did you mean `{near}`? `spf vlm list` lists all")),
-                None => said.hint(format!("use oracle, {AUTO}, {}, or a server URL: see `spf vlm list`", known.join(", "))),
+                Some(near) => failure.hint(format!("did you mean `{near}`? `spf vlm list` lists all")),
+                None => failure.hint(format!("use oracle, {AUTO}, {}, or a server URL: see `spf vlm list`", known.join(", "))),
             }
         }
-        SetupError::Select(SelectError::NoModel { .. }) if name.starts_with("http") => said.hint(format!("use {name}#MODEL")),
-        SetupError::Select(SelectError::NoModel { vendor }) => said.hint(format!("use --vlm {vendor}#MODEL")),
+        SetupError::Select(SelectError::NoModel { .. }) if name.starts_with("http") => failure.hint(format!("use {name}#MODEL")),
+        SetupError::Select(SelectError::NoModel { vendor }) => failure.hint(format!("use --vlm {vendor}#MODEL")),
         SetupError::SecretInUrl => {
             CliError::usage("invalid URL of the VLM").because(error).hint("set API keys in the environment (docs/guide/vlm.md)")
         }
         SetupError::Select(SelectError::Retired { successor, .. }) => {
             let vendor = name.split(['#', '@']).next().unwrap_or(name);
-            said.hint(format!("use --vlm {vendor}#{successor}"))
+            failure.hint(format!("use --vlm {vendor}#{successor}"))
         }
         SetupError::NoKey { variables, page, .. } => {
             let page = page.as_deref().map_or(String::new(), |page| format!("; create a key at {page}"));
-            said.hint(format!("set {} in the environment or in .env{page}", variables.join(" or ")))
+            failure.hint(format!("set {} in the environment or in .env{page}", variables.join(" or ")))
         }
         SetupError::NoKeyAtAll { variables } => {
-            said.hint(format!("set one of {} in the environment or in .env", variables.join(", ")))
+            failure.hint(format!("set one of {} in the environment or in .env", variables.join(", ")))
         }
         SetupError::Url(_) | SetupError::Select(SelectError::Url(_)) => {
-            said.hint("use NAME[#MODEL]@http://host:port/v1, or http://host:port/v1#MODEL")
+            failure.hint("use NAME[#MODEL]@http://host:port/v1, or http://host:port/v1#MODEL")
         }
-        _ => said.hint(settings.fly.vlm.meaning()),
+        _ => failure.hint(settings.fly.vlm.meaning()),
     }
 }

@@ -29,9 +29,9 @@ impl Served {
         let line = format!("kill -INT {}", self.0.id());
         assert!(Command::new("sh").args(["-c", &line]).status().unwrap().success());
         assert_eq!(self.0.wait().unwrap().code(), Some(0));
-        let mut said = String::new();
-        self.0.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-        said
+        let mut message = String::new();
+        self.0.stderr.take().unwrap().read_to_string(&mut message).unwrap();
+        message
     }
 }
 
@@ -81,10 +81,10 @@ fn a_flight_over_real_sockets_sees_flies_and_lands() {
     );
     // What the model was shown: the office, not a placeholder.
     for request in server.questions() {
-        let picture = spf_media::jpeg::decode(&Vendor::Gemini.picture(&request)).unwrap();
-        let mean = picture.data().iter().map(|byte| f64::from(*byte)).sum::<f64>() / picture.data().len() as f64;
-        let spread = picture.data().iter().map(|byte| (f64::from(*byte) - mean).powi(2)).sum::<f64>();
-        assert!((spread / picture.data().len() as f64).sqrt() > 20.0, "{}×{}", picture.width(), picture.height());
+        let image = spf_media::jpeg::decode(&Vendor::Gemini.image(&request)).unwrap();
+        let mean = image.data().iter().map(|byte| f64::from(*byte)).sum::<f64>() / image.data().len() as f64;
+        let spread = image.data().iter().map(|byte| (f64::from(*byte) - mean).powi(2)).sum::<f64>();
+        assert!((spread / image.data().len() as f64).sqrt() > 20.0, "{}×{}", image.width(), image.height());
     }
     let truth = rows(&lab.path("truth.jsonl"));
     assert_eq!(truth.len(), 1, "{truth:?}");

@@ -20,12 +20,12 @@ pub(super) fn query() -> Query {
 
 /// The middle of what is red in the picture that was sent: this server looks.
 fn red_dot(jpeg: &[u8]) -> ImagePoint {
-    let picture = spf_media::jpeg::decode(jpeg).unwrap();
-    let (width, height) = (picture.width(), picture.height());
+    let image = spf_media::jpeg::decode(jpeg).unwrap();
+    let (width, height) = (image.width(), image.height());
     let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let red: Vec<(u32, u32)> = all
         .filter(|(x, y)| {
-            let [r, g, _] = picture.pixel(*x, *y).unwrap();
+            let [r, g, _] = image.pixel(*x, *y).unwrap();
             r > 180 && g < 90
         })
         .collect();
@@ -36,7 +36,7 @@ fn red_dot(jpeg: &[u8]) -> ImagePoint {
 /// A server that points at the dot in coordinates of its own.
 fn pointing(vendor: Vendor, own: GroundingProfile) -> Server {
     Server::start(move |_, request| {
-        let [a, b] = own.point_numbers(red_dot(&vendor.picture(request)));
+        let [a, b] = own.point_numbers(red_dot(&vendor.image(request)));
         let text =
             format!("{{\"status\":\"navigating\",\"look\":null,\"stage\":1,\"point\":[{a},{b}],\"depth\":2,\"target\":\"dot\"}}");
         vendor.stream(&vendor.model(request), &text)

@@ -40,8 +40,8 @@ fn a_flight_tells_what_it_took() {
     let run =
         lab.command(&["fly", "go", "--no-video", "--out", "said", "--vlm", &format!("gemini@{}", crane(Vendor::Gemini).url())]);
     let run = crate::harness::Run::of(&{ run }.env("GEMINI_API_KEY", super::KEY).output().unwrap());
-    assert!(run.stdout.contains("VLM: gemini-robotics-er-2-preview, 5 questions") && run.stdout.contains(" $"), "{}", run.stdout);
-    assert!(run.stderr.contains("gemini-robotics-er-2-preview of Google Gemini at http://127.0.0.1"), "{}", run.stderr);
+    assert!(run.stdout.contains("VLM: gemini-robotics-er-2-preview, 5 queries") && run.stdout.contains('$'), "{}", run.stdout);
+    assert!(run.stderr.contains("gemini-robotics-er-2-preview from Google Gemini at http://127.0.0.1"), "{}", run.stderr);
 }
 
 /// The files of a flight that follow from it alone.
@@ -85,7 +85,7 @@ fn spent_money_ends_the_flight() {
     // A question costs some 0.0013 $.
     let (code, summary) = fly(&lab, &server, Vendor::Gemini, "mine", &["--max-cost", "0.003"]);
     assert_eq!((code, &summary["outcome"]), (5, &"aborted".into()), "{summary}");
-    assert!(summary["cause"].as_str().unwrap().contains("of 0.003 $ (--max-cost)"), "{summary}");
+    assert!(summary["cause"].as_str().unwrap().contains("of $0.003 (--max-cost)"), "{summary}");
     assert_eq!(server.questions().len(), 3);
     let run = lab.spf(&["fly", "go", "--vlm", "ollama", "--max-cost", "1"]);
     assert!(run.code == Some(2) && run.stderr.contains("--max-cost requires a known price"), "{}", run.stderr);
@@ -133,8 +133,8 @@ fn a_model_is_asked_about_the_frames_of_a_flight() {
         assert!(index == 1 || (opinion["now"]["point"] == middle && opinion["cost_usd"].as_f64().unwrap() > 0.0), "{opinion}");
         let words = request.json()["input"][0]["content"][1]["text"].as_str().unwrap().to_owned();
         assert!(words.contains("fly to the red crane") && words.contains("from 0 at the left edge to 768"), "{words}");
-        let picture = spf_media::jpeg::decode(&Vendor::OpenAi.picture(request)).unwrap();
-        assert_eq!((picture.width(), picture.height()), (768, 576));
+        let image = spf_media::jpeg::decode(&Vendor::OpenAi.image(request)).unwrap();
+        assert_eq!((image.width(), image.height()), (768, 576));
     }
     let run = lab.spf(&["replay", "mine/flight.mcap", "--vlm", "replay:some.jsonl"]);
     assert!(run.code == Some(2) && run.stderr.contains("its own flight"), "{}", run.stderr);
@@ -143,7 +143,7 @@ fn a_model_is_asked_about_the_frames_of_a_flight() {
 #[test]
 fn what_cannot_be_asked_is_said_before_anything_flies() {
     let lab = Lab::new();
-    for (args, said) in [
+    for (args, message) in [
         (vec!["--vlm", "gemini"], vec!["no API key set for Google Gemini", "set GOOGLE_API_KEY or GEMINI_API_KEY", "https://"]),
         (vec!["--vlm", "auto"], vec!["no API key set for any vendor", "ANTHROPIC_API_KEY"]),
         (vec!["--vlm", "gemni"], vec!["did you mean `gemini`?"]),
@@ -155,12 +155,12 @@ fn what_cannot_be_asked_is_said_before_anything_flies() {
         (vec!["--vlm", "http://localhost:1/v1"], vec!["a model name is required", "http://localhost:1/v1#MODEL"]),
         (vec!["--vlm", "http://me:secret@localhost:1/v1#m"], vec!["set API keys in the environment"]),
         (vec!["--vlm", "vllm@http://localhost:1/v1?key=secret"], vec!["set API keys in the environment"]),
-        (vec!["--vlm", "vllm@http://"], vec!["is not a server URL"]),
+        (vec!["--vlm", "vllm@http://"], vec!["invalid server URL"]),
         (vec!["--vlm-models", "none.toml", "--vlm", "vllm"], vec!["cannot read the models file"]),
     ] {
         let run = lab.spf(&[&["fly", "go"], args.as_slice()].concat());
         assert_eq!(run.code, Some(2), "{args:?} {}", run.stderr);
-        for words in said {
+        for words in message {
             assert!(run.stderr.contains(words), "{args:?} {words}: {}", run.stderr);
         }
     }

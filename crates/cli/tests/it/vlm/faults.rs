@@ -79,8 +79,8 @@ fn flown(
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let key = |variable: &str| Vendor::ALL.iter().any(|vendor| vendor.key() == variable).then(|| KEY.to_owned());
     let remote = setup::remote(&Table::shipped(), &names, &key, strategy).unwrap();
-    let who: VlmFactory = Arc::new(move |_, _| Ok(Box::new(remote.clone())));
-    let mut plan = plan(who, false);
+    let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(remote.clone())));
+    let mut plan = plan(vlm_factory, false);
     plan.settings.reply_timeout = Duration::from_millis(1500);
     change(&mut plan);
     let mut watch = Watch::default();

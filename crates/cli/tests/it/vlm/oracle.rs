@@ -13,7 +13,7 @@ use spf_flight::sim::{LoadedScene, OracleVlm, SimWorld, Simulated, VlmFactory, o
 use spf_flight::summary::Summary;
 use spf_oracle::ErrorFile;
 use spf_vlm::table::Table;
-use spf_vlm::{Account, Answer, Asked, ImageSpec, QueryImage, Remote, Strategy, Vlm, setup};
+use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Remote, Strategy, Vlm, setup};
 
 use super::KEY;
 use super::server::{Request, Server};
@@ -36,15 +36,15 @@ impl Vlm for Behind {
         self.remote.image_spec(camera)
     }
 
-    fn answer(&mut self, asked: &Asked<'_>, picture: &mut dyn QueryImage) -> Answer {
-        let meant = self.oracle.answer(asked, picture);
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        let meant = self.oracle.answer(request, image);
         let mut words = meant.text.unwrap();
-        if let QueryKind::Point { avoid } = asked.query.kind {
+        if let QueryKind::Point { avoid } = request.query.kind {
             let own = self.image_spec(self.camera).grounding;
             words = parse_reply(&words, &GroundingProfile::default()).unwrap().to_json(&own, avoid);
         }
         self.words.lock().unwrap().clone_from(&words);
-        let answer = self.remote.answer(asked, picture);
+        let answer = self.remote.answer(request, image);
         assert_eq!(answer.text.as_ref().unwrap().trim(), words, "what was said is what was heard");
         // Flown with the oracle's latency, so that flights can be compared.
         Answer { latency: meant.latency, account: Account { requests: answer.account.requests, ..Account::default() }, ..answer }
@@ -56,9 +56,9 @@ fn loaded() -> Arc<LoadedScene> {
     CITY.get_or_init(|| Arc::new(LoadedScene::load("city").unwrap())).clone()
 }
 
-pub(super) fn plan(who: VlmFactory, avoid: bool) -> FlightPlan {
+pub(super) fn plan(vlm_factory: VlmFactory, avoid: bool) -> FlightPlan {
     let site = Simulated { kind: CraftKind::Quad, seed: 2, ..Simulated::new(loaded(), "city") };
-    let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "", who);
+    let plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "", vlm_factory);
     FlightPlan { settings: PilotSettings { avoid, ..plan.settings }, ..plan }
 }
 
@@ -70,13 +70,13 @@ pub(super) fn flown_over(vendor: Vendor, model: Option<&str>, long_side: Option<
     let name = format!("{}{}@{}", vendor.name(), model.map_or(String::new(), |id| format!("#{id}")), server.url());
     let key = |variable: &str| (variable == vendor.key()).then(|| KEY.to_owned());
     let remote = setup::remote(&Table::shipped(), &[&name], &key, Strategy { long_side, ..Strategy::default() }).unwrap();
-    let who: VlmFactory = Arc::new(move |world: Option<&SimWorld>, seed| {
+    let vlm_factory: VlmFactory = Arc::new(move |world: Option<&SimWorld>, seed| {
         let world = world.unwrap();
         let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect")?, seed);
         let camera = (world.camera().width, world.camera().height);
         Ok(Box::new(Behind { oracle, remote: remote.clone(), words: words.clone(), camera }))
     });
-    let summary = fly(plan(who, avoid), &mut []).unwrap().summary;
+    let summary = fly(plan(vlm_factory, avoid), &mut []).unwrap().summary;
     let questions = server.questions();
     // One, and perhaps a second when a question overtakes the end of the answer before it.
     let connections = server.connections.load(std::sync::atomic::Ordering::SeqCst);
@@ -97,8 +97,8 @@ fn every_vendors_wire_carries_a_whole_flight() {
         for request in &questions {
             assert_eq!(request.path.split('#').next().unwrap(), vendor.path(), "{vendor:?}");
             assert!(request.header(vendor.key_header()).unwrap().ends_with(KEY), "{vendor:?}");
-            let picture = spf_media::jpeg::decode(&vendor.picture(request)).unwrap();
-            assert_eq!((picture.width(), picture.height()), (768, 576), "{vendor:?}");
+            let image = spf_media::jpeg::decode(&vendor.image(request)).unwrap();
+            assert_eq!((image.width(), image.height()), (768, 576), "{vendor:?}");
             assert!(request.body.len() < 80_000, "{vendor:?}: {} bytes sent", request.body.len());
         }
     }
@@ -112,8 +112,8 @@ fn obstacles_and_resized_pictures_cross_the_wire() {
     // 756×588 in pixels, and boxes with every point.
     let (summary, questions) = flown_over(Vendor::Chat, Some("Qwen/Qwen2.5-VL-7B-Instruct"), None, true);
     assert_eq!(summary.outcome, Outcome::Reached, "{summary:?}");
-    let picture = spf_media::jpeg::decode(&Vendor::Chat.picture(&questions[0])).unwrap();
-    assert_eq!((picture.width(), picture.height()), (756, 588));
+    let image = spf_media::jpeg::decode(&Vendor::Chat.image(&questions[0])).unwrap();
+    assert_eq!((image.width(), image.height()), (756, 588));
     let schema = &questions[0].json()["response_format"]["json_schema"]["schema"];
     assert_eq!(schema["required"][6], "boxes");
     assert!(questions[0].json().to_string().contains("in pixels of this picture: x runs from 0 at the left edge to 756"));
@@ -136,13 +136,13 @@ fn a_question_taken_back_ends_at_once() {
     let name = format!("vllm@{}", server.url());
     let mut remote = setup::remote(&Table::shipped(), &[&name], &|_| None, Strategy::default()).unwrap();
     let query = super::check::query();
-    let asked = Asked::new(&query, Duration::from_secs(60));
-    let cancel = asked.cancel.clone();
+    let request = QueryRequest::new(&query, Duration::from_secs(60));
+    let cancel = request.cancel.clone();
     let taker = std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(300));
         cancel.cancel();
     });
-    let answer = remote.answer(&asked, &mut Grey);
+    let answer = remote.answer(&request, &mut Grey);
     assert_eq!(answer.text.unwrap_err().code(), "cancelled");
     assert!(answer.latency < Duration::from_secs(30), "{:?}", answer.latency);
     taker.join().unwrap();

@@ -37,10 +37,10 @@ fn the_vendors_own_sdks_agree() {
     lab.write("work.json", serde_json::to_vec(&work).unwrap());
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/vlm/vendors.py");
     let output = Command::new(python).arg(script).arg(lab.path("work.json")).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{said}\n{}", String::from_utf8_lossy(&output.stderr));
+    let message = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{message}\n{}", String::from_utf8_lossy(&output.stderr));
     for vendor in Vendor::ALL {
-        assert!(said.contains(&format!("{} agrees", format!("{vendor:?}").to_lowercase())), "{said}");
+        assert!(message.contains(&format!("{} agrees", format!("{vendor:?}").to_lowercase())), "{message}");
     }
 }
 

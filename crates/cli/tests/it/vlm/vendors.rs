@@ -67,7 +67,7 @@ impl Vendor {
     }
 
     /// The picture in a request.
-    pub(crate) fn picture(self, request: &Request) -> Vec<u8> {
+    pub(crate) fn image(self, request: &Request) -> Vec<u8> {
         let body = request.json();
         let data = match self {
             Self::Gemini => &body["contents"][0]["parts"][0]["inlineData"]["data"],

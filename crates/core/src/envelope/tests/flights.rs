@@ -76,17 +76,17 @@ fn ago(now: Time, millis: i64) -> Time {
     Time::from_nanos(now.as_nanos().saturating_add_signed(-millis * 1_000_000))
 }
 
-fn within(is: Setpoint, asked: Setpoint, limits: &Limits) -> Result<(), TestCaseError> {
+fn within(is: Setpoint, requested: Setpoint, limits: &Limits) -> Result<(), TestCaseError> {
     prop_assert!(is.is_finite(), "{is:?}");
     let slack = 1.0 + 1e-12;
     prop_assert!(libm::hypot(is.right, is.forward) <= limits.max_speed * slack, "{is:?}");
     prop_assert!(is.up.abs() <= limits.max_climb && is.yaw_rate.abs() <= limits.max_yaw_rate, "{is:?}");
-    if asked.is_finite() && libm::hypot(asked.right, asked.forward) < 1e6 {
+    if requested.is_finite() && libm::hypot(requested.right, requested.forward) < 1e6 {
         // Limited, slid or stopped; never more than was asked, never the other way.
-        prop_assert!(libm::hypot(is.right, is.forward) <= libm::hypot(asked.right, asked.forward) * slack + 1e-9);
-        prop_assert!(is.right * asked.right + is.forward * asked.forward >= -1e-9, "{is:?} of {asked:?}");
-        prop_assert!(is.up * asked.up >= 0.0 && is.up.abs() <= asked.up.abs());
-        prop_assert!(is.yaw_rate * asked.yaw_rate >= 0.0 && is.yaw_rate.abs() <= asked.yaw_rate.abs());
+        prop_assert!(libm::hypot(is.right, is.forward) <= libm::hypot(requested.right, requested.forward) * slack + 1e-9);
+        prop_assert!(is.right * requested.right + is.forward * requested.forward >= -1e-9, "{is:?} of {requested:?}");
+        prop_assert!(is.up * requested.up >= 0.0 && is.up.abs() <= requested.up.abs());
+        prop_assert!(is.yaw_rate * requested.yaw_rate >= 0.0 && is.yaw_rate.abs() <= requested.yaw_rate.abs());
     }
     Ok(())
 }
@@ -106,7 +106,7 @@ proptest! {
         for (event, step) in events {
             now = ago(now, -step);
             let latest = envelope.now.max(now);
-            let (asked, clearance) = match event {
+            let (requested, clearance) = match event {
                 Event::Telemetry(t, age) => {
                     let telemetry = Telemetry { time: ago(now, age), ..t };
                     envelope.observe_telemetry(now, &telemetry);
@@ -123,8 +123,8 @@ proptest! {
                 }
                 Event::Reply(ok) => { envelope.observe_reply(now, ok); continue }
                 Event::Link(up) => { if up { envelope.link_restored(now) } else { envelope.link_lost(now) } continue }
-                Event::Command(Command::Setpoint(asked)) => {
-                    let clearance = envelope.clear(now, Command::Setpoint(asked)).expect("setpoints are never refused");
+                Event::Command(Command::Setpoint(requested)) => {
+                    let clearance = envelope.clear(now, Command::Setpoint(requested)).expect("setpoints are never refused");
                     let is = clearance.setpoint().expect("a setpoint stays one");
                     if !is.is_hold() {
                         let seen = fresh.expect("no motion before the first frame");
@@ -133,9 +133,9 @@ proptest! {
                         prop_assert!(matches!(envelope.reaction(latest), Reaction::Continue
                             | Reaction::Hold(Cause::AltitudeBreach | Cause::DistanceBreach | Cause::GeofenceBreach)));
                     }
-                    (asked, clearance)
+                    (requested, clearance)
                 }
-                Event::Manual(asked) => (asked, envelope.clear_manual(now, asked)),
+                Event::Manual(requested) => (requested, envelope.clear_manual(now, requested)),
                 Event::Command(Command::TakeOff) => {
                     if let Ok(clearance) = envelope.clear(now, Command::TakeOff) {
                         prop_assert_eq!(envelope.estimate.phase, FlightPhase::OnGround);
@@ -150,8 +150,8 @@ proptest! {
                 }
             };
             let is = clearance.setpoint().expect("a setpoint stays one");
-            within(is, asked, &limits)?;
-            prop_assert_eq!(clearance.changed.is_none(), is == asked || (is.is_hold() && asked.is_hold()));
+            within(is, requested, &limits)?;
+            prop_assert_eq!(clearance.changed.is_none(), is == requested || (is.is_hold() && requested.is_hold()));
             prop_assert_eq!(clearance.cleared.valid_until(), latest + Duration::from_millis(500));
             prop_assert!(envelope.next_deadline(latest).is_some_and(|at| at > latest));
         }
@@ -161,25 +161,25 @@ proptest! {
     #[test]
     fn the_reach_of_what_leaves_is_inside(
         place in (-32.0..32.0_f64, -32.0..32.0_f64, 0.4..11.0_f64), heading in -3.0..3.0_f64,
-        velocity in (-3.0..3.0_f64, -3.0..3.0_f64, -1.0..1.0_f64), asked in any_setpoint().prop_filter("a number", |s| s.is_finite()), max_distance in 10.0..45.0_f64,
+        velocity in (-3.0..3.0_f64, -3.0..3.0_f64, -1.0..1.0_f64), requested in any_setpoint().prop_filter("a number", |s| s.is_finite()), max_distance in 10.0..45.0_f64,
     ) {
-        reach_is_inside(place, heading, velocity, asked, max_distance)?;
+        reach_is_inside(place, heading, velocity, requested, max_distance)?;
     }
 }
 
 /// Turning on the way back, the craft must not fly in on one side and out on another.
 #[test]
 fn a_way_back_that_turns_ends_inside() {
-    let asked = Setpoint { right: 0.0, forward: 247.48767999337304, up: 0.0, yaw_rate: -1.4317031117876124 };
-    reach_is_inside((-26.374545365294615, -30.66691734644264, 0.4), 0.0, (0.0, 0.0, 0.0), asked, 44.4090247433437).unwrap();
+    let requested = Setpoint { right: 0.0, forward: 247.48767999337304, up: 0.0, yaw_rate: -1.4317031117876124 };
+    reach_is_inside((-26.374545365294615, -30.66691734644264, 0.4), 0.0, (0.0, 0.0, 0.0), requested, 44.4090247433437).unwrap();
 }
 
-/// A fence with a bay and a hole, and a craft at `place` (east, north, up; m) that moves at `velocity` and is `asked` to move.
+/// A fence with a bay and a hole, and a craft at `place` (east, north, up; m) that moves at `velocity` and is `requested` to move.
 fn reach_is_inside(
     place: (f64, f64, f64),
     heading: f64,
     velocity: (f64, f64, f64),
-    asked: Setpoint,
+    requested: Setpoint,
     max_distance: f64,
 ) -> Result<(), TestCaseError> {
     let fence = Geofence::from_geojson(
@@ -193,8 +193,8 @@ fn reach_is_inside(
     rig.telemetry.velocity = Some(EnuVelocity { east: velocity.0, north: velocity.1, up: velocity.2 });
     rig.telemetry.attitude.heading = heading;
     rig.fresh(ms(1100));
-    let (is, _) = rig.ask(ms(1100), asked);
-    within(is, asked, &limits)?;
+    let (is, _) = rig.ask(ms(1100), requested);
+    within(is, requested, &limits)?;
 
     let craft = Craft::quad();
     let delay = 0.5 + craft.dead_time + craft.lag;
@@ -250,10 +250,10 @@ impl Body {
         let goal = reach::world_velocity(is, self.heading);
         let pull = |goal: f64, v: f64| (goal - v) / self.craft.lag;
         let (ae, an) = (pull(goal.east, self.v.east), pull(goal.north, self.v.north));
-        let share = (self.craft.acceleration / libm::hypot(ae, an).max(1e-9)).min(1.0);
+        let fraction = (self.craft.acceleration / libm::hypot(ae, an).max(1e-9)).min(1.0);
         let a_up = pull(goal.up, self.v.up).clamp(-self.craft.climb_acceleration, self.craft.climb_acceleration);
-        self.v.east += ae * share * Self::STEP;
-        self.v.north += an * share * Self::STEP;
+        self.v.east += ae * fraction * Self::STEP;
+        self.v.north += an * fraction * Self::STEP;
         self.v.up += a_up * Self::STEP;
         self.at.east += self.v.east * Self::STEP;
         self.at.north += self.v.north * Self::STEP;
@@ -282,14 +282,14 @@ fn fly(craft: Craft, told: bool, seed: u64, silent: (Time, Time)) -> [f64; 4] {
         yaw_rate: 0.0,
         sent: Vec::new(),
     };
-    let mut draw = crate::rng::Draw::new(seed, "flight", &[]);
-    let mut asked = Setpoint::HOLD;
+    let mut draw = crate::rng::RandomStream::new(seed, "flight", &[]);
+    let mut requested = Setpoint::HOLD;
     let mut least = [f64::INFINITY, f64::INFINITY, f64::INFINITY, 0.0];
     for tick in 0..12_000_u64 {
         let now = ms(10 * tick);
         if tick.is_multiple_of(150) {
             let mut stick = |limit: f64| (2.0 * draw.uniform() - 1.0) * 2.0 * limit;
-            asked = Setpoint { right: stick(4.0), forward: stick(6.0), up: stick(2.0), yaw_rate: stick(1.5) };
+            requested = Setpoint { right: stick(4.0), forward: stick(6.0), up: stick(2.0), yaw_rate: stick(1.5) };
         }
         if tick.is_multiple_of(10) {
             rig.telemetry.position = told.then_some(body.at);
@@ -303,7 +303,7 @@ fn fly(craft: Craft, told: bool, seed: u64, silent: (Time, Time)) -> [f64; 4] {
             }
             rig.fresh(now);
             if tick > 0 && !(silent.0..silent.1).contains(&now) {
-                let clearance = rig.envelope.clear_setpoint(now, asked);
+                let clearance = rig.envelope.clear_setpoint(now, requested);
                 assert!(!matches!(rig.envelope.reaction(now), Reaction::Land(_)), "at {now}");
                 body.sent.push((now, clearance.setpoint().unwrap(), clearance.cleared.valid_until()));
                 let old = body.sent.len().saturating_sub(20);

@@ -38,13 +38,13 @@ fn speeds_are_clamped_and_the_direction_kept() {
 fn what_is_not_a_number_is_a_hold() {
     let mut rig = Rig::flying(Limits::default());
     for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        for asked in [
+        for requested in [
             Setpoint { right: x, ..forward(1.0) },
             forward(x),
             Setpoint { up: x, ..forward(1.0) },
             Setpoint { yaw_rate: x, ..forward(1.0) },
         ] {
-            assert_eq!(rig.ask(ms(1000), asked), (Setpoint::HOLD, Some(Cause::NotFinite)));
+            assert_eq!(rig.ask(ms(1000), requested), (Setpoint::HOLD, Some(Cause::NotFinite)));
         }
     }
 }

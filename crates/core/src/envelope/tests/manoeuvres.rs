@@ -12,8 +12,8 @@ fn go(right: f64, forward: f64, up: f64) -> Manoeuvre {
 
 impl Rig {
     /// What is cleared of a manoeuvre, if anything, and why it is not the whole of it.
-    fn fly(&mut self, now: Time, asked: Manoeuvre) -> (Option<Manoeuvre>, Option<Cause>) {
-        let clearance = self.envelope.clear(now, Command::Manoeuvre(asked)).unwrap();
+    fn fly(&mut self, now: Time, requested: Manoeuvre) -> (Option<Manoeuvre>, Option<Cause>) {
+        let clearance = self.envelope.clear(now, Command::Manoeuvre(requested)).unwrap();
         match *clearance.cleared.get() {
             Command::Manoeuvre(manoeuvre) => (Some(manoeuvre), clearance.changed),
             command => {
@@ -35,8 +35,8 @@ fn in_square(east: f64, north: f64, up: f64) -> Rig {
 #[test]
 fn a_manoeuvre_inside_the_limits_passes_and_says_until_when() {
     let mut rig = in_square(0.0, 0.0, 3.0);
-    let asked = go(1.0, 4.0, -0.5);
-    assert_eq!(rig.fly(ms(1100), asked), (Some(asked), None));
+    let requested = go(1.0, 4.0, -0.5);
+    assert_eq!(rig.fly(ms(1100), requested), (Some(requested), None));
     let clearance = rig.envelope.clear_manoeuvre(ms(1100), go(0.0, 3.0, 0.0));
     // Twice the 3 s, and 8 s.
     assert_eq!(clearance.cleared.valid_until(), ms(1100 + 14_000));
@@ -73,19 +73,19 @@ fn a_manoeuvre_is_no_faster_than_allowed() {
 
 #[test]
 fn a_manoeuvre_begins_only_where_a_setpoint_would_move() {
-    let asked = go(0.0, 2.0, 0.0);
+    let requested = go(0.0, 2.0, 0.0);
     let mut rig = Rig::flying(Limits::default());
     rig.tell(ms(2100));
-    assert_eq!(rig.fly(ms(2100), asked), (None, Some(Cause::StaleFrame)));
+    assert_eq!(rig.fly(ms(2100), requested), (None, Some(Cause::StaleFrame)));
     rig.see(ms(2200));
-    assert_eq!(rig.fly(ms(2200), asked), (Some(asked), None));
+    assert_eq!(rig.fly(ms(2200), requested), (Some(requested), None));
     rig.envelope.observe_reply(ms(2200), false);
-    assert_eq!(rig.fly(ms(2200), asked), (None, Some(Cause::FailedReplies)));
+    assert_eq!(rig.fly(ms(2200), requested), (None, Some(Cause::FailedReplies)));
     for phase in [FlightPhase::Manoeuvring, FlightPhase::Landing, FlightPhase::OnGround] {
         let mut rig = Rig::flying(Limits::default());
         rig.telemetry.phase = phase;
         rig.fresh(ms(1100));
-        assert_eq!(rig.fly(ms(1100), asked).0, None, "{phase:?}");
+        assert_eq!(rig.fly(ms(1100), requested).0, None, "{phase:?}");
     }
     for wrong in [go(f64::NAN, 1.0, 0.0), Manoeuvre::Turn { angle: f64::INFINITY }] {
         assert_eq!(Rig::flying(Limits::default()).fly(ms(1000), wrong), (None, Some(Cause::NotFinite)));
@@ -122,12 +122,12 @@ proptest! {
         if let (Some(Manoeuvre::Go { displacement, .. }), _) = rig.fly(ms(1200), go(way.0, way.1, way.2)) {
             let from = EnuPosition { east: at.0, north: at.1, up: at.2 };
             // Also when it goes a tenth farther than it was told.
-            for share in [0.5, 1.0, 1.1] {
-                let part = |x: f64| x * share;
+            for fraction in [0.5, 1.0, 1.1] {
+                let part = |x: f64| x * fraction;
                 let BodyDisplacement { right, forward, up } = displacement;
                 let end = from.displaced(BodyDisplacement { right: part(right), forward: part(forward), up: part(up) }, heading);
                 prop_assert!(end.east.abs() < 20.0 && end.north.abs() < 20.0 && end.up < 30.0, "{:?}", end);
-                prop_assert!(share > 1.0 || end.up > 0.3 - 1e-9);
+                prop_assert!(fraction > 1.0 || end.up > 0.3 - 1e-9);
             }
         }
     }

@@ -23,14 +23,14 @@ fn turns(envelope: &Envelope, at: Time, before: Reaction, after: Reaction) {
 
 #[track_caller]
 fn moves_not(rig: &mut Rig, now: Time, why: Cause) {
-    let asked = Setpoint { right: 0.1, forward: 0.2, up: 0.1, yaw_rate: 0.1 };
-    assert_eq!(rig.ask(now, asked), (Setpoint::HOLD, Some(why)));
+    let requested = Setpoint { right: 0.1, forward: 0.2, up: 0.1, yaw_rate: 0.1 };
+    assert_eq!(rig.ask(now, requested), (Setpoint::HOLD, Some(why)));
 }
 
 #[track_caller]
 fn moves(rig: &mut Rig, now: Time) {
-    let asked = Setpoint { right: 0.1, forward: 0.2, up: 0.1, yaw_rate: 0.1 };
-    assert_eq!(rig.ask(now, asked), (asked, None));
+    let requested = Setpoint { right: 0.1, forward: 0.2, up: 0.1, yaw_rate: 0.1 };
+    assert_eq!(rig.ask(now, requested), (requested, None));
 }
 
 use Reaction::{Continue, Hold, Land};

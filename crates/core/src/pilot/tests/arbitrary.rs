@@ -104,7 +104,7 @@ fn happenings() -> impl Strategy<Value = Happens> {
 /// A policy of which one answer is several moves, flown one after the other from wherever the craft is by then.
 #[derive(Default)]
 struct Legs {
-    asked: Option<QueryId>,
+    pending: Option<QueryId>,
     left: Vec<Primitives>,
     moving: bool,
     next_id: u64,
@@ -129,13 +129,13 @@ impl Policy for Legs {
                 *self = Self { next_id: self.next_id, ..Self::default() };
                 Step::Look
             }
-            PolicyEvent::Frame(view) if self.asked.is_none() && !self.moving => {
+            PolicyEvent::Frame(view) if self.pending.is_none() && !self.moving => {
                 let id = QueryId(self.next_id);
                 self.next_id += 1;
-                self.asked = Some(id);
+                self.pending = Some(id);
                 Step::Ask(Box::new(Query::new(id, view.frame.id, QueryKind::Act { form: ActForm::Commands })))
             }
-            PolicyEvent::Reply { id, text } if self.asked.take_if(|asked| *asked == id).is_some() => {
+            PolicyEvent::Reply { id, text } if self.pending.take_if(|pending| *pending == id).is_some() => {
                 match parse_moves(ActForm::Commands, text) {
                     Ok(reply) if reply.done => Step::Done,
                     Ok(reply) => {
@@ -146,7 +146,7 @@ impl Policy for Legs {
                 }
             }
             PolicyEvent::ReplyFailed { id } => {
-                self.asked.take_if(|asked| *asked == id);
+                self.pending.take_if(|pending| *pending == id);
                 Step::Wait
             }
             PolicyEvent::MoveEnded { completed: true } if self.moving => self.next_leg(),
@@ -168,7 +168,7 @@ struct Chaos {
     pilot: Pilot,
     now: Time,
     counter: u64,
-    asked: Vec<(Time, QueryId)>,
+    queries: Vec<(Time, QueryId)>,
     /// Queries that are out, as the pilot's own actions say.
     out: BTreeSet<QueryId>,
     legs: bool,
@@ -202,7 +202,7 @@ impl Chaos {
             pilot,
             now: Time::ZERO,
             counter: 0,
-            asked: Vec::new(),
+            queries: Vec::new(),
             out: BTreeSet::new(),
             legs,
             up: 0.0,
@@ -250,7 +250,7 @@ impl Chaos {
                 }
                 Some(Action::Ask(query)) => {
                     assert!(self.out.insert(query.id), "an id twice");
-                    self.asked.push((self.now, query.id));
+                    self.queries.push((self.now, query.id));
                 }
                 Some(Action::Cancel(id)) => {
                     assert!(self.out.remove(&id), "cancels what is not out");
@@ -341,7 +341,7 @@ impl Chaos {
     }
 
     fn id(&self, which: u64) -> QueryId {
-        QueryId(self.asked.last().map_or(which, |(_, id)| id.0.saturating_sub(which)))
+        QueryId(self.queries.last().map_or(which, |(_, id)| id.0.saturating_sub(which)))
     }
 
     fn telemetry(&self, age: i64) -> Telemetry {
@@ -419,7 +419,7 @@ impl Chaos {
             }
             self.tell(Event::Telemetry(self.telemetry(0)));
             self.frame(100, true, false);
-            if let Some(&(at, id)) = self.asked.last()
+            if let Some(&(at, id)) = self.queries.last()
                 && self.now.since(at) >= secs(0.3)
                 && self.now.since(at) < secs(0.36)
             {

@@ -75,9 +75,9 @@ fn a_policy_asks_three_dependent_questions_on_one_frame_then_moves_and_asks_whil
             Answer::After(secs(1.0), text.to_owned())
         });
         assert_eq!(flight.end(), Outcome::Reached, "{preset:?}");
-        let asked: Vec<(u64, &str)> = flight.asked.iter().map(|(_, query)| (query.frame.0, &*query.prompt)).collect();
-        assert_eq!(asked.len(), 8, "two rounds of three and one");
-        for round in asked.chunks(4) {
+        let queries: Vec<(u64, &str)> = flight.queries.iter().map(|(_, query)| (query.frame.0, &*query.prompt)).collect();
+        assert_eq!(queries.len(), 8, "two rounds of three and one");
+        for round in queries.chunks(4) {
             assert!(round.iter().all(|(frame, _)| *frame == round[0].0), "one frame: {round:?}");
             let prompts: Vec<&str> = round.iter().map(|(_, prompt)| *prompt).collect();
             assert_eq!(prompts, ["[]", "[2.0]", "[2.0, 2.0]", "[2.0, 2.0, 2.0]"], "each depends on the answer before");
@@ -89,25 +89,25 @@ fn a_policy_asks_three_dependent_questions_on_one_frame_then_moves_and_asks_whil
         assert_eq!(steps, expected, "{preset:?}");
         assert_eq!(flight.pilot.decisions(), 3);
         // The question while moving went out with the motion, and did not stop it.
-        let thinking = flight.setpoints_since(flight.asked[3].0).take_while(|(at, _)| *at < flight.asked[3].0 + secs(1.0));
+        let thinking = flight.setpoints_since(flight.queries[3].0).take_while(|(at, _)| *at < flight.queries[3].0 + secs(1.0));
         assert!(thinking.filter(|(_, setpoint)| !setpoint.is_hold()).count() > 7, "{preset:?}");
     }
 }
 
 #[test]
 fn one_failed_question_of_a_round_stops_and_the_round_begins_anew() {
-    let mut asked = 0;
+    let mut queries = 0;
     let mut flight = Setup::preset(Preset::Default).policy(Chooser::new()).fly(move |query, _| {
-        asked += 1;
+        queries += 1;
         match query.kind {
-            _ if asked == 2 => Answer::FailsAfter(secs(0.5)),
+            _ if queries == 2 => Answer::FailsAfter(secs(0.5)),
             QueryKind::Choose => Answer::After(secs(0.5), "1".to_owned()),
             _ => Answer::After(secs(0.5), "done".to_owned()),
         }
     });
     assert_eq!(flight.end(), Outcome::Reached);
-    assert_ne!(flight.asked[1].1.frame, flight.asked[2].1.frame);
-    assert_eq!(flight.asked[2].1.prompt, "[]");
+    assert_ne!(flight.queries[1].1.frame, flight.queries[2].1.frame);
+    assert_eq!(flight.queries[2].1.prompt, "[]");
 }
 
 /// A policy that never waits, whatever it is told.
@@ -182,7 +182,7 @@ impl Policy for Eager {
 fn a_part_of_an_answer_may_move_and_the_answer_counts_once() {
     let mut flight = Setup::preset(Preset::Default).policy(Eager { moved: false, id: 0 }).fly(|_, _| Answer::Never);
     flight.until_asked(1);
-    let id = flight.asked[0].1.id;
+    let id = flight.queries[0].1.id;
     for text in ["for", "forward", "forward"] {
         flight.pass(0.2);
         flight.tell(Event::Chunk { id, text: text.to_owned() });

@@ -41,9 +41,9 @@ fn a_link_that_comes_back_is_flown_on() {
         let mut flight = Setup::preset(preset).fly(perfect(target(4.0, 30.0, 5.0), 1.0));
         flight.until_moving();
         flight.tell(Event::LinkLost);
-        let asked = flight.asked.len();
+        let queries = flight.queries.len();
         flight.pass(3.0);
-        assert!(flight.asked.len() <= asked + 1 && flight.setpoint().is_hold());
+        assert!(flight.queries.len() <= queries + 1 && flight.setpoint().is_hold());
         flight.tell(Event::LinkRestored);
         assert_eq!(flight.end(), Outcome::Reached, "{preset:?}");
     }
@@ -79,10 +79,10 @@ fn a_low_battery_lands_as_aborted() {
 #[test]
 fn failed_replies_hold_and_ask_again_and_the_fifth_in_a_row_lands_as_failed() {
     for preset in PRESETS {
-        let mut asked = 0;
+        let mut queries = 0;
         let mut flight = Setup::preset(preset).fly(move |_, _| {
-            asked += 1;
-            if asked == 5 { Answer::After(secs(0.5), navigate(0.5, 0.5, 5)) } else { Answer::FailsAfter(secs(0.5)) }
+            queries += 1;
+            if queries == 5 { Answer::After(secs(0.5), navigate(0.5, 0.5, 5)) } else { Answer::FailsAfter(secs(0.5)) }
         });
         flight.until_asked(5);
         flight.pass(0.4);
@@ -91,7 +91,7 @@ fn failed_replies_hold_and_ask_again_and_the_fifth_in_a_row_lands_as_failed() {
         flight.until_moving();
         flight.until_asked(10);
         let flight = ends(flight, Outcome::Failed, "replies");
-        assert_eq!(flight.asked.len(), 10);
+        assert_eq!(flight.queries.len(), 10);
         assert_eq!(flight.pilot.decisions(), 1);
     }
 }
@@ -102,10 +102,10 @@ fn a_failed_reply_stops_the_motion_in_time() {
     for answer in [Answer::FailsAfter(secs(0.8)), Answer::After(secs(0.8), "I cannot see a picture.".to_owned()), Answer::Never] {
         let mut setup = Setup::preset(Preset::Default);
         setup.settings.reply_timeout = secs(0.9);
-        let mut asked = 0;
+        let mut queries = 0;
         let mut flight = setup.fly(move |_, _| {
-            asked += 1;
-            if asked == 1 { Answer::After(secs(0.5), navigate(0.5, 0.5, 10)) } else { answer.clone() }
+            queries += 1;
+            if queries == 1 { Answer::After(secs(0.5), navigate(0.5, 0.5, 10)) } else { answer.clone() }
         });
         flight.until_moving();
         let failed = |flight: &Flight| {
@@ -249,7 +249,7 @@ fn a_craft_that_is_in_the_air_already_is_flown_from_there() {
             flight.operator(OperatorEvent::Hold);
             flight.until_phase(Phase::Held);
             flight.pass(2.0);
-            assert!(flight.asked.is_empty());
+            assert!(flight.queries.is_empty());
             flight.operator(OperatorEvent::Resume);
         }
         assert_eq!(flight.end(), Outcome::Reached);
@@ -289,7 +289,7 @@ fn an_answer_that_comes_while_the_link_is_lost_moves_nothing() {
         flight.until_asked(1);
         flight.tell(Event::LinkLost);
         let lost = flight.now;
-        let id = flight.asked[0].1.id;
+        let id = flight.queries[0].1.id;
         flight.tell(Event::Reply { id, text: navigate(0.5, 0.5, 10) });
         flight.pass(0.45);
         flight.assert_stopped_since(lost);

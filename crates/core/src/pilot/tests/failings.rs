@@ -29,13 +29,13 @@ fn failing_02_landing_after_errors_fires_whatever_the_errors_are() {
         let mut setup = Setup::preset(preset);
         setup.settings.reply_timeout = secs(2.0);
         let answers = answers.clone();
-        let mut asked = 0;
+        let mut queries = 0;
         let mut flight = setup.fly(move |_, _| {
-            asked += 1;
-            answers[(asked - 1) % answers.len()].clone()
+            queries += 1;
+            answers[(queries - 1) % answers.len()].clone()
         });
         assert_eq!(flight.end(), Outcome::Failed, "{preset:?}");
-        assert_eq!(flight.asked.len(), 5, "the fifth in a row lands");
+        assert_eq!(flight.queries.len(), 5, "the fifth in a row lands");
         assert!(flight.setpoints_since(Time::ZERO).all(|(_, setpoint)| setpoint.is_hold()), "an error is no motion");
     }
 }
@@ -47,7 +47,7 @@ fn failing_03_a_frozen_or_blank_frame_is_never_asked_about() {
         let setup = Setup::preset(preset).fault(Stream::Frames, 12.0, None, fault);
         let mut flight = setup.fly(always(navigate(0.5, 0.5, 9), 0.7));
         flight.at(Time::from_secs_f64(20.0));
-        for (at, query) in &flight.asked {
+        for (at, query) in &flight.queries {
             assert!(
                 *at < Time::from_secs_f64(13.0) && flight.frames[query.frame.0 as usize].captured < Time::from_secs_f64(12.0)
             );
@@ -61,9 +61,9 @@ fn failing_03_a_frozen_or_blank_frame_is_never_asked_about() {
     let setup = Setup::preset(Preset::Paper).fault(Stream::Frames, 0.0, None, Fault::Blank { p: 0.7 });
     let mut flight = setup.fly(perfect(target(0.0, 25.0, 6.0), 0.2));
     assert_eq!(flight.end(), Outcome::Reached);
-    let mut frames: Vec<FrameId> = flight.asked.iter().map(|(_, query)| query.frame).collect();
+    let mut frames: Vec<FrameId> = flight.queries.iter().map(|(_, query)| query.frame).collect();
     frames.dedup();
-    assert_eq!(frames.len(), flight.asked.len());
+    assert_eq!(frames.len(), flight.queries.len());
     for frame in frames {
         assert!(flight.delivered.iter().any(|(_, delivered)| delivered.id == frame && delivered.unusable.is_none()));
     }
@@ -75,18 +75,18 @@ fn failing_05_the_late_reply_of_a_timed_out_call_moves_nothing() {
     for preset in PRESETS {
         let mut setup = Setup::preset(preset);
         setup.settings.reply_timeout = secs(2.0);
-        let mut asked = 0;
+        let mut queries = 0;
         let mut flight = setup.fly(move |_, _| {
-            asked += 1;
-            if asked == 1 { Answer::After(secs(4.0), navigate(0.9, 0.2, 10)) } else { Answer::Never }
+            queries += 1;
+            if queries == 1 { Answer::After(secs(4.0), navigate(0.9, 0.2, 10)) } else { Answer::Never }
         });
         flight.until_asked(1);
-        let (at, first) = flight.asked[0].clone();
+        let (at, first) = flight.queries[0].clone();
         flight.at(at + secs(6.0));
         assert_eq!(flight.cancelled.first(), Some(&(at + secs(2.0), first.id)), "the call is told to end, at its deadline");
         assert_eq!((flight.pilot.late_replies(), flight.pilot.decisions()), (1, 0));
         assert!(flight.setpoints_since(Time::ZERO).all(|(_, setpoint)| setpoint.is_hold()));
-        assert!(flight.asked.len() > 1, "and it is asked again");
+        assert!(flight.queries.len() > 1, "and it is asked again");
     }
 }
 
@@ -98,7 +98,7 @@ fn failing_06_the_next_frame_is_one_at_rest_and_rest_is_not_waited_for_twice() {
         setup.settings.think = Think::Stop;
         let mut flight = setup.fly(perfect(target(-10.0, 30.0, 8.0), 1.0));
         assert_eq!(flight.end(), Outcome::Reached);
-        for pair in flight.asked.windows(2) {
+        for pair in flight.queries.windows(2) {
             let moved: Vec<Time> =
                 flight.setpoints_since(pair[0].0).filter(|(at, s)| *at < pair[1].0 && !s.is_hold()).map(|(at, _)| at).collect();
             let Some(last) = moved.last() else { continue };
@@ -177,8 +177,8 @@ fn failing_15_a_decision_asks_once_about_one_frame_and_ids_are_unique() {
     for preset in PRESETS {
         let mut flight = Setup::preset(preset).fly(perfect(target(8.0, 40.0, 6.0), 0.3));
         assert_eq!(flight.end(), Outcome::Reached);
-        assert_eq!(flight.asked.len(), flight.decisions().count() + flight.cancelled.len());
-        assert!(flight.asked.is_sorted_by(|a, b| a.1.id < b.1.id && a.1.frame < b.1.frame), "ids and frames count up");
+        assert_eq!(flight.queries.len(), flight.decisions().count() + flight.cancelled.len());
+        assert!(flight.queries.is_sorted_by(|a, b| a.1.id < b.1.id && a.1.frame < b.1.frame), "ids and frames count up");
         assert!(flight.decisions().map(|decision| decision.number).eq(1..=flight.pilot.decisions()));
     }
 }

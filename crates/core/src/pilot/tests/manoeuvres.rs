@@ -41,7 +41,7 @@ fn a_whole_flight_by_manoeuvres_arrives() {
     // No setpoint moves it but where too little was left for a manoeuvre.
     let sticks: Vec<_> = flight.setpoints_since(Time::ZERO).filter(|(_, setpoint)| !setpoint.is_hold()).collect();
     assert!(sticks.len() < 20, "{sticks:?}");
-    assert!(flight.asked.iter().all(|(_, query)| flight.frames[usize::try_from(query.frame.0).unwrap()].speed < 0.1));
+    assert!(flight.queries.iter().all(|(_, query)| flight.frames[usize::try_from(query.frame.0).unwrap()].speed < 0.1));
 }
 
 #[test]

@@ -144,7 +144,7 @@ impl Setup {
             refuses_manoeuvres: false,
             frames: Vec::new(),
             delivered: Vec::new(),
-            asked: Vec::new(),
+            queries: Vec::new(),
             cancelled: Vec::new(),
             commands: Vec::new(),
             notes: Vec::new(),
@@ -179,7 +179,7 @@ struct Flight {
     frames: Vec<Seen>,
     /// Frames as they reached the pilot, and when.
     delivered: Vec<(Time, FrameMeta)>,
-    asked: Vec<(Time, Query)>,
+    queries: Vec<(Time, Query)>,
     cancelled: Vec<(Time, QueryId)>,
     commands: Vec<(Time, Command)>,
     notes: Vec<(Time, Note)>,
@@ -325,7 +325,7 @@ impl Flight {
         let seen = self.frames[usize::try_from(query.frame.0).unwrap()];
         let answer = (self.vlm)(&query, &seen);
         let id = query.id;
-        self.asked.push((self.now, query));
+        self.queries.push((self.now, query));
         match answer {
             Answer::After(latency, text) => {
                 let blank = Event::Reply { id, text: String::new() };
@@ -438,7 +438,7 @@ impl Flight {
     }
 
     fn until_asked(&mut self, queries: usize) {
-        self.until("a query", |flight| flight.asked.len() >= queries);
+        self.until("a query", |flight| flight.queries.len() >= queries);
     }
 
     /// Until the craft is commanded to move at least this fast.

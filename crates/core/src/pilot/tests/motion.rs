@@ -13,8 +13,8 @@ fn stop_mode_asks_about_frames_captured_at_rest_only() {
         setup.settings.motion = motion;
         let mut flight = setup.fly(perfect(target(-14.0, 22.0, 9.0), 1.0));
         assert_eq!(flight.end(), Outcome::Reached);
-        assert!(flight.asked.len() > 4);
-        for (at, query) in &flight.asked {
+        assert!(flight.queries.len() > 4);
+        for (at, query) in &flight.queries {
             let seen = flight.frames[usize::try_from(query.frame.0).unwrap()];
             assert!(seen.speed < 0.1 && seen.yaw_rate < REST_YAW_RATE, "{motion:?} at {at}: {seen:?}");
         }
@@ -28,7 +28,7 @@ fn stop_mode_waits_no_longer_than_one_and_a_half_seconds_for_rest() {
     flight.until_phase(Phase::Flying);
     flight.model.creep = [0.3, 0.0];
     flight.until_asked(4);
-    for pair in flight.asked[1..].windows(2) {
+    for pair in flight.queries[1..].windows(2) {
         let moved = flight.setpoints_since(pair[0].0).take_while(|(at, _)| *at < pair[1].0);
         let last = moved.filter(|(_, setpoint)| !setpoint.is_hold()).last().unwrap().0;
         let seen = flight.frames[usize::try_from(pair[1].1.frame.0).unwrap()];
@@ -42,7 +42,7 @@ fn continuous_mode_keeps_flying_while_the_answer_is_out() {
     let mut flight = Setup::preset(Preset::Default).fly(perfect(target(5.0, 40.0, 5.0), 2.0));
     flight.until("the third decision", |flight| flight.decisions().count() == 3);
     let decisions: Vec<Decision> = flight.decisions().cloned().collect();
-    let thinking = flight.setpoints_since(decisions[1].asked).filter(|(at, _)| *at < decisions[1].answered);
+    let thinking = flight.setpoints_since(decisions[1].queried_at).filter(|(at, _)| *at < decisions[1].answered);
     assert!(thinking.filter(|(_, setpoint)| !setpoint.is_hold()).count() > 15);
     let seen = flight.frames[usize::try_from(decisions[2].frame.0).unwrap()];
     assert!(seen.speed > 1.0, "the frame of the third question is one in motion: {seen:?}");
@@ -53,10 +53,10 @@ fn continuous_mode_keeps_flying_while_the_answer_is_out() {
 fn third_answer(latency: f64, third: String) -> Flight {
     let mut setup = Setup::preset(Preset::Default);
     setup.settings.reply_timeout = secs(30.0);
-    let mut asked = 0;
+    let mut queries = 0;
     let mut flight = setup.fly(move |_, _| {
-        asked += 1;
-        match asked {
+        queries += 1;
+        match queries {
             1 => Answer::After(secs(0.5), navigate(0.9, 0.45, 10)),
             2 => Answer::After(secs(1.2), navigate(0.9, 0.45, 10)),
             3 => Answer::After(secs(latency), third.clone()),
@@ -126,10 +126,10 @@ fn of_a_plan_already_passed_the_turn_is_flown() {
     for motion in [Motion::Blended, Motion::Sequential] {
         let mut setup = Setup::preset(Preset::Default);
         setup.settings.motion = motion;
-        let mut asked = 0;
+        let mut queries = 0;
         let mut flight = setup.fly(move |_, _| {
-            asked += 1;
-            match asked {
+            queries += 1;
+            match queries {
                 1 => Answer::After(secs(0.5), navigate(0.5, 0.45, 8)),
                 // About a frame of this flight's first second, when the craft has long flown on.
                 2 => Answer::After(secs(6.0), navigate(0.95, 0.45, 1)),
@@ -157,10 +157,10 @@ fn of_a_plan_already_passed_the_turn_is_flown() {
 #[test]
 fn a_goal_too_near_to_stop_before_is_not_flown_back_to() {
     for latency in [0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1] {
-        let mut asked = 0;
+        let mut queries = 0;
         let mut flight = Setup::preset(Preset::Default).fly(move |_, _| {
-            asked += 1;
-            match asked {
+            queries += 1;
+            match queries {
                 1 => Answer::After(secs(0.5), navigate(0.5, 0.45, 10)),
                 2 => Answer::After(secs(1.6), navigate(0.5, 0.45, 10)),
                 3 => Answer::After(secs(latency), navigate(0.5, 0.45, 6)),

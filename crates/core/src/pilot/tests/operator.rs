@@ -101,15 +101,15 @@ fn hold_in_every_phase() {
             When::TakeOff => {
                 flight.pass(10.0);
                 assert_eq!(flight.pilot.phase(), Phase::Held);
-                assert!(flight.asked.is_empty() && flight.setpoint().is_hold());
+                assert!(flight.queries.is_empty() && flight.setpoint().is_hold());
             }
             When::Landing | When::Ended => assert!(ignored, "{when:?}"),
             _ => {
                 assert_eq!((phase, ignored), (Phase::Held, false), "{when:?}");
-                let asked = flight.asked.len();
+                let queries = flight.queries.len();
                 flight.pass(10.0);
                 flight.assert_stopped_since(at);
-                assert_eq!((flight.pilot.phase(), flight.asked.len()), (Phase::Held, asked), "{when:?}: asks nothing");
+                assert_eq!((flight.pilot.phase(), flight.queries.len()), (Phase::Held, queries), "{when:?}: asks nothing");
                 assert!(flight.model.velocity.speed() < 0.01 && flight.phase == FlightPhase::Flying);
             }
         }
@@ -128,9 +128,9 @@ fn resume_in_every_phase() {
             }
             When::Held | When::Manual => {
                 assert_eq!((phase, ignored), (Phase::Flying, false), "{when:?}");
-                let asked = flight.asked.len();
-                flight.until_asked(asked + 1);
-                let seen = flight.frames[usize::try_from(flight.asked[asked].1.frame.0).unwrap()];
+                let queries = flight.queries.len();
+                flight.until_asked(queries + 1);
+                let seen = flight.frames[usize::try_from(flight.queries[queries].1.frame.0).unwrap()];
                 assert!(seen.captured >= at && seen.speed < 0.1, "{when:?}: goes on from a fresh frame, at rest: {seen:?}");
                 flight.until_moving();
             }
@@ -159,7 +159,7 @@ fn a_setpoint_in_every_phase() {
         }
         assert_eq!((phase, ignored), (Phase::Manual, false), "{when:?}");
         assert_eq!(flight.setpoint(), LEFT, "{when:?}: at once");
-        let asked = flight.asked.len();
+        let queries = flight.queries.len();
         // Keys repeat; nothing is decided meanwhile, and answers that were out move nothing.
         for _ in 0..30 {
             flight.pass(0.1);
@@ -171,7 +171,7 @@ fn a_setpoint_in_every_phase() {
         let stopped = flight.setpoints_since(released).find(|(_, setpoint)| setpoint.is_hold()).unwrap().0;
         assert!(stopped.since(released) <= secs(0.5), "{when:?}: a released key stops after {:?}", stopped.since(released));
         assert!(flight.setpoints_since(stopped).all(|(_, setpoint)| setpoint.is_hold()));
-        assert_eq!((flight.pilot.phase(), flight.asked.len()), (Phase::Manual, asked), "{when:?}: until resume");
+        assert_eq!((flight.pilot.phase(), flight.queries.len()), (Phase::Manual, queries), "{when:?}: until resume");
     }
 }
 
@@ -194,7 +194,7 @@ fn an_instruction_in_every_phase() {
             assert!(ignored, "{when:?}");
             continue;
         }
-        let (at, asked) = (flight.now, flight.asked.len());
+        let (at, queries) = (flight.now, flight.queries.len());
         let stays = match when {
             When::Ground => Phase::Ground,
             When::GroundHeld => Phase::Ground,
@@ -207,12 +207,12 @@ fn an_instruction_in_every_phase() {
         assert_eq!((phase, ignored), (stays, false), "{when:?}");
         if matches!(when, When::GroundHeld | When::Held | When::Manual) {
             flight.pass(1.0);
-            assert_eq!(flight.asked.len(), asked, "{when:?}: stays held");
+            assert_eq!(flight.queries.len(), queries, "{when:?}: stays held");
             flight.operator(OperatorEvent::Resume);
         }
         let new = |(_, query): &(Time, Query)| query.instruction == "land on the roof";
-        flight.until("the new instruction", |flight| flight.asked.iter().any(new));
-        let (_, query) = flight.asked.iter().find(|asked| new(asked)).unwrap();
+        flight.until("the new instruction", |flight| flight.queries.iter().any(new));
+        let (_, query) = flight.queries.iter().find(|queries| new(queries)).unwrap();
         assert_eq!(query.memory, crate::query::Memory::default(), "{when:?}");
         assert!(query.prompt.contains("land on the roof"));
         let seen = flight.frames[usize::try_from(query.frame.0).unwrap()];

@@ -15,14 +15,14 @@ fn a_target_out_of_view_is_searched_by_turns_a_climb_and_turns_again_until_not_f
         assert_eq!(moves, [&circle[..], &[(0.0, 3.0)], &circle].concat(), "{preset:?}");
         assert_eq!(flight.pilot.decisions(), 12);
         // Told with each look, in the pilot's own count.
-        let turned: Vec<f64> = flight.asked.iter().map(|(_, query)| query.memory.turned.to_degrees().round()).collect();
+        let turned: Vec<f64> = flight.queries.iter().map(|(_, query)| query.memory.turned.to_degrees().round()).collect();
         assert_eq!(turned[..7], [0.0, 72.0, 144.0, 216.0, 288.0, 360.0, 360.0]);
-        for (_, query) in &flight.asked {
+        for (_, query) in &flight.queries {
             let seen = flight.frames[usize::try_from(query.frame.0).unwrap()];
             assert!(seen.speed < 0.1 && seen.yaw_rate < 3.0_f64.to_radians(), "{preset:?}: half a turn answers nothing");
         }
         if preset == Preset::Default {
-            for pair in flight.asked.windows(2).take(5) {
+            for pair in flight.queries.windows(2).take(5) {
                 let heading = |i: usize| flight.frames[usize::try_from(pair[i].1.frame.0).unwrap()].pose.attitude.heading;
                 let turned = wrap_angle(heading(1) - heading(0)).to_degrees();
                 assert!((turned - 72.0).abs() < 3.0, "truly turned by {turned}");
@@ -64,31 +64,31 @@ fn the_search_looks_where_the_answer_says_and_finds() {
 /// A later search is a new one: what was turned before the target was seen does not count.
 #[test]
 fn a_sighting_resets_the_search() {
-    let mut asked = 0;
+    let mut queries = 0;
     let mut flight = Setup::preset(Preset::Default).fly(move |_, _| {
-        asked += 1;
-        Answer::After(secs(0.3), if asked == 5 { navigate(0.2, 0.5, 2) } else { not_visible(Look::Left) })
+        queries += 1;
+        Answer::After(secs(0.3), if queries == 5 { navigate(0.2, 0.5, 2) } else { not_visible(Look::Left) })
     });
     assert_eq!(flight.end(), Outcome::NotFound);
     assert_eq!(flight.pilot.decisions(), 5 + 12);
-    assert_eq!(flight.asked[5].1.memory.last_seen, Some(Look::Left));
+    assert_eq!(flight.queries[5].1.memory.last_seen, Some(Look::Left));
 }
 
 /// A search turn that latency and a residual motion have begun is measured from its frame.
 #[test]
 fn a_search_turn_in_continuous_mode_is_measured_from_its_frame() {
-    let mut asked = 0;
+    let mut queries = 0;
     let mut flight = Setup::preset(Preset::Default).fly(move |_, _| {
-        asked += 1;
-        match asked {
+        queries += 1;
+        match queries {
             1 | 2 => Answer::After(secs(0.9), navigate(0.95, 0.5, 9)),
             3 => Answer::After(secs(1.0), not_visible(Look::Right)),
             _ => Answer::Never,
         }
     });
     flight.until_asked(4);
-    let heading = |i: usize| flight.frames[usize::try_from(flight.asked[i].1.frame.0).unwrap()].pose.attitude.heading;
-    let third = flight.frames[usize::try_from(flight.asked[2].1.frame.0).unwrap()];
+    let heading = |i: usize| flight.frames[usize::try_from(flight.queries[i].1.frame.0).unwrap()].pose.attitude.heading;
+    let third = flight.frames[usize::try_from(flight.queries[2].1.frame.0).unwrap()];
     assert!(third.yaw_rate > 0.05, "asked while turning: {third:?}");
     assert!((wrap_angle(heading(3) - heading(2)).to_degrees() - 72.0).abs() < 3.0);
 }
@@ -114,11 +114,11 @@ fn an_instruction_changed_in_flight_is_flown_instead() {
 fn query_ids_are_unique_over_instructions() {
     let mut flight = Setup::preset(Preset::Default).fly(always(navigate(0.5, 0.5, 4), 1.0));
     for i in 0..5 {
-        let asked = flight.asked.len();
-        flight.until_asked(asked + 2);
+        let queries = flight.queries.len();
+        flight.until_asked(queries + 2);
         flight.operator(OperatorEvent::Instruction(format!("instruction {i}")));
     }
-    let ids: Vec<u64> = flight.asked.iter().map(|(_, query)| query.id.0).collect();
+    let ids: Vec<u64> = flight.queries.iter().map(|(_, query)| query.id.0).collect();
     assert!(ids.is_sorted_by(|a, b| a < b), "{ids:?}");
 }
 
@@ -189,7 +189,7 @@ fn looking_down_at_the_floor_goes_on_at_once() {
     let mut flight = Setup::preset(Preset::Default).fly(always(not_visible(Look::Down), 0.4));
     flight.until_asked(8);
     assert!(flight.model.position.up < 0.8, "{:?}", flight.model.position);
-    for pair in flight.asked.windows(2) {
+    for pair in flight.queries.windows(2) {
         let took = pair[1].0.since(pair[0].0).as_secs_f64();
         assert!(took < 6.5, "{took} s at {:?}", pair[0].0);
     }

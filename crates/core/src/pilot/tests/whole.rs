@@ -45,12 +45,12 @@ fn done_is_believed_at_once_by_the_paper_and_after_a_second_look_from_rest_by_de
         });
         assert_eq!(flight.end(), Outcome::Reached);
         let steps: Vec<&str> = flight.decisions().map(|decision| decision.step.as_str()).collect();
-        let confirming: Vec<bool> = flight.asked.iter().map(|(_, query)| query.memory.confirming).collect();
+        let confirming: Vec<bool> = flight.queries.iter().map(|(_, query)| query.memory.confirming).collect();
         if preset == Preset::Paper {
             assert_eq!((steps, confirming), (vec!["move", "done"], vec![false, false]));
         } else {
             assert_eq!((steps, confirming), (vec!["move", "look", "done"], vec![false, false, true]));
-            let [.., (_, last)] = &*flight.asked else { unreachable!() };
+            let [.., (_, last)] = &*flight.queries else { unreachable!() };
             let seen = flight.frames[usize::try_from(last.frame.0).unwrap()];
             assert!(seen.speed < 0.1 && seen.yaw_rate < 3.0_f64.to_radians(), "second look in motion: {seen:?}");
             let looked = flight.decisions().nth(1).unwrap().answered;

@@ -38,17 +38,17 @@ fn view(id: u64) -> View {
     View { frame, camera: Camera::quad(), pose: Pose::default(), at_rest: true }
 }
 
-fn asked(step: Step) -> Query {
+fn sent_query(step: Step) -> Query {
     let Step::Ask(query) = step else { panic!("{step:?}") };
     *query
 }
 
 /// What the policy does when it sees a frame, hears this list, and then this answer.
 fn decided(spf: &mut Spf, frame: u64, list: &str, answer: &str) -> (Query, Step) {
-    let detect = asked(spf.handle(PolicyEvent::Frame(&view(frame))));
+    let detect = sent_query(spf.handle(PolicyEvent::Frame(&view(frame))));
     assert_eq!(detect.kind, QueryKind::Detect { coco: true, scored: true });
     assert_eq!((detect.frame, detect.image_size), (FrameId(frame), None), "a detector sees the camera's frame");
-    let point = asked(spf.handle(PolicyEvent::Reply { id: detect.id, text: list }));
+    let point = sent_query(spf.handle(PolicyEvent::Reply { id: detect.id, text: list }));
     assert_eq!((&point.kind, point.frame), (&QueryKind::Point { avoid: false }, FrameId(frame)));
     let step = spf.handle(PolicyEvent::Reply { id: point.id, text: answer });
     (point, step)
@@ -94,10 +94,10 @@ fn the_target_is_no_obstacle() {
 #[test]
 fn without_a_list_nobody_points() {
     let mut spf = policy(true);
-    let detect = asked(spf.handle(PolicyEvent::Frame(&view(0))));
+    let detect = sent_query(spf.handle(PolicyEvent::Frame(&view(0))));
     assert_eq!(spf.handle(PolicyEvent::Frame(&view(1))), Step::Wait);
     assert!(matches!(spf.handle(PolicyEvent::Reply { id: detect.id, text: "I see a car." }), Step::Reject(_)));
-    let again = asked(spf.handle(PolicyEvent::Frame(&view(1))));
+    let again = sent_query(spf.handle(PolicyEvent::Frame(&view(1))));
     assert_eq!(spf.handle(PolicyEvent::ReplyFailed { id: again.id }), Step::Wait);
     // A new instruction keeps the detector.
     spf.handle(PolicyEvent::Instruction("land"));
@@ -116,7 +116,7 @@ fn a_second_look_begins_with_a_list_too() {
 
 #[test]
 fn out_of_obstacle_mode_no_detector_is_asked() {
-    let query = asked(policy(false).handle(PolicyEvent::Frame(&view(0))));
+    let query = sent_query(policy(false).handle(PolicyEvent::Frame(&view(0))));
     assert_eq!((&query.kind, query.detections.len()), (&QueryKind::Point { avoid: false }, 0));
 }
 
@@ -162,7 +162,7 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
     assert!(!forward(decided(&mut spf, 0, "none", aside).1), "it has turned elsewhere");
     // Out of obstacle mode it flies as the paper does.
     let mut spf = policy(false);
-    let query = asked(spf.handle(PolicyEvent::Frame(&view(0))));
+    let query = sent_query(spf.handle(PolicyEvent::Frame(&view(0))));
     let step = spf.handle(PolicyEvent::Reply { id: query.id, text: aside });
     assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0), "{step:?}");
 }

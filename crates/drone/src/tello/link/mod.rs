@@ -402,9 +402,9 @@ impl Link {
         let heading = self.heading();
         let (sin, cos) = (libm::sin(heading), libm::cos(heading));
         let wanted = [setpoint.right * cos + setpoint.forward * sin, setpoint.forward * cos - setpoint.right * sin, setpoint.up];
-        let share = 1.0 - libm::exp(-now.since(before).as_secs_f64() / LAG);
+        let fraction = 1.0 - libm::exp(-now.since(before).as_secs_f64() / LAG);
         for (modelled, wanted) in self.modelled.iter_mut().zip(wanted) {
-            *modelled += (wanted - *modelled) * share;
+            *modelled += (wanted - *modelled) * fraction;
         }
     }
 
@@ -422,7 +422,7 @@ impl Link {
             let length = 0.1 * libm::hypot(f64::from(x), f64::from(y));
             let [east, north, up] = self.modelled;
             let expected = libm::hypot(east, north);
-            let share = if expected > SIGN { length / expected } else { 0.0 };
+            let fraction = if expected > SIGN { length / expected } else { 0.0 };
             let rises = match self.phase {
                 FlightPhase::TakingOff => 1.0,
                 FlightPhase::Landing => -1.0,
@@ -430,7 +430,7 @@ impl Link {
                 _ => 0.0,
             };
             let up = 0.1 * f64::from(z.abs()) * rises;
-            EnuVelocity { east: east * share, north: north * share, up }
+            EnuVelocity { east: east * fraction, north: north * fraction, up }
         });
         Telemetry {
             time: now,
@@ -479,17 +479,17 @@ impl Link {
             return Some(text);
         }
         self.fly_manoeuvre(now);
-        let said = self.conversation.poll(now);
-        if said.as_deref() == Some(TakeOff::COMMAND)
+        let sent = self.conversation.poll(now);
+        if sent.as_deref() == Some(TakeOff::COMMAND)
             && let Some(take_off) = &mut self.take_off
         {
             take_off.sent = Some(now);
         }
-        if let Some(flown) = self.manoeuvre.as_ref().filter(|flown| Some(&flown.text) == said.as_ref()) {
+        if let Some(flown) = self.manoeuvre.as_ref().filter(|flown| Some(&flown.text) == sent.as_ref()) {
             self.sent.push_back((now, flown.velocity));
         }
         self.settle(now);
-        said
+        sent
     }
 }
 

@@ -1,6 +1,6 @@
 //! A yard for tests and benches of the renderer: boxes, balls, a lattice mast, a gate.
 
-#![allow(dead_code, unreachable_pub, reason = "each test and bench uses its share")]
+#![allow(dead_code, unreachable_pub, reason = "each test and bench uses a part of it")]
 
 use glam::{Vec2, Vec3};
 use spf_scene::geometry::{Light, Material, Part, Pattern, Role, SceneGeometry, Vertex};

@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use toml::Spanned;
 
 use super::super::expand::{self, Expanded, Placed};
@@ -30,11 +30,11 @@ pub(super) struct Reach {
 }
 
 /// Lets things change places, two at a time, wherever both have room (Fisher and Yates, with more tries).
-pub(super) fn shuffle(who: &[usize], placed: &mut [Placed], room: &mut Room, draw: &mut Draw) {
-    for last in (1..who.len()).rev() {
+pub(super) fn shuffle(objects: &[usize], placed: &mut [Placed], room: &mut Room, rng: &mut RandomStream) {
+    for last in (1..objects.len()).rev() {
         for _ in 0..TRIES {
-            let other = draw.below(last + 1);
-            let (a, b) = (who[last], who[other]);
+            let other = rng.below(last + 1);
+            let (a, b) = (objects[last], objects[other]);
             let to = |object, tenant| Move { object, place: room.place(tenant), tenant: Some(tenant) };
             let moves = [to(a, b), to(b, a)];
             if other == last {
@@ -51,14 +51,14 @@ pub(super) fn shuffle(who: &[usize], placed: &mut [Placed], room: &mut Room, dra
 }
 
 /// Moves some things as one, turning about the first, if they have room somewhere within reach.
-pub(super) fn jitter(group: &[usize], reach: Reach, placed: &mut [Placed], room: &mut Room, draw: &mut Draw) {
+pub(super) fn jitter(group: &[usize], reach: Reach, placed: &mut [Placed], room: &mut Room, rng: &mut RandomStream) {
     let Some(&first) = group.first() else { return };
     let pivot = room.place(first);
     for _ in 0..TRIES {
         // Even over the disc.
-        let distance = reach.distance * libm::sqrt(draw.uniform());
-        let direction = TAU * draw.uniform();
-        let turn_deg = reach.turn_deg * (2.0 * draw.uniform() - 1.0);
+        let distance = reach.distance * libm::sqrt(rng.uniform());
+        let direction = TAU * rng.uniform();
+        let turn_deg = reach.turn_deg * (2.0 * rng.uniform() - 1.0);
         let mut to = pivot;
         to.position[0] += distance * libm::sin(direction);
         to.position[1] += distance * libm::cos(direction);
@@ -72,8 +72,8 @@ pub(super) fn jitter(group: &[usize], reach: Reach, placed: &mut [Placed], room:
 }
 
 /// Lets actors begin elsewhere on their paths, none of them on another.
-pub(super) fn depart(who: &[usize], placed: &mut [Placed], room: &mut Room, draw: &mut Draw) {
-    for &object in who {
+pub(super) fn depart(objects: &[usize], placed: &mut [Placed], room: &mut Room, rng: &mut RandomStream) {
+    for &object in objects {
         let Some(motion) = &mut placed[object].motion else { continue };
         for _ in 0..TRIES {
             if !room.may_look_at_actors() {
@@ -81,7 +81,7 @@ pub(super) fn depart(who: &[usize], placed: &mut [Placed], room: &mut Room, draw
             }
             let courses = room.courses();
             let Some(at) = courses.iter().position(|(of, _)| *of == object) else { break };
-            let start = draw.uniform();
+            let start = rng.uniform();
             courses[at].1.set_start(start);
             let others = courses.iter().enumerate().filter(|(other, _)| *other != at).map(|(_, (_, course))| course);
             if !begins_on(&courses[at].1, others) {
@@ -99,17 +99,17 @@ pub(super) fn add(
     raw: &RawScene,
     expanded: &mut Expanded,
     room: &mut Room,
-    draw: &mut Draw,
+    rng: &mut RandomStream,
     source: &Source<'_>,
 ) -> Result<(), SceneError> {
     let (span, table) = (table.span(), table.get_ref());
     check(table, &span, raw, expanded, source)?;
     let [least, most] = table.count.get_ref().map(|n| n as usize);
-    let count = least + draw.below(most - least + 1);
-    let colours = paint::order(&table.colours, draw);
+    let count = least + rng.below(most - least + 1);
+    let colours = paint::order(&table.colours, rng);
     let places = table.places.get_ref();
     let mut added = 0;
-    for at in permutation(places.len(), draw) {
+    for at in permutation(places.len(), rng) {
         if added == count || expanded.placed.len() >= MAX_OBJECTS || room.is_spent() {
             break;
         }

@@ -13,7 +13,7 @@ mod shape;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use toml::Spanned;
 
 use self::room::Room;
@@ -42,31 +42,31 @@ pub(super) fn vary(
         return Ok(());
     }
     for (table, number) in tables.shuffle.iter().zip(0..) {
-        let who = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
-        layout::shuffle(&who, &mut expanded.placed, &mut room, &mut Draw::new(seed, "vary shuffle", &[number]));
+        let objects = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
+        layout::shuffle(&objects, &mut expanded.placed, &mut room, &mut RandomStream::new(seed, "vary shuffle", &[number]));
     }
     for (table, number) in tables.jitter.iter().zip(0..) {
-        let who = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
+        let objects = select(&table.objects, &expanded.placed, Wanted::Still, source)?;
         let reach = layout::Reach {
             distance: within(&table.distance_m, "distance_m", 0.0, 1000.0, source)?,
             turn_deg: table.turn_deg.as_ref().map_or(Ok(0.0), |v| within(v, "turn_deg", 0.0, 180.0, source))?,
         };
-        let mut draw = Draw::new(seed, "vary jitter", &[number]);
-        let groups: Vec<&[usize]> = if table.together { vec![&who] } else { who.chunks(1).collect() };
+        let mut rng = RandomStream::new(seed, "vary jitter", &[number]);
+        let groups: Vec<&[usize]> = if table.together { vec![&objects] } else { objects.chunks(1).collect() };
         for group in groups {
-            layout::jitter(group, reach, &mut expanded.placed, &mut room, &mut draw);
+            layout::jitter(group, reach, &mut expanded.placed, &mut room, &mut rng);
         }
     }
     for (table, number) in tables.depart.iter().zip(0..) {
-        let who = select(&table.objects, &expanded.placed, Wanted::Moving, source)?;
-        layout::depart(&who, &mut expanded.placed, &mut room, &mut Draw::new(seed, "vary depart", &[number]));
+        let objects = select(&table.objects, &expanded.placed, Wanted::Moving, source)?;
+        layout::depart(&objects, &mut expanded.placed, &mut room, &mut RandomStream::new(seed, "vary depart", &[number]));
     }
     for (table, number) in tables.add.iter().zip(0..) {
-        layout::add(table, raw, expanded, &mut room, &mut Draw::new(seed, "vary add", &[number]), source)?;
+        layout::add(table, raw, expanded, &mut room, &mut RandomStream::new(seed, "vary add", &[number]), source)?;
     }
     for (table, number) in tables.repaint.iter().zip(0..) {
-        let mut draw = Draw::new(seed, "vary repaint", &[number]);
-        repaint(table, raw, expanded, &room, &mut draw, source)?;
+        let mut rng = RandomStream::new(seed, "vary repaint", &[number]);
+        repaint(table, raw, expanded, &room, &mut rng, source)?;
     }
     paint::rename(&mut expanded.placed);
     relight(&tables.light, raw, conditions, seed, source)
@@ -87,18 +87,18 @@ fn repaint(
     raw: &RawScene,
     expanded: &mut Expanded,
     room: &Room,
-    draw: &mut Draw,
+    rng: &mut RandomStream,
     source: &Source<'_>,
 ) -> Result<(), SceneError> {
-    let who = select(&table.objects, &expanded.placed, Wanted::Any, source)?;
-    let colours = paint::order(table.colours.get_ref(), draw);
+    let objects = select(&table.objects, &expanded.placed, Wanted::Any, source)?;
+    let colours = paint::order(table.colours.get_ref(), rng);
     if colours.is_empty() {
         let hint = "for example `{ red = \"red_paint\" }`".to_owned();
         return Err(source.error(&table.colours.span(), "`colours` is empty", Some(hint)));
     }
-    for (&object, (word, material)) in who.iter().zip(colours.iter().cycle()) {
+    for (&object, (word, material)) in objects.iter().zip(colours.iter().cycle()) {
         let slots = expanded.meshes[expanded.placed[object].mesh].slots();
-        if object == who[0] || slots.iter().all(|(slot, _)| *slot != table.slot) {
+        if object == objects[0] || slots.iter().all(|(slot, _)| *slot != table.slot) {
             paint::check(table.colours.get_ref(), &table.slot, slots, raw, &table.objects.span(), source)?;
         }
         let thing = &mut expanded.placed[object];
@@ -117,21 +117,21 @@ fn relight(
     seed: u64,
     source: &Source<'_>,
 ) -> Result<(), SceneError> {
-    let pick = |draw: &mut Draw, n: usize| (n > 0).then(|| draw.below(n));
-    let (mut time, mut weather) = (Draw::new(seed, "vary time", &[]), Draw::new(seed, "vary weather", &[]));
+    let pick = |rng: &mut RandomStream, n: usize| (n > 0).then(|| rng.below(n));
+    let (mut time, mut weather) = (RandomStream::new(seed, "vary time", &[]), RandomStream::new(seed, "vary weather", &[]));
     let drawn = pick(&mut time, table.times.len()).map(|i| table.times[i]);
     conditions.lighting = conditions.lighting.or(drawn);
     conditions.weather = conditions.weather.or(pick(&mut weather, table.weathers.len()).map(|i| table.weathers[i]));
-    let mut sun = Draw::new(seed, "vary sun", &[]);
+    let mut sun = RandomStream::new(seed, "vary sun", &[]);
     let mut between = |range: &Option<Spanned<[f64; 2]>>, low: f64, high: f64| {
-        let share = sun.uniform();
+        let fraction = sun.uniform();
         range.as_ref().map(|range| {
             let [from, to] = *range.get_ref();
             if !(low <= from && from <= to && to <= high) {
                 let message = format!("the range must be increasing and within {low} to {high}");
                 return Err(source.error(&range.span(), message, Some("for example `[20.0, 60.0]`".to_owned())));
             }
-            Ok(Spanned::new(range.span(), from + (to - from) * share))
+            Ok(Spanned::new(range.span(), from + (to - from) * fraction))
         })
     };
     if let Some(azimuth) = between(&table.sun_azimuth_deg, -360.0, 360.0).transpose()? {
@@ -195,10 +195,10 @@ fn within(value: &Spanned<f64>, key: &str, low: f64, high: f64, source: &Source<
 }
 
 /// A random order of `0..n` (Fisher and Yates).
-fn permutation(n: usize, draw: &mut Draw) -> Vec<usize> {
+fn permutation(n: usize, rng: &mut RandomStream) -> Vec<usize> {
     let mut order: Vec<usize> = (0..n).collect();
     for i in (1..n).rev() {
-        order.swap(i, draw.below(i + 1));
+        order.swap(i, rng.below(i + 1));
     }
     order
 }
@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn a_permutation_has_everything_once() {
-        let mut order = permutation(20, &mut Draw::new(3, "test", &[]));
+        let mut order = permutation(20, &mut RandomStream::new(3, "test", &[]));
         assert_ne!(order, (0..20).collect::<Vec<_>>());
         order.sort_unstable();
         assert_eq!(order, (0..20).collect::<Vec<_>>());

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use spf_core::rng::Draw;
+use spf_core::rng::RandomStream;
 use toml::Spanned;
 
 use super::super::expand::Placed;
@@ -17,13 +17,13 @@ use crate::limits::LONGEST_TAG;
 const LONGEST_WORD: usize = 40;
 
 /// Colours as written, word and material, in random order.
-pub(super) fn order(colours: &BTreeMap<String, Spanned<String>>, draw: &mut Draw) -> Vec<(String, (String, Span))> {
+pub(super) fn order(colours: &BTreeMap<String, Spanned<String>>, rng: &mut RandomStream) -> Vec<(String, (String, Span))> {
     let written: Vec<_> = colours.iter().collect();
     let named = |at: usize| {
         let (word, material) = written[at];
         (word.clone(), (material.get_ref().clone(), material.span()))
     };
-    permutation(written.len(), draw).into_iter().map(named).collect()
+    permutation(written.len(), rng).into_iter().map(named).collect()
 }
 
 /// Refuses colours without a word or material, and a slot that the mesh lacks, whether this seed comes to use them or not.

@@ -220,8 +220,8 @@ fn slices(parts: &[Part], low: f64, high: f64) -> Vec<Slice> {
                     break;
                 }
                 for z in [a.z.max(floor), b.z.min(ceiling)] {
-                    let share = if b.z > a.z { ((z - a.z) / (b.z - a.z)).clamp(0.0, 1.0) } else { 0.0 };
-                    let at = a + (b - a) * share;
+                    let fraction = if b.z > a.z { ((z - a.z) / (b.z - a.z)).clamp(0.0, 1.0) } else { 0.0 };
+                    let at = a + (b - a) * fraction;
                     points[k].push([at.x, at.y]);
                     heights[k] = (heights[k].0.min(z), heights[k].1.max(z));
                 }
@@ -319,8 +319,8 @@ pub(super) fn distance(p: DVec2, hull: &[DVec2]) -> f64 {
     }
     let to_edge = |i: usize| {
         let (a, along) = (hull[i], hull[(i + 1) % n] - hull[i]);
-        let share = ((p - a).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
-        p.distance(a + along * share)
+        let fraction = ((p - a).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
+        p.distance(a + along * fraction)
     };
     (0..n).map(to_edge).fold(f64::INFINITY, f64::min)
 }

@@ -73,18 +73,18 @@ impl Gait {
     const ROLL: [f32; 2] = [0.09, 0.11];
 
     /// Ankle, from below the hip, and pitch of the foot (toes down positive, radians) at a fraction of that leg's own cycle.
-    fn foot(share: f32) -> (Vec3, f64) {
+    fn foot(fraction: f32) -> (Vec3, f64) {
         let half = 0.5 * Self::STANCE * Self::STRIDE;
-        if share < Self::STANCE {
+        if fraction < Self::STANCE {
             // On the ground the foot moves back as fast as the body moves on: heel strike, flat, heel off.
-            let s = share / Self::STANCE;
+            let s = fraction / Self::STANCE;
             let strike = (1.0 - s / 0.18).max(0.0);
             let off = ((s - 0.6) / 0.4).max(0.0);
             let pitch = -0.35 * f64::from(strike) + 0.75 * f64::from(off * off);
             let rise = 0.02 * strike + Self::ROLL[1] * off * off;
             return (Vec3::new(0.0, half * (1.0 - 2.0 * s) + Self::ROLL[0] * off * off, ANKLE + rise), pitch);
         }
-        let s = (share - Self::STANCE) / (1.0 - Self::STANCE);
+        let s = (fraction - Self::STANCE) / (1.0 - Self::STANCE);
         let ease = s * s * (3.0 - 2.0 * s);
         let (_, arch) = cos_sin(PI * f64::from(s));
         let start = -half + Self::ROLL[0];
@@ -251,9 +251,9 @@ fn jointed(root: Vec3, end: Vec3, bones: [f32; 2], hint: Vec3) -> Limb {
     let reach = way.length().clamp((a - b).abs() + 0.02, 0.998 * (a + b));
     let along = way.normalize_or(Vec3::NEG_Z);
     let across = (hint - along * hint.dot(along)).normalize_or(Vec3::Y);
-    let share = (a * a - b * b + reach * reach) / (2.0 * reach);
-    let off = (a * a - share * share).max(0.0).sqrt();
-    Limb { root, bend: root + along * share + across * off, end: root + along * reach }
+    let foot = (a * a - b * b + reach * reach) / (2.0 * reach);
+    let off = (a * a - foot * foot).max(0.0).sqrt();
+    Limb { root, bend: root + along * foot + across * off, end: root + along * reach }
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
 //! Small glTF files made by hand.
-#![allow(dead_code, reason = "each test file uses its share")]
+#![allow(dead_code, reason = "each test file uses a part of it")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use serde_json::{Value, json};
@@ -95,7 +95,7 @@ impl Model {
     }
 
     /// A material with a picture out of the buffer.
-    pub(crate) fn picture(&mut self, png: &[u8]) -> usize {
+    pub(crate) fn image(&mut self, png: &[u8]) -> usize {
         let view = self.view(png);
         let image = self.push("images", json!({"bufferView": view, "mimeType": "image/png"}));
         let texture = self.push("textures", json!({"source": image}));
@@ -147,7 +147,7 @@ impl Model {
 /// A yard with everything that the reader knows: floor with a picture, car, gate with an opening, colours by corner, a start.
 pub(crate) fn yard() -> Model {
     let mut model = Model::new();
-    let stones = model.picture(&png(4, 4, |x, y| if (x + y) % 2 == 0 { [150, 140, 130, 255] } else { [90, 85, 80, 255] }));
+    let stones = model.image(&png(4, 4, |x, y| if (x + y) % 2 == 0 { [150, 140, 130, 255] } else { [90, 85, 80, 255] }));
     let floor = model.floor(60.0, 15.0, Some(stones));
     model.node(json!({"name": "Floor", "mesh": floor}));
     let car = model.block(1.8, 1.4, 4.2);

@@ -87,7 +87,7 @@ impl VirtualTello {
                 Ok(self.through(now, craft, &[offset_of(direction, cm)], metres_a_second(self.speed), cm))
             }
             Request::Turn(degrees) => {
-                let error = self.figures.turn_spread * self.draw.normal();
+                let error = self.figures.turn_spread * self.rng.normal();
                 let angle = f64::from(degrees).to_radians() + error;
                 Ok(Task::Fly(Box::new(Manoeuvre::turn(now, craft, angle, self.figures.turn_rate, self.figures.run_timeout))))
             }
@@ -123,9 +123,9 @@ impl VirtualTello {
     /// A path through offsets, with a random length error. `cm` is its length.
     fn through(&mut self, now: Time, craft: &SimCraft, offsets: &[Offset], speed: f64, cm: i32) -> Task {
         let length = f64::from(cm.max(1)) * 0.01;
-        let error = self.figures.move_share * self.draw.normal() + self.figures.move_fixed * self.draw.normal() / length;
-        let share = (1.0 + error).clamp(0.3, 2.0);
-        let points: VecDeque<_> = offsets.iter().map(|offset| place(craft, *offset, share)).collect();
+        let error = self.figures.move_share * self.rng.normal() + self.figures.move_fixed * self.rng.normal() / length;
+        let fraction = (1.0 + error).clamp(0.3, 2.0);
+        let points: VecDeque<_> = offsets.iter().map(|offset| place(craft, *offset, fraction)).collect();
         Task::Fly(Box::new(Manoeuvre::through(now, craft, points, speed, self.figures.run_timeout)))
     }
 

@@ -15,7 +15,7 @@ use serde_json::Value;
 const PIECE: usize = 12;
 /// Estimated characters per token, and tokens per image, since clients expect token counts.
 const CHARACTERS_A_TOKEN: usize = 4;
-const PICTURE_TOKENS: usize = 1000;
+const IMAGE_TOKENS: usize = 1000;
 
 /// A vendor's format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +34,7 @@ pub(super) struct Question {
     /// The complete text.
     pub(super) prompt: String,
     /// The last image.
-    pub(super) picture: Option<Vec<u8>>,
+    pub(super) image: Option<Vec<u8>>,
     /// Whether the answer should be streamed.
     pub(super) stream: bool,
 }
@@ -118,7 +118,7 @@ impl Question {
     fn show(&mut self, data: Option<&str>) {
         let Some(data) = data else { return };
         let base64 = data.split_once("base64,").map_or(data, |(_, behind)| behind);
-        self.picture = decode(base64);
+        self.image = decode(base64);
     }
 }
 
@@ -127,7 +127,7 @@ impl<'a> Answered<'a> {
         Self {
             model: &question.model,
             text,
-            tokens_in: question.prompt.len() / CHARACTERS_A_TOKEN + PICTURE_TOKENS,
+            tokens_in: question.prompt.len() / CHARACTERS_A_TOKEN + IMAGE_TOKENS,
             tokens_out: text.len() / CHARACTERS_A_TOKEN + 1,
             number,
         }
@@ -178,7 +178,7 @@ mod tests {
             ),
         ];
         for (wire, body) in questions {
-            let expected = Question { model: "m".into(), prompt: "a\nb".into(), picture: Some(vec![0, 1, 2]), stream: true };
+            let expected = Question { model: "m".into(), prompt: "a\nb".into(), image: Some(vec![0, 1, 2]), stream: true };
             assert_eq!(wire.question(&body), expected, "{wire:?}");
         }
     }

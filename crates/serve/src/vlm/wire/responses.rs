@@ -24,7 +24,7 @@ fn item(answered: &Answered<'_>, status: &str, content: Value) -> Value {
     json!({ "id": id(answered), "type": "message", "role": "assistant", "status": status, "content": content })
 }
 
-fn said(answered: &Answered<'_>) -> Value {
+fn message(answered: &Answered<'_>) -> Value {
     item(answered, "completed", json!([{ "type": "output_text", "text": answered.text, "annotations": [] }]))
 }
 
@@ -38,7 +38,7 @@ pub(super) fn whole(answered: &Answered<'_>) -> Value {
     let Answered { tokens_in, tokens_out, .. } = answered;
     let usage = json!({ "input_tokens": tokens_in, "input_tokens_details": { "cached_tokens": 0, "cache_write_tokens": 0 },
         "output_tokens": tokens_out, "output_tokens_details": { "reasoning_tokens": 0 }, "total_tokens": tokens_in + tokens_out });
-    response(answered, "completed", json!([said(answered)]), usage)
+    response(answered, "completed", json!([message(answered)]), usage)
 }
 
 pub(super) fn events(answered: &Answered<'_>) -> Vec<Value> {
@@ -59,7 +59,7 @@ pub(super) fn events(answered: &Answered<'_>) -> Vec<Value> {
     events.extend(answered.pieces().into_iter().map(|piece| at("response.output_text.delta", "delta", piece.into())));
     events.push(at("response.output_text.done", "text", answered.text.into()));
     events.push(at("response.content_part.done", "part", part(answered.text)));
-    events.push(json!({ "type": "response.output_item.done", "output_index": 0, "item": said(answered) }));
+    events.push(json!({ "type": "response.output_item.done", "output_index": 0, "item": message(answered) }));
     events.push(json!({ "type": "response.completed", "response": whole(answered) }));
     for (number, event) in events.iter_mut().enumerate() {
         event["sequence_number"] = number.into();

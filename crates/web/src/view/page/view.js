@@ -115,7 +115,7 @@ function show(next, image) {
   $("pitch").textContent = `${head.pitch_deg.toFixed(0)}°`;
   $("speed").textContent = `${head.speed_m_s.toFixed(1)} m/s`;
   $("touching").hidden = !head.touching;
-  $("touching").textContent = head.touching ? `collides with ${head.touching}` : "";
+  $("touching").textContent = head.touching ? `collision with ${head.touching}` : "";
   drawCompass(head.heading_deg);
   showUnder(head.under);
 }

@@ -11,12 +11,12 @@ use crate::error::CliError;
 
 /// How photographs are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum PictureFormat {
+pub(super) enum ImageFormat {
     Png,
     Jpeg(u8),
 }
 
-impl PictureFormat {
+impl ImageFormat {
     /// `png` or `jpeg:QUALITY`.
     pub(super) fn parse(text: &str) -> Result<Self, CliError> {
         let quality = |text: &str| text.parse().ok().filter(|quality| (1..=100).contains(quality));
@@ -30,7 +30,7 @@ impl PictureFormat {
 }
 
 /// Writes the images of an example; where they are.
-pub(super) fn write_example(folder: &Folder, number: u64, example: &Example, format: PictureFormat) -> Result<Files, CliError> {
+pub(super) fn write_example(folder: &Folder, number: u64, example: &Example, format: ImageFormat) -> Result<Files, CliError> {
     let (width, height) = (example.truth.width, example.truth.height);
     let grey = |pixels: &[u16]| encoded(png::encode_grey16(width, height, pixels));
     let put = |folder_name: &str, name: String, bytes: &[u8]| {
@@ -38,9 +38,9 @@ pub(super) fn write_example(folder: &Folder, number: u64, example: &Example, for
         folder.write(&path, bytes).map(|()| path)
     };
     let name = |end: &str| format!("{number:06}{end}");
-    let picture = match format {
-        PictureFormat::Png => put("pictures", name(".png"), &encoded(png::encode(&example.photograph))?)?,
-        PictureFormat::Jpeg(quality) => {
+    let image = match format {
+        ImageFormat::Png => put("pictures", name(".png"), &encoded(png::encode(&example.photograph))?)?,
+        ImageFormat::Jpeg(quality) => {
             put("pictures", name(".jpg"), encoded(Jpeg::encode(&example.photograph, quality))?.bytes())?
         }
     };
@@ -56,7 +56,7 @@ pub(super) fn write_example(folder: &Folder, number: u64, example: &Example, for
         let pixels: Vec<u8> = mask.iter().map(|inside| u8::from(*inside) * 255).collect();
         put("masks", name(".png"), &encoded(png::encode_grey8(width, height, &pixels))?)
     });
-    Ok(Files { picture, ids, depth, opening_ids, opening_depth, mask: mask.transpose()? })
+    Ok(Files { image, ids, depth, opening_ids, opening_depth, mask: mask.transpose()? })
 }
 
 fn encoded<T>(file: Result<T, EncodeError>) -> Result<T, CliError> {
@@ -69,10 +69,10 @@ mod tests {
 
     #[test]
     fn formats_are_read_or_refused() {
-        assert_eq!(PictureFormat::parse("png").ok(), Some(PictureFormat::Png));
-        assert_eq!(PictureFormat::parse("jpeg:80").ok(), Some(PictureFormat::Jpeg(80)));
+        assert_eq!(ImageFormat::parse("png").ok(), Some(ImageFormat::Png));
+        assert_eq!(ImageFormat::parse("jpeg:80").ok(), Some(ImageFormat::Jpeg(80)));
         for text in ["", "jpeg", "jpeg:0", "jpeg:101", "png:3", "gif"] {
-            assert!(PictureFormat::parse(text).is_err(), "{text}");
+            assert!(ImageFormat::parse(text).is_err(), "{text}");
         }
     }
 }

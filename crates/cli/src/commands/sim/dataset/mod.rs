@@ -17,16 +17,16 @@ use crate::commands::load_scene;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
-use files::{PictureFormat, write_example};
+use files::{ImageFormat, write_example};
 use folder::Folder;
 
 /// Makes a dataset, or the rest of one.
 pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, CliError> {
-    let format = PictureFormat::parse(&args.pictures)?;
+    let format = ImageFormat::parse(&args.images)?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
     let effects = args.camera_effects.as_deref().map(parse_effects).transpose()?.unwrap_or_default();
-    let (absent, look_alikes) = (share("--absent", args.absent)?, share("--look-alikes", args.look_alikes)?);
+    let (absent, look_alikes) = (fraction("--absent", args.absent)?, fraction("--look-alikes", args.look_alikes)?);
     if absent + look_alikes > 1.0 {
         return Err(CliError::usage("--absent and --look-alikes add up to more than 1")
             .hint("they are fractions of the examples; the rest shows the target without a deliberate look-alike"));
@@ -49,7 +49,7 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     let interrupts = interrupts()?;
     let first = folder.examples();
     if first > 0 {
-        printer.say(&format!("{first} of {} examples already done", args.count));
+        printer.log(&format!("{first} of {} examples already done", args.count));
     }
     printer.start_count(args.count, first);
     let mut counts = [0_u64; 3];
@@ -57,7 +57,7 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
         if interrupts.load(Ordering::Relaxed) > 0 {
             printer.end_live();
             printer
-                .say(&format!("stopped after {number} of {} examples; repeat the command with --resume to continue", args.count));
+                .log(&format!("stopped after {number} of {} examples; repeat the command with --resume to continue", args.count));
             return Ok(Exit::Aborted);
         }
         let index = (number % generators.len() as u64) as usize;
@@ -69,7 +69,7 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     }
     printer.end_live();
     let [present, alike, absent] = counts;
-    printer.say(&format!("examples: {present} with the target, {alike} with a look-alike as well, {absent} without the target"));
+    printer.log(&format!("examples: {present} with the target, {alike} with a look-alike as well, {absent} without the target"));
     printer.result(&folder.path().display().to_string());
     Ok(Exit::Success)
 }
@@ -100,14 +100,14 @@ fn head(
         absent: recipe.absent,
         look_alikes: recipe.look_alikes,
         min_pixels: recipe.min_pixels,
-        pictures: args.pictures.clone(),
+        images: args.images.clone(),
     }
 }
 
 /// A scene in which no two things share a name can show no look-alike, however long one looks.
 fn check_scene(name: &str, generator: &Generator<'_>, recipe: &Recipe) -> Result<(), CliError> {
     let needs = [(Kind::Present, 1.0), (Kind::LookAlike, recipe.look_alikes)];
-    match needs.into_iter().find(|(kind, share)| *share > 0.0 && !generator.can_make(*kind)) {
+    match needs.into_iter().find(|(kind, fraction)| *fraction > 0.0 && !generator.can_make(*kind)) {
         None => Ok(()),
         Some((Kind::LookAlike, _)) => {
             let what = format!("no two objects in the scene `{name}` share a name and differ in colour or another attribute");
@@ -128,9 +128,10 @@ fn no_view(scene: &str, kind: Kind, number: u64) -> CliError {
         .hint("reduce --min-pixels, --look-alikes or --absent")
 }
 
-fn share(flag: &str, value: f64) -> Result<f64, CliError> {
+fn fraction(flag: &str, value: f64) -> Result<f64, CliError> {
     if (0.0..=1.0).contains(&value) {
         return Ok(value);
     }
-    Err(CliError::usage(format!("{flag}: `{value}` is not a fraction")).hint("use a number from 0 to 1, for example 0.25"))
+    Err(CliError::usage(format!("{flag}: expected a fraction, found `{value}`"))
+        .hint("use a number from 0 to 1, for example 0.25"))
 }

@@ -31,13 +31,13 @@ pub(super) fn start(
     let service = TelloService::start(plan).map_err(|error| refused(&error, listen))?;
     let address = service.address();
     printer.result(&format!("tello@{address}"));
-    printer.say(&format!(
+    printer.log(&format!(
         "Serving a simulated Tello (SDK {}) in {scene}: send commands to UDP {address}; state and video go to the client that \
             sends `command`. Stop with Ctrl-C.",
         args.sdk,
     ));
     if !address.ip().is_loopback() {
-        printer.say("warning: anyone who can reach this address can fly it");
+        printer.log("warning: anyone who can reach this address can fly it");
     }
     Ok(service)
 }
@@ -46,12 +46,13 @@ pub(super) fn start(
 pub(super) fn print_video_stats(service: &TelloService, printer: &Printer) {
     let tally = service.tally();
     if tally.frames > 0 {
-        printer.say(&format!("video: {} frames, {:.1} per second, {} late", tally.frames, tally.rate(), tally.late));
+        printer.log(&format!("video: {} frames, {:.1} per second, {} late", tally.frames, tally.rate(), tally.late));
     }
 }
 
 fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
-    let wrong = |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: `{value}` is not {expected}"));
+    let wrong =
+        |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: expected {expected}, found `{value}`"));
     let listen = address(&args.listen).ok_or_else(|| {
         wrong("--listen", &args.listen, "an address")
             .hint("use an IPv4 address of this machine, such as 127.0.0.1 or 127.0.0.1:8889")
@@ -95,14 +96,14 @@ fn address(text: &str) -> Option<SocketAddr> {
 }
 
 fn refused(error: &ServerError, listen: SocketAddr) -> CliError {
-    let said = CliError::usage("cannot serve the Tello").because(error);
+    let failure = CliError::usage("cannot serve the Tello").because(error);
     match error {
-        ServerError::Bind { .. } => said.hint(format!(
+        ServerError::Bind { .. } => failure.hint(format!(
             "check that {} is an address of this machine and that port {} is free; on most machines --listen 127.0.0.2 works too",
             listen.ip(),
             listen.port()
         )),
         ServerError::Thread(_) => CliError::internal("cannot serve the Tello").because(error),
-        _ => said.hint("docs/guide/tello.md describes the format of fault files"),
+        _ => failure.hint("docs/guide/tello.md describes the format of fault files"),
     }
 }

@@ -27,9 +27,10 @@ pub(super) struct Flown {
     pub(super) shared_instruction: SharedInstruction,
 }
 
-/// Starts it; it answers until what is returned is dropped. Its eye is the drone's, where one flies, else a camera that stands.
+/// Starts the endpoint; it serves until the result is dropped. Its camera is that of `flown`, else a fixed one.
 pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &Printer) -> Result<Serving, CliError> {
-    let wrong = |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: `{value}` is not {expected}"));
+    let wrong =
+        |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: expected {expected}, found `{value}`"));
     let (name, errors) = oracle_named(oracle, |expected, near| {
         let near = near.unwrap_or("oracle:poor");
         wrong("--vlm", oracle, expected).hint(format!("for example --vlm={near}"))
@@ -84,12 +85,12 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
     let serving =
         endpoint.serve(lens, responder).map_err(|error| CliError::internal("cannot start the endpoint").because(&error))?;
     printer.result(&format!("http://{address}"));
-    printer.say(&format!(
+    printer.log(&format!(
         "Serving {name} as OpenAI (http://{address}/v1), Gemini and Anthropic (http://{address}) for images of {scene} \
             (http://{address}/frame.jpg); it is not a VLM. Stop with Ctrl-C.",
     ));
     if !address.ip().is_loopback() {
-        printer.say("warning: anyone who can reach this address can send questions, move the camera, and use CPU time");
+        printer.log("warning: anyone who can reach this address can send questions, move the camera, and use CPU time");
     }
     Ok(serving)
 }

@@ -9,13 +9,13 @@ use spf_media::{Rgb, Scaler};
 use spf_vlm::{QueryImage, VlmError};
 
 /// Prepares images from the frames of a craft's camera.
-pub struct Pictures {
+pub struct QueryImages {
     frames: Arc<dyn Frames>,
     size: (u32, u32),
     scaler: Scaler,
 }
 
-impl Pictures {
+impl QueryImages {
     /// Images from this craft's camera.
     #[must_use]
     pub fn of(drone: &dyn Drone) -> Self {
@@ -53,10 +53,10 @@ impl<'a> Marked<'a> {
     }
 
     fn draw(&mut self, size: (u32, u32)) -> Result<Rgb, VlmError> {
-        let gone = || VlmError::Image(format!("frame {} is no longer kept", self.query.frame.0));
-        let mut picture = self.photo.as_ref().ok_or_else(gone)?.at(size, self.scaler);
-        spf_media::marks::draw(&mut picture, &self.query.marks);
-        Ok(picture)
+        let gone = || VlmError::Image(format!("frame {} is no longer stored", self.query.frame.0));
+        let mut image = self.photo.as_ref().ok_or_else(gone)?.at(size, self.scaler);
+        spf_media::marks::draw(&mut image, &self.query.marks);
+        Ok(image)
     }
 }
 
@@ -81,12 +81,12 @@ impl QueryImage for Marked<'_> {
         if let Some((.., encoded)) = self.encoded.iter().find(|(of, at, _)| (*of, *at) == (size, quality)) {
             return Ok(encoded.clone());
         }
-        let picture = match self.drawn.take().filter(|drawn| (drawn.width(), drawn.height()) == size) {
+        let image = match self.drawn.take().filter(|drawn| (drawn.width(), drawn.height()) == size) {
             Some(drawn) => drawn,
             None => self.draw(size)?,
         };
-        let encoded = spf_media::Jpeg::encode(&picture, quality);
-        self.scaler.reuse(picture);
+        let encoded = spf_media::Jpeg::encode(&image, quality);
+        self.scaler.reuse(image);
         let encoded = encoded.map_err(|error| VlmError::Image(error.to_string()))?.shared();
         self.encoded.push((size, quality, encoded.clone()));
         Ok(encoded)

@@ -8,7 +8,7 @@ use tokio::sync::watch;
 
 /// A query with its remaining time.
 #[derive(Clone, Debug)]
-pub struct Asked<'a> {
+pub struct QueryRequest<'a> {
     /// The query.
     pub query: &'a Query,
     /// Remaining time for the reply.
@@ -17,7 +17,7 @@ pub struct Asked<'a> {
     pub cancel: Cancel,
 }
 
-impl<'a> Asked<'a> {
+impl<'a> QueryRequest<'a> {
     /// A query that is never cancelled.
     #[must_use]
     pub fn new(query: &'a Query, time_left: Duration) -> Self {
