@@ -11,11 +11,11 @@ use crate::vlm::vendors::Vendor;
 use crate::vlm::{AHEAD, DONE, KEY};
 
 /// A virtual Tello in a process of its own.
-struct Served(Child);
+pub(super) struct Served(Child);
 
 impl Served {
     /// At an address of its own, so that tests do not meet.
-    fn start(lab: &Lab, address: &str, args: &[&str]) -> Self {
+    pub(super) fn start(lab: &Lab, address: &str, args: &[&str]) -> Self {
         let all = [&["sim", "serve", "--tello", "--listen", address][..], args].concat();
         let mut child = lab.command(&all).spawn().unwrap();
         let mut line = String::new();
@@ -25,7 +25,7 @@ impl Served {
     }
 
     /// Ends it; what it said.
-    fn end(mut self) -> String {
+    pub(super) fn end(mut self) -> String {
         let line = format!("kill -INT {}", self.0.id());
         assert!(Command::new("sh").args(["-c", &line]).status().unwrap().success());
         assert_eq!(self.0.wait().unwrap().code(), Some(0));
@@ -43,7 +43,7 @@ impl Drop for Served {
 }
 
 /// A model that says `steps` times to go a little ahead, then that it is there.
-fn model(steps: usize) -> Server {
+pub(super) fn model(steps: usize) -> Server {
     let near = AHEAD.replace("\"depth\":6", "\"depth\":2");
     Server::start(move |number, request| {
         let model = Vendor::Gemini.model(request);

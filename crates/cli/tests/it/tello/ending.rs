@@ -1,0 +1,160 @@
+//! However the program ends, the drone is landed: signals, a stuck terminal, a killed process.
+
+use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Read, Write, pipe};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use super::flights::{Served, model};
+use crate::harness::{Lab, rows};
+use crate::vlm::KEY;
+use crate::vlm::server::Server;
+use crate::vlm::vendors::Vendor;
+
+/// A virtual Tello, and a flight with it under way.
+struct Flight {
+    lab: Lab,
+    served: Served,
+    _server: Server,
+    child: Child,
+    stderr: BufReader<PipeReader>,
+    /// Another end of the same pipe.
+    writer: PipeWriter,
+    printed: String,
+}
+
+fn command(lab: &Lab, drone: &str, local: &str, server: &Server, out: &str) -> Command {
+    let (drone, vlm) = (format!("tello@{drone}"), format!("gemini@{}", server.url()));
+    let all = [
+        "fly",
+        "fly to the door",
+        "--drone",
+        &drone,
+        "--vlm",
+        &vlm,
+        "--no-vlm-check",
+        "--no-video",
+        "--max-time",
+        "60",
+        "--out",
+        out,
+    ];
+    let mut command = lab.command(&all);
+    command.env(Vendor::Gemini.key(), KEY).env("SPF_TELLO_LOCAL", local).stdin(Stdio::null());
+    command
+}
+
+impl Flight {
+    /// Starts one and waits until it flies.
+    fn start(drone: &str, local: &str) -> Self {
+        let lab = Lab::new();
+        let served = Served::start(&lab, drone, &["--truth", "truth.jsonl", "--instruction", "fly to the door"]);
+        let server = model(50);
+        let (reader, writer) = pipe().unwrap();
+        let child = command(&lab, drone, local, &server, "mine").stderr(writer.try_clone().unwrap()).spawn().unwrap();
+        let (stderr, printed) = (BufReader::new(reader), String::new());
+        let mut flight = Self { lab, served, _server: server, child, stderr, writer, printed };
+        flight.until(" flying");
+        flight
+    }
+
+    fn until(&mut self, words: &str) {
+        loop {
+            let mut line = String::new();
+            assert!(self.stderr.read_line(&mut line).unwrap() > 0, "{}", self.printed);
+            self.printed.push_str(&line);
+            if line.trim_end().ends_with(words) {
+                return;
+            }
+        }
+    }
+
+    fn signal(&self, name: &str) {
+        let line = format!("kill -{name} {}", self.child.id());
+        assert!(Command::new("sh").args(["-c", &line]).status().unwrap().success());
+    }
+
+    /// How the drone's flight ended, by its own account, and how long that took.
+    fn landed(&self) -> (Value, Duration) {
+        let begun = Instant::now();
+        loop {
+            // Written when the motors stop.
+            let truth = self.lab.path("truth.jsonl");
+            if truth.exists()
+                && let Some(row) = rows(&truth).first()
+            {
+                return (row["ended_by"].clone(), begun.elapsed());
+            }
+            assert!(begun.elapsed() < Duration::from_secs(40), "it still flies: {}", self.printed);
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Exit code, and all it printed.
+    fn end(self) -> (Option<i32>, String) {
+        let Self { served, mut child, mut stderr, writer, mut printed, .. } = self;
+        drop(writer);
+        stderr.read_to_string(&mut printed).unwrap();
+        let code = child.wait().unwrap().code();
+        served.end();
+        (code, printed)
+    }
+}
+
+#[test]
+fn a_signal_lands_the_drone_and_a_second_one_waits_for_it() {
+    std::thread::scope(|scope| {
+        for (n, signals) in [&["TERM"][..], &["HUP"], &["INT", "INT"], &["TERM", "TERM"]].into_iter().enumerate() {
+            scope.spawn(move || {
+                let flight = Flight::start(&format!("127.0.0.{}", 60 + 2 * n), &format!("127.0.0.{}", 61 + 2 * n));
+                for signal in signals {
+                    flight.signal(signal);
+                    std::thread::sleep(Duration::from_millis(300));
+                }
+                let (ended_by, took) = flight.landed();
+                let (code, printed) = flight.end();
+                assert_eq!((ended_by, code), ("landing".into(), Some(5)), "{signals:?}: {printed}");
+                // From 0.8 m: not the drone's own landing, 15 s after the last command.
+                assert!(took < Duration::from_secs(10), "{signals:?}: {took:?}");
+                assert_eq!(printed.contains("landing the drone; Ctrl-C once more"), signals.len() == 2, "{printed}");
+            });
+        }
+    });
+}
+
+#[test]
+fn a_terminal_that_is_not_read_stops_neither_flight_nor_ctrl_c() {
+    let flight = Flight::start("127.0.0.70", "127.0.0.71");
+    // From here on standard error is full.
+    let mut writer = flight.writer.try_clone().unwrap();
+    let filling = std::thread::spawn(move || while writer.write_all(&[b'.'; 4096]).is_ok() {});
+    std::thread::sleep(Duration::from_secs(3));
+    flight.signal("INT");
+    let (ended_by, took) = flight.landed();
+    assert_eq!(ended_by, "landing");
+    assert!(took < Duration::from_secs(8), "{took:?}");
+    let Flight { mut child, stderr, writer, served, lab, .. } = flight;
+    // Its end waits for a terminal no longer than a second at a time, and loses no file.
+    drop((stderr, writer));
+    filling.join().unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(5));
+    assert!(lab.names("mine").contains(&"summary.json".to_owned()), "{:?}", lab.names("mine"));
+    served.end();
+}
+
+#[test]
+fn a_drone_left_in_the_air_is_flown_on_without_a_take_off() {
+    let mut flight = Flight::start("127.0.0.72", "127.0.0.73");
+    flight.signal("KILL");
+    flight.child.wait().unwrap();
+    let server = model(2);
+    let mut again = command(&flight.lab, "127.0.0.72", "127.0.0.73", &server, "again");
+    let output = again.stderr(Stdio::piped()).output().unwrap();
+    let printed = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{printed}");
+    assert!(printed.contains(" flying") && !printed.contains("taking off"), "{printed}");
+    let (ended_by, _) = flight.landed();
+    assert_eq!((ended_by, rows(&flight.lab.path("truth.jsonl")).len()), ("landing".into(), 1));
+    flight.served.end();
+}
