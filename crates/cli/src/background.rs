@@ -11,7 +11,6 @@ use std::time::Duration;
 use tracing_subscriber::fmt::MakeWriter;
 
 use crate::printer::Printer;
-use crate::progress::Progress;
 
 /// Number of waiting lines; more are lost, and counted.
 const WAITING: usize = 1024;
@@ -140,7 +139,7 @@ pub(crate) struct Talk {
 
 impl Talk {
     /// Gives the printer to a thread until [`Talk::finish`]. `paced`: the flight is on the wall clock and waits for nobody.
-    pub(crate) fn start(printer: Printer, paced: bool) -> (Self, Progress) {
+    pub(crate) fn start(printer: Printer, paced: bool) -> (Self, Lines) {
         let json = printer.is_json();
         let (queue, waiting) = sync_channel(WAITING);
         let (returned, back) = channel();
@@ -157,10 +156,10 @@ impl Talk {
         if let Err(error) = Builder::new().name("progress".to_owned()).spawn(print) {
             tracing::warn!(%error, "progress is not shown");
         }
-        (Self { back, json, paced }, Progress::new(Lines { queue, paced, lost: 0 }))
+        (Self { back, json, paced }, Lines { queue, paced, lost: 0 })
     }
 
-    /// The printer, once everything is printed; another one if the terminal does not read. The [`Progress`] must have been
+    /// The printer, once everything is printed; another one if the terminal does not read. The [`Lines`] must have been
     /// dropped.
     pub(crate) fn finish(self) -> Printer {
         let printer = if self.paced { self.back.recv_timeout(PATIENCE).ok() } else { self.back.recv().ok() };

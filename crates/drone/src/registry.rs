@@ -70,7 +70,7 @@ mod tests {
         }
         for word in ["", "sim", "telo", "tello@", "tello@nowhere", "tello:192.168.10.1", "@192.168.10.1"] {
             let error = named(word).err().unwrap().to_string();
-            assert!(error.starts_with(&format!("`{word}` ")) && error.contains("tello[@ADDRESS]"), "{error}");
+            assert!(error.starts_with(&format!("unknown drone `{word}`: ")) && error.contains("tello[@ADDRESS]"), "{error}");
         }
     }
 

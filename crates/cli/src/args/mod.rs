@@ -21,7 +21,7 @@ pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
 pub(crate) use serve::Serve;
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, View};
-pub(crate) use tello::{Calibrate, Tello};
+pub(crate) use tello::{Calibrate, Tello, TelloAddress};
 
 /// See, Point, Fly: fly a drone by natural-language instructions.
 /// A vision-language model picks a waypoint in the camera image, geometry lifts it to a 3D displacement, a controller flies

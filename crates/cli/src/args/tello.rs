@@ -9,6 +9,31 @@ use clap::{Args, Subcommand};
 pub(crate) enum Tello {
     /// Measure the speeds at full stick in flight, for spf.toml
     Calibrate(Calibrate),
+    /// Show the state of a Tello, and whether it is in the air
+    Status(TelloAddress),
+    /// Land a Tello that another program left in the air
+    Land(TelloAddress),
+    /// Command zero velocity: the Tello hovers, and lands by itself after 15 s
+    Stop(TelloAddress),
+}
+
+/// Connects to a Tello without flying it.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf tello status
+  spf tello land
+  spf tello land --drone tello@127.0.0.1
+
+`land` repeats the command until the motors are seen off, for at most 25 s, and exits with code 6 if they are not. All three work \
+while the program that flew the drone still runs or hangs; its own commands then compete with these.")]
+pub(crate) struct TelloAddress {
+    /// Drone: tello, or tello@ADDRESS [default: tello]
+    #[arg(long, value_name = "DRONE")]
+    pub(crate) drone: Option<String>,
+    /// Configuration file [default: ./spf.toml]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
 }
 
 /// Flies a Tello for about 45 s and measures its speeds at full stick.

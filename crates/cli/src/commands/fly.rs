@@ -36,6 +36,7 @@ use crate::commands::{detector, load_scene};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
+use crate::progress::Progress;
 use crate::settings::{DroneName, Settings};
 
 /// Maximum length of an instruction, characters, as in prompts.
@@ -89,7 +90,8 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     if manual.is_on() {
         printer.log(HELP);
     }
-    let (talk, mut progress) = Talk::start(printer, paced);
+    let (talk, lines) = Talk::start(printer, paced);
+    let mut progress = Progress::new(lines);
     let flown = spf_flight::flight::fly(plan, &mut [&mut progress]);
     drop(manual);
     drop(progress);

@@ -1,5 +1,7 @@
 //! `spf tello`: commands for a Tello.
 
+mod rescue;
+
 use std::time::Instant;
 
 use spf_drone::driver::Connected;
@@ -20,6 +22,9 @@ use crate::settings::{DroneName, Settings};
 pub(crate) fn tello(command: &Tello, printer: &Printer) -> Result<Exit, CliError> {
     match command {
         Tello::Calibrate(args) => measure(args, printer),
+        Tello::Status(args) => rescue::status(args, printer),
+        Tello::Land(args) => rescue::land(args, printer),
+        Tello::Stop(args) => rescue::stop(args, printer),
     }
 }
 

@@ -131,6 +131,16 @@ impl Flags for args::Doctor {
     }
 }
 
+impl Flags for args::TelloAddress {
+    fn file(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
+    fn apply(&self, Settings { fly, .. }: &mut Settings) {
+        fly.drone.flag(self.drone.as_deref());
+    }
+}
+
 impl Flags for args::Calibrate {
     fn file(&self) -> Option<&Path> {
         self.config.as_deref()

@@ -31,10 +31,17 @@ pub const DRIVER: Driver = Driver {
     form: "tello[@ADDRESS]",
     about: "a DJI Tello, at 192.168.10.1 without an address; see docs/guide/tello.md",
     target: |rest| {
-        let at = if rest.is_empty() { Some(USUAL) } else { rest.strip_prefix('@').and_then(address) };
-        at.map(|drone| Box::new(NamedTello(drone)) as Box<dyn Target>)
+        let name = format!("{}{rest}", DRIVER.scheme);
+        command_port(&name).map(|drone| Box::new(NamedTello(drone)) as Box<dyn Target>)
     },
 };
+
+/// Command port of the craft with this name, such as `tello` or `tello@192.168.10.1`; `None` if it names no Tello.
+#[must_use]
+pub fn command_port(name: &str) -> Option<SocketAddr> {
+    let rest = name.strip_prefix(DRIVER.scheme)?;
+    if rest.is_empty() { Some(USUAL) } else { rest.strip_prefix('@').and_then(address) }
+}
 
 fn address(text: &str) -> Option<SocketAddr> {
     text.parse().ok().or_else(|| text.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, COMMAND_PORT)))
@@ -70,20 +77,25 @@ impl Target for NamedTello {
 
 impl NamedTello {
     fn refused(&self, error: ConnectError) -> driver::ConnectError {
-        let ip = self.0.ip();
-        let hint = match &error {
-            ConnectError::Port { port, .. } => {
-                Some(format!("close the program that uses port {port} (another Tello program, a second flight)"))
-            }
-            ConnectError::Unreachable { .. } | ConnectError::NoAnswer { .. } => Some(format!(
-                "check that the drone is on, that this machine is in its Wi-Fi TELLO-…, and that `ping {ip}` works; after \
-                    using the app, switch the drone off and on"
-            )),
-            ConnectError::NoState { port } => {
-                Some(format!("a firewall may block incoming packets: allow UDP {port} and 11111 from {ip}"))
-            }
-            _ => None,
-        };
-        driver::ConnectError { craft: "the Tello", source: error.into(), hint }
+        explained(self.0.ip(), error)
     }
+}
+
+/// The error with a hint on what to do.
+#[must_use]
+pub fn explained(ip: IpAddr, error: ConnectError) -> driver::ConnectError {
+    let hint = match &error {
+        ConnectError::Port { port, .. } => {
+            Some(format!("close the program that uses port {port} (another Tello program, a second flight)"))
+        }
+        ConnectError::Unreachable { .. } | ConnectError::NoAnswer { .. } => Some(format!(
+            "check that the drone is on, that this machine is in its Wi-Fi TELLO-…, and that `ping {ip}` works; after \
+                using the app, switch the drone off and on"
+        )),
+        ConnectError::NoState { port } => {
+            Some(format!("a firewall may block incoming packets: allow UDP {port} and 11111 from {ip}"))
+        }
+        _ => None,
+    };
+    driver::ConnectError { craft: "the Tello", source: error.into(), hint }
 }

@@ -15,6 +15,7 @@ mod inlet;
 pub mod link;
 mod manoeuvre;
 mod opening;
+pub mod rescue;
 pub mod settings;
 pub mod state;
 pub mod sticks;

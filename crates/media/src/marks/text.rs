@@ -174,7 +174,7 @@ impl TextStyle {
     /// is longer than a line is cut.
     #[must_use]
     pub fn wrapped(&self, text: &str, width: f64) -> Vec<String> {
-        if self.measure(text).0 <= width {
+        if !text.trim().is_empty() && self.measure(text).0 <= width {
             return vec![text.to_owned()];
         }
         let mut lines: Vec<String> = Vec::new();

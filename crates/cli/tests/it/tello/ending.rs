@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use super::flights::{Served, model};
-use crate::harness::{Lab, rows};
+use crate::harness::{Lab, Run, rows};
 use crate::vlm::KEY;
 use crate::vlm::server::Server;
 use crate::vlm::vendors::Vendor;
@@ -156,5 +156,26 @@ fn a_drone_left_in_the_air_is_flown_on_without_a_take_off() {
     assert!(printed.contains(" flying") && !printed.contains("taking off"), "{printed}");
     let (ended_by, _) = flight.landed();
     assert_eq!((ended_by, rows(&flight.lab.path("truth.jsonl")).len()), ("landing".into(), 1));
+    flight.served.end();
+}
+
+#[test]
+fn spf_tello_lands_a_drone_whose_program_died() {
+    let mut flight = Flight::start("127.0.0.74", "127.0.0.75");
+    flight.signal("KILL");
+    flight.child.wait().unwrap();
+    let tello = |word: &str| {
+        let mut command = flight.lab.command(&["tello", word, "--drone", "tello@127.0.0.74"]);
+        Run::of(&command.env("SPF_TELLO_LOCAL", "127.0.0.75").output().unwrap())
+    };
+    let run = tello("status");
+    assert!(run.code == Some(0) && run.stdout.starts_with("in the air\n"), "{}{}", run.stdout, run.stderr);
+    let run = tello("stop");
+    assert!(run.code == Some(0) && run.stdout.starts_with("zero velocity"), "{}{}", run.stdout, run.stderr);
+    let run = tello("land");
+    assert_eq!((run.code, run.stdout.as_str()), (Some(0), "on the ground, motors off\n"), "{}", run.stderr);
+    assert_eq!(flight.landed().0, "landing");
+    let run = tello("status");
+    assert!(run.stdout.starts_with("on the ground\n"), "{}", run.stdout);
     flight.served.end();
 }

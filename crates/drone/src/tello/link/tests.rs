@@ -63,7 +63,7 @@ impl Bench {
             if pilot {
                 self.link.heartbeat(self.time());
             }
-            if self.now % 100 == 0 {
+            if self.now.is_multiple_of(100) {
                 let line = self.line();
                 self.held_back.push(line);
             }

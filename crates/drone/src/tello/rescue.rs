@@ -1,0 +1,119 @@
+//! Status, hold and landing of a Tello without a flight: for the moment when another program died, or hangs.
+//!
+//! Nothing here moves the drone: it is told zero, or to land. It works without the state port, which the other program may
+//! still hold.
+
+use std::net::{SocketAddr, UdpSocket};
+use std::time::Instant;
+
+use spf_core::time::{Duration, Time};
+
+use super::ground::Ground;
+use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
+use super::settings::TelloSettings;
+use super::state::State;
+
+/// Number of zeros, and the interval between them.
+const ZEROS: u32 = 3;
+const ZERO_SPACING: Duration = Duration::from_millis(50);
+/// `land` is repeated after this long.
+const LAND_AGAIN: Duration = Duration::from_secs(1);
+/// Longest landing: from 10 m at 0.5 m/s, and until the motors are seen off.
+const LANDING_TIME: Duration = Duration::from_secs(25);
+/// How long `land` is repeated if no state arrives.
+const BLIND_TIME: Duration = Duration::from_secs(10);
+/// Receive timeout of the sockets.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
+
+/// How a landing ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Landed {
+    /// The motors were seen off.
+    Seen,
+    /// The drone still seems to be in the air.
+    Airborne,
+    /// `land` was sent, but no state arrives to show its effect.
+    Unseen,
+}
+
+/// A Tello in SDK mode, without a pilot.
+pub struct Rescue {
+    command: UdpSocket,
+    /// None if another program holds the port.
+    state: Option<UdpSocket>,
+    drone: SocketAddr,
+    /// Identification.
+    pub firmware: Firmware,
+}
+
+impl Rescue {
+    /// Enters SDK mode. A drone that is in the air stays as it is: its velocity does not change.
+    ///
+    /// # Errors
+    /// [`ConnectError`] if the drone cannot be reached or refuses.
+    pub fn connect(drone: SocketAddr, settings: &TelloSettings) -> Result<Self, ConnectError> {
+        let command = command_socket(settings.local)?;
+        command.connect(drone).map_err(|source| ConnectError::Unreachable { drone, source })?;
+        command.set_read_timeout(Some(POLL_INTERVAL)).map_err(ConnectError::Start)?;
+        let state = bind(settings.local, settings.state_port, "state").ok();
+        if let Some(socket) = &state {
+            socket.set_read_timeout(Some(POLL_INTERVAL)).map_err(ConnectError::Start)?;
+        }
+        let firmware = enter(&command, drone)?;
+        Ok(Self { command, state, drone, firmware })
+    }
+
+    /// Its state, and whether it is in the air; `None` if no state arrives.
+    #[must_use]
+    pub fn state(&self) -> Option<(State, bool)> {
+        let socket = self.state.as_ref()?;
+        let state = first_state(socket, self.drone.ip())?;
+        Some((state, is_flying(socket, self.drone.ip(), &state)))
+    }
+
+    /// Commands zero velocity. The drone hovers, and lands by itself 15 s after the last command.
+    ///
+    /// # Errors
+    /// The operating system's error if nothing can be sent.
+    pub fn hold(&self) -> std::io::Result<()> {
+        for _ in 0..ZEROS {
+            self.command.send(b"rc 0 0 0 0")?;
+            std::thread::sleep(ZERO_SPACING);
+        }
+        Ok(())
+    }
+
+    /// Commands zero and then `land`, repeated until the motors are seen off.
+    ///
+    /// # Errors
+    /// The operating system's error if nothing can be sent.
+    pub fn land(&self) -> std::io::Result<Landed> {
+        self.hold()?;
+        let (begun, mut due, mut buffer) = (Instant::now(), Duration::ZERO, [0; 2048]);
+        let (mut ground, mut heard) = (Ground::default(), false);
+        loop {
+            let passed = begun.elapsed();
+            if passed >= due {
+                self.command.send(b"land")?;
+                due = passed + LAND_AGAIN;
+            }
+            let socket = self.state.as_ref().unwrap_or(&self.command);
+            if let Ok((length, from)) = socket.recv_from(&mut buffer)
+                && from.ip() == self.drone.ip()
+                && let Some(state) = State::read(&buffer[..length])
+            {
+                heard = true;
+                ground.observe(Time::ZERO + begun.elapsed(), &state);
+            }
+            if ground.is_reached() {
+                return Ok(Landed::Seen);
+            }
+            if !heard && passed >= BLIND_TIME {
+                return Ok(Landed::Unseen);
+            }
+            if passed >= LANDING_TIME {
+                return Ok(Landed::Airborne);
+            }
+        }
+    }
+}
