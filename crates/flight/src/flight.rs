@@ -162,7 +162,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         policy: policy.name().to_owned(),
         preset: plan.preset,
         settings: plan.settings,
-        craft: capabilities.craft,
+        craft: plan.limits.capped(&capabilities.craft),
         senses: capabilities.senses,
         camera,
         limits: plan.limits,

@@ -241,6 +241,15 @@ pub(crate) struct LimitArgs {
     /// Geofence: GeoJSON polygons in local east/north metres
     #[arg(long, value_name = "FILE")]
     pub(crate) geofence: Option<String>,
+    /// Maximum height above the take-off point, metres [default: the scene's; 5 with a Tello; else 120]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub(crate) max_altitude: Option<String>,
+    /// Maximum distance from the take-off point, metres [default: 300; 20 with a Tello]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub(crate) max_distance: Option<String>,
+    /// Horizontal speed limit, m/s [default: 1.5 times the craft's speed; 0.6 with a Tello]
+    #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
+    pub(crate) max_speed: Option<String>,
 }
 
 #[derive(Debug, Args)]

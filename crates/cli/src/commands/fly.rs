@@ -189,7 +189,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
         settings.fly.preset.text().unwrap_or_default(),
     );
     let limits = limits(settings, loaded.limits(kind))?;
-    let mut announcements = vec![flying, sentence(&pointing.sentence, &craft)];
+    let mut announcements = vec![flying, sentence(&pointing.sentence, &limits.capped(&craft))];
     if pointing.is_oracle {
         announcements.extend(reading::lines(instruction, &loaded, start)?);
     }

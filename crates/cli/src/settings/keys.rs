@@ -128,17 +128,17 @@ settings! {
     /// What no flight exceeds: `[envelope]`.
     envelope: Envelope {
         /// horizontal speed limit, m/s; empty: the craft's
-        max_speed_m_s: f64 = "", Number(0.1, 30.0), "SPF_MAX_SPEED_M_S";
+        max_speed_m_s: f64 = "", Number(0.1, 30.0), "SPF_MAX_SPEED_M_S", "--max-speed";
         /// climb and descent rate limit, m/s; empty: the craft's
         max_climb_m_s: f64 = "", Number(0.1, 10.0), "SPF_MAX_CLIMB_M_S";
         /// yaw rate limit, degrees per second; empty: the craft's
         max_yaw_rate_deg_s: f64 = "", Number(1.0, 360.0), "SPF_MAX_YAW_RATE_DEG_S";
         /// minimum height above take-off, metres; empty: 0.3
         min_altitude_m: f64 = "", Number(0.0, 100.0), "SPF_MIN_ALTITUDE_M";
-        /// maximum height above take-off, metres; empty: the scene's, else 120
-        max_altitude_m: f64 = "", Number(1.0, 1000.0), "SPF_MAX_ALTITUDE_M";
-        /// maximum distance from take-off, metres; empty: 300
-        max_distance_m: f64 = "", Number(1.0, 10_000.0), "SPF_MAX_DISTANCE_M";
+        /// maximum height above take-off, metres; empty: the scene's or the drone's, else 120
+        max_altitude_m: f64 = "", Number(1.0, 1000.0), "SPF_MAX_ALTITUDE_M", "--max-altitude";
+        /// maximum distance from take-off, metres; empty: the drone's, else 300
+        max_distance_m: f64 = "", Number(1.0, 10_000.0), "SPF_MAX_DISTANCE_M", "--max-distance";
         /// battery charge, 0 to 1, below which the flight ends; empty: the craft's
         low_battery: f64 = "", Number(0.0, 1.0), "SPF_LOW_BATTERY";
         /// consecutive failed replies before landing; empty: the envelope's

@@ -58,7 +58,7 @@ def ask_openai(url, prompt):
         client.chat.completions.create(model="m", messages=[{"role": "user", "content": "Where?"}])
         raise AssertionError("no picture, and an answer")
     except openai.UnprocessableEntityError as error:
-        assert "no picture" in str(error), error
+        assert "no image" in str(error), error
 
 
 def ask_anthropic(url, prompt):

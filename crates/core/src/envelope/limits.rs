@@ -117,6 +117,18 @@ impl Limits {
         }
     }
 
+    /// The craft with preset speeds that these limits do not reduce: whatever plans with a craft's own speeds would otherwise
+    /// expect more motion than the envelope clears.
+    #[must_use]
+    pub fn capped(&self, craft: &Craft) -> Craft {
+        Craft {
+            cruise_speed: craft.cruise_speed.min(self.max_speed),
+            climb_speed: craft.climb_speed.min(self.max_climb),
+            yaw_rate: craft.yaw_rate.min(self.max_yaw_rate),
+            ..*craft
+        }
+    }
+
     /// Every limit that must not be negative, by name.
     fn figures(&mut self) -> [(&'static str, &mut f64); 18] {
         [

@@ -4,6 +4,7 @@ use std::net::{IpAddr, SocketAddr};
 use std::time::Instant;
 
 use spf_core::craft::Craft;
+use spf_core::envelope::Limits;
 use spf_core::executor::Motion;
 
 use super::craft::{Connected, Tello};
@@ -19,11 +20,11 @@ const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(std::net::Ipv4Addr::new(192
 
 /// Warning before take-off with `rc` motion.
 const WARNING: &str = "If the link is lost, the Tello holds its last velocity and cannot be stopped until it lands \
-automatically, 15 s after the last command. Ctrl-C lands, a second Ctrl-C ends the program.";
+automatically, 15 s after the last command. Ctrl-C lands; a second Ctrl-C lands without finishing the files.";
 
 /// Warning before take-off with `go` motion.
 const OWN_WARNING: &str = "If the link is lost, the Tello completes the current step (at most 5 m), hovers, and lands 15 s \
-after the last command. Steps of up to 20 cm use rc. Ctrl-C lands, a second Ctrl-C ends the program.";
+after the last command. Steps of up to 20 cm use rc. Ctrl-C lands; a second Ctrl-C lands without finishing the files.";
 
 /// The driver.
 pub const DRIVER: Driver = Driver {
@@ -53,6 +54,11 @@ struct NamedTello(SocketAddr);
 impl Target for NamedTello {
     fn craft(&self) -> Craft {
         Craft::tello()
+    }
+
+    /// Those of a room: a Tello weighs 80 g and has no position.
+    fn limits(&self) -> Limits {
+        Limits { max_altitude: 5.0, max_distance: 20.0, max_speed: 0.6, ..Limits::for_craft(&self.craft()) }
     }
 
     fn motion(&self, options: &Options) -> Option<Motion> {

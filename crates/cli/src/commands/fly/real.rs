@@ -66,9 +66,13 @@ pub(super) fn ready(
         policy.name(),
         settings.fly.preset.text().unwrap_or_default(),
     );
-    let (craft, camera) = (drone.capabilities().craft, Some(drone.frames()));
+    let bounds = format!(
+        "Limits: {} m above and {} m from the take-off point, {} m/s (--max-altitude, --max-distance, --max-speed).",
+        limits.max_altitude, limits.max_distance, limits.max_speed
+    );
+    let (craft, camera) = (limits.capped(&drone.capabilities().craft), Some(drone.frames()));
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
-    let announcements = vec![flying, sentence(&pointing.sentence, &craft), warning.to_owned()];
+    let announcements = vec![flying, sentence(&pointing.sentence, &craft), bounds, warning.to_owned()];
     let plan = FlightPlan {
         policy: Arc::new(policy),
         preset,

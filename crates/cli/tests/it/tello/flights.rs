@@ -75,7 +75,8 @@ fn a_flight_over_real_sockets_sees_flies_and_lands() {
     assert!(summary["path_length_m"].as_f64().unwrap() > 0.2, "{summary}");
     assert!(
         run.stderr.contains("SDK 20, serial number 0TQSIM00000001, battery 100 %")
-            && run.stderr.contains("holds its last velocity"),
+            && run.stderr.contains("holds its last velocity")
+            && run.stderr.contains("Limits: 5 m above and 20 m from the take-off point, 0.6 m/s"),
         "{}",
         run.stderr
     );
@@ -157,5 +158,16 @@ fn the_oracle_behind_http_points_in_the_drone_s_own_video() {
     let truth = rows(&lab.path("truth.jsonl"));
     assert_eq!((truth.len(), &truth[0]["instruction"]), (1, &instruction.into()), "{truth:?}");
     assert!(truth[0]["verified"].is_boolean() && truth[0]["final_distance_m"].is_number(), "{truth:?}");
+    served.end();
+}
+
+#[test]
+fn the_limits_of_a_tello_are_those_of_a_room_unless_flags_widen_them() {
+    let lab = Lab::new();
+    let served = Served::start(&lab, "127.0.0.53", &[]);
+    let args = ["--max-altitude", "7", "--max-distance", "30", "--max-speed", "0.9", "--max-time", "8", "--no-video"];
+    let (run, summary) = fly(&lab, "127.0.0.53", "127.0.0.54", &model(50), &args);
+    assert!(run.stderr.contains("Limits: 7 m above and 30 m from the take-off point, 0.9 m/s"), "{}", run.stderr);
+    assert_eq!(summary["outcome"], "timeout", "{}", run.stderr);
     served.end();
 }

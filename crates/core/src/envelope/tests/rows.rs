@@ -370,7 +370,9 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("limits.rs"),
         include_str!("manoeuvres.rs"),
         include_str!("failings.rs"),
-        include_str!("flights.rs")
+        include_str!("flights.rs"),
+        include_str!("../../../../drone/src/tello/link/tests.rs"),
+        include_str!("../../../../cli/tests/it/tello/ending.rs")
     );
     let mut rows = 0;
     for line in docs.lines().filter(|line| line.starts_with("| ") && line.ends_with("` |")) {
