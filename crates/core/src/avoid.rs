@@ -1,5 +1,5 @@
 //! Obstacle mode: the corridor of a planned step against the obstacles of the same reply (paper §3.1;
-//! `docs/explanation/method.md`).
+//! `docs/reference/reply.md`).
 //!
 //! The paper relies on the model to choose a point clear of the boxes it reports. Models do not always do so, so the
 //! geometry is checked here. A box with its depth label is treated as a solid that starts at the near edge of the

@@ -139,7 +139,7 @@ settings! {
         max_altitude_m: f64 = "", Number(1.0, 1000.0), "SPF_MAX_ALTITUDE_M", "--max-altitude";
         /// maximum distance from take-off, metres; empty: the drone's, else 300
         max_distance_m: f64 = "", Number(1.0, 10_000.0), "SPF_MAX_DISTANCE_M", "--max-distance";
-        /// battery charge, 0 to 1, below which the flight ends; empty: the craft's
+        /// battery charge, 0 to 1, below which the flight ends; empty: 0.15
         low_battery: f64 = "", Number(0.0, 1.0), "SPF_LOW_BATTERY";
         /// consecutive failed replies before landing; empty: the envelope's
         max_failed_replies: u32 = "", Count(1, 1000), "SPF_MAX_FAILED_REPLIES";

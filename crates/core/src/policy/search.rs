@@ -1,4 +1,4 @@
-//! Looking for a target that is out of view (`docs/explanation/method.md`).
+//! Looking for a target that is out of view (`docs/reference/reply.md`).
 
 use core::f64::consts::{PI, TAU};
 
