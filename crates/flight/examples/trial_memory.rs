@@ -51,7 +51,7 @@ fn flown(scene: &Arc<LoadedScene>, seed: u64) -> Result<(Pilot, Lockstep), Box<d
     });
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("default")?, seed);
     let mut around = Lockstep::new(Box::new(drone), Box::new(oracle), Script::default(), Arc::default());
-    run(&mut pilot, &mut around, &mut []);
+    assert!(run(&mut pilot, &mut around, &mut []).is_empty());
     Ok((pilot, around))
 }
 

@@ -176,8 +176,8 @@ impl Film {
     /// Finishes the file.
     pub(crate) fn finish(self) -> Result<(), VideoError> {
         drop(self.shots);
-        // A panic of the encoder is a bug and is propagated.
-        self.encoder.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        // A panic of the encoder is a bug, but it must not unwind through the loop that flies the craft.
+        self.encoder.join().unwrap_or(Err(VideoError::Panicked))
     }
 }
 

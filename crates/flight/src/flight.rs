@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::thread::Builder;
 use std::time::Instant;
 
 use spf_core::envelope::Limits;
 use spf_core::executor::Motion;
 use spf_core::pilot::{Action, Ending, Event, Note, OperatorEvent, Outcome, Pilot, PilotSettings, Preset};
 use spf_core::prompt::PromptText;
-use spf_core::time::Time;
+use spf_core::time::{Duration, Time};
 use spf_vlm::Vlm;
 
 use crate::ledger::{Accounted, Ledger};
@@ -151,7 +152,8 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         return Err(FlightError::Manoeuvres(drone.name().to_owned()));
     }
     let camera = capabilities.camera;
-    let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl")));
+    let live = clock != Clock::Virtual;
+    let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl"), !live));
     let vlm = (plan.vlm_factory)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
     let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
     let image_spec = vlm.image_spec((camera.width, camera.height));
@@ -176,7 +178,6 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     };
     let prompt_text = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
     let mut pilot = pilot(&head, policy.as_ref(), prompt_text);
-    let live = clock != Clock::Virtual;
     let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
     let mut course = Course { instruction: head.instruction.clone(), judge, settled: None };
     let mut around: Box<dyn World> = match clock {
@@ -187,7 +188,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
             Box::new(live.with_operator(operator))
         }
     };
-    {
+    let failures = {
         let mut all: Vec<&mut dyn Observer> = vec![&mut course];
         if let Some(recorder) = &mut recorder {
             all.push(recorder);
@@ -195,13 +196,51 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         for observer in observers.iter_mut() {
             all.push(&mut **observer);
         }
-        run(&mut pilot, around.as_mut(), &mut all);
+        run(&mut pilot, around.as_mut(), &mut all)
+    };
+    let mut recording_problems = Vec::new();
+    for failure in failures {
+        // Without its judge a flight has no result; it has landed by now.
+        if failure.observer == 0 {
+            std::panic::resume_unwind(failure.panic);
+        }
+        recording_problems.push("an observer of the flight failed: internal error".to_owned());
     }
-    let mut summary =
+    let summary =
         Summary { prompt: prompt.map(|prompt| prompt.name()), vlm_use: ledger.total(), ..course.summary(&head, seed, &pilot) };
-    let mut recording_problems = recorder.map(|recorder| recorder.finish(&mut summary)).unwrap_or_default();
-    recording_problems.extend(ledger.problem());
+    // Of a simulated craft nothing waits; a real one stands on the ground, and its driver is still connected.
+    let (summary, problems) = finish_files(summary, recorder, ledger, live);
+    recording_problems.extend(problems);
     Ok(Flown { summary, recording_problems })
+}
+
+/// How long a flight on the wall clock waits for its files at the end.
+const FILES_TIME: Duration = Duration::from_secs(15);
+
+/// Finishes the files of a flight. With a disk that stalls, a `live` flight reports so instead of waiting for ever.
+fn finish_files(summary: Summary, recorder: Option<Recorder>, ledger: Ledger, live: bool) -> (Summary, Vec<String>) {
+    let finish = move |mut summary: Summary| {
+        let mut problems = recorder.map(|recorder| recorder.finish(&mut summary)).unwrap_or_default();
+        problems.extend(ledger.finish());
+        (summary, problems)
+    };
+    if !live {
+        return finish(summary);
+    }
+    let (done, finished) = channel();
+    let unfinished = summary.clone();
+    let thread = Builder::new().name("files".to_owned()).spawn(move || drop(done.send(finish(summary))));
+    let why = match thread {
+        Err(error) => format!("the files could not be finished: {error}"),
+        Ok(_) => match finished.recv_timeout(FILES_TIME) {
+            Ok(done) => return done,
+            Err(RecvTimeoutError::Timeout) => {
+                format!("the files were not finished within {} s: the disk stalls", FILES_TIME.as_secs())
+            }
+            Err(RecvTimeoutError::Disconnected) => "the files could not be finished: internal error".to_owned(),
+        },
+    };
+    (unfinished, vec![why])
 }
 
 /// The course of a flight as seen by its judge: instruction and ending.

@@ -8,8 +8,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::frame::FrameId;
 use spf_core::query::{QueryId, QueryKind};
-use spf_record::jsonl::JsonLines;
+use spf_record::jsonl_queue::JsonLinesQueue;
 use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
+
+use crate::problems::{in_full, slow};
 
 /// Total VLM usage of a flight.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -79,7 +81,9 @@ struct Sums {
     parts: [Vec<f64>; 4],
     /// Created with the first row: the oracle leaves none.
     path: Option<PathBuf>,
-    rows: Option<JsonLines>,
+    /// Whether writing may wait for the disk.
+    patient: bool,
+    rows: Option<JsonLinesQueue>,
     problem: Option<String>,
 }
 
@@ -88,11 +92,11 @@ struct Sums {
 pub struct Ledger(Arc<Mutex<Sums>>);
 
 impl Ledger {
-    /// A ledger that also writes its rows to a file.
+    /// A ledger that also writes its rows to a file. `patient`: it may wait for the disk.
     #[must_use]
-    pub fn in_file(path: &Path) -> Self {
+    pub fn in_file(path: &Path, patient: bool) -> Self {
         let ledger = Self::default();
-        ledger.sums().path = Some(path.to_owned());
+        *ledger.sums() = Sums { path: Some(path.to_owned()), patient, ..Sums::default() };
         ledger
     }
 
@@ -111,10 +115,18 @@ impl Ledger {
         (sums.total.requests > 0).then(|| VlmUse { median_latency_s, median_parts, ..sums.total.clone() })
     }
 
-    /// The error that prevented writing, if any.
+    /// Finishes the file, and returns the error that prevented writing, if any.
     #[must_use]
-    pub fn problem(&self) -> Option<String> {
-        self.sums().problem.clone()
+    pub fn finish(&self) -> Option<String> {
+        // Not under the lock, which a query that is still open may need.
+        let rows = self.sums().rows.take();
+        let finished = rows.map(JsonLinesQueue::finish);
+        let problem = match finished {
+            Some(Err(error)) => Some(in_full(&error)),
+            Some(Ok(lost @ 1..)) => Some(slow(lost, "rows", "vlm.jsonl")),
+            Some(Ok(0)) | None => None,
+        };
+        self.sums().problem.take().or(problem)
     }
 
     fn enter(&self, request: &QueryRequest<'_>, answer: &Answer) {
@@ -127,7 +139,7 @@ impl Ledger {
         if account.requests > 0
             && let Some(path) = sums.path.take()
         {
-            match JsonLines::create(&path) {
+            match JsonLinesQueue::create(&path, sums.patient) {
                 Ok(rows) => sums.rows = Some(rows),
                 Err(error) => sums.problem = Some(error.to_string()),
             }

@@ -20,6 +20,7 @@ pub mod methods;
 pub mod pilot;
 pub mod policy;
 pub mod pose;
+mod problems;
 pub mod real;
 pub mod reask;
 pub mod recorder;

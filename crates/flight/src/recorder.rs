@@ -9,7 +9,7 @@ use serde::Serialize;
 use spf_core::geometry::EnuPosition;
 use spf_core::pilot::{Action, Decision, Event, Note, Phase, Pilot};
 use spf_core::time::Time;
-use spf_record::jsonl::JsonLines;
+use spf_record::jsonl_queue::JsonLinesQueue;
 use spf_record::live::LiveSender;
 use spf_record::out_dir::OutDir;
 use spf_record::trajectory::{DecisionMark, TrajectoryInput, trajectory_svg};
@@ -17,6 +17,7 @@ use spf_record::trajectory::{DecisionMark, TrajectoryInput, trajectory_svg};
 use crate::film::{self, Film};
 use crate::frame_source::FrameSource;
 use crate::log::{self, FlightLog, Head};
+use crate::problems::{Problems, in_full, slow};
 use crate::run::Observer;
 use crate::summary::Summary;
 use crate::words;
@@ -46,7 +47,7 @@ pub struct Recorder {
     out: OutDir,
     frame_source: Arc<dyn FrameSource>,
     log: Option<FlightLog>,
-    decisions: Option<JsonLines>,
+    decisions: Option<JsonLinesQueue>,
     film: Option<Film>,
     path: Vec<(Time, EnuPosition)>,
     known_path: Vec<(Time, EnuPosition)>,
@@ -54,29 +55,6 @@ pub struct Recorder {
     flown: f64,
     last_known: Option<EnuPosition>,
     problems: Problems,
-}
-
-/// Recording failures.
-#[derive(Default)]
-struct Problems {
-    /// The affected files.
-    files: Vec<String>,
-    /// The reasons, for a person.
-    reasons: Vec<String>,
-}
-
-impl Problems {
-    /// Returns the value, or records the failure.
-    fn kept<T, E: std::error::Error>(&mut self, file: &str, result: Result<T, E>) -> Option<T> {
-        result.map_err(|error| self.note(file, in_full(&error))).ok()
-    }
-
-    fn note(&mut self, file: &str, why: String) {
-        if !self.files.iter().any(|known| known == file) {
-            self.files.push(file.to_owned());
-            self.reasons.push(why);
-        }
-    }
 }
 
 const LOG: &str = "flight.mcap";
@@ -96,7 +74,7 @@ impl Recorder {
         let file = problems.kept(LOG, log::open(&out.file(LOG), live));
         let logged = file.is_some() || view.is_some();
         let log = logged.then(|| FlightLog::start(file, view, head, &frame_source.prisms(), frame_source.clone()));
-        let decisions = problems.kept(DECISIONS, JsonLines::create(&out.file(DECISIONS)));
+        let decisions = problems.kept(DECISIONS, JsonLinesQueue::create(&out.file(DECISIONS), !live));
         let images = log.as_ref().filter(|_| video).map(|log| log.images(film::SIZE));
         let film = video
             .then(|| Film::start(&out.file(VIDEO), frame_source.clone(), &head.instruction, images, live))
@@ -137,6 +115,12 @@ impl Recorder {
         if let Some(film) = self.film.take() {
             self.problems.kept(VIDEO, film.finish());
         }
+        if let Some(rows) = self.decisions.take() {
+            match self.problems.kept(DECISIONS, rows.finish()) {
+                Some(0) | None => {}
+                Some(lost) => self.problems.note(DECISIONS, slow(lost, "rows", DECISIONS)),
+            }
+        }
         let (outlines, target) = self.frame_source.map(summary.targets.first().map(String::as_str));
         let image = trajectory_svg(&TrajectoryInput {
             title: summary.instruction.clone(),
@@ -153,27 +137,13 @@ impl Recorder {
         if let Some(log) = self.log.take() {
             match self.problems.kept(LOG, log.finish(summary)) {
                 Some(0) | None => {}
-                Some(lost) => {
-                    let why = format!("{lost} messages are missing from the flight log: the disk was too slow");
-                    self.problems.note(LOG, why);
-                }
+                Some(lost) => self.problems.note(LOG, slow(lost, "messages", "the flight log")),
             }
             summary.not_recorded.clone_from(&self.problems.files);
         }
         self.problems.kept("summary.json", self.out.write_summary(summary));
         self.problems.reasons
     }
-}
-
-/// An error with its causes on one line.
-fn in_full(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(cause) = source {
-        text.push_str(&format!(": {cause}"));
-        source = cause.source();
-    }
-    text
 }
 
 /// The line below the title of the trajectory image.

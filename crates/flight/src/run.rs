@@ -1,5 +1,8 @@
 //! The flight loop, which joins a pilot and a world.
 
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use spf_core::pilot::{Action, Event, Pilot};
 use spf_core::time::Time;
 
@@ -37,27 +40,50 @@ pub trait Observer {
     }
 }
 
-/// Runs a flight until it is over: on the ground again, or motors cut.
-pub fn run(pilot: &mut Pilot, world: &mut dyn World, observers: &mut [&mut dyn Observer]) {
+/// An observer that panicked. It was not called again; the flight continued.
+#[derive(Debug)]
+pub struct ObserverFailure {
+    /// Index of the observer.
+    pub observer: usize,
+    /// The payload of the panic.
+    pub panic: Box<dyn Any + Send>,
+}
+
+/// Observers, none of which can unwind into the loop.
+struct Observers<'a, 'b> {
+    all: Vec<Option<&'a mut &'b mut dyn Observer>>,
+    failures: Vec<ObserverFailure>,
+}
+
+impl Observers<'_, '_> {
+    fn each(&mut self, call: impl Fn(&mut dyn Observer)) {
+        for (index, slot) in self.all.iter_mut().enumerate() {
+            let Some(observer) = slot else { continue };
+            // What a panic leaves inconsistent is not used again.
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| call(&mut ***observer))) {
+                *slot = None;
+                self.failures.push(ObserverFailure { observer: index, panic });
+            }
+        }
+    }
+}
+
+/// Runs a flight until it is over: on the ground again, or motors cut. Returns the observers that failed.
+pub fn run(pilot: &mut Pilot, world: &mut dyn World, observers: &mut [&mut dyn Observer]) -> Vec<ObserverFailure> {
+    let mut observers = Observers { all: observers.iter_mut().map(Some).collect(), failures: Vec::new() };
     loop {
         let now = world.now();
         while let Some(action) = pilot.poll(now) {
             // First what moves or stops the craft: no observer delays a command.
             world.apply(&action);
-            for observer in observers.iter_mut() {
-                observer.action(now, &action, pilot);
-            }
+            observers.each(|observer| observer.action(now, &action, pilot));
         }
-        let Some(deadline) = pilot.next_deadline() else { return };
+        let Some(deadline) = pilot.next_deadline() else { return observers.failures };
         let event = world.wait(deadline);
         let now = world.now();
-        for observer in observers.iter_mut() {
-            observer.time(now, pilot);
-        }
+        observers.each(|observer| observer.time(now, pilot));
         if let Some(event) = event {
-            for observer in observers.iter_mut() {
-                observer.event(now, &event);
-            }
+            observers.each(|observer| observer.event(now, &event));
             pilot.handle(now, event);
         }
     }

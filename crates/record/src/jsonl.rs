@@ -14,7 +14,6 @@ use crate::out_dir::FileError;
 pub struct JsonLines {
     path: PathBuf,
     file: File,
-    line: Vec<u8>,
     rows: u64,
 }
 
@@ -25,7 +24,7 @@ impl JsonLines {
     /// [`FileError::Write`] if it cannot be created.
     pub fn create(path: &Path) -> Result<Self, FileError> {
         let file = File::create(path).map_err(|source| FileError::Write { path: path.to_owned(), source })?;
-        Ok(Self { path: path.to_owned(), file, line: Vec::new(), rows: 0 })
+        Ok(Self { path: path.to_owned(), file, rows: 0 })
     }
 
     /// Appends a row. Non-finite numbers become `null`.
@@ -34,10 +33,13 @@ impl JsonLines {
     /// [`FileError::Json`] if the row has no JSON form (nothing is written then), [`FileError::Write`] if writing
     /// fails.
     pub fn push<T: Serialize>(&mut self, row: &T) -> Result<(), FileError> {
-        self.line.clear();
-        serde_json::to_writer(&mut self.line, row).map_err(|source| FileError::Json { path: self.path.clone(), source })?;
-        self.line.push(b'\n');
-        self.file.write_all(&self.line).map_err(|source| FileError::Write { path: self.path.clone(), source })?;
+        let row = encode(&self.path, row)?;
+        self.push_encoded(&row)
+    }
+
+    /// Appends an encoded row.
+    pub(crate) fn push_encoded(&mut self, row: &[u8]) -> Result<(), FileError> {
+        self.file.write_all(row).map_err(|source| FileError::Write { path: self.path.clone(), source })?;
         self.rows += 1;
         Ok(())
     }
@@ -53,6 +55,16 @@ impl JsonLines {
     pub fn path(&self) -> &Path {
         &self.path
     }
+}
+
+/// A row as it is written to the file at `path`, with its line end. Non-finite numbers become `null`.
+///
+/// # Errors
+/// [`FileError::Json`] if the row has no JSON form.
+pub(crate) fn encode<T: Serialize>(path: &Path, row: &T) -> Result<Vec<u8>, FileError> {
+    let mut line = serde_json::to_vec(row).map_err(|source| FileError::Json { path: path.to_owned(), source })?;
+    line.push(b'\n');
+    Ok(line)
 }
 
 #[cfg(test)]

@@ -46,6 +46,12 @@ pub enum FileError {
         #[source]
         source: io::Error,
     },
+    /// The thread that wrote the file failed.
+    #[error("cannot write `{path}`: internal error")]
+    Panicked {
+        /// The file.
+        path: PathBuf,
+    },
     /// The value has no JSON form: a map with keys that are not strings.
     #[error("cannot write `{path}`: its content cannot be represented as JSON")]
     Json {

@@ -11,12 +11,16 @@ use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
 use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
+use super::pause::Pauses;
 use super::{Script, answer_event, pilot_event};
 use crate::image::QueryImages;
 use crate::run::World;
 
 /// Maximum reaction time to Ctrl-C when nothing else happens.
 const LONGEST_NAP: Duration = Duration::from_millis(50);
+
+/// How long the link counts as lost after the loop did not run: what waited in the sockets is read by then.
+const PAUSE_OVER: Duration = Duration::from_secs(1);
 
 /// A world on the wall clock. The VLM runs in its own thread, so that setpoints are sent while it thinks; all events
 /// arrive through one channel.
@@ -33,6 +37,11 @@ pub struct Live {
     interrupts: Arc<AtomicU32>,
     interrupted: bool,
     operator: Option<Receiver<OperatorEvent>>,
+    pauses: Pauses,
+    /// Whether the driver has reported the link as lost.
+    link_lost: bool,
+    /// Until when the link counts as lost because of a pause.
+    paused_until: Option<Time>,
 }
 
 impl Live {
@@ -69,7 +78,22 @@ impl Live {
         })?;
         let now = Time::ZERO + start.elapsed();
         let (out, later) = (Vec::new(), Vec::new());
-        Ok(Self { start, now, drone, queries, out, events, later, script, interrupts, interrupted: false, operator: None })
+        Ok(Self {
+            start,
+            now,
+            drone,
+            queries,
+            out,
+            events,
+            later,
+            script,
+            interrupts,
+            interrupted: false,
+            operator: None,
+            pauses: Pauses::new(),
+            link_lost: false,
+            paused_until: None,
+        })
     }
 
     /// Adds manual operator inputs.
@@ -77,6 +101,32 @@ impl Live {
     pub fn with_operator(mut self, operator: Option<Receiver<OperatorEvent>>) -> Self {
         self.operator = operator;
         self
+    }
+
+    /// A loop that did not run has missed whatever happened to the craft: as with a lost link.
+    fn pause(&mut self) -> Option<Event> {
+        if let Some(pause) = self.pauses.check() {
+            tracing::warn!("the flight loop did not run for {:.1} s: the link counts as lost", pause.as_secs_f64());
+            self.paused_until = Some(self.now + PAUSE_OVER);
+            return Some(Event::LinkLost);
+        }
+        self.paused_until.take_if(|until| *until <= self.now)?;
+        (!self.link_lost).then_some(Event::LinkRestored)
+    }
+
+    /// Follows the driver's reports of the link; during a pause it stays lost.
+    fn of_link(&mut self, event: Event) -> Option<Event> {
+        match event {
+            Event::LinkLost => self.link_lost = true,
+            Event::LinkRestored => {
+                self.link_lost = false;
+                if self.paused_until.is_some() {
+                    return None;
+                }
+            }
+            _ => {}
+        }
+        Some(event)
     }
 
     fn due(&mut self) -> Option<Event> {
@@ -90,8 +140,13 @@ impl Live {
         if let Some(event) = self.script.take(self.now) {
             return Some(Event::Operator(event));
         }
-        if let Some((_, event)) = self.drone.next_event(self.now) {
-            return Some(pilot_event(event));
+        if let Some(event) = self.pause() {
+            return Some(event);
+        }
+        while let Some((_, event)) = self.drone.next_event(self.now) {
+            if let Some(event) = self.of_link(pilot_event(event)) {
+                return Some(event);
+            }
         }
         let index = self.later.iter().position(|(at, _)| *at <= self.now)?;
         Some(self.later.remove(index).1)

@@ -2,6 +2,7 @@
 
 mod live;
 mod lockstep;
+mod pause;
 
 pub use live::Live;
 pub use lockstep::Lockstep;

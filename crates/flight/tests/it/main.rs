@@ -3,6 +3,7 @@
 
 mod camera;
 mod examples;
+mod observers;
 mod oracle_language;
 mod replay;
 mod rooms;

@@ -53,7 +53,6 @@ impl Log {
     ///
     /// # Errors
     /// [`LogError`] if the file cannot be created, or no thread can be started.
-    /// [`LogError`] when the file cannot be made, or no thread be started.
     pub fn create(path: &Path, topics: &[Topic], patient: bool) -> Result<Self, LogError> {
         let writer = LogWriter::create(path, topics)?;
         let (queue, messages) = sync_channel(WAITING);
@@ -76,11 +75,10 @@ impl Log {
     /// # Errors
     /// [`LogError`]: everything written before can be read, or repaired.
     pub fn finish(self) -> Result<LogFacts, LogError> {
-        let Self { sender, writer, .. } = self;
+        let Self { sender, writer, path } = self;
         let lost = sender.lost.clone();
         drop(sender);
-        // A panic of the writer is a bug and is propagated.
-        let bytes = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        let bytes = writer.join().unwrap_or_else(|_| Err(LogError::Panicked { path }))?;
         Ok(LogFacts { bytes, lost: lost.load(Ordering::Relaxed) })
     }
 

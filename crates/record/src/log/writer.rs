@@ -37,6 +37,12 @@ pub enum LogError {
         #[source]
         source: McapError,
     },
+    /// The writing thread panicked.
+    #[error("cannot write the flight log `{path}`: internal error")]
+    Panicked {
+        /// The file.
+        path: PathBuf,
+    },
     /// The writing thread could not be started.
     #[error("cannot start a thread to write the flight log `{path}`")]
     Thread {

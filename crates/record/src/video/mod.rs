@@ -52,6 +52,9 @@ pub enum VideoError {
         /// Flight time of this image.
         time: Time,
     },
+    /// The encoder's thread panicked.
+    #[error("cannot encode the video: internal error")]
+    Panicked,
     /// Writing failed before; what was written until then can still be finished.
     #[error("the video `{path}` accepts no more frames after a write error")]
     Stopped {
