@@ -84,7 +84,7 @@ def fly(given, instruction, number, fault=None):
     if fault == "take-off refused":
         served.switch(FAULTS[fault])
         time.sleep(0.6)
-    command = [given.spf, "fly", instruction, "--drone", f"tello@{DRONE}", "--vlm", f"openai@{served.url}/v1", "--no-vlm-check"]
+    command = [given.spf, "fly", instruction, "--drone", f"tello@{DRONE}", "--vlm", f"openai@{served.url}/v1", "--no-vlm-check", "--unattended"]
     command += ["--json", "--out", os.path.join(folder, "flight"), "--max-time", "120", *given.more]
     env = {**os.environ, "OPENAI_API_KEY": "none", "SPF_TELLO_LOCAL": LOCAL, "RUST_LOG": "warn,spf_drone=trace"}
     began = moved = last = None

@@ -1,6 +1,7 @@
 //! Writing to the terminal from a thread of its own, so that a terminal that does not read (a full pipe, a stopped pager)
 //! never delays whoever prints: on the wall clock that is the loop that flies the drone.
 
+use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io::{self, Write};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -34,7 +35,11 @@ pub(crate) fn start() {
     if Builder::new().name("log lines".to_owned()).spawn(move || write_all(&waiting)).is_ok() {
         drop(LOG.set(lines));
         // The message of a panic must not hold up the unwinding that lands the drone.
-        std::panic::set_hook(Box::new(|panic| say(&format!("internal error: {panic}"))));
+        std::panic::set_hook(Box::new(|panic| {
+            let trace = Backtrace::capture();
+            let trace = if trace.status() == BacktraceStatus::Captured { format!("\n{trace}") } else { String::new() };
+            say(&format!("internal error: {panic}{trace}"));
+        }));
     }
 }
 

@@ -1,6 +1,6 @@
 //! Progress display during a flight: one live line, and a line per decision.
 
-use spf_core::pilot::{Action, Note, OperatorEvent, Pilot};
+use spf_core::pilot::{Action, Note, OperatorEvent, Phase, Pilot};
 use spf_core::time::{Duration, Time};
 use spf_flight::run::Observer;
 use spf_flight::words;
@@ -26,6 +26,9 @@ impl Progress {
 
     fn note(&mut self, now: Time, note: &Note) {
         let line = match note {
+            Note::Phase(Phase::Hovering) => {
+                "hovering for up to 60 s: Enter opens a prompt for a new instruction, L lands, the arrows fly".to_owned()
+            }
             Note::Phase(phase) => words::phase(*phase).to_owned(),
             Note::Decision(decision) => {
                 format!("{:>2}. {}  [flown {:.1} m]", decision.number, words::decision(decision), self.flown)

@@ -51,6 +51,9 @@ pub struct Telemetry {
     pub height: Option<f64>,
     /// Battery charge, 0..=1.
     pub battery: Option<f64>,
+    /// Highest temperature in the craft, °C, if reported.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<f64>,
     /// Flight phase.
     pub phase: FlightPhase,
     /// True once the craft has detected a collision (a real craft: tumbled, motors stopped).

@@ -1,9 +1,14 @@
 //! Manual flight from a keyboard: the meaning of keys. Keys fly only while no text is being typed, and only those sent
 //! to this program's terminal; the keyboard is not read globally.
+//!
+//! Text that is pasted, or typed without opening the prompt first, is not flown: characters that arrive together and
+//! differ, and letters within a second of one that is not a key, are ignored. No text can cut the motors, which takes
+//! Ctrl-X twice.
 
 use spf_core::command::Setpoint;
 use spf_core::craft::Craft;
 use spf_core::pilot::OperatorEvent;
+use spf_core::time::{Duration, Time};
 
 /// A key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +27,8 @@ pub enum Key {
     Escape,
     /// Backspace.
     Backspace,
+    /// Ctrl-X.
+    CtrlX,
     /// A letter, digit or symbol.
     Character(char),
 }
@@ -36,6 +43,7 @@ pub fn keys_of(bytes: &[u8]) -> Vec<Key> {
         match first {
             b'\r' | b'\n' => keys.push(Key::Enter),
             0x7f | 0x08 => keys.push(Key::Backspace),
+            0x18 => keys.push(Key::CtrlX),
             0x1b => match after {
                 [b'[' | b'O', letter, ..] if letter.is_ascii_alphabetic() => {
                     rest = &after[2..];
@@ -73,21 +81,39 @@ pub fn keys_of(bytes: &[u8]) -> Vec<Key> {
 const LONGEST: usize = 2000;
 
 /// Help text for the keys.
-pub const HELP: &str = "Keys: arrows fly, W/S climb and descend, A/D yaw, Space holds, T resumes, L lands, E stops the \
-motors, Enter opens a prompt for a new instruction.";
+pub const HELP: &str = "Keys: arrows fly, W/S climb and descend, A/D yaw, Space holds (also during a landing), T resumes, \
+L lands, Enter opens a prompt for a new instruction, Ctrl-X twice within 1 s cuts the motors.";
+
+/// How long letters are ignored after a letter that is not a key.
+const TEXT_TIME: Duration = Duration::from_secs(1);
+/// The second Ctrl-X counts within this time.
+const TWICE_WITHIN: Duration = Duration::from_secs(1);
+
+/// What keys mean.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pressed {
+    /// Operator inputs, in order.
+    pub events: Vec<OperatorEvent>,
+    /// A message for the operator.
+    pub hint: Option<&'static str>,
+}
 
 /// Keyboard state.
 #[derive(Clone, Debug)]
 pub struct Keys {
     craft: Craft,
     typed: Option<String>,
+    /// Until when letters are text that was not meant to fly.
+    text_until: Time,
+    /// The first of two Ctrl-X.
+    first_cut: Option<Time>,
 }
 
 impl Keys {
     /// Keys for a craft, flying at half its preset speeds.
     #[must_use]
     pub fn new(craft: Craft) -> Self {
-        Self { craft, typed: None }
+        Self { craft, typed: None, text_until: Time::ZERO, first_cut: None }
     }
 
     /// The instruction being typed; `None` if none is.
@@ -96,9 +122,40 @@ impl Keys {
         self.typed.as_deref()
     }
 
+    /// The operator inputs that result from keys that arrived together at `now`, on any steady clock.
+    pub fn read(&mut self, now: Time, keys: &[Key]) -> Pressed {
+        let mut pressed = Pressed::default();
+        let letters = || keys.iter().filter(|key| is_letter(key));
+        // A held key repeats one letter; different ones at once were pasted.
+        let pasted = self.typed.is_none() && letters().any(|letter| Some(letter) != letters().next());
+        if pasted || (self.typed.is_none() && letters().any(|letter| !is_command(letter))) {
+            self.text_until = now + TEXT_TIME;
+            pressed.hint = Some("text is ignored; Enter opens a prompt for a new instruction");
+        }
+        for key in keys {
+            if *key == Key::CtrlX {
+                if self.first_cut.take().is_some_and(|first| now.since(first) <= TWICE_WITHIN) {
+                    pressed.events.push(OperatorEvent::CutMotors);
+                } else {
+                    self.first_cut = Some(now);
+                    pressed.hint = Some("Ctrl-X again within 1 s cuts the motors: the drone falls");
+                }
+                continue;
+            }
+            self.first_cut = None;
+            // Of pasted text, spaces and line ends are text too.
+            let part = is_letter(key) || (pasted && matches!(key, Key::Enter | Key::Character(_)));
+            let text = self.typed.is_none() && now < self.text_until && part;
+            if !text {
+                pressed.events.extend(self.press(*key));
+            }
+        }
+        pressed
+    }
+
     /// The operator inputs that result from a key. While an instruction is typed every key is text, and the craft
     /// holds.
-    pub fn press(&mut self, key: Key) -> Vec<OperatorEvent> {
+    fn press(&mut self, key: Key) -> Vec<OperatorEvent> {
         if let Some(text) = &mut self.typed {
             match key {
                 Key::Character(letter) if !letter.is_control() && text.chars().count() < LONGEST => text.push(letter),
@@ -128,15 +185,24 @@ impl Keys {
             Key::Character(' ') => return vec![OperatorEvent::Hold],
             Key::Character('t' | 'T') => return vec![OperatorEvent::Resume],
             Key::Character('l' | 'L') => return vec![OperatorEvent::Land],
-            Key::Character('e' | 'E') => return vec![OperatorEvent::Stop],
             Key::Enter => {
                 self.typed = Some(String::new());
                 return vec![OperatorEvent::Hold];
             }
-            Key::Escape | Key::Backspace | Key::Character(_) => return Vec::new(),
+            Key::Escape | Key::Backspace | Key::CtrlX | Key::Character(_) => return Vec::new(),
         };
         vec![OperatorEvent::Setpoint(flown)]
     }
+}
+
+/// Whether a key is text outside of the prompt; a space holds, whatever came before it.
+fn is_letter(key: &Key) -> bool {
+    matches!(key, Key::Character(letter) if *letter != ' ')
+}
+
+/// Whether a character is a key of manual flight.
+fn is_command(key: &Key) -> bool {
+    matches!(key, Key::Character(letter) if "wsadtl".contains(letter.to_ascii_lowercase()))
 }
 
 #[cfg(test)]
@@ -162,12 +228,46 @@ mod tests {
     }
 
     #[test]
-    fn keys_fly_at_half_speed_and_e_cuts_the_motors() {
+    fn keys_fly_at_half_speed() {
         let mut keys = Keys::new(Craft::tello());
         assert_eq!(keys.press(Key::Up), [OperatorEvent::Setpoint(Setpoint { forward: 0.5, ..Setpoint::HOLD })]);
         assert_eq!(keys.press(Key::Character('s')), [OperatorEvent::Setpoint(Setpoint { up: -0.4, ..Setpoint::HOLD })]);
         assert_eq!(keys.press(Key::Character('L')), [OperatorEvent::Land]);
-        assert_eq!(keys.press(Key::Character('e')), [OperatorEvent::Stop]);
+    }
+
+    #[test]
+    fn cutting_the_motors_takes_ctrl_x_twice_within_a_second_also_while_typing() {
+        let press = |keys: &mut Keys, ms| keys.read(Time::from_millis(ms), &[Key::CtrlX]).events;
+        for typing in [false, true] {
+            let mut keys = Keys::new(Craft::tello());
+            if typing {
+                keys.press(Key::Enter);
+            }
+            assert_eq!((press(&mut keys, 0), press(&mut keys, 1100)), (vec![], vec![]), "too slow");
+            assert_eq!(press(&mut keys, 2000), [OperatorEvent::CutMotors]);
+            assert_eq!(press(&mut keys, 2100), [], "a third one is a first one");
+            keys.read(Time::from_millis(2200), &[Key::Up]);
+            assert_eq!(press(&mut keys, 2300), [], "another key in between");
+        }
+    }
+
+    #[test]
+    fn pasted_text_and_text_without_the_prompt_fly_nothing() {
+        let mut keys = Keys::new(Craft::tello());
+        let pasted: Vec<Key> = "land at the wall\ndwell\n".chars().map(|c| keys_of(c.to_string().as_bytes())[0]).collect();
+        let read = keys.read(Time::ZERO, &pasted);
+        assert!(read.events.is_empty() && read.hint.is_some(), "{read:?}");
+        assert_eq!(keys.typed(), None);
+        // Typed at ten characters a second: from the first letter that is no key on, nothing but spaces acts.
+        let mut at = Time::from_millis(10_000);
+        let mut events = Vec::new();
+        for letter in "fly to the red crane and descend slowly".chars() {
+            events.extend(keys.read(at, &[Key::Character(letter)]).events);
+            at += Duration::from_millis(100);
+        }
+        assert!(events.iter().all(|event| *event == OperatorEvent::Hold), "{events:?}");
+        let later = keys.read(at + Duration::from_secs(1), &[Key::Character('w'), Key::Character('w')]).events;
+        assert_eq!(later.len(), 2, "a held key repeats");
     }
 
     #[test]
@@ -193,6 +293,18 @@ mod tests {
         #[test]
         fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..40)) {
             prop_assert!(keys_of(&bytes).len() <= bytes.len());
+        }
+
+        /// No text cuts the motors, at whatever pace it comes.
+        #[test]
+        fn no_text_cuts_the_motors(texts in proptest::collection::vec(("\\PC{0,20}", 0_u64..2000), 0..20)) {
+            let mut keys = Keys::new(Craft::tello());
+            let mut now = Time::ZERO;
+            for (text, pause) in texts {
+                now += Duration::from_millis(pause);
+                let events = keys.read(now, &keys_of(text.as_bytes())).events;
+                prop_assert!(!events.contains(&OperatorEvent::CutMotors));
+            }
         }
 
         /// While text is typed, only ending it has an effect.

@@ -63,12 +63,14 @@ enum What {
     Setpoint,
     Instruction,
     Land,
+    /// A hold. Its meaning was to cut the motors; no drone of a file that says so may fall.
     Stop,
+    CutMotors,
 }
 
 impl Script {
-    /// Parses an events file: an array of `[[event]]` tables with `at_s` and `do` (hold, resume, setpoint, instruction,
-    /// land, stop).
+    /// Parses an events file: an array of `[[event]]` tables with `at_s` and `do` (hold or stop, resume, setpoint,
+    /// instruction, land, cut_motors).
     ///
     /// # Errors
     /// [`ScriptError`] with the line, or the number of the event.
@@ -94,10 +96,10 @@ impl Script {
                 }
                 (What::Instruction, _) => return Err(wrong("an instruction needs `text`")),
                 (_, Some(_)) => return Err(wrong("`text` is only valid with `do = \"instruction\"`")),
-                (What::Hold, None) => events.push((at, OperatorEvent::Hold)),
+                (What::Hold | What::Stop, None) => events.push((at, OperatorEvent::Hold)),
                 (What::Resume, None) => events.push((at, OperatorEvent::Resume)),
                 (What::Land, None) => events.push((at, OperatorEvent::Land)),
-                (What::Stop, None) => events.push((at, OperatorEvent::Stop)),
+                (What::CutMotors, None) => events.push((at, OperatorEvent::CutMotors)),
                 (What::Setpoint, None) => {
                     if !axes.iter().flatten().all(|value| value.is_finite()) {
                         return Err(wrong("velocities must be finite numbers"));

@@ -28,6 +28,7 @@ pub fn phase(phase: Phase) -> &'static str {
         Phase::Flying => "flying",
         Phase::Held => "held by the operator",
         Phase::Manual => "under manual control",
+        Phase::Hovering => "hovering",
         Phase::Landing => "landing",
         Phase::Ended => "ended",
     }
@@ -42,7 +43,7 @@ pub fn operator(event: &OperatorEvent) -> String {
         OperatorEvent::Setpoint(_) => "setpoint".to_owned(),
         OperatorEvent::Instruction(text) => format!("new instruction \"{text}\""),
         OperatorEvent::Land => "land".to_owned(),
-        OperatorEvent::Stop => "stop the motors".to_owned(),
+        OperatorEvent::CutMotors => "cut the motors".to_owned(),
     }
 }
 

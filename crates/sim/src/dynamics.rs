@@ -201,6 +201,11 @@ impl Dynamics {
                 let setpoint = if setpoint.is_finite() { setpoint } else { Setpoint::HOLD };
                 self.setpoint = Some((setpoint, order.expires));
             }
+            // A hold, and nothing else, interrupts a landing.
+            (Command::Setpoint(setpoint), FlightPhase::Landing) if setpoint.is_hold() => {
+                self.setpoint = None;
+                self.phase = FlightPhase::Flying;
+            }
             (Command::Land, FlightPhase::TakingOff | FlightPhase::Flying) => self.begin_landing(collider),
             (Command::EmergencyStop, FlightPhase::OnGround) => {}
             (Command::EmergencyStop, FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Landing) => {

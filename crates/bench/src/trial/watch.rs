@@ -78,7 +78,7 @@ impl Watcher {
         let least = |a: Option<f64>, b: Option<f64>| [a, b].into_iter().flatten().reduce(f64::min);
         found.distance = self.judge.distance(&moment);
         found.least_distance = least(found.least_distance, found.distance);
-        if matches!(pilot.phase(), Phase::Flying | Phase::Held | Phase::Manual) {
+        if matches!(pilot.phase(), Phase::Flying | Phase::Held | Phase::Manual | Phase::Hovering) {
             let loaded = world.loaded();
             let at = moment.pose.position;
             let moving = loaded.cast.objects().filter_map(|id| loaded.distance_to(id, &moment.actors, at));

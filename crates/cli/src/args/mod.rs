@@ -229,7 +229,14 @@ pub(crate) struct MethodArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Limits")]
 pub(crate) struct LimitArgs {
-    /// Maximum flight time, seconds [default: 180]
+    /// When the instruction has ended: land, or hover for up to 60 s and accept a new instruction [default: land; hover with a
+    /// real drone and a terminal]
+    #[arg(long, value_name = "ACTION")]
+    pub(crate) at_end: Option<String>,
+    /// Fly a real drone without a terminal: nobody can hold it or fly it by hand
+    #[arg(long)]
+    pub(crate) unattended: bool,
+    /// Maximum flight time, seconds, not counting manual flight [default: 180]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) max_time: Option<String>,
     /// Maximum number of decisions [default: 60]

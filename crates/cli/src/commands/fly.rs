@@ -4,16 +4,15 @@ mod manual;
 mod reading;
 pub(crate) mod real;
 pub(crate) mod settings;
+pub(crate) mod signals;
 
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 use serde::Serialize;
 use spf_core::craft::Craft;
 use spf_core::pilot::Outcome;
-use spf_drone::abandon;
 use spf_drone::frames::Frames;
 use spf_flight::flight::{FlightError, FlightPlan, Site};
 use spf_flight::frame_age::GlassToDecision;
@@ -29,8 +28,9 @@ use spf_sim::model::Model;
 
 use self::manual::Manual;
 use self::settings::{flight_conditions, limits, method, preset_and_policy, prompt, script};
+use self::signals::flight_interrupts;
 use crate::args::Fly;
-use crate::background::{self, Talk};
+use crate::background::Talk;
 use crate::commands::vlm::pointing;
 use crate::commands::{detector, load_scene};
 use crate::error::CliError;
@@ -68,18 +68,24 @@ struct Ready {
     announcements: Vec<String>,
     /// The craft for manual flight; `None` in virtual time.
     by_hand: Option<Craft>,
+    /// Whether take-off requires an operator at the keys.
+    attended: bool,
     /// The camera whose video statistics are reported at the end.
     camera: Option<Arc<dyn Frames>>,
 }
 
 /// Flies, reports the result, and writes the files.
 fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: Printer) -> Result<Exit, CliError> {
-    let Ready { plan, announcements, by_hand, camera } = ready;
+    let Ready { plan, announcements, by_hand, attended, camera } = ready;
     // A flight on the wall clock waits for no terminal.
     let paced = by_hand.is_some();
     let view = settings.fly.live.get()?.map(live_view).transpose()?;
     let out = out_dir(settings, instruction)?;
     let (manual, operator) = by_hand.map_or_else(Manual::none, Manual::start);
+    if attended && !manual.is_on() {
+        give_back(&out);
+        return Err(no_keys());
+    }
     let record = RecordPlan { out: out.clone(), video: settings.fly.video.is_on()?, view: view.as_ref().map(Live::sender) };
     let plan = FlightPlan { record: Some(record), operator, ..plan };
     printer.start_live();
@@ -119,6 +125,14 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     }
     report(&flown.summary, out.path(), &printer)?;
     Ok(Exit::of(flown.summary.outcome, flown.summary.verified))
+}
+
+/// Why a real drone does not take off without an operator.
+fn no_keys() -> CliError {
+    CliError::usage("take-off refused: no terminal, so nobody could hold the drone or fly it by hand").hint(
+        "run the command in a terminal (not through a pipe), or pass --unattended: then only Ctrl-C, SIGTERM and the safety envelope \
+         land the drone",
+    )
 }
 
 /// Creates the output folder of the flight.
@@ -203,40 +217,10 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
         prompt,
         max_cost_usd,
         script,
-        interrupts: interrupts()?,
+        interrupts: flight_interrupts(false)?,
         ..FlightPlan::new(Site::Simulated(site), instruction, &pointing.name, pointing.vlm_factory)
     };
-    Ok(Ready { plan, announcements, by_hand: realtime.then_some(craft), camera: None })
-}
-
-/// Counts Ctrl-C presses, SIGTERM and SIGHUP. The first one lands, finishes all files and exits with code 5. The second one
-/// exits without waiting for the files, a real drone being landed first; the third one exits at once.
-pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
-    let count = Arc::new(AtomicU32::new(0));
-    let counted = count.clone();
-    ctrlc::set_handler(move || {
-        let before = counted.fetch_add(1, Ordering::Relaxed);
-        if before == 1 && abandon::is_any_connected() {
-            // On a thread of its own, so that a third Ctrl-C is heard.
-            drop(std::thread::Builder::new().name("landing".to_owned()).spawn(land_and_exit));
-        } else if before > 0 {
-            manual::restore();
-            #[allow(clippy::exit, reason = "a second Ctrl-C exits at once")]
-            std::process::exit(Exit::Aborted as i32);
-        }
-    })
-    .map_err(|error| CliError::internal("cannot listen for Ctrl-C").because(&error))?;
-    Ok(count)
-}
-
-/// Lands without the flight loop, which may be stuck, and exits.
-fn land_and_exit() {
-    background::say("landing the drone; Ctrl-C once more ends the program at once and leaves the drone to itself");
-    abandon::abandon_all();
-    background::flush();
-    manual::restore();
-    #[allow(clippy::exit, reason = "a second Ctrl-C asks for exactly this")]
-    std::process::exit(Exit::Aborted as i32);
+    Ok(Ready { plan, announcements, by_hand: realtime.then_some(craft), attended: false, camera: None })
 }
 
 /// The output of `--json`: the summary and the paths of the files.

@@ -10,8 +10,9 @@ use spf_drone::tello::driver::DRIVER;
 use spf_drone::tello::sticks::Calibration;
 use spf_flight::calibrate::{CalibrateError, calibrate};
 
+use super::fly::real;
 use super::fly::settings::options;
-use super::fly::{interrupts, real};
+use super::fly::signals::flight_interrupts;
 use crate::args::{Calibrate, Tello};
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -38,7 +39,7 @@ fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
     let mut options = options(&settings)?;
     // Full stick is what `rc` says.
     options.tello.motion = TelloMotion::Rc;
-    let interrupts = interrupts()?;
+    let interrupts = flight_interrupts(true)?;
     let start = Instant::now();
     let Connected { drone, warning, .. } = real::connect(target.as_ref(), &options, start, printer)?;
     printer.log("Measuring for about 45 s: keep 3 m ahead and 2 m above clear.");

@@ -6,7 +6,7 @@ use std::net::{IpAddr, SocketAddr};
 use spf_core::craft::CraftKind;
 use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
-use spf_core::pilot::{Preset, Think};
+use spf_core::pilot::{AtEnd, Preset, Think};
 use spf_core::step::StepRule;
 use spf_drone::tello::TelloMotion;
 use spf_flight::policy::PolicyKind;
@@ -59,7 +59,11 @@ settings! {
         wind: Wind = "", Explained("a wind"), "SPF_WIND", "--wind";
         /// battery charge at the start, 0 to 1
         battery: f64 = "1", Number(0.0, 1.0), "SPF_BATTERY", "--battery";
-        /// maximum flight time, seconds
+        /// when the instruction has ended, land or hover; empty: hover with a real drone and a terminal, else land
+        at_end: AtEnd = "", Word, "SPF_AT_END", "--at-end";
+        /// fly a real drone without a terminal: true or false
+        unattended: bool = "false", Word, "SPF_UNATTENDED", "--unattended" sets "true";
+        /// maximum flight time, seconds, not counting manual flight
         max_time_s: f64 = "180", Number(1.0, 86_400.0), "SPF_MAX_TIME_S", "--max-time";
         /// maximum number of decisions
         max_decisions: u32 = "60", Count(1, 100_000), "SPF_MAX_DECISIONS", "--max-decisions";

@@ -7,7 +7,7 @@ use std::str::FromStr;
 use spf_core::craft::CraftKind;
 use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
-use spf_core::pilot::{Preset, Think};
+use spf_core::pilot::{AtEnd, Preset, Think};
 use spf_core::step::StepRule;
 use spf_drone::driver::{Driver, Target};
 use spf_drone::registry::{DRIVERS, alternatives, forms, named};
@@ -175,6 +175,12 @@ impl Words for Motion {
 impl Words for Think {
     fn words() -> Vec<(&'static str, Self)> {
         vec![("stop", Self::Stop), ("continuous", Self::Continuous)]
+    }
+}
+
+impl Words for AtEnd {
+    fn words() -> Vec<(&'static str, Self)> {
+        vec![("land", Self::Land), ("hover", Self::Hover)]
     }
 }
 

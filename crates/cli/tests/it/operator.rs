@@ -47,10 +47,10 @@ fn land_before_take_off_is_over() {
 }
 
 #[test]
-fn stop_cuts_the_motors() {
-    let (code, summary, _, message) = fly("60", "[[event]]\nat_s = 14\ndo = \"stop\"\n");
+fn cut_motors_cuts_the_motors() {
+    let (code, summary, _, message) = fly("60", "[[event]]\nat_s = 14\ndo = \"cut_motors\"\n");
     assert_eq!((code, summary["outcome"].as_str()), (5, Some("aborted")), "{message}");
-    assert!(message.contains("operator: stop the motors") && !message.contains("landing"), "{message}");
+    assert!(message.contains("operator: cut the motors") && !message.contains("landing"), "{message}");
 }
 
 #[test]
@@ -102,9 +102,19 @@ fn a_new_instruction_is_flown_and_judged() {
 
 #[test]
 fn what_comes_after_the_end_changes_nothing() {
-    let late =
-        "[[event]]\nat_s = 10\ndo = \"land\"\n\n[[event]]\nat_s = 11\ndo = \"resume\"\n\n[[event]]\nat_s = 4000\ndo = \"hold\"\n";
+    let late = "[[event]]\nat_s = 10\ndo = \"land\"\n\n[[event]]\nat_s = 4000\ndo = \"hold\"\n";
     let (code, summary, _, message) = fly("60", late);
     assert_eq!((code, summary["outcome"].as_str()), (5, Some("aborted")), "{message}");
-    assert!(message.contains("operator: resume ignored"), "{message}");
+    assert!(!message.contains("operator: hold"), "{message}");
+}
+
+#[test]
+fn a_landing_is_taken_over_and_flown_on() {
+    let events =
+        "[[event]]\nat_s = 10\ndo = \"land\"\n\n[[event]]\nat_s = 11\ndo = \"stop\"\n\n[[event]]\nat_s = 20\ndo = \"resume\"\n";
+    let (code, summary, decisions, message) = fly("60", events);
+    // The limit of 60 s counts from the resumption.
+    assert_eq!((code, summary["outcome"].as_str()), (0, Some("reached")), "{message}");
+    assert!(message.contains("11.0 s  operator: hold") && message.contains("held by the operator"), "{message}");
+    assert!(decisions.iter().any(|decision| seconds(decision, "asked") >= 20.0), "{message}");
 }

@@ -111,6 +111,20 @@ pub enum Refusal {
         /// Required charge, 0..=1.
         needed: f64,
     },
+    /// The craft does not report its battery charge.
+    #[error("take-off refused: the craft does not report its battery charge")]
+    UnknownBattery,
+    /// No usable image arrives.
+    #[error("take-off refused: no usable image from the camera; `spf doctor` finds out why")]
+    NoVideo,
+    /// The craft is too hot.
+    #[error("take-off refused: the craft reports {celsius:.0} °C, more than {limit:.0} °C; switch it off and let it cool down")]
+    TooHot {
+        /// Reported temperature, °C.
+        celsius: f64,
+        /// Limit, °C.
+        limit: f64,
+    },
     /// The link is lost.
     #[error("take-off refused: link to the craft lost")]
     LinkLost,

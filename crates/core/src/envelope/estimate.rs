@@ -28,6 +28,8 @@ pub(super) struct Estimate {
     pub(super) heading: Option<f64>,
     /// Battery charge, 0..=1, as last reported.
     pub(super) battery: Option<f64>,
+    /// Highest temperature in the craft, °C, as last reported.
+    pub(super) temperature: Option<f64>,
     /// Flight phase.
     pub(super) phase: FlightPhase,
     /// Start of the current phase. A manoeuvre does not start a new phase here, so that it does not make an old frame
@@ -56,6 +58,7 @@ impl Estimate {
         self.phase = telemetry.phase;
         self.crashed = telemetry.crashed || telemetry.phase == FlightPhase::Stopped;
         self.battery = telemetry.battery.filter(|x| x.is_finite()).map(|x| x.clamp(0.0, 1.0)).or(self.battery);
+        self.temperature = telemetry.temperature.filter(|x| x.is_finite()).or(self.temperature);
         self.heading = Some(telemetry.attitude.heading).filter(|x| x.is_finite());
         self.oriented = self.heading.map_or(self.oriented, |_| Some(measured));
         self.velocity = telemetry.velocity.filter(|v| sane([v.east, v.north, v.up], MAX_VELOCITY));

@@ -45,6 +45,13 @@ pub struct Limits {
     pub link_land_after: f64,
     /// Battery charge (0..=1) below which take-off is refused.
     pub take_off_battery: f64,
+    /// Whether take-off requires a fresh usable frame and a reported battery charge. Set for real craft: a camera or a
+    /// battery that reports nothing is found out on the ground.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub take_off_checks: bool,
+    /// Temperature reported by the craft, °C, above which take-off is refused; `None` for no limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_temperature: Option<f64>,
     /// Battery charge (0..=1) below which the craft holds, then lands.
     pub low_battery: f64,
     /// Time from low battery to landing, s.
@@ -109,6 +116,8 @@ impl Limits {
             link_hold_after: 0.5,
             link_land_after: 5.0,
             take_off_battery: 0.2,
+            take_off_checks: false,
+            max_temperature: None,
             low_battery: 0.15,
             battery_land_after: 5.0,
             max_failed_replies: 5,

@@ -207,6 +207,13 @@ impl Envelope {
         self.clear_under(now, Setpoint::HOLD, Control::Pilot)
     }
 
+    /// Whether a usable frame was captured within the maximum frame age.
+    #[must_use]
+    pub fn has_fresh_frame(&self, now: Time) -> bool {
+        let fresh = duration_from_secs(self.limits.max_frame_age);
+        self.watch.captured().is_some_and(|captured| now.since(captured) < fresh)
+    }
+
     /// Advances the envelope's time, never backwards.
     fn advance(&mut self, now: Time) -> Time {
         self.now = self.now.max(now);
@@ -250,6 +257,17 @@ impl Envelope {
         let needed = self.limits.take_off_battery;
         if let Some(charge) = self.estimate.battery.filter(|&charge| charge < needed) {
             return Err(Refusal::LowBattery { charge, needed });
+        }
+        if self.limits.take_off_checks && self.estimate.battery.is_none() {
+            return Err(Refusal::UnknownBattery);
+        }
+        if let Some((celsius, limit)) = self.estimate.temperature.zip(self.limits.max_temperature)
+            && celsius > limit
+        {
+            return Err(Refusal::TooHot { celsius, limit });
+        }
+        if self.limits.take_off_checks && !self.has_fresh_frame(now) {
+            return Err(Refusal::NoVideo);
         }
         let (height, limit) = (self.craft.take_off_height, self.limits.max_altitude);
         if height > limit {

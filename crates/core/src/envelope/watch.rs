@@ -76,6 +76,11 @@ impl Watch {
         self.captured = self.captured.max(Some(captured));
     }
 
+    /// Capture time of the newest usable frame.
+    pub(super) fn captured(&self) -> Option<Time> {
+        self.captured
+    }
+
     pub(super) fn reply(&mut self, now: Time, ok: bool) {
         if ok {
             self.failed_replies = 0;

@@ -43,11 +43,12 @@ impl Pilot {
         if self.used == Some(view.frame.id) || (from_rest && (self.executing || !view.at_rest)) {
             return;
         }
-        if self.decisions >= self.settings.max_decisions {
+        if self.counted_decisions() >= self.settings.max_decisions {
             if self.executing {
                 return; // The last plan is flown to its end.
             }
-            return self.finish(now, Outcome::Timeout, format!("the limit of {} decisions was reached", self.decisions));
+            let limit = self.settings.max_decisions;
+            return self.end_instruction(now, Outcome::Timeout, format!("the limit of {limit} decisions was reached"));
         }
         self.used = Some(view.frame.id);
         self.needs_rest = false;
@@ -130,14 +131,14 @@ impl Pilot {
                     return;
                 }
                 Step::Wait => return,
-                Step::Done => return self.finish(now, Outcome::Reached, "the instruction is fulfilled".to_owned()),
+                Step::Done => return self.end_instruction(now, Outcome::Reached, "the instruction is fulfilled".to_owned()),
                 Step::Reject(_) => return self.stop_motion(now),
                 Step::Fail(reason) => {
                     let (outcome, cause) = match reason {
                         FailReason::NotFound => (Outcome::NotFound, "two full search turns without seeing the target"),
                         FailReason::NoProgram => (Outcome::Failed, "several programs in a row failed"),
                     };
-                    return self.finish(now, outcome, cause.to_owned());
+                    return self.end_instruction(now, outcome, cause.to_owned());
                 }
             }
             step = self.policy.handle(PolicyEvent::Continue);

@@ -1,5 +1,6 @@
 //! Take-off, limits and landing: the phases around deciding.
 
+use super::take_over::HOVER_TIME;
 use super::{Action, Ending, Outcome, Phase, Pilot};
 use crate::command::Command;
 use crate::telemetry::FlightPhase;
@@ -7,6 +8,8 @@ use crate::time::{Duration, Time};
 
 /// A craft that does not report flying this long after take-off is given up on.
 const TAKE_OFF_TIME: Duration = Duration::from_secs(30);
+/// How long a craft on the ground is given to send its first usable frame, where take-off requires one.
+const VIDEO_TIME: Duration = Duration::from_secs(15);
 /// Interval at which `Land` is repeated until the craft reports being on the ground: a lost command must not leave it
 /// in the air.
 pub(super) const LAND_REPEAT: Duration = Duration::from_secs(1);
@@ -39,10 +42,12 @@ impl Pilot {
             (Phase::Landing, FlightPhase::OnGround | FlightPhase::Stopped) => self.enter(now, Phase::Ended),
             // The craft lands or has stopped by itself (its own battery or link protection): follow it, never fight it.
             (
-                Phase::Flying | Phase::Held | Phase::Manual,
+                Phase::Flying | Phase::Held | Phase::Manual | Phase::Hovering,
                 FlightPhase::Landing | FlightPhase::OnGround | FlightPhase::Stopped,
             )
-            | (Phase::TakeOff, FlightPhase::Stopped) => {
+            | (Phase::TakeOff, FlightPhase::Stopped)
+                if !self.is_still_landing(now) =>
+            {
                 self.finish(now, Outcome::Failed, "the craft landed or stopped its motors".to_owned());
             }
             _ => {}
@@ -57,10 +62,11 @@ impl Pilot {
             Phase::TakeOff if waited >= TAKE_OFF_TIME => {
                 self.finish(now, Outcome::Failed, format!("no take-off within {} s", TAKE_OFF_TIME.as_secs()));
             }
-            Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff if now >= Time::ZERO + self.settings.max_time => {
+            Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff if self.is_out_of_time(now) => {
                 let limit = self.settings.max_time.as_secs_f64();
                 self.finish(now, Outcome::Timeout, format!("the flight time limit of {limit} s was reached"));
             }
+            Phase::Hovering if waited >= HOVER_TIME => self.land(now),
             Phase::Landing if waited >= LANDING_TIME => self.enter(now, Phase::Ended),
             Phase::Landing if now >= self.next_tick => self.command(now, Command::Land),
             _ => {}
@@ -69,7 +75,7 @@ impl Pilot {
 
     fn take_off(&mut self, now: Time) {
         let limit = self.settings.max_time;
-        if now >= Time::ZERO + limit {
+        if self.is_out_of_time(now) {
             return self.end_before_take_off(
                 now,
                 Outcome::Timeout,
@@ -77,6 +83,12 @@ impl Pilot {
             );
         }
         if self.hold_after_take_off || self.craft_phase != FlightPhase::OnGround || self.estimator.newest().is_none() {
+            return;
+        }
+        // Video takes seconds to start; without it the take-off is refused below.
+        let ready = *self.ready_since.get_or_insert(now);
+        let video = !self.envelope.limits().take_off_checks || self.envelope.has_fresh_frame(now);
+        if !video && now.since(ready) < VIDEO_TIME {
             return;
         }
         match self.envelope.clear(now, Command::TakeOff) {
@@ -115,6 +127,11 @@ impl Pilot {
         self.cancel_queries();
         self.stop_motion(now);
         self.settle_outcome(outcome, cause);
+        self.land(now);
+    }
+
+    /// Begins the landing of a flight whose outcome is settled.
+    fn land(&mut self, now: Time) {
         if !matches!(self.phase, Phase::Landing | Phase::Ended) {
             self.enter(now, Phase::Landing);
             self.command(now, Command::Land);

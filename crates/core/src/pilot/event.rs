@@ -58,7 +58,7 @@ pub enum Event {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OperatorEvent {
-    /// Stop deciding and moving; stay in the air.
+    /// Stop deciding and moving; stay in the air. In a landing, take over and stay in the air.
     Hold,
     /// Resume deciding, from a fresh frame.
     Resume,
@@ -69,8 +69,9 @@ pub enum OperatorEvent {
     Instruction(String),
     /// End the flight: land here.
     Land,
-    /// Cut the motors now.
-    Stop,
+    /// Cut the motors now; the craft falls. Flight logs of format 1 may contain it as `stop`.
+    #[serde(alias = "stop")]
+    CutMotors,
 }
 
 /// An action for the caller to carry out.
@@ -153,7 +154,9 @@ pub enum Phase {
     Held,
     /// Flown by the operator's setpoints.
     Manual,
-    /// Descending to the ground; the outcome is settled.
+    /// The instruction has ended; the craft hovers for a while before it lands, and accepts a new instruction.
+    Hovering,
+    /// Descending to the ground. The outcome is settled, unless the operator takes over.
     Landing,
     /// Ended: on the ground, or motors cut.
     Ended,

@@ -8,7 +8,7 @@
 //!                            │
 //!                            ├─ due? frame ─► policy ─► query ─► reply ─► policy ─► move ─► executor ─► envelope ─► command
 //!                            ▼
-//!                        Finished ──► landing ──► ended
+//!                        Finished ──► (hovering) ──► landing ──► ended
 //! ```
 
 mod deciding;
@@ -18,9 +18,10 @@ mod moving;
 mod operator;
 mod reactions;
 mod settings;
+mod take_over;
 
 pub use event::{Action, Decision, Ending, Event, Note, OperatorEvent, Outcome, Phase};
-pub use settings::{PilotSettings, Preset, Think};
+pub use settings::{AtEnd, PilotSettings, Preset, Think};
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -79,6 +80,20 @@ pub struct Pilot {
     hold_since: Option<Time>,
     settled: Option<Time>,
     manual: Option<(Setpoint, Time)>,
+    /// The operator's last setpoint.
+    last_manual: Option<Time>,
+    /// Since when the flight time limit counts; advanced by the time flown by hand.
+    counted_from: Time,
+    /// Up to when the flight time is counted.
+    counted_to: Time,
+    /// Decisions made before the current instruction, which do not count against the limit.
+    earlier_decisions: u32,
+    /// The landing must not be interrupted, and why.
+    must_land: Option<&'static str>,
+    /// When the operator took over a landing that the craft may still be flying.
+    taken_over: Option<Time>,
+    /// Since when only the camera may delay the take-off.
+    ready_since: Option<Time>,
     hold_after_take_off: bool,
     first_motion: Option<Time>,
     next_tick: Time,
@@ -142,6 +157,13 @@ impl Pilot {
             hold_since: None,
             settled: None,
             manual: None,
+            last_manual: None,
+            counted_from: Time::ZERO,
+            counted_to: Time::ZERO,
+            earlier_decisions: 0,
+            must_land: None,
+            taken_over: None,
+            ready_since: None,
             hold_after_take_off: false,
             first_motion: None,
             next_tick: Time::ZERO,
@@ -170,6 +192,9 @@ impl Pilot {
             Event::LinkLost => {
                 self.envelope.link_lost(now);
                 self.link_lost = true;
+                // The craft may be anywhere by the time it is heard again: what was asked before is asked again.
+                self.cancel_queries();
+                self.needs_rest = true;
                 self.stop_motion(now);
                 self.next_tick = now;
             }
@@ -200,7 +225,7 @@ impl Pilot {
         queries.chain(manual).chain(self.envelope.next_deadline(self.now)).chain([self.next_tick]).min()
     }
 
-    /// The outcome; `None` while the flight continues.
+    /// The outcome; `None` while the flight continues, also after the operator has resumed a flight that had ended.
     #[must_use]
     pub fn ending(&self) -> Option<&Ending> {
         self.ending.as_ref()
@@ -292,6 +317,7 @@ impl Pilot {
             return;
         }
         self.expire_queries(now);
+        self.count_time(now);
         if self.manual.take_if(|(_, until)| *until <= now).is_some() {
             self.next_tick = now;
         }

@@ -162,7 +162,7 @@ impl Pilot {
 
     /// Sends one setpoint. Zero is sent too, so that no craft lands for lack of commands while a VLM thinks.
     pub(super) fn tick(&mut self, now: Time) {
-        if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual) {
+        if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual | Phase::Hovering) {
             return;
         }
         self.settle(now);

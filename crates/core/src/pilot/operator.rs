@@ -19,6 +19,7 @@ impl Pilot {
             OperatorEvent::Resume => self.resume(now),
             OperatorEvent::Setpoint(setpoint) => {
                 self.hold(now, Phase::Manual);
+                self.last_manual = Some(now);
                 self.manual = Some((setpoint, now + MANUAL_VALIDITY));
                 self.next_tick = now;
             }
@@ -27,10 +28,10 @@ impl Pilot {
                 self.end_before_take_off(now, Outcome::Aborted, "the operator ended the flight before take-off".to_owned());
             }
             OperatorEvent::Land => self.finish(now, Outcome::Aborted, "the operator ended the flight".to_owned()),
-            OperatorEvent::Stop => {
+            OperatorEvent::CutMotors => {
                 self.cancel_queries();
                 self.stop_motion(now);
-                self.settle_outcome(Outcome::Aborted, "the operator stopped the motors".to_owned());
+                self.settle_outcome(Outcome::Aborted, "the operator cut the motors".to_owned());
                 self.command(now, Command::EmergencyStop);
                 self.enter(now, Phase::Ended);
             }
@@ -39,13 +40,12 @@ impl Pilot {
 
     /// Why an input has no effect in this phase.
     fn ignored(&self, event: &OperatorEvent) -> Option<&'static str> {
-        use OperatorEvent::{Hold, Instruction, Land, Resume, Setpoint, Stop};
+        use OperatorEvent::{CutMotors, Hold, Instruction, Land, Resume, Setpoint};
         match (self.phase, event) {
-            (Phase::Ended, Stop) if self.craft_phase != crate::telemetry::FlightPhase::OnGround => None,
+            (Phase::Ended, CutMotors) if self.craft_phase != crate::telemetry::FlightPhase::OnGround => None,
             (Phase::Ended, _) => Some("the flight is over"),
-            (Phase::Landing, Hold | Resume | Setpoint(_) | Instruction(_) | Land) => {
-                Some("landing; only a motor stop is accepted now")
-            }
+            (Phase::Landing, Land) => Some("already landing"),
+            (Phase::Landing, Hold | Resume | Setpoint(_) | Instruction(_)) => self.landing_is_final(),
             (Phase::Ground | Phase::TakeOff, Setpoint(_)) => Some("not flying yet"),
             (Phase::Ground | Phase::TakeOff | Phase::Flying, Resume) if !self.hold_after_take_off => Some("not held"),
             _ => None,
@@ -59,18 +59,20 @@ impl Pilot {
         self.manual = None;
         match self.phase {
             Phase::Ground | Phase::TakeOff => self.hold_after_take_off = true,
-            _ => self.enter(now, phase),
+            _ => self.interrupt_landing(now, phase),
         }
         self.next_tick = now;
     }
 
     fn resume(&mut self, now: Time) {
         self.hold_after_take_off = false;
-        if matches!(self.phase, Phase::Held | Phase::Manual) {
+        if matches!(self.phase, Phase::Held | Phase::Manual | Phase::Hovering | Phase::Landing) {
             self.manual = None;
             self.rest_from(now);
             self.needs_rest = true;
-            self.enter(now, Phase::Flying);
+            self.reopen(now);
+            self.interrupt_landing(now, Phase::Flying);
+            self.next_tick = now;
         }
     }
 
@@ -81,5 +83,9 @@ impl Pilot {
         // A fresh start: the policy forgets the previous instruction.
         self.policy.handle(PolicyEvent::Instruction(&text));
         self.instruction = text;
+        // Held by the operator it waits for `Resume`, also if the previous instruction had ended.
+        if matches!(self.phase, Phase::Hovering | Phase::Landing) {
+            self.resume(now);
+        }
     }
 }

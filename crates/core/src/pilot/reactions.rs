@@ -10,11 +10,11 @@ use crate::time::Time;
 impl Pilot {
     /// Obeys the envelope's current reaction.
     pub(super) fn react(&mut self, now: Time) {
-        if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff) {
+        if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual | Phase::Hovering | Phase::TakeOff) {
             return;
         }
         // An operator in manual flight sees the craft: a frozen camera does not end it.
-        let by_hand = matches!(self.phase, Phase::Manual | Phase::Held);
+        let by_hand = matches!(self.phase, Phase::Manual | Phase::Held | Phase::Hovering);
         let reaction = if by_hand { self.envelope.manual_reaction(now) } else { self.envelope.reaction(now) };
         let last = core::mem::replace(&mut self.last_reaction, reaction.cause());
         self.note_change(reaction.cause(), last);
@@ -26,6 +26,10 @@ impl Pilot {
                 }
             }
             Reaction::Land(cause) => {
+                // Every other condition can be resolved, or judged, by an operator who sees the craft.
+                if cause == Cause::LowBattery {
+                    self.must_land = Some("landing on a low battery; only cutting the motors is accepted now");
+                }
                 let outcome = outcome_of(cause);
                 self.finish(now, outcome, cause.to_string());
             }

@@ -28,6 +28,17 @@ pub enum Preset {
     Paper,
 }
 
+/// What the craft does when its instruction has ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AtEnd {
+    /// Land at once.
+    #[default]
+    Land,
+    /// Hover and accept a new instruction; land after 60 s, or when the envelope demands it.
+    Hover,
+}
+
 /// Pilot settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PilotSettings {
@@ -47,7 +58,11 @@ pub struct PilotSettings {
     pub avoid: bool,
     /// Setpoints per second, 5..=100: a lower rate could not command zero within 0.2 s after the reason to move ends.
     pub rate_hz: f64,
-    /// Flight time limit.
+    /// What follows a fulfilled or failed instruction.
+    #[serde(default)]
+    pub at_end: AtEnd,
+    /// Flight time limit, counted from the start, or from the operator's resumption of a flight that had ended. Manual
+    /// flight does not count while setpoints arrive.
     pub max_time: Duration,
     /// Limit on the number of decisions.
     pub max_decisions: u32,
@@ -68,6 +83,7 @@ impl PilotSettings {
             think: if paper { Think::Stop } else { Think::Continuous },
             confirm_done: !paper,
             avoid: false,
+            at_end: AtEnd::Land,
             rate_hz: 10.0,
             max_time: Duration::from_secs(180),
             max_decisions: 60,

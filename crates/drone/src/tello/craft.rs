@@ -32,8 +32,10 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 const VIDEO_NAP: Duration = Duration::from_millis(50);
 /// Receive buffer for more than half a second of video, bytes.
 const VIDEO_BUFFER: usize = 4 << 20;
-/// Time allowed for repetitions of `emergency` at shutdown.
-const EMERGENCY_TIME: Duration = Duration::from_millis(300);
+/// Time allowed for repetitions of `emergency` at shutdown, until the motors are seen off.
+const EMERGENCY_TIME: Duration = Duration::from_secs(5);
+/// Maximum blocking time of sending a command: with a full send buffer it is lost, and repeated.
+const SEND_TIME: Duration = Duration::from_millis(20);
 /// Time allowed for a landing at shutdown: from 10 m at 0.5 m/s, and until the motors are seen off.
 const LANDING_TIME: Duration = Duration::from_secs(25);
 
@@ -50,6 +52,9 @@ pub struct Connected {
 /// State shared by the threads.
 struct Shared {
     link: Mutex<Link>,
+    /// Held while sending, so that datagrams leave in the order in which the link returned them, and that no socket
+    /// blocks whoever needs the link.
+    sending: Mutex<()>,
     command: UdpSocket,
     start: Instant,
     stopped: AtomicBool,
@@ -67,14 +72,17 @@ impl Shared {
 
     /// Sends pending commands.
     fn flush(&self) {
-        let mut link = self.link();
-        while let Some(text) = link.poll(self.now()) {
+        let sending = self.sending.lock().unwrap_or_else(PoisonError::into_inner);
+        let next = || self.link().poll(self.now());
+        while let Some(text) = next() {
             tracing::trace!(%text, "to the drone");
             if let Err(error) = self.command.send(text.as_bytes()) {
                 tracing::debug!(%error, %text, "not sent");
             }
         }
-        while let Some(notice) = link.take_notice() {
+        drop(sending);
+        let notice = || self.link().take_notice();
+        while let Some(notice) = notice() {
             match notice {
                 Notice::Refused { command, answer, meaning } => {
                     tracing::warn!("the drone replied `{answer}` to `{command}`: {meaning}");
@@ -139,6 +147,7 @@ impl Tello {
         for (socket, nap) in timeouts {
             socket.set_read_timeout(Some(nap)).map_err(ConnectError::Start)?;
         }
+        command.set_write_timeout(Some(SEND_TIME)).map_err(ConnectError::Start)?;
         let firmware = enter(&command, drone)?;
         let first = first_state(&state, drone.ip()).ok_or(ConnectError::NoState { port: state_port })?;
         let mut link = Link::new(calibration);
@@ -147,7 +156,13 @@ impl Tello {
             link.adopt(Time::ZERO + start.elapsed());
         }
         link.order(Order::quick("streamon"));
-        let shared = Arc::new(Shared { link: Mutex::new(link), command, start, stopped: AtomicBool::new(false) });
+        let shared = Arc::new(Shared {
+            link: Mutex::new(link),
+            sending: Mutex::default(),
+            command,
+            start,
+            stopped: AtomicBool::new(false),
+        });
         abandon::register(&(shared.clone() as Arc<dyn Abandon>));
         let frames = FrameStore::default();
         let mut tello = Self {

@@ -10,7 +10,7 @@ use super::settings::TelloSettings;
 use crate::examine::{Check, FIRST_FRAME, Finding, Observation, battery, light};
 
 /// The drone shuts down slightly above this temperature, °C.
-const HOT: i32 = 80;
+pub(super) const HOT: i32 = 80;
 /// Expected state lines per second.
 const STATES: f64 = 10.0;
 

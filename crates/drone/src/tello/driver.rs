@@ -56,9 +56,16 @@ impl Target for NamedTello {
         Craft::tello()
     }
 
-    /// Those of a room: a Tello weighs 80 g and has no position.
+    /// Those of a room: a Tello weighs 80 g and has no position. It shuts down slightly above the maximum temperature.
     fn limits(&self) -> Limits {
-        Limits { max_altitude: 5.0, max_distance: 20.0, max_speed: 0.6, ..Limits::for_craft(&self.craft()) }
+        Limits {
+            max_altitude: 5.0,
+            max_distance: 20.0,
+            max_speed: 0.6,
+            take_off_checks: true,
+            max_temperature: Some(f64::from(doctor::HOT)),
+            ..Limits::for_craft(&self.craft())
+        }
     }
 
     fn motion(&self, options: &Options) -> Option<Motion> {

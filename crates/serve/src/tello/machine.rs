@@ -288,7 +288,7 @@ impl VirtualTello {
 
     /// Stick positions hold until replaced. A position command in progress is not affected.
     fn rc(&mut self, now: Time, [right, forward, up, clockwise]: [i32; 4], craft: &mut SimCraft) {
-        if self.running.is_some() {
+        if self.running.is_some() || craft.dynamics().phase() == FlightPhase::Landing {
             return;
         }
         let Figures { stick_speed, stick_climb, stick_sink, stick_yaw, .. } = self.figures;
@@ -304,9 +304,9 @@ impl VirtualTello {
     }
 
     fn stop(&mut self, now: Time, from: SocketAddr, craft: &mut SimCraft) {
-        if craft.dynamics().phase() == FlightPhase::Flying {
+        if matches!(craft.dynamics().phase(), FlightPhase::Flying | FlightPhase::Landing) {
             craft.apply(now, Command::Setpoint(Setpoint::HOLD), Time::MAX);
-            if let Some(Running { to, task: Task::Fly(_), .. }) = self.running.take() {
+            if let Some(Running { to, task: Task::Fly(_) | Task::Land, .. }) = self.running.take() {
                 self.answer(now + duration_from_secs(FORCED_STOP), to, "forced stop");
             }
         }

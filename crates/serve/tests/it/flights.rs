@@ -207,7 +207,7 @@ const ZERO: f64 = 0.2;
 /// zero sticks.
 #[test]
 fn failing_8_an_override_ends_motion_and_answer_and_an_emergency_cuts_the_motors() {
-    let events = "[[event]]\nat_s = 9.0\ndo = \"hold\"\n[[event]]\nat_s = 16.0\ndo = \"stop\"";
+    let events = "[[event]]\nat_s = 9.0\ndo = \"hold\"\n[[event]]\nat_s = 16.0\ndo = \"cut_motors\"";
     let flight = fly_in("office", GOAL, FaultPlan::default(), Some(Duration::from_secs(3)), settings(), events);
     let (hold, stop) = (Time::from_millis(9000), Time::from_millis(16_000));
     let moved = |from: Time| flight.sticks().iter().any(|(at, sticks)| (from..hold).contains(at) && *sticks != [0; 4]);
@@ -215,8 +215,8 @@ fn failing_8_an_override_ends_motion_and_answer_and_an_emergency_cuts_the_motors
     assert_stopped(&flight, 9.0 + ZERO);
     assert!(flight.seen.late_replies.iter().any(|at| *at > hold), "an answer was out, came, and moved nothing");
     let emergencies: Vec<Time> = flight.sent.iter().filter(|(_, text)| text == "emergency").map(|(at, _)| *at).collect();
-    assert_eq!(emergencies.len(), 3);
-    assert!(emergencies.iter().all(|at| at.since(stop) <= Duration::from_millis(100)), "{emergencies:?}");
+    let first = emergencies.iter().filter(|at| at.since(stop) <= Duration::from_millis(100)).count();
+    assert!(first == 3 && emergencies.len() > 3, "three at once, then until the motors are seen off: {emergencies:?}");
     assert!(flight.sticks().iter().all(|(at, _)| *at < emergencies[0]), "nothing is said to motors that are off");
     assert_eq!((flight.outcome(), flight.craft(|craft| craft.dynamics().phase())), (Outcome::Aborted, FlightPhase::Stopped));
 }

@@ -14,7 +14,7 @@ use spf_bench::trial::{Method, Pointer};
 
 use super::{pointer, store_error, task_of};
 use crate::args::BenchRun;
-use crate::commands::fly::interrupts;
+use crate::commands::fly::signals::interrupts;
 use crate::error::{CliError, nearest};
 use crate::exit::Exit;
 use crate::printer::{Printer, table};

@@ -14,6 +14,11 @@ impl Manual {
         (Self(None), None)
     }
 
+    /// Whether there is a terminal to listen to.
+    pub(super) fn is_possible() -> bool {
+        platform::is_possible()
+    }
+
     /// Whether manual flight is possible.
     pub(super) fn is_on(&self) -> bool {
         self.0.is_some()
@@ -38,11 +43,15 @@ mod platform {
     use std::io::{IsTerminal, Read, Write, stderr, stdin};
     use std::sync::Mutex;
     use std::sync::mpsc::{Receiver, Sender, channel};
+    use std::time::Instant;
 
     use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcsetattr};
     use spf_core::craft::Craft;
     use spf_core::pilot::OperatorEvent;
+    use spf_core::time::Time;
     use spf_flight::keys::{Keys, keys_of};
+
+    use crate::background;
 
     /// The terminal's modes before ours.
     static BEFORE: Mutex<Option<Termios>> = Mutex::new(None);
@@ -64,8 +73,12 @@ mod platform {
         }
     }
 
+    pub(super) fn is_possible() -> bool {
+        stdin().is_terminal() && stderr().is_terminal()
+    }
+
     pub(super) fn listen(craft: Craft) -> Option<(Raw, Receiver<OperatorEvent>)> {
-        if !stdin().is_terminal() || !stderr().is_terminal() {
+        if !is_possible() {
             return None;
         }
         let before = tcgetattr(stdin()).ok()?;
@@ -82,19 +95,21 @@ mod platform {
     }
 
     fn read(craft: Craft, events: &Sender<OperatorEvent>) {
-        let (mut keys, mut buffer, mut input) = (Keys::new(craft), [0; 256], stdin());
+        let (mut keys, mut buffer, mut input, start) = (Keys::new(craft), [0; 256], stdin(), Instant::now());
         while let Ok(length) = input.read(&mut buffer) {
             if length == 0 {
                 return;
             }
-            for key in keys_of(&buffer[..length]) {
-                let typing = keys.typed().is_some();
-                for event in keys.press(key) {
-                    if events.send(event).is_err() {
-                        return;
-                    }
+            let typing = keys.typed().is_some();
+            let pressed = keys.read(Time::ZERO + start.elapsed(), &keys_of(&buffer[..length]));
+            for event in pressed.events {
+                if events.send(event).is_err() {
+                    return;
                 }
-                show(typing, keys.typed());
+            }
+            show(typing, keys.typed());
+            if let Some(hint) = pressed.hint {
+                background::say(hint);
             }
         }
     }
@@ -122,6 +137,10 @@ mod platform {
     pub(super) struct Raw;
 
     pub(super) fn restore() {}
+
+    pub(super) fn is_possible() -> bool {
+        false
+    }
 
     pub(super) fn listen(_craft: Craft) -> Option<(Raw, Receiver<OperatorEvent>)> {
         None

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use spf_core::executor::Motion;
-use spf_core::pilot::Think;
+use spf_core::pilot::{AtEnd, Think};
 use spf_drone::driver::{ConnectError, Connected, Target};
 use spf_drone::options::Options;
 use spf_flight::flight::{FlightPlan, Site};
@@ -13,8 +13,10 @@ use spf_flight::site::Clock;
 use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 
+use super::manual::Manual;
 use super::settings::{limits, method, options, preset_and_policy, prompt, script};
-use super::{Ready, interrupts, sentence};
+use super::signals::flight_interrupts;
+use super::{Ready, no_keys, sentence};
 use crate::args::Fly;
 use crate::commands::detector;
 use crate::commands::vlm::{Pointing, pointing};
@@ -51,9 +53,16 @@ pub(super) fn ready(
             CliError::usage(NO_ORACLE).hint("`spf vlm list` lists the models, and docs/guide/vlm.md describes how to choose one")
         );
     }
+    let attended = !settings.fly.unattended.is_on()?;
+    if attended && !Manual::is_possible() {
+        return Err(no_keys());
+    }
+    if attended && settings.fly.at_end.get()?.is_none() {
+        method.at_end = AtEnd::Hover;
+    }
     check_vlm(settings, &pointing, printer)?;
     let (pointing, detector) = detector::combine(settings, policy, pointing)?;
-    let interrupts = interrupts()?;
+    let interrupts = flight_interrupts(true)?;
     let start = Instant::now();
     let Connected { drone, warning, .. } = connect(target, &options, start, printer)?;
     if own && !drone.capabilities().manoeuvres {
@@ -72,7 +81,13 @@ pub(super) fn ready(
     );
     let (craft, camera) = (limits.capped(&drone.capabilities().craft), Some(drone.frames()));
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
-    let announcements = vec![flying, sentence(&pointing.sentence, &craft), bounds, warning.to_owned()];
+    let mut announcements = vec![flying, sentence(&pointing.sentence, &craft), bounds, warning.to_owned()];
+    if !attended {
+        announcements.push("Unattended: no keys. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());
+    }
+    if method.at_end == AtEnd::Hover {
+        announcements.push("After the instruction it hovers for up to 60 s and accepts a new one (--at-end).".to_owned());
+    }
     let plan = FlightPlan {
         policy: Arc::new(policy),
         preset,
@@ -85,7 +100,7 @@ pub(super) fn ready(
         interrupts,
         ..FlightPlan::new(site, instruction, &pointing.name, pointing.vlm_factory)
     };
-    Ok(Ready { plan, announcements, by_hand: Some(craft), camera })
+    Ok(Ready { plan, announcements, by_hand: Some(craft), attended, camera })
 }
 
 /// Connects, and prints the craft.

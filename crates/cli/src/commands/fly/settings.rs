@@ -82,6 +82,9 @@ pub(super) fn method(settings: &Settings, preset: Preset) -> Result<PilotSetting
     if let Some(seconds) = fly.reply_timeout_s.get()? {
         method.reply_timeout = duration_from_secs(seconds);
     }
+    if let Some(at_end) = fly.at_end.get()? {
+        method.at_end = at_end;
+    }
     if let Some(decisions) = fly.max_decisions.get()? {
         method.max_decisions = decisions;
     }

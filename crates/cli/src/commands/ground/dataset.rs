@@ -13,7 +13,7 @@ use spf_oracle::ErrorFile;
 use super::folder::{Folder, Head, is_answered};
 use super::{answerers, is_oracle};
 use crate::args::Ground;
-use crate::commands::fly::interrupts;
+use crate::commands::fly::signals::interrupts;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, table as columns};

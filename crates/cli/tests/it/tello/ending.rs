@@ -34,6 +34,7 @@ fn command(lab: &Lab, drone: &str, local: &str, server: &Server, out: &str) -> C
         "--vlm",
         &vlm,
         "--no-vlm-check",
+        "--unattended",
         "--no-video",
         "--max-time",
         "60",
@@ -48,6 +49,11 @@ fn command(lab: &Lab, drone: &str, local: &str, server: &Server, out: &str) -> C
 impl Flight {
     /// Starts one and waits until it flies.
     fn start(drone: &str, local: &str) -> Self {
+        Self::start_with(drone, local, |_| {})
+    }
+
+    /// The same, with something done in its folder during take-off.
+    fn start_with(drone: &str, local: &str, meanwhile: impl Fn(&Lab)) -> Self {
         let lab = Lab::new();
         let served = Served::start(&lab, drone, &["--truth", "truth.jsonl", "--instruction", "fly to the door"]);
         let server = model(50);
@@ -55,6 +61,8 @@ impl Flight {
         let child = command(&lab, drone, local, &server, "mine").stderr(writer.try_clone().unwrap()).spawn().unwrap();
         let (stderr, printed) = (BufReader::new(reader), String::new());
         let mut flight = Self { lab, served, _server: server, child, stderr, writer, printed };
+        flight.until("taking off");
+        meanwhile(&flight.lab);
         flight.until(" flying");
         flight
     }
@@ -121,6 +129,66 @@ fn a_signal_lands_the_drone_and_a_second_one_waits_for_it() {
             });
         }
     });
+}
+
+/// SIGUSR1 and the like end no flight, and Ctrl-Z does not suspend one.
+#[test]
+fn signals_that_mean_nothing_here_end_no_flight() {
+    let mut flight = Flight::start("127.0.0.76", "127.0.0.77");
+    for signal in ["USR1", "USR2", "ALRM", "VTALRM", "PROF", "IO", "TSTP", "TTIN", "TTOU", "XFSZ", "XCPU"] {
+        flight.signal(signal);
+    }
+    flight.until("Ctrl-Z does not suspend a flight; Ctrl-C lands");
+    std::thread::sleep(Duration::from_millis(500));
+    assert_eq!(flight.child.try_wait().unwrap(), None);
+    flight.signal("QUIT");
+    assert_eq!(flight.landed().0, "landing");
+    assert_eq!(flight.end().0, Some(5));
+}
+
+/// The process stands still for 3 s, as with SIGSTOP or a suspended machine: what it knows of the craft is old.
+#[test]
+fn a_stopped_process_is_a_lost_link() {
+    let mut flight = Flight::start("127.0.0.78", "127.0.0.79");
+    flight.signal("STOP");
+    std::thread::sleep(Duration::from_secs(3));
+    flight.signal("CONT");
+    flight.until("the link counts as lost");
+    // It flies on once the link counts as restored, and the driver has not given up.
+    std::thread::sleep(Duration::from_secs(2));
+    assert_eq!(flight.child.try_wait().unwrap(), None);
+    flight.signal("INT");
+    let (ended_by, took) = flight.landed();
+    assert!(ended_by == "landing" && took < Duration::from_secs(8), "{ended_by} {took:?}");
+    let (code, printed) = flight.end();
+    assert_eq!(code, Some(5), "{printed}");
+}
+
+/// Opening this file waits for ever, as a disk that hangs does.
+#[test]
+fn a_disk_that_stalls_delays_neither_flight_nor_ctrl_c() {
+    let fifo = |lab: &Lab| assert!(Command::new("mkfifo").arg(lab.path("mine/vlm.jsonl")).status().unwrap().success());
+    let flight = Flight::start_with("127.0.0.80", "127.0.0.81", fifo);
+    std::thread::sleep(Duration::from_secs(3));
+    flight.signal("INT");
+    let (ended_by, took) = flight.landed();
+    assert!(ended_by == "landing" && took < Duration::from_secs(8), "{ended_by} {took:?}");
+    let names = flight.lab.names("mine");
+    let (code, printed) = flight.end();
+    assert_eq!(code, Some(5), "{printed}");
+    assert!(printed.contains("the files were not finished within 15 s: the disk stalls"), "{printed}");
+    assert!(names.contains(&"decisions.jsonl".to_owned()), "{names:?}");
+}
+
+#[test]
+fn without_a_terminal_a_real_drone_takes_off_only_unattended() {
+    let lab = Lab::new();
+    // Nothing has this address: a connection attempt would exit with 6.
+    let mut command = lab.command(&["fly", "go", "--drone", "tello@127.0.0.47", "--vlm", "gemini@http://127.0.0.1:9"]);
+    let run = Run::of(&command.env(Vendor::Gemini.key(), KEY).output().unwrap());
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert!(run.stderr.contains("no terminal") && run.stderr.contains("--unattended"), "{}", run.stderr);
+    assert_eq!(lab.names("."), Vec::<String>::new(), "nothing is left behind");
 }
 
 #[test]

@@ -54,7 +54,19 @@ pub(super) fn model(steps: usize) -> Server {
 /// A flight; exit code, the summary printed, and what was said.
 fn fly(lab: &Lab, drone: &str, local: &str, server: &Server, args: &[&str]) -> (Run, Value) {
     let (drone, vlm) = (format!("tello@{drone}"), format!("gemini@{}", server.url()));
-    let mut all = vec!["fly", "fly to the door", "--json", "--drone", &drone, "--vlm", &vlm, "--no-vlm-check", "--out", "mine"];
+    let mut all = vec![
+        "fly",
+        "fly to the door",
+        "--json",
+        "--drone",
+        &drone,
+        "--vlm",
+        &vlm,
+        "--no-vlm-check",
+        "--unattended",
+        "--out",
+        "mine",
+    ];
     all.extend(args);
     let mut command = lab.command(&all);
     let output = command.env(Vendor::Gemini.key(), KEY).env("SPF_TELLO_LOCAL", local).stdin(Stdio::null()).output().unwrap();
@@ -144,8 +156,18 @@ fn the_oracle_behind_http_points_in_the_drone_s_own_video() {
     let served = Served(child);
     let vlm = format!("openai@{url}/v1");
     let instruction = "go to the person in the green shirt";
-    let flight =
-        ["fly", instruction, "--drone", "tello@127.0.0.49", "--no-vlm-check", "--no-video", "--json", "--max-time", "60"];
+    let flight = [
+        "fly",
+        instruction,
+        "--drone",
+        "tello@127.0.0.49",
+        "--no-vlm-check",
+        "--unattended",
+        "--no-video",
+        "--json",
+        "--max-time",
+        "60",
+    ];
     let mut command = lab.command(&[&flight[..], &["--out", "mine", "--vlm", &vlm]].concat());
     let run = Run::of(&command.env("OPENAI_API_KEY", KEY).env("SPF_TELLO_LOCAL", "127.0.0.50").output().unwrap());
     let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));

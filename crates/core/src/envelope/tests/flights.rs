@@ -60,7 +60,7 @@ fn any_event() -> impl Strategy<Value = Event> {
         4 => telemetry.prop_map(|((position, velocity, heading, height), (battery, phase, crashed, age))| {
             let attitude = Attitude { heading, ..Attitude::default() };
             Event::Telemetry(
-                Telemetry { time: Time::ZERO, position, velocity, attitude, yaw_rate: None, height, battery, phase, crashed }, age)
+                Telemetry { position, velocity, attitude, height, battery, phase, crashed, ..Telemetry::default() }, age)
         }),
         4 => (-200..2000_i64, 0..20u64, prop::bool::weighted(0.1))
             .prop_map(|(age, counter, unusable)| Event::Frame { age, counter, unusable }),

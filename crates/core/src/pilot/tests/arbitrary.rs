@@ -70,7 +70,7 @@ fn operator_events() -> impl Strategy<Value = OperatorEvent> {
         4 => setpoint,
         2 => Just(OperatorEvent::Instruction("fly to the tree".to_owned())),
         1 => Just(OperatorEvent::Land),
-        1 => Just(OperatorEvent::Stop),
+        1 => Just(OperatorEvent::CutMotors),
     ]
 }
 
@@ -185,6 +185,8 @@ struct Chaos {
     link: bool,
     moved: usize,
     finished: usize,
+    /// How often the operator continued after an outcome.
+    reopened: usize,
 }
 
 impl Chaos {
@@ -215,6 +217,7 @@ impl Chaos {
             link: true,
             moved: 0,
             finished: 0,
+            reopened: 0,
         }
     }
 
@@ -237,7 +240,9 @@ impl Chaos {
             Event::ReplyFailed { id, .. } if self.out.remove(id) => self.reason = false,
             _ => {}
         }
+        let ended = self.pilot.ending().is_some();
         self.pilot.handle(self.now, event);
+        self.reopened += usize::from(ended && self.pilot.ending().is_none());
         self.pump();
     }
 
@@ -281,7 +286,7 @@ impl Chaos {
             }
             Command::Setpoint(setpoint) => {
                 self.own_until = None;
-                if self.phase == FlightPhase::Manoeuvring {
+                if self.phase == FlightPhase::Manoeuvring || (self.phase == FlightPhase::Landing && setpoint.is_hold()) {
                     self.phase = FlightPhase::Flying;
                 }
                 let limits = &self.limits;
@@ -300,13 +305,13 @@ impl Chaos {
     /// What must be so for anything to move.
     fn has_reason(&self) {
         assert!(self.link, "moves without a link");
-        assert!(self.pilot.ending().is_none(), "moves though the flight is over");
         match self.pilot.phase() {
             Phase::Manual => {
                 let hand = self.hand.expect("manual flight has a hand");
                 assert!(self.now.since(hand) < secs(0.5), "a released key flies on");
             }
             Phase::Flying => {
+                assert!(self.pilot.ending().is_none(), "moves though the flight is over");
                 assert!(self.reason, "moves without an answer since the last stop");
                 let captured = self.captured.expect("nothing was seen");
                 assert!(self.now.since(captured) <= secs(self.limits.max_frame_age) + STOP_RULE, "moves on stale frames");
@@ -444,11 +449,11 @@ proptest! {
         for happens in happenings {
             chaos.happen(happens);
         }
-        // Nothing is heard any more: the time of the flight, and that of a landing that nobody reports, end it.
-        let left = Time::from_secs_f64(max_time).since(chaos.now).as_millis() as u64;
-        chaos.pass(left + 91_000);
+        // Nothing is heard any more: the time since the last key, that of the flight, which may just have been continued, and
+        // that of a landing that nobody reports, end it.
+        chaos.pass(60_000 + (1e3 * max_time) as u64 + 91_000);
         prop_assert_eq!(chaos.pilot.phase(), Phase::Ended);
-        prop_assert_eq!(chaos.finished, 1);
+        prop_assert_eq!(chaos.finished, 1 + chaos.reopened);
         prop_assert_eq!(chaos.pilot.next_deadline(), None);
         // And what comes after the end changes nothing.
         let moved = chaos.moved;

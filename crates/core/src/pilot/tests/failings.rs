@@ -126,7 +126,7 @@ fn failing_08_an_override_cancels_reply_and_motion_and_an_emergency_cuts_the_mot
         flight.pass(5.0);
         assert!(flight.setpoints_since(at).skip_while(|(_, s)| *s != hand).all(|(_, s)| s == hand || s.is_hold()));
         assert_eq!(flight.pilot.late_replies(), u32::from(out));
-        flight.operator(OperatorEvent::Stop);
+        flight.operator(OperatorEvent::CutMotors);
         assert_eq!(flight.commands.last().unwrap().1, Command::EmergencyStop);
         assert_eq!(flight.phase, FlightPhase::Stopped);
     }

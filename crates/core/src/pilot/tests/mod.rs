@@ -12,6 +12,7 @@ mod manoeuvres;
 mod motion;
 mod operator;
 mod search;
+mod take_over;
 mod whole;
 
 use std::collections::BTreeMap;
@@ -149,6 +150,7 @@ impl Setup {
             commands: Vec::new(),
             notes: Vec::new(),
             finished: Vec::new(),
+            reopened: 0,
         };
         flight.enqueue(Time::ZERO, Happening::Report);
         flight.enqueue(Time::ZERO, Happening::Capture);
@@ -184,6 +186,8 @@ struct Flight {
     commands: Vec<(Time, Command)>,
     notes: Vec<(Time, Note)>,
     finished: Vec<(Time, Ending, EnuPosition)>,
+    /// How often the operator continued after an outcome.
+    reopened: usize,
 }
 
 impl Flight {
@@ -251,6 +255,7 @@ impl Flight {
             yaw_rate: Some(self.model.yaw_rate),
             height: Some(self.model.position.up),
             battery: Some(self.charge),
+            temperature: None,
             phase: self.phase,
             crashed: self.crashed,
         }
@@ -304,6 +309,12 @@ impl Flight {
             }
             Command::Setpoint(setpoint) if phase == FlightPhase::Manoeuvring && setpoint.is_hold() => {
                 self.own_until = None;
+                self.model.send(setpoint);
+            }
+            // A hold interrupts a landing.
+            Command::Setpoint(setpoint) if phase == FlightPhase::Landing && setpoint.is_hold() => {
+                self.phase = FlightPhase::Flying;
+                self.valid_until = cleared.valid_until();
                 self.model.send(setpoint);
             }
             Command::Land if up > 0.05 => {
@@ -361,7 +372,9 @@ impl Flight {
 
     /// Tells the pilot of something now.
     fn tell(&mut self, event: Event) {
+        let ended = self.pilot.ending().is_some();
         self.pilot.handle(self.now, event);
+        self.reopened += usize::from(ended && self.pilot.ending().is_none());
         self.pump();
     }
 
@@ -428,9 +441,10 @@ impl Flight {
     }
 
     fn outcome(&self) -> Outcome {
-        assert_eq!(self.finished.len(), 1, "an outcome is told once: {:?}", self.finished);
-        assert_eq!(self.pilot.ending(), Some(&self.finished[0].1));
-        self.finished[0].1.outcome
+        assert_eq!(self.finished.len(), 1 + self.reopened, "an outcome is told once: {:?}", self.finished);
+        let (_, last, _) = self.finished.last().unwrap();
+        assert_eq!(self.pilot.ending(), Some(last));
+        last.outcome
     }
 
     fn until_phase(&mut self, phase: Phase) {

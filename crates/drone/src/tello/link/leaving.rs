@@ -56,8 +56,20 @@ impl Link {
         !matches!(self.phase, FlightPhase::OnGround | FlightPhase::Stopped)
     }
 
+    /// Ends a landing that the pilot began: the craft hovers. The SDK documents `stop` as effective at any time; a drone
+    /// that descends all the same is seen to stop its motors, and told to land.
+    pub(super) fn interrupt_landing(&mut self, now: Time, valid_until: Time) {
+        self.land_again = None;
+        self.interruptible = false;
+        self.phase = FlightPhase::Flying;
+        self.ground.forget();
+        self.conversation.interrupt(now, manoeuvre::stop());
+        self.sticks.set([0; 4], valid_until);
+    }
+
     /// Zero, then `land`, repeated until the ground is reached.
     pub(super) fn begin_landing(&mut self, now: Time) {
+        self.interruptible = false;
         // A manoeuvre in progress would refuse it. Sent once, since a later `stop` would end the landing; `land` is repeated.
         if self.manoeuvre.take().is_some_and(|flown| flown.stage != Stage::Resting) {
             self.conversation.interrupt(now, Order { repeats: 0, ..manoeuvre::stop() });

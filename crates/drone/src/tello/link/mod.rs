@@ -25,9 +25,12 @@ const LOST: Duration = Duration::from_secs(2);
 const LAND_AGAIN: Duration = Duration::from_secs(1);
 /// While no state arrives, `command` is repeated at this interval: the drone may have restarted.
 const CALL_AGAIN: Duration = Duration::from_secs(1);
-/// Number of `emergency` repetitions, and their interval.
+/// `emergency` is sent three times at once, at this interval …
 const EMERGENCIES: u32 = 3;
 const EMERGENCY_SPACING: Duration = Duration::from_millis(20);
+/// … and then, until the motors are seen off, at this one and at most this often.
+const EMERGENCY_AGAIN: Duration = Duration::from_millis(200);
+const EMERGENCIES_AGAIN: u32 = 25;
 /// Height that a take-off has left the ground at, centimetres.
 const LIFTED: i32 = 30;
 /// A take-off without a response is complete once the drone has been at that height for this long.
@@ -90,6 +93,8 @@ pub struct Link {
     lost: bool,
     called: Time,
     land_again: Option<Time>,
+    /// The pilot began the landing, so a hold of the pilot ends it.
+    interruptible: bool,
     emergencies: VecDeque<Time>,
     /// Evidence of standing on the ground.
     ground: Ground,
@@ -125,6 +130,7 @@ impl Link {
             lost: false,
             called: Time::ZERO,
             land_again: None,
+            interruptible: false,
             emergencies: VecDeque::new(),
             ground: Ground::default(),
             repeats: Repeats::default(),
@@ -172,7 +178,7 @@ impl Link {
         &self.state
     }
 
-    /// Whether something urgent is still to be sent: repetitions of `emergency`.
+    /// Whether something urgent is still to be sent: repetitions of `emergency`, until the motors are seen off.
     #[must_use]
     pub fn is_urgent(&self) -> bool {
         !self.emergencies.is_empty()
@@ -208,6 +214,8 @@ impl Link {
             Command::Setpoint(setpoint) => {
                 if self.phase == FlightPhase::Manoeuvring && setpoint.is_hold() {
                     self.end_manoeuvre(now);
+                } else if self.phase == FlightPhase::Landing && self.interruptible && setpoint.is_hold() {
+                    self.interrupt_landing(now, command.valid_until());
                 } else if self.phase == FlightPhase::Flying {
                     self.sticks.set(self.calibration.sticks(setpoint), command.valid_until());
                     self.sent.push_back((now, setpoint));
@@ -222,14 +230,20 @@ impl Link {
             Command::Manoeuvre(_) => {}
             // A repeated `Land` of the pilot is the same landing.
             Command::Land if self.land_again.is_some() => {}
-            Command::Land => self.begin_landing(now),
+            Command::Land => {
+                self.begin_landing(now);
+                self.interruptible = true;
+            }
             Command::EmergencyStop => {
                 self.sticks.release();
                 self.manoeuvre = None;
                 self.conversation.clear();
                 self.phase = FlightPhase::Stopped;
                 self.land_again = None;
-                self.emergencies = (0..EMERGENCIES).map(|n| now + EMERGENCY_SPACING * n).collect();
+                self.ground.forget();
+                let first = (0..EMERGENCIES).map(|n| now + EMERGENCY_SPACING * n);
+                let again = (1..=EMERGENCIES_AGAIN).map(|n| now + EMERGENCY_AGAIN * n);
+                self.emergencies = first.chain(again).collect();
             }
         }
     }
@@ -381,6 +395,7 @@ impl Link {
             FlightPhase::TakingOff if self.high_since.is_some_and(|since| now.since(since) >= TAKEN_OFF) => {
                 self.begin_flying(now)
             }
+            FlightPhase::Stopped if motors_off => self.emergencies.clear(),
             // Counted from the first `land` on.
             FlightPhase::Landing if motors_off => self.on_ground(),
             // However sure this is, it costs nothing to tell a drone on the ground to land.
@@ -443,6 +458,7 @@ impl Link {
                 roll: angle(state.roll),
             },
             yaw_rate: None,
+            temperature: state.temperature.map(|[_, highest]| f64::from(highest)),
             height: state.height.map(|cm| 0.01 * f64::from(cm)),
             battery: state.battery.map(|charge| 0.01 * f64::from(charge)),
             phase: self.phase,

@@ -266,3 +266,55 @@ fn a_failed_thread_lands_the_drone() {
     bench.run(500, true);
     assert_eq!((bench.count("land"), bench.link.phase), (1, FlightPhase::Landing));
 }
+
+#[test]
+fn a_landing_of_the_pilot_ends_with_its_hold_and_no_other_setpoint() {
+    let mut bench = Bench::flying();
+    bench.apply(Command::Land);
+    bench.run(500, true);
+    assert_eq!((bench.link.phase, bench.count("land")), (FlightPhase::Landing, 1));
+    bench.apply(Command::Setpoint(Setpoint::HOLD));
+    bench.run(3000, true);
+    assert_eq!(bench.link.phase, FlightPhase::Flying);
+    assert_eq!(bench.count("land"), 1);
+    assert!(bench.count("stop") >= 1 && !bench.notices().contains(&Notice::MotorsOff));
+    // A drone that descends all the same is landed for good.
+    (bench.motors_since, bench.height) = (None, 0);
+    bench.run(3000, true);
+    assert!(bench.count("land") >= 2 && bench.notices().contains(&Notice::MotorsOff));
+}
+
+/// The pilot sends setpoints until it hears that its craft lands.
+#[test]
+fn a_landing_of_the_driver_is_not_ended_by_setpoints() {
+    for begin in [Link::leave, Link::fail] {
+        let mut bench = Bench::flying();
+        let now = bench.time();
+        begin(&mut bench.link, now);
+        for _ in 0..20 {
+            bench.apply(Command::Setpoint(Setpoint::HOLD));
+            bench.run(100, true);
+        }
+        assert_eq!(bench.link.phase, FlightPhase::Landing);
+        assert!(bench.count("land") >= 2);
+    }
+}
+
+#[test]
+fn emergency_is_repeated_until_the_motors_are_seen_off() {
+    let mut bench = Bench::flying();
+    bench.apply(Command::EmergencyStop);
+    bench.run(1000, true);
+    assert!(bench.count("emergency") >= 7 && bench.link.is_urgent(), "{}", bench.count("emergency"));
+    (bench.motors_since, bench.height) = (None, 0);
+    bench.run(2500, true);
+    assert!(!bench.link.is_urgent());
+    let sent = bench.count("emergency");
+    bench.run(5000, true);
+    assert_eq!(bench.count("emergency"), sent);
+    // Never for ever: a drone that was picked up and started again is left alone.
+    let mut bench = Bench::flying();
+    bench.apply(Command::EmergencyStop);
+    bench.run(20_000, true);
+    assert!(!bench.link.is_urgent() && bench.count("emergency") <= 28, "{}", bench.count("emergency"));
+}

@@ -12,7 +12,7 @@ use spf_flight::sim::LoadedScene;
 
 use super::{conditions, parse_effects, parse_kind, parse_size};
 use crate::args::Dataset;
-use crate::commands::fly::interrupts;
+use crate::commands::fly::signals::interrupts;
 use crate::commands::load_scene;
 use crate::error::CliError;
 use crate::exit::Exit;

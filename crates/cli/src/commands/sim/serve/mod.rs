@@ -11,7 +11,7 @@ use spf_serve::truth::SharedInstruction;
 use spf_serve::vlm::OnboardCamera;
 
 use crate::args::Serve;
-use crate::commands::fly::interrupts;
+use crate::commands::fly::signals::interrupts;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;

@@ -1,0 +1,84 @@
+//! Signals during a flight: those that land it, and those that must not end it.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use spf_drone::abandon;
+
+use super::manual;
+use crate::background;
+use crate::error::CliError;
+use crate::exit::Exit;
+
+/// Counts Ctrl-C presses, SIGTERM and SIGHUP. The first one ends the work in an orderly way; the second one exits without
+/// waiting for the files, a real drone being landed first; the third one exits at once.
+pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
+    let count = Arc::new(AtomicU32::new(0));
+    let counted = count.clone();
+    ctrlc::set_handler(move || interrupt(&counted)).map_err(|error| cannot_listen(&error))?;
+    Ok(count)
+}
+
+/// The same for a flight, which SIGQUIT lands too. Other signals that would end the process, and with a `real` drone those
+/// that would suspend it, are ignored.
+pub(crate) fn flight_interrupts(real: bool) -> Result<Arc<AtomicU32>, CliError> {
+    let count = interrupts()?;
+    others(real, count.clone()).map_err(|error| cannot_listen(&error))?;
+    Ok(count)
+}
+
+fn cannot_listen(error: &dyn std::error::Error) -> CliError {
+    CliError::internal("cannot listen for Ctrl-C").because(error)
+}
+
+fn interrupt(count: &AtomicU32) {
+    let before = count.fetch_add(1, Ordering::Relaxed);
+    if before == 1 && abandon::is_any_connected() {
+        // On a thread of its own, so that a third Ctrl-C is heard.
+        drop(std::thread::Builder::new().name("landing".to_owned()).spawn(land_and_exit));
+    } else if before > 0 {
+        manual::restore();
+        #[allow(clippy::exit, reason = "a second Ctrl-C exits at once")]
+        std::process::exit(Exit::Aborted as i32);
+    }
+}
+
+/// Lands without the flight loop, which may be stuck, and exits.
+fn land_and_exit() {
+    background::say("landing the drone; Ctrl-C once more ends the program at once and leaves the drone to itself");
+    abandon::abandon_all();
+    background::flush();
+    manual::restore();
+    #[allow(clippy::exit, reason = "a second Ctrl-C asks for exactly this")]
+    std::process::exit(Exit::Aborted as i32);
+}
+
+#[cfg(unix)]
+fn others(real: bool, count: Arc<AtomicU32>) -> std::io::Result<()> {
+    use signal_hook::consts::{
+        SIGALRM, SIGIO, SIGPROF, SIGQUIT, SIGTSTP, SIGTTIN, SIGTTOU, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
+    };
+    use signal_hook::iterator::Signals;
+
+    let mut kinds = vec![SIGALRM, SIGIO, SIGPROF, SIGQUIT, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ];
+    if real {
+        // A suspended program steers nothing.
+        kinds.extend([SIGTSTP, SIGTTIN, SIGTTOU]);
+    }
+    let mut signals = Signals::new(kinds)?;
+    let listen = move || {
+        for signal in signals.forever() {
+            match signal {
+                SIGQUIT => interrupt(&count),
+                SIGTSTP => background::say("Ctrl-Z does not suspend a flight; Ctrl-C lands"),
+                _ => tracing::debug!(signal, "ignored in flight"),
+            }
+        }
+    };
+    std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map(drop)
+}
+
+#[cfg(not(unix))]
+fn others(_real: bool, _count: Arc<AtomicU32>) -> std::io::Result<()> {
+    Ok(())
+}

@@ -1,0 +1,79 @@
+//! Taking over after the end of an instruction: interrupting a landing, hovering, and the flight time that counts.
+
+use super::{AtEnd, Outcome, Phase, Pilot};
+use crate::policy::PolicyEvent;
+use crate::telemetry::FlightPhase;
+use crate::time::{Duration, Time};
+
+/// How long the craft hovers after the end of an instruction.
+pub(super) const HOVER_TIME: Duration = Duration::from_secs(60);
+/// How long a craft may still report that it lands after its landing was interrupted.
+const OBEYS_WITHIN: Duration = Duration::from_secs(2);
+/// Manual flight pauses the flight time limit for this long after each setpoint.
+const AT_THE_KEYS: Duration = Duration::from_secs(60);
+
+impl Pilot {
+    /// Ends the current instruction: the outcome is settled, and the craft lands or hovers.
+    pub(super) fn end_instruction(&mut self, now: Time, outcome: Outcome, cause: String) {
+        if self.settings.at_end == AtEnd::Land || self.phase != Phase::Flying {
+            return self.finish(now, outcome, cause);
+        }
+        self.cancel_queries();
+        self.stop_motion(now);
+        self.settle_outcome(outcome, cause);
+        self.enter(now, Phase::Hovering);
+        self.next_tick = now;
+    }
+
+    /// Why a landing cannot be taken over; `None` if it can.
+    pub(super) fn landing_is_final(&self) -> Option<&'static str> {
+        match self.craft_phase {
+            FlightPhase::OnGround | FlightPhase::Stopped => Some("already on the ground"),
+            _ => self.must_land,
+        }
+    }
+
+    /// Interrupts a landing in progress: from now on the craft holds in `phase`, unless it reports otherwise.
+    pub(super) fn interrupt_landing(&mut self, now: Time, phase: Phase) {
+        if self.phase == Phase::Landing {
+            self.taken_over = Some(now);
+            self.rest_from(now);
+        }
+        self.enter(now, phase);
+    }
+
+    /// Whether a report of the craft that it lands is the landing that was just interrupted.
+    pub(super) fn is_still_landing(&self, now: Time) -> bool {
+        self.craft_phase == FlightPhase::Landing && self.taken_over.is_some_and(|at| now.since(at) < OBEYS_WITHIN)
+    }
+
+    /// Continues a flight whose outcome was settled, with the current instruction. Time and decisions count afresh.
+    pub(super) fn reopen(&mut self, now: Time) {
+        if self.ending.take().is_none() {
+            return;
+        }
+        let text = self.instruction.clone();
+        self.policy.handle(PolicyEvent::Instruction(&text));
+        (self.counted_from, self.counted_to) = (now, now);
+        self.earlier_decisions = self.decisions;
+    }
+
+    /// Number of decisions about the current instruction.
+    pub(super) fn counted_decisions(&self) -> u32 {
+        self.decisions - self.earlier_decisions
+    }
+
+    /// Advances the flight time that counts against the limit; manual flight does not count.
+    pub(super) fn count_time(&mut self, now: Time) {
+        let by_hand = self.phase == Phase::Manual && self.last_manual.is_some_and(|at| now.since(at) < AT_THE_KEYS);
+        if by_hand {
+            self.counted_from += now.since(self.counted_to);
+        }
+        self.counted_to = now;
+    }
+
+    /// Whether the flight time limit is reached.
+    pub(super) fn is_out_of_time(&self, now: Time) -> bool {
+        now.since(self.counted_from) >= self.settings.max_time
+    }
+}

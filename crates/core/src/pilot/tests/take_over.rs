@@ -1,0 +1,213 @@
+//! Taking over a landing, hovering after the instruction, and what may delay or refuse a take-off.
+
+use super::*;
+use crate::frame::Unusable;
+
+const LEFT: Setpoint = Setpoint { right: -0.8, forward: 0.0, up: 0.0, yaw_rate: 0.0 };
+
+fn landing() -> Flight {
+    let mut flight = Setup::preset(Preset::Default).fly(perfect(target(6.0, 25.0, 6.0), 1.5));
+    flight.until_moving();
+    flight.operator(OperatorEvent::Land);
+    flight.pass(0.5);
+    assert_eq!((flight.pilot.phase(), flight.phase), (Phase::Landing, FlightPhase::Landing));
+    flight
+}
+
+#[test]
+fn a_landing_can_be_taken_over_and_the_flight_continues() {
+    let instruction = OperatorEvent::Instruction("fly to the red crane".to_owned());
+    for event in [OperatorEvent::Hold, OperatorEvent::Setpoint(LEFT), instruction, OperatorEvent::Resume] {
+        let mut flight = landing();
+        flight.operator(event.clone());
+        flight.pass(1.0);
+        let height = flight.model.position.up;
+        assert!(height > 0.3 && flight.phase == FlightPhase::Flying, "{event:?}: {height} m");
+        if matches!(event, OperatorEvent::Hold | OperatorEvent::Setpoint(_)) {
+            flight.pass(20.0);
+            assert!((flight.model.position.up - height).abs() < 0.1, "{event:?}: stays in the air");
+            assert_eq!(flight.pilot.ending().unwrap().outcome, Outcome::Aborted, "{event:?}: nothing is continued yet");
+            flight.operator(OperatorEvent::Resume);
+        }
+        assert_eq!(flight.pilot.ending(), None, "{event:?}");
+        assert_eq!(flight.end(), Outcome::Reached, "{event:?}");
+        assert_eq!(flight.finished.len(), 2);
+    }
+}
+
+#[test]
+fn a_landing_that_the_envelope_began_can_be_taken_over() {
+    let mut flight = Setup::preset(Preset::Default)
+        .fault(Stream::Frames, 8.0, None, Fault::Drop { p: 1.0 })
+        .fly(always(navigate(0.6, 0.45, 9), 2.0));
+    flight.until_phase(Phase::Landing);
+    flight.pass(0.3);
+    flight.operator(OperatorEvent::Setpoint(LEFT));
+    flight.pass(0.3);
+    for _ in 0..100 {
+        flight.operator(OperatorEvent::Setpoint(LEFT));
+        assert_eq!(flight.setpoint(), LEFT, "flown by sight, without a camera");
+        flight.pass(0.1);
+    }
+    assert_eq!((flight.pilot.phase(), flight.phase), (Phase::Manual, FlightPhase::Flying));
+    // Deciding again, without a frame, lands again.
+    flight.operator(OperatorEvent::Resume);
+    flight.until_phase(Phase::Landing);
+    assert_eq!(flight.end(), Outcome::Failed);
+}
+
+#[test]
+fn a_landing_on_a_low_battery_is_not_taken_over() {
+    let mut flight = Setup::preset(Preset::Default).fly(always(navigate(0.6, 0.45, 9), 2.0));
+    flight.until_moving();
+    flight.charge = 0.1;
+    flight.until_phase(Phase::Landing);
+    flight.pass(0.2);
+    for event in [OperatorEvent::Hold, OperatorEvent::Setpoint(LEFT), OperatorEvent::Resume] {
+        flight.operator(event.clone());
+        assert!(matches!(flight.notes.last(), Some((_, Note::OperatorIgnored(_, why))) if why.contains("battery")), "{event:?}");
+        assert_eq!(flight.pilot.phase(), Phase::Landing);
+    }
+    flight.operator(OperatorEvent::Land);
+    assert_eq!(flight.end(), Outcome::Aborted);
+    assert_eq!(flight.phase, FlightPhase::OnGround);
+}
+
+/// A craft whose own landing cannot be interrupted is followed: it is told to land until it is on the ground.
+#[test]
+fn a_craft_that_lands_all_the_same_is_followed() {
+    let mut flight = landing();
+    flight.faults = FaultMachine::new(
+        FaultPlan {
+            rules: vec![Rule { stream: Stream::Commands, from: 0.0, until: None, fault: Fault::Drop { p: 1.0 } }],
+            ..FaultPlan::default()
+        },
+        1,
+    )
+    .unwrap();
+    flight.operator(OperatorEvent::Hold);
+    assert_eq!(flight.pilot.phase(), Phase::Held);
+    assert_eq!(flight.end(), Outcome::Aborted);
+    assert_eq!(flight.phase, FlightPhase::OnGround);
+}
+
+fn hovering() -> Flight {
+    let mut setup = Setup::preset(Preset::Default);
+    setup.settings.at_end = AtEnd::Hover;
+    let mut flight = setup.fly(perfect(target(6.0, 25.0, 6.0), 1.5));
+    flight.until_phase(Phase::Hovering);
+    assert_eq!(flight.pilot.ending().unwrap().outcome, Outcome::Reached);
+    flight
+}
+
+#[test]
+fn at_end_hover_holds_for_a_minute_and_lands() {
+    let mut flight = hovering();
+    let (at, queries) = (flight.now, flight.queries.len());
+    flight.pass(59.0);
+    flight.assert_stopped_since(at);
+    assert_eq!((flight.pilot.phase(), flight.phase, flight.queries.len()), (Phase::Hovering, FlightPhase::Flying, queries));
+    flight.until_phase(Phase::Landing);
+    assert_eq!(flight.now.since(at).as_secs(), 60);
+    assert_eq!(flight.end(), Outcome::Reached);
+    assert_eq!(flight.finished.len(), 1);
+}
+
+#[test]
+fn at_end_hover_accepts_a_new_instruction_with_time_and_decisions_of_its_own() {
+    let mut setup = Setup::preset(Preset::Default);
+    setup.settings.at_end = AtEnd::Hover;
+    setup.settings.max_time = secs(60.0);
+    let mut flight = setup.fly(perfect(target(6.0, 25.0, 6.0), 1.5));
+    flight.until_phase(Phase::Hovering);
+    flight.pass(50.0);
+    assert_eq!(flight.pilot.phase(), Phase::Hovering, "hovering has its own limit");
+    let decisions = flight.pilot.decisions();
+    flight.operator(OperatorEvent::Instruction("look at the tree".to_owned()));
+    assert_eq!((flight.pilot.phase(), flight.pilot.ending()), (Phase::Flying, None));
+    assert!(flight.now > Time::ZERO + secs(60.0), "more than the limit, counted from take-off");
+    flight.until_phase(Phase::Hovering);
+    assert!(flight.pilot.decisions() > decisions);
+    assert_eq!(flight.queries.last().unwrap().1.instruction, "look at the tree");
+    flight.operator(OperatorEvent::Land);
+    assert_eq!(flight.end(), Outcome::Reached);
+}
+
+#[test]
+fn at_end_hover_ends_with_a_low_battery_and_a_lost_link() {
+    let mut flight = hovering();
+    flight.charge = 0.1;
+    let low = flight.now;
+    flight.until_phase(Phase::Landing);
+    assert!(flight.now.since(low) < secs(6.0));
+    let mut flight = hovering();
+    flight.tell(Event::LinkLost);
+    let lost = flight.now;
+    flight.until_phase(Phase::Landing);
+    assert!(flight.now.since(lost) < secs(6.0));
+    assert_eq!(flight.end(), Outcome::Reached);
+}
+
+#[test]
+fn manual_flight_has_no_time_limit_while_somebody_flies() {
+    let mut setup = Setup::preset(Preset::Default);
+    setup.settings.max_time = secs(30.0);
+    let mut flight = setup.fly(always(navigate(0.6, 0.45, 9), 2.0));
+    flight.until_moving();
+    for n in 0..60 {
+        flight.operator(OperatorEvent::Setpoint(Setpoint { right: if n % 2 == 0 { 0.5 } else { -0.5 }, ..Setpoint::HOLD }));
+        flight.pass(1.0);
+    }
+    assert_eq!(flight.pilot.phase(), Phase::Manual);
+    // Nobody has pressed a key for a minute: the rest of the limit runs.
+    let left = flight.now;
+    flight.until_phase(Phase::Landing);
+    let waited = flight.now.since(left);
+    assert!(waited > secs(60.0) && waited < secs(91.0), "{waited:?}");
+    assert_eq!(flight.end(), Outcome::Timeout);
+}
+
+fn checked(limits: Limits, from: f64, until: f64) -> Flight {
+    let mut setup = Setup::preset(Preset::Default);
+    setup.limits = limits;
+    setup.fault(Stream::Frames, from, Some(until), Fault::Blank { p: 1.0 }).fly(always(navigate(0.6, 0.45, 9), 2.0))
+}
+
+#[test]
+fn take_off_needs_a_usable_image_where_the_limits_ask_for_it() {
+    let limits = Limits { take_off_checks: true, ..Limits::default() };
+    let mut flight = checked(limits.clone(), 0.0, 6.0);
+    flight.at(Time::from_millis(5900));
+    assert_eq!((flight.pilot.phase(), flight.commands.len()), (Phase::Ground, 0), "waits for the video");
+    flight.until_phase(Phase::TakeOff);
+    assert!(flight.now < Time::from_millis(6500));
+    let blank = flight.delivered.iter().filter(|(_, frame)| frame.unusable == Some(Unusable::Blank)).count();
+    assert!(blank > 50, "{blank}");
+
+    let mut flight = checked(limits, 0.0, 1e3);
+    flight.until_phase(Phase::Ended);
+    assert!(flight.pilot.ending().unwrap().cause.contains("no usable image"), "{:?}", flight.pilot.ending());
+    assert!(flight.commands.is_empty() && flight.now < Time::from_millis(16_000));
+}
+
+#[test]
+fn take_off_needs_a_battery_charge_and_a_cool_craft_where_the_limits_ask_for_it() {
+    let limits = Limits { take_off_checks: true, max_temperature: Some(80.0), ..Limits::default() };
+    let refusal = |temperature, battery| {
+        let mut envelope = Envelope::new(limits.clone(), Craft::quad());
+        let now = Time::from_millis(1000);
+        envelope.observe_telemetry(now, &Telemetry { time: now, temperature, battery, ..Telemetry::default() });
+        envelope.clear(now, Command::TakeOff).unwrap_err().to_string()
+    };
+    assert!(refusal(None, None).contains("does not report its battery"));
+    assert!(refusal(Some(81.0), Some(0.9)).contains("81 °C, more than 80 °C"));
+    // Nothing else is missing but the image.
+    assert!(refusal(Some(79.0), Some(0.9)).contains("no usable image"));
+}
+
+/// Logs of format 1 call it `stop`; new ones do not, for `stop` means a hold elsewhere.
+#[test]
+fn a_logged_stop_is_read_as_cut_motors() {
+    assert_eq!(serde_json::from_str::<OperatorEvent>(r#""stop""#).unwrap(), OperatorEvent::CutMotors);
+    assert_eq!(serde_json::to_string(&OperatorEvent::CutMotors).unwrap(), r#""cut_motors""#);
+}
