@@ -2,7 +2,7 @@
 
 use crate::geometry::{EnuPosition, EnuVelocity};
 use crate::telemetry::{FlightPhase, Telemetry};
-use crate::time::Time;
+use crate::time::{Duration, Time};
 
 /// Positions beyond this are implausible, m.
 const MAX_POSITION: f64 = 1.0e6;
@@ -16,7 +16,8 @@ const MAX_VELOCITY: f64 = 200.0;
 pub(super) struct Estimate {
     /// Measurement time of the newest telemetry.
     pub(super) measured: Option<Time>,
-    /// Measurement time of the newest telemetry with a heading, without which a body-frame setpoint is undefined.
+    /// Measurement time of the newest telemetry with a heading, without which a body-frame setpoint is undefined, that was
+    /// fresh when it arrived: telemetry that stays late does not restart the time to the landing.
     pub(super) oriented: Option<Time>,
     /// Position as reported or dead-reckoned, world frame.
     pub(super) position: EnuPosition,
@@ -42,9 +43,10 @@ pub(super) struct Estimate {
 }
 
 impl Estimate {
-    /// Takes a telemetry report. `reckoned` is the velocity to assume if the craft reports none. Returns false for a
+    /// Takes a telemetry report. `reckoned` is the velocity to assume if the craft reports none; a report younger than
+    /// `fresh` is fresh. Returns false for a
     /// report measured no later than the newest known one (late, repeated or frozen).
-    pub(super) fn observe(&mut self, now: Time, telemetry: &Telemetry, reckoned: EnuVelocity) -> bool {
+    pub(super) fn observe(&mut self, now: Time, telemetry: &Telemetry, reckoned: EnuVelocity, fresh: Duration) -> bool {
         // A measurement time in the future means a wrong clock; it must not make later reports look old.
         let measured = telemetry.time.min(now);
         if self.measured.is_some_and(|newest| measured <= newest) {
@@ -60,7 +62,9 @@ impl Estimate {
         self.battery = telemetry.battery.filter(|x| x.is_finite()).map(|x| x.clamp(0.0, 1.0)).or(self.battery);
         self.temperature = telemetry.temperature.filter(|x| x.is_finite()).or(self.temperature);
         self.heading = Some(telemetry.attitude.heading).filter(|x| x.is_finite());
-        self.oriented = self.heading.map_or(self.oriented, |_| Some(measured));
+        if self.heading.is_some() && now.since(measured) < fresh {
+            self.oriented = Some(measured);
+        }
         self.velocity = telemetry.velocity.filter(|v| sane([v.east, v.north, v.up], MAX_VELOCITY));
 
         let grounded = telemetry.phase == FlightPhase::OnGround;

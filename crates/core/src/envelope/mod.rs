@@ -117,7 +117,8 @@ impl Envelope {
         // The last cleared command may have been flown at any time since the last report.
         let since = self.estimate.measured.unwrap_or(Time::ZERO);
         let reckoned = self.commanded.filter(|&(_, until)| since < until).map_or(EnuVelocity::default(), |(v, _)| v);
-        if self.estimate.observe(now, telemetry, reckoned) {
+        let fresh = duration_from_secs(self.limits.max_telemetry_age);
+        if self.estimate.observe(now, telemetry, reckoned, fresh) {
             let breached = self.breached();
             self.watch.estimate(now, &self.estimate, &self.limits, breached);
         }
@@ -126,7 +127,7 @@ impl Envelope {
     /// Takes a camera frame that arrived at `now`, including unusable ones.
     pub fn observe_frame(&mut self, now: Time, frame: &FrameMeta) {
         let now = self.advance(now);
-        self.watch.frame(now, frame);
+        self.watch.frame(now, frame, &self.limits);
     }
 
     /// Takes the outcome of a VLM query: `ok` only for a reply that was parsed. A failed call, a timeout and an invalid

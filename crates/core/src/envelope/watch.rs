@@ -31,7 +31,7 @@ pub(super) struct Condition {
 /// State of the camera, the link, the replies and the limits, with the relevant times.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Watch {
-    /// Capture time of the newest usable frame.
+    /// Capture time of the newest usable frame that was fresh when it arrived.
     captured: Option<Time>,
     /// Capture counter of the newest frame.
     counter: Option<u64>,
@@ -58,7 +58,9 @@ const BREACHES: [Cause; 3] = [Cause::AltitudeBreach, Cause::DistanceBreach, Caus
 const BATTERY_HYSTERESIS: f64 = 0.02;
 
 impl Watch {
-    pub(super) fn frame(&mut self, now: Time, frame: &FrameMeta) {
+    /// Takes a frame. One that is stale when it arrives does not restart the time to the landing: a stream that stays late
+    /// would otherwise hold for ever.
+    pub(super) fn frame(&mut self, now: Time, frame: &FrameMeta, limits: &Limits) {
         if frame.unusable.is_some() {
             self.unusable = self.unusable.saturating_add(1);
             return;
@@ -73,7 +75,9 @@ impl Watch {
             return;
         }
         self.unusable = 0;
-        self.captured = self.captured.max(Some(captured));
+        if now.since(captured) < duration_from_secs(limits.max_frame_age) {
+            self.captured = self.captured.max(Some(captured));
+        }
     }
 
     /// Capture time of the newest usable frame.

@@ -4,7 +4,9 @@
 
 #[path = "../../../scene/tests/it/boxes.rs"]
 mod boxes;
+mod fault_matrix;
 mod flights;
+mod matrix;
 mod memory;
 mod protocol;
 mod wired;

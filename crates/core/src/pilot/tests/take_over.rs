@@ -205,6 +205,20 @@ fn take_off_needs_a_battery_charge_and_a_cool_craft_where_the_limits_ask_for_it(
     assert!(refusal(Some(79.0), Some(0.9)).contains("no usable image"));
 }
 
+/// What stays late never becomes fresh: the time to the landing does not start anew with each message.
+#[test]
+fn video_and_telemetry_that_stay_late_hold_then_land() {
+    for (stream, land_after) in [(Stream::Frames, 10.0), (Stream::Telemetry, 5.0)] {
+        let mut flight = Setup::preset(Preset::Default)
+            .fault(stream, 8.0, None, Fault::Delay { mean: 1.5, jitter: 0.0 })
+            .fly(always(navigate(0.6, 0.45, 9), 2.0));
+        flight.until_phase(Phase::Landing);
+        let after = flight.now.as_secs_f64() - 8.0;
+        assert!((land_after..land_after + 1.5).contains(&after), "{stream:?}: {after} s");
+        assert_eq!(flight.end(), Outcome::Failed);
+    }
+}
+
 /// Logs of format 1 call it `stop`; new ones do not, for `stop` means a hold elsewhere.
 #[test]
 fn a_logged_stop_is_read_as_cut_motors() {

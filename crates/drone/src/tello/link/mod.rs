@@ -267,8 +267,10 @@ impl Link {
             let command = order.text.clone();
             match fate {
                 OrderOutcome::Answered(Answer::Refused(answer)) => {
-                    if command == "takeoff" && self.phase == FlightPhase::TakingOff {
-                        self.on_ground();
+                    if command == TakeOff::COMMAND && self.phase == FlightPhase::TakingOff {
+                        // The datagram may have arrived twice, and only the second be refused: whether the motors turn
+                        // is seen, not believed.
+                        self.begin_landing(now);
                     }
                     let meaning = explain(&answer);
                     self.manoeuvre_over(now, &command);

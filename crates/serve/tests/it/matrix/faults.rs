@@ -1,0 +1,147 @@
+//! The faults of the matrix, and the phases of a flight in which each begins.
+
+use spf_core::fault::{Fault, FaultPlan, Rule, Stream, Trouble, TroubleRule};
+
+/// When a fault begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum FlightPart {
+    /// Climbing to the take-off height.
+    TakeOff,
+    /// At rest, with the first query open.
+    Deciding,
+    /// Flying a step.
+    Executing,
+    /// Turning in search of the target.
+    Searching,
+    /// Flown by hand.
+    Manual,
+    /// Landing by the operator's command.
+    Landing,
+}
+
+impl FlightPart {
+    /// All parts, in the order of a flight.
+    pub(crate) const ALL: [Self; 6] =
+        [Self::TakeOff, Self::Deciding, Self::Executing, Self::Searching, Self::Manual, Self::Landing];
+
+    /// Its name in tables.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::TakeOff => "take-off",
+            Self::Deciding => "deciding",
+            Self::Executing => "executing",
+            Self::Searching => "searching",
+            Self::Manual => "manual",
+            Self::Landing => "landing",
+        }
+    }
+}
+
+/// What a model does from the beginning of a fault on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ModelFault {
+    /// It never answers.
+    Silent,
+    /// HTTP 429.
+    RateLimit,
+    /// HTTP 503.
+    Unavailable,
+    /// It refuses to help.
+    Refusal,
+    /// It points at the wrong place, far away, with certainty.
+    Lie,
+    /// It answers after 15 s.
+    Late,
+    /// Its answer is cut off.
+    Malformed,
+}
+
+/// What goes wrong.
+#[derive(Clone, Debug)]
+pub(crate) enum What {
+    /// Messages between craft and pilot.
+    Messages(Vec<(Stream, Fault)>),
+    /// The craft itself.
+    Craft(Trouble),
+    /// The model.
+    Model(ModelFault),
+    /// The battery of the craft reports this charge.
+    Charge(f64),
+}
+
+/// A row of the matrix.
+#[derive(Clone, Debug)]
+pub(crate) struct Row {
+    /// Its name in tables.
+    pub(crate) name: &'static str,
+    /// What goes wrong.
+    pub(crate) what: What,
+    /// Whether commands still reach the craft.
+    pub(crate) commands_arrive: bool,
+}
+
+impl Row {
+    fn of(name: &'static str, what: What) -> Self {
+        Self { name, what, commands_arrive: true }
+    }
+
+    fn messages(name: &'static str, faults: &[(Stream, Fault)]) -> Self {
+        Self::of(name, What::Messages(faults.to_vec()))
+    }
+
+    fn model(name: &'static str, fault: ModelFault) -> Self {
+        Self::of(name, What::Model(fault))
+    }
+
+    /// The fault as a plan that begins at `from`, seconds; empty for a fault of the model.
+    pub(crate) fn plan(&self, from: f64) -> FaultPlan {
+        let mut plan = FaultPlan::default();
+        match &self.what {
+            What::Messages(faults) => {
+                plan.rules =
+                    faults.iter().map(|(stream, fault)| Rule { stream: *stream, from, until: None, fault: *fault }).collect();
+            }
+            What::Craft(fault) => {
+                let until = (*fault == Trouble::Reboot).then_some(from + 0.1);
+                plan.craft = vec![TroubleRule { fault: *fault, from, until }];
+            }
+            What::Model(_) | What::Charge(_) => {}
+        }
+        plan
+    }
+}
+
+/// Every fault.
+pub(crate) fn rows() -> Vec<Row> {
+    use Stream::{Commands, Frames, Responses, Telemetry};
+    let all = |fault: Fault| [Frames, Telemetry, Commands, Responses].map(|stream| (stream, fault)).to_vec();
+    let lost = Fault::Drop { p: 1.0 };
+    vec![
+        Row { commands_arrive: false, ..Row::messages("link cut", &all(lost)) },
+        Row::messages("30 % of all messages lost", &all(Fault::Drop { p: 0.3 })),
+        Row::messages("every message twice", &all(Fault::Duplicate { p: 1.0, after: 0.2 })),
+        Row::messages("messages reordered", &all(Fault::Reorder { p: 0.3, by: 0.3 })),
+        Row::messages("messages 1.5 s late", &all(Fault::Delay { mean: 1.5, jitter: 0.0 })),
+        Row::messages("no video", &[(Frames, lost)]),
+        Row::messages("video frozen", &[(Frames, Fault::Freeze)]),
+        Row::messages("video black", &[(Frames, Fault::Blank { p: 1.0 })]),
+        Row::messages("video corrupt", &[(Frames, Fault::Corrupt { p: 1.0 })]),
+        Row::messages("video 1.5 s late", &[(Frames, Fault::Delay { mean: 1.5, jitter: 0.0 })]),
+        Row::messages("no telemetry", &[(Telemetry, lost)]),
+        Row::messages("telemetry frozen", &[(Telemetry, Fault::Freeze)]),
+        Row::messages("telemetry 1.5 s late", &[(Telemetry, Fault::Delay { mean: 1.5, jitter: 0.0 })]),
+        Row { commands_arrive: false, ..Row::messages("commands lost", &[(Commands, lost), (Responses, lost)]) },
+        Row::of("battery low", What::Charge(0.1)),
+        Row::of("battery empty", What::Craft(Trouble::BatteryEmpty)),
+        Row::of("IMU error", What::Craft(Trouble::ImuInvalid)),
+        Row::of("reboot", What::Craft(Trouble::Reboot)),
+        Row::of("take-off refused", What::Craft(Trouble::TakeOffRefused)),
+        Row::model("model silent", ModelFault::Silent),
+        Row::model("model HTTP 429", ModelFault::RateLimit),
+        Row::model("model HTTP 503", ModelFault::Unavailable),
+        Row::model("model refuses", ModelFault::Refusal),
+        Row::model("model lies", ModelFault::Lie),
+        Row::model("model 15 s late", ModelFault::Late),
+        Row::model("model's answer cut off", ModelFault::Malformed),
+    ]
+}

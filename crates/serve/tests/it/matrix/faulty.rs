@@ -1,0 +1,119 @@
+//! Any drone behind faults of its messages, in virtual time.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use spf_core::command::Command;
+use spf_core::envelope::Cleared;
+use spf_core::fault::{Content, FaultMachine, Stream};
+use spf_core::frame::{FrameMeta, Unusable};
+use spf_core::telemetry::Telemetry;
+use spf_core::time::Time;
+use spf_drone::frames::Frames;
+use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+
+/// Drops, delays, copies and damages what a drone reports, and loses commands.
+pub(crate) struct Faulty {
+    drone: Box<dyn Drone>,
+    faults: FaultMachine,
+    /// Charge reported from a time on.
+    charge: Option<(Time, f64)>,
+    counts: [u64; 3],
+    /// The last frame and telemetry from before a freeze.
+    last: (Option<FrameMeta>, Option<Telemetry>),
+    queue: BTreeMap<(Time, u64), DroneEvent>,
+    serial: u64,
+}
+
+impl Faulty {
+    pub(crate) fn new(drone: Box<dyn Drone>, faults: FaultMachine, charge: Option<(Time, f64)>) -> Self {
+        Self { drone, faults, charge, counts: [0; 3], last: (None, None), queue: BTreeMap::new(), serial: 0 }
+    }
+
+    fn frame(&mut self, frame: FrameMeta, content: Content) -> FrameMeta {
+        match content {
+            Content::Intact => {
+                self.last.0 = Some(frame);
+                frame
+            }
+            Content::FrozenSince(_) => {
+                let capture_counter = self.last.0.map_or(0, |last| last.capture_counter);
+                FrameMeta { capture_counter, ..frame }
+            }
+            Content::Corrupt(_) => FrameMeta { unusable: Some(Unusable::Undecodable), ..frame },
+            Content::Blank => FrameMeta { unusable: Some(Unusable::Blank), ..frame },
+        }
+    }
+
+    fn telemetry(&mut self, telemetry: Telemetry, content: Content) -> Telemetry {
+        let telemetry = match self.charge {
+            Some((from, charge)) if telemetry.time >= from => Telemetry { battery: Some(charge), ..telemetry },
+            _ => telemetry,
+        };
+        match content {
+            Content::FrozenSince(_) => self.last.1.unwrap_or(telemetry),
+            _ => {
+                self.last.1 = Some(telemetry);
+                telemetry
+            }
+        }
+    }
+
+    fn take(&mut self, at: Time, event: DroneEvent) {
+        let stream = match event {
+            DroneEvent::Frame(_) => Stream::Frames,
+            DroneEvent::Telemetry(_) => Stream::Telemetry,
+            _ => {
+                self.serial += 1;
+                self.queue.insert((at, self.serial), event);
+                return;
+            }
+        };
+        let count = &mut self.counts[stream as usize];
+        *count += 1;
+        for delivery in self.faults.pass(at, stream, *count) {
+            let event = match event {
+                DroneEvent::Frame(frame) => {
+                    DroneEvent::Frame(FrameMeta { received: delivery.at, ..self.frame(frame, delivery.content) })
+                }
+                DroneEvent::Telemetry(telemetry) => DroneEvent::Telemetry(self.telemetry(telemetry, delivery.content)),
+                other => other,
+            };
+            self.serial += 1;
+            self.queue.insert((delivery.at, self.serial), event);
+        }
+    }
+}
+
+impl Drone for Faulty {
+    fn name(&self) -> &str {
+        self.drone.name()
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.drone.capabilities()
+    }
+
+    fn frames(&self) -> Arc<dyn Frames> {
+        self.drone.frames()
+    }
+
+    fn apply(&mut self, now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
+        let count = &mut self.counts[2];
+        *count += 1;
+        if self.faults.pass(now, Stream::Commands, *count).is_empty() { Ok(()) } else { self.drone.apply(now, command) }
+    }
+
+    fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
+        while let Some((at, event)) = self.drone.next_event(until) {
+            self.take(at, event);
+        }
+        let first = *self.queue.first_key_value()?.0;
+        (first.0 <= until).then(|| self.queue.remove(&first).map(|event| (first.0, event)))?
+    }
+
+    fn next_event_at(&self) -> Option<Time> {
+        let queued = self.queue.first_key_value().map(|((at, _), _)| *at);
+        [self.drone.next_event_at(), queued].into_iter().flatten().min()
+    }
+}

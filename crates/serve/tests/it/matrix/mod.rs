@@ -1,0 +1,198 @@
+//! Every fault in every phase of a flight, of the simulated quadrotor and of the virtual Tello behind its driver, in virtual
+//! time.
+
+mod faults;
+mod faulty;
+mod model;
+mod report;
+mod watch;
+
+use std::sync::{Arc, Mutex};
+
+use spf_core::craft::CraftKind;
+use spf_core::fault::{FaultMachine, FaultPlan, Stream, Trouble};
+use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
+use spf_core::telemetry::FlightPhase;
+use spf_core::time::{Duration, Time};
+use spf_drone::Drone;
+use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::real::Real;
+use spf_flight::sim::{LoadedScene, SimDrone, SimWorld, VlmFactory};
+use spf_flight::site::Clock;
+use spf_flight::world::Script;
+use spf_serve::tello::Figures;
+
+use self::faults::{FlightPart, Row, What};
+use self::faulty::Faulty;
+use self::model::Scripted;
+use self::watch::Watch;
+use crate::wired::Wired;
+
+pub(crate) use self::report::{tables, tsv};
+
+/// When the operator of the parts `manual` and `landing` acts; both crafts fly by then.
+const OPERATOR_AT: f64 = 12.0;
+/// How long the operator flies.
+const BY_HAND: f64 = 6.0;
+
+/// A fault in a phase of a craft.
+#[derive(Clone, Debug)]
+pub(crate) struct Cell {
+    pub(crate) craft: CraftKind,
+    pub(crate) part: FlightPart,
+    pub(crate) row: Row,
+}
+
+/// What came of it.
+#[derive(Clone, Debug)]
+pub(crate) struct Flown {
+    /// When the fault began, s.
+    pub(crate) onset: f64,
+    /// The last command of a motion after the fault began, s after it.
+    pub(crate) last_motion: Option<f64>,
+    /// Outcome and cause.
+    pub(crate) outcome: String,
+    pub(crate) cause: String,
+    /// The last command that the pilot cleared.
+    pub(crate) last_command: String,
+    /// The craft's true phase, and speed in m/s, at the end.
+    pub(crate) phase: FlightPhase,
+    pub(crate) speed: f64,
+    /// What moved without a fresh reason.
+    pub(crate) violations: Vec<String>,
+}
+
+impl Cell {
+    /// All cells.
+    pub(crate) fn all() -> Vec<Self> {
+        let crafts = [CraftKind::Quad, CraftKind::Tello];
+        let cell = |craft, row: &Row, part| Self { craft, part, row: row.clone() };
+        let of = |row: Row| crafts.into_iter().flat_map(move |craft| FlightPart::ALL.map(|part| cell(craft, &row, part)));
+        faults::rows().into_iter().flat_map(of).collect()
+    }
+
+    /// Its name.
+    pub(crate) fn name(&self) -> String {
+        format!("{:?}, {}, {}", self.craft, self.row.name, self.part.name())
+    }
+
+    /// Why there is nothing to fly, if so.
+    pub(crate) fn left_out(&self) -> Option<&'static str> {
+        match self.row.what {
+            What::Craft(_) if self.craft == CraftKind::Quad => Some("the simulated quadrotor has no such fault"),
+            What::Craft(Trouble::TakeOffRefused) if self.part != FlightPart::TakeOff => Some("the take-off is over"),
+            _ => None,
+        }
+    }
+
+    /// Flies it.
+    pub(crate) fn fly(&self, scene: &Arc<LoadedScene>) -> Flown {
+        let (fair, _) = self.fly_from(scene, None);
+        // Before the fault begins, both flights are the same.
+        let onset = match self.row.what {
+            What::Craft(Trouble::TakeOffRefused) => Time::ZERO,
+            _ => fair.begin_of(self.part).unwrap_or_else(|| panic!("{}: never", self.name())),
+        };
+        let (watch, world) = self.fly_from(scene, Some(onset));
+        let craft = world.shared_craft();
+        let craft = craft.lock().unwrap();
+        let speed = craft.truth().velocity.speed();
+        let (outcome, cause) = watch.outcome.clone().unwrap();
+        Flown {
+            onset: onset.as_secs_f64(),
+            last_motion: watch.last_motion.filter(|at| *at > onset).map(|at| at.since(onset).as_secs_f64()),
+            outcome: spf_flight::words::outcome(outcome).to_owned(),
+            cause,
+            last_command: watch.last_command.clone(),
+            phase: craft.dynamics().phase(),
+            speed,
+            violations: watch.violations.clone(),
+        }
+    }
+
+    fn fly_from(&self, scene: &Arc<LoadedScene>, onset: Option<Time>) -> (Watch, SimWorld) {
+        let start = scene.scene.start;
+        let world = SimWorld::new(scene.clone(), self.craft, start, 5);
+        let plan = onset.map_or_else(FaultPlan::default, |onset| self.row.plan(onset.as_secs_f64()));
+        let frames = |rule: &spf_core::fault::Rule| rule.stream == Stream::Frames;
+        // A Tello's state, commands and responses pass its virtual link; its driver sees what is left of them.
+        let (drone, outside): (Box<dyn Drone>, FaultPlan) = match self.craft {
+            CraftKind::Quad => (Box::new(SimDrone::new(world.clone())), plan),
+            CraftKind::Tello => {
+                let (outside, inside) = plan.rules.into_iter().partition(frames);
+                let wired = Wired::new(world.clone(), Figures::default(), FaultPlan { rules: inside, craft: plan.craft });
+                (Box::new(wired), FaultPlan { rules: outside, ..FaultPlan::default() })
+            }
+        };
+        let charge = match self.row.what {
+            What::Charge(charge) => onset.map(|onset| (onset, charge)),
+            _ => None,
+        };
+        let drone = Faulty::new(drone, FaultMachine::new(outside, 7).unwrap(), charge);
+        let fault = match self.row.what {
+            What::Model(fault) => onset.map(|onset| (onset, fault)),
+            _ => None,
+        };
+        let model = Mutex::new(Some(Scripted { searching: self.part == FlightPart::Searching, fault }));
+        let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(model.lock().unwrap().take().unwrap())));
+        let site = Site::Real(Real { drone: Box::new(drone), clock: Clock::Virtual });
+        let settings = PilotSettings { max_time: Duration::from_secs(45), ..PilotSettings::preset(Preset::Default) };
+        let plan =
+            FlightPlan { settings, script: self.script(), ..FlightPlan::new(site, "fly to the door", "scripted", vlm_factory) };
+        let mut watch = Watch::new(plan.limits.clone(), settings);
+        fly(plan, &mut [&mut watch]).unwrap();
+        (watch, world)
+    }
+
+    fn script(&self) -> Script {
+        let at = Time::from_secs_f64;
+        match self.part {
+            FlightPart::Manual => {
+                let setpoint = |step: u32| {
+                    let right = if step % 20 < 10 { 0.4 } else { -0.4 };
+                    let setpoint = spf_core::command::Setpoint { right, ..spf_core::command::Setpoint::HOLD };
+                    (at(OPERATOR_AT + 0.1 * f64::from(step)), OperatorEvent::Setpoint(setpoint))
+                };
+                let mut events: Vec<_> = (0..(BY_HAND * 10.0) as u32).map(setpoint).collect();
+                events.push((at(OPERATOR_AT + BY_HAND + 1.0), OperatorEvent::Resume));
+                Script::new(events)
+            }
+            FlightPart::Landing => Script::new(vec![(at(OPERATOR_AT), OperatorEvent::Land)]),
+            _ => Script::default(),
+        }
+    }
+
+    /// What is wrong with a flight, if anything: whatever the fault, nothing moves without a fresh reason, and the craft is
+    /// left on the ground, or at rest where nothing reaches it.
+    pub(crate) fn problems(&self, flown: &Flown) -> Vec<String> {
+        let mut problems = flown.violations.clone();
+        let safe = match flown.phase {
+            FlightPhase::OnGround | FlightPhase::Stopped => true,
+            // A Tello lands by itself; the simulated quadrotor hovers.
+            _ => !self.row.commands_arrive && self.craft == CraftKind::Quad && flown.speed < 0.1,
+        };
+        if !safe {
+            problems.push(format!("left {:?} at {:.2} m/s", flown.phase, flown.speed));
+        }
+        problems
+    }
+}
+
+/// Flies cells on two threads, in order.
+pub(crate) fn fly_all(cells: &[Cell], scene: &Arc<LoadedScene>) -> Vec<Option<Flown>> {
+    let next = std::sync::atomic::AtomicUsize::new(0);
+    let flown: Vec<Mutex<Option<Flown>>> = cells.iter().map(|_| Mutex::new(None)).collect();
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                while let Some(index) = Some(next.fetch_add(1, std::sync::atomic::Ordering::Relaxed)).filter(|i| *i < cells.len())
+                {
+                    if cells[index].left_out().is_none() {
+                        *flown[index].lock().unwrap() = Some(cells[index].fly(scene));
+                    }
+                }
+            });
+        }
+    });
+    flown.into_iter().map(|flown| flown.into_inner().unwrap()).collect()
+}

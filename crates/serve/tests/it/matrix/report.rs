@@ -1,0 +1,57 @@
+//! The matrix as tables.
+
+use std::fmt::Write as _;
+
+use spf_core::craft::CraftKind;
+
+use super::faults::{FlightPart, rows};
+use super::{Cell, Flown};
+
+/// One line per cell, tab-separated.
+pub(crate) fn tsv(cells: &[Cell], flown: &[Option<Flown>]) -> String {
+    let mut text =
+        "craft\tfault\tphase\tfault begins, s\tlast motion after it, s\toutcome\tcause\tlast command\tcraft at the end\n"
+            .to_owned();
+    for (cell, flown) in cells.iter().zip(flown) {
+        let name = format!("{:?}\t{}\t{}", cell.craft, cell.row.name, cell.part.name()).to_lowercase();
+        let rest = match flown {
+            None => format!("\t\tnot flown\t{}\t\t", cell.left_out().unwrap_or_default()),
+            Some(flown) => format!(
+                "{:.2}\t{}\t{}\t{}\t{}\t{:?}, {:.2} m/s",
+                flown.onset,
+                flown.last_motion.map_or("none".to_owned(), |after| format!("{after:.2}")),
+                flown.outcome,
+                flown.cause,
+                flown.last_command,
+                flown.phase,
+                flown.speed,
+            ),
+        };
+        writeln!(text, "{name}\t{rest}").unwrap();
+    }
+    text
+}
+
+/// A table per craft: faults down, phases across.
+pub(crate) fn tables(cells: &[Cell], flown: &[Option<Flown>]) -> String {
+    let mut text = String::new();
+    for craft in [CraftKind::Quad, CraftKind::Tello] {
+        let parts: Vec<&str> = FlightPart::ALL.iter().map(|part| part.name()).collect();
+        writeln!(text, "### {craft:?}\n\n| fault | {} |\n|---|{}", parts.join(" | "), "---|".repeat(parts.len())).unwrap();
+        for row in rows() {
+            let of = |part: FlightPart| {
+                let index = cells.iter().position(|cell| cell.craft == craft && cell.row.name == row.name && cell.part == part);
+                match index.and_then(|index| flown[index].as_ref()) {
+                    None => "–".to_owned(),
+                    Some(flown) => {
+                        let motion = flown.last_motion.map_or("0".to_owned(), |after| format!("{after:.1}"));
+                        format!("{motion}, {}", flown.outcome)
+                    }
+                }
+            };
+            writeln!(text, "| {} | {} |", row.name, FlightPart::ALL.map(of).join(" | ")).unwrap();
+        }
+        text.push('\n');
+    }
+    text
+}
