@@ -34,5 +34,5 @@ fn whatever_fails_in_whatever_phase_nothing_moves_without_a_reason() {
     }
     let same =
         std::fs::read_to_string(&rows).unwrap() == tsv(&cells, &flown) && std::fs::read_to_string(&page).unwrap() == written;
-    assert!(same, "docs/studies/2026-11-24-fault-matrix is old: INSTA_UPDATE=always cargo test -p spf-serve fault_matrix");
+    assert!(same, "docs/studies/2026-11-24-fault-matrix.md is old: INSTA_UPDATE=always cargo test -p spf-serve fault_matrix");
 }
