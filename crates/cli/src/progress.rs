@@ -35,6 +35,7 @@ impl Progress {
             }
             Note::Envelope(cause) => format!("envelope: {cause}"),
             Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
+            Note::Limited(why) => (*why).to_owned(),
             Note::LateReply(id) => format!("query {} completed too late: ignored", id.0),
             // A held key repeats its setpoint ten times a second; the phase says enough.
             Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _) => return,

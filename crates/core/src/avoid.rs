@@ -21,6 +21,10 @@ use crate::lift::{CameraDisplacement, Lifting, lift, lower, range_of_label, unpr
 use crate::query::{ImageBox, ImagePoint};
 use crate::reply::ObstacleBox;
 
+mod vertical;
+
+pub use vertical::is_clear_vertically;
+
 /// Added to the body's radius, metres: at 10 m, 2 % of the width of a 90° image, the box error of a good model.
 pub const BODY_MARGIN: f64 = 0.25;
 /// Maximum angle by which a point is shifted from the planned direction, degrees.

@@ -49,6 +49,9 @@ pub struct Telemetry {
     pub yaw_rate: Option<f64>,
     /// Height above the take-off point, metres.
     pub height: Option<f64>,
+    /// Measured distance to whatever is below the craft, metres; `None` without a sensor or beyond its range.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground_clearance: Option<f64>,
     /// Battery charge, 0..=1.
     pub battery: Option<f64>,
     /// Highest temperature in the craft, °C, if reported.

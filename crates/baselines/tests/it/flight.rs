@@ -206,6 +206,7 @@ impl Flight {
             yaw_rate: Some(self.body.yaw_rate),
             height: Some(self.body.position.up),
             battery: Some(0.9),
+            ground_clearance: None,
             temperature: None,
             phase: self.body.phase,
             crashed: false,

@@ -25,6 +25,8 @@ pub(super) struct Estimate {
     pub(super) velocity: Option<EnuVelocity>,
     /// Height above the take-off point.
     pub(super) height: f64,
+    /// Distance to the ground or whatever is below, if measured in the last report, metres.
+    pub(super) clearance: Option<f64>,
     /// Clockwise from north; `None` if the last telemetry had no plausible heading.
     pub(super) heading: Option<f64>,
     /// Battery charge, 0..=1, as last reported.
@@ -60,6 +62,7 @@ impl Estimate {
         self.phase = telemetry.phase;
         self.crashed = telemetry.crashed || telemetry.phase == FlightPhase::Stopped;
         self.battery = telemetry.battery.filter(|x| x.is_finite()).map(|x| x.clamp(0.0, 1.0)).or(self.battery);
+        self.clearance = telemetry.ground_clearance.filter(|x| x.is_finite() && *x >= 0.0);
         self.temperature = telemetry.temperature.filter(|x| x.is_finite()).or(self.temperature);
         self.heading = Some(telemetry.attitude.heading).filter(|x| x.is_finite());
         if self.heading.is_some() && now.since(measured) < fresh {

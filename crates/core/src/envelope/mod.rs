@@ -29,6 +29,9 @@ use crate::geometry::{EnuPosition, EnuVelocity};
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Time, duration_from_secs};
 
+/// Looks up and down keep this distance from floor and ceiling, metres.
+const LOOK_MARGIN: f64 = 0.5;
+
 /// A value cleared by the envelope. It cannot be created, deserialised or modified anywhere else.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cleared<T> {
@@ -208,6 +211,14 @@ impl Envelope {
         self.clear_under(now, Setpoint::HOLD, Control::Pilot)
     }
 
+    /// How far the craft may sink and climb for a look, metres: down to 0.5 m above the minimum altitude, above the ground if
+    /// its clearance is measured, and up to 0.5 m below the maximum altitude. Negative outside.
+    #[must_use]
+    pub fn vertical_room(&self) -> (f64, f64) {
+        let low = self.estimate.clearance.map_or(self.estimate.height, |clearance| clearance.min(self.estimate.height));
+        (low - self.limits.min_altitude - LOOK_MARGIN, self.limits.max_altitude - LOOK_MARGIN - self.estimate.height)
+    }
+
     /// Whether a usable frame was captured within the maximum frame age.
     #[must_use]
     pub fn has_fresh_frame(&self, now: Time) -> bool {
@@ -334,7 +345,20 @@ impl Envelope {
         };
         let situation = Situation { at: self.ahead(now), home, heading };
         let (setpoint, confined) = reach::confine(limits, &self.craft, &situation, setpoint);
-        (setpoint, confined.or(cause))
+        let (setpoint, low) = self.above_ground(setpoint);
+        (setpoint, confined.or(low).or(cause))
+    }
+
+    /// A setpoint that stops sinking at the minimum altitude above what is measured below the craft: a table, a slope.
+    fn above_ground(&self, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
+        let Some(clearance) = self.estimate.clearance.filter(|_| setpoint.up < 0.0) else { return (setpoint, None) };
+        // From where the setpoint takes effect on, as for the other limits.
+        let lasts = self.limits.setpoint_validity + self.craft.dead_time + self.craft.lag;
+        let slowest = ((clearance - self.limits.min_altitude) / lasts).max(0.0);
+        if -setpoint.up <= slowest {
+            return (setpoint, None);
+        }
+        (Setpoint { up: -slowest, ..setpoint }, Some(Cause::AltitudeLimit))
     }
 
     /// Predicted position at the time a setpoint cleared now takes effect; `up` is the height above the take-off point.

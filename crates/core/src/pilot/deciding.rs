@@ -23,6 +23,7 @@ impl Pilot {
             .view
             .is_none_or(|view| frame.captured > view.frame.captured && frame.capture_counter != view.frame.capture_counter);
         if let Some(known) = self.estimator.pose_at(frame.captured).filter(|_| newer && frame.unusable.is_none()) {
+            self.seen.frame(frame.captured, known);
             self.view = Some(View { frame, camera: self.camera, pose: known, at_rest: false });
         }
     }

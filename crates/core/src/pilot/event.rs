@@ -125,6 +125,8 @@ pub enum Note {
     Decision(Box<Decision>),
     /// The envelope changed a command, or stopped the craft.
     Envelope(Cause),
+    /// A move of the policy was cut, or refused, and why.
+    Limited(&'static str),
     /// A reply to a cancelled query arrived; it is ignored.
     LateReply(QueryId),
     /// A query failed or was cancelled.

@@ -19,6 +19,7 @@ mod operator;
 mod reactions;
 mod settings;
 mod take_over;
+mod unseen;
 
 pub use event::{Action, Decision, Ending, Event, Note, OperatorEvent, Outcome, Phase};
 pub use settings::{AtEnd, PilotSettings, Preset, Think};
@@ -70,6 +71,8 @@ pub struct Pilot {
     instruction: String,
     waiting: BTreeMap<QueryId, Waiting>,
     view: Option<View>,
+    /// What the last frames have shown.
+    seen: unseen::Seen,
     used: Option<FrameId>,
     decisions: u32,
     late_replies: u32,
@@ -148,6 +151,7 @@ impl Pilot {
             instruction,
             waiting: BTreeMap::new(),
             view: None,
+            seen: unseen::Seen::default(),
             used: None,
             decisions: 0,
             late_replies: 0,

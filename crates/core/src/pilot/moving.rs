@@ -67,6 +67,7 @@ impl Pilot {
         if self.link_lost {
             return self.refuse_move(now);
         }
+        let Some(motion) = self.admissible(now, motion) else { return self.refuse_move(now) };
         let known = self.known(now);
         let relative = |yaw: f64| Primitives { yaw, ..motion.primitives };
         match motion.anchor {

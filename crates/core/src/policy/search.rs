@@ -11,10 +11,8 @@ use crate::reply::Look;
 const TURN_SHARE: f64 = 0.8;
 /// Fraction of the field of view that a look covers: turns miss their heading by a few degrees.
 const COVERED_SHARE: f64 = 0.9;
-/// Maximum looks up or down without seeing the target before turning continues.
-const VERTICAL_LOOKS: u32 = 10;
-/// Looks down that are answered by backing off before descending, which keeps a nearby person in the frame.
-const BACK_LOOKS: u32 = 3;
+/// Looks up or down without seeing the target, of one metre each, before turning continues.
+const VERTICAL_LOOKS: u32 = 3;
 /// Number of excursions to other positions. A target that does not exist costs three full turns.
 const EXCURSIONS: u32 = 2;
 /// Moves per excursion, each based on its own frame.
@@ -130,11 +128,11 @@ impl Search {
                 self.vertical += 1;
                 return SearchAction::Look(Primitives { climb: 1.0, ..Primitives::default() });
             }
-            // The camera cannot tilt: what is below comes into view from farther back, then from lower down.
+            // The camera cannot tilt, and what is behind the craft has not been seen: what is below comes into view from
+            // lower down.
             Look::Down if self.vertical < VERTICAL_LOOKS => {
-                let climb = if self.vertical < BACK_LOOKS { 0.0 } else { -1.0 };
                 self.vertical += 1;
-                return SearchAction::Look(Primitives { climb, forward: -1.0, ..Primitives::default() });
+                return SearchAction::Look(Primitives { climb: -1.0, ..Primitives::default() });
             }
             _ => {}
         }
@@ -192,7 +190,7 @@ mod tests {
                 SearchAction::Exhausted => break,
                 SearchAction::Fly => out.push("fly".to_owned()),
                 SearchAction::Look(step) if step.climb > 0.0 => out.push(format!("up {}", step.climb)),
-                SearchAction::Look(step) if step.forward < 0.0 => out.push(format!("back and down {}", -step.climb)),
+                SearchAction::Look(step) if step.climb < 0.0 => out.push(format!("down {}", -step.climb)),
                 SearchAction::Look(step) => {
                     heading = wrap_angle(heading + step.yaw);
                     out.push(format!("{:.0}", step.yaw.to_degrees()));
@@ -211,6 +209,26 @@ mod tests {
         search.reset();
         assert_eq!(search.turned(), 0.0);
         assert_eq!(flown(&mut search, Look::Left, |_| None)[..6], ["-72", "-72", "-72", "-72", "-72", "up 2"]);
+    }
+
+    #[test]
+    fn looks_up_and_down_sum_to_three_metres_and_never_go_back() {
+        for look in [Look::Up, Look::Down] {
+            let mut search = Search::new(PI / 2.0, 2.0);
+            let seen = flown(&mut search, look, |_| None);
+            let word = if look == Look::Up { "up 1" } else { "down 1" };
+            assert_eq!(seen[..5], [word, word, word, "72", "72"], "{look:?}");
+            assert_eq!(seen.iter().filter(|step| *step == word).count(), 3, "{look:?}");
+        }
+        let mut search = Search::new(PI / 2.0, 2.0);
+        let mut metres = 0.0;
+        for look in [Look::Up, Look::Down].into_iter().cycle().take(40) {
+            if let SearchAction::Look(step) = search.next(look, 0.0, None) {
+                assert_eq!((step.forward, step.right), (0.0, 0.0));
+                metres += if step.climb.abs() <= 1.0 { step.climb.abs() } else { 0.0 };
+            }
+        }
+        assert_eq!(metres, 3.0);
     }
 
     #[test]

@@ -19,6 +19,8 @@ use crate::step::StepRule;
 const REMEMBERED_TARGETS: usize = 8;
 /// Maximum consecutive turns towards paths along the image edges; the second only towards the other edge.
 const TURNS_FIRST: u32 = 2;
+/// Climb after that, metres.
+const BLOCKED_CLIMB: f64 = 1.0;
 /// Number of times in a row that a blocked path is answered by holding and asking again before searching for another.
 const BLOCKED_LOOKS: u32 = 3;
 
@@ -237,7 +239,17 @@ impl Spf {
         let search = self.search.get_or_insert_with(|| Search::new(2.0 * camera.half_fov().0, craft.take_off_height));
         let look = reply.look.or(self.memory.last_seen).unwrap_or(Look::Right);
         let way = reply.open_way.map(|way| Way { heading: heading + libm::atan(camera.ray(way.point).right), depth: way.depth });
-        match (search.next(look, heading, way), reply.open_way) {
+        let mut action = search.next(look, heading, way);
+        // A climb or descent that is not clear is left out; the search goes on turning.
+        if let SearchAction::Look(primitives) = action
+            && primitives.climb != 0.0
+            && self.settings.avoid
+            && !avoid::is_clear_vertically(&camera, &reply.boxes, primitives.climb, craft.radius + BODY_MARGIN)
+        {
+            action = search.next(Look::Right, heading, way);
+            self.reading.actions.push("no look up or down: an obstacle reaches beyond the frame there".to_owned());
+        }
+        match (action, reply.open_way) {
             (SearchAction::Look(primitives), _) => {
                 self.reading.primitives = Some(primitives);
                 Step::Move(Move { primitives, anchor: Some(pose), then_rest: true })
@@ -288,7 +300,7 @@ impl Spf {
                     self.blocked = 0;
                     step = shorter;
                 }
-                Avoidance::Hold { .. } => return self.blocked(open_query),
+                Avoidance::Hold { .. } => return self.blocked(open_query, reply),
             }
             if avoid::leads_along_edge(&plan, waypoint, step, clearance) {
                 // A target at the very edge of the frame every time is flown to anyway.
@@ -323,14 +335,23 @@ impl Spf {
         Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible })
     }
 
-    /// No free direction: hold and ask again; if that repeats, the policy searches from higher up.
-    fn blocked(&mut self, open_query: OpenQuery) -> Step {
+    /// No free direction: hold and ask again; if that repeats, the policy looks from higher up, or to the side.
+    fn blocked(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
         self.blocked += 1;
         if self.blocked < BLOCKED_LOOKS {
             return Step::Look;
         }
         self.blocked = 0;
-        let primitives = Primitives { climb: 1.0, ..Primitives::default() };
+        let View { camera, .. } = open_query.view;
+        let clearance = self.settings.craft.radius + BODY_MARGIN;
+        let primitives = if avoid::is_clear_vertically(&camera, &reply.boxes, BLOCKED_CLIMB, clearance) {
+            Primitives { climb: BLOCKED_CLIMB, ..Primitives::default() }
+        } else {
+            self.reading
+                .actions
+                .push("turns instead of climbing: an obstacle reaches beyond the upper edge of the frame".to_owned());
+            Primitives { yaw: camera.half_fov().0, ..Primitives::default() }
+        };
         self.reading.primitives = Some(primitives);
         Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
     }

@@ -212,6 +212,7 @@ impl FlightLog {
                 (Level::Info, format!("{}. {}", decision.number, words::decision(decision)))
             }
             Note::Envelope(cause) => (Level::Warning, format!("envelope: {cause}")),
+            Note::Limited(why) => (Level::Warning, (*why).to_owned()),
             Note::LateReply(id) => (Level::Warning, format!("query {} completed too late: ignored", id.0)),
             Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable reply: {reason}")),
             Note::Operator(event) => (Level::Info, format!("operator: {}", words::operator(event))),

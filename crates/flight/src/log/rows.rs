@@ -198,6 +198,8 @@ pub enum NoteKind {
     Phase,
     /// The envelope changed a command, or stopped the craft.
     Envelope,
+    /// A move of the policy was cut, or refused.
+    Limited,
     /// A reply to a cancelled query arrived.
     LateReply,
     /// A query failed or was cancelled.
@@ -245,6 +247,7 @@ impl NoteRow {
             Note::OperatorIgnored(event, why) => {
                 Self { event: Some(event.clone()), reason: Some((*why).to_owned()), ..row(NoteKind::OperatorIgnored) }
             }
+            Note::Limited(why) => Self { reason: Some((*why).to_owned()), ..row(NoteKind::Limited) },
             Note::Decision(_) => return None,
         })
     }

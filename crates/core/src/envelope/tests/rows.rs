@@ -374,10 +374,22 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../../drone/src/tello/link/tests.rs"),
         include_str!("../../../../cli/tests/it/tello/ending.rs")
     );
+    let elsewhere = concat!(
+        include_str!("../../pilot/tests/take_over.rs"),
+        include_str!("../../pilot/tests/unseen.rs"),
+        include_str!("../../policy/search.rs"),
+        include_str!("../../avoid/vertical.rs"),
+        include_str!("../../../../flight/src/keys.rs"),
+        include_str!("../../../../flight/src/world/pause.rs"),
+        include_str!("../../../../flight/tests/it/observers.rs"),
+        include_str!("../../../../record/src/jsonl_queue.rs"),
+        include_str!("../../../../serve/tests/it/fault_matrix.rs")
+    );
     let mut rows = 0;
     for line in docs.lines().filter(|line| line.starts_with("| ") && line.ends_with("` |")) {
         let name = line.trim_end_matches("` |").rsplit('`').next().unwrap();
-        assert!(here.contains(&format!("fn {name}(")), "no test `{name}` for the row {line}");
+        let test = format!("fn {name}(");
+        assert!(here.contains(&test) || elsewhere.contains(&test), "no test `{name}` for the row {line}");
         rows += 1;
     }
     let tests: Vec<&str> = here

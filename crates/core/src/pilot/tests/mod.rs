@@ -13,6 +13,7 @@ mod motion;
 mod operator;
 mod search;
 mod take_over;
+mod unseen;
 mod whole;
 
 use std::collections::BTreeMap;
@@ -255,6 +256,7 @@ impl Flight {
             yaw_rate: Some(self.model.yaw_rate),
             height: Some(self.model.position.up),
             battery: Some(self.charge),
+            ground_clearance: None,
             temperature: None,
             phase: self.phase,
             crashed: self.crashed,

@@ -460,6 +460,7 @@ impl Link {
                 roll: angle(state.roll),
             },
             yaw_rate: None,
+            ground_clearance: state.tof.map(|cm| 0.01 * f64::from(cm)),
             temperature: state.temperature.map(|[_, highest]| f64::from(highest)),
             height: state.height.map(|cm| 0.01 * f64::from(cm)),
             battery: state.battery.map(|charge| 0.01 * f64::from(charge)),

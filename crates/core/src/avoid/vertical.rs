@@ -1,0 +1,50 @@
+//! Whether a climb or a descent on the spot is clear of the obstacles in a view.
+//!
+//! A forward camera sees neither what is above nor what is below the craft. What reaches beyond the upper edge of the frame
+//! may hang over it, unless its visible part is already higher than the end of the climb.
+
+use crate::camera::Camera;
+use crate::lift::range_of_label;
+use crate::query::ImagePoint;
+use crate::reply::ObstacleBox;
+
+/// A box this close to an edge of the frame reaches beyond it, as a fraction of the frame.
+const EDGE: f64 = 0.02;
+/// A label stands for distances down to half a label less.
+const HALF_LABEL: f64 = 0.5;
+
+/// Whether the craft can climb by `climb` metres, negative for a descent, with `clearance` metres around it, among `boxes` of a
+/// view taken where it starts.
+#[must_use]
+pub fn is_clear_vertically(camera: &Camera, boxes: &[ObstacleBox], climb: f64, clearance: f64) -> bool {
+    !boxes.iter().any(|obstacle| {
+        let (reaches, v) = if climb > 0.0 { (obstacle.area.top <= EDGE, 0.0) } else { (obstacle.area.bottom >= 1.0 - EDGE, 1.0) };
+        let slope = camera.ray(ImagePoint { u: 0.5, v }).up.abs();
+        let near = range_of_label(f64::from(obstacle.depth) - HALF_LABEL);
+        // Where it leaves the frame it is this high above, or low below, the craft.
+        reaches && near * slope < climb.abs() + clearance
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::query::ImageBox;
+
+    fn obstacle(top: f64, bottom: f64, depth: u8) -> ObstacleBox {
+        ObstacleBox { area: ImageBox { left: 0.3, top, right: 0.6, bottom }, depth, name: "beam".to_owned() }
+    }
+
+    #[test]
+    fn a_climb_needs_no_near_box_at_the_top_edge_and_a_descent_none_at_the_bottom() {
+        let camera = Camera::quad();
+        let clear = |obstacle: ObstacleBox, climb| is_clear_vertically(&camera, &[obstacle], climb, 0.5);
+        assert!(clear(obstacle(0.2, 0.8, 1), 1.0), "it ends inside the frame");
+        assert!(!clear(obstacle(0.0, 0.5, 2), 1.0), "a beam ahead, perhaps over the craft");
+        assert!(clear(obstacle(0.0, 0.5, 2), -1.0));
+        assert!(!clear(obstacle(0.5, 1.0, 2), -1.0), "a table");
+        // A tower 36 m ahead leaves the frame far above the end of the climb.
+        assert!(clear(obstacle(0.0, 1.0, 8), 3.0) && !clear(obstacle(0.0, 1.0, 8), 40.0));
+        assert!(is_clear_vertically(&camera, &[], 3.0, 0.5));
+    }
+}

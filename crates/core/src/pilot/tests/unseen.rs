@@ -1,0 +1,131 @@
+//! No motion backwards into what no frame has shown, and looks up and down between floor and ceiling.
+
+use super::*;
+use crate::frame::FrameId;
+use crate::policy::{Policy, PolicyEvent};
+use crate::primitives::Primitives;
+
+/// Flies moves one after the other, whatever the frames show; a refused one is over.
+struct Moves {
+    left: VecDeque<Primitives>,
+    moving: bool,
+}
+
+impl Moves {
+    fn of(moves: &[Primitives]) -> Self {
+        Self { left: moves.iter().copied().collect(), moving: false }
+    }
+}
+
+impl Policy for Moves {
+    fn name(&self) -> &'static str {
+        "moves"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+        match event {
+            PolicyEvent::Frame(_) | PolicyEvent::MoveEnded { completed: true } => match self.left.pop_front() {
+                Some(primitives) => {
+                    self.moving = true;
+                    Step::Move(Move { primitives, anchor: None, then_rest: true })
+                }
+                None => Step::Wait,
+            },
+            _ => Step::Wait,
+        }
+    }
+
+    fn reading(&self) -> crate::policy::Reading {
+        crate::policy::Reading::default()
+    }
+}
+
+fn forward(metres: f64) -> Primitives {
+    Primitives { forward: metres, ..Primitives::default() }
+}
+
+fn climb(metres: f64) -> Primitives {
+    Primitives { climb: metres, ..Primitives::default() }
+}
+
+fn turn(degrees: f64) -> Primitives {
+    Primitives { yaw: degrees.to_radians(), ..Primitives::default() }
+}
+
+/// Flies the moves for `seconds` in the air; how far forward of its start it ends, and how far up.
+fn flown(limits: Limits, moves: &[Primitives], seconds: f64) -> (Flight, f64, f64) {
+    let mut setup = Setup::preset(Preset::Default).policy(Moves::of(moves));
+    setup.limits = limits;
+    let mut flight = setup.fly(|_, _| Answer::Never);
+    flight.until_phase(Phase::Flying);
+    let start = flight.model.position;
+    flight.pass(seconds);
+    let end = flight.model.position;
+    (flight, end.north - start.north, end.up - start.up)
+}
+
+fn limited(flight: &Flight) -> usize {
+    flight.notes.iter().filter(|(_, note)| matches!(note, Note::Limited(_))).count()
+}
+
+#[test]
+fn no_motion_goes_backwards_into_what_no_frame_of_the_last_three_seconds_shows() {
+    // The camera has only ever looked north.
+    let (flight, moved, _) = flown(Limits::default(), &[forward(-2.0)], 8.0);
+    assert!(moved.abs() < 0.05 && limited(&flight) == 1, "{moved} m");
+    // The rest of a move is flown.
+    let (flight, moved, up) = flown(Limits::default(), &[Primitives { forward: -2.0, climb: 1.0, ..Primitives::default() }], 8.0);
+    assert!(moved.abs() < 0.1 && (0.8..1.6).contains(&up) && limited(&flight) == 1, "{moved} m, {up} m");
+    // Back to where it has just come from, and no farther.
+    let (flight, moved, _) = flown(Limits::default(), &[forward(1.5), forward(-1.0)], 10.0);
+    assert!((moved - 0.5).abs() < 0.3 && limited(&flight) == 0, "{moved} m");
+    let (flight, moved, _) = flown(Limits::default(), &[forward(1.5), forward(-6.0)], 10.0);
+    assert!((moved - 1.5).abs() < 0.3 && limited(&flight) == 1, "{moved} m");
+    // Away from what it has just looked at.
+    let (flight, moved, _) = flown(Limits::default(), &[turn(170.0), forward(-1.5)], 10.0);
+    assert!((moved - 1.5).abs() < 0.5 && limited(&flight) == 0, "{moved} m");
+}
+
+#[test]
+fn looks_up_and_down_keep_half_a_metre_from_floor_and_ceiling() {
+    let height = Craft::quad().take_off_height;
+    let limits = Limits { max_altitude: height + 2.0, ..Limits::default() };
+    let (flight, ..) = flown(limits.clone(), &[climb(1.0), climb(1.0)], 12.0);
+    let highest = flight.model.position.up;
+    assert!((height + 1.2..height + 1.6).contains(&highest) && limited(&flight) == 1, "{highest} m");
+    let (flight, ..) = flown(limits, &[climb(-1.0), climb(-1.0), climb(-1.0), climb(-1.0)], 20.0);
+    let lowest = flight.model.position.up;
+    // Floor of 0.3 m and half a metre.
+    assert!(lowest > 0.75 && lowest < 1.1 && limited(&flight) >= 1, "{lowest} m");
+}
+
+#[test]
+fn a_measured_ground_clearance_limits_sinking() {
+    let low = Setpoint { up: -0.5, ..Setpoint::HOLD };
+    let cleared = |ground_clearance| {
+        let mut envelope = Envelope::new(Limits::default(), Craft::quad());
+        for ms in [0, 1000] {
+            let (phase, height) = if ms == 0 { (FlightPhase::OnGround, 0.0) } else { (FlightPhase::Flying, 3.0) };
+            let telemetry = Telemetry {
+                time: Time::from_millis(ms),
+                phase,
+                height: Some(height),
+                position: Some(EnuPosition { up: height, ..EnuPosition::default() }),
+                ground_clearance,
+                ..Telemetry::default()
+            };
+            envelope.observe_telemetry(Time::from_millis(ms), &telemetry);
+        }
+        let (id, captured, received) = (FrameId(0), Time::from_millis(1000), Time::from_millis(1000));
+        let frame = FrameMeta { id, captured, received, capture_counter: 1, width: 64, height: 48, unusable: None };
+        envelope.observe_frame(Time::from_millis(1000), &frame);
+        (envelope.clear_setpoint(Time::from_millis(1000), low).setpoint().unwrap().up, envelope.vertical_room().0)
+    };
+    assert_eq!(cleared(None).0, -0.5);
+    assert_eq!(cleared(Some(2.5)).0, -0.5);
+    // A table 0.4 m below, 3 m above the take-off point.
+    let (up, room) = cleared(Some(0.4));
+    assert!(up > -0.2 && up <= 0.0, "{up}");
+    assert!((room + 0.4).abs() < 1e-9, "{room}");
+    assert_eq!(cleared(Some(0.2)).0, 0.0);
+}

@@ -1,0 +1,97 @@
+//! What no camera frame has shown: no autonomous motion goes backwards into it, and looks up or down stay between floor and
+//! ceiling.
+
+use std::collections::VecDeque;
+
+use super::{Note, Pilot};
+use crate::camera::Camera;
+use crate::geometry::{EnuPosition, Pose};
+use crate::lift::{Lifting, project_displacement};
+use crate::policy::Move;
+use crate::primitives::Primitives;
+use crate::time::{Duration, Time};
+
+/// What a frame has shown counts for this long.
+const REMEMBERED: Duration = Duration::from_secs(3);
+/// Minimum interval of remembered frames.
+const SPACING: Duration = Duration::from_millis(100);
+/// Distance of the points checked along a path, metres.
+const STRIDE: f64 = 0.25;
+/// Farther than this a frame shows no free space, metres.
+const SIGHT: f64 = 10.0;
+/// Where the craft itself has been, within this distance, is free, metres.
+const OWN_PATH: f64 = 0.3;
+/// A motion back by less than this is a correction, metres.
+const BACK: f64 = 0.05;
+/// A look up or down shorter than this shows nothing new, metres.
+const WORTH_LOOKING: f64 = 0.05;
+
+/// The poses of the frames of the last seconds.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Seen(VecDeque<(Time, Pose)>);
+
+impl Seen {
+    /// Remembers a usable frame.
+    pub(super) fn frame(&mut self, captured: Time, pose: Pose) {
+        if self.0.back().is_none_or(|(last, _)| captured.since(*last) >= SPACING && captured > *last) {
+            self.0.push_back((captured, pose));
+        }
+        while self.0.front().is_some_and(|(first, _)| captured.since(*first) > REMEMBERED) {
+            self.0.pop_front();
+        }
+    }
+
+    /// Whether the straight path was in view, or flown, within the last seconds.
+    fn shows(&self, now: Time, camera: &Camera, from: EnuPosition, to: EnuPosition) -> bool {
+        let steps = libm::ceil(from.distance(to) / STRIDE).clamp(1.0, 1000.0) as u32;
+        let recent = |(captured, _): &&(Time, Pose)| now.since(*captured) <= REMEMBERED;
+        (1..=steps).all(|step| {
+            let point = from.towards(to, f64::from(step) / f64::from(steps));
+            self.0
+                .iter()
+                .filter(recent)
+                .any(|(_, pose)| pose.position.distance(point) <= OWN_PATH || in_view(camera, pose, point))
+        })
+    }
+}
+
+fn in_view(camera: &Camera, pose: &Pose, point: EnuPosition) -> bool {
+    let ahead = pose.position.displacement_to(point, pose.attitude.heading);
+    let inside = |x: f64| (0.0..=1.0).contains(&x);
+    ahead.length() <= SIGHT
+        && project_displacement(ahead, camera, pose.attitude, Lifting::Levelled)
+            .is_some_and(|point| inside(point.u) && inside(point.v))
+}
+
+impl Pilot {
+    /// The part of a move that may be flown; `None` if nothing is left of it.
+    pub(super) fn admissible(&mut self, now: Time, motion: Move) -> Option<Move> {
+        let mut primitives = motion.primitives;
+        if primitives.forward < -BACK {
+            let pose = self.known_pose(now);
+            let turned = Pose {
+                attitude: crate::geometry::Attitude { heading: pose.attitude.heading + primitives.yaw, ..pose.attitude },
+                ..pose
+            };
+            let to = crate::executor::Goal::of_primitives(turned, Primitives { yaw: 0.0, ..primitives }).position;
+            if !self.seen.shows(now, &self.camera, pose.position, to) {
+                primitives.forward = 0.0;
+                self.note(Note::Limited("no motion backwards: no frame of the last 3 s shows what is there"));
+            }
+        }
+        let looks = motion.then_rest && primitives.forward == 0.0 && primitives.right == 0.0 && primitives.climb != 0.0;
+        if looks {
+            let (down, up) = self.envelope.vertical_room();
+            let climb = primitives.climb.clamp(-down.max(0.0), up.max(0.0));
+            if climb != primitives.climb {
+                primitives.climb = climb;
+                self.note(Note::Limited("looking up or down stays 0.5 m from floor and ceiling"));
+            }
+            if climb.abs() < WORTH_LOOKING {
+                primitives.climb = 0.0;
+            }
+        }
+        let nothing = primitives != motion.primitives && primitives == Primitives::default();
+        (!nothing).then_some(Move { primitives, ..motion })
+    }
+}
