@@ -8,6 +8,11 @@ use spf_core::time::Time;
 const CRAFT_STEP: f64 = 2.0;
 
 fn view(frame: u64) -> View {
+    view_towards(frame, 1.0)
+}
+
+/// A frame taken at a heading, radians.
+fn view_towards(frame: u64, heading: f64) -> View {
     View {
         frame: FrameMeta {
             id: FrameId(frame),
@@ -19,7 +24,7 @@ fn view(frame: u64) -> View {
             unusable: None,
         },
         camera: Camera::quad(),
-        pose: Pose { attitude: Attitude { heading: 1.0, ..Attitude::default() }, ..Pose::default() },
+        pose: Pose { attitude: Attitude { heading, ..Attitude::default() }, ..Pose::default() },
         at_rest: true,
     }
 }
@@ -52,7 +57,11 @@ fn nearest(query: &Query, u: f64, v: f64) -> u32 {
 
 /// The first question about candidates.
 fn begun(pivot: &mut Pivot) -> Query {
-    let sent = query(pivot.handle(PolicyEvent::Frame(&view(1))));
+    begun_towards(pivot, 1.0)
+}
+
+fn begun_towards(pivot: &mut Pivot, heading: f64) -> Query {
+    let sent = query(pivot.handle(PolicyEvent::Frame(&view_towards(1, heading))));
     assert_eq!(sent.kind, QueryKind::Done);
     query(pivot.handle(PolicyEvent::Reply { id: sent.id, text: r#"{"done":false,"stage":1}"# }))
 }
@@ -122,12 +131,13 @@ fn numbers_that_are_not_on_the_picture_do_not_count() {
 #[test]
 fn where_nothing_is_chosen_the_search_turns_until_it_gives_up() {
     let mut pivot = pivot(|settings| settings.rounds = 1);
-    let mut turns = 0;
+    let (mut turns, mut heading) = (0, 1.0);
     for _ in 0..40 {
-        let query = begun(&mut pivot);
+        let query = begun_towards(&mut pivot, heading);
         match answer(&mut pivot, &query, &[]) {
             Step::Move(motion) => {
                 assert!(motion.then_rest && motion.primitives.forward == 0.0);
+                heading += motion.primitives.yaw;
                 turns += 1;
                 assert_eq!(pivot.handle(PolicyEvent::MoveEnded { completed: true }), Step::Wait);
             }

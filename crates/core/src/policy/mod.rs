@@ -8,6 +8,7 @@
 //! that sends no query therefore makes 0 decisions and leaves no rows in `decisions.jsonl`, and unless it returns `Done`
 //! or `Fail` only `--max-time` ends its flight.
 
+mod coverage;
 pub mod search;
 pub mod spf;
 

@@ -1,13 +1,16 @@
 //! Looking for a target that is out of view (`docs/reference/reply.md`).
 
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::PI;
 
+use super::coverage::Coverage;
 use crate::geometry::wrap_angle;
 use crate::primitives::Primitives;
 use crate::reply::Look;
 
 /// Fraction of the horizontal field of view per turn: one fifth overlaps, so that nothing is missed at a seam.
 const TURN_SHARE: f64 = 0.8;
+/// Fraction of the field of view that a look covers: turns miss their heading by a few degrees.
+const COVERED_SHARE: f64 = 0.9;
 /// Maximum looks up or down without seeing the target before turning continues.
 const VERTICAL_LOOKS: u32 = 10;
 /// Looks down that are answered by backing off before descending, which keeps a nearby person in the frame.
@@ -67,8 +70,8 @@ pub struct Search {
     vertical: u32,
     climbed: bool,
     stage: Stage,
-    /// Turned in this sweep, radians, absolute.
-    swept: f64,
+    /// Headings covered in this sweep. The view that it began with does not count: the sweep ends where it began.
+    covered: Coverage,
     /// The most open way seen in this sweep.
     open: Option<Way>,
     excursions: u32,
@@ -88,7 +91,7 @@ impl Search {
             vertical: 0,
             climbed: false,
             stage: Stage::Sweep,
-            swept: 0.0,
+            covered: Coverage::new(COVERED_SHARE * horizontal_fov),
             open: None,
             excursions: 0,
             gone: None,
@@ -97,7 +100,7 @@ impl Search {
 
     /// Resets the search, since the target was seen.
     pub fn reset(&mut self) {
-        *self = Self { turn: self.turn, climb: self.climb, ..Self::new(0.0, 0.0) };
+        *self = Self::new(self.turn / TURN_SHARE, self.climb);
     }
 
     /// Turned since the target was last seen, radians, clockwise positive.
@@ -115,7 +118,8 @@ impl Search {
             return SearchAction::Fly;
         }
         if self.stage != Stage::Sweep {
-            (self.stage, self.swept, self.open) = (Stage::Sweep, 0.0, None);
+            self.stage = Stage::Sweep;
+            self.begin_sweep();
         }
         let back = |way: &Way| self.gone.is_some_and(|gone| wrap_angle(way.heading - gone - PI).abs() < BACK);
         if let Some(way) = way.filter(|way| !back(way) && self.open.is_none_or(|open| way.depth > open.depth)) {
@@ -134,24 +138,25 @@ impl Search {
             }
             _ => {}
         }
-        // The tolerance keeps a full turn of exact fifths from becoming a sixth by rounding.
-        if self.swept >= TAU - 1e-6 {
+        if self.covered.is_full() {
             return self.swept_all(heading, way);
         }
-        let yaw = match look {
+        let wished = match look {
             Look::Left => -self.turn,
             Look::Behind => PI,
             _ => self.turn,
         };
-        // The last turn of a sweep closes the circle without looking at the first view twice.
-        self.swept += yaw.abs();
+        // Whatever the replies ask for, each turn shows something new: left and right in turn are not a full circle.
+        let yaw = if self.covered.contains(heading + wished) { self.covered.towards_gap(heading) } else { wished };
+        self.covered.look(heading + yaw);
         self.turn_by(yaw)
     }
 
     /// After a full turn: climb once, then move elsewhere.
     fn swept_all(&mut self, heading: f64, way: Option<Way>) -> SearchAction {
         if !self.climbed {
-            (self.climbed, self.swept, self.open) = (true, 0.0, None);
+            self.climbed = true;
+            self.begin_sweep();
             return SearchAction::Look(Primitives { climb: self.climb, ..Primitives::default() });
         }
         let Some(open) = self.open.filter(|_| self.excursions < EXCURSIONS) else { return SearchAction::Exhausted };
@@ -162,6 +167,11 @@ impl Search {
             return self.next(Look::Right, heading, way);
         }
         self.turn_by(yaw)
+    }
+
+    fn begin_sweep(&mut self) {
+        self.covered = Coverage::new(COVERED_SHARE / TURN_SHARE * self.turn);
+        self.open = None;
     }
 
     fn turn_by(&mut self, yaw: f64) -> SearchAction {
@@ -246,6 +256,27 @@ mod tests {
             }
         }
         assert!(!flew && looks < 30, "{looks}");
+    }
+
+    #[test]
+    fn left_right_left_and_behind_twice_are_no_full_turn() {
+        for looks in [&[Look::Left, Look::Right][..], &[Look::Behind]] {
+            let mut search = Search::new(PI / 2.0, 2.0);
+            let (mut heading, mut seen) = (0.0_f64, Vec::new());
+            // Until the climb, which ends the first sweep.
+            for n in 0.. {
+                let SearchAction::Look(step) = search.next(looks[n % looks.len()], heading, None) else { panic!("{looks:?}") };
+                if step.climb > 0.0 {
+                    break;
+                }
+                heading = wrap_angle(heading + step.yaw);
+                seen.push(heading);
+                assert!(n < 12, "{looks:?}: {seen:?}");
+            }
+            // Each heading was within the camera's field of view once.
+            let shown = |to: f64| seen.iter().any(|at| wrap_angle(at - to).abs() <= PI / 4.0);
+            assert!((0..360).all(|degrees| shown(f64::from(degrees).to_radians())), "{looks:?}: {seen:?}");
+        }
     }
 
     #[test]
