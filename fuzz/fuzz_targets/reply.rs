@@ -12,9 +12,10 @@ fuzz_target!(|data: &[u8]| {
     let order = if choice & 4 == 0 { AxisOrder::Yx } else { AxisOrder::Xy };
     let profile = GroundingProfile { order, scale };
 
-    let whole = parse_reply(&text, &profile);
+    let avoid = choice & 8 != 0;
+    let whole = parse_reply(&text, &profile, avoid);
     let size = usize::from(choice >> 3) + 1;
-    let mut stream = ReplyStream::new(profile);
+    let mut stream = ReplyStream::new(profile, avoid);
     let letters: Vec<char> = text.chars().collect();
     for chunk in letters.chunks(size) {
         stream.push(&chunk.iter().collect::<String>());
@@ -27,7 +28,7 @@ fuzz_target!(|data: &[u8]| {
         check(&reply);
         // Written and read again it is the same, but for the rounding of coordinates, which may turn a point near the corner
         // into one that looks like a share.
-        if let Ok(again) = parse_reply(&reply.to_json(&profile, true), &profile) {
+        if let Ok(again) = parse_reply(&reply.to_json(&profile, true), &profile, avoid) {
             assert_eq!((again.status, again.look, again.stage, again.depth), (reply.status, reply.look, reply.stage, reply.depth));
             assert_eq!(again.target, reply.target);
         } else {

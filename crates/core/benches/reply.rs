@@ -37,7 +37,7 @@ fn reply(boxes: usize) -> Reply {
 fn parse(bencher: Bencher<'_, '_>, boxes: usize) {
     let profile = GroundingProfile::default();
     let text = format!("Here is the answer:\n```json\n{}\n```", reply(boxes).to_json(&profile, boxes > 0));
-    bencher.bench(|| parse_reply(black_box(&text), &profile).expect("a valid reply"));
+    bencher.bench(|| parse_reply(black_box(&text), &profile, true).expect("a valid reply"));
 }
 
 #[divan::bench]
@@ -46,7 +46,7 @@ fn parse_in_chunks_of_four(bencher: Bencher<'_, '_>) {
     let text = reply(4).to_json(&profile, true);
     let chunks: Vec<&str> = (0..text.len()).step_by(4).map(|i| &text[i..(i + 4).min(text.len())]).collect();
     bencher.bench(|| {
-        let mut stream = ReplyStream::new(profile);
+        let mut stream = ReplyStream::new(profile, true);
         for chunk in black_box(&chunks) {
             stream.push(chunk);
         }
@@ -59,7 +59,7 @@ fn parse_in_chunks_of_four(bencher: Bencher<'_, '_>) {
 fn refuse_hostile_64_kib(bencher: Bencher<'_, '_>) {
     let profile = GroundingProfile::default();
     let text = "[".repeat(16) + &"[],".repeat((MAX_TEXT - 16) / 3);
-    bencher.bench(|| parse_reply(black_box(&text), &profile).expect_err("no reply"));
+    bencher.bench(|| parse_reply(black_box(&text), &profile, true).expect_err("no reply"));
 }
 
 #[divan::bench]

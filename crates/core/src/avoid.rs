@@ -4,7 +4,7 @@
 //! The paper relies on the model to choose a point clear of the boxes it reports. Models do not always do so, so the
 //! geometry is checked here. A box with its depth label is treated as a solid that starts at the near edge of the
 //! label's range interval (for the lowest label, anywhere before it) and extends without end, because its far side is
-//! unseen. The body sweeps a tube along its path. Where tube and solid come closer than the clearance, the point is
+//! unseen; a box that an image edge cuts off extends beyond that edge. The body sweeps a tube along its path. Where tube and solid come closer than the clearance, the point is
 //! shifted to the nearest free direction; failing that the step is shortened; failing that the craft holds and asks
 //! again. Obstacles are never ignored. The area outside the frame is unknown, so the craft first turns towards a path
 //! that runs along the frame's edge ([`leads_along_edge`]).
@@ -37,6 +37,10 @@ pub const MIN_STEP: f64 = 0.1;
 const EDGE: f64 = 0.02;
 /// A box thinner than this fraction of the image is taken to be this thick.
 const MIN_BOX: f64 = 0.002;
+/// A side of a box within this fraction of the image from an edge is cut off there: the object extends beyond the image.
+const CUT: f64 = 0.01;
+/// Tangent of the angle from the optical axis up to which an object that is cut off extends: 79°.
+const BEYOND: f64 = 5.0;
 /// Minimum lateral distance per metre forward for a path to count as leading along an edge: 14°.
 const ASIDE: f64 = 0.25;
 /// Directions tried on each ring around the planned one, half a circle's worth.
@@ -200,8 +204,20 @@ impl Solid {
         };
         let ((left, right), (top, bottom)) =
             (wide(obstacle.area.left, obstacle.area.right), wide(obstacle.area.top, obstacle.area.bottom));
-        let corners =
-            [(left, top), (left, bottom), (right, bottom), (right, top)].map(|(u, v)| direction(camera, ImagePoint { u, v }));
+        let corners = [(left, top), (left, bottom), (right, bottom), (right, top)].map(|(u, v)| {
+            let mut ray = camera.ray(ImagePoint { u, v });
+            if u < CUT {
+                ray.right = ray.right.min(-BEYOND);
+            } else if u > 1.0 - CUT {
+                ray.right = ray.right.max(BEYOND);
+            }
+            if v < CUT {
+                ray.up = ray.up.max(BEYOND);
+            } else if v > 1.0 - CUT {
+                ray.up = ray.up.min(-BEYOND);
+            }
+            DVec3::new(ray.right, 1.0, ray.up).normalize()
+        });
         let middle: DVec3 = corners.iter().sum();
         let normals = [0, 1, 2, 3].map(|i: usize| {
             let normal = corners[i].cross(corners[(i + 1) % 4]).normalize();

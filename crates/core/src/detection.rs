@@ -1,15 +1,14 @@
 //! Detector output for a frame, and the obstacles that obstacle mode derives from it.
 //!
 //! A detector reports boxes and scores but no range. The range of a box is estimated from its class's typical height;
-//! where the class has none, the box is placed at the end of the planned step, the nearest range at which it blocks
-//! that step.
+//! where the class has none, or an image edge cuts the box, the object counts as near.
 
 use core::fmt::Write as _;
 
 use crate::camera::Camera;
 use crate::coco;
 use crate::grounding::GroundingProfile;
-use crate::lift::{label_of_range, range_of_label};
+use crate::lift::label_of_range;
 use crate::query::ImageBox;
 use crate::reply::{MAX_TEXT, ObstacleBox, one_line};
 
@@ -204,23 +203,17 @@ pub fn prompt_list(detections: &[Detection], profile: &GroundingProfile) -> Stri
     if lines.is_empty() { NONE.to_owned() } else { lines.join("\n") }
 }
 
-/// The obstacles corresponding to the detections, for a planned step of `length` metres towards an object named
-/// `target`. Detections that match the target get its name, so that [`avoid`](crate::avoid::avoid) recognises it.
+/// The obstacles corresponding to the detections, for a path towards an object named `target`. One whose range cannot be
+/// estimated counts as near (label 1). Detections that match the target get its name, so that
+/// [`avoid`](crate::avoid::avoid) recognises it.
 #[must_use]
-pub fn obstacles(detections: &[Detection], camera: &Camera, length: f64, target: Option<&str>) -> Vec<ObstacleBox> {
-    let at_end = label_before(length);
+pub fn obstacles(detections: &[Detection], camera: &Camera, target: Option<&str>) -> Vec<ObstacleBox> {
     let obstacle = |detection: &Detection| ObstacleBox {
         area: detection.area,
-        depth: detection.range(camera).map_or(at_end, label_of_range),
+        depth: detection.range(camera).map_or(1, label_of_range),
         name: target.filter(|target| detection.is_called(target)).unwrap_or(&detection.name).to_owned(),
     };
     detections.iter().map(obstacle).collect()
-}
-
-/// The highest label whose range interval begins within `length` metres; 1 if none does.
-fn label_before(length: f64) -> u8 {
-    let label = label_of_range(length);
-    if range_of_label(f64::from(label) - 0.5) > length { label.saturating_sub(1).max(1) } else { label }
 }
 
 #[cfg(test)]
@@ -265,13 +258,13 @@ mod tests {
         // 1.7 m at 12 m: 1.7 / 12 · 480 px / 720 px = 0.0944 of the height.
         let person = detection("person", [0.4, 0.4, 0.45, 0.4 + 1.7 / 12.0 * camera.fy / 720.0]);
         assert!((person.range(&camera).unwrap() - 12.0).abs() < 1e-9);
-        let label = |of: &Detection, length| obstacles(core::slice::from_ref(of), &camera, length, None)[0].depth;
-        assert_eq!(label(&person, 1.0), label_of_range(12.0));
-        // Cut by the lower edge, or of a class of any height: where the step ends.
+        let label = |of: &Detection| obstacles(core::slice::from_ref(of), &camera, None)[0].depth;
+        assert_eq!(label(&person), label_of_range(12.0));
+        // Cut by the lower edge, or of a class of any height: near.
         let cut = detection("person", [0.4, 0.4, 0.45, 1.0]);
         let kite = detection("kite", [0.4, 0.4, 0.45, 0.5]);
         for unknown in [cut, kite] {
-            assert_eq!((unknown.range(&camera), label(&unknown, 3.0)), (None, 3));
+            assert_eq!((unknown.range(&camera), label(&unknown)), (None, 1));
         }
     }
 
@@ -279,7 +272,7 @@ mod tests {
     fn what_is_called_as_the_target_is_it() {
         let called = |name: &str, target: &str| {
             let found = [detection(name, [0.1, 0.1, 0.2, 0.2])];
-            obstacles(&found, &Camera::quad(), 1.0, Some(target))[0].name == target
+            obstacles(&found, &Camera::quad(), Some(target))[0].name == target
         };
         assert!(called("car", "the black car") && called("person", "man with the green shirt"));
         assert!(called("traffic light", "Traffic-light") && called("stop sign", "stop sign on the left"));
@@ -298,13 +291,6 @@ mod tests {
                 prop_assert!(0.0 <= area.top && area.top <= area.bottom && area.bottom <= 1.0);
                 prop_assert!((0.0..=1.0).contains(&score) && !name.contains('\n'));
             }
-        }
-
-        /// Where nothing is known, a box stands so that a step into its middle is in its way.
-        #[test]
-        fn the_end_of_a_step_lies_behind_where_an_unknown_thing_begins(length in 0.8..100.0) {
-            prop_assert!(range_of_label(f64::from(label_before(length)) - 0.5) <= length);
-            prop_assert!(range_of_label(f64::from(label_before(length)) + 1.5) > length);
         }
     }
 }

@@ -97,8 +97,8 @@ pub struct Pointed {
 }
 
 impl Pointed {
-    fn of(text: &str, grounding: &GroundingProfile) -> Self {
-        let reply = parse_reply(text, grounding).ok();
+    fn of(text: &str, grounding: &GroundingProfile, avoid: bool) -> Self {
+        let reply = parse_reply(text, grounding, avoid).ok();
         let of = |reply: Reply| (Some(reply.status), reply.point, reply.depth, reply.target);
         let (status, point, depth, target) = reply.map_or((None, None, None, None), of);
         Self { status, point, depth, target, text: text.to_owned() }
@@ -212,9 +212,10 @@ impl Asker {
     pub fn ask(&mut self, question: &Question) -> ReplyPair {
         let snapshot = self.snapshot(question);
         let (answer, grounding) = self.answer(question, &snapshot);
-        let then = question.answer.as_deref().map(|text| Pointed::of(text, &self.grounding));
+        let avoid = question.query.kind == QueryKind::Point { avoid: true };
+        let then = question.answer.as_deref().map(|text| Pointed::of(text, &self.grounding, avoid));
         let failed = answer.text.as_ref().err().map(ToString::to_string);
-        let now = answer.text.ok().map(|text| Pointed::of(&text, &grounding));
+        let now = answer.text.ok().map(|text| Pointed::of(&text, &grounding, avoid));
         let point = |pointed: &Option<Pointed>| pointed.as_ref().and_then(|pointed| pointed.point);
         let camera = self.world.camera();
         let shape = f64::from(camera.height) / f64::from(camera.width);

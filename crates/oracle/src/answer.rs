@@ -59,6 +59,11 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
                 let (point, room) = percept.open;
                 reply.look = Some(aim.look.unwrap_or(Look::Right));
                 reply.open_way = Some(OpenWay { point, depth: label_slipped(oracle, query, 0.5 * room, 0.0) });
+                if avoid {
+                    let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
+                    let way = corridor::Way { point, range: room, target: None, opening: None };
+                    reply.boxes = reported(oracle, corridor::boxes(oracle, percept, &seen, &way));
+                }
             }
         }
         Some(place) => {
@@ -87,19 +92,23 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
                 let (point, found) = corridor::around(oracle, percept, place.point, in_way);
                 reply.point = Some(point);
                 // Boxes given in the query are not repeated in the reply.
-                let reported = if avoid { found } else { Vec::new() };
-                reply.boxes = reported
-                    .into_iter()
-                    .map(|b| ObstacleBox {
-                        area: b.area,
-                        depth: label(&oracle.errors, b.range, b.area.bottom - b.area.top),
-                        name: b.name,
-                    })
-                    .collect();
+                if avoid {
+                    reply.boxes = reported(oracle, found);
+                }
             }
         }
     }
     reply
+}
+
+/// The obstacles as they are written.
+fn reported(oracle: &Oracle, found: Vec<corridor::Found>) -> Vec<ObstacleBox> {
+    let obstacle = |found: corridor::Found| ObstacleBox {
+        area: found.area,
+        depth: label(&oracle.errors, found.range, found.area.bottom - found.area.top),
+        name: found.name,
+    };
+    found.into_iter().map(obstacle).collect()
 }
 
 /// A full turn, with tolerance for rounding, radians.

@@ -91,7 +91,8 @@ fn oracle(name: &str) -> Oracle {
 
 fn ask(oracle: &Oracle, painting: &Painting, query: &Query) -> Reply {
     let answer = oracle.answer(query, &painting.percept(oracle, query.frame.0));
-    parse_reply(&answer.text, &GroundingProfile::default()).unwrap()
+    let avoid = query.kind == QueryKind::Point { avoid: true };
+    parse_reply(&answer.text, &GroundingProfile::default(), avoid).unwrap()
 }
 
 /// A red crane at 20 m left of the middle, a yellow one on the right, a tree below.

@@ -52,7 +52,7 @@ fn answer_to_reply(bencher: Bencher<'_, '_>) {
             let object: Value = serde_json::from_str(&data).expect("it is JSON");
             WireKind::OpenaiChat.read("h", &object, &mut gathered).expect("it is an answer");
         }
-        parse_reply(&gathered.text, &GroundingProfile::default())
+        parse_reply(&gathered.text, &GroundingProfile::default(), false)
     });
 }
 

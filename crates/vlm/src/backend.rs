@@ -49,7 +49,8 @@ pub(crate) struct Written {
     path: String,
     body: Bytes,
     prompt_length: usize,
-    enough: Option<GroundingProfile>,
+    /// For a point: the coordinates of its reply, and whether it must list obstacles.
+    enough: Option<(GroundingProfile, bool)>,
     encoded: Option<f64>,
     began: Instant,
 }
@@ -91,12 +92,15 @@ impl Backend {
         let mut body = Vec::with_capacity(question.jpeg.len() / 3 * 4 + 2 * question.prompt.len() + ROOM);
         serde_json::to_writer(&mut body, &request.body)
             .map_err(|error| VlmError::Refused { model: self.model.id.clone(), reason: error.to_string() })?;
-        let point = matches!(question.kind, QueryKind::Point { .. });
+        let enough = match question.kind {
+            QueryKind::Point { avoid } => Some((grounding, *avoid)),
+            _ => None,
+        };
         Ok(Written {
             path: request.path,
             body: body.into(),
             prompt_length: question.prompt.len(),
-            enough: point.then_some(grounding),
+            enough,
             encoded: Some(began.elapsed().as_secs_f64()),
             began,
         })
@@ -160,7 +164,7 @@ impl Backend {
         deadline: Instant,
         exchange: &mut Exchange,
     ) -> Result<String, VlmError> {
-        let enough = written.enough.map_or(Enough::Whole, Enough::Reply);
+        let enough = written.enough.map_or(Enough::Whole, |(grounding, avoid)| Enough::Reply(grounding, avoid));
         let run = exchange.run(client, &self.endpoint, &written.path, written.body.clone(), enough, written.began);
         let text = match tokio::time::timeout_at(deadline.into(), run).await {
             Ok(text) => text,

@@ -104,7 +104,7 @@ pub fn check(vlm: &mut dyn Vlm, time: Duration) -> Check {
             check.pointed.push(Pointed { dot, answer, point: None });
             return check;
         }
-        let reply = answer.text.as_ref().ok().and_then(|text| parse_reply(text, &image_spec.grounding).ok());
+        let reply = answer.text.as_ref().ok().and_then(|text| parse_reply(text, &image_spec.grounding, false).ok());
         check.pointed.push(Pointed { dot, point: reply.and_then(|reply| reply.point), answer });
     }
     check.verdict = verdict(&check.pointed, &image_spec.grounding, image_spec.image_size.unwrap_or(SIZE));
@@ -125,7 +125,7 @@ fn query(number: u64, profile: &GroundingProfile, image_size: Option<(u32, u32)>
 /// The largest distance of the replies from their dots when read in these coordinates; `None` if one cannot be parsed.
 fn worst(pointed: &[Pointed], profile: &GroundingProfile) -> Option<f64> {
     let distance = |pointed: &Pointed| {
-        let point = parse_reply(pointed.answer.text.as_ref().ok()?, profile).ok()?.point?;
+        let point = parse_reply(pointed.answer.text.as_ref().ok()?, profile, false).ok()?.point?;
         Some((point.u - pointed.dot.u).abs().max((point.v - pointed.dot.v).abs()))
     };
     pointed.iter().map(distance).try_fold(0.0, |worst: f64, distance| distance.map(|distance| worst.max(distance)))
@@ -146,7 +146,7 @@ fn verdict(pointed: &[Pointed], request: &GroundingProfile, (width, height): (u3
         return Verdict::Astray(worst);
     }
     let unread = pointed.iter().filter_map(|pointed| pointed.answer.text.as_ref().ok()).find_map(|text| {
-        match parse_reply(text, request) {
+        match parse_reply(text, request, false) {
             Err(error) => Some(error.to_string()),
             Ok(reply) if reply.point.is_none() => Some("it reports the dot as not visible".to_owned()),
             Ok(_) => None,

@@ -62,8 +62,8 @@ pub(crate) struct Exchange {
 
 /// When a reply counts as complete before the response ends.
 pub(crate) enum Enough {
-    /// As soon as a reply in these coordinates is complete.
-    Reply(GroundingProfile),
+    /// As soon as a reply in these coordinates is complete; with its obstacles if the flag is set.
+    Reply(GroundingProfile, bool),
     /// Never.
     Whole,
 }
@@ -147,7 +147,7 @@ impl Exchange {
         let host = &endpoint.host;
         let mut events = Events::default();
         let mut reply = match enough {
-            Enough::Reply(profile) => Some(ReplyStream::new(profile)),
+            Enough::Reply(profile, avoid) => Some(ReplyStream::new(profile, avoid)),
             Enough::Whole => None,
         };
         let mut seen = 0;

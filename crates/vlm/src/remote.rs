@@ -296,7 +296,10 @@ impl Asking<'_> {
         if request == own {
             return Ok(text);
         }
-        // An invalid reply is left for the policy to reject.
-        Ok(parse_reply(&text, &own).map_or(text, |reply| reply.to_json_exact(&request, avoid)))
+        // Not passed on as it is: what is invalid in its own coordinates may be valid, and wrong, in those of the query.
+        let host = || self.remote.backends[index].endpoint.host.clone();
+        parse_reply(&text, &own, avoid)
+            .map(|reply| reply.to_json_exact(&request, avoid))
+            .map_err(|error| VlmError::Malformed { host: host(), reason: error.to_string() })
     }
 }

@@ -42,9 +42,8 @@ impl AnswerRow {
     #[must_use]
     pub fn of(answerer: &str, item: &str, answer: Answer, grounding: &GroundingProfile) -> Self {
         let parsed = match &answer.text {
-            Ok(text) => {
-                parse_reply(text, grounding).map_or_else(|error| ParsedReply::Refused(error.to_string()), ParsedReply::Reply)
-            }
+            Ok(text) => parse_reply(text, grounding, false)
+                .map_or_else(|error| ParsedReply::Refused(error.to_string()), ParsedReply::Reply),
             Err(error) => ParsedReply::Nothing(error.code().to_owned(), error.to_string()),
         };
         Self {

@@ -101,7 +101,7 @@ fn pointed(oracle: &Oracle, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]
         instruction: row.instruction.clone(),
         ..Query::new(QueryId(row.number), frame, QueryKind::Point { avoid: false })
     };
-    let reply = parse_reply(&oracle.answer(&query, &percept).text, &Default::default()).unwrap();
+    let reply = parse_reply(&oracle.answer(&query, &percept).text, &Default::default(), false).unwrap();
     reply.point.map(|point| ((point.u * w as f64) as usize, (point.v * h as f64) as usize))
 }
 

@@ -81,6 +81,28 @@ fn a_way_along_the_left_or_right_edge_is_told() {
 }
 
 #[test]
+fn a_box_that_an_edge_cuts_off_extends_beyond_it() {
+    let camera = square();
+    // 2 m ahead and well outside the image, 60° up, down, left or right: beyond one edge each.
+    let far = 2.0 * 60.0_f64.to_radians().tan();
+    for (area, outside) in [
+        ([0.4, 0.0, 0.6, 0.2], DVec3::new(0.0, 2.0, far)),
+        ([0.4, 0.8, 0.6, 1.0], DVec3::new(0.0, 2.0, -far)),
+        ([0.0, 0.4, 0.2, 0.6], DVec3::new(-far, 2.0, 0.0)),
+        ([0.8, 0.4, 1.0, 0.6], DVec3::new(far, 2.0, 0.0)),
+    ] {
+        let [left, top, right, bottom] = area;
+        let solid = |shrunk: f64| {
+            let whole = boxed(left + shrunk, top + shrunk, right - shrunk, bottom - shrunk, 3, "wall");
+            Solid::new(&camera, &whole, 0, CLEARANCE)
+        };
+        assert_eq!(solid(0.0).distance(outside), 0.0, "{area:?}");
+        // The same box, but whole.
+        assert!(solid(0.02).distance(outside) > 0.5, "{area:?}");
+    }
+}
+
+#[test]
 fn what_is_far_beside_or_the_target_itself_is_not_in_the_way() {
     let camera = square();
     let clear = |boxes: &[ObstacleBox], target| avoid(&plan(&camera, 4.0), CLEARANCE, boxes, target) == Avoidance::Clear;

@@ -1,6 +1,6 @@
 //! Looking for a target that is out of view (`docs/reference/reply.md`).
 
-use core::f64::consts::PI;
+use core::f64::consts::{PI, TAU};
 
 use super::coverage::Coverage;
 use crate::geometry::wrap_angle;
@@ -68,8 +68,13 @@ pub struct Search {
     vertical: u32,
     climbed: bool,
     stage: Stage,
-    /// Headings covered in this sweep. The view that it began with does not count: the sweep ends where it began.
+    /// Headings of which a frame of this sweep was answered. The view that it began with does not count: the sweep ends
+    /// where it began.
     covered: Coverage,
+    /// Turns of this sweep.
+    turns: u32,
+    /// Whether the last action was a turn of this sweep.
+    turning: bool,
     /// The most open way seen in this sweep.
     open: Option<Way>,
     excursions: u32,
@@ -90,6 +95,8 @@ impl Search {
             climbed: false,
             stage: Stage::Sweep,
             covered: Coverage::new(COVERED_SHARE * horizontal_fov),
+            turns: 0,
+            turning: false,
             open: None,
             excursions: 0,
             gone: None,
@@ -119,6 +126,10 @@ impl Search {
             self.stage = Stage::Sweep;
             self.begin_sweep();
         }
+        // Where the craft looks, not where it was to turn: a turn may have been cut short.
+        if core::mem::take(&mut self.turning) {
+            self.covered.look(heading);
+        }
         let back = |way: &Way| self.gone.is_some_and(|gone| wrap_angle(way.heading - gone - PI).abs() < BACK);
         if let Some(way) = way.filter(|way| !back(way) && self.open.is_none_or(|open| way.depth > open.depth)) {
             self.open = Some(way);
@@ -136,7 +147,7 @@ impl Search {
             }
             _ => {}
         }
-        if self.covered.is_full() {
+        if self.covered.is_full() || self.turns >= self.most_turns() {
             return self.swept_all(heading, way);
         }
         let wished = match look {
@@ -146,7 +157,7 @@ impl Search {
         };
         // Whatever the replies ask for, each turn shows something new: left and right in turn are not a full circle.
         let yaw = if self.covered.contains(heading + wished) { self.covered.towards_gap(heading) } else { wished };
-        self.covered.look(heading + yaw);
+        (self.turning, self.turns) = (true, self.turns + 1);
         self.turn_by(yaw)
     }
 
@@ -169,7 +180,12 @@ impl Search {
 
     fn begin_sweep(&mut self) {
         self.covered = Coverage::new(COVERED_SHARE / TURN_SHARE * self.turn);
-        self.open = None;
+        (self.turns, self.turning, self.open) = (0, false, None);
+    }
+
+    /// Maximum turns per sweep, twice those of a full turn: a craft that cannot turn must not search for ever.
+    fn most_turns(&self) -> u32 {
+        2 * libm::ceil(TAU / self.turn.max(0.1)) as u32
     }
 
     fn turn_by(&mut self, yaw: f64) -> SearchAction {
@@ -261,16 +277,16 @@ mod tests {
     #[test]
     fn what_does_not_look_open_when_faced_is_not_flown_to() {
         let mut search = Search::new(PI / 2.0, 2.0);
-        let mut looks = 0;
+        let (mut looks, mut heading) = (0, 0.0);
         let mut flew = false;
         for _ in 0..100 {
             looks += 1;
             // Twelve looks of the two sweeps show a way, and then none does any more.
             let way = (looks <= 12).then_some(Way { heading: 1.0, depth: 5 });
-            match search.next(Look::Right, 0.0, way) {
+            match search.next(Look::Right, heading, way) {
                 SearchAction::Exhausted => break,
                 SearchAction::Fly => flew = true,
-                SearchAction::Look(_) => {}
+                SearchAction::Look(step) => heading = wrap_angle(heading + step.yaw),
             }
         }
         assert!(!flew && looks < 30, "{looks}");
@@ -295,6 +311,23 @@ mod tests {
             let shown = |to: f64| seen.iter().any(|at| wrap_angle(at - to).abs() <= PI / 4.0);
             assert!((0..360).all(|degrees| shown(f64::from(degrees).to_radians())), "{looks:?}: {seen:?}");
         }
+    }
+
+    #[test]
+    fn a_turn_that_was_cut_short_covers_only_what_it_showed() {
+        let mut search = Search::new(PI / 2.0, 2.0);
+        let (mut heading, mut seen) = (0.0_f64, Vec::new());
+        for n in 0.. {
+            let SearchAction::Look(step) = search.next(Look::Right, heading, None) else { panic!("{seen:?}") };
+            if step.climb > 0.0 {
+                break;
+            }
+            // The second turn ends after a tenth.
+            heading = wrap_angle(heading + if n == 1 { 0.1 * step.yaw } else { step.yaw });
+            seen.push(heading);
+        }
+        let shown = |to: f64| seen.iter().any(|at| wrap_angle(at - to).abs() <= PI / 4.0);
+        assert!((0..360).all(|degrees| shown(f64::from(degrees).to_radians())), "{seen:?}");
     }
 
     #[test]

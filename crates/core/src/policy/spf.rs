@@ -12,7 +12,7 @@ use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
 use crate::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
-use crate::reply::{Look, ObstacleBox, Reply, Status, one_line, parse_reply};
+use crate::reply::{Look, Reply, Status, one_line, parse_reply};
 use crate::step::StepRule;
 
 /// Number of earlier targets included in the prompt.
@@ -190,12 +190,12 @@ impl Spf {
 
     fn answered(&mut self, open_query: OpenQuery, confirming: bool, text: &str) -> Step {
         self.reading = Reading::default();
-        let mut reply = match parse_reply(text, &self.settings.grounding) {
+        let mut reply = match parse_reply(text, &self.settings.grounding, self.settings.avoid && !self.detector) {
             Ok(reply) => reply,
             Err(error) => return self.refuse(&error),
         };
         if self.lists() {
-            reply.boxes = self.obstacles(&reply, &open_query.view);
+            reply.boxes = detection::obstacles(&self.detections, &open_query.view.camera, reply.target.as_deref());
         }
         self.reading.reply = Some(reply.clone());
         if let Some(stage) = reply.stage {
@@ -206,16 +206,6 @@ impl Spf {
             Status::NotVisible => self.not_visible(open_query, &reply),
             Status::Navigating => self.navigate(open_query, &reply),
         }
-    }
-
-    /// The detections as obstacles for the path to the reply's point, or along its open way; empty if there is no such
-    /// path.
-    fn obstacles(&self, reply: &Reply, view: &View) -> Vec<ObstacleBox> {
-        let leads = reply.point.zip(reply.depth).or(reply.open_way.map(|way| (way.point, way.depth)));
-        let Some((point, depth)) = leads else { return Vec::new() };
-        let ray = view.camera.ray(point);
-        let length = self.settings.step.length(depth) * libm::sqrt(1.0 + ray.right * ray.right + ray.up * ray.up);
-        detection::obstacles(&self.detections, &view.camera, length, reply.target.as_deref())
     }
 
     fn done(&mut self, confirming: bool) -> Step {

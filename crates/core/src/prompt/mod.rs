@@ -34,7 +34,7 @@ pub struct PromptInput<'a> {
 }
 
 /// The built-in prompts.
-static POINT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/point-2.txt")));
+static POINT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/point-3.txt")));
 static PLAIN: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/plain-1.txt")));
 
 static NUMERIC: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/numeric-1.txt")));
@@ -275,7 +275,7 @@ For example: {"status":"navigating","look":null,"stage":1,"point":[400,620],"dep
             for avoid in [false, true] {
                 let text = point_prompt(&input("go", &memory, &profile, avoid));
                 let (_, example) = text.rsplit_once("For example: ").unwrap();
-                let reply = parse_reply(example, &profile).unwrap();
+                let reply = parse_reply(example, &profile, avoid).unwrap();
                 let point = reply.point.unwrap();
                 assert!((point.u - 0.62).abs() < 1e-3 && (point.v - 0.4).abs() < 1e-3 && reply.boxes.len() == usize::from(avoid));
             }

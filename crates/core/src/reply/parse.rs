@@ -114,14 +114,23 @@ const BOXES: [&str; 2] = ["boxes", "obstacles"];
 const BOX: [&str; 4] = ["box", "box_2d", "bbox", "bbox_2d"];
 const NAME: [&str; 2] = ["name", "label"];
 
+/// What was asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Asked<'a> {
+    /// The coordinates of the reply.
+    pub(super) profile: &'a GroundingProfile,
+    /// Whether it must list obstacles.
+    pub(super) avoid: bool,
+}
+
 /// Interprets `value` as a reply: an object, or an array whose first valid element counts. `nested`: the value was
 /// found inside a larger one that failed to parse, and so needs its own `status` to be accepted.
-pub(super) fn interpret(value: &Value, profile: &GroundingProfile, nested: bool) -> Verdict<Reply, ReplyError> {
+pub(super) fn interpret(value: &Value, asked: Asked<'_>, nested: bool) -> Verdict<Reply, ReplyError> {
     match value {
         Value::Array(items) => {
             let mut first_refusal = None;
             for item in items {
-                match object(item, profile, nested) {
+                match object(item, asked, nested) {
                     Verdict::Accepted(reply) => return Verdict::Accepted(reply),
                     Verdict::Refused(error) => first_refusal = first_refusal.or(Some(error)),
                     Verdict::Other => {}
@@ -129,30 +138,37 @@ pub(super) fn interpret(value: &Value, profile: &GroundingProfile, nested: bool)
             }
             first_refusal.map_or(Verdict::Other, Verdict::Refused)
         }
-        value => object(value, profile, nested),
+        value => object(value, asked, nested),
     }
 }
 
-fn object(value: &Value, profile: &GroundingProfile, nested: bool) -> Verdict<Reply, ReplyError> {
+fn object(value: &Value, asked: Asked<'_>, nested: bool) -> Verdict<Reply, ReplyError> {
     let answers = value.field(&STATUS).is_some() || (!nested && value.field(&POINT).is_some());
     if !answers {
         return Verdict::Other;
     }
-    reply(value, profile).map_or_else(Verdict::Refused, Verdict::Accepted)
+    reply(value, asked).map_or_else(Verdict::Refused, Verdict::Accepted)
 }
 
-fn reply(value: &Value, profile: &GroundingProfile) -> Result<Reply, ReplyError> {
+fn reply(value: &Value, Asked { profile, avoid }: Asked<'_>) -> Result<Reply, ReplyError> {
     // Models trained to point often return a bare point with its label, which can only mean "go there".
     let status = value.field(&STATUS).map_or(Ok(Status::Navigating), status)?;
     let point = value.field(&POINT).map(|v| point(v, profile)).transpose();
     let depth = value.field(&DEPTH).map(|v| depth(v, "depth")).transpose();
-    let boxes = value.field(&BOXES).map_or_else(|| Ok(Vec::new()), |v| boxes(v, profile));
+    let boxes = match value.field(&BOXES) {
+        Some(found) => boxes(found, profile),
+        // No list is not an empty list.
+        None if avoid => Err(ReplyError::Missing { field: "boxes".to_owned() }),
+        None => Ok(Vec::new()),
+    };
     let (point, depth, boxes) = if status == Status::Navigating {
         let (point, depth) = (point?.ok_or(ReplyError::MissingPoint)?, depth?.ok_or(ReplyError::MissingDepth)?);
         (Some(point), Some(depth), boxes?)
     } else {
+        // What a search flies is kept clear of the boxes, too; `done` flies nowhere.
+        let boxes = if avoid && status == Status::NotVisible { boxes? } else { boxes.unwrap_or_default() };
         // Models that must fill every field fill these with zeros; what cannot be parsed is omitted.
-        (point.unwrap_or(None), depth.unwrap_or(None), boxes.unwrap_or_default())
+        (point.unwrap_or(None), depth.unwrap_or(None), boxes)
     };
     let (point, depth, open_way) = match (status, point, depth) {
         (Status::NotVisible, Some(point), Some(depth)) => (None, None, Some(OpenWay { point, depth })),
@@ -325,11 +341,11 @@ fn boxes(value: &Value, profile: &GroundingProfile) -> Result<Vec<ObstacleBox>, 
             return Err(wrong(&format!("boxes[{i}]"), "an object", item));
         }
         let edges = item.field(&BOX).ok_or_else(|| missing("box"))?;
-        let label = item.field(&DEPTH).ok_or_else(|| missing("depth"))?;
         let named = item.field(&NAME).map(|v| name(v, &format!("boxes[{i}].name"))).transpose()?.flatten();
         Ok(ObstacleBox {
             area: area(edges, profile, &format!("boxes[{i}].box"))?,
-            depth: depth(label, &format!("boxes[{i}].depth"))?,
+            // An obstacle at an unknown range may be here.
+            depth: item.field(&DEPTH).map_or(Ok(1), |label| depth(label, &format!("boxes[{i}].depth")))?,
             name: named.unwrap_or_else(|| "obstacle".to_owned()),
         })
     };

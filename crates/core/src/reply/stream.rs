@@ -1,11 +1,12 @@
 //! Parsing a reply, complete or still arriving.
 
 use super::Reply;
-use super::parse::{ReplyError, interpret};
+use super::parse::{Asked, ReplyError, interpret};
 use super::scan::{MAX_TEXT, Scan, ScanError};
 use crate::grounding::GroundingProfile;
 
-/// Parses the reply in `text`, in the coordinates of `profile`.
+/// Parses the reply in `text`, in the coordinates of `profile`. `avoid`: it answers a query in obstacle mode, and must have
+/// the list of `boxes` unless it is `done`; an empty list means that there is no obstacle.
 ///
 /// `docs/reference/reply.md` lists what is forgiven: fences and prose around the JSON, an array for the object, numbers as text,
 /// other keys and spellings, coordinates up to 1 % outside. Of several objects the first that reads as a reply counts.
@@ -13,8 +14,8 @@ use crate::grounding::GroundingProfile;
 /// # Errors
 /// [`ReplyError`] of the first object that was intended as a reply. Every number of a returned reply is finite and
 /// within its range.
-pub fn parse_reply(text: &str, profile: &GroundingProfile) -> Result<Reply, ReplyError> {
-    let mut stream = ReplyStream::new(*profile);
+pub fn parse_reply(text: &str, profile: &GroundingProfile, avoid: bool) -> Result<Reply, ReplyError> {
+    let mut stream = ReplyStream::new(*profile, avoid);
     stream.push(text);
     stream.finish()
 }
@@ -24,16 +25,17 @@ pub fn parse_reply(text: &str, profile: &GroundingProfile) -> Result<Reply, Repl
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplyStream {
     profile: GroundingProfile,
+    avoid: bool,
     text: String,
     too_long: bool,
     scan: Scan<Reply, ReplyError>,
 }
 
 impl ReplyStream {
-    /// An empty stream.
+    /// An empty stream; `avoid` as in [`parse_reply`].
     #[must_use]
-    pub fn new(profile: GroundingProfile) -> Self {
-        Self { profile, text: String::new(), too_long: false, scan: Scan::new() }
+    pub fn new(profile: GroundingProfile, avoid: bool) -> Self {
+        Self { profile, avoid, text: String::new(), too_long: false, scan: Scan::new() }
     }
 
     /// Appends the next chunk. Text beyond [`MAX_TEXT`] is dropped.
@@ -77,7 +79,7 @@ impl ReplyStream {
     }
 
     fn scan_to(&mut self, ended: bool) {
-        let profile = self.profile;
-        self.scan.advance(&self.text, ended, |value, nested| interpret(value, &profile, nested));
+        let asked = Asked { profile: &self.profile, avoid: self.avoid };
+        self.scan.advance(&self.text, ended, |value, nested| interpret(value, asked, nested));
     }
 }

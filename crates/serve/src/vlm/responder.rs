@@ -102,7 +102,7 @@ impl Responder {
     /// The oracle's reply converted to the requested format.
     fn written(&self, text: &str, prompt: &str, image: &Rgb, avoid: bool) -> String {
         let own = GroundingProfile::default();
-        let Ok(reply) = parse_reply(text, &own) else { return text.to_owned() };
+        let Ok(reply) = parse_reply(text, &own, avoid) else { return text.to_owned() };
         match self.form {
             AnswerForm::Spf => reply.to_json(&profile_of(prompt, (image.width(), image.height())), avoid),
             AnswerForm::GeminiPoint => {

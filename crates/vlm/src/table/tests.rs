@@ -52,7 +52,7 @@ fn each_family_is_asked_in_its_own_coordinates() {
         let grounding = model.grounding(size);
         assert_eq!(grounding.order, order, "{name}");
         let text = format!("{{\"status\":\"navigating\",\"point\":{written},\"depth\":4}}");
-        assert_eq!(parse_reply(&text, &grounding).unwrap().point, Some(ImagePoint { u: 0.25, v: 0.625 }), "{name}");
+        assert_eq!(parse_reply(&text, &grounding, false).unwrap().point, Some(ImagePoint { u: 0.25, v: 0.625 }), "{name}");
     }
     assert_eq!(model("anthropic").grounding((768, 432)).scale, Scale::Pixels { width: 768, height: 432 });
 }

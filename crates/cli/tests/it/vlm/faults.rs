@@ -259,6 +259,31 @@ fn a_fallback_steps_in_in_its_own_coordinates() {
     assert!(told.contains("in pixels of this picture: x runs from 0 at the left edge to 768"), "{told}");
 }
 
+/// Its reply is rewritten in the first one's coordinates, and no list of boxes must not become an empty one.
+#[test]
+fn a_fallback_that_lists_no_boxes_moves_nothing_in_obstacle_mode() {
+    let flown_by = |boxes: &'static str| {
+        let second = Server::start(move |number, _| {
+            let ahead =
+                r#"{"status":"navigating","look":null,"stage":1,"point":[384,276.48],"depth":6,"target":"the crane"BOXES}"#;
+            let text = if number < 5 { ahead.replace("BOXES", boxes) } else { DONE.to_owned() };
+            Vendor::Anthropic.stream("claude-haiku-5-5", &text)
+        });
+        let avoiding = |plan: &mut FlightPlan| {
+            plan.settings.reply_timeout = Duration::from_secs(20);
+            plan.settings.avoid = true;
+        };
+        flown(Vendor::Gemini, &[(Vendor::Anthropic, &second)], Strategy::default(), avoiding, |_, _| {
+            Reply::json(503, &json!({ "error": { "code": 503, "status": "UNAVAILABLE", "message": "overloaded" } }))
+        })
+    };
+    let without = flown_by("");
+    assert_eq!(without.summary.outcome, Outcome::Failed, "{:?}", without.summary);
+    assert!(without.watch.setpoints.iter().all(|(_, hold)| *hold));
+    let with = flown_by(r#","boxes":[]"#);
+    assert!(with.watch.setpoints.iter().any(|(_, hold)| !hold), "{:?}", with.summary);
+}
+
 /// One that hangs leaves half of the time to the other, and both are counted.
 #[test]
 fn a_fallback_steps_in_for_one_that_hangs() {

@@ -41,7 +41,7 @@ impl Vlm for Behind {
         let mut words = meant.text.unwrap();
         if let QueryKind::Point { avoid } = request.query.kind {
             let own = self.image_spec(self.camera).grounding;
-            words = parse_reply(&words, &GroundingProfile::default()).unwrap().to_json(&own, avoid);
+            words = parse_reply(&words, &GroundingProfile::default(), avoid).unwrap().to_json(&own, avoid);
         }
         self.words.lock().unwrap().clone_from(&words);
         let answer = self.remote.answer(request, image);

@@ -371,6 +371,7 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("manoeuvres.rs"),
         include_str!("failings.rs"),
         include_str!("flights.rs"),
+        include_str!("../../pilot/tests/alone.rs"),
         include_str!("../../../../drone/src/tello/link/tests.rs"),
         include_str!("../../../../cli/tests/it/tello/ending.rs")
     );
@@ -378,7 +379,9 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../pilot/tests/take_over.rs"),
         include_str!("../../pilot/tests/unseen.rs"),
         include_str!("../../policy/search.rs"),
+        include_str!("../../avoid/tests.rs"),
         include_str!("../../avoid/vertical.rs"),
+        include_str!("../../../../cli/tests/it/vlm/faults.rs"),
         include_str!("../../../../flight/src/keys.rs"),
         include_str!("../../../../flight/src/world/pause.rs"),
         include_str!("../../../../flight/tests/it/observers.rs"),

@@ -4,6 +4,7 @@
 //! captured every 50 ms and arrive 150 ms later. The VLM is a closure that sees the true pose of the frame. Every loop is
 //! bounded: a pilot that never becomes idle fails the test.
 
+mod alone;
 mod arbitrary;
 mod asking;
 mod endings;
