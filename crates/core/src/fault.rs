@@ -123,6 +123,8 @@ pub enum Trouble {
     BatteryEmpty,
     /// The craft has no valid motion estimate: it refuses to fly to positions but still obeys velocities.
     ImuInvalid,
+    /// As [`ImuInvalid`](Self::ImuInvalid), and its telemetry reports no attitude.
+    ImuLost,
     /// Take-off is refused.
     TakeOffRefused,
     /// The craft restarts when the rule begins: it forgets its client, and in the air it loses its motors.

@@ -108,6 +108,7 @@ impl Senses {
             battery: Some(rounded(truth.battery(), steps.battery)),
             phase: truth.phase(),
             crashed: truth.crashed(),
+            imu_error: false,
         }
     }
 }
@@ -127,6 +128,7 @@ pub fn exact(truth: &Dynamics) -> Telemetry {
         battery: Some(truth.battery()),
         phase: truth.phase(),
         crashed: truth.crashed(),
+        imu_error: false,
     }
 }
 

@@ -209,6 +209,7 @@ impl Flight {
             temperature: None,
             phase: self.body.phase,
             crashed: false,
+            imu_error: false,
         }
     }
 

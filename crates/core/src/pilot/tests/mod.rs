@@ -258,6 +258,7 @@ impl Flight {
             temperature: None,
             phase: self.phase,
             crashed: self.crashed,
+            imu_error: false,
         }
     }
 
