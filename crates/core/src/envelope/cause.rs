@@ -32,7 +32,7 @@ pub enum Cause {
     StaleFrame,
     /// Frames arrive, but all have the same capture counter.
     FrozenFrame,
-    /// Frames arrive, but none is usable (blank, placeholder, undecodable).
+    /// Frames arrive, but none is usable ([`Unusable`](crate::frame::Unusable)).
     UnusableFrame,
     /// The craft is above the maximum altitude.
     AltitudeBreach,

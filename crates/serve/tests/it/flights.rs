@@ -4,7 +4,7 @@
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 
-use crate::wired::Wired;
+use crate::wired::{CAMERA_FAULTS, Wired};
 use spf_core::camera::Camera;
 use spf_core::craft::CraftKind;
 use spf_core::executor::Motion;
@@ -177,6 +177,17 @@ fn failing_3_a_frozen_video_holds_then_lands() {
     let flight = fly(GOAL, rule(Stream::Frames, 6.0, None, Fault::Freeze), None, settings());
     assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
     assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
+}
+
+#[test]
+fn a_covered_black_or_blank_camera_holds_then_lands() {
+    for fault in CAMERA_FAULTS {
+        let flight = fly(GOAL, trouble(fault, 6.0, None), None, settings());
+        let (at, outcome, cause) = flight.seen.outcome.clone().unwrap();
+        assert_eq!((outcome, cause.as_str()), (Outcome::Failed, "camera frames unusable"), "{fault:?} at {at}");
+        assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
+        assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+    }
 }
 
 /// Failing 14: a Tello's camera sees 55 by 43 degrees.

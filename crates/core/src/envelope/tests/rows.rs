@@ -395,7 +395,11 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../../cli/tests/it/tello/ending.rs")
     );
     // Files with other tests as well, which need no row.
-    let there = [include_str!("../../../../serve/tests/it/flights.rs")].concat();
+    let there = concat!(
+        include_str!("../../../../serve/tests/it/flights.rs"),
+        include_str!("../../../../serve/tests/it/images.rs"),
+        include_str!("../../../../drone/src/frames/usable/tests.rs"),
+    );
     let mut rows = 0;
     for line in docs.lines().filter(|line| line.starts_with("| ") && line.ends_with("` |")) {
         let name = line.trim_end_matches("` |").rsplit('`').next().unwrap();
