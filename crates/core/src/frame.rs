@@ -31,7 +31,7 @@ pub struct FrameMeta {
     #[serde(with = "whether")]
     #[schemars(
         with = "bool",
-        description = "True if the frame is known to be blank, a placeholder or undecodable; such a frame is never sent to a VLM."
+        description = "True if the frame is known to be blank, covered, smeared, damaged, a placeholder or undecodable; such a frame is never sent to a VLM."
     )]
     pub unusable: Option<Unusable>,
 }
@@ -41,6 +41,12 @@ pub struct FrameMeta {
 pub enum Unusable {
     /// A single colour, or empty.
     Blank,
+    /// Dark and without any structure: the lens is covered, or the camera shows black.
+    Covered,
+    /// Rows or columns repeated over a large part of it.
+    Smeared,
+    /// A large part of it is missing or concealed after a loss in transmission.
+    Damaged,
     /// A placeholder shown instead of the camera image.
     Placeholder,
     /// It could not be decoded.

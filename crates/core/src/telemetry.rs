@@ -61,4 +61,8 @@ pub struct Telemetry {
     pub phase: FlightPhase,
     /// True once the craft has detected a collision (a real craft: tumbled, motors stopped).
     pub crashed: bool,
+    /// True while the craft reports that its inertial measurement is invalid: it can no longer hold its position by
+    /// itself.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub imu_error: bool,
 }

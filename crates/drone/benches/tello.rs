@@ -3,6 +3,7 @@
 
 use divan::{Bencher, black_box};
 use spf_core::time::Time;
+use spf_drone::frames::usable::why_unusable;
 use spf_drone::tello::state::State;
 use spf_drone::tello::video::Joiner;
 use spf_media::Rgb;
@@ -77,6 +78,13 @@ fn video_to_rgb(bencher: Bencher<'_, '_>) {
         next += 1;
         units.iter().filter_map(|unit| decoder.decode(&unit.annex_b).ok().flatten()).last()
     });
+}
+
+/// Part of what each frame costs beyond decoding.
+#[divan::bench]
+fn whether_a_frame_is_usable(bencher: Bencher<'_, '_>) {
+    let image = room(0);
+    bencher.bench(|| why_unusable(black_box(&image)));
 }
 
 #[divan::bench]

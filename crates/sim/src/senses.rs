@@ -109,6 +109,7 @@ impl Senses {
             battery: Some(rounded(truth.battery(), steps.battery)),
             phase: truth.phase(),
             crashed: truth.crashed(),
+            imu_error: false,
         }
     }
 }
@@ -129,6 +130,7 @@ pub fn exact(truth: &Dynamics) -> Telemetry {
         battery: Some(truth.battery()),
         phase: truth.phase(),
         crashed: truth.crashed(),
+        imu_error: false,
     }
 }
 

@@ -210,6 +210,7 @@ impl Flight {
             temperature: None,
             phase: self.body.phase,
             crashed: false,
+            imu_error: false,
         }
     }
 

@@ -119,8 +119,9 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     if let Some(camera) = camera {
         let tally = camera.tally();
         printer.log(&format!(
-            "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} rejected, {} superseded by newer ones",
-            tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused, tally.overtaken
+            "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} rejected, {} unusable, \
+             {} superseded by newer ones",
+            tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused, tally.unusable, tally.overtaken
         ));
     }
     report(&flown.summary, out.path(), &printer)?;

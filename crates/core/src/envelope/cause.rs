@@ -32,7 +32,7 @@ pub enum Cause {
     StaleFrame,
     /// Frames arrive, but all have the same capture counter.
     FrozenFrame,
-    /// Frames arrive, but none is usable (blank, placeholder, undecodable).
+    /// Frames arrive, but none is usable ([`Unusable`](crate::frame::Unusable)).
     UnusableFrame,
     /// The craft is above the maximum altitude.
     AltitudeBreach,
@@ -46,6 +46,8 @@ pub enum Cause {
     NoTelemetry,
     /// The link to the craft is lost.
     LinkLost,
+    /// The craft reports an error of its inertial measurement unit, or an attitude that is not a number.
+    ImuError,
     /// The craft touched something, or its motors were cut in the air.
     Crashed,
 }
@@ -71,6 +73,7 @@ impl fmt::Display for Cause {
             Self::LowBattery => "the battery is low",
             Self::NoTelemetry => "no telemetry from the craft",
             Self::LinkLost => "the link to the craft is lost",
+            Self::ImuError => "the craft reports an IMU error",
             Self::Crashed => "the craft has crashed or stopped its motors",
         })
     }
@@ -137,6 +140,9 @@ pub enum Refusal {
     /// It crashed, or its motors were cut in the air.
     #[error("take-off refused: the craft has crashed or stopped its motors; inspect it first")]
     Crashed,
+    /// Its inertial measurement unit fails.
+    #[error("take-off refused: the craft reports an IMU error; more light and a textured floor may help, or a calibration")]
+    ImuError,
     /// The take-off height exceeds the ceiling.
     #[error("take-off refused: take-off height {height:.1} m exceeds the altitude limit {limit:.1} m; raise `max_altitude`")]
     TooLow {

@@ -40,6 +40,8 @@ pub(super) struct Estimate {
     pub(super) phase_since: Time,
     /// Whether the craft has crashed.
     pub(super) crashed: bool,
+    /// Whether its inertial measurement unit fails.
+    pub(super) imu_error: bool,
     /// The take-off point.
     pub(super) home: Option<EnuPosition>,
 }
@@ -61,6 +63,9 @@ impl Estimate {
         }
         self.phase = telemetry.phase;
         self.crashed = telemetry.crashed || telemetry.phase == FlightPhase::Stopped;
+        // A missing heading is not counted: a craft may not know north yet, and motion stops without it in any case.
+        let leveled = telemetry.attitude.pitch.is_finite() && telemetry.attitude.roll.is_finite();
+        self.imu_error = telemetry.imu_error || !leveled;
         self.battery = telemetry.battery.filter(|x| x.is_finite()).map(|x| x.clamp(0.0, 1.0)).or(self.battery);
         self.clearance = telemetry.ground_clearance.filter(|x| x.is_finite() && *x >= 0.0);
         self.temperature = telemetry.temperature.filter(|x| x.is_finite()).or(self.temperature);

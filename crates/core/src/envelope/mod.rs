@@ -263,6 +263,9 @@ impl Envelope {
         if self.estimate.crashed {
             return Err(Refusal::Crashed);
         }
+        if self.estimate.imu_error {
+            return Err(Refusal::ImuError);
+        }
         if self.estimate.phase != FlightPhase::OnGround {
             return Err(Refusal::AlreadyFlying);
         }

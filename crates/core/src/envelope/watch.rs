@@ -44,6 +44,7 @@ pub(super) struct Watch {
     link_lost: Option<Time>,
     battery_low: Option<Time>,
     crashed: Option<Time>,
+    imu_error: Option<Time>,
     failed_replies: u32,
     first_failure: Time,
     last_failure: Time,
@@ -114,6 +115,7 @@ impl Watch {
         let low = limits.low_battery + if self.battery_low.is_some() { BATTERY_HYSTERESIS } else { 0.0 };
         set(&mut self.battery_low, estimate.battery.is_some_and(|charge| charge < low), now);
         set(&mut self.crashed, estimate.crashed, now);
+        set(&mut self.imu_error, estimate.imu_error, now);
         for (since, breached) in self.breaches.iter_mut().zip(breached) {
             set(since, breached, now);
         }
@@ -138,6 +140,7 @@ impl Watch {
         let piloted = estimate.phase.is_flying() && !operator;
 
         let crashed = self.crashed.map(|since| condition(Cause::Crashed, since, 0.0));
+        let imu = self.imu_error.filter(|_| airborne).map(|since| condition(Cause::ImuError, since, 0.0));
         let link = self.link_lost.filter(|_| airborne).map(|lost| Condition {
             cause: Cause::LinkLost,
             hold_at: at(lost, limits.link_hold_after),
@@ -175,7 +178,7 @@ impl Watch {
             land_at: if self.failed_replies >= limits.max_failed_replies { self.last_failure } else { Time::MAX },
             may_move: false,
         });
-        [crashed, link, telemetry, battery, breach(2), breach(1), breach(0), frozen, stale, failed].into_iter().flatten()
+        [crashed, imu, link, telemetry, battery, breach(2), breach(1), breach(0), frozen, stale, failed].into_iter().flatten()
     }
 
     /// The most severe reaction that `conditions` demand at `now`; among equals the more severe cause.

@@ -1,6 +1,7 @@
 //! Camera frames as pixels, on demand: already received, or rendered when requested.
 
 mod store;
+pub mod usable;
 
 use std::sync::Arc;
 
@@ -87,6 +88,8 @@ pub struct FrameStats {
     pub decoded: u64,
     /// Images that the decoder rejected.
     pub refused: u64,
+    /// Frames that carry no information (see [`usable`]), or that are known to be damaged.
+    pub unusable: u64,
     /// Changes of the image's size.
     pub sizes: u64,
     /// Images that repeat an earlier one (see [`FrameStore`]).

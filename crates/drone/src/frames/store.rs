@@ -5,10 +5,11 @@ use std::hash::Hasher as _;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fnv::FnvHasher;
-use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::frame::{FrameId, FrameMeta, Unusable};
 use spf_core::time::Time;
 use spf_media::Rgb;
 
+use super::usable::why_unusable;
 use super::{FrameStats, Frames, Photo};
 
 /// Number of frames kept: about one second.
@@ -49,13 +50,25 @@ impl FrameStore {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds an image, captured and received at these flight times, as the newest frame, and counts it as decoded.
+    /// Adds an image, captured and received at these flight times, as the newest frame, and counts it as decoded. One
+    /// that carries no information ([`usable`](super::usable)) becomes an unusable frame.
     pub fn receive(&self, captured: Time, received: Time, image: Rgb) {
+        let unusable = why_unusable(&image);
+        self.add(captured, received, image, unusable);
+    }
+
+    /// Adds an image of which parts are missing or concealed, as an unusable frame.
+    pub fn receive_damaged(&self, captured: Time, received: Time, image: Rgb) {
+        self.add(captured, received, image, Some(Unusable::Damaged));
+    }
+
+    fn add(&self, captured: Time, received: Time, image: Rgb, unusable: Option<Unusable>) {
         let digest = digest(&image);
         let size = (image.width(), image.height());
         let mut guard = self.kept();
         let kept = &mut *guard;
         kept.tally.decoded += 1;
+        kept.tally.unusable += u64::from(unusable.is_some());
         if kept.size.replace(size).is_some_and(|before| before != size) {
             kept.tally.sizes += 1;
         }
@@ -75,7 +88,7 @@ impl FrameStore {
             capture_counter: kept.counter,
             width: size.0,
             height: size.1,
-            unusable: None,
+            unusable,
         };
         kept.next += 1;
         if kept.frames.len() >= KEPT {
@@ -150,7 +163,7 @@ mod tests {
         let frames = FrameStore::default();
         (0..3).for_each(|level| _ = receive(&frames, 0, Rgb::filled(8, 8, [level; 3])));
         frames.count(|tally| tally.decoded += 2);
-        assert_eq!(frames.tally(), FrameStats { decoded: 5, ..FrameStats::default() });
+        assert_eq!(frames.tally(), FrameStats { decoded: 5, unusable: 3, ..FrameStats::default() });
     }
 
     #[test]

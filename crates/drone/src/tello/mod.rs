@@ -11,6 +11,7 @@ pub mod craft;
 mod doctor;
 pub mod driver;
 mod ground;
+mod imu;
 mod inlet;
 pub mod link;
 mod manoeuvre;

@@ -12,6 +12,7 @@ use spf_media::Rgb;
 use spf_media::h264::{Encoder, EncoderSettings, nal_units};
 use spf_sim::craft::SimCraft;
 
+use super::lens::disturb;
 use super::machine::VideoRequest;
 use super::pace::{Pace, RenderQuality, VideoQuality};
 use super::shared::{POLL_INTERVAL, Shared, lock};
@@ -63,10 +64,11 @@ pub(super) fn film(
         let captured = lock(craft).time().min(now) - SHUTTER;
         let frozen = shared.faults().freezes(now, Stream::Frames);
         let kept = last.take().filter(|_| frozen);
-        let Some(image) = kept.or_else(|| photographer(captured, &request, pace.fineness())) else {
+        let Some(mut image) = kept.or_else(|| photographer(captured, &request, pace.fineness())) else {
             std::thread::sleep(Duration::from_millis(2));
             continue;
         };
+        disturb(&mut image, &shared.faults(), captured);
         if let Some(unit) = encode(&mut reel, &request, captured, &image) {
             let interval = previous.replace(now).map_or(period, |previous| now.since(previous));
             shared.counters.wanted_ns.fetch_add(interval.as_nanos() as u64, Ordering::Relaxed);

@@ -350,7 +350,8 @@ impl VirtualTello {
     fn state(&self, craft: &SimCraft) -> State {
         let state = State::of(craft, self.datum, self.pads, self.temperature, self.motor_time);
         let empty = self.faults().troubled(craft.time(), Trouble::BatteryEmpty);
-        State { battery: if empty { state.battery.min(4) } else { state.battery }, ..state }
+        let attitude = state.attitude.filter(|_| !self.faults().troubled(craft.time(), Trouble::ImuLost));
+        State { battery: if empty { state.battery.min(4) } else { state.battery }, attitude, ..state }
     }
 
     fn send_state(&mut self, now: Time, craft: &SimCraft) {
@@ -375,7 +376,7 @@ impl VirtualTello {
             Read::Serial => "0TQSIM00000001".to_owned(),
             Read::Height => format!("{}dm", state.height / 10),
             Read::Temperature => format!("{}~{}C", temperature - 1.0, temperature + 1.0),
-            Read::Attitude => format!("pitch:{};roll:{};yaw:{};", state.pitch, state.roll, state.yaw),
+            Read::Attitude => state.attitude_text(),
             Read::Barometer => format!("{:.6}", state.barometer),
             Read::Acceleration => {
                 let [x, y, z] = state.acceleration;

@@ -9,6 +9,7 @@ mod error;
 mod faults;
 mod figures;
 mod film;
+pub mod lens;
 mod link;
 mod machine;
 mod manoeuvre;

@@ -10,9 +10,8 @@ use super::figures::Firmware;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct State {
     pub(super) pads: bool,
-    pub(super) pitch: i32,
-    pub(super) roll: i32,
-    pub(super) yaw: i32,
+    /// Pitch, roll and yaw, degrees; `None` if they are unknown.
+    pub(super) attitude: Option<[i32; 3]>,
     /// dm/s in the power-on frame, with forward and left negative, down positive.
     pub(super) speed: [i32; 3],
     pub(super) temperature: f64,
@@ -52,9 +51,7 @@ impl State {
         let height = height.filter(|_| phase != FlightPhase::OnGround).unwrap_or(0.0);
         Self {
             pads,
-            pitch: rounded(pitch.to_degrees()),
-            roll: rounded(roll.to_degrees()),
-            yaw: rounded(wrap_angle(attitude.heading - datum).to_degrees()),
+            attitude: Some([pitch, roll, wrap_angle(attitude.heading - datum)].map(|angle| rounded(angle.to_degrees()))),
             speed: [-tenths(forward), -tenths(right), -tenths(velocity.up)],
             temperature,
             tof: tof(craft),
@@ -70,6 +67,14 @@ impl State {
         }
     }
 
+    /// The attitude's fields, empty if it is unknown.
+    pub(super) fn attitude_text(&self) -> String {
+        match self.attitude {
+            Some([pitch, roll, yaw]) => format!("pitch:{pitch};roll:{roll};yaw:{yaw};"),
+            None => "pitch:;roll:;yaw:;".to_owned(),
+        }
+    }
+
     /// The line as written by the firmware. Plain ASCII; counts are never negative, which clients rely on.
     pub(super) fn line(&self, firmware: Firmware) -> String {
         let pads = match firmware {
@@ -82,11 +87,9 @@ impl State {
         let [agx, agy, agz] = self.acceleration;
         let low = rounded(self.temperature);
         format!(
-            "{pads}pitch:{};roll:{};yaw:{};vgx:{vgx};vgy:{vgy};vgz:{vgz};templ:{};temph:{};tof:{};h:{};bat:{};baro:{:.2};\
+            "{pads}{}vgx:{vgx};vgy:{vgy};vgz:{vgz};templ:{};temph:{};tof:{};h:{};bat:{};baro:{:.2};\
              time:{};agx:{agx:.2};agy:{agy:.2};agz:{agz:.2};\r\n",
-            self.pitch,
-            self.roll,
-            self.yaw,
+            self.attitude_text(),
             low - 1,
             low + 1,
             self.tof,

@@ -4,7 +4,7 @@
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 
-use crate::wired::Wired;
+use crate::wired::{CAMERA_FAULTS, Wired};
 use spf_core::camera::Camera;
 use spf_core::craft::CraftKind;
 use spf_core::executor::Motion;
@@ -179,6 +179,17 @@ fn failing_3_a_frozen_video_holds_then_lands() {
     assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
 }
 
+#[test]
+fn a_covered_black_or_blank_camera_holds_then_lands() {
+    for fault in CAMERA_FAULTS {
+        let flight = fly(GOAL, trouble(fault, 6.0, None), None, settings());
+        let (at, outcome, cause) = flight.seen.outcome.clone().unwrap();
+        assert_eq!((outcome, cause.as_str()), (Outcome::Failed, "camera frames unusable"), "{fault:?} at {at}");
+        assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
+        assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+    }
+}
+
 /// Failing 14: a Tello's camera sees 55 by 43 degrees.
 #[test]
 fn failing_14_the_field_of_view_is_a_tello_s() {
@@ -277,11 +288,30 @@ fn state_that_ends_holds_then_lands() {
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
 }
 
-/// A drone that does not know its own motion refuses moves, and obeys `rc`.
+/// A drone that does not know its own motion refuses moves. `rc` has no answer, so that nothing shows it.
 #[test]
-fn an_imu_error_does_not_stop_a_flight_by_rc() {
+fn an_imu_error_that_only_answers_show_is_unknown_to_a_flight_by_rc() {
     let flight = fly(GOAL, trouble(Trouble::ImuInvalid, 6.0, None), None, settings());
     assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+}
+
+/// Whatever reports the error: the refusal of a move, or state lines without attitude.
+#[test]
+fn an_imu_error_lands_the_drone_at_once() {
+    let undisturbed = fly(GOAL, FaultPlan::default(), None, by_go());
+    let (second, _) = undisturbed.words("go")[1].clone();
+    let faulty = second.as_secs_f64() - 0.3;
+    let refused = fly(GOAL, trouble(Trouble::ImuInvalid, faulty, None), None, by_go());
+    let unleveled = fly(GOAL, trouble(Trouble::ImuLost, 8.0, None), None, settings());
+    // The refusal follows within 0.1 s of the move; three lines without attitude within 0.4 s of the fault.
+    for (flight, from) in [(refused, second.as_secs_f64() + 0.1), (unleveled, 8.0 + 4.0 * STATE)] {
+        let (at, outcome, cause) = flight.seen.outcome.clone().unwrap();
+        assert_eq!((outcome, cause.as_str()), (Outcome::Failed, "the craft reports an IMU error"), "{at}");
+        let land = flight.words("land")[0].0.as_secs_f64();
+        assert!((from - 0.4..from + ZERO).contains(&land), "{land} s, error at {from} s");
+        assert_stopped(&flight, from + ZERO);
+        assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+    }
 }
 
 /// Why docs/guide/tello.md warns: sticks hold when the link is cut.

@@ -6,6 +6,7 @@
 mod boxes;
 mod fault_matrix;
 mod flights;
+mod images;
 mod matrix;
 mod memory;
 mod protocol;

@@ -9,16 +9,22 @@ use spf_core::craft::Craft;
 use spf_core::envelope::Cleared;
 use spf_core::estimator::Senses;
 use spf_core::fault::{FaultMachine, FaultPlan, Stream, Trouble};
-use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::frame::{FrameId, FrameMeta, Unusable};
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::Frames;
+use spf_drone::frames::usable::why_unusable;
 use spf_drone::tello::conversation::Order;
 use spf_drone::tello::link::Link;
 use spf_drone::tello::sticks::Calibration;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 use spf_flight::sim::{SimFrames, SimWorld};
+use spf_media::Rgb;
+use spf_serve::tello::lens::disturb;
 use spf_serve::tello::{Figures, Firmware, Output, VirtualTello};
 use spf_sim::frame_clock::FrameClock;
+
+/// Faults after which an image shows nothing.
+pub(crate) const CAMERA_FAULTS: [Trouble; 3] = [Trouble::LensCovered, Trouble::VideoBlack, Trouble::VideoUniform];
 
 const STEP: Duration = Duration::from_millis(5);
 
@@ -30,6 +36,8 @@ pub(crate) struct Wired {
     now: Time,
     clock: FrameClock,
     frame: FrameId,
+    /// An image of the scene, to which the faults of the camera are applied.
+    image: Option<Rgb>,
     events: VecDeque<(Time, DroneEvent)>,
     /// Every word to the drone, with its time.
     pub(crate) sent: Arc<Mutex<Vec<(Time, String)>>>,
@@ -48,11 +56,26 @@ impl Wired {
         link.order(Order::quick("command"));
         link.order(Order::quick("streamon"));
         let (now, frame, events) = (Time::ZERO, FrameId(0), VecDeque::new());
-        Self { world, tello, link, now, clock: FrameClock::default(), frame, events, sent: Arc::default() }
+        Self { world, tello, link, now, clock: FrameClock::default(), frame, image: None, events, sent: Arc::default() }
     }
 
     fn client() -> SocketAddr {
         SocketAddr::from(([127, 0, 0, 1], 40_000))
+    }
+
+    /// Why this frame is of no use, if the camera has a fault.
+    fn show(&mut self, meta: FrameMeta) -> Option<Unusable> {
+        let faults = self.tello.faults();
+        if !CAMERA_FAULTS.iter().any(|&fault| faults.troubled(meta.captured, fault)) {
+            return None;
+        }
+        let mut image = match &self.image {
+            Some(image) => image.clone(),
+            None => (*SimFrames::new(self.world.clone()).photo(meta.id).unwrap().pixels()).clone(),
+        };
+        self.image.get_or_insert_with(|| image.clone());
+        disturb(&mut image, faults, meta.captured);
+        Some(why_unusable(&image).expect("a fault that shows nothing is seen"))
     }
 
     fn step(&mut self) {
@@ -79,9 +102,10 @@ impl Wired {
             let faults = self.tello.faults();
             let lost = faults.troubled(self.now, Trouble::LinkCut) || faults.pass(self.now, Stream::Frames, meta.id.0).is_empty();
             let frozen = faults.freezes(self.now, Stream::Frames);
+            let unusable = self.show(meta);
             let capture_counter = if frozen { 0 } else { meta.capture_counter };
             if !lost {
-                self.events.push_back((self.now, DroneEvent::Frame(FrameMeta { capture_counter, ..meta })));
+                self.events.push_back((self.now, DroneEvent::Frame(FrameMeta { capture_counter, unusable, ..meta })));
             }
         }
     }

@@ -238,6 +238,26 @@ fn a_crash_lands_at_once() {
 }
 
 #[test]
+fn an_imu_error_lands_at_once() {
+    let reports: [fn(&mut Telemetry); 3] =
+        [|t| t.imu_error = true, |t| t.attitude.pitch = f64::NAN, |t| t.attitude.roll = f64::INFINITY];
+    for (report, phase) in reports.into_iter().zip([FlightPhase::Flying, FlightPhase::Manoeuvring, FlightPhase::TakingOff]) {
+        let mut rig = Rig::flying(Limits::default());
+        rig.telemetry.phase = phase;
+        report(&mut rig.telemetry);
+        rig.fresh(ms(1100));
+        assert_eq!(rig.envelope.reaction(ms(1100)), Land(Cause::ImuError));
+        moves_not(&mut rig, ms(1100), Cause::ImuError);
+        // Also under the operator: a craft that does not know its attitude cannot be flown by setpoints.
+        assert_eq!(rig.envelope.manual_reaction(ms(1100)), Land(Cause::ImuError));
+        (rig.telemetry.phase, rig.telemetry.imu_error, rig.telemetry.attitude) =
+            (FlightPhase::OnGround, true, Default::default());
+        rig.fresh(ms(1200));
+        assert_eq!(rig.envelope.clear(ms(1200), Command::TakeOff), Err(Refusal::ImuError));
+    }
+}
+
+#[test]
 fn the_most_severe_wins() {
     let mut rig = Rig::flying(Limits::default());
     rig.envelope.observe_reply(ms(1100), false);
@@ -386,7 +406,10 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../../flight/src/world/pause.rs"),
         include_str!("../../../../flight/tests/it/observers.rs"),
         include_str!("../../../../record/src/jsonl_queue.rs"),
-        include_str!("../../../../serve/tests/it/fault_matrix.rs")
+        include_str!("../../../../serve/tests/it/fault_matrix.rs"),
+        include_str!("../../../../serve/tests/it/flights.rs"),
+        include_str!("../../../../serve/tests/it/images.rs"),
+        include_str!("../../../../drone/src/frames/usable/tests.rs")
     );
     let mut rows = 0;
     for line in docs.lines().filter(|line| line.starts_with("| ") && line.ends_with("` |")) {

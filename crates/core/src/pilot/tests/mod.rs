@@ -261,6 +261,7 @@ impl Flight {
             temperature: None,
             phase: self.phase,
             crashed: self.crashed,
+            imu_error: false,
         }
     }
 

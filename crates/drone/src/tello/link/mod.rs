@@ -14,6 +14,7 @@ use self::leaving::TakeOff;
 use super::answer::{Answer, explain};
 use super::conversation::{Conversation, Order, OrderOutcome};
 use super::ground::{Ground, Repeats};
+use super::imu::Imu;
 use super::manoeuvre::{self, Move, Stage};
 use super::state::State;
 use super::sticks::{Calibration, Sticks};
@@ -99,6 +100,7 @@ pub struct Link {
     /// Evidence of standing on the ground.
     ground: Ground,
     repeats: Repeats,
+    imu: Imu,
     take_off: Option<TakeOff>,
     /// Last call of the pilot.
     beat: Option<Time>,
@@ -134,6 +136,7 @@ impl Link {
             emergencies: VecDeque::new(),
             ground: Ground::default(),
             repeats: Repeats::default(),
+            imu: Imu::default(),
             take_off: None,
             beat: None,
             held_silent: false,
@@ -273,6 +276,10 @@ impl Link {
                         self.begin_landing(now);
                     }
                     let meaning = explain(&answer);
+                    if self.is_airborne() && self.imu.refused(&answer) {
+                        // The reaction must not wait for the next state line.
+                        self.report_phase(now);
+                    }
                     self.manoeuvre_over(now, &command);
                     self.notices.push_back(Notice::Refused { command, answer, meaning });
                 }
@@ -345,6 +352,7 @@ impl Link {
     fn on_ground(&mut self) {
         self.phase = FlightPhase::OnGround;
         self.take_off = None;
+        self.imu = Imu::default();
         self.ground.forget();
         self.manoeuvre = None;
         self.land_again = None;
@@ -374,6 +382,7 @@ impl Link {
             return;
         }
         self.state = state;
+        self.imu.observe(&self.state);
         self.judge_phase(now);
         self.model(now, before.unwrap_or(now));
         self.report_phase(now);
@@ -466,6 +475,7 @@ impl Link {
             battery: state.battery.map(|charge| 0.01 * f64::from(charge)),
             phase: self.phase,
             crashed: false,
+            imu_error: self.imu.has_error(),
         }
     }
 

@@ -78,7 +78,7 @@ impl VirtualTello {
         if request == Request::Land {
             return Ok(Task::Land);
         }
-        if self.faults().troubled(now, Trouble::ImuInvalid) {
+        if [Trouble::ImuInvalid, Trouble::ImuLost].iter().any(|&fault| self.faults().troubled(now, fault)) {
             return Err("error No valid imu");
         }
         let metres_a_second = |cm: i32| f64::from(cm) * 0.01;
