@@ -82,6 +82,9 @@ pub(super) fn method(settings: &Settings, preset: Preset) -> Result<PilotSetting
     if let Some(seconds) = fly.reply_timeout_s.get()? {
         method.reply_timeout = duration_from_secs(seconds);
     }
+    if let Some(seconds) = fly.max_reply_age_s.get()? {
+        method.max_reply_age = duration_from_secs(seconds);
+    }
     if let Some(decisions) = fly.max_decisions.get()? {
         method.max_decisions = decisions;
     }

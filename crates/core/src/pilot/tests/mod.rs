@@ -77,6 +77,8 @@ struct Setup {
     policy: Option<Box<dyn Policy>>,
     faults: Vec<Rule>,
     charge: f64,
+    /// What the craft reports of its true state.
+    reports: fn(Telemetry) -> Telemetry,
 }
 
 impl Setup {
@@ -89,6 +91,7 @@ impl Setup {
             policy: None,
             faults: Vec::new(),
             charge: 0.9,
+            reports: |telemetry| telemetry,
         }
     }
 
@@ -134,6 +137,7 @@ impl Setup {
             phase: FlightPhase::OnGround,
             crashed: false,
             charge: self.charge,
+            reports: self.reports,
             now: Time::ZERO,
             vlm: Box::new(vlm),
             faults: FaultMachine::new(FaultPlan { rules: self.faults, ..FaultPlan::default() }, 1).unwrap(),
@@ -164,6 +168,7 @@ struct Flight {
     phase: FlightPhase,
     crashed: bool,
     charge: f64,
+    reports: fn(Telemetry) -> Telemetry,
     now: Time,
     vlm: Vlm,
     faults: FaultMachine,
@@ -274,7 +279,7 @@ impl Flight {
             }
             _ => {}
         }
-        let telemetry = self.telemetry();
+        let telemetry = (self.reports)(self.telemetry());
         self.send(Stream::Telemetry, self.now, Event::Telemetry(telemetry), |_, _| None, None);
         self.enqueue(self.now + PERIOD, Happening::Report);
     }
