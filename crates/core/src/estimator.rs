@@ -104,6 +104,10 @@ const ERROR_TIME: f64 = 1.0;
 const HORIZON: Duration = Duration::from_millis(500);
 /// How long poses are kept: the age of the oldest frame that a reply may refer to.
 const MEMORY: Duration = Duration::from_secs(15);
+/// A longer gap between reports leaves a dead-reckoned position unknown.
+const GAP: f64 = 1.0;
+/// A position reported this far from the prediction is a jump: poses before it are of another origin, metres.
+const OFF: f64 = 0.5;
 /// Maximum number of poses: [`MEMORY`] at 50 Hz, with room.
 const POSES: usize = 1024;
 
@@ -115,6 +119,8 @@ pub struct MotionEstimator {
     log: CommandLog,
     newest: Option<(Telemetry, State)>,
     drift: Drift,
+    /// Time up to which poses are unknown relative to later ones.
+    lost: Option<Time>,
     past: VecDeque<(Time, Known)>,
 }
 
@@ -128,6 +134,7 @@ impl MotionEstimator {
             log: CommandLog::default(),
             newest: None,
             drift: Drift::default(),
+            lost: None,
             past: VecDeque::with_capacity(POSES),
         }
     }
@@ -160,7 +167,17 @@ impl MotionEstimator {
                     self.drift.grow(&self.senses, libm::hypot(state.velocity.east, state.velocity.north), elapsed);
                 }
                 let predicted = self.predict(before, *state, telemetry.time);
-                self.correct(predicted, telemetry, telemetry.time.since(before.time).as_secs_f64())
+                let elapsed = telemetry.time.since(before.time).as_secs_f64();
+                let follows = match (before.position, telemetry.position) {
+                    (Some(_), Some(reported)) => predicted.position.distance(reported) <= OFF,
+                    (None, None) => telemetry.velocity.is_some() && elapsed <= GAP,
+                    _ => false,
+                };
+                let corrected = self.correct(predicted, telemetry, elapsed);
+                if !follows {
+                    self.lost = Some(telemetry.time);
+                }
+                corrected
             }
         };
         self.newest = Some((*telemetry, state));
@@ -222,6 +239,23 @@ impl MotionEstimator {
     #[must_use]
     pub fn is_dead_reckoned(&self) -> bool {
         self.newest.as_ref().is_some_and(|(telemetry, _)| telemetry.position.is_none())
+    }
+
+    /// Whether the present pose is known relative to that at `time`: since then, every report had a position that followed
+    /// from the one before within 0.5 m, or every report had a velocity, none more than 1 s after the one before; and
+    /// the newest is not older than the horizon of [`at`](Self::at). A craft that reports neither is never tracked.
+    #[must_use]
+    pub fn is_tracked_since(&self, time: Time, now: Time) -> bool {
+        self.newest().is_some_and(|newest| now.since(newest) <= HORIZON) && self.lost.is_none_or(|lost| lost <= time)
+    }
+
+    /// Motion at `now`, predicted from the newest report however old it is: where the craft is if it does what it is
+    /// commanded.
+    #[must_use]
+    pub fn reckoned(&self, now: Time) -> Option<Known> {
+        let (telemetry, state) = self.newest.as_ref()?;
+        let state = if now > telemetry.time { self.predict(telemetry, *state, now) } else { *state };
+        Some(known(state, telemetry))
     }
 
     /// Time of the newest report.

@@ -242,6 +242,9 @@ pub(crate) struct LimitArgs {
     /// Maximum number of decisions [default: 60]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) max_decisions: Option<String>,
+    /// Maximum age of a frame when its VLM reply arrives, seconds, unless the craft has held since [default: 8]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(crate) max_reply_age: Option<String>,
     /// VLM cost limit of the flight, US dollars [default: no limit]
     #[arg(long, value_name = "USD", allow_negative_numbers = true)]
     pub(crate) max_cost: Option<String>,

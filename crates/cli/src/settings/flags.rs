@@ -101,12 +101,23 @@ impl MethodArgs {
 
 impl LimitArgs {
     fn apply(&self, Settings { fly, envelope, .. }: &mut Settings) {
-        let Self { at_end, unattended, max_time, max_decisions, max_cost, geofence, max_altitude, max_distance, max_speed } =
-            self;
+        let Self {
+            at_end,
+            unattended,
+            max_time,
+            max_decisions,
+            max_reply_age,
+            max_cost,
+            geofence,
+            max_altitude,
+            max_distance,
+            max_speed,
+        } = self;
         fly.at_end.flag(at_end.as_deref());
         fly.unattended.switch(*unattended);
         fly.max_time_s.flag(max_time.as_deref());
         fly.max_decisions.flag(max_decisions.as_deref());
+        fly.max_reply_age_s.flag(max_reply_age.as_deref());
         fly.max_cost_usd.flag(max_cost.as_deref());
         fly.geofence.flag(geofence.as_deref());
         envelope.max_altitude_m.flag(max_altitude.as_deref());

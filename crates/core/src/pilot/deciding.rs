@@ -3,6 +3,7 @@
 use super::{Action, Decision, Note, Outcome, Phase, Pilot, Think, Waiting};
 use crate::envelope::{Cause, Reaction};
 use crate::frame::FrameMeta;
+use crate::geometry::wrap_angle;
 use crate::policy::{FailReason, PolicyEvent, Step, View};
 use crate::query::{Query, QueryId, QueryKind};
 use crate::time::{Duration, Time};
@@ -13,6 +14,10 @@ const STEPS_AT_ONCE: usize = 16;
 const QUERIES_AT_ONCE: usize = 8;
 /// Minimum reply timeout: a query that expires as it is sent would be repeated forever.
 const LEAST_TIMEOUT: Duration = Duration::from_millis(100);
+/// A reply moves nothing if the craft has moved farther than this since its frame, metres, and its pose is unknown.
+const MOVED: f64 = 0.5;
+/// The same for turning, radians: 10°.
+const TURNED: f64 = 10.0 / 180.0 * core::f64::consts::PI;
 
 impl Pilot {
     pub(super) fn frame(&mut self, now: Time, frame: FrameMeta) {
@@ -62,6 +67,10 @@ impl Pilot {
             self.late_replies += 1;
             return self.note(Note::LateReply(id));
         };
+        // What has moved the craft as it arrived is not outdated by that motion.
+        if let Some(reason) = self.outdated(now, &waiting.view).filter(|_| !waiting.decided) {
+            return self.set_aside(now, id, &waiting.view, reason);
+        }
         let step = self.policy.handle(PolicyEvent::Reply { id, text });
         self.envelope.observe_reply(now, !matches!(step, Step::Reject(_)));
         if decides(&step, &waiting.query) && !waiting.decided {
@@ -74,10 +83,17 @@ impl Pilot {
     }
 
     pub(super) fn chunk(&mut self, now: Time, id: QueryId, text: &str) {
-        let Some(waiting) = self.waiting.get_mut(&id) else { return };
+        let Some(waiting) = self.waiting.get(&id) else { return };
         let view = waiting.view;
+        // The complete reply is set aside when it arrives.
+        if !waiting.decided && self.outdated(now, &view).is_some() {
+            return;
+        }
         let step = self.policy.handle(PolicyEvent::Chunk { id, text });
-        if decides(&step, &waiting.query) && !core::mem::replace(&mut waiting.decided, true) {
+        if let Some(waiting) = self.waiting.get_mut(&id)
+            && decides(&step, &waiting.query)
+            && !core::mem::replace(&mut waiting.decided, true)
+        {
             self.decisions += 1;
         }
         self.carry_out(now, step, &view);
@@ -100,6 +116,44 @@ impl Pilot {
                 self.give_up(now, id, &waiting.view, reason);
             }
         }
+    }
+
+    /// Why a reply on this frame must move nothing now; `None` if it may. A craft that has held since the capture may use
+    /// a reply of any age.
+    fn outdated(&self, now: Time, view: &View) -> Option<String> {
+        let captured = view.frame.captured;
+        if self.settled.is_some_and(|settled| settled <= captured) {
+            return None;
+        }
+        let (age, limit) = (now.since(captured), self.settings.max_reply_age);
+        if age > limit {
+            let (age, limit) = (age.as_secs_f64(), limit.as_secs_f64());
+            return Some(format!("its frame is {age:.1} s old (limit {limit} s), and the craft has flown on"));
+        }
+        if self.estimator.is_tracked_since(captured, now) {
+            return None;
+        }
+        let at = self.estimator.reckoned(now)?.pose();
+        let moved = at.position.distance(view.pose.position);
+        let turned = wrap_angle(at.attitude.heading - view.pose.attitude.heading).abs();
+        let unknown = "since its frame, by commands alone: its pose is unknown";
+        if moved > MOVED {
+            Some(format!("the craft has moved {moved:.1} m {unknown}"))
+        } else if turned > TURNED {
+            Some(format!("the craft has turned {:.0}° {unknown}", turned.to_degrees()))
+        } else {
+            None
+        }
+    }
+
+    /// Sets a reply aside: the craft holds, and the next query is based on a frame taken at rest, whose reply may take any
+    /// time. Not a failed reply, since the VLM has answered; nor a good one.
+    fn set_aside(&mut self, now: Time, id: QueryId, view: &View, reason: String) {
+        self.stop_motion(now);
+        self.needs_rest = true;
+        self.note(Note::QueryFailed { id, reason });
+        let step = self.policy.handle(PolicyEvent::ReplyFailed { id });
+        self.carry_out(now, step, view);
     }
 
     fn give_up(&mut self, now: Time, id: QueryId, view: &View, reason: String) {

@@ -68,6 +68,14 @@ pub struct PilotSettings {
     pub max_decisions: u32,
     /// Reply timeout; at least 0.1 s.
     pub reply_timeout: Duration,
+    /// Age of a frame, at the arrival of its reply, above which the reply moves nothing, unless the craft has held since
+    /// the capture. Logs from before this setting have no limit.
+    #[serde(default = "unlimited")]
+    pub max_reply_age: Duration,
+}
+
+fn unlimited() -> Duration {
+    Duration::MAX
 }
 
 impl PilotSettings {
@@ -88,6 +96,7 @@ impl PilotSettings {
             max_time: Duration::from_secs(180),
             max_decisions: 60,
             reply_timeout: Duration::from_secs(20),
+            max_reply_age: Duration::from_secs(8),
         }
     }
 }

@@ -85,6 +85,9 @@ pub(super) fn method(settings: &Settings, preset: Preset) -> Result<PilotSetting
     if let Some(at_end) = fly.at_end.get()? {
         method.at_end = at_end;
     }
+    if let Some(seconds) = fly.max_reply_age_s.get()? {
+        method.max_reply_age = duration_from_secs(seconds);
+    }
     if let Some(decisions) = fly.max_decisions.get()? {
         method.max_decisions = decisions;
     }

@@ -78,3 +78,87 @@ fn an_obstacle_at_an_unknown_range_is_near() {
     let far = r#","depth":9"#;
     avoiding().fly(always(wall.replace("DEPTH", far), 0.4)).until_moving();
 }
+
+/// When replies were set aside, and why.
+fn set_aside(flight: &Flight) -> Vec<(Time, String)> {
+    let reason = |(at, note): &(Time, Note)| match note {
+        Note::QueryFailed { reason, .. } => Some((*at, reason.clone())),
+        _ => None,
+    };
+    flight.notes.iter().filter_map(reason).collect()
+}
+
+#[test]
+fn a_reply_older_than_its_limit_moves_nothing_and_is_asked_again() {
+    let mut flight = Setup::preset(Preset::Default).fly(always(navigate(0.5, 0.5, 9), 9.0));
+    // Not a failed reply: more than five end no flight.
+    assert_eq!(flight.end(), Outcome::Timeout);
+    let aside = set_aside(&flight);
+    assert!(aside.len() > 5, "{aside:?}");
+    for (at, reason) in &aside {
+        assert!(reason.contains("s old (limit 8 s), and the craft has flown on"), "{reason}");
+        // Asked again from rest, and until that reply there is no motion.
+        let Some((asked, query)) = flight.queries.iter().find(|(asked, _)| asked >= at) else { continue };
+        assert!(asked.since(*at) < secs(3.0), "{asked}");
+        assert!(flight.frames[usize::try_from(query.frame.0).unwrap()].speed < 0.1);
+        let moved = flight.setpoints_since(*at + STOP_RULE).find(|(_, setpoint)| !setpoint.is_hold());
+        assert!(moved.is_none_or(|(moved, _)| moved >= *asked + secs(9.0)), "{at} {moved:?}");
+    }
+    // Under the limit it flies on.
+    let mut flight = Setup::preset(Preset::Default).fly(always(navigate(0.5, 0.5, 9), 7.0));
+    assert_eq!((flight.end(), set_aside(&flight)), (Outcome::Timeout, Vec::new()));
+    let mut setup = Setup::preset(Preset::Default);
+    setup.settings.max_reply_age = secs(2.0);
+    let mut flight = setup.fly(always(navigate(0.5, 0.5, 9), 3.0));
+    flight.until("an old reply", |flight| !set_aside(flight).is_empty());
+}
+
+#[test]
+fn a_craft_that_has_held_since_the_frame_uses_a_reply_of_any_age() {
+    let mut setup = Setup::preset(Preset::Paper);
+    setup.settings.reply_timeout = secs(120.0);
+    setup.settings.max_time = secs(300.0);
+    let mut flight = setup.fly(always(navigate(0.5, 0.5, 9), 60.0));
+    assert_eq!((flight.end(), set_aside(&flight)), (Outcome::Timeout, Vec::new()));
+    assert!(flight.decisions().filter(|decision| decision.step == "move").count() > 3);
+    assert!(flight.model.position.north > 20.0, "{:?}", flight.model.position);
+}
+
+#[test]
+fn after_motion_of_a_craft_whose_pose_is_unknown_a_reply_moves_nothing() {
+    let reports: [(fn(Telemetry) -> Telemetry, bool); 3] = [
+        (|telemetry| Telemetry { position: None, velocity: None, ..telemetry }, true),
+        // Its velocity tells where it is, relative to the frame.
+        (|telemetry| Telemetry { position: None, ..telemetry }, false),
+        (|telemetry| telemetry, false),
+    ];
+    for (report, unknown) in reports {
+        let mut setup = Setup::preset(Preset::Default);
+        setup.reports = report;
+        let mut flight = setup.fly(always(navigate(0.5, 0.5, 9), 1.5));
+        flight.until_asked(6);
+        let aside = set_aside(&flight);
+        assert_eq!(!aside.is_empty(), unknown, "{aside:?}");
+        for (at, reason) in aside {
+            assert!(reason.contains("has moved") && reason.contains("its pose is unknown"), "{reason}");
+            let next = flight.queries.iter().find(|(asked, _)| *asked >= at).map_or(Time::MAX, |(asked, _)| *asked);
+            let moved = flight.setpoints_since(at + STOP_RULE).find(|(_, setpoint)| !setpoint.is_hold());
+            assert!(moved.is_none_or(|(moved, _)| moved > next), "{moved:?}");
+        }
+    }
+    // Turned more than 10° by commands alone.
+    let mut setup = Setup::preset(Preset::Default);
+    setup.reports = |telemetry| Telemetry { position: None, velocity: None, ..telemetry };
+    let mut flight = setup.fly(always(navigate(0.95, 0.5, 1), 1.0));
+    flight.until("a reply set aside", |flight| set_aside(flight).iter().any(|(_, reason)| reason.contains("has turned")));
+}
+
+#[test]
+fn a_gap_in_dead_reckoning_leaves_the_pose_unknown() {
+    let setup = Setup::preset(Preset::Default).fault(Stream::Telemetry, 14.0, Some(15.3), Fault::Drop { p: 1.0 });
+    let mut flight = Setup { reports: |telemetry| Telemetry { position: None, ..telemetry }, ..setup }
+        .fly(always(navigate(0.5, 0.5, 10), 3.0));
+    flight.at(Time::from_secs_f64(25.0));
+    let aside = set_aside(&flight);
+    assert!(aside.iter().all(|(at, _)| (15.0..19.0).contains(&at.as_secs_f64())) && !aside.is_empty(), "{aside:?}");
+}

@@ -79,6 +79,8 @@ struct Setup {
     policy: Option<Box<dyn Policy>>,
     faults: Vec<Rule>,
     charge: f64,
+    /// What the craft reports of its true state.
+    reports: fn(Telemetry) -> Telemetry,
 }
 
 impl Setup {
@@ -91,6 +93,7 @@ impl Setup {
             policy: None,
             faults: Vec::new(),
             charge: 0.9,
+            reports: |telemetry| telemetry,
         }
     }
 
@@ -136,6 +139,7 @@ impl Setup {
             phase: FlightPhase::OnGround,
             crashed: false,
             charge: self.charge,
+            reports: self.reports,
             now: Time::ZERO,
             vlm: Box::new(vlm),
             faults: FaultMachine::new(FaultPlan { rules: self.faults, ..FaultPlan::default() }, 1).unwrap(),
@@ -167,6 +171,7 @@ struct Flight {
     phase: FlightPhase,
     crashed: bool,
     charge: f64,
+    reports: fn(Telemetry) -> Telemetry,
     now: Time,
     vlm: Vlm,
     faults: FaultMachine,
@@ -282,7 +287,7 @@ impl Flight {
             }
             _ => {}
         }
-        let telemetry = self.telemetry();
+        let telemetry = (self.reports)(self.telemetry());
         self.send(Stream::Telemetry, self.now, Event::Telemetry(telemetry), |_, _| None, None);
         self.enqueue(self.now + PERIOD, Happening::Report);
     }
