@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::command::Setpoint;
 use crate::craft::Craft;
 use crate::executor::response::{CommandLog, Response, State};
-use crate::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, wrap_angle};
+use crate::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, Spread, wrap_angle};
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Duration, Time};
 
@@ -164,7 +164,7 @@ impl MotionEstimator {
                     self.drift = Drift::default();
                 } else if telemetry.phase != FlightPhase::OnGround {
                     let elapsed = telemetry.time.since(before.time).as_secs_f64();
-                    self.drift.grow(&self.senses, libm::hypot(state.velocity.east, state.velocity.north), elapsed);
+                    self.drift.grow(&self.senses, state.velocity, elapsed);
                 }
                 let predicted = self.predict(before, *state, telemetry.time);
                 let elapsed = telemetry.time.since(before.time).as_secs_f64();
@@ -233,6 +233,17 @@ impl MotionEstimator {
     #[must_use]
     pub fn position_error(&self) -> f64 {
         libm::hypot(self.senses.position_noise, self.drift.deviation())
+    }
+
+    /// What the position may be off by beyond the error of its source, twice the standard deviation: zero for a craft that
+    /// reports its position, and growing with time and distance for a dead-reckoned one.
+    #[must_use]
+    pub fn drift(&self) -> Spread {
+        let height = self.newest.as_ref().and_then(|(telemetry, _)| telemetry.height);
+        Spread {
+            horizontal: 2.0 * self.drift.deviation(),
+            vertical: if height.is_some() { 0.0 } else { 2.0 * self.drift.vertical_deviation() },
+        }
     }
 
     /// Whether the craft reports no position and is dead-reckoned from its velocity.
@@ -323,22 +334,30 @@ impl MotionEstimator {
 struct Drift {
     /// Variance from the errors of single reports, horizontal, m².
     variance: f64,
-    /// Distance flown so far, metres.
+    /// Horizontal distance flown so far, metres.
     way: f64,
+    /// Climbed and descended so far, metres.
+    climb: f64,
 }
 
 impl Drift {
-    /// Adds `elapsed` seconds at a horizontal speed of `speed` m/s.
-    fn grow(&mut self, senses: &Senses, speed: f64, elapsed: f64) {
+    /// Adds `elapsed` seconds at a velocity.
+    fn grow(&mut self, senses: &Senses, velocity: EnuVelocity, elapsed: f64) {
         // Rounding to a unit has a variance of a twelfth of its square.
         let report =
             senses.velocity_noise * senses.velocity_noise + senses.velocity_resolution * senses.velocity_resolution / 12.0;
         self.variance += 2.0 * report * ERROR_TIME * elapsed;
-        self.way += speed * elapsed;
+        self.way += libm::hypot(velocity.east, velocity.north) * elapsed;
+        self.climb += velocity.up.abs() * elapsed;
     }
 
     fn deviation(self) -> f64 {
         libm::hypot(self.variance.sqrt(), WAY_ERROR * self.way)
+    }
+
+    /// Of the height: one axis has half of the horizontal variance.
+    fn vertical_deviation(self) -> f64 {
+        libm::hypot((0.5 * self.variance).sqrt(), WAY_ERROR * self.climb)
     }
 }
 

@@ -82,6 +82,19 @@ impl Area {
             .expect("an area has edges")
     }
 
+    /// The least extent across any of its outer edges, metres.
+    fn width(&self) -> f64 {
+        let outer = &self.rings[0];
+        let across = |(from, to): (MapPoint, MapPoint)| {
+            let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+            let length = libm::hypot(dx, dy);
+            let off = |point: &MapPoint| (dx * (point.1 - from.1) - dy * (point.0 - from.0)) / length;
+            let (low, high) = outer.iter().map(off).fold((0.0_f64, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
+            high - low
+        };
+        ring_edges(outer).map(across).filter(|width| width.is_finite()).fold(f64::INFINITY, f64::min)
+    }
+
     fn nearest_altitude(&self, altitude: f64) -> f64 {
         altitude.max(self.min_altitude).min(self.max_altitude)
     }
@@ -117,6 +130,11 @@ impl Geofence {
         let point = (at.east, at.north);
         let distance = self.areas.iter().map(|a| a.nearest_edge_point(point).1).fold(f64::INFINITY, f64::min);
         if self.areas.iter().any(|a| a.contains(point)) { distance } else { -distance }
+    }
+
+    /// Width of the widest area, metres: the least extent across any of its outer edges.
+    pub(crate) fn width(&self) -> f64 {
+        self.areas.iter().map(Area::width).fold(0.0, f64::max)
     }
 
     /// The outer rings and holes, for drawing: metres east and north, first point not repeated.

@@ -155,6 +155,15 @@ impl BodyDisplacement {
     }
 }
 
+/// Half-width of the region that the true position is in, with about 95 % probability, metres.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spread {
+    /// Horizontal radius.
+    pub horizontal: f64,
+    /// Vertical half-width.
+    pub vertical: f64,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

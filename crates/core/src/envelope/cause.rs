@@ -40,6 +40,8 @@ pub enum Cause {
     DistanceBreach,
     /// The craft is outside the geofence.
     GeofenceBreach,
+    /// The position of the craft is too uncertain for the distance limit or the geofence.
+    UncertainPosition,
     /// The battery is nearly empty.
     LowBattery,
     /// No telemetry for too long, or none with a heading.
@@ -70,6 +72,7 @@ impl fmt::Display for Cause {
             Self::AltitudeBreach => "above the altitude limit",
             Self::DistanceBreach => "beyond the distance limit",
             Self::GeofenceBreach => "outside the geofence",
+            Self::UncertainPosition => "the position is too uncertain for the distance limit or the geofence",
             Self::LowBattery => "the battery is low",
             Self::NoTelemetry => "no telemetry from the craft",
             Self::LinkLost => "the link to the craft is lost",

@@ -138,6 +138,13 @@ impl Limits {
         }
     }
 
+    /// Half the size of the region that the limits leave, m: of the distance limit, and of the widest area of the geofence.
+    /// Infinite without either.
+    pub(super) fn room(&self) -> f64 {
+        let fence = self.geofence.as_ref().map_or(f64::INFINITY, |fence| 0.5 * fence.width());
+        fence.min(0.5 * self.max_distance)
+    }
+
     /// Every limit that must not be negative, by name.
     fn figures(&mut self) -> [(&'static str, &mut f64); 18] {
         [

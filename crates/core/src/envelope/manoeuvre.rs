@@ -42,7 +42,7 @@ impl Envelope {
         let (Some(home), Some(heading)) = (self.estimate.home, self.estimate.heading) else {
             return (None, Some(Cause::NoTelemetry));
         };
-        let situation = Situation { at: self.ahead(now), home, heading };
+        let situation = Situation { at: self.ahead(now), home, heading, spread: self.spread };
         let (allowed, confined) = reach::confine_path(limits, &self.craft, &situation, way);
         if allowed.longest_part() < Manoeuvre::LEAST_WAY {
             return (None, confined);

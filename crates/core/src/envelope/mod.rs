@@ -25,7 +25,7 @@ use self::watch::{Control, Watch};
 use crate::command::{Command, Setpoint};
 use crate::craft::Craft;
 use crate::frame::FrameMeta;
-use crate::geometry::{EnuPosition, EnuVelocity};
+use crate::geometry::{EnuPosition, EnuVelocity, Spread};
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Time, duration_from_secs};
 
@@ -83,6 +83,10 @@ pub struct Envelope {
     now: Time,
     /// World velocity of the last cleared setpoint, and its expiry.
     commanded: Option<(EnuVelocity, Time)>,
+    /// What the position may be off by, beyond what `margin` covers.
+    spread: Spread,
+    /// A spread of this radius leaves no room within the limits, m.
+    room: f64,
 }
 
 impl Envelope {
@@ -90,13 +94,16 @@ impl Envelope {
     /// [`Limits::check`] reports them to the user.
     #[must_use]
     pub fn new(limits: Limits, craft: Craft) -> Self {
+        let limits = limits.made_strict();
         Self {
-            limits: limits.made_strict(),
+            room: limits.room(),
+            limits,
             craft,
             estimate: Estimate::default(),
             watch: Watch::default(),
             now: Time::ZERO,
             commanded: None,
+            spread: Spread::default(),
         }
     }
 
@@ -123,8 +130,15 @@ impl Envelope {
         let fresh = duration_from_secs(self.limits.max_telemetry_age);
         if self.estimate.observe(now, telemetry, reckoned, fresh) {
             let breached = self.breached();
-            self.watch.estimate(now, &self.estimate, &self.limits, breached);
+            self.watch.estimate(now, &self.estimate, &self.limits, breached, self.spread.horizontal > self.room);
         }
+    }
+
+    /// Takes what the position may be off by, beyond the error of a position source, from the telemetry that is observed
+    /// next. Values that are negative or not a number count as unbounded.
+    pub fn observe_drift(&mut self, drift: Spread) {
+        let strict = |metres: f64| if metres >= 0.0 { metres } else { f64::INFINITY };
+        self.spread = Spread { horizontal: strict(drift.horizontal), vertical: strict(drift.vertical) };
     }
 
     /// Takes a camera frame that arrived at `now`, including unusable ones.
@@ -346,7 +360,7 @@ impl Envelope {
         let (Some(home), Some(heading)) = (self.estimate.home, self.estimate.heading) else {
             return (Setpoint::HOLD, Some(Cause::NoTelemetry));
         };
-        let situation = Situation { at: self.ahead(now), home, heading };
+        let situation = Situation { at: self.ahead(now), home, heading, spread: self.spread };
         let (setpoint, confined) = reach::confine(limits, &self.craft, &situation, setpoint);
         let (setpoint, low) = self.above_ground(setpoint);
         (setpoint, confined.or(low).or(cause))

@@ -11,7 +11,7 @@ use super::limits::Limits;
 use crate::command::Setpoint;
 use crate::craft::Craft;
 use crate::geofence::{Geofence, MapPoint};
-use crate::geometry::{BodyDisplacement, EnuPosition, EnuVelocity};
+use crate::geometry::{BodyDisplacement, EnuPosition, EnuVelocity, Spread};
 
 /// Speed below which a craft counts as standing still, m/s (the pilot uses the same value for the next frame).
 const STANDSTILL: f64 = 0.1;
@@ -77,6 +77,8 @@ pub(super) struct Situation {
     pub(super) home: EnuPosition,
     /// Clockwise from north.
     pub(super) heading: f64,
+    /// What the position may be off by: it adds to the margin of every limit.
+    pub(super) spread: Spread,
 }
 
 /// A horizontal limit as seen from one position along one direction.
@@ -123,7 +125,7 @@ pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: 
     let mut allowed = speed;
     for part in directions {
         for wall in plane.walls(rotate(v, part * turned)).into_iter().flatten() {
-            let within = plane.braking.speed_within(wall.distance - 0.5 * limits.margin);
+            let within = plane.braking.speed_within(wall.distance - plane.margin + 0.5 * limits.margin);
             if within < allowed {
                 allowed = within;
                 changed = changed.or(Some(wall.cause));
@@ -156,7 +158,10 @@ pub(super) fn confine_path(
 ) -> (BodyDisplacement, Option<Cause>) {
     let height = is.at.up;
     let between = |floor: f64, ceiling: f64| {
-        way.up.clamp((floor - height).min(0.0), ((ceiling - limits.margin - height) / (1.0 + WAY_ERROR)).max(0.0))
+        way.up.clamp(
+            (floor + is.spread.vertical - height).min(0.0),
+            ((ceiling - limits.margin - is.spread.vertical - height) / (1.0 + WAY_ERROR)).max(0.0),
+        )
     };
     let mut up = between(limits.min_altitude, limits.max_altitude);
     let mut cause = (up != way.up).then_some(Cause::AltitudeLimit);
@@ -170,7 +175,7 @@ pub(super) fn confine_path(
     let level = way.level_length();
     let altitudes = (height.min(height + up) + limits.margin, height.max(height + up));
     let mut plane = Plane::new(limits, craft, is, altitudes, 0.0);
-    plane.reach = level * (1.0 + WAY_ERROR) + limits.margin / ALONG;
+    plane.reach = level * (1.0 + WAY_ERROR) + plane.margin / ALONG;
     let v = map_velocity(Setpoint { right: way.right, forward: way.forward, ..Setpoint::HOLD }, is.heading);
     if let (_, Some(outside)) = plane.only_back(v) {
         return (BodyDisplacement::default(), Some(outside));
@@ -178,7 +183,7 @@ pub(super) fn confine_path(
     let mut fraction = 1.0;
     for wall in plane.walls(v).into_iter().flatten() {
         let across = (dot(v, wall.out) / level).max(ALONG);
-        let room = (wall.distance - limits.margin / across) / (1.0 + WAY_ERROR);
+        let room = (wall.distance - plane.margin / across) / (1.0 + WAY_ERROR);
         if room < fraction * level {
             fraction = (room / level).max(0.0);
             cause = cause.or(Some(wall.cause));
@@ -192,7 +197,10 @@ fn confine_climb(limits: &Limits, craft: &Craft, is: &Situation, up: f64) -> (f6
     let braking = Braking::new(limits, craft, craft.climb_acceleration);
     let height = is.at.up;
     let between = |floor: f64, ceiling: f64| {
-        up.clamp(-braking.speed_within(height - floor), braking.speed_within(ceiling - limits.margin - height))
+        up.clamp(
+            -braking.speed_within(height - floor - is.spread.vertical),
+            braking.speed_within(ceiling - limits.margin - is.spread.vertical - height),
+        )
     };
     let mut limited = between(limits.min_altitude, limits.max_altitude);
     let mut cause = (limited != up).then_some(Cause::AltitudeLimit);
@@ -235,13 +243,13 @@ impl<'a> Plane<'a> {
             at,
             home: (is.home.east, is.home.north),
             max_distance: limits.max_distance,
-            margin: limits.margin,
+            margin: limits.margin + is.spread.horizontal,
             fence: limits.geofence.as_ref(),
             altitudes,
             back: None,
             closed: false,
             braking,
-            reach: braking.reach(speed) + limits.margin,
+            reach: braking.reach(speed) + limits.margin + is.spread.horizontal,
         };
         if let Some(fence) = plane.fence.filter(|fence| !fence.allows(at, altitudes)) {
             match fence.nearest_inside(at, altitudes) {

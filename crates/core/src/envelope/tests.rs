@@ -5,9 +5,10 @@ mod manoeuvres;
 mod rows;
 
 use super::*;
+use crate::command::Manoeuvre;
 use crate::frame::FrameId;
 use crate::geofence::Geofence;
-use crate::geometry::Attitude;
+use crate::geometry::{Attitude, BodyDisplacement};
 use crate::time::Duration;
 
 /// An envelope about a craft that hovers 3 m above its take-off point, facing north, with everything fresh.

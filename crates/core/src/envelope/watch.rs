@@ -50,6 +50,8 @@ pub(super) struct Watch {
     last_failure: Time,
     /// Start of each breach: altitude, distance, geofence.
     breaches: [Option<Time>; 3],
+    /// Since when the position is too uncertain for the limits.
+    uncertain: Option<Time>,
 }
 
 /// The causes of [`Watch::breaches`], in its order.
@@ -110,12 +112,14 @@ impl Watch {
         self.link_lost.is_some()
     }
 
-    /// Updates from the estimate after new telemetry. `breached`: altitude, distance, geofence.
-    pub(super) fn estimate(&mut self, now: Time, estimate: &Estimate, limits: &Limits, breached: [bool; 3]) {
+    /// Updates from the estimate after new telemetry. `breached`: altitude, distance, geofence. `uncertain`: whether the
+    /// position is too uncertain for the limits.
+    pub(super) fn estimate(&mut self, now: Time, estimate: &Estimate, limits: &Limits, breached: [bool; 3], uncertain: bool) {
         let low = limits.low_battery + if self.battery_low.is_some() { BATTERY_HYSTERESIS } else { 0.0 };
         set(&mut self.battery_low, estimate.battery.is_some_and(|charge| charge < low), now);
         set(&mut self.crashed, estimate.crashed, now);
         set(&mut self.imu_error, estimate.imu_error, now);
+        set(&mut self.uncertain, uncertain, now);
         for (since, breached) in self.breaches.iter_mut().zip(breached) {
             set(since, breached, now);
         }
@@ -163,6 +167,12 @@ impl Watch {
                 ..condition(BREACHES[i], since, 0.0)
             })
         };
+        let uncertain = self.uncertain.filter(|_| airborne).map(|since| Condition {
+            may_move: operator,
+            // The operator sees where the craft is.
+            land_at: if operator { Time::MAX } else { since + duration_from_secs(limits.breach_land_after) },
+            ..condition(Cause::UncertainPosition, since, 0.0)
+        });
         let stale_at = self.captured.map_or(Time::ZERO, |captured| at(captured, limits.max_frame_age)).max(estimate.phase_since);
         let stale = piloted.then(|| {
             let cause = if self.unusable > 0 { Cause::UnusableFrame } else { Cause::StaleFrame };
@@ -178,7 +188,9 @@ impl Watch {
             land_at: if self.failed_replies >= limits.max_failed_replies { self.last_failure } else { Time::MAX },
             may_move: false,
         });
-        [crashed, imu, link, telemetry, battery, breach(2), breach(1), breach(0), frozen, stale, failed].into_iter().flatten()
+        [crashed, imu, link, telemetry, battery, uncertain, breach(2), breach(1), breach(0), frozen, stale, failed]
+            .into_iter()
+            .flatten()
     }
 
     /// The most severe reaction that `conditions` demand at `now`; among equals the more severe cause.

@@ -93,6 +93,34 @@ fn tello_is_dead_reckoned() {
 
 /// The same for a craft that answers half as fast as its figures say: coarse reports still hold the reckoning.
 #[test]
+fn drift_grows_with_time_and_distance_and_is_zero_with_a_position() {
+    let fly = |speed: f64, position: bool, height: bool| {
+        let mut estimator = MotionEstimator::new(&Craft::tello(), Senses::tello());
+        for n in 0..=1000 {
+            let time = Time::from_millis(100 * n);
+            let velocity = Some(EnuVelocity { north: speed, up: 0.5 * speed, ..EnuVelocity::default() });
+            estimator.observe(&Telemetry {
+                time,
+                velocity,
+                position: position.then(EnuPosition::default),
+                height: height.then_some(1.0),
+                phase: FlightPhase::Flying,
+                ..Telemetry::default()
+            });
+        }
+        estimator.drift()
+    };
+    assert_eq!(fly(1.0, true, true), Spread::default());
+    // 100 s of reports rounded to 0.1 m/s: 2·√(2·0.01/12·100).
+    let hovering = fly(0.0, false, true);
+    assert!((hovering.horizontal - 0.816).abs() < 0.01 && hovering.vertical == 0.0, "{hovering:?}");
+    // 5 % of the distance in addition: speeds of 1 m/s and 0.5 m/s, rounded to 0.1 m/s, may have been 0.05 m/s less.
+    let flying = fly(1.0, false, false);
+    assert!((flying.horizontal - libm::hypot(9.5, 0.816)).abs() < 0.02, "{flying:?}");
+    assert!((flying.vertical - libm::hypot(4.5, 0.577)).abs() < 0.02, "{flying:?}");
+}
+
+#[test]
 fn reports_win_over_a_wrong_response() {
     let wrong = Craft { lag: 0.6, dead_time: 0.0, ..Craft::quad() };
     let mut estimator = MotionEstimator::new(&wrong, Senses::tello());

@@ -296,8 +296,9 @@ impl Pilot {
             return;
         }
         self.last_telemetry = Some(telemetry.time);
-        self.envelope.observe_telemetry(now, &telemetry);
         self.estimator.observe(&telemetry);
+        self.envelope.observe_drift(self.estimator.drift());
+        self.envelope.observe_telemetry(now, &telemetry);
         self.executor.observe(telemetry.time, telemetry.phase);
         let before = core::mem::replace(&mut self.craft_phase, telemetry.phase);
         self.follow_craft(now, before, telemetry.crashed);

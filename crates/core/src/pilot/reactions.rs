@@ -48,7 +48,9 @@ impl Pilot {
 fn outcome_of(cause: Cause) -> Outcome {
     match cause {
         Cause::Crashed => Outcome::Collision,
-        Cause::AltitudeBreach | Cause::DistanceBreach | Cause::GeofenceBreach | Cause::LowBattery => Outcome::Aborted,
+        Cause::AltitudeBreach | Cause::DistanceBreach | Cause::GeofenceBreach | Cause::UncertainPosition | Cause::LowBattery => {
+            Outcome::Aborted
+        }
         _ => Outcome::Failed,
     }
 }

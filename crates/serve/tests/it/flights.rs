@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use crate::wired::{CAMERA_FAULTS, Wired};
 use spf_core::camera::Camera;
-use spf_core::craft::CraftKind;
+use spf_core::craft::{Craft, CraftKind};
+use spf_core::envelope::Limits;
 use spf_core::executor::Motion;
 use spf_core::fault::{Fault, FaultPlan, Rule, Stream, Trouble, TroubleRule};
 use spf_core::geometry::EnuPosition;
@@ -113,6 +114,18 @@ fn fly_in(
     settings: PilotSettings,
     events: &str,
 ) -> Flight {
+    fly_within(Limits::for_craft(&Craft::tello()), scene, instruction, faults, latency, settings, events)
+}
+
+fn fly_within(
+    limits: Limits,
+    scene: &str,
+    instruction: &str,
+    faults: FaultPlan,
+    latency: Option<Duration>,
+    settings: PilotSettings,
+    events: &str,
+) -> Flight {
     let loaded = Arc::new(LoadedScene::load(scene).unwrap());
     let start = loaded.scene.start;
     let world = SimWorld::new(loaded, CraftKind::Tello, start, 5);
@@ -123,7 +136,7 @@ fn fly_in(
     let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(oracle.lock().unwrap().take().unwrap())));
     let site = Site::Real(Real { drone: Box::new(drone), clock: Clock::Virtual });
     let script = Script::from_toml(events).unwrap();
-    let plan = FlightPlan { settings, script, ..FlightPlan::new(site, instruction, "oracle", vlm_factory) };
+    let plan = FlightPlan { settings, script, limits, ..FlightPlan::new(site, instruction, "oracle", vlm_factory) };
     let mut seen = Seen { world: Some(world.clone()), ..Seen::default() };
     flight::fly(plan, &mut [&mut seen]).unwrap();
     let sent = sent.lock().unwrap().clone();
@@ -359,6 +372,21 @@ fn the_stated_error_of_the_dead_reckoned_position_is_the_true_one() {
     }
     let typical = last.iter().sum::<f64>() / last.len() as f64;
     assert!(typical > 0.15, "stated far too large: {typical}");
+}
+
+/// A Tello's position becomes uncertain with time alone; a limit of 1.2 m leaves it no room after less than a minute.
+#[test]
+fn a_tello_lands_when_its_position_is_too_uncertain_for_the_limits() {
+    let patient = PilotSettings { reply_timeout: Duration::from_secs(200), max_time: Duration::from_secs(200), ..settings() };
+    let limits = Limits { max_distance: 1.2, ..Limits::for_craft(&Craft::tello()) };
+    let flight = fly_within(limits, "office", GOAL, FaultPlan::default(), Some(Duration::from_secs(150)), patient, "");
+    let (at, outcome, cause) = flight.seen.outcome.clone().unwrap();
+    let expected = "the position is too uncertain for the distance limit or the geofence";
+    assert_eq!((outcome, cause.as_str()), (Outcome::Aborted, expected), "{at}");
+    // 2σ = 2·√(0.01/6·t) reaches half of 1.2 m after 54 s; the landing follows 5 s later.
+    let airborne = flight.seen.phases.iter().find(|(_, phase)| *phase == Phase::Flying).unwrap().0;
+    assert!((at.since(airborne).as_secs_f64() - 59.0).abs() < 8.0, "{at} after {airborne}");
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
 }
 
 fn by_go() -> PilotSettings {

@@ -156,6 +156,62 @@ fn a_turn_towards_the_fence_counts() {
 }
 
 #[test]
+fn the_position_follows_the_measured_speed_and_not_the_commanded_one() {
+    let mut rig = Rig::flying(Limits { max_distance: 12.0, ..Limits::default() });
+    rig.telemetry.position = None;
+    rig.telemetry.velocity = Some(EnuVelocity { north: 0.5, ..EnuVelocity::default() });
+    // 1 m/s is commanded for 10 s, but a wind lets it fly half of that.
+    for now in (1100..=11_000).step_by(100) {
+        rig.fresh(ms(now));
+        assert_eq!(rig.ask(ms(now), forward(1.0)), (forward(1.0), None));
+    }
+    // 12 − 0.5 − 5 m, less 0.05 m for the dead time: 3 m/s needs 3.8 m.
+    assert_eq!(rig.ask(ms(11_000), forward(3.0)), (forward(3.0), None));
+    near(rig.envelope.estimate.position.north, 5.0);
+}
+
+#[test]
+fn the_stated_deviation_widens_every_margin() {
+    let spread = Spread { horizontal: 1.0, vertical: 0.4 };
+    let mut rig = fenced(0.0, 17.0, 3.0);
+    rig.envelope.observe_drift(spread);
+    let (is, why) = rig.ask(ms(1100), forward(3.0));
+    // 3 m to the fence less 0.5 m and 1 m: v·0.9 + v²/8 = 1.5.
+    near(is.forward * 0.9 + is.forward * is.forward / 8.0, 1.5);
+    assert_eq!(why, Some(Cause::GeofenceLimit));
+    // Within the wider margin the way inwards is open, and outwards nothing is left.
+    rig.place(0.0, 18.8, 3.0);
+    rig.fresh(ms(1200));
+    assert!(rig.ask(ms(1200), forward(1.0)).0.is_hold());
+    assert_eq!(rig.ask(ms(1200), forward(-1.0)), (forward(-1.0), None));
+    assert_eq!(rig.envelope.reaction(ms(1200)), Reaction::Continue);
+
+    let mut rig = fenced(0.0, 0.0, 10.5);
+    rig.envelope.observe_drift(spread);
+    // 12 m − 0.5 m − 0.4 m − 10.5 m.
+    let (is, _) = rig.ask(ms(1100), climb(1.5));
+    near(is.up * 0.9 + is.up * is.up / 6.0, 0.6);
+    // The floor of 0.3 m, 0.4 m higher.
+    rig.place(0.0, 0.0, 1.0);
+    rig.fresh(ms(1200));
+    let (is, _) = rig.ask(ms(1200), climb(-1.0));
+    near(is.up * -0.9 + is.up * is.up / 6.0, 0.3);
+
+    let mut rig = Rig::flying(Limits { max_distance: 12.0, ..Limits::default() });
+    rig.envelope.observe_drift(spread);
+    rig.place(0.0, 9.0, 3.0);
+    rig.fresh(ms(1100));
+    let (is, why) = rig.ask(ms(1100), forward(3.0));
+    near(is.forward * 0.9 + is.forward * is.forward / 8.0, 1.5);
+    assert_eq!(why, Some(Cause::DistanceLimit));
+    // A manoeuvre ends as far inside.
+    let way = BodyDisplacement { forward: 5.0, ..BodyDisplacement::default() };
+    let cleared = rig.envelope.clear_manoeuvre(ms(1100), Manoeuvre::Go { displacement: way, speed: 0.5 });
+    let Command::Manoeuvre(Manoeuvre::Go { displacement, .. }) = *cleared.cleared.get() else { panic!("{cleared:?}") };
+    near(displacement.forward * 1.1, 1.5);
+}
+
+#[test]
 fn unknown_positions_are_reckoned() {
     // A Tello tells velocity and height, no position: after 10 s at 1 m/s it is 10 m north.
     let mut rig = Rig::flying(Limits { max_distance: 12.0, ..Limits::for_craft(&Craft::tello()) });
