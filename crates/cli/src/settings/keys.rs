@@ -147,7 +147,7 @@ settings! {
         max_distance_m: f64 = "", Number(1.0, 10_000.0), "SPF_MAX_DISTANCE_M", "--max-distance";
         /// battery charge, 0 to 1, below which the flight ends; empty: 0.15
         low_battery: f64 = "", Number(0.0, 1.0), "SPF_LOW_BATTERY";
-        /// consecutive failed replies before landing; empty: the envelope's
+        /// consecutive failed replies before landing; empty: 5
         max_failed_replies: u32 = "", Count(1, 1000), "SPF_MAX_FAILED_REPLIES";
     }
 }

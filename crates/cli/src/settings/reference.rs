@@ -13,17 +13,20 @@ const HEAD: &str = "\
 <!-- Written from crates/cli/src/settings/keys.rs by
 `INSTA_UPDATE=always cargo test -p spf reference`; a test compares. -->
 
-Each key can be set in four places, in rising order of precedence: the default; the configuration
-file (`./spf.toml`, or the one of `--config FILE`); an environment variable, or the same variable
-in `./.env`, which has lower precedence than the environment; a flag. `spf config show` prints all
-values in force with their sources, in the form of a configuration file.
+Each key can be set in four places. In rising order of precedence they are the default, the
+configuration file (`./spf.toml`, or the file of `--config FILE`), an environment variable and a
+flag. Variables can also be set in `./.env`; the environment overrides that file. `spf config show`
+prints every value in force with its source, in the form of a configuration file.
 
-The file is TOML: each table below is a `[table]`, and a value is a text, number, `true` or `false`.
-An unknown key is an error with its line. An unknown variable that begins with `SPF_` is a warning,
-because other programs use that prefix too; `SPF_SHARDS` belongs to the bench
-([cluster](../guide/cluster.md)). An empty value (`\"\"`) selects the value in the meaning, otherwise
-the default; for `true` and `false` it is `false`. Flags are those of `spf fly`; other commands have
-some of them.
+The file is TOML: each table below is a `[table]`, and a value is a string, a number, `true` or
+`false`. An unknown key is an error, which names its line. An unknown variable that begins with
+`SPF_` causes only a warning, because other programs use that prefix too; `SPF_SHARDS` is not a
+setting but a variable of `spf bench` ([cluster](../guide/cluster.md)).
+
+A key with an empty value (`\"\"`) means what the column *meaning* states after \"empty:\". A key
+without such a statement then has its default, or `false` if its values are `true` and `false`. A
+flag written as `--avoid`: true takes no value and sets the key to that value. The flags are
+those of `spf fly`; other commands have some of them.
 
 In code: `crates/cli/src/settings`.
 ";
