@@ -61,7 +61,7 @@ pub enum Manoeuvre {
 }
 
 impl Manoeuvre {
-    /// A displacement shorter than this on every axis cannot be commanded, metres (Tello SDK 2.0, `go`).
+    /// Minimum displacement, metres: at least one axis must reach it (Tello SDK 2.0, `go`).
     pub const LEAST_WAY: f64 = 0.2;
     /// Maximum displacement on any axis, metres.
     pub const MOST_WAY: f64 = 5.0;

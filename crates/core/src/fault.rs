@@ -133,7 +133,7 @@ pub enum Trouble {
     VideoUniform,
     /// Take-off is refused.
     TakeOffRefused,
-    /// The craft restarts when the rule begins: it forgets its client, and in the air it loses its motors.
+    /// The craft restarts when the rule begins: the client must connect again, and in the air the motors stop.
     Reboot,
 }
 
@@ -168,7 +168,7 @@ pub struct FaultPlan {
 #[non_exhaustive]
 pub enum FaultError {
     /// A probability outside 0..=1.
-    #[error("fault rule `{rule}`: probability `{p}` is not in 0 to 1")]
+    #[error("fault rule `{rule}`: probability `{p}` must be 0 to 1")]
     Probability {
         /// Index of the rule.
         rule: usize,
@@ -449,7 +449,7 @@ mod tests {
             let rules = vec![Rule { stream: Stream::Replies, from, until, fault }];
             FaultMachine::new(FaultPlan { rules, ..FaultPlan::default() }, 0).unwrap_err().to_string()
         };
-        assert_eq!(refused(Fault::Drop { p: 1.5 }, 0.0, None), "fault rule `0`: probability `1.5` is not in 0 to 1");
+        assert_eq!(refused(Fault::Drop { p: 1.5 }, 0.0, None), "fault rule `0`: probability `1.5` must be 0 to 1");
         assert_eq!(
             refused(Fault::Delay { mean: f64::NAN, jitter: 0.0 }, 0.0, None),
             "fault rule `0`: `mean` is `NaN` s, must be 0 to 86400 s"

@@ -51,7 +51,7 @@ pub enum Unusable {
     Placeholder,
     /// It could not be decoded.
     Undecodable,
-    /// Unknown: read from a log, which does not record the reason.
+    /// The reason is unknown: read from a log, which does not record it.
     Untold,
 }
 

@@ -159,7 +159,7 @@ fn turn(up: f64, other: f64, angle: f64) -> (f64, f64) {
     (up * cos - other * sin, other * cos + up * sin)
 }
 
-/// Metres of range that a depth label stands for, as the prompt tells the model: `10^((label − 1) / 4.5)`, so 1 at 1 m and 10
+/// The range in metres that a depth label stands for, as defined in the prompt: `10^((label − 1) / 4.5)`, so 1 at 1 m and 10
 /// at 100 m (`docs/explanation/method.md`). Half labels are meaningful, so the label is a number.
 #[must_use]
 pub fn range_of_label(label: f64) -> f64 {

@@ -157,7 +157,7 @@ pub enum Look {
     Behind,
 }
 
-/// What the pilot remembers and tells the VLM with each query (`docs/explanation/method.md`).
+/// The history that the pilot includes in each query to the VLM (`docs/explanation/method.md`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Memory {
     /// Current stage of a multi-stage instruction, from 1, according to the last reply.
@@ -179,9 +179,9 @@ pub struct Memory {
 pub struct Query {
     /// Its number.
     pub id: QueryId,
-    /// The kind of answer requested.
+    /// The frame that it is about.
     pub frame: FrameId,
-    /// What kind of answer is wanted.
+    /// The kind of answer requested.
     #[serde(flatten)]
     pub kind: QueryKind,
     /// The user's instruction.

@@ -19,7 +19,7 @@ pub struct InstructionReading {
     pub corrections: Vec<Correction>,
     /// Unknown words beside others that name an object; they were ignored.
     pub ignored: Vec<UnknownWord>,
-    /// Motions without a thing to fly to ("forward 20 metres"), as said: no image shows where they end, and they are not flown.
+    /// Motions without a target ("forward 20 metres"), as written: no image shows where they end, and they are not flown.
     pub directions: Vec<String>,
 }
 
@@ -28,13 +28,13 @@ pub struct InstructionReading {
 pub struct ReadStep {
     /// The action.
     pub verb: Verb,
-    /// The target, in the words as read; empty for a look around.
+    /// The target, in corrected words; empty for a scan of the surroundings.
     pub target: String,
     /// Ids of the objects that it may mean, at their initial positions.
     pub candidates: Vec<u16>,
     /// Nouns known neither to the language nor to the scene.
     pub unknown: Vec<UnknownWord>,
-    /// Where nothing fits: what the scene has that is nearest in meaning, by name.
+    /// If nothing matches: the names of the objects in the scene that are closest in meaning.
     pub alike: Vec<String>,
     /// Whether it names something that may be searched for where nothing fits.
     names_something: bool,
@@ -45,7 +45,7 @@ pub struct ReadStep {
 pub struct Correction {
     /// The word as written, in lower case.
     pub written: String,
-    /// The word as read.
+    /// The corrected word.
     pub read: String,
 }
 

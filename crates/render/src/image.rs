@@ -9,22 +9,22 @@ use spf_media::{EncodeError, png};
 use super::Channels;
 use super::raster::{NONE, TILE, TILE_AREA, place};
 
-/// An image; the channels that were asked for are there. Rows run from the top, pixels from the left.
+/// A rendered image with the requested channels. Rows run from the top, pixels from the left.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RenderedImage {
-    /// Pixels.
+    /// Width, pixels.
     pub width: u32,
-    /// Pixels.
+    /// Height, pixels.
     pub height: u32,
     /// sRGB, three bytes a pixel.
     pub rgb: Option<Vec<u8>>,
-    /// Metres along the optical axis; 0 where there is nothing.
+    /// Depth along the optical axis, metres; 0 where there is nothing.
     pub depth: Option<Vec<f32>>,
-    /// The object at each pixel's centre; 0 for none.
+    /// Id of the object at each pixel's centre; 0 for none.
     pub ids: Option<Vec<u16>>,
-    /// The nearest opening at each pixel's centre that no solid hides; 0 for none.
+    /// Id of the nearest opening at each pixel's centre that is not hidden by a solid object; 0 for none.
     pub opening_ids: Option<Vec<u16>>,
-    /// Metres along the optical axis to that opening; 0 for none.
+    /// Depth of that opening along the optical axis, metres; 0 for none.
     pub opening_depth: Option<Vec<f32>>,
 }
 
@@ -32,15 +32,15 @@ pub struct RenderedImage {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SaveError {
-    /// The image was drawn without this channel.
+    /// The image was rendered without this channel.
     #[error("the image has no `{0}` channel; request it when rendering")]
     Missing(&'static str),
     /// The file could not be written.
     #[error("cannot write `{}`", path.display())]
     Write {
-        /// Where to.
+        /// Path of the file.
         path: PathBuf,
-        /// What went wrong.
+        /// The cause.
         source: io::Error,
     },
 }

@@ -65,41 +65,40 @@ use spf_scene::texture::Texture;
 pub use view::Frustum;
 use view::View;
 
-/// The greatest width and height of an image, pixels; a larger camera is drawn up to this.
+/// Maximum width and height of an image, pixels; images of larger cameras are cropped to this.
 pub const MAX_SIDE: u32 = 8192;
 
-/// What is drawn: nothing that is not asked for costs anything.
+/// The channels to render. Channels that are not requested cost nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Channels {
     /// The colour image.
     pub rgb: bool,
-    /// Metres along the optical axis.
+    /// Depth along the optical axis, metres.
     pub depth: bool,
-    /// The object seen at each pixel's centre.
+    /// The id of the object at each pixel's centre.
     pub ids: bool,
-    /// The second pair, ids and depth, of openings.
+    /// Ids and depth of openings, in separate images.
     pub openings: bool,
-    /// How fine the colour image is.
+    /// Quality of the colour image.
     pub quality: Quality,
 }
 
-/// How fine a colour image is. Other channels do not depend on it.
+/// Rendering quality of a colour image. Other channels do not depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
-    /// With smooth edges: what is recorded and what a VLM is sent.
+    /// With anti-aliasing: for recordings and images sent to a VLM.
     #[default]
     Full,
-    /// To look on while flying: jagged edges, shadows with hard rims, none where things stand on the ground, and of the noise of
-    /// materials what is broad.
+    /// For live viewing: no anti-aliasing, hard shadow edges, no contact shadows, and only the coarse part of material noise.
     Live,
 }
 
 impl Channels {
-    /// Colour alone.
+    /// Colour only.
     pub const RGB: Self = Self { rgb: true, depth: false, ids: false, openings: false, quality: Quality::Full };
     /// What the oracle reads: ids, depth and openings.
     pub const TRUTH: Self = Self { rgb: false, depth: true, ids: true, openings: true, quality: Quality::Full };
-    /// Everything.
+    /// All channels.
     pub const ALL: Self = Self { rgb: true, ..Self::TRUTH };
 }
 
@@ -121,8 +120,8 @@ struct Palette {
     developed: Developed,
 }
 
-/// A scene prepared for drawing. Shared between threads by reference; one image already uses all threads of the current
-/// rayon pool.
+/// A scene prepared for rendering. Shared between threads by reference; rendering one image already uses all threads of the
+/// current rayon pool.
 #[derive(Debug)]
 pub struct Renderer {
     soup: Soup,
@@ -148,7 +147,7 @@ struct Scratch {
 }
 
 impl Renderer {
-    /// Prepares a scene. Triangles without area, or whose corners do not exist, are left out.
+    /// Prepares a scene. Triangles without area, or with vertex indices out of range, are omitted.
     #[must_use]
     pub fn new(scene: &SceneGeometry) -> Self {
         Self {
@@ -163,20 +162,20 @@ impl Renderer {
         }
     }
 
-    /// Draws with the instructions that every machine of this kind has, and not with wider vectors where there are any. The
-    /// images are the same, bit for bit, and take longer: this is there to show so.
+    /// Renders with the baseline instruction set instead of the widest vectors available. The images are the same, bit for bit,
+    /// and take longer; for tests of exactly that.
     #[must_use]
     pub fn with_plain_instructions(self) -> Self {
         Self { instructions: Instructions::plain(), ..self }
     }
 
-    /// Triangles in the scene.
+    /// Number of triangles in the scene.
     #[must_use]
     pub fn triangles(&self) -> usize {
         self.soup.triangles.len()
     }
 
-    /// A new image from `pose`. Lens distortion is not drawn: the image is that of the undistorted camera.
+    /// Renders a new image from `pose`. Lens distortion is not applied: the image is that of the undistorted camera.
     #[must_use]
     pub fn render(&self, camera: &Camera, pose: &Pose, channels: Channels) -> RenderedImage {
         let mut image = RenderedImage::default();
@@ -184,8 +183,8 @@ impl Renderer {
         image
     }
 
-    /// Draws into `image`, whose memory is used again; `actors` are parts that this image alone has (things that move), in
-    /// world coordinates, with materials of the scene. Actors stand in the scene's shadows but cast none.
+    /// Renders into `image`, reusing its buffers; `actors` are additional parts for this image only (moving objects), in world
+    /// coordinates, with materials of the scene. Actors receive the scene's shadows but cast none.
     pub fn render_into(&self, camera: &Camera, pose: &Pose, channels: Channels, actors: &[Part], image: &mut RenderedImage) {
         let mut view = View::new(camera, pose);
         (view.width, view.height) = (view.width.min(MAX_SIDE), view.height.min(MAX_SIDE));

@@ -74,11 +74,11 @@ impl Lights<'_> {
 }
 
 impl Renderer {
-    /// Light on each thing in `image`, which needs ids and depth and was drawn from `pose`: 0 dark to 1, where it is as clear as
-    /// by day; what is not listed is clear. It is the mean over up to some twenty of the thing's pixels of what a white surface
-    /// there would come to on the film; things that glow are clear.
+    /// Light on each object in `image`, which was rendered from `pose` with ids and depth: 0 is dark, 1 is daylight; objects not
+    /// listed have 1. It is the mean, over about twenty of the object's pixels, of the exposed brightness of a white surface
+    /// there; objects that emit light have 1.
     ///
-    /// Nothing is worked out in scenes without dark places, and all things there are clear.
+    /// In scenes without dark places nothing is computed, and all objects have 1.
     #[must_use]
     pub fn light_on(&self, camera: &Camera, pose: &Pose, image: &RenderedImage) -> BTreeMap<u16, f32> {
         let (Some(ids), Some(depth)) = (&image.ids, &image.depth) else { return BTreeMap::new() };

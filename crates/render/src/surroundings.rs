@@ -12,7 +12,7 @@ const WIDE: f64 = 2.5;
 /// Size of that view, pixels.
 const SIZE: (u32, u32) = (320, 240);
 
-/// The view around a camera's frame.
+/// A wider view around a camera's frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surroundings {
     camera: Camera,
@@ -21,7 +21,7 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// The view around the frame of `camera`, which may have a lens.
+    /// The wider view around the frame of `camera`, which may have lens distortion.
     #[must_use]
     pub fn of(camera: &Camera) -> Self {
         let wide = widened(camera);
@@ -29,14 +29,14 @@ impl Surroundings {
         Self { camera: wide, inside }
     }
 
-    /// The camera to draw ids and openings with, at the pose of the frame's.
+    /// The wide camera with which to render ids and openings, at the pose of the frame's camera.
     #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// Fraction of each object's silhouette inside the frame, 0..=1, from that image; openings by their own. Objects beside the
-    /// view are not listed.
+    /// Fraction of each object's silhouette inside the frame, 0..=1, computed from that image; openings from their own ids.
+    /// Objects outside the wide view are not listed.
     #[must_use]
     pub fn fractions(&self, image: &RenderedImage) -> BTreeMap<ObjectId, f32> {
         let channels = || [image.ids.as_deref(), image.opening_ids.as_deref()].into_iter().flatten();

@@ -78,18 +78,19 @@ impl View {
     }
 }
 
-/// What lies before a camera, roughly: for leaving out what moves before it is turned into the world.
+/// Approximate view frustum of a camera, for culling moving objects before they are transformed to the world frame.
 #[derive(Clone, Debug)]
 pub struct Frustum([(Vec3, f32); 5]);
 
 impl Frustum {
-    /// The room before `camera` at `pose`.
+    /// The frustum of `camera` at `pose`.
     #[must_use]
     pub fn new(camera: &Camera, pose: &Pose) -> Self {
         Self(View::new(camera, pose).frustum())
     }
 
-    /// Whether any part of the ball about `centre` may be in the image; never false for one that is.
+    /// Whether any part of the sphere around `centre` may be in the image; may be true for a sphere outside, never false for
+    /// one inside.
     #[must_use]
     pub fn sees(&self, centre: Vec3, radius: f32) -> bool {
         self.0.iter().all(|(normal, offset)| normal.dot(centre) + radius * normal.length() >= *offset)

@@ -28,19 +28,19 @@ const LEAST_ADVANCE: f64 = 1e-3;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ColliderError {
-    /// A triangle names a corner that its part lacks.
-    #[error("part `{part}` of object `{object}` refers to vertex `{corner}` of `{corners}`: index out of range")]
+    /// A vertex index of a triangle is out of range.
+    #[error("part `{part}` of object `{object}` refers to vertex {corner}, but has only {corners} vertices")]
     CornerOutOfRange {
         /// Index of the part in the scene's list.
         part: usize,
         /// Its object.
         object: ObjectId,
-        /// The corner asked for.
+        /// The vertex index.
         corner: u32,
-        /// How many corners the part has.
+        /// Number of vertices of the part.
         corners: usize,
     },
-    /// A corner is not a finite point.
+    /// A vertex has a coordinate that is not finite.
     #[error("part `{part}` of object `{object}` has a vertex that is not finite: check its parameters")]
     NotFinite {
         /// Index of the part in the scene's list.

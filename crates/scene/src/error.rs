@@ -11,9 +11,9 @@ pub enum SceneError {
     /// No built-in scene has this name.
     #[error("unknown scene `{name}`\n\nhint: {hint}")]
     Unknown {
-        /// What was asked for.
+        /// The name given.
         name: String,
-        /// What there is.
+        /// The known names, or the nearest one.
         hint: String,
     },
     /// The file could not be read.
@@ -25,26 +25,26 @@ pub enum SceneError {
         #[source]
         source: std::io::Error,
     },
-    /// The file is no scene.
+    /// The file is not a valid scene file.
     #[error("{file}:{line}: {message}{}", hint.as_ref().map(|h| format!("\n\nhint: {h}")).unwrap_or_default())]
     Invalid {
         /// The file.
         file: String,
         /// Line, from 1.
         line: usize,
-        /// What is wrong.
+        /// The problem.
         message: String,
-        /// What to do.
+        /// How to fix it.
         hint: Option<String>,
     },
-    /// The model file cannot be made a world.
+    /// The glTF file cannot be loaded as a scene.
     #[error("{file}: {message}{}", hint.as_ref().map(|h| format!("\n\nhint: {h}")).unwrap_or_default())]
     Model {
         /// The file.
         file: String,
-        /// What is wrong, and where in it.
+        /// The problem, and its place in the file.
         message: String,
-        /// What to do.
+        /// How to fix it.
         hint: Option<String>,
     },
 }

@@ -39,13 +39,14 @@ pub struct Part {
 /// The role of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// Drawn and touched.
+    /// Rendered and solid.
     Solid,
-    /// Drawn only.
+    /// Rendered, but not solid.
     Visual,
-    /// Touched only: clear glass.
+    /// Solid, but not rendered: clear glass.
     Glass,
-    /// An opening (gate, tunnel mouth, hollow): drawn into the second id and depth image only; hides nothing, touches nothing.
+    /// An opening (gate, tunnel mouth, hollow): rendered only into the separate id and depth images of openings; neither hides
+    /// nor collides with anything.
     Opening,
 }
 
@@ -86,16 +87,16 @@ pub enum Pattern {
     },
     /// Grass: two greens in patches.
     Grass,
-    /// Concrete: faint stains and joints every so many metres.
+    /// Concrete: faint stains, and joints at regular distances.
     Concrete {
-        /// Distance of joints, metres; 0 for none.
+        /// Distance between joints, metres; 0 for none.
         joint: f32,
     },
-    /// Leaves: mottled in light and dark.
+    /// Leaves: mottled light and dark.
     Foliage,
     /// Tree bark, planks: streaks along v.
     Wood,
-    /// Water: ripples, mirrors the sky.
+    /// Water: rippled, reflecting the sky.
     Water,
     /// Stripes of the accent colour across v, period in metres.
     Stripes {
@@ -104,9 +105,9 @@ pub enum Pattern {
     },
     /// An image, its light multiplied by the base colour.
     Image {
-        /// Index into [`SceneGeometry::textures`]; one that is not there is white.
+        /// Index into [`SceneGeometry::textures`]; an index out of range gives white.
         texture: u16,
-        /// Fraction of a mirror, 0..=1.
+        /// Reflectivity: 0 is matt, 1 a perfect mirror.
         mirror: f32,
     },
 }

@@ -9,10 +9,10 @@ use crate::geometry::Light;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Lighting {
-    /// The sun, high.
+    /// Clear sky with a high sun.
     #[default]
     Day,
-    /// A closed layer of clouds by day: light without shadows.
+    /// Full cloud cover by day: no shadows.
     Overcast,
     /// The sun at the horizon; lamps are lit.
     Dusk,
@@ -35,7 +35,7 @@ impl Lighting {
         }
     }
 
-    /// The light with this name.
+    /// The light with this name; `None` if unknown.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|light| light.name() == name)
@@ -77,12 +77,12 @@ impl Lighting {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Weather {
-    /// What the light has by itself.
+    /// No change to the light.
     #[default]
     Clear,
-    /// Dry haze: a few hundred metres of sight.
+    /// Dry haze: visibility of a few hundred metres.
     Haze,
-    /// Rain under clouds: grey, little sight, falling drops.
+    /// Rain: overcast and grey, low visibility, falling drops.
     Rain,
 }
 
@@ -100,7 +100,7 @@ impl Weather {
         }
     }
 
-    /// The weather with this name.
+    /// The weather with this name; `None` if unknown.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|weather| weather.name() == name)

@@ -53,12 +53,12 @@ pub struct Object {
     pub id: ObjectId,
     /// Its name in the file, unique; repeated objects end in `_1`, `_2`, ….
     pub key: String,
-    /// What people call it.
+    /// Its names, uses and other properties in words.
     pub tags: Tags,
-    /// Kind of its mesh, one of [`Scene::mesh_kinds`], `model` for a model file placed as an object, or `gltf` for one out of a model that
-    /// is a world.
+    /// Kind of its mesh: one of [`Scene::mesh_kinds`], `model` for a model file placed as an object, or `gltf` for an object of
+    /// a scene loaded from a glTF file.
     pub mesh: &'static str,
-    /// Whether it is an opening, a surface that hides and touches nothing.
+    /// Whether it is an opening: a surface that neither hides nor collides with anything.
     pub opening: bool,
     /// Extent of its meshes.
     pub bounds: Aabb,
@@ -66,12 +66,12 @@ pub struct Object {
     pub outline: Vec<Vec<[f64; 2]>>,
 }
 
-/// What people call a thing and do with it. Lower case.
+/// Names and properties of an object, as people describe it, in lower case.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Tags {
-    /// What it is, most fitting first; never empty.
+    /// Its names, the most specific first; never empty.
     pub names: Vec<String>,
-    /// Other words for it.
+    /// Synonyms.
     pub synonyms: Vec<String>,
     /// Adjectives besides the colour.
     pub qualities: Vec<String>,
@@ -81,33 +81,33 @@ pub struct Tags {
     pub kind: String,
     /// What people do with it, as verbs or phrases.
     pub uses: Vec<String>,
-    /// Where it belongs: construction site, car park, ….
+    /// The group of objects to which it belongs: construction site, car park, ….
     pub group: Option<String>,
-    /// Number written on it or known by.
+    /// Number written on it, or by which it is known.
     pub number: Option<u32>,
     /// For an opening: the object it leads through.
     pub opening_of: Option<ObjectId>,
 }
 
 impl Scene {
-    /// The object of an id; none for 0 (nothing) and ids beyond the list.
+    /// The object with this id; `None` for 0 (no object) and ids out of range.
     #[must_use]
     pub fn object(&self, id: ObjectId) -> Option<&Object> {
         self.objects.get(usize::from(id).checked_sub(1)?)
     }
 
-    /// The meshes of everything: what stands still in the world, what moves in its own frame and first posture.
+    /// All meshes: those of static objects in the world frame, those of actors in their own frame and first posture.
     pub fn meshes(&self) -> impl Iterator<Item = &Part> {
         self.geometry.parts.iter().chain(self.actors.iter().filter_map(|actor| actor.postures.first()).flatten())
     }
 
-    /// The object of a key.
+    /// The object with this key.
     #[must_use]
     pub fn by_key(&self, key: &str) -> Option<&Object> {
         self.objects.iter().find(|o| o.key == key)
     }
 
-    /// The tags of all objects as the oracle and the truth read them, in the order of their ids.
+    /// The tags of all objects, in order of ids, in the form that the oracle and the ground truth use.
     #[must_use]
     pub fn tagged(&self) -> Vec<Tagged> {
         let tagged = |o: &Object| Tagged {

@@ -121,7 +121,7 @@ pub enum Refusal {
     #[error("take-off refused: the craft does not report its battery charge")]
     UnknownBattery,
     /// No usable image arrives.
-    #[error("take-off refused: no usable image from the camera; `spf doctor` finds out why")]
+    #[error("take-off refused: no usable image from the camera; run `spf doctor` to find the cause")]
     NoVideo,
     /// The craft is too hot.
     #[error("take-off refused: the craft reports {celsius:.0} °C, more than {limit:.0} °C; switch it off and let it cool down")]

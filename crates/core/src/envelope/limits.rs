@@ -46,7 +46,7 @@ pub struct Limits {
     /// Battery charge (0..=1) below which take-off is refused.
     pub take_off_battery: f64,
     /// Whether take-off requires a fresh usable frame and a reported battery charge. Set for real craft: a camera or a
-    /// battery that reports nothing is found out on the ground.
+    /// battery that reports nothing is detected on the ground.
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub take_off_checks: bool,
     /// Temperature reported by the craft, °C, above which take-off is refused; `None` for no limit.
@@ -126,8 +126,8 @@ impl Limits {
         }
     }
 
-    /// The craft with preset speeds that these limits do not reduce: whatever plans with a craft's own speeds would otherwise
-    /// expect more motion than the envelope clears.
+    /// The craft with its preset speeds reduced to these limits, so that planning with its speeds does not expect more motion
+    /// than the envelope clears.
     #[must_use]
     pub fn capped(&self, craft: &Craft) -> Craft {
         Craft {

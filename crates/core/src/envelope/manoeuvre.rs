@@ -11,7 +11,7 @@ const PATIENCE: (f64, f64) = (2.0, 8.0);
 
 impl Envelope {
     /// Clears a manoeuvre of the pilot, shortened so that its path and end stay within all limits; a hold if nothing of
-    /// it is left or a setpoint would not be allowed to move now. No manoeuvre starts from outside a limit. The
+    /// it is left, or if a setpoint would not be allowed to move the craft now. No manoeuvre starts from outside a limit. The
     /// clearance is valid until the manoeuvre must have ended.
     pub fn clear_manoeuvre(&mut self, now: Time, requested: Manoeuvre) -> Clearance {
         let now = self.advance(now);

@@ -89,7 +89,7 @@ pub enum Action {
     Finished(Ending),
 }
 
-/// The outcome of a flight, as the pilot believes.
+/// The outcome of a flight, as judged by the pilot without ground truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
@@ -125,7 +125,7 @@ pub enum Note {
     Decision(Box<Decision>),
     /// The envelope changed a command, or stopped the craft.
     Envelope(Cause),
-    /// A move of the policy was cut, or refused, and why.
+    /// A move of the policy was shortened or refused, with the reason.
     Limited(&'static str),
     /// A reply to a cancelled query arrived; it is ignored.
     LateReply(QueryId),
@@ -138,7 +138,7 @@ pub enum Note {
     },
     /// The operator's input took effect.
     Operator(OperatorEvent),
-    /// The operator's input has no effect in this phase, and why.
+    /// The operator's input has no effect in this phase, with the reason.
     OperatorIgnored(OperatorEvent, &'static str),
 }
 

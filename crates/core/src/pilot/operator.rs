@@ -47,7 +47,7 @@ impl Pilot {
             (Phase::Landing, Land) => Some("already landing"),
             (Phase::Landing, Hold | Resume | Setpoint(_) | Instruction(_)) => self.landing_is_final(),
             (Phase::Ground | Phase::TakeOff, Setpoint(_)) => Some("not flying yet"),
-            (Phase::Ground | Phase::TakeOff | Phase::Flying, Resume) if !self.hold_after_take_off => Some("not held"),
+            (Phase::Ground | Phase::TakeOff | Phase::Flying, Resume) if !self.hold_after_take_off => Some("no hold is in effect"),
             _ => None,
         }
     }

@@ -22,7 +22,7 @@ const BACK: f64 = 1.0;
 /// Heading difference below which a direction counts as faced, radians.
 const FACED: f64 = 0.1;
 
-/// An open way reported by a reply.
+/// An open direction reported in a reply.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
     /// Its heading, radians.

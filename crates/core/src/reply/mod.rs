@@ -53,7 +53,7 @@ pub struct ObstacleBox {
     pub name: String,
 }
 
-/// The most open way in a frame that does not show the target: where to fly to look from.
+/// The most open direction in a frame that does not show the target: where to fly next in a search.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OpenWay {
     /// The point in the image to which it leads.

@@ -7,8 +7,8 @@ use crate::grounding::{GroundingError, GroundingProfile};
 
 /// Maximum number of obstacle boxes in a reply.
 pub const MAX_BOXES: usize = 64;
-/// Maximum length of a target or obstacle name, characters; longer ones are truncated, since they return in the next
-/// prompt.
+/// Maximum length of a target or obstacle name, characters; longer ones are truncated, since names are repeated
+/// in the next prompt.
 pub const MAX_NAME: usize = 80;
 /// Maximum stage number.
 pub const MAX_STAGE: u32 = 99;

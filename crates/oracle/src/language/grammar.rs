@@ -19,7 +19,7 @@ pub struct Clause {
     pub verb: Verb,
     /// Its target; empty for a scan of the surroundings.
     pub target: Phrase,
-    /// How it was asked for.
+    /// How the user asked for it.
     pub order: Order,
 }
 
@@ -28,7 +28,7 @@ pub struct Clause {
 pub struct Instruction {
     /// Clauses in order.
     pub clauses: Vec<Clause>,
-    /// Motions without a thing to fly to ("forward 20 metres"), as said: they are not carried out.
+    /// Motions without a target ("forward 20 metres"), as written: they are not carried out.
     pub motions: Vec<String>,
 }
 

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// What is to be done with the target (`docs/explanation/oracle.md` has the stages of each).
+/// The action on the target (`docs/explanation/oracle.md` lists the stages of each).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verb {
@@ -24,24 +24,24 @@ pub enum Verb {
     Follow,
 }
 
-/// How a thing is asked for.
+/// How the user asks for the target: with or without a flight verb.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// With a verb of flying or looking: "go to the bus".
     Flight,
-    /// Without a verb: "bus". It is gone to.
+    /// Without a verb: "bus". The drone flies to it.
     Unsaid,
-    /// With a verb for something else: "make me a sandwich". It is gone to if it is there, and not searched for.
+    /// With another verb: "make me a sandwich". The drone flies to it if the scene has one, and does not search for it.
     Other,
 }
 
-/// How an object stands to another, in the image.
+/// Relation of one object to another, in the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Relation {
     /// Close to it.
     Near,
-    /// As far from it as there is.
+    /// Farthest from it.
     FarFrom,
     /// Left of it.
     LeftOf,
@@ -51,15 +51,15 @@ pub enum Relation {
     Behind,
     /// Nearer, in about the same direction.
     InFrontOf,
-    /// Between two.
+    /// Between two others.
     Between,
     /// Lower in the image and close.
     Under,
     /// On, in or above it.
     On,
-    /// Higher than it.
+    /// Taller than it.
     TallerThan,
-    /// Lower than it.
+    /// Shorter than it.
     ShorterThan,
 }
 
@@ -79,17 +79,17 @@ pub enum Side {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Size {
-    /// High.
+    /// Tall.
     Tall,
-    /// Not high.
+    /// Short.
     Short,
     /// Large.
     Large,
     /// Small.
     Small,
-    /// Near.
+    /// Nearest.
     Nearest,
-    /// Far.
+    /// Farthest.
     Farthest,
     /// The leftmost.
     Leftmost,

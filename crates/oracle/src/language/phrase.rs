@@ -8,12 +8,12 @@ use super::turns::{
     number, place, surroundings,
 };
 
-/// "Second from the left".
+/// An ordinal, such as "second from the left".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ordinal {
-    /// 1 for the first; −1 for the last.
+    /// 1 for the first, 2 for the second, …; −1 for the last.
     pub number: i32,
-    /// The side counted from; by distance if none is named.
+    /// The side from which to count; `None` counts by distance.
     pub from: Option<Side>,
 }
 
@@ -38,13 +38,13 @@ pub struct Phrase {
     pub relations: Vec<(Relation, Vec<Self>)>,
     /// Words describing its use.
     pub uses: Vec<String>,
-    /// Words that its tags must hold, if the scene has them at all: "the man *waving*".
+    /// Words that must be among its tags, if any object of the scene has them: "the man *waving*".
     pub musts: Vec<String>,
-    /// "Gate 2".
+    /// The number in a name: "gate 2".
     pub number: Option<u32>,
-    /// What it has with it, if that is a thing of its own: the tables with chairs.
+    /// Separate objects that belong to it: "the tables with chairs".
     pub with: Vec<Self>,
-    /// Whether `uses` tell what it has with it by its colour ("with the red cone"): what lacks it is not meant.
+    /// Whether `uses` name a coloured accessory ("with the red cone"), so that objects without it do not match.
     pub having: bool,
     /// Exclusions.
     pub not: Vec<Self>,
@@ -57,7 +57,7 @@ pub struct Phrase {
     pub written: Vec<String>,
     /// Unknown words beside others that name an object; ignored.
     pub ignored: Vec<String>,
-    /// Nouns that were put right: as they were said, and as they are read.
+    /// Nouns with a corrected spelling: as written, and as corrected.
     pub spelt: Vec<(String, String)>,
 }
 

@@ -18,9 +18,9 @@ const MOST: usize = 16;
 /// What is nearest in most images, metres: translation blurs as if everything were this near.
 const NEAR: f64 = 3.0;
 
-/// An instant that can be drawn: where the camera is, and whatever else moves.
+/// The state of a scene at one instant, for rendering: the craft's pose, and whatever else moves.
 pub trait Posed {
-    /// Where the craft is.
+    /// Pose of the craft.
     fn pose(&self) -> &Pose;
 }
 
@@ -30,7 +30,7 @@ impl Posed for Pose {
     }
 }
 
-/// What an image takes its light from: one moment `M`, or several while the shutter is open.
+/// The instants that an image is exposed to: one state `M`, or several while the shutter is open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot<M> {
     at: Time,
@@ -39,7 +39,7 @@ pub struct Shot<M> {
 }
 
 impl<M> Shot<M> {
-    /// An image of one moment, of whatever is at rest.
+    /// An image of a single instant, without motion blur.
     #[must_use]
     pub fn still(at: Time, moment: M) -> Self {
         Self { at, moments: vec![moment] }
@@ -51,7 +51,7 @@ impl<M> Shot<M> {
         self.at
     }
 
-    /// The moments, in order of time.
+    /// The states during the exposure, in order of time.
     #[must_use]
     pub fn moments(&self) -> &[M] {
         &self.moments

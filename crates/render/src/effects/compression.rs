@@ -5,7 +5,7 @@ use spf_media::frame::Rgb;
 use spf_media::h264::{Decoder, Encoder, EncoderSettings};
 use spf_media::jpeg::{self, Jpeg};
 
-/// How images are compressed on their way.
+/// Compression of the video link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compression {
     /// JPEG of this quality, 1..=100.
@@ -15,8 +15,8 @@ pub enum Compression {
 }
 
 impl Compression {
-    /// The image after the way. An image that the codec does not hold stays as it is: those of less than 16 or more than 3840
-    /// pixels a side, of H.264.
+    /// The image after compression and decompression. H.264 leaves images of less than 16 or more than 3840 pixels per side
+    /// unchanged.
     pub(super) fn round_trip(self, image: Rgb) -> Rgb {
         let back = match self {
             Self::Jpeg(quality) => Jpeg::encode(&image, quality).ok().and_then(|jpeg| jpeg::decode(jpeg.bytes()).ok()),

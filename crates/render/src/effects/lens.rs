@@ -27,14 +27,14 @@ const FARTHEST: f64 = 5.0;
 /// The pinhole image is at most this many times as wide and high as the lens's.
 const LARGEST: f64 = 3.0;
 
-/// What is put in front of a craft's camera.
+/// The lens of a simulated camera.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Lens {
-    /// A published calibration, by name; it replaces the intrinsics, the mount's tilt stays.
+    /// A published calibration, by name; it replaces the intrinsics and keeps the mount tilt.
     Calibrated(&'static str),
-    /// The plain wide-angle lens before the craft's own camera.
+    /// The generic wide-angle lens, added to the craft's own camera.
     Wide,
-    /// These coefficients before the craft's own camera.
+    /// These distortion coefficients, added to the craft's own camera.
     Distorted(Distortion),
 }
 
@@ -45,7 +45,7 @@ impl Lens {
         CALIBRATED.iter().map(|(name, _)| *name).chain(["wide"]).collect()
     }
 
-    /// The lens of that name.
+    /// The lens with this name; `None` if unknown.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         if name == "wide" {

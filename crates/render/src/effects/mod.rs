@@ -30,7 +30,7 @@ pub use settings::{Effects, EffectsError, Exposure};
 /// Sizes whose maps through the lens are kept: the camera's, the film's, and what a VLM is sent.
 const SIZES: usize = 4;
 
-/// A craft's camera and what it does to its images. Share it by reference.
+/// A simulated camera: intrinsics, lens and image effects. Share it by reference.
 #[derive(Debug)]
 pub struct SimCamera {
     camera: Camera,
@@ -42,7 +42,7 @@ pub struct SimCamera {
 }
 
 impl SimCamera {
-    /// The camera of a craft, whose pinhole camera is `camera`; noise depends on `seed`.
+    /// A camera with the intrinsics of `camera` and these effects; noise depends on `seed`.
     #[must_use]
     pub fn new(camera: Camera, effects: Effects, seed: u64) -> Self {
         let camera = effects.lens.as_ref().map_or(camera, |lens| lens.on(&camera));
@@ -61,8 +61,8 @@ impl SimCamera {
         &self.effects
     }
 
-    /// Draws any channels as the lens shows them, at the size and with the lens of `camera`. `draw` draws what the perfect pinhole
-    /// that it is given sees.
+    /// Renders the channels with lens distortion, at the size and with the distortion of `camera`. `draw` renders the image of
+    /// the undistorted pinhole camera passed to it.
     pub fn look(&self, camera: &Camera, image: &mut RenderedImage, draw: impl FnOnce(&Camera, &mut RenderedImage)) {
         if camera.distortion.is_none() {
             draw(camera, image);
@@ -75,13 +75,14 @@ impl SimCamera {
         self.keep_scratch(straight);
     }
 
-    /// What an image captured at `at` takes its light from: the moments around it while the shutter is open, as many as the
-    /// motion needs. `snapshot_at` tells what there is to see at a time; none when it does not know one of them (yet, or any more).
+    /// The exposure of an image captured at `at`: the states while the shutter is open, as many as the motion requires.
+    /// `snapshot_at` gives the state at a time. `None` if it lacks one of them, because it is in the future or too old.
     pub fn shot<M: Posed>(&self, at: Time, snapshot_at: impl Fn(Time) -> Option<M>) -> Option<Shot<M>> {
         blur::shot(&self.camera, self.effects.shutter, at, snapshot_at)
     }
 
-    /// A photograph at another size than the camera's or at its own. `draw` draws the colour image of a pinhole at one moment.
+    /// A colour image with all effects, at `size` or at the camera's own. `draw` renders the colour image of an undistorted
+    /// camera at one instant.
     pub fn photograph<M>(
         &self,
         shot: &Shot<M>,

@@ -11,61 +11,61 @@ use super::lens::Lens;
 /// Longest list that is read, bytes.
 const LONGEST: usize = 400;
 
-/// How much light the image gets.
+/// Exposure of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exposure {
-    /// Brighter by this many stops; darker where negative.
+    /// Exposure compensation in stops; positive is brighter.
     Stops(f64),
-    /// As bright as a grey card on the average, at once, by at most three stops.
+    /// Automatic: the mean is brought to middle grey, without delay, by at most three stops.
     Automatic,
 }
 
-/// What a camera does to its images; nothing by default.
+/// Image effects of a camera; none by default.
 ///
-/// As text: words joined by commas, each with a strength behind `=` or its usual one. `none` is nothing, `all` every effect.
+/// As text: names joined by commas, each optionally with `=STRENGTH`. `none` selects no effect, `all` every effect.
 ///
-/// | word | strength | usual |
+/// | name | strength | default |
 /// |---|---|---|
 /// | `blur` | shutter time, milliseconds | 10 |
-/// | `noise` | standard deviation at middle grey, steps of 255 | 3 |
+/// | `noise` | standard deviation at middle grey, in 8-bit levels | 3 |
 /// | `exposure` | stops, or `auto` | `auto` |
 /// | `lens` | a name of [`Lens::names`], or `k1:k2:p1:p2` | `wide` |
 /// | `compression` | `jpeg:QUALITY` or `h264:QUANTISER` | `jpeg:50` |
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Effects {
-    /// The lens; none for the perfect pinhole.
+    /// The lens; `None` for an undistorted pinhole camera.
     pub lens: Option<Lens>,
-    /// How long the shutter is open; none for an instant.
+    /// Shutter time; `None` for an instantaneous exposure.
     pub shutter: Option<Duration>,
-    /// Exposure; none leaves the image as it was drawn.
+    /// Exposure; `None` leaves the rendered image unchanged.
     pub exposure: Option<Exposure>,
-    /// Standard deviation of the noise at middle grey, steps of 255.
+    /// Standard deviation of the noise at middle grey, in 8-bit levels.
     pub noise: Option<f64>,
-    /// The compressed link.
+    /// Compression of the video link.
     pub compression: Option<Compression>,
 }
 
-/// Why a list of effects was refused.
+/// Why a list of effects is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EffectsError {
-    /// No effect has that name.
+    /// Unknown effect.
     #[error("unknown camera effect `{0}`: use blur, noise, exposure, lens, compression, all or none")]
     Unknown(String),
-    /// Named more than once.
+    /// An effect is named more than once.
     #[error("duplicate effect `{0}`")]
     Twice(&'static str),
-    /// The strength makes no sense.
+    /// The strength is invalid for this effect.
     #[error("invalid strength `{value}` for `{effect}`: expected {expected}")]
     Strength {
         /// The effect.
         effect: &'static str,
         /// The text given.
         value: String,
-        /// What it can be.
+        /// The expected form and range.
         expected: String,
     },
-    /// The list is too long to be one.
+    /// The list is too long.
     #[error("the list of camera effects exceeds {LONGEST} bytes")]
     TooLong,
 }
@@ -74,7 +74,7 @@ pub enum EffectsError {
 const WORDS: [&str; 5] = ["lens", "blur", "exposure", "noise", "compression"];
 
 impl Effects {
-    /// Whether images are left as they are.
+    /// Whether images are left unchanged.
     #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::default()
@@ -101,7 +101,7 @@ impl Effects {
                 self.exposure.replace(exposure).is_some()
             }
             "noise" => {
-                let levels = number(&usual("3"), 0.0, 100.0).ok_or_else(|| wrong("steps of 255, from 0 to 100"))?;
+                let levels = number(&usual("3"), 0.0, 100.0).ok_or_else(|| wrong("8-bit grey levels, from 0 to 100"))?;
                 self.noise.replace(levels).is_some()
             }
             _ => {

@@ -69,10 +69,10 @@ pub enum Gait {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Round {
-    /// The last corner leads to the first, for ever.
+    /// A closed loop, followed without end: the last corner leads to the first.
     Circle,
-    /// It turns round and goes back.
+    /// Back and forth: it turns round at each end.
     ThereAndBack,
-    /// It stops there.
+    /// It stops at the end of the path.
     Once,
 }
