@@ -13,6 +13,7 @@ use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::Parser;
+use clap::error::ErrorKind;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::prelude::*;
 
@@ -28,6 +29,10 @@ fn main() -> ExitCode {
         Err(error) => {
             // Help and version are not errors, and neither is a closed pipe.
             drop(error.print());
+            let words = std::env::args().skip(2).take_while(|word| !word.starts_with('-')).count();
+            if error.kind() == ErrorKind::UnknownArgument && std::env::args().nth(1).is_some_and(|word| word == "fly") && words > 1 {
+                Printer::new(false).log("hint: put the instruction in quotes: spf fly \"go to the lake\"");
+            }
             return if error.use_stderr() { Exit::Usage.into() } else { Exit::Success.into() };
         }
     };

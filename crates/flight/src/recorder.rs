@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use serde::Serialize;
-use spf_core::geometry::EnuPosition;
+use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::pilot::{Action, Decision, Event, Note, Phase, Pilot};
 use spf_core::time::Time;
 use spf_record::jsonl_queue::JsonLinesQueue;
@@ -51,6 +51,8 @@ pub struct Recorder {
     film: Option<Film>,
     path: Vec<(Time, EnuPosition)>,
     known_path: Vec<(Time, EnuPosition)>,
+    /// Where the origin of the estimate truly is, of a craft that reckons its position from its take-off point.
+    origin: Option<EnuPosition>,
     marks: Vec<DecisionMark>,
     flown: f64,
     last_known: Option<EnuPosition>,
@@ -87,6 +89,7 @@ impl Recorder {
             film,
             path: Vec::new(),
             known_path: Vec::new(),
+            origin: None,
             marks: Vec::new(),
             flown: 0.0,
             last_known: None,
@@ -119,6 +122,17 @@ impl Recorder {
             match self.problems.kept(DECISIONS, rows.finish()) {
                 Some(0) | None => {}
                 Some(lost) => self.problems.note(DECISIONS, slow(lost, "rows", DECISIONS)),
+            }
+        }
+        if let Some(origin) = self.origin {
+            // The map is that of the scene.
+            let move_by = |at: &mut EnuPosition| {
+                (at.east, at.north, at.up) = (at.east + origin.east, at.north + origin.north, at.up + origin.up);
+            };
+            self.known_path.iter_mut().for_each(|(_, at)| move_by(at));
+            for mark in &mut self.marks {
+                move_by(&mut mark.position);
+                mark.waypoint.iter_mut().for_each(move_by);
             }
         }
         let (outlines, target) = self.frame_source.map(summary.targets.first().map(String::as_str));
@@ -178,6 +192,14 @@ impl Observer for Recorder {
             log.time(now, pilot);
         }
         let known = pilot.known_pose(now);
+        if pilot.phase() == Phase::Ground && pilot.is_dead_reckoned() {
+            let place = |pose: Pose| EnuPosition {
+                east: pose.position.east - known.position.east,
+                north: pose.position.north - known.position.north,
+                up: pose.position.up - known.position.up,
+            };
+            self.origin = self.frame_source.true_pose().map(place).or(self.origin);
+        }
         if pilot.phase() != Phase::Ground {
             if let Some(last) = self.last_known {
                 self.flown += last.distance(known.position);

@@ -37,6 +37,8 @@ fn interrupt(count: &AtomicU32) {
         // On a thread of its own, so that a third Ctrl-C is heard.
         drop(std::thread::Builder::new().name("landing".to_owned()).spawn(land_and_exit));
     } else if before > 0 {
+        background::say("ended by the second Ctrl-C; files being written are incomplete");
+        background::flush();
         manual::restore();
         #[allow(clippy::exit, reason = "a second Ctrl-C exits at once")]
         std::process::exit(Exit::Aborted as i32);
