@@ -1,4 +1,4 @@
-//! The failings of such programs (docs/explanation/safety.md, "Known failings of such programs"), as far as the pilot
+//! The failings of such programs (docs/explanation/safety.md, "Known failings of similar programs"), as far as the pilot
 //! is concerned.
 
 use super::*;
