@@ -30,7 +30,10 @@ fn main() -> ExitCode {
             // Help and version are not errors, and neither is a closed pipe.
             drop(error.print());
             let words = std::env::args().skip(2).take_while(|word| !word.starts_with('-')).count();
-            if error.kind() == ErrorKind::UnknownArgument && std::env::args().nth(1).is_some_and(|word| word == "fly") && words > 1 {
+            if error.kind() == ErrorKind::UnknownArgument
+                && std::env::args().nth(1).is_some_and(|word| word == "fly")
+                && words > 1
+            {
                 Printer::new(false).log("hint: put the instruction in quotes: spf fly \"go to the lake\"");
             }
             return if error.use_stderr() { Exit::Usage.into() } else { Exit::Success.into() };

@@ -106,7 +106,8 @@ const HORIZON: Duration = Duration::from_millis(500);
 const MEMORY: Duration = Duration::from_secs(15);
 /// A longer gap between reports leaves a dead-reckoned position unknown.
 const GAP: f64 = 1.0;
-/// A position reported this far from the prediction is a jump: poses before it are of another origin, metres.
+/// A position reported this far from the prediction, and farther than its noise explains, is a jump: poses before it are of
+/// another origin, metres.
 const OFF: f64 = 0.5;
 /// Maximum number of poses: [`MEMORY`] at 50 Hz, with room.
 const POSES: usize = 1024;
@@ -169,7 +170,9 @@ impl MotionEstimator {
                 let predicted = self.predict(before, *state, telemetry.time);
                 let elapsed = telemetry.time.since(before.time).as_secs_f64();
                 let follows = match (before.position, telemetry.position) {
-                    (Some(_), Some(reported)) => predicted.position.distance(reported) <= OFF,
+                    (Some(_), Some(reported)) => {
+                        predicted.position.distance(reported) <= OFF.max(JUMP * self.senses.position_noise)
+                    }
                     (None, None) => telemetry.velocity.is_some() && elapsed <= GAP,
                     _ => false,
                 };
@@ -253,7 +256,7 @@ impl MotionEstimator {
     }
 
     /// Whether the present pose is known relative to that at `time`: since then, every report had a position that followed
-    /// from the one before within 0.5 m, or every report had a velocity, none more than 1 s after the one before; and
+    /// from the one before within 0.5 m and its noise, or every report had a velocity, none more than 1 s after the one before; and
     /// the newest is not older than the horizon of [`at`](Self::at). A craft that reports neither is never tracked.
     #[must_use]
     pub fn is_tracked_since(&self, time: Time, now: Time) -> bool {

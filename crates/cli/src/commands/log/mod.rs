@@ -32,7 +32,9 @@ pub(crate) fn unreadable(path: &Path, error: &ReadError) -> CliError {
     let unreadable_log = CliError::usage(format!("cannot read the flight log `{}`", path.display())).because(error);
     match error {
         ReadError::Format(_) => unreadable_log.hint("it was written by a later version of spf: use that version"),
-        _ if path.extension().is_none_or(|kind| kind != "mcap") => unreadable_log.hint("give the flight.mcap in a flight's folder"),
+        _ if path.extension().is_none_or(|kind| kind != "mcap") => {
+            unreadable_log.hint("give the flight.mcap in a flight's folder")
+        }
         ReadError::Read(_) => unreadable_log.hint("give the flight.mcap in a flight's folder"),
         _ => unreadable_log.hint(format!("`spf log repair {}` recovers the readable part of a flight log", path.display())),
     }

@@ -194,7 +194,9 @@ pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> Cl
     match error {
         SetupError::Select(SelectError::Unknown { name, known }) => {
             if name.starts_with("oracle") {
-                return failure.hint("the oracle answers in the simulator only: spf fly --vlm oracle, spf ground --dataset, spf sim serve --vlm");
+                return failure.hint(
+                    "the oracle answers in the simulator only: spf fly --vlm oracle, spf ground --dataset, spf sim serve --vlm",
+                );
             }
             let words = known.iter().map(String::as_str).chain(["oracle", AUTO]);
             match nearest(name, words) {
