@@ -84,6 +84,11 @@ impl Inlet {
         }
     }
 
+    /// Whether nothing can be decoded until the next key frame.
+    pub(super) fn awaits_key(&self) -> bool {
+        self.waiting().joiner.awaits_key()
+    }
+
     /// Transmission losses, and the number of images dropped because newer ones had arrived.
     pub(super) fn tally(&self) -> (VideoStats, u64) {
         let waiting = self.waiting();
