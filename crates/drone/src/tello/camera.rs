@@ -35,9 +35,9 @@ impl FrameDecoder {
     pub(super) fn see(&mut self, units: &[Unit], frames: &FrameStore) -> bool {
         let mut newest = None;
         let (mut decoded, mut whole) = (0, true);
-        for (index, Unit { at, unit }) in units.iter().enumerate() {
+        for (index, Unit { at, late, unit }) in units.iter().enumerate() {
             let result = if index + 1 == units.len() {
-                self.decoder.decode(&unit.annex_b).map(|image| newest = image.map(|image| (*at, image)))
+                self.decoder.decode(&unit.annex_b).map(|image| newest = image.map(|image| (*at, *late, image)))
             } else {
                 self.decoder.skip(&unit.annex_b)
             };
@@ -52,8 +52,8 @@ impl FrameDecoder {
             tally.decoded += decoded - u64::from(newest.is_some());
             tally.refused += u64::from(!whole);
         });
-        if let Some((at, image)) = newest {
-            frames.receive(at - self.latency, at, image);
+        if let Some((at, late, image)) = newest {
+            frames.receive(at - self.latency - late, at, image);
         }
         whole
     }

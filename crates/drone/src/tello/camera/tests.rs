@@ -16,7 +16,7 @@ fn encoder(width: u32, height: u32) -> Encoder {
 
 fn unit(at: u64, encoder: &mut Encoder, image: &Rgb) -> Unit {
     let at = Time::from_millis(at);
-    Unit { at, unit: encoder.encode(at, image).unwrap() }
+    Unit { at, late: Duration::ZERO, unit: encoder.encode(at, image).unwrap() }
 }
 
 fn red(width: u32, height: u32, shift: u32) -> Rgb {
@@ -84,7 +84,10 @@ fn damage_is_counted_and_the_last_good_frame_stays() {
     assert!(eye.see(&[unit(0, &mut encoder, &red(96, 64, 0))], &frames));
     let damage = AccessUnit { key: false, annex_b: vec![0, 0, 0, 1, 0x41, 0xff, 0xff, 0x00, 0x12] };
     let after = unit(200, &mut encoder, &red(96, 64, 1));
-    assert!(!eye.see(&[Unit { at: Time::from_millis(100), unit: damage }, after], &frames), "what follows damage is left alone");
+    assert!(
+        !eye.see(&[Unit { at: Time::from_millis(100), late: Duration::ZERO, unit: damage }, after], &frames),
+        "what follows damage is left alone"
+    );
     assert_eq!((frames.tally().refused, frames.newest().unwrap().0.id), (1, FrameId(0)));
 }
 
@@ -210,4 +213,23 @@ fn an_image_with_a_lost_end_is_no_frame_and_most_gaps_are_noticed() {
     }
     println!("{unnoticed} of {gaps} gaps in the middle of an image are not noticed in it");
     assert!(gaps > 10 && unnoticed * 2 < gaps, "{unnoticed} of {gaps}");
+}
+
+/// What the envelope sees of a stream that falls 1.5 s behind without a loss.
+#[test]
+fn video_that_falls_behind_makes_its_frames_old() {
+    let (inlet, mut eye, frames, mut encoder) = (Inlet::default(), eye(), FrameStore::default(), encoder(96, 64));
+    let mut ages = Vec::new();
+    for n in 0..120_u32 {
+        let now = Time::from_millis(33 * u64::from(n) + if n > 60 { 1500 } else { 0 });
+        let unit = encoder.encode(now, &red(96, 64, n)).unwrap();
+        for nal in spf_media::h264::nal_units(&unit.annex_b) {
+            inlet.put(now, &[&[0, 0, 0, 1][..], nal].concat());
+        }
+        assert!(eye.see(&inlet.take(Duration::ZERO), &frames));
+        let frame = frames.take_new_frame().unwrap();
+        ages.push(frame.received.since(frame.captured).as_secs_f64());
+    }
+    // The envelope holds from an age of 1 s on.
+    assert!(ages[..=60].iter().all(|age| *age < 0.2) && ages[61..].iter().all(|age| *age > 1.5), "{ages:?}");
 }
