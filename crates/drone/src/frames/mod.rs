@@ -88,7 +88,7 @@ pub struct FrameStats {
     pub decoded: u64,
     /// Images that the decoder rejected.
     pub refused: u64,
-    /// Frames that carry no information (see [`usable`]), or that are known to be damaged.
+    /// Frames that carry no information (see [`usable`]), or of which parts are missing.
     pub unusable: u64,
     /// Changes of the image's size.
     pub sizes: u64,

@@ -57,11 +57,6 @@ impl FrameStore {
         self.add(captured, received, image, unusable);
     }
 
-    /// Adds an image of which parts are missing or concealed, as an unusable frame.
-    pub fn receive_damaged(&self, captured: Time, received: Time, image: Rgb) {
-        self.add(captured, received, image, Some(Unusable::Damaged));
-    }
-
     fn add(&self, captured: Time, received: Time, image: Rgb, unusable: Option<Unusable>) {
         let digest = digest(&image);
         let size = (image.width(), image.height());

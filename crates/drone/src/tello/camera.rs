@@ -8,12 +8,15 @@ use spf_core::time::{Duration, Time};
 use spf_media::h264::Decoder;
 
 use super::inlet::{Inlet, Unit};
-use crate::frames::FrameStore;
+use crate::frames::{FrameStore, Frames as _};
 
 /// Maximum wait for images before checking whether to stop.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// After this long without an image, the stream is requested again. A Tello sends a key frame every one or two seconds.
 const MISSING: Duration = Duration::from_secs(3);
+/// Interval between requests for a key frame: shorter than the age of a frame at which the craft holds (1 s), and long
+/// enough for the answer to the last request. A key frame has three times the datagrams of another frame.
+const ASK_AGAIN: Duration = Duration::from_millis(500);
 
 /// Decodes access units to frames.
 pub(super) struct FrameDecoder {
@@ -32,9 +35,9 @@ impl FrameDecoder {
     pub(super) fn see(&mut self, units: &[Unit], frames: &FrameStore) -> bool {
         let mut newest = None;
         let (mut decoded, mut whole) = (0, true);
-        for (index, Unit { at, unit }) in units.iter().enumerate() {
+        for (index, Unit { at, late, unit }) in units.iter().enumerate() {
             let result = if index + 1 == units.len() {
-                self.decoder.decode(&unit.annex_b).map(|image| newest = image.map(|image| (*at, image)))
+                self.decoder.decode(&unit.annex_b).map(|image| newest = image.map(|image| (*at, *late, image)))
             } else {
                 self.decoder.skip(&unit.annex_b)
             };
@@ -49,8 +52,8 @@ impl FrameDecoder {
             tally.decoded += decoded - u64::from(newest.is_some());
             tally.refused += u64::from(!whole);
         });
-        if let Some((at, image)) = newest {
-            frames.receive(at - self.latency, at, image);
+        if let Some((at, late, image)) = newest {
+            frames.receive(at - self.latency - late, at, image);
         }
         whole
     }
@@ -69,9 +72,43 @@ pub(super) fn gather(socket: &UdpSocket, from: IpAddr, inlet: &Inlet, start: Ins
     }
 }
 
-/// Decodes received video until stopped. While nothing decodable arrives, `missing` is called every [`MISSING`].
-pub(super) fn watch(inlet: &Inlet, mut eye: FrameDecoder, frames: &FrameStore, stopped: &AtomicBool, mut missing: impl FnMut()) {
+/// What the stream lacks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lack {
+    /// Nothing decodable has arrived for [`MISSING`].
+    Video,
+    /// After a loss, nothing can be decoded until the next key frame.
+    KeyFrame,
+}
+
+/// When to ask for a key frame: at once after a loss, but at most every [`ASK_AGAIN`].
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct KeyRequests {
+    asked: Option<Time>,
+}
+
+impl KeyRequests {
+    /// Whether to ask now. `awaited`: whether the stream waits for a key frame.
+    pub(super) fn is_due(&mut self, now: Time, awaited: bool) -> bool {
+        let due = awaited && self.asked.is_none_or(|asked| now.since(asked) >= ASK_AGAIN);
+        if due {
+            self.asked = Some(now);
+        }
+        due
+    }
+}
+
+/// Decodes received video until stopped, and reports what it lacks.
+pub(super) fn watch(
+    inlet: &Inlet,
+    mut eye: FrameDecoder,
+    frames: &FrameStore,
+    start: Instant,
+    stopped: &AtomicBool,
+    mut lacks: impl FnMut(Lack),
+) {
     let mut last = Instant::now();
+    let mut requests = KeyRequests::default();
     while !stopped.load(Ordering::Relaxed) {
         let units = inlet.take(POLL_INTERVAL);
         frames.count(|tally| (tally.video, tally.overtaken) = inlet.tally());
@@ -79,106 +116,17 @@ pub(super) fn watch(inlet: &Inlet, mut eye: FrameDecoder, frames: &FrameStore, s
             last = Instant::now();
         } else if last.elapsed() >= MISSING {
             last = Instant::now();
-            missing();
+            lacks(Lack::Video);
         }
         if !units.is_empty() && !eye.see(&units, frames) {
             inlet.refuse();
+        }
+        // Before the first image, `streamon` has just been sent.
+        if frames.newest().is_some() && requests.is_due(Time::ZERO + start.elapsed(), inlet.awaits_key()) {
+            lacks(Lack::KeyFrame);
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use spf_core::frame::FrameId;
-    use spf_media::Rgb;
-    use spf_media::h264::{AccessUnit, Encoder, EncoderSettings};
-
-    use super::*;
-    use crate::frames::Frames;
-
-    fn eye() -> FrameDecoder {
-        FrameDecoder::new(Decoder::new().unwrap(), Duration::from_millis(150))
-    }
-
-    fn encoder(width: u32, height: u32) -> Encoder {
-        Encoder::new(EncoderSettings { key_interval: 1.0, quantiser: 20, ..EncoderSettings::for_size(width, height, 10.0) })
-            .unwrap()
-    }
-
-    fn unit(at: u64, encoder: &mut Encoder, image: &Rgb) -> Unit {
-        let at = Time::from_millis(at);
-        Unit { at, unit: encoder.encode(at, image).unwrap() }
-    }
-
-    fn red(width: u32, height: u32, shift: u32) -> Rgb {
-        let mut image = Rgb::filled(width, height, [200, 40, 40]);
-        for y in 0..height {
-            for x in 0..width {
-                if (x + shift) % 24 < 6 {
-                    image.set_pixel(x, y, [40, 60, 180]);
-                }
-            }
-        }
-        image
-    }
-
-    #[test]
-    fn the_newest_of_several_pictures_wins_and_its_age_is_known() {
-        let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));
-        let units: Vec<Unit> = (0..3).map(|n| unit(800 + 100 * n, &mut encoder, &red(96, 64, n as u32))).collect();
-        assert!(eye.see(&units, &frames));
-        let meta = frames.take_new_frame().unwrap();
-        // Time of arrival, not of decoding.
-        assert_eq!((meta.id, meta.captured, meta.received), (FrameId(0), Time::from_millis(850), Time::from_millis(1000)));
-        assert_eq!((frames.take_new_frame(), frames.tally().decoded), (None, 3));
-        assert!(frames.photo(FrameId(0)).is_some());
-    }
-
-    /// Known failure 3 of similar programs: a frozen image is sent to the VLM as if it were live.
-    #[test]
-    fn failing_3_a_frozen_video_is_told_by_its_counter_though_pictures_keep_coming() {
-        let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));
-        let mut counters = Vec::new();
-        for n in 0..60_u64 {
-            let shown = n.min(20) as u32;
-            eye.see(&[unit(100 * n, &mut encoder, &red(96, 64, shown))], &frames);
-            counters.push(frames.take_new_frame().unwrap().capture_counter);
-        }
-        assert!(counters[..21].windows(2).all(|pair| pair[1] == pair[0] + 1), "{counters:?}");
-        // The encoder refines a still image for a while, and its next key frame differs slightly once more.
-        assert!(counters[45..].windows(2).all(|pair| pair[1] == pair[0]), "{counters:?}");
-    }
-
-    /// Known failure 13: red and blue are swapped between decoder and viewer.
-    #[test]
-    fn failing_13_red_is_red() {
-        let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));
-        eye.see(&[unit(0, &mut encoder, &Rgb::filled(96, 64, [210, 30, 40]))], &frames);
-        let [red, green, blue] = frames.newest().unwrap().1.pixels().pixel(40, 30).unwrap();
-        assert!(red > 190 && green < 60 && blue < 70, "{red} {green} {blue}");
-    }
-
-    #[test]
-    fn a_change_of_size_is_survived_and_counted() {
-        let (mut eye, frames) = (eye(), FrameStore::default());
-        for (width, height) in [(96, 64), (192, 128), (96, 64)] {
-            eye.see(&[unit(0, &mut encoder(width, height), &red(width, height, 0))], &frames);
-            let meta = frames.take_new_frame().unwrap();
-            assert_eq!((meta.width, meta.height), (width, height));
-        }
-        assert_eq!(frames.tally().sizes, 2);
-    }
-
-    #[test]
-    fn damage_is_counted_and_the_last_good_frame_stays() {
-        let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));
-        assert!(eye.see(&[unit(0, &mut encoder, &red(96, 64, 0))], &frames));
-        let damage = AccessUnit { key: false, annex_b: vec![0, 0, 0, 1, 0x41, 0xff, 0xff, 0x00, 0x12] };
-        let after = unit(200, &mut encoder, &red(96, 64, 1));
-        assert!(
-            !eye.see(&[Unit { at: Time::from_millis(100), unit: damage }, after], &frames),
-            "what follows damage is left alone"
-        );
-        assert_eq!((frames.tally().refused, frames.newest().unwrap().0.id), (1, FrameId(0)));
-    }
-}
+mod tests;

@@ -15,12 +15,12 @@ use spf_core::estimator::Senses;
 use spf_core::time::{Duration, Time};
 use spf_media::h264::Decoder;
 
-use super::camera::{FrameDecoder, gather, watch};
+use super::camera::{FrameDecoder, Lack, gather, watch};
 use super::conversation::Order;
 use super::inlet::Inlet;
 use super::link::{Link, Notice};
 use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
-use super::settings::TelloSettings;
+use super::settings::{TelloMotion, TelloSettings};
 use super::state::State;
 use crate::abandon::{self, Abandon};
 use crate::frames::{FrameStore, Frames};
@@ -173,13 +173,21 @@ impl Tello {
             threads: Vec::new(),
         };
         let decoder = FrameDecoder::new(Decoder::new()?, video_latency);
-        let (one, two, three, four, seen) = (shared.clone(), shared.clone(), shared.clone(), shared, frames);
+        let (one, two, three, four) = (shared.clone(), shared.clone(), shared.clone(), shared.clone());
+        let (five, seen) = (shared, frames);
         let inlet = Arc::<Inlet>::default();
         let received = inlet.clone();
         tello.spawn("answers", move || answers(&one))?;
         tello.spawn("state", move || states(&two, &state, drone.ip()))?;
         tello.spawn("video", move || gather(&video, drone.ip(), &received, three.start, &three.stopped))?;
-        tello.spawn("frames", move || watch(&inlet, decoder, &seen, &four.stopped, || four.link().ask_for_video()))?;
+        // In flight by `go` the answer to `streamon` would delay the next move.
+        let by_rc = settings.motion == TelloMotion::Rc;
+        let lacks = move |lack| match lack {
+            Lack::Video => four.link().ask_for_video(),
+            Lack::KeyFrame if by_rc => four.link().ask_for_key_frame(),
+            Lack::KeyFrame => {}
+        };
+        tello.spawn("frames", move || watch(&inlet, decoder, &seen, five.start, &five.stopped, lacks))?;
         Ok(Connected { drone: tello, state: first, firmware })
     }
 

@@ -7,6 +7,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use spf_core::time::{Duration, Time};
 use spf_media::h264::AccessUnit;
 
+use super::delay::Delay;
 use super::video::Joiner;
 use crate::frames::VideoStats;
 
@@ -18,6 +19,8 @@ const WAITING: usize = 60;
 pub(super) struct Unit {
     /// Arrival of its last datagram.
     pub(super) at: Time,
+    /// How much later than usual it arrived.
+    pub(super) late: Duration,
     /// Encoded data.
     pub(super) unit: AccessUnit,
 }
@@ -27,6 +30,9 @@ struct Waiting {
     joiner: Joiner,
     units: VecDeque<Unit>,
     joined: Vec<AccessUnit>,
+    delay: Delay,
+    /// Losses before the last image.
+    lost: u64,
     overtaken: u64,
 }
 
@@ -48,13 +54,17 @@ impl Inlet {
         let mut guard = self.waiting();
         let waiting = &mut *guard;
         waiting.joiner.push(datagram, &mut waiting.joined);
+        let tally = waiting.joiner.tally();
+        let lost = tally.gaps + tally.skipped + tally.damaged;
         for unit in waiting.joined.drain(..) {
+            let late = waiting.delay.observe(at, lost == waiting.lost);
+            waiting.lost = lost;
             // A key frame and its successors do not need what came before, so only the newest chain is queued.
             if unit.key {
                 waiting.overtaken += waiting.units.len() as u64;
                 waiting.units.clear();
             }
-            waiting.units.push_back(Unit { at, unit });
+            waiting.units.push_back(Unit { at, late, unit });
         }
         if waiting.units.len() > WAITING {
             waiting.overtaken += waiting.units.len() as u64;
@@ -82,6 +92,11 @@ impl Inlet {
         if waiting.units.front().is_some_and(|unit| !unit.unit.key) {
             waiting.units.clear();
         }
+    }
+
+    /// Whether nothing can be decoded until the next key frame.
+    pub(super) fn awaits_key(&self) -> bool {
+        self.waiting().joiner.awaits_key()
     }
 
     /// Transmission losses, and the number of images dropped because newer ones had arrived.

@@ -8,6 +8,7 @@ pub mod answer;
 pub mod camera;
 pub mod conversation;
 pub mod craft;
+mod delay;
 mod doctor;
 pub mod driver;
 mod ground;

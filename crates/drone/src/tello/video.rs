@@ -54,6 +54,12 @@ impl Joiner {
         }
     }
 
+    /// Whether nothing can be decoded until the next key frame, because of a loss.
+    #[must_use]
+    pub fn awaits_key(&self) -> bool {
+        !self.whole
+    }
+
     /// Reports that a unit could not be decoded: its successors up to the next key frame cannot be either.
     pub fn refuse(&mut self) {
         self.lost();

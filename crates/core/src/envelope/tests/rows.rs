@@ -437,7 +437,8 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../../serve/tests/it/fault_matrix.rs"),
         include_str!("../../../../serve/tests/it/flights.rs"),
         include_str!("../../../../serve/tests/it/images.rs"),
-        include_str!("../../../../drone/src/frames/usable/tests.rs")
+        include_str!("../../../../drone/src/frames/usable/tests.rs"),
+        include_str!("../../../../drone/src/tello/camera/tests.rs")
     );
     let mut rows = 0;
     for line in docs.lines().filter(|line| line.starts_with("| ") && line.ends_with("` |")) {

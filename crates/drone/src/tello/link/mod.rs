@@ -114,6 +114,8 @@ pub struct Link {
     rc_sent: u64,
     /// The manoeuvre being flown.
     manoeuvre: Option<Move>,
+    /// Whether to request a key frame.
+    key_wanted: bool,
 }
 
 impl Link {
@@ -145,6 +147,7 @@ impl Link {
             modelled: [0.0; 3],
             rc_sent: 0,
             manoeuvre: None,
+            key_wanted: false,
         }
     }
 
@@ -173,6 +176,13 @@ impl Link {
         if !busy {
             self.conversation.submit(Order::quick("streamon"));
         }
+    }
+
+    /// Requests a key frame by `streamon`, because a loss has made all images until the next one undecodable. Only while
+    /// the drone flies by setpoints: the answer is not waited for, and delays the next order with an `ok` by
+    /// [`GRACE`](super::conversation::GRACE).
+    pub fn ask_for_key_frame(&mut self) {
+        self.key_wanted = self.phase == FlightPhase::Flying && !self.lost && self.land_again.is_none();
     }
 
     /// The newest state.
@@ -502,6 +512,11 @@ impl Link {
             self.called = now;
             self.conversation.said_past(now);
             return Some("command".to_owned());
+        }
+        // `rc` commands leave gaps of some 80 ms; a setpoint that is due is sent with the next call.
+        if std::mem::take(&mut self.key_wanted) && self.phase == FlightPhase::Flying {
+            self.conversation.said_past(now);
+            return Some("streamon".to_owned());
         }
         if let Some(text) = self.sticks.poll(now) {
             self.rc_sent += 1;

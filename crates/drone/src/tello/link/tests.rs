@@ -318,3 +318,22 @@ fn emergency_is_repeated_until_the_motors_are_seen_off() {
     bench.run(20_000, true);
     assert!(!bench.link.is_urgent() && bench.count("emergency") <= 28, "{}", bench.count("emergency"));
 }
+
+#[test]
+fn a_request_for_a_key_frame_delays_no_setpoint_and_no_landing() {
+    let mut bench = Bench::flying();
+    bench.apply(Command::Setpoint(Setpoint { forward: 0.5, ..Setpoint::HOLD }));
+    bench.said.clear();
+    for _ in 0..20 {
+        bench.link.ask_for_key_frame();
+        bench.run(100, true);
+    }
+    assert_eq!(bench.count("streamon"), 20);
+    let sticks: Vec<u64> = bench.said.iter().filter(|(_, text)| text.starts_with("rc ")).map(|(at, _)| *at).collect();
+    assert!(sticks.len() >= 20 && sticks.windows(2).all(|pair| pair[1] - pair[0] <= 100), "{sticks:?}");
+    bench.apply(Command::Land);
+    bench.said.clear();
+    bench.link.ask_for_key_frame();
+    bench.run(300, true);
+    assert!(bench.count("land") == 1 && bench.count("streamon") == 0, "{:?}", bench.said);
+}
