@@ -157,6 +157,7 @@ impl PolicyMaker for PolicyKind {
                     runs,
                     lifting: settings.lifting,
                     confirm_done: settings.confirm_done,
+                    avoid: settings.avoid,
                     image_size,
                     seed,
                     ..PivotSettings::published(craft, step)

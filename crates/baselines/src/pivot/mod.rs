@@ -55,6 +55,8 @@ pub struct PivotSettings {
     pub lifting: Lifting,
     /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: bool,
+    /// Obstacle mode. PIVOT reports no obstacles, so its search then neither climbs nor descends.
+    pub avoid: bool,
     /// Size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
     /// The craft: its take-off height is the climb of a search.
@@ -78,6 +80,7 @@ impl PivotSettings {
             step,
             lifting: Lifting::Levelled,
             confirm_done: true,
+            avoid: false,
             image_size: None,
             craft,
             seed: 0,
@@ -308,7 +311,17 @@ impl Pivot {
         let (fov, climb) = (2.0 * view.camera.half_fov().0, self.settings.craft.take_off_height);
         let search = self.search.get_or_insert_with(|| Search::new(fov, climb));
         // A choice among marks reports no open way.
-        match search.next(self.memory.last_seen.unwrap_or(Look::Right), view.pose.attitude.heading, None) {
+        let heading = view.pose.attitude.heading;
+        let mut action = search.next(self.memory.last_seen.unwrap_or(Look::Right), heading, None);
+        // The search climbs once between its turns.
+        while let SearchAction::Look(primitives) = action
+            && self.settings.avoid
+            && primitives.climb != 0.0
+        {
+            action = search.next(Look::Right, heading, None);
+            self.reading.actions.push("no climb: in obstacle mode it needs obstacle boxes, which this policy has not".to_owned());
+        }
+        match action {
             SearchAction::Look(primitives) => self.fly(view, primitives),
             SearchAction::Fly | SearchAction::Exhausted => Step::Fail(FailReason::NotFound),
         }

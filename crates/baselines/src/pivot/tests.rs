@@ -128,6 +128,24 @@ fn numbers_that_are_not_on_the_picture_do_not_count() {
     assert!(matches!(answer(&mut pivot, &second, &[3]), Step::Move(_)));
 }
 
+/// It has no boxes to check a climb against.
+#[test]
+fn in_obstacle_mode_the_search_of_a_policy_without_boxes_does_not_climb() {
+    for avoid in [false, true] {
+        let mut pivot = pivot(|settings| (settings.rounds, settings.avoid) = (1, avoid));
+        let (mut climbs, mut heading, mut words) = (0, 1.0, Vec::new());
+        for _ in 0..40 {
+            let query = begun_towards(&mut pivot, heading);
+            let Step::Move(motion) = answer(&mut pivot, &query, &[]) else { break };
+            climbs += u32::from(motion.primitives.climb != 0.0);
+            heading += motion.primitives.yaw;
+            words.extend(pivot.reading().actions);
+            pivot.handle(PolicyEvent::MoveEnded { completed: true });
+        }
+        assert_eq!((climbs, words.iter().any(|word| word.starts_with("no climb"))), (u32::from(!avoid), avoid));
+    }
+}
+
 #[test]
 fn where_nothing_is_chosen_the_search_turns_until_it_gives_up() {
     let mut pivot = pivot(|settings| settings.rounds = 1);

@@ -4,7 +4,8 @@
 //! may hang over it, unless its visible part is already higher than the end of the climb.
 
 use crate::camera::Camera;
-use crate::lift::range_of_label;
+use crate::geometry::Attitude;
+use crate::lift::{CameraDisplacement, Lifting, lift, range_of_label};
 use crate::query::ImagePoint;
 use crate::reply::ObstacleBox;
 
@@ -14,15 +15,20 @@ const EDGE: f64 = 0.02;
 const HALF_LABEL: f64 = 0.5;
 
 /// Whether the craft can climb by `climb` metres, negative for a descent, with `clearance` metres around it, among `boxes` of a
-/// view taken where it starts.
+/// view taken with this attitude where it starts.
 #[must_use]
-pub fn is_clear_vertically(camera: &Camera, boxes: &[ObstacleBox], climb: f64, clearance: f64) -> bool {
+pub fn is_clear_vertically(camera: &Camera, attitude: Attitude, boxes: &[ObstacleBox], climb: f64, clearance: f64) -> bool {
     !boxes.iter().any(|obstacle| {
         let (reaches, v) = if climb > 0.0 { (obstacle.area.top <= EDGE, 0.0) } else { (obstacle.area.bottom >= 1.0 - EDGE, 1.0) };
-        let slope = camera.ray(ImagePoint { u: 0.5, v }).up.abs();
-        let near = range_of_label(f64::from(obstacle.depth) - HALF_LABEL);
-        // Where it leaves the frame it is this high above, or low below, the craft.
-        reaches && near * slope < climb.abs() + clearance
+        let ray = camera.ray(ImagePoint { u: 0.5 * (obstacle.area.left + obstacle.area.right), v });
+        let along = CameraDisplacement { right: ray.right, forward: 1.0, up: ray.up };
+        let level = lift(along, camera, attitude, Lifting::Levelled);
+        // The lowest label also stands for whatever is nearer than its interval.
+        let near = if obstacle.depth <= 1 { 0.0 } else { range_of_label(f64::from(obstacle.depth) - HALF_LABEL) };
+        // A label is a distance along the line of sight. Where it leaves the frame it is this high above, or low below, the
+        // craft.
+        let away = near * level.up * climb.signum() / level.length();
+        reaches && away < climb.abs() + clearance
     })
 }
 
@@ -38,13 +44,17 @@ mod tests {
     #[test]
     fn a_climb_needs_no_near_box_at_the_top_edge_and_a_descent_none_at_the_bottom() {
         let camera = Camera::quad();
-        let clear = |obstacle: ObstacleBox, climb| is_clear_vertically(&camera, &[obstacle], climb, 0.5);
+        let clear = |obstacle: ObstacleBox, climb| is_clear_vertically(&camera, Attitude::default(), &[obstacle], climb, 0.5);
         assert!(clear(obstacle(0.2, 0.8, 1), 1.0), "it ends inside the frame");
         assert!(!clear(obstacle(0.0, 0.5, 2), 1.0), "a beam ahead, perhaps over the craft");
         assert!(clear(obstacle(0.0, 0.5, 2), -1.0));
         assert!(!clear(obstacle(0.5, 1.0, 2), -1.0), "a table");
         // A tower 36 m ahead leaves the frame far above the end of the climb.
         assert!(clear(obstacle(0.0, 1.0, 8), 3.0) && !clear(obstacle(0.0, 1.0, 8), 40.0));
-        assert!(is_clear_vertically(&camera, &[], 3.0, 0.5));
+        assert!(is_clear_vertically(&camera, Attitude::default(), &[], 3.0, 0.5));
+        // A Tello's lens is tilted down by 5°: its upper edge points up by 16°, and 3.6 m along that is 1.0 m up, not 1.4 m.
+        assert!(!is_clear_vertically(&Camera::tello(), Attitude::default(), &[obstacle(0.0, 0.5, 4)], 1.0, 0.35));
+        // Label 1 is said of whatever is nearer.
+        assert!(!clear(obstacle(0.0, 0.5, 1), 0.1));
     }
 }

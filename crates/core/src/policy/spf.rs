@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::avoid::{self, Avoidance, BODY_MARGIN, PathShape, PlannedStep};
 use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
+use crate::geometry::Pose;
 use crate::grounding::GroundingProfile;
 use crate::lift::{self, Lifting};
 use crate::policy::search::{Search, SearchAction, Way};
@@ -12,13 +13,16 @@ use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
 use crate::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
-use crate::reply::{Look, Reply, Status, one_line, parse_reply};
+use crate::reply::{Look, ObstacleBox, Reply, Status, one_line, parse_reply};
 use crate::step::StepRule;
+use crate::time::Duration;
 
 /// Number of earlier targets included in the prompt.
 const REMEMBERED_TARGETS: usize = 8;
 /// Maximum consecutive turns towards paths along the image edges; the second only towards the other edge.
 const TURNS_FIRST: u32 = 2;
+/// How long obstacles count for climbs and descents after the frame in which they were reported.
+const REPORTED: Duration = Duration::from_secs(3);
 /// Climb after that, metres.
 const BLOCKED_CLIMB: f64 = 1.0;
 /// Number of times in a row that a blocked path is answered by holding and asking again before searching for another.
@@ -62,6 +66,23 @@ struct TurnedFirst {
     turns: u32,
 }
 
+/// The obstacles that were reported in a view; none outside obstacle mode.
+#[derive(Clone, Debug)]
+struct Report {
+    view: View,
+    boxes: Vec<ObstacleBox>,
+}
+
+impl Report {
+    /// Whether a climb from `pose`, negative for a descent, is clear of these obstacles.
+    fn clears(&self, pose: &Pose, climb: f64, clearance: f64) -> bool {
+        let View { camera, pose: seen, .. } = self.view;
+        // To the same end, from where the view was taken.
+        let from_there = climb + pose.position.up - seen.position.up;
+        from_there * climb <= 0.0 || avoid::is_clear_vertically(&camera, seen.attitude, &self.boxes, from_there, clearance)
+    }
+}
+
 /// Subject of the query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum QuerySubject {
@@ -81,6 +102,8 @@ pub struct Spf {
     open_query: Option<OpenQuery>,
     confirming: bool,
     blocked: u32,
+    /// The obstacles reported in the last seconds.
+    reported: Vec<Report>,
     /// Turns towards paths along an edge since the last other step.
     turned_first: Option<TurnedFirst>,
     next_id: u64,
@@ -117,6 +140,7 @@ impl Spf {
             open_query: None,
             confirming: false,
             blocked: 0,
+            reported: Vec::new(),
             turned_first: None,
             next_id: 0,
             reading: Reading::default(),
@@ -197,6 +221,9 @@ impl Spf {
         if self.lists() {
             reply.boxes = detection::obstacles(&self.detections, &open_query.view.camera, reply.target.as_deref());
         }
+        if self.settings.avoid && reply.status != Status::Done {
+            self.report(&open_query.view, &reply.boxes);
+        }
         self.reading.reply = Some(reply.clone());
         if let Some(stage) = reply.stage {
             self.memory.stage = stage;
@@ -206,6 +233,12 @@ impl Spf {
             Status::NotVisible => self.not_visible(open_query, &reply),
             Status::Navigating => self.navigate(open_query, &reply),
         }
+    }
+
+    /// Remembers the obstacles of a view, besides those of the 3 s before it.
+    fn report(&mut self, view: &View, boxes: &[ObstacleBox]) {
+        self.reported.retain(|report| report.view.frame.captured + REPORTED >= view.frame.captured);
+        self.reported.push(Report { view: *view, boxes: boxes.to_vec() });
     }
 
     fn done(&mut self, confirming: bool) -> Step {
@@ -229,12 +262,15 @@ impl Spf {
         let search = self.search.get_or_insert_with(|| Search::new(2.0 * camera.half_fov().0, craft.take_off_height));
         let look = reply.look.or(self.memory.last_seen).unwrap_or(Look::Right);
         let way = reply.open_way.map(|way| Way { heading: heading + libm::atan(camera.ray(way.point).right), depth: way.depth });
+        let (reported, clearance) = (&self.reported, craft.radius + BODY_MARGIN);
+        let is_clear = |primitives: &Primitives| {
+            primitives.climb == 0.0 || reported.iter().all(|report| report.clears(&pose, primitives.climb, clearance))
+        };
         let mut action = search.next(look, heading, way);
-        // A climb or descent that is not clear is left out; the search goes on turning.
-        if let SearchAction::Look(primitives) = action
-            && primitives.climb != 0.0
-            && self.settings.avoid
-            && !avoid::is_clear_vertically(&camera, &reply.boxes, primitives.climb, craft.radius + BODY_MARGIN)
+        // A climb or descent that is not clear is left out, and the search goes on turning. Its next action may be another
+        // climb, but only one: the search climbs once between its turns.
+        while let SearchAction::Look(primitives) = action
+            && !is_clear(&primitives)
         {
             action = search.next(Look::Right, heading, way);
             self.reading.actions.push("no look up or down: an obstacle reaches beyond the frame there".to_owned());
@@ -290,7 +326,7 @@ impl Spf {
                     self.blocked = 0;
                     step = shorter;
                 }
-                Avoidance::Hold { .. } => return self.blocked(open_query, reply),
+                Avoidance::Hold { .. } => return self.blocked(open_query),
             }
             if avoid::leads_along_edge(&plan, waypoint, step, clearance) {
                 // A target at the very edge of the frame every time is flown to anyway.
@@ -326,15 +362,15 @@ impl Spf {
     }
 
     /// No free direction: hold and ask again; if that repeats, the policy looks from higher up, or to the side.
-    fn blocked(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
+    fn blocked(&mut self, open_query: OpenQuery) -> Step {
         self.blocked += 1;
         if self.blocked < BLOCKED_LOOKS {
             return Step::Look;
         }
         self.blocked = 0;
-        let View { camera, .. } = open_query.view;
+        let View { camera, pose, .. } = open_query.view;
         let clearance = self.settings.craft.radius + BODY_MARGIN;
-        let primitives = if avoid::is_clear_vertically(&camera, &reply.boxes, BLOCKED_CLIMB, clearance) {
+        let primitives = if self.reported.iter().all(|report| report.clears(&pose, BLOCKED_CLIMB, clearance)) {
             Primitives { climb: BLOCKED_CLIMB, ..Primitives::default() }
         } else {
             self.reading
@@ -368,7 +404,8 @@ impl Policy for Spf {
         match event {
             PolicyEvent::Instruction(text) => {
                 let (next_id, prompt, detector) = (self.next_id, self.prompt.clone(), self.detector);
-                *self = Self { instruction: text.to_owned(), next_id, prompt, detector, ..Self::new(self.settings) };
+                let (instruction, reported) = (text.to_owned(), core::mem::take(&mut self.reported));
+                *self = Self { instruction, next_id, prompt, detector, reported, ..Self::new(self.settings) };
                 Step::Look
             }
             PolicyEvent::Frame(view) if self.open_query.is_none() && (view.at_rest || !self.confirming) => self.decide(view),

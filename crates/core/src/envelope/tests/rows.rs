@@ -429,6 +429,7 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../policy/search.rs"),
         include_str!("../../avoid/tests.rs"),
         include_str!("../../avoid/vertical.rs"),
+        include_str!("../../../../baselines/src/pivot/tests.rs"),
         include_str!("../../../../cli/tests/it/vlm/faults.rs"),
         include_str!("../../../../flight/src/keys.rs"),
         include_str!("../../../../flight/src/world/pause.rs"),

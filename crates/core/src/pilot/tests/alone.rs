@@ -162,3 +162,56 @@ fn a_gap_in_dead_reckoning_leaves_the_pose_unknown() {
     let aside = set_aside(&flight);
     assert!(aside.iter().all(|(at, _)| (15.0..19.0).contains(&at.as_secs_f64())) && !aside.is_empty(), "{aside:?}");
 }
+
+/// In obstacle mode, a search to the right that has nothing in its way for `free` replies; then `look`, below a beam.
+fn below_a_beam(free: usize, look: &'static str) -> Flight {
+    let mut asked = 0;
+    avoiding().fly(move |_, _| {
+        asked += 1;
+        let beam = r#"{"box":[0,300,200,700],"depth":2,"name":"beam"}"#;
+        let (look, boxes) = if asked <= free { ("right", "") } else { (look, beam) };
+        Answer::After(secs(0.4), format!(r#"{{"status":"not_visible","look":"{look}","boxes":[{boxes}]}}"#))
+    })
+}
+
+/// Climbs of the decisions so far, metres.
+fn climbs(flight: &Flight) -> Vec<f64> {
+    flight.decisions().filter_map(|d| d.reading.primitives).map(|p| p.climb).filter(|climb| *climb != 0.0).collect()
+}
+
+#[test]
+fn what_replaces_a_climb_that_is_not_clear_is_checked_too() {
+    // Five turns are a full turn, after which the search climbs: instead of the look up, unless that is checked as well.
+    for look in ["up", "right"] {
+        let mut flight = below_a_beam(5, look);
+        assert_eq!(flight.end(), Outcome::NotFound, "{look}");
+        assert!(climbs(&flight).is_empty(), "{look}: {:?}", climbs(&flight));
+        assert!(flight.decisions().any(|d| d.reading.actions.iter().any(|action| action.contains("no look up or down"))));
+    }
+    let mut flight = below_a_beam(100, "right");
+    assert_eq!((flight.end(), climbs(&flight)), (Outcome::NotFound, vec![3.0]));
+}
+
+#[test]
+fn a_climb_is_kept_clear_of_the_boxes_of_the_last_three_seconds() {
+    // A beam in every second frame, which the frames between do not show; the look up is answered on one of those.
+    let flown = |latency: f64| {
+        let mut asked = 0;
+        let mut flight = avoiding().fly(move |_, _| {
+            asked += 1;
+            let (look, boxes) = match asked {
+                1 => ("left", r#"{"box":[0,300,200,700],"depth":2,"name":"beam"}"#),
+                _ => ("up", ""),
+            };
+            Answer::After(secs(latency), format!(r#"{{"status":"not_visible","look":"{look}","boxes":[{boxes}]}}"#))
+        });
+        flight.until_asked(3);
+        let frame = |n: usize| flight.queries[n].1.frame;
+        let captured = |n: usize| flight.frames[usize::try_from(frame(n).0).unwrap()].captured;
+        (captured(1).since(captured(0)), climbs(&flight))
+    };
+    let (apart, climbed) = flown(0.1);
+    assert!(apart < secs(3.0) && climbed.is_empty(), "{apart:?} {climbed:?}");
+    let (apart, climbed) = flown(3.0);
+    assert!(apart > secs(3.0) && climbed == [1.0], "{apart:?} {climbed:?}");
+}
