@@ -25,7 +25,7 @@ pub fn is_any_connected() -> bool {
     CONNECTED.lock().unwrap_or_else(PoisonError::into_inner).iter().any(|connection| connection.strong_count() > 0)
 }
 
-/// Lands all connected crafts and waits for them. For a signal handler's thread, just before the process exits.
+/// Lands all connected craft and waits for them. For a signal handler's thread, just before the process exits.
 pub fn abandon_all() {
     let connected: Vec<_> = {
         let connected = CONNECTED.lock().unwrap_or_else(PoisonError::into_inner);

@@ -19,7 +19,7 @@ pub const GRACE: Duration = Duration::from_secs(10);
 /// Minimum interval between two orders, as the drone requires.
 pub const SPACING: Duration = Duration::from_millis(100);
 
-/// The kind of response an order has.
+/// The kind of response that an order expects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// `ok` or an error.

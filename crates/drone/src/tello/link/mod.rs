@@ -66,16 +66,16 @@ pub enum Notice {
         /// The command.
         command: String,
     },
-    /// The drone seems to have landed or stopped its motors by itself; it is told to land.
+    /// The drone seems to have landed or stopped its motors by itself; a landing is commanded.
     MotorsOff,
-    /// A `takeoff` had no response and no effect; the drone is told to land.
+    /// A `takeoff` had no response and no effect; a landing is commanded.
     NoTakeOff,
     /// The pilot does not call the driver any more: the drone holds, or lands.
     Unattended {
         /// Whether it lands.
         landing: bool,
     },
-    /// One of the driver's threads failed; the drone is told to land.
+    /// One of the driver's threads failed; a landing is commanded.
     Failed,
 }
 
@@ -148,7 +148,7 @@ impl Link {
         }
     }
 
-    /// Takes over a drone that is in the air: it is flown from where it is, and never told to take off.
+    /// Takes over a drone that is in the air: it is flown from where it is, without a take-off command.
     pub fn adopt(&mut self, now: Time) {
         self.begin_flying(now);
     }
@@ -166,7 +166,7 @@ impl Link {
         self.conversation.submit(order);
     }
 
-    /// Requests the video again, because nothing decodable arrives, if there is time for it. This has no effect on a
+    /// Requests the video again, because nothing decodable arrives, unless another command is pending. This has no effect on a
     /// drone that already sends it.
     pub fn ask_for_video(&mut self) {
         let busy = self.lost || !self.conversation.is_idle() || self.land_again.is_some() || self.phase == FlightPhase::Stopped;
