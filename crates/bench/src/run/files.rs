@@ -18,7 +18,7 @@ pub enum StoreError {
         source: std::io::Error,
     },
     /// The folder contains something else.
-    #[error("`{path}` holds results of a different plan: {what}")]
+    #[error("`{path}` belongs to a different run: {what}")]
     Other {
         /// The folder.
         path: PathBuf,

@@ -98,8 +98,8 @@ pub struct RunOptions {
     pub files: BTreeMap<String, String>,
 }
 
-/// Runs the missing trials of one shard. `told` receives the progress; once `stop` returns true, no further trial
-/// starts.
+/// Runs the missing trials of one shard. `on_progress` receives the progress; once `stop` returns true, no further
+/// trial starts.
 ///
 /// # Errors
 /// [`StoreError`] if results cannot be stored.

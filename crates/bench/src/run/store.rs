@@ -130,11 +130,11 @@ fn append(file: &mut File, row: &impl Serialize, path: &Path) -> Result<(), Stor
 
 fn difference(there: &Head, wanted: &Head) -> &'static str {
     if there.program != wanted.program {
-        "they were written by another version of spf"
+        "its results were written by another version of spf"
     } else if there.trials != wanted.trials {
-        "different tasks, methods, models, seeds or numbers of trials"
+        "its tasks, methods, models, seeds or numbers of trials are different"
     } else if there.shard != wanted.shard {
-        "a different shard"
+        "its results are of a different shard"
     } else {
         "the task files or the model settings have changed"
     }

@@ -110,11 +110,11 @@ impl Category {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum View {
-    /// In every draw.
+    /// In the first frame of every trial.
     Always,
-    /// In no draw: not a pixel of any target.
+    /// In no trial: not one pixel of any target is visible.
     Never,
-    /// In every second draw.
+    /// In every second trial.
     Half,
     /// Not checked.
     Any,

@@ -113,7 +113,7 @@ impl Blind {
     }
 }
 
-/// The VLM name of methods without one.
+/// The VLM name of methods that query no VLM.
 pub const NOBODY: &str = "none";
 
 /// The VLM of the blind control.

@@ -43,7 +43,7 @@ const DETECTOR: &str = "oracle:default";
 pub struct Pointer {
     /// Its name on the command line.
     pub name: String,
-    /// Creates it.
+    /// Creates the VLM of a trial.
     pub vlm_factory: VlmFactory,
     /// Fixed latency of its replies, seconds; `None` for the original one.
     pub latency: Option<f64>,
