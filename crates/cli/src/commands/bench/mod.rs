@@ -57,7 +57,7 @@ fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
 /// Why results cannot be kept, and what to do.
 fn store_error(error: &StoreError) -> CliError {
     match error {
-        StoreError::Other { .. } => CliError::usage("the folder holds results of a different plan")
+        StoreError::Other { .. } => CliError::usage("the folder holds results of a run with different settings")
             .because(error)
             .hint("use another folder with -o, or repeat the command that created this one"),
         StoreError::Shares(_) => CliError::usage("cannot merge the shards").because(error).hint(
