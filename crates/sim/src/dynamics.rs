@@ -37,7 +37,7 @@ const QUEUE: usize = 4096;
 /// Conditions of a simulated flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimConditions {
-    /// Seed of gusts, creep and sensor noise.
+    /// Seed of gusts, hover drift and sensor noise.
     pub seed: u64,
     /// True for telemetry without error or rounding (for a Tello also with a position), and no drift. For tests of the
     /// controller.
