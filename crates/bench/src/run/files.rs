@@ -35,7 +35,7 @@ pub enum StoreError {
     },
     /// Shards that do not form a complete plan.
     #[error("incomplete shards: {0}")]
-    Shares(String),
+    Shards(String),
 }
 
 /// Maps a file error.

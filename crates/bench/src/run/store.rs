@@ -218,10 +218,10 @@ pub fn merge(shards: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
         ways.extend(complete_rows(&folder.join(PATHS))?);
         made.extend(RunManifest::read(folder)?);
     }
-    let head = whole.ok_or_else(|| StoreError::Shares("no folders given".to_owned()))?;
+    let head = whole.ok_or_else(|| StoreError::Shards("no folders given".to_owned()))?;
     let missing: Vec<&String> = head.trials.iter().filter(|id| !rows.contains_key(*id)).collect();
     if let Some(first) = missing.first() {
-        return Err(StoreError::Shares(format!("{} trials are missing, first {first}", missing.len())));
+        return Err(StoreError::Shards(format!("{} trials are missing, first {first}", missing.len())));
     }
     let (store, _) = Store::open(into, &head)?;
     replace(&store.folder.join(RESULTS), &in_order(&head, rows))?;

@@ -30,7 +30,7 @@ use crate::task::{GoalKind, Set, Task, centre};
 pub use draw::{DrawError, Drawn, draw};
 use latency::Timed;
 pub use latency::split_latency;
-pub use method::{Method, NOBODY};
+pub use method::{Method, NO_VLM};
 pub use path::FlownPath;
 pub use record::{Milliseconds, Record, Scores, VlmDetails, run_id};
 use watch::{Findings, Watcher};
@@ -88,7 +88,7 @@ impl Trial {
     /// Name of the VLM.
     #[must_use]
     pub fn vlm(&self) -> &str {
-        self.pointer.as_ref().map_or(NOBODY, |pointer| &pointer.name)
+        self.pointer.as_ref().map_or(NO_VLM, |pointer| &pointer.name)
     }
 
     /// Its id in `results.jsonl`.

@@ -140,7 +140,7 @@ impl Conversation {
 
     /// Records that a command with an act response was sent outside of this channel (`land` while descending): its
     /// response belongs to no order, and no act starts until it can no longer arrive.
-    pub fn said_past(&mut self, now: Time) {
+    pub fn sent_outside(&mut self, now: Time) {
         self.tombs[0] = self.tombs[0].max(now + GRACE);
     }
 

@@ -60,7 +60,7 @@ fn store_error(error: &StoreError) -> CliError {
         StoreError::Other { .. } => CliError::usage("the folder holds results of a run with different settings")
             .because(error)
             .hint("use another folder with -o, or repeat the command that created this one"),
-        StoreError::Shares(_) => CliError::usage("cannot merge the shards").because(error).hint(
+        StoreError::Shards(_) => CliError::usage("cannot merge the shards").because(error).hint(
             "give the folders of all \
             shards, each finished",
         ),

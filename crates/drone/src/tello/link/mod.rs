@@ -490,7 +490,7 @@ impl Link {
         if self.land_again.is_some_and(|at| at <= now) {
             self.land_again = Some(now + LAND_AGAIN);
             self.sticks.release();
-            self.conversation.said_past(now);
+            self.conversation.sent_outside(now);
             return Some("land".to_owned());
         }
         let silent = self.heard.is_some_and(|heard| now.since(heard) >= LOST);
@@ -500,7 +500,7 @@ impl Link {
         }
         if silent && now.since(self.called) >= CALL_AGAIN {
             self.called = now;
-            self.conversation.said_past(now);
+            self.conversation.sent_outside(now);
             return Some("command".to_owned());
         }
         if let Some(text) = self.sticks.poll(now) {
