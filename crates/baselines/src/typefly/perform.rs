@@ -90,7 +90,7 @@ impl TypeFly {
 
     fn turn(&mut self, clockwise: bool, degrees: f64) -> Outcome {
         if !degrees.is_finite() {
-            return Outcome::Error(format!("a turn by {degrees} degrees is not possible: it must not be negative"));
+            return Outcome::Error(format!("a turn by {degrees} degrees is not possible: the angle must be finite"));
         }
         let degrees = degrees.clamp(-MOST_TURN, MOST_TURN);
         let yaw = if clockwise { degrees } else { -degrees }.to_radians();

@@ -70,7 +70,7 @@ fn store_error(error: &StoreError) -> CliError {
 
 fn merge_shares(args: &BenchMerge, printer: &Printer) -> Result<Exit, CliError> {
     let trials = merge(&args.shards, &args.output).map_err(|error| store_error(&error))?;
-    printer.log(&format!("{trials} trials of {} shards", args.shards.len()));
+    printer.log(&format!("merged {trials} trials of {} shards", args.shards.len()));
     printer.result(&args.output.join("results.jsonl").display().to_string());
     Ok(Exit::Success)
 }
