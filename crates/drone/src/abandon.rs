@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 /// A connection to a craft that can land it without its flight loop.
 pub trait Abandon: Send + Sync {
-    /// Commands zero, then a landing, and waits until the craft is seen on the ground, or until the craft's own deadline.
+    /// Commands zero, then a landing, and waits until the craft is reported on the ground, or until the craft's own deadline.
     /// Returns at once for a craft on the ground.
     fn abandon(&self);
 }

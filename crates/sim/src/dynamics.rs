@@ -51,7 +51,7 @@ pub struct SimConditions {
 }
 
 impl SimConditions {
-    /// Still air, realistic telemetry, a full battery, on the ground.
+    /// Conditions with still air, realistic telemetry, a full battery and a start on the ground.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self { seed, exact: false, wind: Wind::default(), battery: 1.0, hovering: false }

@@ -48,7 +48,7 @@ pub struct TypeFlySettings {
 }
 
 impl TypeFlySettings {
-    /// With replanning, all objects, five failures.
+    /// Settings with replanning, all objects and five failures.
     #[must_use]
     pub fn new(craft: Craft) -> Self {
         Self { replanning: true, coco: false, failures: 5, precedence: Precedence::Published, image_size: None, craft }

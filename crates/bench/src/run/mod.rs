@@ -41,7 +41,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Trials by draw: those of one draw start from the same pose in the same scene.
+    /// Trials in groups: those of a group start from the same sampled pose in the same sampled scene.
     #[must_use]
     pub fn draws(&self) -> Vec<Vec<Trial>> {
         let mut draws = Vec::new();

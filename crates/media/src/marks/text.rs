@@ -170,8 +170,8 @@ impl TextStyle {
 }
 
 impl TextStyle {
-    /// The text in lines of at most `width` pixels, broken between words, with its own spaces if it fits into one line. A word that
-    /// is longer than a line is cut.
+    /// The text in lines of at most `width` pixels, broken between words; its spaces are kept if it fits into one line. A word that
+    /// is longer than a line is split.
     #[must_use]
     pub fn wrapped(&self, text: &str, width: f64) -> Vec<String> {
         if !text.trim().is_empty() && self.measure(text).0 <= width {

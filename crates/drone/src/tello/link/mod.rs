@@ -181,7 +181,8 @@ impl Link {
         &self.state
     }
 
-    /// Whether something urgent is still to be sent: repetitions of `emergency`, until the motors are seen off.
+    /// Whether something urgent is still to be sent: repetitions of `emergency`, until the telemetry
+    /// shows the motors off.
     #[must_use]
     pub fn is_urgent(&self) -> bool {
         !self.emergencies.is_empty()
