@@ -31,7 +31,7 @@ pub(super) fn success(source: &Source) -> Markup {
             h2 { "Success" }
             p class="note" { b { "Self stop" } ": the method reported done and had reached the goal, without a collision. " b { "Judge stop" }
                 ": the goal was reached at some instant, as scored by the paper's human judge. " b { "False stop" }
-                ": the method reported done, but had not reached the goal. " b { "SPL" } ": success weighted by path length. \
+                ": the method reported done, but the judge disagreed. " b { "SPL" } ": success weighted by path length. \
                     95 % Wilson intervals; trials of one task are not independent, so the intervals are slightly too narrow." }
             figure { (chart::overview(source))
                 figcaption class="note" { "All tasks. Filled: self stop; hollow: judge stop." } }
