@@ -69,7 +69,7 @@ settings! {
         max_decisions: u32 = "60", Count(1, 100_000), "SPF_MAX_DECISIONS", "--max-decisions";
         /// timeout of a VLM reply, seconds
         reply_timeout_s: f64 = "20", Number(0.1, 600.0), "SPF_REPLY_TIMEOUT_S";
-        /// seconds after which a reply moves nothing, unless the craft has held since the frame
+        /// maximum age of a frame when its reply arrives, seconds; an older reply moves nothing, unless the craft has held since
         max_reply_age_s: f64 = "8", Number(0.1, 600.0), "SPF_MAX_REPLY_AGE_S", "--max-reply-age";
         /// VLM cost limit of the flight, US dollars; empty: no limit
         max_cost_usd: f64 = "", Number(0.0, 1e6), "SPF_MAX_COST_USD", "--max-cost";
