@@ -45,7 +45,7 @@ impl Scoring {
     }
 }
 
-/// A comparison of two methods or models on the draws that both flew.
+/// A comparison of two methods or models on the sampled starts that both flew from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contrast {
     /// Method and VLM of the first and of the second.

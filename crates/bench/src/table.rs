@@ -17,11 +17,11 @@ pub struct Line {
     pub set: Option<Set>,
     /// The category; `None` for a sum.
     pub category: Option<Category>,
-    /// Headline: declared done, and done.
+    /// Success by self stop, the main figure: done was reported and the goals were met.
     pub self_stop: Rate,
-    /// Done at some instant.
+    /// Success by judge stop: the goals were met at some instant.
     pub judge_stop: Rate,
-    /// With a collision.
+    /// Trials with a collision.
     pub collided: Rate,
 }
 

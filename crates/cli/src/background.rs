@@ -51,7 +51,7 @@ fn write_all(waiting: &Receiver<Log>) {
                 drop(io::stderr().write_all(&bytes));
                 let lost = LOST.swap(0, Ordering::Relaxed);
                 if lost > 0 {
-                    drop(writeln!(io::stderr(), "{lost} log lines were lost: standard error was not read"));
+                    drop(writeln!(io::stderr(), "{lost} log lines were lost: standard error was blocked"));
                 }
             }
             Log::Flush(done) => drop(done.send(())),
@@ -125,7 +125,8 @@ impl Lines {
             drop(self.queue.send(line));
             return;
         }
-        if self.lost > 0 && self.queue.try_send(Line::Say(format!("{} lines lost: the terminal was not read", self.lost))).is_ok()
+        if self.lost > 0
+            && self.queue.try_send(Line::Say(format!("{} lines of output lost: the terminal was blocked", self.lost))).is_ok()
         {
             self.lost = 0;
         }

@@ -36,7 +36,7 @@ impl Progress {
             Note::Envelope(cause) => format!("envelope: {cause}"),
             Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
             Note::Limited(why) => (*why).to_owned(),
-            Note::LateReply(id) => format!("query {} completed too late: ignored", id.0),
+            Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),
             // A held key repeats its setpoint ten times a second; the phase says enough.
             Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _) => return,
             Note::Operator(event) => format!("operator: {}", words::operator(event)),

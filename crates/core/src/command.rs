@@ -62,9 +62,9 @@ pub enum Manoeuvre {
 
 impl Manoeuvre {
     /// Minimum displacement, metres: at least one axis must reach it (Tello SDK 2.0, `go`).
-    pub const LEAST_WAY: f64 = 0.2;
+    pub const MIN_DISPLACEMENT: f64 = 0.2;
     /// Maximum displacement on any axis, metres.
-    pub const MOST_WAY: f64 = 5.0;
+    pub const MAX_DISPLACEMENT: f64 = 5.0;
 
     /// Duration at its speed, s; `turn_rate` is the yaw rate of a turn, rad/s.
     #[must_use]

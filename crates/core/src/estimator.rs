@@ -238,7 +238,7 @@ impl MotionEstimator {
         libm::hypot(self.senses.position_noise, self.drift.deviation())
     }
 
-    /// What the position may be off by beyond the error of its source, twice the standard deviation: zero for a craft that
+    /// Bound of the position error beyond that of the position source, as twice the standard deviation: zero for a craft that
     /// reports its position, and growing with time and distance for a dead-reckoned one.
     #[must_use]
     pub fn drift(&self) -> Spread {

@@ -52,7 +52,7 @@ pub enum Unusable {
     /// It could not be decoded.
     Undecodable,
     /// The reason is unknown: read from a log, which does not record it.
-    Untold,
+    Unrecorded,
 }
 
 /// Serialises as a boolean, as logs have it.
@@ -66,7 +66,7 @@ mod whether {
     }
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Unusable>, D::Error> {
-        Ok(bool::deserialize(deserializer)?.then_some(Unusable::Untold))
+        Ok(bool::deserialize(deserializer)?.then_some(Unusable::Unrecorded))
     }
 }
 
@@ -87,7 +87,7 @@ mod tests {
         };
         let json = serde_json::to_string(&frame).unwrap();
         assert!(json.ends_with(r#""unusable":true}"#), "{json}");
-        assert_eq!(serde_json::from_str::<FrameMeta>(&json).unwrap().unusable, Some(Unusable::Untold));
+        assert_eq!(serde_json::from_str::<FrameMeta>(&json).unwrap().unusable, Some(Unusable::Unrecorded));
         let usable = FrameMeta { unusable: None, ..frame };
         assert_eq!(serde_json::from_str::<FrameMeta>(&serde_json::to_string(&usable).unwrap()).unwrap(), usable);
     }

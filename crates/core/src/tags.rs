@@ -22,7 +22,7 @@ pub struct Tagged {
     pub qualities: Vec<String>,
     /// Its uses, in a few words each.
     pub uses: Vec<String>,
-    /// True for an opening, which is drawn into the second id image.
+    /// True for an opening, which is rendered into a separate id image.
     pub opening: bool,
     /// Key of the object that an opening belongs to.
     pub opening_of: Option<String>,

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 /// A connection to a craft that can land it without its flight loop.
 pub trait Abandon: Send + Sync {
-    /// Commands zero, then a landing, and waits until the craft is seen on the ground, or until the craft's own deadline.
+    /// Commands zero, then a landing, and waits until the craft is reported on the ground, or until the craft's own deadline.
     /// Returns at once for a craft on the ground.
     fn abandon(&self);
 }
@@ -25,7 +25,7 @@ pub fn is_any_connected() -> bool {
     CONNECTED.lock().unwrap_or_else(PoisonError::into_inner).iter().any(|connection| connection.strong_count() > 0)
 }
 
-/// Lands all connected crafts and waits for them. For a signal handler's thread, just before the process exits.
+/// Lands all connected craft and waits for them. For a signal handler's thread, just before the process exits.
 pub fn abandon_all() {
     let connected: Vec<_> = {
         let connected = CONNECTED.lock().unwrap_or_else(PoisonError::into_inner);

@@ -14,11 +14,11 @@ use crate::options::Options;
 /// A kind of drone.
 #[derive(Debug)]
 pub struct Driver {
-    /// The scheme with which their names start.
+    /// Scheme at the start of a drone's name, such as `tello`.
     pub scheme: &'static str,
-    /// Form of their names, such as `tello[@ADDRESS]`, for help texts and errors.
+    /// Form of a drone's name, such as `tello[@ADDRESS]`, for help texts and errors.
     pub form: &'static str,
-    /// What they are, and where one without an address is, in words that fit into parentheses, for help texts.
+    /// Description of the drone and its default address, without a final period, for help texts (shown in parentheses).
     pub about: &'static str,
     /// Parses the part of a name after the scheme (`@ADDRESS`, or nothing); `None` if it is not a valid address.
     pub target: fn(&str) -> Option<Box<dyn Target>>,
@@ -47,7 +47,7 @@ pub trait Target: Send + Sync {
     fn connect(&self, options: &Options, start: Instant) -> Result<Connected, ConnectError>;
 
     /// Checks the craft on the ground for `spf doctor`: network path, telemetry, images. The checks that apply to any craft
-    /// are in [`examine`](crate::examine); `tello/doctor.rs` is a model.
+    /// are in [`examine`](crate::examine); `tello/doctor.rs` is an example.
     fn examine(&self, options: &Options) -> Vec<Check>;
 }
 

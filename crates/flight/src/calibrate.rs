@@ -240,11 +240,11 @@ struct NoVlm;
 
 impl Vlm for NoVlm {
     fn name(&self) -> &str {
-        "nobody"
+        "none"
     }
 
     fn answer(&mut self, _request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
-        let refused = VlmError::Refused { model: "nobody".to_owned(), reason: "calibrating the drone".to_owned() };
+        let refused = VlmError::Refused { model: "none".to_owned(), reason: "a calibration flight has no VLM".to_owned() };
         Answer { text: Err(refused), latency: Duration::ZERO, model: String::new(), account: Account::default() }
     }
 }
@@ -252,8 +252,8 @@ impl Vlm for NoVlm {
 /// The plan of a calibration flight: only the inputs of `operator` are flown, and no VLM is queried.
 #[must_use]
 pub fn plan(drone: Box<dyn Drone>, clock: Clock, operator: Receiver<OperatorEvent>, interrupts: Arc<AtomicU32>) -> FlightPlan {
-    let (site, nobody) = (Site::Real(Real { drone, clock }), Arc::new(|_: Option<&_>, _| Ok(Box::new(NoVlm) as Box<dyn Vlm>)));
-    let plan = FlightPlan::new(site, "measure", "nobody", nobody);
+    let (site, no_vlm) = (Site::Real(Real { drone, clock }), Arc::new(|_: Option<&_>, _| Ok(Box::new(NoVlm) as Box<dyn Vlm>)));
+    let plan = FlightPlan::new(site, "measure", "none", no_vlm);
     FlightPlan { policy: Arc::new(PolicyKind::plain()), operator: Some(operator), interrupts, ..plan }
 }
 

@@ -90,7 +90,7 @@ impl Site {
 }
 
 impl FlightPlan {
-    /// SPF with the default preset, without operator or recording. `vlm` is the name of the VLM.
+    /// A plan with the policy SPF and the default preset, without operator or recording. `vlm` is the name of the VLM.
     #[must_use]
     pub fn new(site: Site, instruction: &str, vlm: &str, vlm_factory: VlmFactory) -> Self {
         Self {

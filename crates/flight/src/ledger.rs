@@ -92,7 +92,7 @@ struct Sums {
 pub struct Ledger(Arc<Mutex<Sums>>);
 
 impl Ledger {
-    /// A ledger that also writes its rows to a file. `patient`: it may wait for the disk.
+    /// A ledger that also writes its rows to a file. `patient`: wait for a slow disk instead of dropping rows.
     #[must_use]
     pub fn in_file(path: &Path, patient: bool) -> Self {
         let ledger = Self::default();

@@ -189,10 +189,12 @@ pub(crate) enum MethodsError {
         must: &'static str,
     },
     /// A bench row whose flight logs could not name a policy.
-    #[error("no row with `fly` has the policy of `{0}`, so logs of its flights could not name their policy")]
+    #[error("no row with `fly` has the same policy as `{0}`, so logs of its flights could not name their policy: add one")]
     Nameless(String),
     /// Two identical policies.
-    #[error("`{0}` and `{1}` both have `fly` and the same policy, so a log could name either")]
+    #[error(
+        "`{0}` and `{1}` both have `fly` and the same policy, so the name in a log would be ambiguous: remove `fly` from one"
+    )]
     Alike(String, String),
     /// A blind control that would need frames.
     #[error("`{0}` is blind, but only the policy `plain` with `form = \"commands\"` works without frames")]

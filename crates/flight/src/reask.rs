@@ -110,7 +110,7 @@ impl Pointed {
         match (self.status, self.point) {
             (Some(Status::Navigating), Some(point)) => {
                 let (target, depth) = (self.target.as_deref().unwrap_or("target"), self.depth.unwrap_or(0));
-                format!("{target} at ({:.3}, {:.3}), depth {depth}", point.u, point.v)
+                format!("{target} at ({:.3}, {:.3}), depth label {depth}", point.u, point.v)
             }
             (Some(Status::Done), _) => "done".to_owned(),
             (Some(_), _) => "not visible".to_owned(),

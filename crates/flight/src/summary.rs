@@ -15,7 +15,7 @@ pub struct Touch {
     pub at_s: f64,
 }
 
-/// Who resolved the objects that `verified` is about.
+/// How the target objects for `verified` were determined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum VerifiedBy {
@@ -32,13 +32,14 @@ pub struct Summary {
     pub format: u32,
     /// The user's instruction; the last one if it was changed in flight.
     pub instruction: String,
-    /// Outcome, as the pilot believes.
+    /// Outcome, as judged by the pilot without ground truth.
     pub outcome: Outcome,
     /// Cause of the outcome, in words.
     pub cause: String,
     /// Success by ground truth; null without ground truth.
     pub verified: Option<bool>,
-    /// Who resolved the objects that `verified` is about; left out where that is null, and by versions that did not record it.
+    /// How the target objects for `verified` were determined; omitted if `verified` is null, and by versions that did not record
+    /// it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verified_by: Option<VerifiedBy>,
     /// Time from the first motion after take-off to `Finished`, seconds; null if nothing moved.

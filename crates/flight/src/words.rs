@@ -6,7 +6,7 @@ use spf_core::reply::{Look, Status};
 
 use crate::ledger::VlmUse;
 
-/// An outcome.
+/// Display text of an outcome.
 #[must_use]
 pub fn outcome(outcome: Outcome) -> &'static str {
     match outcome {
@@ -19,7 +19,7 @@ pub fn outcome(outcome: Outcome) -> &'static str {
     }
 }
 
-/// A phase.
+/// Display text of a phase.
 #[must_use]
 pub fn phase(phase: Phase) -> &'static str {
     match phase {
@@ -34,7 +34,7 @@ pub fn phase(phase: Phase) -> &'static str {
     }
 }
 
-/// An operator input.
+/// Display text of an operator input.
 #[must_use]
 pub fn operator(event: &OperatorEvent) -> String {
     match event {
@@ -47,7 +47,7 @@ pub fn operator(event: &OperatorEvent) -> String {
     }
 }
 
-/// A direction in which to look.
+/// Display text of a direction in which to look.
 #[must_use]
 pub fn look(look: Look) -> &'static str {
     match look {
@@ -59,7 +59,7 @@ pub fn look(look: Look) -> &'static str {
     }
 }
 
-/// A decision in one line: target, point, depth label, step, primitives.
+/// Display text of a decision, one line: target, point, depth label, step, primitives.
 #[must_use]
 pub fn decision(decision: &Decision) -> String {
     let reading = &decision.reading;
@@ -78,7 +78,7 @@ pub fn decision(decision: &Decision) -> String {
                 let target = reply.target.as_deref().unwrap_or("target");
                 let stage = reply.stage.filter(|stage| *stage > 1).map_or(String::new(), |stage| format!(" (stage {stage})"));
                 let point = reading.waypoint.or(reply.point).map_or(String::new(), |p| format!(" at ({:.2}, {:.2})", p.u, p.v));
-                let depth = reply.depth.map_or(String::new(), |depth| format!(", depth {depth}"));
+                let depth = reply.depth.map_or(String::new(), |depth| format!(", depth label {depth}"));
                 let step = reading.step.map_or(String::new(), |step| format!(", step {step:.2} m"));
                 format!("{target}{stage}{point}{depth}{step}")
             }
@@ -114,7 +114,7 @@ pub fn decision(decision: &Decision) -> String {
     line
 }
 
-/// VLM usage on one line.
+/// Display text of VLM usage, one line.
 #[must_use]
 pub fn vlm_use(used: &VlmUse) -> String {
     let models: Vec<&str> = used.models.keys().map(String::as_str).collect();

@@ -41,7 +41,7 @@ impl Scaler {
         self.resizer.resize_typed(&from, &mut scaled, &options).expect("the options have no crop");
     }
 
-    /// Takes the memory of an image for the next one.
+    /// Reuses the buffer of an image for the next result.
     pub fn reuse(&mut self, image: Rgb) {
         self.spare = image.into_data();
     }

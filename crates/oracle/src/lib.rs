@@ -84,7 +84,7 @@ impl Oracle {
         Percept::draw(&self.errors, self.seed, frame, sight, tags)
     }
 
-    /// Answers a query about the frame of `percept`. Latency and the errors of a single answer are drawn by the query's
+    /// Answers a query about the frame of `percept`. Latency and the errors of a single answer depend on the query's
     /// number.
     #[must_use]
     pub fn answer(&self, query: &Query, percept: &Percept) -> OracleAnswer {

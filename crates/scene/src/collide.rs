@@ -112,7 +112,7 @@ struct Soup {
 }
 
 impl Collider {
-    /// Builds it from the solid parts of a scene. Degenerate triangles are omitted: they cannot be touched and have no
+    /// Builds it from the solid parts of a scene. Degenerate triangles are omitted: they cannot collide and have no
     /// nearest point.
     ///
     /// # Errors

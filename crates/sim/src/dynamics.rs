@@ -37,7 +37,7 @@ const QUEUE: usize = 4096;
 /// Conditions of a simulated flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimConditions {
-    /// Seed of gusts, creep and sensor noise.
+    /// Seed of gusts, hover drift and sensor noise.
     pub seed: u64,
     /// True for telemetry without error or rounding (for a Tello also with a position), and no drift. For tests of the
     /// controller.
@@ -51,7 +51,7 @@ pub struct SimConditions {
 }
 
 impl SimConditions {
-    /// Still air, realistic telemetry, a full battery, on the ground.
+    /// Conditions with still air, realistic telemetry, a full battery and a start on the ground.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self { seed, exact: false, wind: Wind::default(), battery: 1.0, hovering: false }

@@ -68,7 +68,7 @@ pub enum VlmError {
         retry_after: Option<Duration>,
     },
     /// An HTML page, from a proxy or a wrong address.
-    #[error("{host} returned HTTP {status} with a web page{}: a proxy, a sign-in page or a wrong address", title.as_ref().map_or(String::new(), |title| format!(" \"{title}\"")))]
+    #[error("{host} returned HTTP {status} with a web page{}, perhaps from a proxy, a sign-in page or a wrong address", title.as_ref().map_or(String::new(), |title| format!(" \"{title}\"")))]
     WebPage {
         /// The host.
         host: String,

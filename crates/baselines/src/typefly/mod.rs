@@ -48,7 +48,7 @@ pub struct TypeFlySettings {
 }
 
 impl TypeFlySettings {
-    /// With replanning, all objects, five failures.
+    /// Settings with replanning, all objects and five failures.
     #[must_use]
     pub fn new(craft: Craft) -> Self {
         Self { replanning: true, coco: false, failures: 5, precedence: Precedence::Published, image_size: None, craft }
@@ -285,7 +285,7 @@ impl TypeFly {
         let refused = match ended {
             Ok(last) => {
                 statements.extend(last);
-                (statements.is_empty() && !planning.begun).then(|| "there is no program in the answer".to_owned())
+                (statements.is_empty() && !planning.begun).then(|| "the reply contains no program".to_owned())
             }
             Err(error) => Some(error.to_string()),
         };
@@ -412,7 +412,7 @@ impl TypeFly {
 
     fn reply_failed(&mut self, id: QueryId) {
         if self.planning.as_ref().is_some_and(|planning| planning.id == id) || self.waits == Waits::Answer(id) {
-            self.plan_again("no answer came");
+            self.plan_again("no reply arrived");
         }
         self.detecting.take_if(|detecting| *detecting == id);
         if self.completing.take_if(|completing| *completing == id).is_some() {

@@ -71,7 +71,7 @@ impl TypeFly {
 
     fn shift(&mut self, axis: Axis, centimetres: f64) -> Outcome {
         if !(centimetres > 0.0 && centimetres.is_finite()) {
-            return Outcome::Error(format!("a move of {centimetres} cm is none"));
+            return Outcome::Error(format!("a move of {centimetres} cm is not possible: it must be positive"));
         }
         let scale = self.settings.scale();
         let centimetres = centimetres.clamp(MOVE_CM.0 * scale, MOVE_CM.1 * scale);
@@ -90,7 +90,7 @@ impl TypeFly {
 
     fn turn(&mut self, clockwise: bool, degrees: f64) -> Outcome {
         if !degrees.is_finite() {
-            return Outcome::Error(format!("a turn by {degrees} degrees is none"));
+            return Outcome::Error(format!("a turn by {degrees} degrees is not possible: the angle must be finite"));
         }
         let degrees = degrees.clamp(-MOST_TURN, MOST_TURN);
         let yaw = if clockwise { degrees } else { -degrees }.to_radians();
@@ -115,7 +115,7 @@ impl TypeFly {
 
     fn delay(&mut self, seconds: f64) -> Outcome {
         if seconds.is_nan() || seconds < 0.0 {
-            return Outcome::Error(format!("a wait of {seconds} s is none"));
+            return Outcome::Error(format!("a wait of {seconds} s is not possible: it must not be negative"));
         }
         self.fresh = false;
         self.waits = Waits::Time { long: duration_from_secs(seconds.min(LONGEST_DELAY)), until: None };

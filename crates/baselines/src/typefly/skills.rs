@@ -175,7 +175,7 @@ impl Library {
         let Some(What::Low(skill, kind)) = self.find(&call.name) else {
             return Err(format!("there is no skill `{}`", call.name));
         };
-        let wrong = |wanted: &str| Err(format!("`{}` wants {wanted}", call.name));
+        let wrong = |wanted: &str| Err(format!("`{}` requires {wanted}", call.name));
         let argument = match (kind, call.arguments.as_slice()) {
             (None, _) => Argument::default(),
             (Some(_), []) => return wrong("an argument"),
@@ -257,8 +257,8 @@ mod tests {
         let chair = || Value::Text("chair".to_owned());
         assert_eq!(call("MF", vec![Value::Int(50)]).unwrap().0, Skill::Move(Axis::Forward));
         assert_eq!(call("probe", vec![chair()]).unwrap(), (Skill::Query, Argument { number: 0.0, text: "chair".to_owned() }));
-        assert_eq!(call("mf", vec![chair()]), Err("`mf` wants a number, not 'chair'".to_owned()));
-        assert_eq!(call("iv", Vec::new()), Err("`iv` wants an argument".to_owned()));
+        assert_eq!(call("mf", vec![chair()]), Err("`mf` requires a number, not 'chair'".to_owned()));
+        assert_eq!(call("iv", Vec::new()), Err("`iv` requires an argument".to_owned()));
         assert!(library.body("scan").is_some() && library.body("mf").is_none() && !library.is_skill("flip"));
         assert!(Library::new(1.0, false).body("goto").is_none());
     }

@@ -31,12 +31,12 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// Creates a VLM client, one per worker.
 pub type MakeVlm = Arc<dyn Fn() -> Box<dyn Vlm> + Send + Sync>;
 
-/// Kind of answerer.
+/// The kind of a source of answers.
 #[derive(Clone)]
 pub enum AnswererKind {
     /// Always the image centre.
     Centre,
-    /// The oracle, for simulated images only; its errors and the seed of their draws.
+    /// The oracle, for simulated images only; its errors and the seed of their random values.
     Oracle(Box<ErrorFile>, u64),
     /// A model and its prompt.
     Model(MakeVlm, Arc<PromptText>),
@@ -55,7 +55,7 @@ impl AnswererKind {
     }
 }
 
-/// A named answerer.
+/// A source of answers: a model, the oracle or the baseline.
 #[derive(Clone)]
 pub struct Answerer {
     /// The name.

@@ -38,12 +38,14 @@ pub fn words(row: &AnswerRow) -> String {
         ParsedReply::Nothing(code, why) => format!("no reply ({code}): {why}"),
         ParsedReply::Refused(why) => format!("not usable: {why}"),
         ParsedReply::Reply(reply) => {
-            let place = reply.point.map_or(String::new(), |point| format!(" at ({:.3}, {:.3})", point.u, point.v));
-            let depth = reply.depth.filter(|_| reply.point.is_some()).map_or(String::new(), |depth| format!(", depth {depth}"));
             let target =
                 reply.target.as_deref().filter(|_| reply.point.is_some()).map_or(String::new(), |what| format!(" {what}"));
+            let at = if target.is_empty() { " " } else { " at " };
+            let place = reply.point.map_or(String::new(), |point| format!("{at}({:.3}, {:.3})", point.u, point.v));
+            let depth =
+                reply.depth.filter(|_| reply.point.is_some()).map_or(String::new(), |depth| format!(", depth label {depth}"));
             let status = match reply.status {
-                Status::Navigating => "points",
+                Status::Navigating => "points to",
                 Status::Done => "done",
                 Status::NotVisible => "not visible",
             };
@@ -127,9 +129,9 @@ fn legend(misses: usize) -> String {
     match misses {
         0 => "None, apart from the baseline that always points at the image centre.".to_owned(),
         n if n > MOST => {
-            format!("{n} images with a miss or a wrong visibility; the first {MOST} are shown. The target is green.")
+            format!("{n} images with a miss or a wrong report of visibility; the first {MOST} are shown. The target is green.")
         }
-        n => format!("{n} images with a miss or a wrong visibility. The target is green."),
+        n => format!("{n} images with a miss or a wrong report of visibility. The target is green."),
     }
 }
 
@@ -168,7 +170,7 @@ fn card(item: usize, items: &[Item], report: &Report, grades: &Grades) -> String
             (Some(false), _, Some(true)) => "wrongly reported as not visible",
             (Some(false), ..) => "missed",
             (None, Some(true), Some(true)) => "correctly reported as not visible",
-            (None, Some(true), _) => "reported, but not in the image",
+            (None, Some(true), _) => "target reported although not in the image",
             (None, ..) => "",
         };
         let _ = write!(

@@ -23,10 +23,10 @@ const MOST_SAMPLES: usize = 1_300_000;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PhotoError {
-    /// No image of a known format, damaged, or too large.
+    /// Not an image in a known format, or damaged, or too large.
     #[error("not a PNG or JPEG image of at most {LONGEST_SIDE} pixels per side")]
     QueryImage(#[from] FileError),
-    /// No MP4 file.
+    /// Not a readable MP4 file.
     #[error("not a readable MP4 file: {0}")]
     Container(String),
     /// A video of another codec.
@@ -118,7 +118,7 @@ pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, 
         _ if frames.is_empty() => Err(PhotoError::Stream("it contains no frames".to_owned())),
         // A stream from which most frames cannot be decoded is an error.
         Some(error) if !enough && 2 * shown < times.len() => {
-            Err(PhotoError::Stream(format!("{} of its {} frames: {error}", times.len() - shown, times.len())))
+            Err(PhotoError::Stream(format!("{} of its {} frames failed: {error}", times.len() - shown, times.len())))
         }
         _ => Ok(frames),
     }

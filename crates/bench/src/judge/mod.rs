@@ -24,7 +24,7 @@ pub use trajectory::{Judgement, judge_trajectory};
 /// Interval of evaluations, flight time; conditions that hold for less may be missed.
 pub const EVERY: core::time::Duration = core::time::Duration::from_millis(200);
 
-/// The scene lacks the target of a goal.
+/// The scene has no object that matches a goal.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("no object in the scene `{scene}` matches goal {goal} of the task `{task}`")]
 pub struct NoTarget {

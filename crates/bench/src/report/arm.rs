@@ -2,7 +2,7 @@
 
 use crate::stats::{Rate, median, percentile};
 use crate::table::vlm_of;
-use crate::trial::{NOBODY, Record};
+use crate::trial::{NO_VLM, Record};
 
 /// A method with a VLM.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,7 +41,7 @@ impl Arm {
                 continue;
             }
             let vlm = vlm_of(record);
-            let dash = if vlm == NOBODY { 0 } else { place(&mut vlms, &vlm) };
+            let dash = if vlm == NO_VLM { 0 } else { place(&mut vlms, &vlm) };
             arms.push(Self { colour: place(&mut methods, &record.method), dash, method: record.method.clone(), vlm });
         }
         arms
@@ -58,7 +58,7 @@ impl Arm {
 
     /// Whether it is the blind control.
     pub(super) fn is_blind(&self) -> bool {
-        self.vlm == NOBODY
+        self.vlm == NO_VLM
     }
 
     /// The oracle's error level, if an oracle was used, whatever its latency (`oracle-default-3s`).
@@ -80,7 +80,7 @@ impl Arm {
 
 /// The display name of an arm.
 pub(super) fn name(method: &str, vlm: &str) -> String {
-    if vlm == NOBODY { method.to_owned() } else { format!("{method} · {vlm}") }
+    if vlm == NO_VLM { method.to_owned() } else { format!("{method} · {vlm}") }
 }
 
 fn place(among: &mut Vec<String>, name: &str) -> usize {

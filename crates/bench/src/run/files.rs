@@ -18,7 +18,7 @@ pub enum StoreError {
         source: std::io::Error,
     },
     /// The folder contains something else.
-    #[error("`{path}` holds results of a different plan: {what}")]
+    #[error("`{path}` belongs to a different run: {what}")]
     Other {
         /// The folder.
         path: PathBuf,
@@ -35,7 +35,7 @@ pub enum StoreError {
     },
     /// Shards that do not form a complete plan.
     #[error("incomplete shards: {0}")]
-    Shares(String),
+    Shards(String),
 }
 
 /// Maps a file error.

@@ -41,7 +41,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Trials by draw: those of one draw start from the same pose in the same scene.
+    /// Trials in groups: those of a group start from the same sampled pose in the same sampled scene.
     #[must_use]
     pub fn draws(&self) -> Vec<Vec<Trial>> {
         let mut draws = Vec::new();
@@ -98,8 +98,8 @@ pub struct RunOptions {
     pub files: BTreeMap<String, String>,
 }
 
-/// Runs the missing trials of one shard. `told` receives the progress; once `stop` returns true, no further trial
-/// starts.
+/// Runs the missing trials of one shard. `on_progress` receives the progress; once `stop` returns true, no further
+/// trial starts.
 ///
 /// # Errors
 /// [`StoreError`] if results cannot be stored.

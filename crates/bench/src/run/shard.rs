@@ -25,7 +25,7 @@ impl Shard {
     /// All trials.
     pub const WHOLE: Self = Self { index: 0, count: 1 };
 
-    /// Whether draw number `number` belongs to this shard.
+    /// Whether group `number` of [`Plan::draws`](super::Plan::draws) belongs to this shard.
     #[must_use]
     pub fn has(self, number: usize) -> bool {
         number as u64 % u64::from(self.count.max(1)) == u64::from(self.index)

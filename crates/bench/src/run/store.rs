@@ -130,11 +130,11 @@ fn append(file: &mut File, row: &impl Serialize, path: &Path) -> Result<(), Stor
 
 fn difference(there: &Head, wanted: &Head) -> &'static str {
     if there.program != wanted.program {
-        "they were written by another version of spf"
+        "its results were written by another version of spf"
     } else if there.trials != wanted.trials {
-        "different tasks, methods, models, seeds or numbers of trials"
+        "its tasks, methods, models, seeds or numbers of trials are different"
     } else if there.shard != wanted.shard {
-        "a different shard"
+        "its results are of a different shard"
     } else {
         "the task files or the model settings have changed"
     }
@@ -218,10 +218,10 @@ pub fn merge(shards: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
         ways.extend(complete_rows(&folder.join(PATHS))?);
         made.extend(RunManifest::read(folder)?);
     }
-    let head = whole.ok_or_else(|| StoreError::Shares("no folders given".to_owned()))?;
+    let head = whole.ok_or_else(|| StoreError::Shards("no folders given".to_owned()))?;
     let missing: Vec<&String> = head.trials.iter().filter(|id| !rows.contains_key(*id)).collect();
     if let Some(first) = missing.first() {
-        return Err(StoreError::Shares(format!("{} trials are missing, first {first}", missing.len())));
+        return Err(StoreError::Shards(format!("{} trials are missing, first {first}", missing.len())));
     }
     let (store, _) = Store::open(into, &head)?;
     replace(&store.folder.join(RESULTS), &in_order(&head, rows))?;

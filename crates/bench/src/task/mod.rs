@@ -110,11 +110,11 @@ impl Category {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum View {
-    /// In every draw.
+    /// In the first frame of every trial.
     Always,
-    /// In no draw: not a pixel of any target.
+    /// In no trial: not one pixel of any target is visible.
     Never,
-    /// In every second draw.
+    /// In every second trial.
     Half,
     /// Not checked.
     Any,
@@ -123,7 +123,8 @@ pub enum View {
 /// Start of trials.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Start {
-    /// Whether every trial begins at the scene's own start and heading; then nothing is drawn, and the rest does not apply.
+    /// Whether every trial begins at the scene's own start and heading; then nothing is sampled, and the
+    /// other fields do not apply.
     pub own: bool,
     /// Whether the target is in view.
     pub view: View,
@@ -260,7 +261,7 @@ pub struct Task {
     pub conditions: SceneLook,
     /// Wind; `None` for still air.
     pub wind: Option<Winds>,
-    /// Range of the additional delay of every VLM reply, seconds, drawn per query; `None` for none.
+    /// Range of the additional delay of every VLM reply, seconds, sampled per query; `None` for none.
     pub vlm_delay: Option<[f64; 2]>,
     /// Craft model.
     pub craft: CraftKind,

@@ -31,7 +31,7 @@ const MIDDLE: f64 = 0.7;
 /// Bearings beyond this are behind the craft, radians.
 const BEHIND: f64 = 1.6;
 
-/// Why a trial could not be drawn.
+/// Why the scene and start of a trial could not be sampled.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum DrawError {
@@ -56,7 +56,7 @@ pub enum DrawError {
     },
 }
 
-/// The drawn scene and start of a trial.
+/// The sampled scene and start of a trial.
 #[derive(Clone)]
 pub struct Drawn {
     /// The scene with its layout and lighting.
@@ -69,13 +69,13 @@ pub struct Drawn {
     pub start: Pose,
     /// Whether a target is clearly visible from above the start; `None` if not checked.
     pub in_view: Option<bool>,
-    /// The target for which the start was drawn.
+    /// The target for which the start was sampled.
     pub focus: Option<ObjectId>,
     /// Distance from above the start to the nearest target, metres.
     pub range: Option<f64>,
 }
 
-/// Draws a trial.
+/// Samples the scene, conditions and start of a trial.
 ///
 /// # Errors
 /// [`DrawError`] if the scene cannot be loaded, or no suitable start is found.

@@ -90,14 +90,14 @@ struct Blind {
 
 impl Vlm for Blind {
     fn name(&self) -> &str {
-        NOBODY
+        NO_VLM
     }
 
     fn answer(&mut self, request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         Answer {
             text: Ok(self.text(request.query.memory.actions.len())),
             latency: duration_from_secs(LATENCY_S),
-            model: NOBODY.to_owned(),
+            model: NO_VLM.to_owned(),
             account: Account::default(),
         }
     }
@@ -113,8 +113,8 @@ impl Blind {
     }
 }
 
-/// The VLM name of methods without one.
-pub const NOBODY: &str = "none";
+/// The VLM name of methods that query no VLM.
+pub const NO_VLM: &str = "none";
 
 /// The VLM of the blind control.
 pub(super) fn blind(metres: f64) -> VlmFactory {

@@ -30,7 +30,7 @@ use crate::task::{GoalKind, Set, Task, centre};
 pub use draw::{DrawError, Drawn, draw};
 use latency::Timed;
 pub use latency::split_latency;
-pub use method::{Method, NOBODY};
+pub use method::{Method, NO_VLM};
 pub use path::FlownPath;
 pub use record::{Milliseconds, Record, Scores, VlmDetails, run_id};
 use watch::{Findings, Watcher};
@@ -38,14 +38,14 @@ use watch::{Findings, Watcher};
 /// The detector used with a model.
 const DETECTOR: &str = "oracle:default";
 
-/// A VLM with its name.
+/// A VLM under test: its name, and how it is created.
 #[derive(Clone)]
 pub struct Pointer {
     /// Its name on the command line.
     pub name: String,
-    /// Creates it.
+    /// Creates the VLM of a trial.
     pub vlm_factory: VlmFactory,
-    /// Fixed latency of its replies, seconds; `None` for the original one.
+    /// Fixed latency of its replies, seconds; `None` for its own latency.
     pub latency: Option<f64>,
 }
 
@@ -88,7 +88,7 @@ impl Trial {
     /// Name of the VLM.
     #[must_use]
     pub fn vlm(&self) -> &str {
-        self.pointer.as_ref().map_or(NOBODY, |pointer| &pointer.name)
+        self.pointer.as_ref().map_or(NO_VLM, |pointer| &pointer.name)
     }
 
     /// Its id in `results.jsonl`.
@@ -97,7 +97,7 @@ impl Trial {
         run_id(&self.task.id, self.method.name(), self.vlm(), self.seed)
     }
 
-    /// Flies it from the drawn start. Never fails: a trial that cannot be flown results in a row with an `error`.
+    /// Flies it from the sampled start. Never fails: a trial that cannot be flown results in a row with an `error`.
     #[must_use]
     pub fn fly(&self, drawn: &Drawn, record: Option<RecordPlan>) -> Flown {
         let judge = match Judge::new(&self.task, drawn.loaded.clone(), drawn.start) {

@@ -13,7 +13,7 @@ const RESULTS: &str = "bench-results";
 pub(crate) enum Bench {
     /// Fly a suite of tasks with many trials each, and report success rates
     Run(Box<BenchRun>),
-    /// Check a task: its file, its success test on its own trajectories, and its sampled starts
+    /// Check a task: its file, its success test on the trajectories in the file, and its sampled starts
     Check(BenchCheck),
     /// Merge the shards of a run flown on several machines
     Merge(BenchMerge),
@@ -36,8 +36,10 @@ Examples:
   spf bench run --suite latency-sweep --trials 20 -o out
   spf bench run --suite paper --shard 0/4 -o part0
 
-The same command in the same folder resumes an interrupted run. results.jsonl has one row per trial and no wall-clock times; \
-docs/guide/bench.md describes it. Exit code 0 when all trials were flown, whatever their outcome; 5 when interrupted.")]
+The same command in the same folder resumes an interrupted run. In the table, SELF STOP counts the trials in which the method \
+reported done at the goal, JUDGE STOP those in which the goal was reached at some instant. results.jsonl has one row per trial \
+and no wall-clock times; docs/guide/bench.md describes it. Exit code 0 when all trials were flown, whatever their outcome; 5 \
+when interrupted.")]
 pub(crate) struct BenchRun {
     /// Suite of tasks (see `spf bench list`)
     #[arg(long, value_name = "NAME")]
@@ -60,13 +62,13 @@ pub(crate) struct BenchRun {
     /// Number of parallel trials [default: number of processors]
     #[arg(long, value_name = "N")]
     pub(crate) jobs: Option<usize>,
-    /// Fly only shard i of n, counted from 0 [default: from Slurm or Kubernetes, else all]
+    /// Fly only shard I of N, counted from 0 [default: from Slurm or Kubernetes, else all]
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<String>,
     /// Record each trial to videos/RUN_ID.mp4; takes several times as long
     #[arg(long)]
     pub(crate) videos: bool,
-    /// VLM cost limit of a trial, US dollars [default: no limit]
+    /// VLM cost limit per trial, US dollars [default: no limit]
     #[arg(long, value_name = "USD")]
     pub(crate) max_cost: Option<f64>,
     /// Output folder for the results
@@ -144,8 +146,8 @@ Examples:
   spf bench show sim-nav-red-crane/spf/oracle-default/3 -o flight
   spf bench show my-task/spf/gemini/0 --task my/task.toml --vlm gemini -o flight
 
-The trial is named by the `run_id` of its row. Characters outside A-Z a-z 0-9 . _ - are replaced by `-` there, so any VLM \
-other than a built-in oracle must be given again with --vlm.")]
+RUN_ID is the `run_id` of the trial's row in results.jsonl. Characters outside A-Z a-z 0-9 . _ - are replaced by `-` there, so \
+any VLM other than a built-in oracle must be given again with --vlm.")]
 pub(crate) struct BenchShow {
     /// Trial: task/method/vlm/seed
     pub(crate) run_id: String,

@@ -52,13 +52,13 @@ pub(crate) struct Ground {
     /// Maximum number of frames per video
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) frames: usize,
-    /// Only the first N questions of the dataset
+    /// Only the first N questions (an image with an instruction) of the dataset
     #[arg(short = 'n', long = "count", value_name = "N", requires = "dataset")]
     pub(crate) count: Option<usize>,
-    /// Number of parallel questions
+    /// Number of parallel queries
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=256))]
     pub(crate) parallel: u16,
-    /// Questions per minute to each model [default: unlimited]
+    /// Maximum number of queries per minute to each model [default: unlimited]
     #[arg(long, value_name = "N", allow_negative_numbers = true, requires = "dataset")]
     pub(crate) rate: Option<f64>,
     /// Cost limit, US dollars [default: no limit]

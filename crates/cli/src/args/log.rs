@@ -14,7 +14,7 @@ pub(crate) enum Log {
     Export(Export),
     /// Make a video from the camera images of a flight log
     Video(Video),
-    /// Repair a log truncated by a kill, a crash or a full disk
+    /// Repair a log truncated by a killed process, a crash or a full disk
     Repair(Repair),
 }
 

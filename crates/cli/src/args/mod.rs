@@ -54,7 +54,7 @@ pub(crate) enum Command {
     Fly(Box<Fly>),
     /// Run pre-flight checks: drone, battery, video, light, VLM, disk
     Doctor(Doctor),
-    /// DJI Tello tools: calibrate the stick response
+    /// DJI Tello tools: show the state, land, stop, calibrate the stick response
     #[command(subcommand)]
     Tello(Tello),
     /// The embedded simulator: render, list, view and serve scenes
@@ -138,8 +138,8 @@ pub(crate) struct WorldArgs {
     pub(crate) start: Option<String>,
     #[arg(long, value_name = "DRONE", help = drones::drones())]
     pub(crate) drone: Option<String>,
-    /// Tello control mode: rc (velocity commands, held if the link is lost) or go (each step as self-terminating moves;
-    /// stop-and-think, sequential) [default: rc]
+    /// Tello control mode: rc (velocity commands, held if the link is lost) or go (position moves that
+    /// the Tello ends by itself; replaces --motion, and sets --think stop) [default: rc]
     #[arg(long, value_name = "MODE")]
     pub(crate) tello_motion: Option<String>,
     /// Craft to simulate: quad or tello [default: the scene's]
@@ -233,7 +233,7 @@ pub(crate) struct LimitArgs {
     /// real drone and a terminal]
     #[arg(long, value_name = "ACTION")]
     pub(crate) at_end: Option<String>,
-    /// Fly a real drone without a terminal: nobody can hold it or fly it by hand
+    /// Fly a real drone without a terminal, and so without keyboard control: Ctrl-C and SIGTERM land it
     #[arg(long)]
     pub(crate) unattended: bool,
     /// Maximum flight time, seconds, not counting manual flight [default: 180]

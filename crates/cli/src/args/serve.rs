@@ -18,7 +18,7 @@ Examples:
   spf sim serve --tello --vlm --vlm-listen 127.0.0.1:8080 --scene office --truth truth.jsonl
 
 GET /frame.jpg returns an image from the camera in the scene, and PUT /pose moves the camera. The oracle answers questions \
-about images of the last 10 s, at any size; any other image returns 422. The oracle is not a VLM. The endpoint is only \
+about images of the last 10 s, at any size; any other image returns HTTP status 422. The oracle is not a VLM. The endpoint is only \
 reachable from this machine unless --vlm-listen gives another address (docs/guide/grounding.md). With --tello the camera is \
 the drone's. A client that binds port 8889 itself (as djitellopy does) must use a different local address than the drone \
 (docs/guide/tello.md).")]
@@ -27,7 +27,7 @@ pub(crate) struct Serve {
     /// selects its errors
     #[arg(long, value_name = "ORACLE", num_args = 0..=1, require_equals = true, default_missing_value = "oracle")]
     pub(crate) vlm: Option<String>,
-    /// Address and port of the endpoint; port 0 picks a free one
+    /// Address and port of the VLM endpoint; port 0 picks a free one
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
     pub(crate) vlm_listen: String,
     /// Instruction to answer, also used by --truth: natural language, or from-prompt (the text between « and », else the whole
@@ -68,8 +68,8 @@ pub(crate) struct Serve {
     pub(crate) scene: Option<String>,
     #[command(flatten)]
     pub(crate) conditions: ConditionArgs,
-    /// Initial pose of the camera or the Tello: east,north,up,heading_deg[,pitch_deg] [default: the scene's start, the camera
-    /// at take-off height]
+    /// Initial pose of the camera or the Tello: east,north,up,heading_deg[,pitch_deg] [default: the scene's start; for the
+    /// camera, at take-off height]
     #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
     pub(crate) start: Option<String>,
     /// Camera of this craft: quad or tello [default: the scene's]

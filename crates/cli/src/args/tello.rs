@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 /// A DJI Tello.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Tello {
-    /// Measure the speeds at full stick in flight, for spf.toml
+    /// Calibrate the stick response in flight, and print it for spf.toml
     Calibrate(Calibrate),
     /// Show the state of a Tello, and whether it is in the air
     Status(TelloAddress),
@@ -25,8 +25,9 @@ Examples:
   spf tello land
   spf tello land --drone tello@127.0.0.1
 
-`land` repeats the command until the motors are seen off, for at most 25 s, and exits with code 6 if they are not. All three work \
-while the program that flew the drone still runs or hangs; its own commands then compete with these.")]
+`land` repeats the command until the telemetry shows the motors off, for at most 25 s, and exits with code 6 if they still \
+run. All three commands work while the program that flew the drone still runs or hangs; its own commands then compete with \
+these.")]
 pub(crate) struct TelloAddress {
     /// Drone: tello, or tello@ADDRESS [default: tello]
     #[arg(long, value_name = "DRONE")]
@@ -36,7 +37,7 @@ pub(crate) struct TelloAddress {
     pub(crate) config: Option<PathBuf>,
 }
 
-/// Flies a Tello for about 45 s and measures its speeds at full stick.
+/// Flies a Tello for about 45 s and calibrates its stick response.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -44,8 +45,9 @@ Examples:
   spf tello calibrate --drone tello@127.0.0.1
 
 The drone takes off, yaws by about 240 degrees, climbs and descends by about 1 m, and flies forward and back by about 1.3 m, \
-each at half stick: keep 3 m ahead and 2 m above clear. The result is limited by the telemetry's resolution (10 cm in height, \
-10 cm/s in speed); docs/guide/tello.md gives the accuracy. Ctrl-C lands.")]
+each at half stick: keep 3 m ahead and 2 m above clear. The speeds printed are those at full stick, calculated from the motion \
+that the drone reports. They are limited by the telemetry's resolution (10 cm in height, 10 cm/s in speed); \
+docs/guide/tello.md gives the accuracy. Ctrl-C lands.")]
 pub(crate) struct Calibrate {
     /// Drone: tello, or tello@ADDRESS [default: tello]
     #[arg(long, value_name = "DRONE")]

@@ -130,7 +130,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
 
 /// Why a real drone does not take off without an operator.
 fn no_keys() -> CliError {
-    CliError::usage("take-off refused: no terminal, so nobody could hold the drone or fly it by hand").hint(
+    CliError::usage("take-off refused: no terminal, so no keyboard control of the drone").hint(
         "run the command in a terminal (not through a pipe), or pass --unattended: then only Ctrl-C, SIGTERM and the safety envelope \
          land the drone",
     )

@@ -109,7 +109,7 @@ fn summary(printed: &Printed<'_>) -> String {
     apart.sort_by(f64::total_cmp);
     let median = apart
         .get(apart.len() / 2)
-        .map_or(String::new(), |median| format!(", {:.1} % of the width apart (median)", 100.0 * median));
+        .map_or(String::new(), |median| format!(" ({:.1} % of the image width apart, median)", 100.0 * median));
     let answers = opinions.iter().filter_map(|opinion| opinion.then.as_ref().zip(opinion.now.as_ref()));
     let same_label = answers.clone().filter(|(a, b)| a.point.is_some() && b.point.is_some() && a.depth == b.depth).count();
     let same = answers.filter(|(a, b)| a.status == b.status).count();
@@ -118,7 +118,7 @@ fn summary(printed: &Printed<'_>) -> String {
     let costs: Vec<f64> = opinions.iter().filter_map(|opinion| opinion.cost_usd).collect();
     let cost = if costs.is_empty() { String::new() } else { format!("; ${:.4}", costs.iter().sum::<f64>()) };
     format!(
-        "{flight} | {now}: {} queries{failed}, the same status in {same}; both point in {}{median}, the same depth label in \
+        "{flight} | {now}: {} queries{failed}; same status in {same}, a point from both in {}{median}, same depth label in \
          {same_label}{cost}",
         opinions.len(),
         apart.len(),

@@ -69,7 +69,7 @@ settings! {
         max_decisions: u32 = "60", Count(1, 100_000), "SPF_MAX_DECISIONS", "--max-decisions";
         /// timeout of a VLM reply, seconds
         reply_timeout_s: f64 = "20", Number(0.1, 600.0), "SPF_REPLY_TIMEOUT_S";
-        /// seconds after which a reply moves nothing, unless the craft has held since the frame
+        /// maximum age of a frame when its reply arrives, seconds; an older reply moves nothing, unless the craft has held since
         max_reply_age_s: f64 = "8", Number(0.1, 600.0), "SPF_MAX_REPLY_AGE_S", "--max-reply-age";
         /// VLM cost limit of the flight, US dollars; empty: no limit
         max_cost_usd: f64 = "", Number(0.0, 1e6), "SPF_MAX_COST_USD", "--max-cost";
@@ -93,7 +93,7 @@ settings! {
         effects: Effects = "none", Explained("a list of camera effects"), "SPF_CAMERA_EFFECTS", "--camera-effects";
     }
 
-    /// Asking models: `[vlm]`.
+    /// Queries to models: `[vlm]`.
     vlm: Vlm {
         /// new file to record the VLM's replies to; empty: none
         record: String = "", Text, "SPF_VLM_RECORD", "--vlm-record";
@@ -131,13 +131,13 @@ settings! {
         yaw_deg_s: f64 = "95", Number(10.0, 360.0), "SPF_TELLO_YAW_DEG_S";
     }
 
-    /// What no flight exceeds: `[envelope]`.
+    /// Limits of the safety envelope: `[envelope]`.
     envelope: Envelope {
-        /// horizontal speed limit, m/s; empty: the craft's
+        /// horizontal speed limit, m/s; empty: the drone's, else 1.5 times the craft's speed
         max_speed_m_s: f64 = "", Number(0.1, 30.0), "SPF_MAX_SPEED_M_S", "--max-speed";
-        /// climb and descent rate limit, m/s; empty: the craft's
+        /// climb and descent rate limit, m/s; empty: 1.5 times the craft's rate
         max_climb_m_s: f64 = "", Number(0.1, 10.0), "SPF_MAX_CLIMB_M_S";
-        /// yaw rate limit, degrees per second; empty: the craft's
+        /// yaw rate limit, degrees per second; empty: 1.5 times the craft's rate
         max_yaw_rate_deg_s: f64 = "", Number(1.0, 360.0), "SPF_MAX_YAW_RATE_DEG_S";
         /// minimum height above take-off, metres; empty: 0.3
         min_altitude_m: f64 = "", Number(0.0, 100.0), "SPF_MIN_ALTITUDE_M";

@@ -97,7 +97,7 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     assert_eq!(merged["command"], made["command"]);
 
     let other = run(&lab, &["--method", "spf", "-o", "whole"]);
-    assert!(other.code == Some(2) && other.stderr.contains("a different plan"), "{}", other.stderr);
+    assert!(other.code == Some(2) && other.stderr.contains("a run with different settings"), "{}", other.stderr);
 }
 
 #[test]

@@ -101,7 +101,7 @@ fn without_truth_there_is_no_hit_rate() {
     }
     assert_eq!(report["comparisons"], json!([]));
     let page = String::from_utf8(lab.read("graded/index.html")).unwrap();
-    assert!(!page.contains("hits %"), "{page}");
+    assert!(!page.contains("hits, %"), "{page}");
 }
 
 /// It always points at the middle of the width and 0.48 of the height: the grades are counted by hand.
@@ -256,7 +256,7 @@ fn photographs_side_by_side() {
     let input = std::fs::File::open(lab.path("photo.jpg")).unwrap();
     let run = Run::of(&child.env(Vendor::Gemini.key(), KEY).stdin(input).output().unwrap());
     assert!(
-        run.code == Some(0) && run.stdout.contains("points the crane at (0.500, 0.480), depth 6"),
+        run.code == Some(0) && run.stdout.contains("points to the crane at (0.500, 0.480), depth label 6"),
         "{}{}",
         run.stdout,
         run.stderr

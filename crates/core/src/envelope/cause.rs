@@ -50,7 +50,7 @@ pub enum Cause {
     LinkLost,
     /// The craft reports an error of its inertial measurement unit, or an attitude that is not a number.
     ImuError,
-    /// The craft touched something, or its motors were cut in the air.
+    /// The craft collided with something, or its motors were cut in the air.
     Crashed,
 }
 

@@ -44,7 +44,7 @@ impl Envelope {
         };
         let situation = Situation { at: self.ahead(now), home, heading, spread: self.spread };
         let (allowed, confined) = reach::confine_path(limits, &self.craft, &situation, way);
-        if allowed.longest_part() < Manoeuvre::LEAST_WAY {
+        if allowed.longest_part() < Manoeuvre::MIN_DISPLACEMENT {
             return (None, confined);
         }
         let fastest = allowed.speed_within(limits.max_speed, limits.max_climb);

@@ -134,8 +134,8 @@ impl Envelope {
         }
     }
 
-    /// Takes what the position may be off by, beyond the error of a position source, from the telemetry that is observed
-    /// next. Values that are negative or not a number count as unbounded.
+    /// Sets the bound of the position error beyond that of a position source, from the next telemetry report on. Values that
+    /// are negative or not a number count as unbounded.
     pub fn observe_drift(&mut self, drift: Spread) {
         let strict = |metres: f64| if metres >= 0.0 { metres } else { f64::INFINITY };
         self.spread = Spread { horizontal: strict(drift.horizontal), vertical: strict(drift.vertical) };

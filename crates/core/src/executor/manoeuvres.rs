@@ -51,9 +51,9 @@ impl Manoeuvres {
         }
         let Primitives { right, forward, climb: up, .. } = primitives;
         let longest = BodyDisplacement { right, forward, up }.longest_part();
-        if longest >= Manoeuvre::LEAST_WAY {
+        if longest >= Manoeuvre::MIN_DISPLACEMENT {
             // Equal parts, so that the last is not too short to be commanded. 20 is far more than ever needed.
-            let parts = libm::ceil(longest / Manoeuvre::MOST_WAY).min(20.0);
+            let parts = libm::ceil(longest / Manoeuvre::MAX_DISPLACEMENT).min(20.0);
             let displacement = BodyDisplacement { right: right / parts, forward: forward / parts, up: up / parts };
             let speed = displacement.speed_within(rules.craft.cruise_speed, rules.craft.climb_speed);
             let go = Manoeuvre::Go { displacement, speed };

@@ -85,7 +85,7 @@ impl Pilot {
             let climb = primitives.climb.clamp(-down.max(0.0), up.max(0.0));
             if climb != primitives.climb {
                 primitives.climb = climb;
-                self.note(Note::Limited("climb or descent of a look limited: 0.5 m to floor and ceiling are kept"));
+                self.note(Note::Limited("vertical search move limited: it stays 0.5 m from floor and ceiling"));
             }
             if climb.abs() < WORTH_LOOKING {
                 primitives.climb = 0.0;

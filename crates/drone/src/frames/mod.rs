@@ -48,7 +48,7 @@ impl Photo {
         Self { size: (pixels.width(), pixels.height()), source: Source::Received(pixels) }
     }
 
-    /// A frame rendered on demand at the requested size. `size`: the camera's own.
+    /// A frame rendered on demand at the requested size; `size` is the camera's own.
     #[must_use]
     pub fn drawn(size: (u32, u32), draw: impl Fn((u32, u32)) -> Rgb + Send + Sync + 'static) -> Self {
         Self { size, source: Source::Drawn(Arc::new(draw)) }

@@ -54,8 +54,8 @@ pub struct ImageStatistics {
     pub range: f32,
     /// Pairs of neighbouring cells that differ by 3 levels or more.
     pub steps: usize,
-    /// The longest piece of rows, or of columns, that repeat their neighbour though they have structure, as a fraction of
-    /// all of them.
+    /// The longest run of rows (or columns) that repeat their neighbour although they have structure, as a fraction of all
+    /// rows (or columns).
     pub repeated: f32,
     /// Fraction of the image that has exactly a colour written for missing blocks.
     pub missing: f32,

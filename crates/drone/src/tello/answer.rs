@@ -65,12 +65,10 @@ const EXPLAINED: [(&str, &str); 10] = [
 #[must_use]
 pub fn explain(refusal: &str) -> &'static str {
     let lower = refusal.trim().to_ascii_lowercase();
-    EXPLAINED
-        .iter()
-        .find(|(beginning, _)| lower.starts_with(beginning))
-        .map_or("no reason given: battery below 10 %, not activated in the app, or not in a suitable state", |(_, meaning)| {
-            meaning
-        })
+    EXPLAINED.iter().find(|(beginning, _)| lower.starts_with(beginning)).map_or(
+        "no reason given; possible causes: battery below 10 %, not activated in the app, or not in a suitable state",
+        |(_, meaning)| meaning,
+    )
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ pub const GRACE: Duration = Duration::from_secs(10);
 /// Minimum interval between two orders, as the drone requires.
 pub const SPACING: Duration = Duration::from_millis(100);
 
-/// The kind of response an order has.
+/// The kind of response that an order expects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// `ok` or an error.
@@ -140,7 +140,7 @@ impl Conversation {
 
     /// Records that a command with an act response was sent outside of this channel (`land` while descending): its
     /// response belongs to no order, and no act starts until it can no longer arrive.
-    pub fn said_past(&mut self, now: Time) {
+    pub fn sent_outside(&mut self, now: Time) {
         self.tombs[0] = self.tombs[0].max(now + GRACE);
     }
 

@@ -77,10 +77,10 @@ fn words(manoeuvre: Manoeuvre) -> Option<String> {
             (degrees >= 1).then(|| format!("{verb} {degrees}"))
         }
         Manoeuvre::Go { displacement, speed } => {
-            let most = 100.0 * Manoeuvre::MOST_WAY;
+            let most = 100.0 * Manoeuvre::MAX_DISPLACEMENT;
             let cm = |metres: f64| libm::round(100.0 * metres).clamp(-most, most) as i32;
             let (x, y, z) = (cm(displacement.forward), cm(-displacement.right), cm(displacement.up));
-            let least = cm(Manoeuvre::LEAST_WAY);
+            let least = cm(Manoeuvre::MIN_DISPLACEMENT);
             let large_enough = [x, y, z].iter().any(|part| part.abs() >= least);
             // Rounded down, so that it is no faster than cleared.
             let speed = libm::floor(100.0 * speed + 1e-6).clamp(10.0, 100.0) as i32;

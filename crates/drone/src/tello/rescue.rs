@@ -28,11 +28,11 @@ const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// How a landing ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Landed {
-    /// The motors were seen off.
+    /// The telemetry shows the motors off.
     Seen,
     /// The drone still seems to be in the air.
     Airborne,
-    /// `land` was sent, but no state arrives to show its effect.
+    /// `land` was sent, but no state arrives, so its effect is unknown.
     Unseen,
 }
 
@@ -83,7 +83,7 @@ impl Rescue {
         Ok(())
     }
 
-    /// Commands zero and then `land`, repeated until the motors are seen off.
+    /// Commands zero and then `land`, repeated until the telemetry shows the motors off.
     ///
     /// # Errors
     /// The operating system's error if nothing can be sent.

@@ -70,7 +70,7 @@ impl Sticks {
         self.wanted = Some((sticks, valid_until));
     }
 
-    /// Zero from now on, its copies included, even if zero was sent already.
+    /// Holds zero from `now` on and sends all repetitions of it again, even if zero was sent already.
     pub fn zero(&mut self, now: Time) {
         self.set([0; 4], now);
         self.zeros = 0;

@@ -213,7 +213,7 @@ impl FlightLog {
             }
             Note::Envelope(cause) => (Level::Warning, format!("envelope: {cause}")),
             Note::Limited(why) => (Level::Warning, (*why).to_owned()),
-            Note::LateReply(id) => (Level::Warning, format!("query {} completed too late: ignored", id.0)),
+            Note::LateReply(id) => (Level::Warning, format!("the reply to query {} came too late and is ignored", id.0)),
             Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable reply: {reason}")),
             Note::Operator(event) => (Level::Info, format!("operator: {}", words::operator(event))),
             Note::OperatorIgnored(event, why) => (Level::Warning, format!("operator: {} ignored: {why}", words::operator(event))),

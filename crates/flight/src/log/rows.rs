@@ -198,7 +198,7 @@ pub enum NoteKind {
     Phase,
     /// The envelope changed a command, or stopped the craft.
     Envelope,
-    /// A move of the policy was cut, or refused.
+    /// A move of the policy was shortened or refused.
     Limited,
     /// A reply to a cancelled query arrived.
     LateReply,

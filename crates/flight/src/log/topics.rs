@@ -21,21 +21,21 @@ pub enum Channel {
     Wake,
     /// Input: telemetry.
     Telemetry,
-    /// Input: a reply or a failure.
+    /// Input: a camera frame.
     Frame,
-    /// Input: an operator input.
+    /// Input: a reply or a failure.
     Reply,
-    /// Input: the state of the link.
+    /// Input: an operator input.
     Operator,
-    /// Messages were dropped here.
+    /// Input: the state of the link.
     Link,
-    /// Output: a query.
+    /// Messages were dropped here.
     Gap,
-    /// Output: a cancelled query.
+    /// Output: a query.
     Query,
-    /// Output: a command, requested and cleared.
+    /// Output: a cancelled query.
     Cancel,
-    /// Output: a decision.
+    /// Output: a command, requested and cleared.
     Command,
     /// Output: a decision.
     Decision,

@@ -43,9 +43,12 @@ fn a_wrong_row_is_told() {
     assert_eq!(long, "`fixed_m` of `a` is 51, but must be 0.05 to 50");
     assert!(refused(&row("a", SPF, "step = { fixed_m = nan }")).starts_with("`fixed_m` of `a` is NaN"));
     let alike = [row("a", SPF, ""), row("b", SPF, "")].concat();
-    assert_eq!(refused(&alike), "`a` and `b` both have `fly` and the same policy, so a log could name either");
+    assert_eq!(
+        refused(&alike),
+        "`a` and `b` both have `fly` and the same policy, so the name in a log would be ambiguous: remove `fly` from one"
+    );
     let nameless = row("a", SPF, "").replace("fly = \"words\"\n", "");
-    assert!(refused(&nameless).starts_with("no row with `fly` has the policy of `a`"));
+    assert!(refused(&nameless).starts_with("no row with `fly` has the same policy as `a`"));
     assert!(refused(&row("a", SPF, "blind = true")).starts_with("`a` is blind, but only the policy `plain`"));
 }
 

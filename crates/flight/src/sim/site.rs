@@ -44,7 +44,7 @@ pub struct Simulated {
 #[non_exhaustive]
 pub enum StartError {
     /// The start is inside an object.
-    #[error("the start at east {east}, north {north}, up {up} is inside `{object}`")]
+    #[error("the start at east {east} m, north {north} m, up {up} m is inside `{object}`")]
     Blocked {
         /// Metres east.
         east: f64,
@@ -56,7 +56,7 @@ pub enum StartError {
         object: String,
     },
     /// The start is outside the scene or below its ground.
-    #[error("the start at east {east}, north {north}, up {up} is not above the ground of the scene `{scene}`")]
+    #[error("the start at east {east} m, north {north} m, up {up} m is not above the ground of the scene `{scene}`")]
     Outside {
         /// Metres east.
         east: f64,

@@ -27,7 +27,7 @@ pub struct Verdict {
     /// Whether one of the objects matching the last stage is within the scene's success radius and in view, without a
     /// collision; `None` if the verb needs a predicate that only the benchmark has.
     pub verified: Option<bool>,
-    /// Who resolved those objects, where `verified` is given.
+    /// How those objects were determined, if `verified` is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verified_by: Option<VerifiedBy>,
     /// Distance to the nearest surface of those objects, metres; `None` if nothing in the scene matches.

@@ -127,19 +127,19 @@ impl SimWorld {
         self.snapshot_at(FrameClock::default().captured(frame))
     }
 
-    /// The light for an image captured at `at`; `None` while its shutter is open, or if it is too long ago.
+    /// The exposure of an image captured at `at`; `None` while the shutter is open, or if `at` is too long ago.
     #[must_use]
     pub fn shot(&self, at: Time) -> Option<Shot<WorldSnapshot>> {
         self.sim_camera.shot(at, |at| self.snapshot_at(at))
     }
 
-    /// The light for the image of a frame.
+    /// The exposure of a frame's image.
     #[must_use]
     pub fn capture_shot(&self, frame: FrameId) -> Option<Shot<WorldSnapshot>> {
         self.shot(FrameClock::default().captured(frame))
     }
 
-    /// The light for an image of a static world.
+    /// The exposure of an image of a static world.
     #[must_use]
     pub fn still(&self, at: Time, snapshot: &WorldSnapshot) -> Option<Shot<WorldSnapshot>> {
         self.sim_camera.shot(at, |_| Some(snapshot.clone()))

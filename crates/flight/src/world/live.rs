@@ -22,7 +22,7 @@ const LONGEST_NAP: Duration = Duration::from_millis(50);
 /// How long the link counts as lost after the loop did not run: what waited in the sockets is read by then.
 const PAUSE_OVER: Duration = Duration::from_secs(1);
 
-/// A world on the wall clock. The VLM runs in its own thread, so that setpoints are sent while it thinks; all events
+/// A world on the wall clock. The VLM runs in its own thread, so that setpoints are sent while a query is open; all events
 /// arrive through one channel.
 pub struct Live {
     start: Instant,
@@ -198,7 +198,7 @@ impl World for Live {
                 let cancel = Cancel::default();
                 self.out.push((query.id, cancel.clone()));
                 if self.queries.send(((**query).clone(), cancel)).is_err() {
-                    tracing::warn!("the VLM thread has ended");
+                    tracing::warn!("the VLM thread has ended: queries are no longer sent");
                 }
             }
             Action::Cancel(id) => {

@@ -70,13 +70,13 @@ impl Limits {
 #[non_exhaustive]
 pub enum FileError {
     /// Neither PNG nor JPEG.
-    #[error("The image format could not be determined")]
+    #[error("neither a PNG nor a JPEG file")]
     Unknown,
     /// Reading failed.
     #[error(transparent)]
     Read(#[from] io::Error),
     /// The file is invalid.
-    #[error("Format error decoding {format:?}: {source}")]
+    #[error("invalid {format:?} file: {source}")]
     Damaged {
         /// The format.
         format: Format,
@@ -84,7 +84,7 @@ pub enum FileError {
         source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The file uses an unsupported feature.
-    #[error("The decoder for {format:?} does not support the format features {feature}")]
+    #[error("unsupported feature of {format:?}: {feature}")]
     Unsupported {
         /// The format.
         format: Format,
@@ -92,10 +92,10 @@ pub enum FileError {
         feature: String,
     },
     /// A side is too long.
-    #[error("Image size exceeds limit")]
+    #[error("the image has too many pixels per side")]
     TooLarge,
     /// Its samples would take too much memory.
-    #[error("Memory limit exceeded")]
+    #[error("the image would take too much memory")]
     TooMuchMemory,
 }
 

@@ -36,7 +36,7 @@ impl Colour {
         Self { red, green, blue, opacity: 255 }
     }
 
-    /// The same colour, `opacity` 0..=255.
+    /// The same colour with this opacity, 0 transparent to 255 opaque.
     #[must_use]
     pub const fn with_opacity(self, opacity: u8) -> Self {
         Self { opacity, ..self }

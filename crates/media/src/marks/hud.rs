@@ -17,8 +17,8 @@ pub struct Hud<'a> {
     pub lines: &'a [&'a str],
 }
 
-/// Draws marks, the waypoint with its caption, and a [`Hud`] over them. Captions stay between the bars of the overlay and
-/// off each other; one for which there is no room is left out.
+/// Draws marks, the waypoint with its caption, and a [`Hud`] over them. Captions are placed between the bars of the overlay
+/// without overlapping; a caption without room is omitted.
 pub fn annotate(image: &mut Rgb, marks: &[Mark], waypoint: Option<(ImagePoint, &str)>, hud: &Hud<'_>) {
     annotate_canvas(&mut Canvas::new(image), marks, waypoint, hud);
 }

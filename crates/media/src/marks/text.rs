@@ -89,7 +89,7 @@ fn unicode_of_version_2(table: &[u8]) -> Vec<Vec<char>> {
         .collect()
 }
 
-/// A character in the font's largest size, for drawing letters by other means than pixels.
+/// A character in the font's largest size, for letters that are not drawn as pixels of an image (such as meshes).
 #[derive(Clone, Copy, Debug)]
 pub struct Glyph<'a> {
     width: u32,
@@ -170,8 +170,8 @@ impl TextStyle {
 }
 
 impl TextStyle {
-    /// The text in lines of at most `width` pixels, broken between words, with its own spaces if it fits into one line. A word that
-    /// is longer than a line is cut.
+    /// The text in lines of at most `width` pixels, broken between words; its spaces are kept if it fits into one line. A word that
+    /// is longer than a line is split.
     #[must_use]
     pub fn wrapped(&self, text: &str, width: f64) -> Vec<String> {
         if !text.trim().is_empty() && self.measure(text).0 <= width {

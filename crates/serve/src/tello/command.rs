@@ -40,9 +40,9 @@ pub enum Read {
     Battery,
     /// The configured speed, cm/s.
     Speed,
-    /// Time with motors on.
+    /// Time with motors on, seconds.
     Time,
-    /// Wi-Fi signal to noise.
+    /// Wi-Fi signal-to-noise ratio.
     Wifi,
     /// SDK version.
     Sdk,
@@ -50,7 +50,7 @@ pub enum Read {
     Serial,
     /// Height, dm.
     Height,
-    /// Temperature.
+    /// Lowest and highest temperature, °C.
     Temperature,
     /// Attitude, degrees.
     Attitude,
@@ -60,13 +60,13 @@ pub enum Read {
     Acceleration,
     /// Distance to the ground, mm.
     Tof,
-    /// Kind of the craft.
+    /// Hardware model.
     Hardware,
-    /// Version of the Wi-Fi.
+    /// Version of the Wi-Fi firmware.
     WifiVersion,
-    /// The router joined.
+    /// The Wi-Fi network of the router that it has joined.
     Ap,
-    /// Its own network.
+    /// Its own Wi-Fi network.
     Ssid,
     /// The extension's distance, mm.
     ExtTof,
@@ -97,18 +97,18 @@ pub enum Request {
     Flip(Direction),
     /// `go x y z speed`, cm/s.
     Go {
-        /// Where to.
+        /// Destination, centimetres.
         to: Offset,
-        /// How fast.
+        /// Speed, cm/s.
         speed: i32,
     },
     /// `curve x1 y1 z1 x2 y2 z2 speed`.
     Curve {
-        /// Through where.
+        /// Intermediate point, centimetres.
         via: Offset,
-        /// Where to.
+        /// Destination, centimetres.
         to: Offset,
-        /// How fast.
+        /// Speed, cm/s.
         speed: i32,
     },
     /// `go`, `curve` or `jump` over a mission pad.
@@ -127,7 +127,7 @@ pub enum Request {
     ThrowFly,
     /// `reboot`; also `wifi` and `ap`, which answer before restarting.
     Reboot {
-        /// Whether it answers first.
+        /// Whether it replies before restarting.
         answers: bool,
     },
     /// `port state video`.

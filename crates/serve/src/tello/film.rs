@@ -98,7 +98,7 @@ impl Reel {
         match Encoder::new(settings) {
             Ok(encoder) => Some(Self { encoder, request: *request, last_key: at }),
             Err(error) => {
-                tracing::warn!(%error, "no video");
+                tracing::warn!(%error, "cannot start the video encoder");
                 None
             }
         }
@@ -121,7 +121,7 @@ fn encode(reel: &mut Option<Reel>, request: &VideoRequest, at: Time, image: &Rgb
             Some(unit.annex_b)
         }
         Err(error) => {
-            tracing::warn!(%error, "frame dropped");
+            tracing::warn!(%error, "cannot encode a frame: dropped");
             *reel = None;
             None
         }

@@ -48,7 +48,7 @@ pub struct Setup {
     pub seed: u64,
     /// Latency from capture to sending: camera, encoder and radio.
     pub latency: Duration,
-    /// Wall time of the craft's time zero.
+    /// Wall-clock time of the craft's time zero.
     pub start: Instant,
 }
 

@@ -87,7 +87,7 @@ impl Reader<'_> {
 
     fn unexpected(&self, wanted: &str) -> SyntaxError {
         let found = self.peek().map_or_else(|| "the end".to_owned(), |c| format!("`{}`", c.escape_debug()));
-        SyntaxError::at(self.text, self.at, format!("{wanted} should stand here, not {found}"))
+        SyntaxError::at(self.text, self.at, format!("expected {wanted}, found {found}"))
     }
 
     /// Statements up to a `}` or the end, which is not consumed.
@@ -132,7 +132,7 @@ impl Reader<'_> {
                 let value = self.expression()?;
                 return self.end_simple(Statement::Assign { variable, value });
             }
-            return Err(SyntaxError::at(self.text, begins, "a variable alone is no statement; `_1=…` sets it"));
+            return Err(SyntaxError::at(self.text, begins, "a variable alone is not a statement; `_1=…` assigns it"));
         }
         let call = self.call()?;
         self.end_simple(Statement::Call(call))
@@ -177,7 +177,7 @@ impl Reader<'_> {
             if self.options.parameters && parameter > 0 {
                 return Ok(Operand::Parameter(parameter));
             }
-            return Err(SyntaxError::at(self.text, begins, "`$` stands only in the body of a skill, and counts from 1"));
+            return Err(SyntaxError::at(self.text, begins, "`$` is only valid in the body of a skill, and counts from 1"));
         }
         if let Some(quote @ ('\'' | '"')) = self.peek() {
             self.at += 1;

@@ -83,13 +83,13 @@ fn both_ways_of_calling_are_read_alike() {
 
 #[test]
 fn errors_say_where() {
-    assert_eq!(refused("mf,100;\n 8tc,45;"), "line 2, column 3: `{` should stand here, not `t`");
-    assert_eq!(refused("mf,;"), "line 1, column 4: a value should stand here, not `;`");
-    assert_eq!(refused("8{tc,45;"), "line 1, column 9: `}` should stand here, not the end");
-    assert_eq!(refused("_1;"), "line 1, column 1: a variable alone is no statement; `_1=…` sets it");
-    assert_eq!(refused("mf,$1;"), "line 1, column 4: `$` stands only in the body of a skill, and counts from 1");
+    assert_eq!(refused("mf,100;\n 8tc,45;"), "line 2, column 3: expected `{`, found `t`");
+    assert_eq!(refused("mf,;"), "line 1, column 4: expected a value, found `;`");
+    assert_eq!(refused("8{tc,45;"), "line 1, column 9: expected `}`, found the end");
+    assert_eq!(refused("_1;"), "line 1, column 1: a variable alone is not a statement; `_1=…` assigns it");
+    assert_eq!(refused("mf,$1;"), "line 1, column 4: `$` is only valid in the body of a skill, and counts from 1");
     assert_eq!(refused("say,'chair;"), "line 1, column 5: the quote is not closed");
-    assert_eq!(refused("}"), "line 1, column 1: a statement should stand here, not `}`");
+    assert_eq!(refused("}"), "line 1, column 1: expected a statement, found `}`");
     assert_eq!(refused("99999999999{}"), "line 1, column 1: `99999999999` is not a number up to 4294967295");
     assert!(refused(&"2{".repeat(17)).contains("nested more than 16 deep"));
     assert!(refused(&"mf,1;".repeat(4000)).contains("longer than 16384 bytes"));

@@ -30,8 +30,9 @@ pub(super) fn success(source: &Source) -> Markup {
         section id="success" {
             h2 { "Success" }
             p class="note" { b { "Self stop" } ": the method reported done and had reached the goal, without a collision. " b { "Judge stop" }
-                ": the goal was reached at some instant, as scored by the paper's human judge. 95 % Wilson intervals; trials \
-                    of one task are not independent, so the intervals are slightly too narrow." }
+                ": the goal was reached at some instant, as scored by the paper's human judge. " b { "False stop" }
+                ": the method reported done, but the judge disagreed. " b { "SPL" } ": success weighted by path length. \
+                    95 % Wilson intervals; trials of one task are not independent, so the intervals are slightly too narrow." }
             figure { (chart::overview(source))
                 figcaption class="note" { "All tasks. Filled: self stop; hollow: judge stop." } }
             (overall(source))
@@ -105,7 +106,7 @@ fn minus(figures: &str) -> String {
 fn pairs(pairs: &[Contrast]) -> Markup {
     html! {
         div class="wide" { table {
-            thead { tr { th { "Pair" } th { "Draws" } th { "Points" } th { "Only first" } th { "Only second" } th { "p" } } }
+            thead { tr { th { "Pair" } th { "Trials" } th { "Points" } th { "Only first" } th { "Only second" } th { "p" } } }
             tbody { @for pair in pairs {
                 @let [value, low, high] = pair.points();
                 tr {

@@ -31,8 +31,8 @@ pub(super) fn paths(source: &Source, maps: &[TrialMap]) -> Markup {
             h2 { "Top-down trajectories" }
             @if unknown > 0 { p class="warn" { (unknown) " flights have no trajectory: they were flown by a version \
                 that did not record "
-                code { "paths.jsonl" } ". Repeat them in a new folder to get one." } }
-            @if let Some(scene) = undrawn.first() { p class="warn" { "The plan of " (undrawn.len()) " trials is not shown: \
+                code { "paths.jsonl" } ". Fly them again in a new folder to get one." } }
+            @if let Some(scene) = undrawn.first() { p class="warn" { "The map of " (undrawn.len()) " trials is not shown: \
                 their scenes, such as "
                 code { (scene) } ", cannot be loaded." } }
             @if !maps.is_empty() {

@@ -57,10 +57,10 @@ fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
 /// Why results cannot be kept, and what to do.
 fn store_error(error: &StoreError) -> CliError {
     match error {
-        StoreError::Other { .. } => CliError::usage("the folder holds results of a different plan")
+        StoreError::Other { .. } => CliError::usage("the folder holds results of a run with different settings")
             .because(error)
             .hint("use another folder with -o, or repeat the command that created this one"),
-        StoreError::Shares(_) => CliError::usage("cannot merge the shards").because(error).hint(
+        StoreError::Shards(_) => CliError::usage("cannot merge the shards").because(error).hint(
             "give the folders of all \
             shards, each finished",
         ),
@@ -70,7 +70,7 @@ fn store_error(error: &StoreError) -> CliError {
 
 fn merge_shares(args: &BenchMerge, printer: &Printer) -> Result<Exit, CliError> {
     let trials = merge(&args.shards, &args.output).map_err(|error| store_error(&error))?;
-    printer.log(&format!("{trials} trials of {} shards", args.shards.len()));
+    printer.log(&format!("merged {trials} trials of {} shards", args.shards.len()));
     printer.result(&args.output.join("results.jsonl").display().to_string());
     Ok(Exit::Success)
 }

@@ -38,7 +38,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let head = plan.head(shard, vlms);
     let interrupts = interrupts()?;
     if shard != Shard::WHOLE {
-        printer.log(&format!("shard {} of {}", shard.index, shard.count));
+        printer.log(&format!("shard {}/{}, counted from 0", shard.index, shard.count));
     }
     let mut begun = false;
     let ended = {

@@ -83,10 +83,12 @@ pub(super) fn ready(
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
     let mut announcements = vec![flying, sentence(&pointing.sentence, &craft), bounds, warning.to_owned()];
     if !attended {
-        announcements.push("Unattended: no keys. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());
+        announcements
+            .push("Unattended: no keyboard control. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());
     }
     if method.at_end == AtEnd::Hover {
-        announcements.push("After the instruction it hovers for up to 60 s and accepts a new one (--at-end).".to_owned());
+        announcements
+            .push("After the instruction the drone hovers for up to 60 s and accepts a new instruction (--at-end).".to_owned());
     }
     let plan = FlightPlan {
         policy: Arc::new(policy),

@@ -47,7 +47,7 @@ fn interrupt(count: &AtomicU32) {
 
 /// Lands without the flight loop, which may be stuck, and exits.
 fn land_and_exit() {
-    background::say("landing the drone; Ctrl-C once more ends the program at once and leaves the drone to itself");
+    background::say("landing the drone; Ctrl-C once more ends the program at once, and the drone is no longer controlled");
     abandon::abandon_all();
     background::flush();
     manual::restore();

@@ -72,8 +72,11 @@ pub(super) fn grade(
     };
     sentences.iter().for_each(|sentence| printer.log(sentence));
     let ended = ask(&plan, &mut folder, &mut rows, printer)?;
-    let grades = grades(&source.items, &answerers, &rows, args.avoid)
-        .map_err(|error| CliError::usage("cannot evaluate the replies").because(&error).hint("the dataset is incomplete"))?;
+    let grades = grades(&source.items, &answerers, &rows, args.avoid).map_err(|error| {
+        CliError::usage("cannot evaluate the replies")
+            .because(&error)
+            .hint("the dataset is incomplete: create or download it again")
+    })?;
     let report = report(&source.items, &answerers, &grades);
     let complete = ended == Ended::Complete;
     let printed = Printed { dataset: path, form: source.form, complete, report: &report };
@@ -121,7 +124,8 @@ fn all_answerers(args: &Ground, settings: &Settings, source: &Source) -> Result<
     }
     let mut all = vec![Answerer::centre()];
     if simulated && !named.iter().any(is_oracle) {
-        let errors = ErrorFile::named("default").map_err(|error| CliError::internal("no oracle").because(&error))?;
+        let errors =
+            ErrorFile::named("default").map_err(|error| CliError::internal("cannot create the oracle").because(&error))?;
         all.push(Answerer { name: "oracle".to_owned(), kind: AnswererKind::Oracle(Box::new(errors), args.seed) });
     }
     all.extend(named);

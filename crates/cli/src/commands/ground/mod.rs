@@ -23,7 +23,7 @@ use crate::settings::Settings;
 pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliError> {
     let settings = Settings::of(args, printer)?;
     if args.rate.is_some_and(|rate| !(rate > 0.0 && rate <= 1e6)) {
-        return Err(CliError::usage("--rate must be a number of questions per minute above 0").hint("--rate 60"));
+        return Err(CliError::usage("--rate must be a number of queries per minute above 0").hint("--rate 60"));
     }
     let options = AskOptions { avoid: args.avoid, time: settings.reply_timeout()? };
     match &args.dataset {

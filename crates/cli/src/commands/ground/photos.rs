@@ -110,7 +110,7 @@ fn report(name: &str, annotated: &Path, answers: &[AnswerRow], printer: &Printer
         for obstacle in row.reply().map_or(&[][..], |reply| &reply.boxes) {
             let b = obstacle.area;
             printer.result(&format!(
-                "    obstacle {}: ({:.3}, {:.3}) to ({:.3}, {:.3}), depth {}",
+                "    obstacle {}: ({:.3}, {:.3}) to ({:.3}, {:.3}), depth label {}",
                 one_line(&obstacle.name),
                 b.left,
                 b.top,

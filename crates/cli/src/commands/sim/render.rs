@@ -38,7 +38,7 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let camera = size.map_or(kind.camera(), |(width, height)| kind.camera().resized(width, height));
     let sim_camera = SimCamera::new(camera, effects, 0);
     let shot = sim_camera.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
-    let shot = shot.ok_or_else(|| CliError::internal("the exposure has times without a pose"))?;
+    let shot = shot.ok_or_else(|| CliError::internal("cannot compute the motion blur: a pose is missing"))?;
     let photograph = sim_camera.photograph(&shot, None, |camera, pose, image| {
         loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, image);
     });

@@ -58,12 +58,10 @@ pub(super) fn land(args: &TelloAddress, printer: &Printer) -> Result<Exit, CliEr
             printer.result("on the ground, motors off");
             Ok(Exit::Success)
         }
-        Landed::Airborne => {
-            Err(CliError::failed("the Tello still seems to be in the air").hint("catch it, or turn it over: its motors stop"))
-        }
-        Landed::Unseen => {
-            Err(CliError::failed("`land` was sent for 10 s, but no state arrives to show its effect").hint("look at the drone"))
-        }
+        Landed::Airborne => Err(CliError::failed("the Tello still seems to be in the air")
+            .hint("catch it from below and turn it over: its motors then stop")),
+        Landed::Unseen => Err(CliError::failed("`land` was sent for 10 s, but no state arrives, so its effect is unknown")
+            .hint("look at the drone")),
     }
 }
 

@@ -58,14 +58,14 @@ fn report(check: &Check, printer: &Printer) {
 fn astray(name: &str, verdict: &Verdict) -> CliError {
     match verdict {
         Verdict::Other(own) => {
-            CliError::failed(format!("`{name}` uses different coordinates than its table row: {}", convention(own)))
+            CliError::failed(format!("`{name}` uses other coordinates than the table of models says: {}", convention(own)))
                 .hint(format!("add a row for it with --vlm-models (docs/guide/vlm.md): {}", row(own)))
         }
         Verdict::Astray(worst) => CliError::failed(format!(
             "`{name}` does not point at the dots: the error is {:.0} % of the image width",
             100.0 * worst
         ))
-        .hint("no coordinate convention fits its replies: the model cannot point accurately; use another one (`spf vlm list`)"),
+        .hint("no coordinate convention fits its replies: the model cannot point accurately; use another model (`spf vlm list`)"),
         Verdict::Unreadable(reason) => CliError::failed(format!("`{name}` responds, but not in the requested format: {reason}"))
             .hint("use a larger model, or one that follows schemas"),
         Verdict::Good(_) | Verdict::Failed(_) => CliError::failed(format!("`{name}` failed")),

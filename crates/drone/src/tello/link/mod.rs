@@ -66,16 +66,16 @@ pub enum Notice {
         /// The command.
         command: String,
     },
-    /// The drone seems to have landed or stopped its motors by itself; it is told to land.
+    /// The drone seems to have landed or stopped its motors by itself; a landing is commanded.
     MotorsOff,
-    /// A `takeoff` had no response and no effect; the drone is told to land.
+    /// A `takeoff` had no response and no effect; a landing is commanded.
     NoTakeOff,
     /// The pilot does not call the driver any more: the drone holds, or lands.
     Unattended {
         /// Whether it lands.
         landing: bool,
     },
-    /// One of the driver's threads failed; the drone is told to land.
+    /// One of the driver's threads failed; a landing is commanded.
     Failed,
 }
 
@@ -151,7 +151,7 @@ impl Link {
         }
     }
 
-    /// Takes over a drone that is in the air: it is flown from where it is, and never told to take off.
+    /// Takes over a drone that is in the air: it is flown from where it is, without a take-off command.
     pub fn adopt(&mut self, now: Time) {
         self.begin_flying(now);
     }
@@ -169,7 +169,7 @@ impl Link {
         self.conversation.submit(order);
     }
 
-    /// Requests the video again, because nothing decodable arrives, if there is time for it. This has no effect on a
+    /// Requests the video again, because nothing decodable arrives, unless another command is pending. This has no effect on a
     /// drone that already sends it.
     pub fn ask_for_video(&mut self) {
         let busy = self.lost || !self.conversation.is_idle() || self.land_again.is_some() || self.phase == FlightPhase::Stopped;
@@ -191,7 +191,8 @@ impl Link {
         &self.state
     }
 
-    /// Whether something urgent is still to be sent: repetitions of `emergency`, until the motors are seen off.
+    /// Whether something urgent is still to be sent: repetitions of `emergency`, until the telemetry
+    /// shows the motors off.
     #[must_use]
     pub fn is_urgent(&self) -> bool {
         !self.emergencies.is_empty()
@@ -500,7 +501,7 @@ impl Link {
         if self.land_again.is_some_and(|at| at <= now) {
             self.land_again = Some(now + LAND_AGAIN);
             self.sticks.release();
-            self.conversation.said_past(now);
+            self.conversation.sent_outside(now);
             return Some("land".to_owned());
         }
         let silent = self.heard.is_some_and(|heard| now.since(heard) >= LOST);
@@ -510,7 +511,7 @@ impl Link {
         }
         if silent && now.since(self.called) >= CALL_AGAIN {
             self.called = now;
-            self.conversation.said_past(now);
+            self.conversation.sent_outside(now);
             return Some("command".to_owned());
         }
         // `rc` commands leave gaps of some 80 ms; a setpoint that is due is sent with the next call.

@@ -122,7 +122,7 @@ fn no_view(scene: &str, kind: Kind, number: u64) -> CliError {
     let what = match kind {
         Kind::Present => "shows its target",
         Kind::LookAlike => "shows a target and a look-alike",
-        Kind::Absent => "lacks a uniquely named target",
+        Kind::Absent => "leaves out a uniquely named target",
     };
     CliError::usage(format!("found no view of the scene `{scene}` that {what} (example {number})"))
         .hint("reduce --min-pixels, --look-alikes or --absent")

@@ -90,7 +90,7 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
             (http://{address}/frame.jpg); it is not a VLM. Stop with Ctrl-C.",
     ));
     if !address.ip().is_loopback() {
-        printer.log("warning: anyone who can reach this address can send questions, move the camera, and use CPU time");
+        printer.log("warning: anyone who can reach this address can send queries, move the camera, and use CPU time");
     }
     Ok(serving)
 }
