@@ -516,7 +516,7 @@ impl Link {
         }
         // `rc` commands leave gaps of some 80 ms; a setpoint that is due is sent with the next call.
         if std::mem::take(&mut self.key_wanted) && self.phase == FlightPhase::Flying {
-            self.conversation.said_past(now);
+            self.conversation.sent_outside(now);
             return Some("streamon".to_owned());
         }
         if let Some(text) = self.sticks.poll(now) {
