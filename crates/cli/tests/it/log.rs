@@ -302,5 +302,5 @@ fn old_logs_stay_readable() {
     assert!(table.stdout.starts_with("poses.csv: "), "{}", table.stderr);
     assert!(String::from_utf8(lab.read("poses.csv")).unwrap().lines().next().unwrap().contains("pose.position.x"));
     let requested = lab.spf(&["replay", "1.mcap", "--vlm", "oracle"]);
-    assert!(requested.code == Some(0) && requested.stdout.contains(" queries, "), "{}", requested.stderr);
+    assert!(requested.code == Some(0) && requested.stdout.contains(" queries; "), "{}", requested.stderr);
 }
