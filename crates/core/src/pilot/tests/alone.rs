@@ -126,7 +126,8 @@ fn a_craft_that_has_held_since_the_frame_uses_a_reply_of_any_age() {
 
 #[test]
 fn after_motion_of_a_craft_whose_pose_is_unknown_a_reply_moves_nothing() {
-    let reports: [(fn(Telemetry) -> Telemetry, bool); 3] = [
+    type Report = fn(Telemetry) -> Telemetry;
+    let reports: [(Report, bool); 3] = [
         (|telemetry| Telemetry { position: None, velocity: None, ..telemetry }, true),
         // Its velocity tells where it is, relative to the frame.
         (|telemetry| Telemetry { position: None, ..telemetry }, false),

@@ -90,7 +90,7 @@ fn a_dark_room_and_a_white_wall_are_images() {
         ("dark room", room(8.0, 25.0)),
         ("lamp in the dark", image(8.0, |x, y| if f64::hypot(x - 0.4, y - 0.3) < 0.03 { 200.0 } else { 5.0 })),
         ("white wall", image(2.0, |x, y| 235.0 - 12.0 * f64::hypot(x - 0.5, y - 0.5))),
-        ("fence", image(3.0, |x, _| if (x * 60.0) as u32 % 2 == 0 { 60.0 } else { 180.0 })),
+        ("fence", image(3.0, |x, _| if ((x * 60.0) as u32).is_multiple_of(2) { 60.0 } else { 180.0 })),
         ("small", room(0.0, 200.0)),
     ] {
         assert_eq!(why_unusable(&image), None, "{what}: {:?}", statistics(&image));
