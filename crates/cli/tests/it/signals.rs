@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ChildStderr, Command};
+use std::time::Duration;
 
 use serde_json::Value;
 
@@ -92,6 +93,8 @@ fn kill_leaves_whole_lines() {
             break;
         }
     }
+    // Rows are written by a thread of their own.
+    std::thread::sleep(Duration::from_millis(300));
     flight.signal("KILL");
     let (code, ..) = flight.end();
     assert_eq!(code, None);
