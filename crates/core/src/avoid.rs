@@ -146,6 +146,11 @@ pub fn leads_along_edge(plan: &PlannedStep<'_>, point: ImagePoint, step: f64, cl
     step * (edge - ray.right).abs() / libm::sqrt(1.0 + edge * edge) < clearance
 }
 
+/// Distance at which a box's solid begins, metres: the near edge of its label's range interval.
+fn near_edge(obstacle: &ObstacleBox) -> f64 {
+    range_of_label(f64::from(obstacle.depth) - 0.5)
+}
+
 fn is_target(obstacle: &ObstacleBox, point: ImagePoint, target: Option<&str>) -> bool {
     let ImageBox { left, top, right, bottom } = obstacle.area;
     let holds_point = (left..=right).contains(&point.u) && (top..=bottom).contains(&point.v);
@@ -223,7 +228,7 @@ impl Solid {
             let normal = corners[i].cross(corners[(i + 1) % 4]).normalize();
             if normal.dot(middle) < 0.0 { -normal } else { normal }
         });
-        let near = range_of_label(f64::from(obstacle.depth) - 0.5);
+        let near = near_edge(obstacle);
         // A wide craft may already be closer than its clearance; it may leave but must not come closer.
         let clearance = clearance.min(0.95 * near);
         Self { index, corners, normals, near, clearance, is_here: obstacle.depth <= 1 }

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::frame::FrameId;
 use spf_core::query::{QueryId, QueryKind};
-use spf_record::jsonl_queue::JsonLinesQueue;
+use spf_record::jsonl::JsonLines;
 use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
 
 use crate::problems::{in_full, slow};
@@ -83,7 +83,7 @@ struct Sums {
     path: Option<PathBuf>,
     /// Whether writing may wait for the disk.
     patient: bool,
-    rows: Option<JsonLinesQueue>,
+    rows: Option<JsonLines>,
     problem: Option<String>,
 }
 
@@ -120,7 +120,7 @@ impl Ledger {
     pub fn finish(&self) -> Option<String> {
         // Not under the lock, which a query that is still open may need.
         let rows = self.sums().rows.take();
-        let finished = rows.map(JsonLinesQueue::finish);
+        let finished = rows.map(JsonLines::finish);
         let problem = match finished {
             Some(Err(error)) => Some(in_full(&error)),
             Some(Ok(lost @ 1..)) => Some(slow(lost, "rows", "vlm.jsonl")),
@@ -139,7 +139,7 @@ impl Ledger {
         if account.requests > 0
             && let Some(path) = sums.path.take()
         {
-            match JsonLinesQueue::create(&path, sums.patient) {
+            match JsonLines::create(&path, sums.patient) {
                 Ok(rows) => sums.rows = Some(rows),
                 Err(error) => sums.problem = Some(error.to_string()),
             }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::pilot::{Action, Decision, Event, Note, Phase, Pilot};
 use spf_core::time::Time;
-use spf_record::jsonl_queue::JsonLinesQueue;
+use spf_record::jsonl::JsonLines;
 use spf_record::live::LiveSender;
 use spf_record::out_dir::OutDir;
 use spf_record::trajectory::{DecisionMark, TrajectoryInput, trajectory_svg};
@@ -47,7 +47,7 @@ pub struct Recorder {
     out: OutDir,
     frame_source: Arc<dyn FrameSource>,
     log: Option<FlightLog>,
-    decisions: Option<JsonLinesQueue>,
+    decisions: Option<JsonLines>,
     film: Option<Film>,
     path: Vec<(Time, EnuPosition)>,
     known_path: Vec<(Time, EnuPosition)>,
@@ -76,7 +76,7 @@ impl Recorder {
         let file = problems.kept(LOG, log::open(&out.file(LOG), live));
         let logged = file.is_some() || view.is_some();
         let log = logged.then(|| FlightLog::start(file, view, head, &frame_source.prisms(), frame_source.clone()));
-        let decisions = problems.kept(DECISIONS, JsonLinesQueue::create(&out.file(DECISIONS), !live));
+        let decisions = problems.kept(DECISIONS, JsonLines::create(&out.file(DECISIONS), !live));
         let images = log.as_ref().filter(|_| video).map(|log| log.images(film::SIZE));
         let film = video
             .then(|| Film::start(&out.file(VIDEO), frame_source.clone(), &head.instruction, images, live))

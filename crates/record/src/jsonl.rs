@@ -1,96 +1,136 @@
-//! JSON Lines files, written line by line.
+//! JSON Lines files, written row by row by a thread of their own: whoever flies a craft must not wait for a disk.
 
 use std::fs::File;
-use std::io::Write;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+use std::thread::{Builder, JoinHandle};
 
 use serde::Serialize;
 
 use crate::out_dir::FileError;
 
-/// Writes files such as `decisions.jsonl`. Each row is passed to the operating system as a whole before `push` returns,
-/// so a process that is killed leaves only complete lines.
+/// Maximum number of rows queued.
+const WAITING: usize = 256;
+
+/// A file such as `decisions.jsonl`. A row that finds the queue full is dropped and counted, or, in a `patient` one, waits.
+/// Each row is passed to the operating system as a whole, so a process that is killed leaves only complete lines.
 #[derive(Debug)]
 pub struct JsonLines {
     path: PathBuf,
-    file: File,
-    rows: u64,
+    rows: SyncSender<Vec<u8>>,
+    writer: JoinHandle<Result<(), FileError>>,
+    patient: bool,
+    lost: u64,
 }
 
 impl JsonLines {
-    /// Creates an empty file at `path`.
+    /// Starts the thread, which creates an empty file at `path`. A `patient` one waits for a slow disk, for flights in
+    /// virtual time.
     ///
     /// # Errors
-    /// [`FileError::Write`] if it cannot be created.
-    pub fn create(path: &Path) -> Result<Self, FileError> {
-        let file = File::create(path).map_err(|source| FileError::Write { path: path.to_owned(), source })?;
-        Ok(Self { path: path.to_owned(), file, rows: 0 })
+    /// [`FileError::Write`] if no thread can be started; a file that cannot be created is reported by
+    /// [`finish`](Self::finish).
+    pub fn create(path: &Path, patient: bool) -> Result<Self, FileError> {
+        let (rows, waiting) = sync_channel::<Vec<u8>>(WAITING);
+        let (at, path) = (path.to_owned(), path.to_owned());
+        let write = move || {
+            let written = File::create(&at).and_then(|mut file| waiting.iter().try_for_each(|row| file.write_all(&row)));
+            written.map_err(|source| FileError::Write { path: at, source })
+        };
+        match Builder::new().name("rows".to_owned()).spawn(write) {
+            Ok(writer) => Ok(Self { path, rows, writer, patient, lost: 0 }),
+            Err(source) => Err(FileError::Write { path, source }),
+        }
     }
 
-    /// Appends a row. Non-finite numbers become `null`.
+    /// Queues a row; non-finite numbers become `null`. After a failure of the file, which [`finish`](Self::finish) reports,
+    /// nothing happens.
     ///
     /// # Errors
-    /// [`FileError::Json`] if the row has no JSON form (nothing is written then), [`FileError::Write`] if writing
-    /// fails.
+    /// [`FileError::Json`] if the row has no JSON form; nothing is written then.
     pub fn push<T: Serialize>(&mut self, row: &T) -> Result<(), FileError> {
-        let row = encode(&self.path, row)?;
-        self.push_encoded(&row)
-    }
-
-    /// Appends an encoded row.
-    pub(crate) fn push_encoded(&mut self, row: &[u8]) -> Result<(), FileError> {
-        self.file.write_all(row).map_err(|source| FileError::Write { path: self.path.clone(), source })?;
-        self.rows += 1;
+        let mut row = serde_json::to_vec(row).map_err(|source| FileError::Json { path: self.path.clone(), source })?;
+        row.push(b'\n');
+        if self.patient {
+            self.rows.send(row).ok();
+        } else if let Err(TrySendError::Full(_)) = self.rows.try_send(row) {
+            self.lost += 1;
+        }
         Ok(())
     }
 
-    /// Number of rows written so far.
-    #[must_use]
-    pub const fn rows(&self) -> u64 {
-        self.rows
+    /// Waits until every queued row is written. Returns the number of dropped rows.
+    ///
+    /// # Errors
+    /// [`FileError`] of the first row that could not be written.
+    pub fn finish(self) -> Result<u64, FileError> {
+        drop(self.rows);
+        let failed = |_| Err(FileError::Panicked { path: self.path });
+        self.writer.join().unwrap_or_else(failed).map(|()| self.lost)
     }
-
-    /// Path of the file.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-}
-
-/// A row as it is written to the file at `path`, with its line end. Non-finite numbers become `null`.
-///
-/// # Errors
-/// [`FileError::Json`] if the row has no JSON form.
-pub(crate) fn encode<T: Serialize>(path: &Path, row: &T) -> Result<Vec<u8>, FileError> {
-    let mut line = serde_json::to_vec(row).map_err(|source| FileError::Json { path: path.to_owned(), source })?;
-    line.push(b'\n');
-    Ok(line)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::collections::BTreeMap;
 
+    use super::*;
+
     #[test]
-    fn rows_are_on_disk_at_once_one_a_line() {
+    fn rows_are_written_in_order() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("decisions.jsonl");
-        let mut lines = JsonLines::create(&path).unwrap();
-        lines.push(&BTreeMap::from([("text", "two\nlines"), ("kind", "x")])).unwrap();
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "{\"kind\":\"x\",\"text\":\"two\\nlines\"}\n");
+        let mut rows = JsonLines::create(&path, true).unwrap();
+        (0..1000).for_each(|row| rows.push(&row).unwrap());
+        assert_eq!(rows.finish().unwrap(), 0);
+        let text: String = (0..1000).map(|row| format!("{row}\n")).collect();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+    }
+
+    #[test]
+    fn rows_are_one_a_line_and_what_has_no_json_form_is_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("decisions.jsonl");
+        let mut rows = JsonLines::create(&path, false).unwrap();
+        rows.push(&BTreeMap::from([("text", "two\nlines"), ("kind", "x")])).unwrap();
         let unusable = BTreeMap::from([((1, 2), 3)]);
-        assert!(matches!(lines.push(&unusable), Err(FileError::Json { .. })));
-        lines.push(&2).unwrap();
-        assert_eq!(std::fs::read_to_string(&path).unwrap().lines().nth(1), Some("2"));
-        assert_eq!(lines.rows(), 2);
+        assert!(matches!(rows.push(&unusable), Err(FileError::Json { .. })));
+        rows.push(&2).unwrap();
+        assert_eq!(rows.finish().unwrap(), 0);
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "{\"kind\":\"x\",\"text\":\"two\\nlines\"}\n2\n");
     }
 
     #[test]
     #[cfg(target_os = "linux")]
     fn a_full_disk_is_an_error_that_names_the_file() {
-        let mut lines = JsonLines::create(Path::new("/dev/full")).unwrap();
-        let error = lines.push(&1).unwrap_err();
+        let mut rows = JsonLines::create(Path::new("/dev/full"), false).unwrap();
+        (0..10).for_each(|row| rows.push(&row).unwrap());
+        let error = rows.finish().unwrap_err();
         assert!(matches!(error, FileError::Write { .. }) && error.to_string().contains("/dev/full"), "{error}");
+    }
+
+    /// A FIFO that is opened and never read is a disk that stalls for ever.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_stalled_disk_delays_no_row_and_the_lost_ones_are_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("stalled");
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        // Opened for both directions, so that opening the other end does not wait.
+        let reader = File::options().read(true).write(true).open(&path).unwrap();
+        let mut rows = JsonLines::create(&path, false).unwrap();
+        let row = "x".repeat(1000);
+        let begun = std::time::Instant::now();
+        (0..1000).for_each(|_| rows.push(&row).unwrap());
+        assert!(begun.elapsed().as_secs() < 5, "only blocking takes that long");
+        assert!(rows.lost >= 1000 - WAITING as u64 - 70, "64 KiB of a pipe, and the queue: {}", rows.lost);
+        let lost = rows.lost;
+        // Once it is read again, the rest arrives.
+        let drain = std::thread::spawn(move || {
+            std::io::copy(&mut std::io::Read::take(reader, (1000 - lost) * 1003), &mut std::io::sink())
+        });
+        assert_eq!(rows.finish().unwrap(), lost);
+        assert_eq!(drain.join().unwrap().unwrap(), (1000 - lost) * 1003);
     }
 }

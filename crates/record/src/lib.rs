@@ -8,7 +8,6 @@
 
 pub mod drawing;
 pub mod jsonl;
-pub mod jsonl_queue;
 pub mod live;
 pub mod log;
 pub mod out_dir;
@@ -16,7 +15,6 @@ pub mod trajectory;
 pub mod video;
 
 pub use jsonl::JsonLines;
-pub use jsonl_queue::JsonLinesQueue;
 pub use log::{Log, LogError, LogSender};
 pub use out_dir::{FileError, OutDir, OutDirError};
 pub use trajectory::{DecisionMark, Outline, TrajectoryInput, trajectory_svg};

@@ -3,28 +3,24 @@
 //! A forward camera sees neither what is above nor what is below the craft. What reaches beyond the upper edge of the frame
 //! may hang over it, unless its visible part is already higher than the end of the climb.
 
+use super::{CUT, near_edge};
 use crate::camera::Camera;
 use crate::geometry::Attitude;
-use crate::lift::{CameraDisplacement, Lifting, lift, range_of_label};
+use crate::lift::{CameraDisplacement, Lifting, lift};
 use crate::query::ImagePoint;
 use crate::reply::ObstacleBox;
-
-/// A box this close to an edge of the frame reaches beyond it, as a fraction of the frame.
-const EDGE: f64 = 0.02;
-/// A label stands for distances down to half a label less.
-const HALF_LABEL: f64 = 0.5;
 
 /// Whether the craft can climb by `climb` metres, negative for a descent, with `clearance` metres around it, among `boxes` of a
 /// view taken with this attitude where it starts.
 #[must_use]
 pub fn is_clear_vertically(camera: &Camera, attitude: Attitude, boxes: &[ObstacleBox], climb: f64, clearance: f64) -> bool {
     !boxes.iter().any(|obstacle| {
-        let (reaches, v) = if climb > 0.0 { (obstacle.area.top <= EDGE, 0.0) } else { (obstacle.area.bottom >= 1.0 - EDGE, 1.0) };
+        let (reaches, v) = if climb > 0.0 { (obstacle.area.top < CUT, 0.0) } else { (obstacle.area.bottom > 1.0 - CUT, 1.0) };
         let ray = camera.ray(ImagePoint { u: 0.5 * (obstacle.area.left + obstacle.area.right), v });
         let along = CameraDisplacement { right: ray.right, forward: 1.0, up: ray.up };
         let level = lift(along, camera, attitude, Lifting::Levelled);
         // The lowest label also stands for whatever is nearer than its interval.
-        let near = if obstacle.depth <= 1 { 0.0 } else { range_of_label(f64::from(obstacle.depth) - HALF_LABEL) };
+        let near = if obstacle.depth <= 1 { 0.0 } else { near_edge(obstacle) };
         // A label is a distance along the line of sight. Where it leaves the frame it is this high above, or low below, the
         // craft.
         let away = near * level.up * climb.signum() / level.length();

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 
 use super::{Note, Pilot};
 use crate::camera::Camera;
+use crate::executor::Goal;
 use crate::geometry::{EnuPosition, Pose};
 use crate::lift::{Lifting, project_displacement};
 use crate::policy::Move;
@@ -69,11 +70,7 @@ impl Pilot {
         let mut primitives = motion.primitives;
         if primitives.forward < -BACK {
             let pose = self.known_pose(now);
-            let turned = Pose {
-                attitude: crate::geometry::Attitude { heading: pose.attitude.heading + primitives.yaw, ..pose.attitude },
-                ..pose
-            };
-            let to = crate::executor::Goal::of_primitives(turned, Primitives { yaw: 0.0, ..primitives }).position;
+            let to = Goal::of_primitives(pose, primitives).position;
             if !self.seen.shows(now, &self.camera, pose.position, to) {
                 primitives.forward = 0.0;
                 self.note(Note::Limited("no motion backwards: no frame of the last 3 s shows what is there"));

@@ -23,10 +23,10 @@ const REMEMBERED_TARGETS: usize = 8;
 const TURNS_FIRST: u32 = 2;
 /// How long obstacles count for climbs and descents after the frame in which they were reported.
 const REPORTED: Duration = Duration::from_secs(3);
-/// Climb after that, metres.
-const BLOCKED_CLIMB: f64 = 1.0;
 /// Number of times in a row that a blocked path is answered by holding and asking again before searching for another.
 const BLOCKED_LOOKS: u32 = 3;
+/// Climb with which that search begins, metres.
+const BLOCKED_CLIMB: f64 = 1.0;
 
 /// Settings of the SPF policy.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use super::flights::{Served, model};
+use super::fly_command;
 use crate::harness::{Lab, Run, rows};
 use crate::vlm::KEY;
 use crate::vlm::server::Server;
@@ -25,25 +26,7 @@ struct Flight {
 }
 
 fn command(lab: &Lab, drone: &str, local: &str, server: &Server, out: &str) -> Command {
-    let (drone, vlm) = (format!("tello@{drone}"), format!("gemini@{}", server.url()));
-    let all = [
-        "fly",
-        "fly to the door",
-        "--drone",
-        &drone,
-        "--vlm",
-        &vlm,
-        "--no-vlm-check",
-        "--unattended",
-        "--no-video",
-        "--max-time",
-        "60",
-        "--out",
-        out,
-    ];
-    let mut command = lab.command(&all);
-    command.env(Vendor::Gemini.key(), KEY).env("SPF_TELLO_LOCAL", local).stdin(Stdio::null());
-    command
+    fly_command(lab, drone, local, server, out, &["--no-video", "--max-time", "60"])
 }
 
 impl Flight {

@@ -1,10 +1,11 @@
 //! `spf fly --drone tello` against `spf sim serve --tello`: two processes, real sockets, the wall clock.
 
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 
 use serde_json::Value;
 
+use super::fly_command;
 use crate::harness::{Lab, Run, rows};
 use crate::vlm::server::Server;
 use crate::vlm::vendors::Vendor;
@@ -53,23 +54,7 @@ pub(super) fn model(steps: usize) -> Server {
 
 /// A flight; exit code, the summary printed, and what was said.
 fn fly(lab: &Lab, drone: &str, local: &str, server: &Server, args: &[&str]) -> (Run, Value) {
-    let (drone, vlm) = (format!("tello@{drone}"), format!("gemini@{}", server.url()));
-    let mut all = vec![
-        "fly",
-        "fly to the door",
-        "--json",
-        "--drone",
-        &drone,
-        "--vlm",
-        &vlm,
-        "--no-vlm-check",
-        "--unattended",
-        "--out",
-        "mine",
-    ];
-    all.extend(args);
-    let mut command = lab.command(&all);
-    let output = command.env(Vendor::Gemini.key(), KEY).env("SPF_TELLO_LOCAL", local).stdin(Stdio::null()).output().unwrap();
+    let output = fly_command(lab, drone, local, server, "mine", &[&["--json"], args].concat()).output().unwrap();
     let run = Run::of(&output);
     let printed = serde_json::from_str(&run.stdout).unwrap_or_default();
     (run, printed)

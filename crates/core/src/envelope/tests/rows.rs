@@ -434,7 +434,7 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../../flight/src/keys.rs"),
         include_str!("../../../../flight/src/world/pause.rs"),
         include_str!("../../../../flight/tests/it/observers.rs"),
-        include_str!("../../../../record/src/jsonl_queue.rs"),
+        include_str!("../../../../record/src/jsonl.rs"),
         include_str!("../../../../serve/tests/it/fault_matrix.rs"),
         include_str!("../../../../serve/tests/it/flights.rs"),
         include_str!("../../../../serve/tests/it/images.rs"),

@@ -4,11 +4,11 @@ use std::collections::VecDeque;
 
 use spf_core::command::{Command, Setpoint};
 use spf_core::envelope::Cleared;
-use spf_core::geometry::{Attitude, EnuVelocity, wrap_angle};
-use spf_core::telemetry::{FlightPhase, Telemetry};
-use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_core::telemetry::FlightPhase;
+use spf_core::time::{Duration, Time};
 
 mod leaving;
+mod report;
 
 use self::leaving::TakeOff;
 use super::answer::{Answer, explain};
@@ -36,11 +36,6 @@ const EMERGENCIES_AGAIN: u32 = 25;
 const LIFTED: i32 = 30;
 /// A take-off without a response is complete once the drone has been at that height for this long.
 const TAKEN_OFF: Duration = Duration::from_secs(3);
-/// Dead time and lag of the craft, for determining the direction of unsigned speeds, s.
-const DEAD_TIME: f64 = 0.35;
-const LAG: f64 = 0.3;
-/// Below this modelled speed the direction is unknown, m/s.
-const SIGN: f64 = 0.03;
 /// Interval between the zero setpoints before `land`, and `land`.
 const ZEROS_FIRST: Duration = Duration::from_millis(80);
 
@@ -426,67 +421,6 @@ impl Link {
                 self.begin_landing(now);
             }
             _ => {}
-        }
-    }
-
-    /// Models the direction of flight from the commands: the sign of the reported speeds is unreliable.
-    fn model(&mut self, now: Time, before: Time) {
-        let effective = now - duration_from_secs(DEAD_TIME);
-        while self.sent.get(1).is_some_and(|(at, _)| *at <= effective) {
-            self.sent.pop_front();
-        }
-        let setpoint = self.sent.front().filter(|(at, _)| *at <= effective).map_or(Setpoint::HOLD, |(_, setpoint)| *setpoint);
-        let heading = self.heading();
-        let (sin, cos) = (libm::sin(heading), libm::cos(heading));
-        let wanted = [setpoint.right * cos + setpoint.forward * sin, setpoint.forward * cos - setpoint.right * sin, setpoint.up];
-        let fraction = 1.0 - libm::exp(-now.since(before).as_secs_f64() / LAG);
-        for (modelled, wanted) in self.modelled.iter_mut().zip(wanted) {
-            *modelled += (wanted - *modelled) * fraction;
-        }
-    }
-
-    fn heading(&self) -> f64 {
-        wrap_angle(f64::from(self.state.yaw.unwrap_or(0)).to_radians())
-    }
-
-    /// The state as telemetry. North is the drone's heading at power-on.
-    fn telemetry(&self, now: Time) -> Telemetry {
-        let state = &self.state;
-        let angle = |degrees: Option<i32>| f64::from(degrees.unwrap_or(0)).to_radians();
-        let velocity = state.speed.map(|[x, y, z]| {
-            // Magnitude from the drone, direction from the commands: the signs of these values differ between firmware
-            // versions.
-            let length = 0.1 * libm::hypot(f64::from(x), f64::from(y));
-            let [east, north, up] = self.modelled;
-            let expected = libm::hypot(east, north);
-            let fraction = if expected > SIGN { length / expected } else { 0.0 };
-            let rises = match self.phase {
-                FlightPhase::TakingOff => 1.0,
-                FlightPhase::Landing => -1.0,
-                _ if up.abs() > SIGN => up.signum(),
-                _ => 0.0,
-            };
-            let up = 0.1 * f64::from(z.abs()) * rises;
-            EnuVelocity { east: east * fraction, north: north * fraction, up }
-        });
-        Telemetry {
-            time: now,
-            position: None,
-            // Also while descending: a dead-reckoned position must not continue at the earlier velocity.
-            velocity: velocity.filter(|_| self.phase != FlightPhase::OnGround),
-            attitude: Attitude {
-                heading: state.yaw.map_or(f64::NAN, |_| self.heading()),
-                pitch: angle(state.pitch),
-                roll: angle(state.roll),
-            },
-            yaw_rate: None,
-            ground_clearance: state.tof.map(|cm| 0.01 * f64::from(cm)),
-            temperature: state.temperature.map(|[_, highest]| f64::from(highest)),
-            height: state.height.map(|cm| 0.01 * f64::from(cm)),
-            battery: state.battery.map(|charge| 0.01 * f64::from(charge)),
-            phase: self.phase,
-            crashed: false,
-            imu_error: self.imu.has_error(),
         }
     }
 

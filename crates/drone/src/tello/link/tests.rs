@@ -2,6 +2,7 @@
 
 use spf_core::craft::Craft;
 use spf_core::envelope::{Envelope, Limits};
+use spf_core::telemetry::Telemetry;
 
 use super::*;
 

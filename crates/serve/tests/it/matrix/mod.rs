@@ -139,7 +139,7 @@ impl Cell {
         let settings = PilotSettings { max_time: Duration::from_secs(45), ..PilotSettings::preset(Preset::Default) };
         let plan =
             FlightPlan { settings, script: self.script(), ..FlightPlan::new(site, "fly to the door", "scripted", vlm_factory) };
-        let mut watch = Watch::new(plan.limits.clone(), settings);
+        let mut watch = Watch::new(plan.limits.clone());
         fly(plan, &mut [&mut watch]).unwrap();
         (watch, world)
     }

@@ -2,7 +2,7 @@
 
 use spf_core::command::Command;
 use spf_core::envelope::Limits;
-use spf_core::pilot::{Action, Event, Note, OperatorEvent, Outcome, Phase, Pilot, PilotSettings};
+use spf_core::pilot::{Action, Event, Note, OperatorEvent, Outcome, Phase, Pilot};
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_flight::run::Observer;
 
@@ -16,7 +16,6 @@ const BY_HAND: Duration = Duration::from_millis(400);
 /// What is seen of a flight.
 pub(crate) struct Watch {
     limits: Limits,
-    settings: PilotSettings,
     /// When the newest usable frame with a new capture counter was captured.
     captured: Option<Time>,
     counter: Option<u64>,
@@ -36,10 +35,9 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    pub(crate) fn new(limits: Limits, settings: PilotSettings) -> Self {
+    pub(crate) fn new(limits: Limits) -> Self {
         Self {
             limits,
-            settings,
             captured: None,
             counter: None,
             measured: None,
@@ -145,7 +143,5 @@ impl Observer for Watch {
             Action::Finished(ending) => self.outcome = Some((ending.outcome, ending.cause.clone())),
             _ => {}
         }
-        // A plan that is being flown when its time is over has a reason as long as it lasts; the limit ends the flight.
-        debug_assert!(self.settings.max_time > Duration::ZERO);
     }
 }
