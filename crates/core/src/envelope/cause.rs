@@ -16,8 +16,11 @@ pub enum Cause {
     ClimbLimit,
     /// Yaw rate above the limit; reduced to it.
     YawRateLimit,
-    /// The setpoint would have taken the craft below the minimum or above the maximum altitude.
+    /// The setpoint or manoeuvre would have taken the craft above the maximum altitude.
     AltitudeLimit,
+    /// The setpoint or manoeuvre would have taken the craft below the minimum altitude, or too close to the ground that it
+    /// measures.
+    FloorLimit,
     /// The setpoint would have taken the craft too far from its take-off point.
     DistanceLimit,
     /// The setpoint would have taken the craft out of the geofence.
@@ -60,7 +63,8 @@ impl fmt::Display for Cause {
             Self::SpeedLimit => "speed limited",
             Self::ClimbLimit => "climb rate limited",
             Self::YawRateLimit => "yaw rate limited",
-            Self::AltitudeLimit => "limited by the altitude limits",
+            Self::AltitudeLimit => "limited by the maximum height",
+            Self::FloorLimit => "limited by the minimum height",
             Self::DistanceLimit => "limited by the distance limit",
             Self::GeofenceLimit => "limited by the geofence",
             Self::NotFinite => "the setpoint was not a number",

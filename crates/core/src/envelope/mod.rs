@@ -375,7 +375,7 @@ impl Envelope {
         if -setpoint.up <= slowest {
             return (setpoint, None);
         }
-        (Setpoint { up: -slowest, ..setpoint }, Some(Cause::AltitudeLimit))
+        (Setpoint { up: -slowest, ..setpoint }, Some(Cause::FloorLimit))
     }
 
     /// Predicted position at the time a setpoint cleared now takes effect; `up` is the height above the take-off point.

@@ -164,7 +164,7 @@ pub(super) fn confine_path(
         )
     };
     let mut up = between(limits.min_altitude, limits.max_altitude);
-    let mut cause = (up != way.up).then_some(Cause::AltitudeLimit);
+    let mut cause = (up != way.up).then(|| vertical_limit(way.up));
     if let Some(fence) = &limits.geofence {
         let (floor, ceiling) = fence.band(is.at);
         let fenced = between(floor.max(limits.min_altitude), ceiling.min(limits.max_altitude));
@@ -192,6 +192,11 @@ pub(super) fn confine_path(
     (BodyDisplacement { right: way.right * fraction, forward: way.forward * fraction, up }, cause)
 }
 
+/// The limit that applies to a vertical motion.
+fn vertical_limit(up: f64) -> Cause {
+    if up < 0.0 { Cause::FloorLimit } else { Cause::AltitudeLimit }
+}
+
 /// The climb rate between floor and ceiling, the altitudes it may sweep, and the limit that applied.
 fn confine_climb(limits: &Limits, craft: &Craft, is: &Situation, up: f64) -> (f64, (f64, f64), Option<Cause>) {
     let braking = Braking::new(limits, craft, craft.climb_acceleration);
@@ -203,7 +208,7 @@ fn confine_climb(limits: &Limits, craft: &Craft, is: &Situation, up: f64) -> (f6
         )
     };
     let mut limited = between(limits.min_altitude, limits.max_altitude);
-    let mut cause = (limited != up).then_some(Cause::AltitudeLimit);
+    let mut cause = (limited != up).then(|| vertical_limit(up));
     if let Some(fence) = &limits.geofence {
         let (floor, ceiling) = fence.band(is.at);
         let fenced = between(floor.max(limits.min_altitude), ceiling.min(limits.max_altitude));

@@ -54,7 +54,7 @@ fn the_floor_limits_sinking_only() {
     let mut rig = Rig::flying(Limits::default());
     rig.place(0.0, 0.0, 0.2);
     rig.fresh(ms(1100));
-    assert_eq!(rig.ask(ms(1100), climb(-1.0)), (climb(0.0), Some(Cause::AltitudeLimit)));
+    assert_eq!(rig.ask(ms(1100), climb(-1.0)), (climb(0.0), Some(Cause::FloorLimit)));
     // Below it nothing makes the craft climb, and moving on is free.
     let along = Setpoint { forward: 1.0, up: 0.0, right: 0.0, yaw_rate: 0.1 };
     assert_eq!(rig.ask(ms(1100), along), (along, None));

@@ -54,7 +54,7 @@ fn a_manoeuvre_is_cut_to_what_ends_inside() {
     // Down to the floor of 0.3 m, whatever it would go on the map.
     let (is, why) = rig.fly(ms(1100), go(2.0, 0.0, -5.0));
     let Some(Manoeuvre::Go { displacement, .. }) = is else { panic!("{is:?}") };
-    assert!((displacement.up + 2.7).abs() < 1e-9 && displacement.right == 2.0 && why == Some(Cause::AltitudeLimit));
+    assert!((displacement.up + 2.7).abs() < 1e-9 && displacement.right == 2.0 && why == Some(Cause::FloorLimit));
     // At the edge nothing is left.
     let mut rig = in_square(0.0, 19.4, 3.0);
     assert_eq!(rig.fly(ms(1100), go(0.0, 5.0, 0.0)), (None, Some(Cause::GeofenceLimit)));
