@@ -294,6 +294,7 @@ impl Course {
             cause: ending.cause,
             verified: None,
             verified_by: None,
+            not_read: Vec::new(),
             completion_time_s: pilot.first_motion().map(|first| at.since(first).as_secs_f64()),
             finished_at_s: at.as_secs_f64(),
             path_length_m: 0.0,

@@ -11,7 +11,7 @@ pub(crate) mod item;
 pub(crate) mod lex;
 pub(crate) mod lexicon;
 mod meaning;
-mod motion;
+pub(crate) mod motion;
 pub(crate) mod order;
 mod phrase;
 mod pieces;

@@ -26,6 +26,7 @@ mod place;
 mod reading;
 mod stages;
 mod truth;
+mod unread;
 
 use spf_core::frame::FrameId;
 use spf_core::query::{Query, QueryKind};
@@ -42,6 +43,7 @@ pub use percept::{PerceivedObject, Percept, SIZE_SENT, Sight};
 pub use place::{Place, Placed, Viewpoint};
 pub use reading::{Correction, InstructionReading, ReadStep, UnknownWord, read_instruction};
 pub use truth::{TruthTarget, resolve_truth};
+pub use unread::unread;
 
 /// Latency of a list of detections, which comes from a detector instead of a VLM: that of a small one on a CPU.
 const DETECTOR_LATENCY: Duration = Duration::from_millis(100);

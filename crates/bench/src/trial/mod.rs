@@ -294,6 +294,7 @@ impl Trial {
             flight: Some(Summary {
                 verified: Some(found.holds_at_end && !scores.collided),
                 verified_by: Some(VerifiedBy::Task),
+                not_read: Vec::new(),
                 final_distance_m: found.distance,
                 target_in_view: found.sees,
                 targets: goal.clone(),

@@ -125,7 +125,9 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
         ));
     }
     report(&flown.summary, out.path(), &printer)?;
-    Ok(Exit::of(flown.summary.outcome, flown.summary.verified))
+    let exit = Exit::of(flown.summary.outcome, flown.summary.verified);
+    // A script that reads the files must not take them for complete.
+    Ok(if exit == Exit::Success && !flown.recording_problems.is_empty() { Exit::Internal } else { exit })
 }
 
 /// Why a real drone does not take off without an operator.
@@ -245,7 +247,12 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         Some(false) => ", NOT verified by the simulator's ground truth",
         None => "",
     };
-    printer.result(&format!("{}{verified}: {}", words::outcome(summary.outcome), summary.cause));
+    let not_read: Vec<String> = summary.not_read.iter().map(|part| format!("\"{}\"", one_line(part))).collect();
+    let except = match summary.outcome {
+        Outcome::Reached if !not_read.is_empty() => format!(", except {}, which was not read", not_read.join(", ")),
+        _ => String::new(),
+    };
+    printer.result(&format!("{}{verified}: {}{except}", words::outcome(summary.outcome), summary.cause));
     let time = summary.completion_time_s.map_or("no motion".to_owned(), |time| format!("{time:.1} s from first motion"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
     let touched: Vec<&str> = summary.touched.iter().map(|touch| touch.object.as_str()).collect();

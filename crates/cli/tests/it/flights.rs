@@ -27,12 +27,25 @@ fn how_the_words_are_read_is_said_before_take_off() {
 }
 
 #[test]
+fn a_part_that_is_not_read_is_no_success() {
+    let lab = Lab::new();
+    let words = "Fly to the taxi from above";
+    let run = lab.spf(&["fly", words, "--vlm", "oracle:perfect", "--no-video", "--out", "mine"]);
+    assert!(run.stderr.contains("\nnot read: \"from above\""), "{}", run.stderr);
+    let end = "reached, verified by the simulator's ground truth: the instruction is fulfilled, except \"from above\", which was not \
+               read\n";
+    assert!(run.code == Some(0) && run.stdout.starts_with(end), "{}", run.stdout);
+    let summary = std::fs::read_to_string(lab.path("mine/summary.json")).unwrap();
+    assert!(summary.replace(char::is_whitespace, "").contains(r#""not_read":["fromabove"]"#), "{summary}");
+}
+
+#[test]
 fn words_that_name_nothing_fly_nothing() {
     let lab = Lab::new();
     for (words, message) in [
         ("fly to the qwertzuiop", "error: the oracle cannot parse \"fly to the qwertzuiop\": unknown word `qwertzuiop`\n"),
         ("hello", "error: the oracle cannot parse \"hello\": "),
-        ("!!!", "error: the oracle cannot parse \"!!!\": it names no object\n"),
+        ("!!!", "error: the oracle cannot parse \"!!!\": it names no object to fly to\n"),
     ] {
         let run = lab.spf(&["fly", words, "--out", "mine"]);
         assert!(run.code == Some(2) && run.stderr.starts_with(message), "{}", run.stderr);

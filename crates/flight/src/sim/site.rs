@@ -186,6 +186,7 @@ impl Judge for Judging {
         *summary = Summary {
             verified: verdict.verified,
             verified_by: verdict.verified_by,
+            not_read: verdict.not_read.clone(),
             path_length_m: *path_length,
             final_distance_m: verdict.final_distance_m,
             collisions: u32::try_from(touched.len()).unwrap_or(u32::MAX),

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;
-use spf_oracle::resolve_truth;
+use spf_oracle::{resolve_truth, unread};
 use spf_render::{Channels, RenderedImage};
 use spf_scene::geometry::ObjectId;
 
@@ -30,6 +30,9 @@ pub struct Verdict {
     /// How those objects were determined, if `verified` is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verified_by: Option<VerifiedBy>,
+    /// Parts of the instruction that the parser does not read, and that `verified` therefore leaves out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_read: Vec<String>,
     /// Distance to the nearest surface of those objects, metres; `None` if nothing in the scene matches.
     pub final_distance_m: Option<f64>,
     /// Keys of the objects matching the last stage.
@@ -57,6 +60,7 @@ pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
     Verdict {
         verified,
         verified_by: verified.map(|_| VerifiedBy::Parser),
+        not_read: unread(instruction, &loaded.placed(&loaded.cast.starts()), Some(*start)),
         final_distance_m: nearest.map(|(_, distance)| distance),
         targets,
         in_view: nearest.map(|(id, _)| seen.contains(&id)),

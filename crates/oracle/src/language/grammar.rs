@@ -6,7 +6,7 @@ use super::compounds::compounded;
 use super::lex::{is_listed, is_thing, names, singular, tokens};
 use super::lexicon::{NOUNS, PHRASES, SPELLING, VERBS};
 use super::meaning::{Order, Verb};
-use super::motion::is_motion;
+use super::motion::{is_motion, manner};
 use super::phrase::{Ordinal, Phrase};
 use super::pieces::{filler, in_order, pieces};
 use super::settle::Words;
@@ -49,7 +49,8 @@ pub struct Instruction {
 /// ```
 #[must_use]
 pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
-    let mut instruction = parse_tokens(&compounded(&tokens(text, tags), tags));
+    let words = compounded(&tokens(text, tags), tags);
+    let mut instruction = parse_tokens(&words);
     let words = Words { scene: tags, names: &names(text) };
     instruction.clauses.iter_mut().for_each(|clause| words.settle(&mut clause.target));
     instruction
@@ -57,6 +58,7 @@ pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
 
 /// Parses tokens.
 fn parse_tokens(words: &[String]) -> Instruction {
+    let words = &without(words, |words, at| manner::in_turn(&words[at..]));
     let mut clauses: Vec<Clause> = Vec::new();
     let mut excluded: Vec<Phrase> = Vec::new();
     let mut context: Vec<Phrase> = Vec::new();
@@ -65,6 +67,11 @@ fn parse_tokens(words: &[String]) -> Instruction {
         let Some(read) = clause(&piece, clauses.last().map(|c| c.verb)) else { continue };
         match read {
             Read::Clause(mut clause) => {
+                // Only "fly through" leads through a place without an object of its own.
+                if clause.verb != Verb::Through && clause.target.is_place() {
+                    motions.push(piece.join(" "));
+                    continue;
+                }
                 refer(&mut clause.target, &clauses, &context, &excluded);
                 if let Some(last) = clauses.last()
                     && clause.target.is_empty()
@@ -102,6 +109,20 @@ fn parse_tokens(words: &[String]) -> Instruction {
         clauses.retain(|clause| clause.verb != Verb::GoTo || !clause.target.is_empty());
     }
     Instruction { clauses, motions }
+}
+
+/// The words without those of which `length` returns the number at each position.
+fn without(words: &[String], length: impl Fn(&[String], usize) -> usize) -> Vec<String> {
+    let mut kept = Vec::with_capacity(words.len());
+    let mut at = 0;
+    while at < words.len() {
+        let skipped = length(words, at);
+        if skipped == 0 {
+            kept.push(words[at].clone());
+        }
+        at += skipped.max(1);
+    }
+    kept
 }
 
 /// Resolves "it", "one", "the other" and "the next".
@@ -192,6 +213,10 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     }
     if is_motion(&words) {
         return Some(Read::Motion(words.join(" ")));
+    }
+    let words = without(&words, |words, at| manner::amount(&words[at..]));
+    if words.is_empty() {
+        return None;
     }
     // "Where can I get a drink": a place by its use.
     if words[0] == "where" && words.get(1).is_some_and(|w| matches!(w.as_str(), "can" | "could" | "do" | "should" | "might")) {

@@ -177,6 +177,36 @@ pub(super) fn is_listed(word: &str) -> bool {
     has(word) || has(&singular(word))
 }
 
+/// Number of words at the start that form a phrase which adds nothing to a target ("on the ground", "over there").
+pub(crate) fn adds_nothing(words: &[String]) -> usize {
+    PHRASES.dropped.length(words).unwrap_or(0)
+}
+
+/// Whether leaving the word out changes nothing of what is wanted: articles, courtesies, verbs, and what introduces them.
+pub(crate) fn is_harmless(word: &str) -> bool {
+    let lists = [
+        &PHRASES.fillers,
+        &PHRASES.determiners,
+        &PHRASES.lead_in,
+        &PHRASES.joining,
+        &PHRASES.breaks,
+        &PHRASES.relative_lead,
+        &PHRASES.looking,
+        &PHRASES.other_orders,
+        &SPELLING.empty,
+        &VERBS.plain_prepositions,
+        &NOUNS.participles,
+        &NOUNS.vague,
+        &NOUNS.clothes,
+        &NOUNS.surroundings,
+        &PHRASES.numbering,
+        &ADJECTIVES.fluff,
+    ];
+    let ends = ["off", "takeoff", "land", "stop", "hover", "wait", "once", "photo", "picture", "shot", "front", "side"];
+    let verbs = VERBS.verbs.words().any(|known| known == word) && !is_thing(&singular(word));
+    verbs || ends.contains(&word) || word.ends_with("ing") || lists.iter().any(|list| list.contains(word))
+}
+
 /// Whether the word or its stem is English, known or not: nothing to put right.
 pub(super) fn is_right(word: &str) -> bool {
     let has = |w: &str| ENGLISH.binary_search(&w).is_ok() || ADJECTIVES.compass.contains(w);

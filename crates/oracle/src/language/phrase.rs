@@ -80,6 +80,13 @@ impl Phrase {
             && number.is_none()
     }
 
+    /// Whether it names a place and no object: "between the two trees".
+    pub(super) fn is_place(&self) -> bool {
+        let Self { nouns, colours, soft, uses, other, pronoun, relations, .. } = self;
+        let names_nothing = nouns.is_empty() && colours.is_empty() && soft.is_empty() && uses.is_empty() && !other && !pronoun;
+        names_nothing && relations.iter().any(|(relation, _)| *relation == Relation::Between)
+    }
+
     /// Parses a noun phrase from the words after a verb and its preposition.
     pub(super) fn read(words: &[String]) -> Self {
         let written =
@@ -224,6 +231,7 @@ impl Phrase {
         let person = || self.nouns.iter().any(|noun| NOUNS.people.contains(noun));
         form && !self.nouns.is_empty()
             && !ADJECTIVES.fluff.contains(word)
+            && !NOUNS.vague.contains(word)
             && (person() || words.get(1).is_none_or(|next| ends_description(next) || ARTICLES.contains(&next.as_str())))
     }
 

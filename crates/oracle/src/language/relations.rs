@@ -29,7 +29,8 @@ pub(super) fn related(
         Relation::Near | Relation::On => least(&|i, a| gap(&items[i], &items[a])),
         Relation::FarFrom => least(&|i, a| gap(&items[i], &items[a]).map(|d| -d)),
         Relation::Between => {
-            let Some(second) = anchors.get(1) else { return found };
+            // "Between the two trees": between any two of them.
+            let second = anchors.get(1).unwrap_or(&anchors[0]);
             let costs: Vec<(usize, f64)> = found
                 .iter()
                 .filter_map(|&i| {

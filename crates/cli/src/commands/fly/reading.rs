@@ -6,7 +6,7 @@ use spf_core::geometry::Pose;
 use spf_core::tags::Tagged;
 use spf_flight::sim::LoadedScene;
 use spf_oracle::language::Verb;
-use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction};
+use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction, unread};
 
 use crate::error::CliError;
 use crate::printer::one_line;
@@ -20,7 +20,8 @@ const EXAMPLES: usize = 8;
 /// Nothing in the instruction is understood, so that the flight could only end in a search for nothing.
 pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>) -> Result<Vec<String>, CliError> {
     let objects = loaded.placed(&loaded.cast.starts());
-    let reading = read_instruction(instruction, &objects, Some(start.unwrap_or(loaded.scene.start)));
+    let from = Some(start.unwrap_or(loaded.scene.start));
+    let reading = read_instruction(instruction, &objects, from);
     if !reading.is_understood() {
         return Err(not_understood(instruction, &reading, loaded));
     }
@@ -35,10 +36,14 @@ pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>
         let near = unknown.nearest.as_ref().map_or(String::new(), |near| format!(" (did you mean \"{near}\"?)"));
         format!("\"{}\"{near}", one_line(&unknown.word))
     });
-    let directions = reading.directions.iter().map(|words| format!("\"{}\" (a direction, not an object)", one_line(words)));
+    let directions = reading.directions.iter().map(|words| format!("\"{}\" (no object to fly to)", one_line(words)));
     let ignored: Vec<String> = words.chain(directions).collect();
     if !ignored.is_empty() {
         lines.push(format!("ignored: {}", ignored.join(", ")));
+    }
+    let unread: Vec<String> = unread(instruction, &objects, from).iter().map(|part| format!("\"{}\"", one_line(part))).collect();
+    if !unread.is_empty() {
+        lines.push(format!("not read: {} (the flight ends when the rest is fulfilled)", unread.join(", ")));
     }
     Ok(lines)
 }
@@ -55,14 +60,20 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
     let directions: Vec<String> = reading.directions.iter().map(|words| format!("`{}`", one_line(words))).collect();
     let why = match (unknown.is_empty(), directions.is_empty()) {
         (false, _) => unknown.join(", "),
-        (true, false) => format!("{} is a direction, not an object", directions.join(", ")),
-        (true, true) => "it names no object".to_owned(),
+        (true, false) => format!("{} names no object to fly to", directions.join(", ")),
+        (true, true) => "it names no object to fly to".to_owned(),
+    };
+    let foreign = unknown.len() > 1 && reading.directions.is_empty();
+    let advice = match (unknown.is_empty(), foreign) {
+        (true, _) => "the drone flies to objects that it sees, and lands at the end by itself; --realtime flies by hand\nhint: ",
+        (false, true) => "the oracle reads English only; other VLMs may read other languages\nhint: ",
+        (false, false) => "",
     };
     let mut seen = BTreeSet::new();
     let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
     CliError::usage(format!("the oracle cannot parse \"{}\": {why}", one_line(instruction))).hint(format!(
-        "objects in {} include: {}",
+        "{advice}objects in {} include: {}",
         loaded.scene.name,
         examples.join(", ")
     ))
