@@ -1,19 +1,24 @@
 //! Output: data to standard output, messages to standard error. The only module that prints.
 
 use std::io::{IsTerminal, Write};
+use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Interval of progress lines when standard error is not a terminal.
+const LINE_EVERY: Duration = Duration::from_secs(10);
 
 /// Prints output, with a live line at the bottom on a terminal.
 pub(crate) struct Printer {
     live: Option<ProgressBar>,
+    count: Option<Count>,
     json: bool,
 }
 
 impl Printer {
     /// `json`: standard output is reserved for one JSON object.
     pub(crate) fn new(json: bool) -> Self {
-        Self { live: None, json }
+        Self { live: None, count: None, json }
     }
 
     /// Starts the live line, if standard error is a terminal.
@@ -28,24 +33,33 @@ impl Printer {
         }
     }
 
-    /// Starts a live line with a count to `total` and the remaining time; `done` are already complete.
-    pub(crate) fn start_count(&mut self, total: u64, done: u64) {
+    /// Starts a count of `what` to `total` with the remaining time; `done` are already complete. It is a live line on a
+    /// terminal, and otherwise a line every ten seconds.
+    pub(crate) fn start_count(&mut self, what: &'static str, total: u64, done: u64) {
+        let now = Instant::now();
+        self.count = Some(Count { what, total, begun: done, since: now, shown: now });
         if std::io::stderr().is_terminal() {
             let bar = ProgressBar::new(total).with_position(done);
             bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
-            if let Ok(style) = ProgressStyle::with_template("{wide_bar} {pos}/{len}, {eta} left") {
+            if let Ok(style) = ProgressStyle::with_template("{wide_bar} {pos}/{len}{msg}") {
                 bar.set_style(style);
             }
-            // What was done before says nothing about the speed now.
-            bar.reset_eta();
             self.live = Some(bar);
         }
     }
 
     /// Sets the count to `done`.
-    pub(crate) fn count(&self, done: u64) {
+    pub(crate) fn count(&mut self, done: u64) {
+        let Some(count) = &mut self.count else { return };
+        let left = count.left(done, count.since.elapsed());
+        let left = left.map_or(String::new(), |left| format!(", {} left", HumanDuration(left)));
         if let Some(bar) = &self.live {
+            bar.set_message(left);
             bar.set_position(done);
+        } else if count.shown.elapsed() >= LINE_EVERY {
+            count.shown = Instant::now();
+            let line = format!("{done} of {} {}{left}", count.total, count.what);
+            self.log(&line);
         }
     }
 
@@ -59,6 +73,7 @@ impl Printer {
 
     /// Ends the live line.
     pub(crate) fn end_live(&mut self) {
+        self.count = None;
         if let Some(bar) = self.live.take() {
             bar.finish_and_clear();
         }
@@ -93,6 +108,25 @@ impl Printer {
     }
 }
 
+/// A count whose progress is shown.
+struct Count {
+    what: &'static str,
+    total: u64,
+    /// Number that were complete before the count started: they say nothing about its speed.
+    begun: u64,
+    since: Instant,
+    /// When the last line was printed.
+    shown: Instant,
+}
+
+impl Count {
+    /// The remaining time at the mean speed so far; `None` before the first is complete.
+    fn left(&self, done: u64, elapsed: Duration) -> Option<Duration> {
+        let since = done.checked_sub(self.begun).filter(|since| *since > 0)?;
+        Duration::try_from_secs_f64(elapsed.as_secs_f64() / since as f64 * self.total.saturating_sub(done) as f64).ok()
+    }
+}
+
 /// Makes control codes visible: instructions, files and replies are external text, which a terminal would interpret.
 fn harmless(text: &str) -> String {
     let harmful = |letter: char| letter.is_control() && letter != '\n' || turns_direction(letter);
@@ -124,6 +158,15 @@ pub(crate) fn table(rows: &[Vec<String>]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_remaining_time_of_a_resumed_count_does_not_use_what_was_done_before() {
+        let now = Instant::now();
+        let count = Count { what: "trials", total: 100, begun: 80, since: now, shown: now };
+        assert_eq!(count.left(80, Duration::from_secs(5)), None);
+        assert_eq!(count.left(90, Duration::from_secs(30)), Some(Duration::from_secs(30)));
+        assert_eq!(count.left(100, Duration::from_secs(60)), Some(Duration::ZERO));
+    }
 
     #[test]
     fn columns_are_as_wide_as_their_widest_cell() {

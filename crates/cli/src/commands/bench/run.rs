@@ -49,7 +49,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
                 if progress.done > 0 {
                     printer.log(&format!("{} of {} trials already done", progress.done, progress.of));
                 }
-                printer.start_count(progress.of as u64, progress.done as u64);
+                printer.start_count("trials", progress.of as u64, progress.done as u64);
             }
             printer.count(progress.done as u64);
             if let Some((record, why)) = record.and_then(|record| Some((record, record.error.as_ref()?))) {

@@ -153,7 +153,7 @@ fn ask(plan: &Plan<'_>, folder: &mut Folder, rows: &mut Vec<AnswerRow>, printer:
         printer.log(&format!("{done} of {total} questions already answered"));
     }
     let stop = interrupts()?;
-    printer.start_count(total, done);
+    printer.start_count("queries", total, done);
     let ended = plan.run(&before, spent, &stop, |row| {
         folder.push(&row)?;
         rows.push(row);

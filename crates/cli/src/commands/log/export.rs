@@ -37,6 +37,7 @@ pub(super) fn export(args: &Args, printer: &Printer) -> Result<Exit, CliError> {
     if logs.is_empty() {
         return Err(CliError::usage("no flight logs found").hint("give a log, or a folder with flight.mcap files"));
     }
+    printer.log(&format!("reading {} {} …", logs.len(), if logs.len() == 1 { "log" } else { "logs" }));
     let topic = if args.topic.starts_with('/') { args.topic.clone() } else { format!("/{}", args.topic) };
     let export = Export { logs: &logs, topic: &topic, context: &CONTEXT, context_topic: Channel::Flight.name() };
     let table = export.write(format, &args.output).map_err(|error| match &error {

@@ -10,6 +10,7 @@ use crate::printer::Printer;
 
 /// Makes a video.
 pub(super) fn video(args: &Video, printer: &Printer) -> Result<Exit, CliError> {
+    printer.log(&format!("encoding the images of {} …", args.file.display()));
     let facts = make(&args.file, &args.output).map_err(|error| match &error {
         LogVideoError::Read(source) => unreadable(&args.file, source),
         LogVideoError::NoImages => CliError::usage(format!("cannot make a video of `{}`", args.file.display()))

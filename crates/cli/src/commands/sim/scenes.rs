@@ -99,6 +99,9 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
     // All stay in memory until the end: what is freed would serve the next one and be missing from its figure.
     let mut loaded_scenes = Vec::new();
     for name in &names {
+        if args.images.is_some() {
+            printer.log(&format!("rendering {name} …"));
+        }
         let (loaded, entry) = look_at(name, args)?;
         loaded_scenes.push(loaded);
         entries.push(entry);

@@ -51,7 +51,7 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     if first > 0 {
         printer.log(&format!("{first} of {} examples already done", args.count));
     }
-    printer.start_count(args.count, first);
+    printer.start_count("images", args.count, first);
     let mut counts = [0_u64; 3];
     for number in first..args.count {
         if interrupts.load(Ordering::Relaxed) > 0 {
