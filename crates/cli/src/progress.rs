@@ -48,8 +48,13 @@ impl Progress {
 
 impl Observer for Progress {
     fn action(&mut self, now: Time, action: &Action, _pilot: &Pilot) {
-        if let Action::Note(note) = action {
-            self.note(now, note);
+        let at = now.as_secs_f64();
+        match action {
+            Action::Note(note) => self.note(now, note),
+            Action::Ask(query) => tracing::debug!(at, query = query.id.0, frame = query.frame.0, "query"),
+            Action::Cancel(id) => tracing::debug!(at, query = id.0, "query cancelled"),
+            Action::Command(command) => tracing::trace!(at, command = ?command.get(), "to the craft"),
+            Action::Finished(ending) => tracing::debug!(at, outcome = words::outcome(ending.outcome), "finished"),
         }
     }
 

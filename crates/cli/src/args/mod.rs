@@ -43,7 +43,7 @@ pub(crate) struct Cli {
     /// The command to run.
     #[command(subcommand)]
     pub(crate) command: Command,
-    /// Increase log verbosity: -v logs decisions, -vv setpoints (see also RUST_LOG)
+    /// Increase log verbosity: -v logs queries and connections, -vv every command to the craft (see also RUST_LOG)
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub(crate) verbose: u8,
 }
@@ -170,7 +170,7 @@ pub(crate) struct ConditionArgs {
     /// Light: day, overcast, dusk or night [default: the scene's]
     #[arg(long, value_name = "LIGHT")]
     pub(crate) light: Option<String>,
-    /// Weather: clear, haze or rain [default: the scene's]
+    /// Weather: clear, haze or rain; the oracle sees as well in all of them [default: the scene's]
     #[arg(long, value_name = "WEATHER")]
     pub(crate) weather: Option<String>,
 }

@@ -57,6 +57,14 @@ pub enum Cause {
     Crashed,
 }
 
+impl Cause {
+    /// Whether it is a limit on where the craft may be.
+    #[must_use]
+    pub fn is_place(self) -> bool {
+        matches!(self, Self::AltitudeLimit | Self::FloorLimit | Self::DistanceLimit | Self::GeofenceLimit)
+    }
+}
+
 impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

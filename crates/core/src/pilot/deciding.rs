@@ -54,7 +54,8 @@ impl Pilot {
                 return; // The last plan is flown to its end.
             }
             let limit = self.settings.max_decisions;
-            return self.end_instruction(now, Outcome::Timeout, format!("the limit of {limit} decisions was reached"));
+            let held_back = self.held_back(now);
+            return self.end_instruction(now, Outcome::Timeout, format!("the limit of {limit} decisions was reached{held_back}"));
         }
         self.used = Some(view.frame.id);
         self.needs_rest = false;

@@ -10,6 +10,8 @@ use crate::time::{Duration, Time};
 const TAKE_OFF_TIME: Duration = Duration::from_secs(30);
 /// How long a craft on the ground is given to send its first usable frame, where take-off requires one.
 const VIDEO_TIME: Duration = Duration::from_secs(15);
+/// A limit that reduced a setpoint this long before a timeout is named as its likely cause.
+const HELD_BACK: Duration = Duration::from_secs(10);
 /// Interval at which `Land` is repeated until the craft reports being on the ground: a lost command must not leave it
 /// in the air.
 pub(super) const LAND_REPEAT: Duration = Duration::from_secs(1);
@@ -64,13 +66,20 @@ impl Pilot {
             }
             Phase::Flying | Phase::Held | Phase::Manual | Phase::TakeOff if self.is_out_of_time(now) => {
                 let limit = self.settings.max_time.as_secs_f64();
-                self.finish(now, Outcome::Timeout, format!("the flight time limit of {limit} s was reached"));
+                let held_back = self.held_back(now);
+                self.finish(now, Outcome::Timeout, format!("the flight time limit of {limit} s was reached{held_back}"));
             }
             Phase::Hovering if waited >= HOVER_TIME => self.land(now),
             Phase::Landing if waited >= LANDING_TIME => self.enter(now, Phase::Ended),
             Phase::Landing if now >= self.next_tick => self.command(now, Command::Land),
             _ => {}
         }
+    }
+
+    /// The limit that kept the craft from flying on as a timeout ended its flight, as the end of a sentence.
+    pub(super) fn held_back(&self, now: Time) -> String {
+        let recent = self.held_back.filter(|(at, _)| now.since(*at) <= HELD_BACK);
+        recent.map_or(String::new(), |(_, cause)| format!("; until the end the craft was {cause}"))
     }
 
     fn take_off(&mut self, now: Time) {

@@ -107,6 +107,8 @@ pub struct Pilot {
     /// The envelope's reaction and setpoint change that were last reported.
     last_reaction: Option<Cause>,
     last_change: Option<Cause>,
+    /// When a limit of position last reduced a setpoint, and which.
+    held_back: Option<(Time, Cause)>,
 }
 
 /// The components of a pilot.
@@ -175,6 +177,7 @@ impl Pilot {
             wanted: Setpoint::HOLD,
             last_reaction: None,
             last_change: None,
+            held_back: None,
         };
         let text = pilot.instruction.clone();
         // A policy answers an instruction with Look or Wait; on the ground there is nothing to look at yet.

@@ -250,6 +250,9 @@ impl Pilot {
             (self.hold_since, self.settled) = (None, None);
             self.first_motion.get_or_insert(now);
         }
+        if let Some(cause) = clearance.changed.filter(|cause| cause.is_place()) {
+            self.held_back = Some((now, cause));
+        }
         let last = core::mem::replace(&mut self.last_change, clearance.changed);
         self.note_change(clearance.changed, last);
         self.outbox.push_back(Action::Command(clearance.cleared));

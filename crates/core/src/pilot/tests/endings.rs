@@ -182,6 +182,8 @@ fn a_fence_in_the_way_keeps_the_flight_inside() {
         assert_eq!(flight.end(), Outcome::Timeout, "{preset:?}");
         assert!(flight.frames.iter().all(|seen| seen.pose.position.north < 20.0));
         assert!(flight.frames.iter().any(|seen| seen.pose.position.north > 17.0));
+        let cause = &flight.finished[0].1.cause;
+        assert!(cause.ends_with("; until the end the craft was limited by the geofence"), "{cause}");
     }
 }
 
