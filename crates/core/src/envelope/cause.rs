@@ -58,10 +58,11 @@ pub enum Cause {
 }
 
 impl Cause {
-    /// Whether it is a limit on where the craft may be.
+    /// Whether it is a limit that can keep a craft from its target. The minimum height is none: a craft often flies at it
+    /// beside a low target.
     #[must_use]
-    pub fn is_place(self) -> bool {
-        matches!(self, Self::AltitudeLimit | Self::FloorLimit | Self::DistanceLimit | Self::GeofenceLimit)
+    pub fn is_boundary(self) -> bool {
+        matches!(self, Self::AltitudeLimit | Self::DistanceLimit | Self::GeofenceLimit)
     }
 }
 

@@ -10,7 +10,7 @@ use crate::time::{Duration, Time};
 const TAKE_OFF_TIME: Duration = Duration::from_secs(30);
 /// How long a craft on the ground is given to send its first usable frame, where take-off requires one.
 const VIDEO_TIME: Duration = Duration::from_secs(15);
-/// A limit that reduced a setpoint this long before a timeout is named as its likely cause.
+/// A boundary that reduced a setpoint less than this before a timeout is named as its likely cause.
 const HELD_BACK: Duration = Duration::from_secs(10);
 /// Interval at which `Land` is repeated until the craft reports being on the ground: a lost command must not leave it
 /// in the air.
@@ -76,10 +76,10 @@ impl Pilot {
         }
     }
 
-    /// The limit that kept the craft from flying on as a timeout ended its flight, as the end of a sentence.
+    /// The end of a timeout's sentence: the boundary that held the craft back, if any.
     pub(super) fn held_back(&self, now: Time) -> String {
         let recent = self.held_back.filter(|(at, _)| now.since(*at) <= HELD_BACK);
-        recent.map_or(String::new(), |(_, cause)| format!("; until the end the craft was {cause}"))
+        recent.map_or(String::new(), |(_, cause)| format!("; in its last {} s it was {cause}", HELD_BACK.as_secs()))
     }
 
     fn take_off(&mut self, now: Time) {

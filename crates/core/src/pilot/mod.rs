@@ -107,7 +107,7 @@ pub struct Pilot {
     /// The envelope's reaction and setpoint change that were last reported.
     last_reaction: Option<Cause>,
     last_change: Option<Cause>,
-    /// When a limit of position last reduced a setpoint, and which.
+    /// When a boundary last reduced a setpoint, and which.
     held_back: Option<(Time, Cause)>,
 }
 

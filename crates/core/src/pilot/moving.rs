@@ -250,7 +250,7 @@ impl Pilot {
             (self.hold_since, self.settled) = (None, None);
             self.first_motion.get_or_insert(now);
         }
-        if let Some(cause) = clearance.changed.filter(|cause| cause.is_place()) {
+        if let Some(cause) = clearance.changed.filter(|cause| cause.is_boundary()) {
             self.held_back = Some((now, cause));
         }
         let last = core::mem::replace(&mut self.last_change, clearance.changed);
