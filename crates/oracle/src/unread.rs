@@ -1,7 +1,10 @@
 //! Finds the words of an instruction that have no effect on how it is read, so that nobody takes a part for the whole.
 
+use std::collections::BTreeSet;
+
+use super::language::item::Item;
 use super::language::lex::{adds_nothing, is_harmless, is_known, is_thing, raw_tokens};
-use super::language::motion::manner;
+use super::language::manner;
 use super::language::resolve::meant_by;
 use super::language::score::vocabulary;
 use super::language::{Instruction, Phrase, parse};
@@ -15,58 +18,90 @@ use super::place::{Placed, Viewpoint};
 /// Objects are taken at the given places, seen from `from`.
 #[must_use]
 pub fn unread(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint>) -> Vec<String> {
-    let scene = vocabulary(objects.iter().map(|object| object.tags));
-    let items: Vec<_> = objects.iter().map(|object| object.seen_from(from)).collect();
     let words: Vec<&str> = instruction.split_whitespace().take(MOST_WORDS).collect();
-    let read = |text: &str| {
-        let parsed = parse(text, &scene);
-        let targets: Vec<Vec<usize>> =
-            parsed.clauses.iter().map(|clause| meant_by(clause.verb, &clause.target, &items)).collect();
-        (parsed, targets)
-    };
-    let (parsed, targets) = read(&words.join(" "));
-    if parsed.clauses.is_empty() {
+    let reader = Reader::new(objects, from);
+    let whole = reader.read(&words);
+    if whole.parse.clauses.is_empty() {
         return Vec::new();
     }
-    let is_reported = |token: &str| parsed.motions.iter().any(|motion| motion.split(' ').any(|word| word == token));
-    let whole = [without_spelling(parsed.clone(), false), without_spelling(parsed.clone(), true)];
-    let unwanted = spans(&words, |tokens| manner::in_turn(tokens).max(manner::amount(tokens)));
-    let nothing_added = spans(&words, adds_nothing);
-    let is_unread = |at: usize| {
-        let tokens = raw_tokens(words[at]);
-        let plain: Vec<&String> = tokens.iter().filter(|token| !matches!(token.as_str(), "," | ".")).collect();
-        let [token] = plain.as_slice() else { return false };
-        if is_reported(token) {
-            return false;
+    let manner = spans(&words, |tokens| manner::in_turn(tokens).max(manner::amount(tokens)));
+    let dropped = spans(&words, adds_nothing);
+    let is_unread = |at: usize| match only_token(words[at]) {
+        Some(token) if whole.is_motion(&token) => false,
+        Some(_) if manner[at] => true,
+        Some(token) => {
+            !dropped[at] && reader.may_matter(&token, &words, at) && reader.is_without_effect(&token, &words, at, &whole)
         }
-        if unwanted[at] {
-            return true;
-        }
-        if nothing_added[at] {
-            return false;
-        }
-        // "The top of the crane", but not "in a yellow top".
-        let is_part = *token == "top" && words.get(at + 1).is_some_and(|next| *next == "of");
-        let is_above = ABOVE_AND_BELOW.contains(&token.as_str());
-        if !is_above && (is_harmless(token) && !is_part || !(is_known(token) || scene.contains(*token))) {
-            return false;
-        }
-        // The punctuation stays: it separates what is left.
-        let kept: String = words[at].chars().filter(|c| !c.is_alphanumeric() && !matches!(c, '\'' | '’' | '`' | '-')).collect();
-        let mut others = words.clone();
-        others[at] = &kept;
-        // A use ranks objects; a place or another object among its words would be flown to, and is not.
-        let of_target = || targets.iter().flatten().any(|&at| vocabulary(core::iter::once(items[at].tags)).contains(*token));
-        let ranks_only = is_above || (is_thing(token) && scene.contains(*token) && !of_target());
-        if ranks_only {
-            // "From" alone would be read as something else.
-            others.drain(before(&words, at)..at);
-        }
-        let (rest, found) = read(&others.join(" "));
-        found == targets && without_spelling(rest, ranks_only) == whole[usize::from(ranks_only)]
+        None => false,
     };
     let unread: Vec<bool> = (0..words.len()).map(is_unread).collect();
     parts(&words, &unread)
+}
+
+/// A parse, and what each of its clauses means in the scene.
+struct Read {
+    parse: Instruction,
+    targets: Vec<Vec<usize>>,
+}
+
+impl Read {
+    /// Whether the word belongs to a motion without a target, which is reported as a whole.
+    fn is_motion(&self, token: &str) -> bool {
+        self.parse.motions.iter().any(|motion| motion.split(' ').any(|word| word == token))
+    }
+}
+
+/// Reads instructions in a scene.
+struct Reader<'a> {
+    /// The words of the scene's tags.
+    scene: BTreeSet<String>,
+    items: Vec<Item<'a>>,
+}
+
+impl<'a> Reader<'a> {
+    fn new(objects: &[Placed<'a>], from: Option<Viewpoint>) -> Self {
+        let scene = vocabulary(objects.iter().map(|object| object.tags));
+        Self { scene, items: objects.iter().map(|object| object.seen_from(from)).collect() }
+    }
+
+    fn read(&self, words: &[&str]) -> Read {
+        let parse = parse(&words.join(" "), &self.scene);
+        let targets = parse.clauses.iter().map(|clause| meant_by(clause.verb, &clause.target, &self.items)).collect();
+        Read { parse, targets }
+    }
+
+    /// Whether somebody would miss the word: it is known, and more than an article, a courtesy or a verb.
+    fn may_matter(&self, token: &str, words: &[&str], at: usize) -> bool {
+        // "The top of the crane", but not "in a yellow top".
+        let is_part = token == "top" && words.get(at + 1) == Some(&"of");
+        let is_known = is_known(token) || self.scene.contains(token);
+        ABOVE_AND_BELOW.contains(&token) || (is_known && (is_part || !is_harmless(token)))
+    }
+
+    /// Whether the instruction means the same without the word.
+    fn is_without_effect(&self, token: &str, words: &[&str], at: usize, whole: &Read) -> bool {
+        // The punctuation stays: it separates what is left.
+        let punctuation: String =
+            words[at].chars().filter(|c| !c.is_alphanumeric() && !matches!(c, '\'' | '’' | '`' | '-')).collect();
+        let mut others = words.to_vec();
+        others[at] = &punctuation;
+        // A use ranks objects; a place or another object among its words would be flown to, and is not.
+        let of_target =
+            || whole.targets.iter().flatten().any(|&at| vocabulary([self.items[at].tags].into_iter()).contains(token));
+        let ranks_only = ABOVE_AND_BELOW.contains(&token) || (is_thing(token) && self.scene.contains(token) && !of_target());
+        if ranks_only {
+            // "From" alone would be read as something else.
+            others.drain(before(words, at)..at);
+        }
+        let rest = self.read(&others);
+        rest.targets == whole.targets && meaning(rest.parse, ranks_only) == meaning(whole.parse.clone(), ranks_only)
+    }
+}
+
+/// The token of a word that is only one, without punctuation.
+fn only_token(word: &str) -> Option<String> {
+    let mut tokens = raw_tokens(word).into_iter().filter(|token| !matches!(token.as_str(), "," | "."));
+    tokens.next().filter(|_| tokens.next().is_none())
 }
 
 /// Places that no image point shows.
@@ -85,7 +120,7 @@ fn spans(words: &[&str], length: impl Fn(&[String]) -> usize) -> Vec<bool> {
     out
 }
 
-/// Maximum number of words looked at: each costs a parse.
+/// Maximum number of words considered: each costs a parse.
 const MOST_WORDS: usize = 60;
 
 /// Neighbouring unread words together, with the small words before and between them.
@@ -115,21 +150,21 @@ fn before(words: &[&str], at: usize) -> usize {
 const SMALL: [&str; 16] =
     ["a", "an", "the", "in", "on", "at", "of", "from", "to", "with", "by", "for", "its", "their", "into", "onto"];
 
-/// A parse without what only tells how it was spelt, and without uses of what has a name.
-fn without_spelling(mut instruction: Instruction, uses: bool) -> Instruction {
-    instruction.clauses.iter_mut().for_each(|clause| strip(&mut clause.target, uses));
+/// A parse without what only tells how it was written; `unused`: also without the uses of what has a name.
+fn meaning(mut instruction: Instruction, unused: bool) -> Instruction {
+    instruction.clauses.iter_mut().for_each(|clause| strip(&mut clause.target, unused));
     instruction
 }
 
-fn strip(phrase: &mut Phrase, uses: bool) {
+fn strip(phrase: &mut Phrase, unused: bool) {
     phrase.written.clear();
     phrase.spelt.clear();
     phrase.ignored.clear();
-    if uses && !phrase.nouns.is_empty() {
+    if unused && !phrase.nouns.is_empty() {
         phrase.uses.clear();
     }
     let anchors = phrase.relations.iter_mut().flat_map(|(_, anchors)| anchors);
-    anchors.chain(&mut phrase.with).chain(&mut phrase.not).for_each(|within| strip(within, uses));
+    anchors.chain(&mut phrase.with).chain(&mut phrase.not).for_each(|within| strip(within, unused));
 }
 
 #[cfg(test)]

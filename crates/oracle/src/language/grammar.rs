@@ -5,8 +5,9 @@ use std::collections::BTreeSet;
 use super::compounds::compounded;
 use super::lex::{is_listed, is_thing, names, singular, tokens};
 use super::lexicon::{NOUNS, PHRASES, SPELLING, VERBS};
+use super::manner;
 use super::meaning::{Order, Verb};
-use super::motion::{is_motion, manner};
+use super::motion::is_motion;
 use super::phrase::{Ordinal, Phrase};
 use super::pieces::{filler, in_order, pieces};
 use super::settle::Words;
@@ -49,8 +50,7 @@ pub struct Instruction {
 /// ```
 #[must_use]
 pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
-    let words = compounded(&tokens(text, tags), tags);
-    let mut instruction = parse_tokens(&words);
+    let mut instruction = parse_tokens(&compounded(&tokens(text, tags), tags));
     let words = Words { scene: tags, names: &names(text) };
     instruction.clauses.iter_mut().for_each(|clause| words.settle(&mut clause.target));
     instruction
@@ -58,7 +58,7 @@ pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
 
 /// Parses tokens.
 fn parse_tokens(words: &[String]) -> Instruction {
-    let words = &without(words, |words, at| manner::in_turn(&words[at..]));
+    let words = &without(words, manner::in_turn);
     let mut clauses: Vec<Clause> = Vec::new();
     let mut excluded: Vec<Phrase> = Vec::new();
     let mut context: Vec<Phrase> = Vec::new();
@@ -111,12 +111,12 @@ fn parse_tokens(words: &[String]) -> Instruction {
     Instruction { clauses, motions }
 }
 
-/// The words without those of which `length` returns the number at each position.
-fn without(words: &[String], length: impl Fn(&[String], usize) -> usize) -> Vec<String> {
+/// The words without the phrases whose lengths `length` returns where they start.
+fn without(words: &[String], length: fn(&[String]) -> usize) -> Vec<String> {
     let mut kept = Vec::with_capacity(words.len());
     let mut at = 0;
     while at < words.len() {
-        let skipped = length(words, at);
+        let skipped = length(&words[at..]);
         if skipped == 0 {
             kept.push(words[at].clone());
         }
@@ -214,7 +214,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     if is_motion(&words) {
         return Some(Read::Motion(words.join(" ")));
     }
-    let words = without(&words, |words, at| manner::amount(&words[at..]));
+    let words = without(&words, manner::amount);
     if words.is_empty() {
         return None;
     }

@@ -200,11 +200,11 @@ pub(crate) fn is_harmless(word: &str) -> bool {
         &NOUNS.clothes,
         &NOUNS.surroundings,
         &PHRASES.numbering,
+        &PHRASES.anyway,
         &ADJECTIVES.fluff,
     ];
-    let ends = ["off", "takeoff", "land", "stop", "hover", "wait", "once", "photo", "picture", "shot", "front", "side"];
-    let verbs = VERBS.verbs.words().any(|known| known == word) && !is_thing(&singular(word));
-    verbs || ends.contains(&word) || word.ends_with("ing") || lists.iter().any(|list| list.contains(word))
+    let verb = VERBS.verbs.words().any(|known| known == word) && !is_thing(&singular(word));
+    verb || word.ends_with("ing") || lists.iter().any(|list| list.contains(word))
 }
 
 /// Whether the word or its stem is English, known or not: nothing to put right.

@@ -143,6 +143,19 @@ pub(crate) struct Joints {
     pub(super) turning: Words,
     /// Measures of such a motion.
     pub(super) measures: Words,
+    /// Phrases that say that several targets are flown to in turn.
+    #[serde(deserialize_with = "list")]
+    pub(super) in_turn: Phrases,
+    /// How something is to be done, in one word.
+    pub(super) manners: Words,
+    /// Units of length.
+    pub(super) lengths: Words,
+    /// Words that may follow a length.
+    pub(super) extents: Words,
+    /// Numbers without a value.
+    pub(super) quantities: Words,
+    /// What the drone does at a target anyway.
+    pub(super) anyway: Words,
     /// A question or another order begins so after a comma.
     #[serde(deserialize_with = "list")]
     pub(super) asking: Phrases,

@@ -1,0 +1,32 @@
+//! How often, how far and in which order something is to be done: recognised, so that it becomes no part of a name, but not
+//! carried out.
+
+use super::lexicon::PHRASES;
+use super::motion::measured;
+use super::turns::CARDINALS;
+
+/// Number of words at the start that say "each in turn"; zero if there are none.
+pub(crate) fn in_turn(words: &[String]) -> usize {
+    PHRASES.in_turn.length(words).unwrap_or(0)
+}
+
+/// Number of words at the start that say how often or how far ("twice", "three times", "10 metres high"); zero if there are
+/// none.
+pub(crate) fn amount(words: &[String]) -> usize {
+    let word = |at: usize| words.get(at).map_or("", String::as_str);
+    let first = word(0);
+    if PHRASES.manners.contains(first) {
+        return 1;
+    }
+    let number = measured(first) || CARDINALS.contains(&first) || PHRASES.quantities.contains(first);
+    let length = if number && matches!(word(1), "time" | "times") {
+        return 2;
+    } else if number && PHRASES.lengths.contains(word(1)) {
+        2
+    } else if measured(first) && !first.chars().all(|c| c.is_ascii_digit()) {
+        1
+    } else {
+        return 0;
+    };
+    length + usize::from(PHRASES.extents.contains(word(length)))
+}
