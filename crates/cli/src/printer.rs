@@ -143,6 +143,11 @@ pub(crate) fn one_line(text: &str) -> String {
     text.replace(['\n', '\r'], " ")
 }
 
+/// External texts in quotation marks, as one list.
+pub(crate) fn quoted(texts: &[String]) -> String {
+    texts.iter().map(|text| format!("\"{}\"", one_line(text))).collect::<Vec<_>>().join(", ")
+}
+
 /// Formats rows of cells in columns separated by two spaces; the last column is not padded.
 pub(crate) fn table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);

@@ -35,8 +35,8 @@ pub(crate) use tello::{Calibrate, Tello, TelloAddress};
 Start here, no key and no GPU needed:
   spf fly \"Take off and fly to the red crane\"
 
-Exit codes: 0 reached (and verified, where ground truth exists), 1 internal error (replay: a difference; fly: files incomplete), 2 usage or \
-configuration, 3 not reached, 4 collision, 5 aborted (operator, envelope, geofence, battery), 6 failed (VLM, video or link \
+Exit codes: 0 reached (and verified, where ground truth exists), 1 internal error (replay: a difference; fly: files \
+incomplete), 2 usage or configuration, 3 not reached, 4 collision, 5 aborted (operator, envelope, geofence, battery), 6 failed (VLM, video or link \
 lost)."
 )]
 pub(crate) struct Cli {

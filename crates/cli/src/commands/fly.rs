@@ -35,7 +35,7 @@ use crate::commands::vlm::pointing;
 use crate::commands::{detector, load_scene};
 use crate::error::CliError;
 use crate::exit::Exit;
-use crate::printer::{Printer, one_line};
+use crate::printer::{Printer, one_line, quoted};
 use crate::progress::Progress;
 use crate::settings::{DroneName, Settings};
 
@@ -247,9 +247,8 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         Some(false) => ", NOT verified by the simulator's ground truth",
         None => "",
     };
-    let not_read: Vec<String> = summary.not_read.iter().map(|part| format!("\"{}\"", one_line(part))).collect();
     let except = match summary.outcome {
-        Outcome::Reached if !not_read.is_empty() => format!(", except {}, which was not read", not_read.join(", ")),
+        Outcome::Reached if !summary.not_read.is_empty() => format!(", except {}, which was not read", quoted(&summary.not_read)),
         _ => String::new(),
     };
     printer.result(&format!("{}{verified}: {}{except}", words::outcome(summary.outcome), summary.cause));

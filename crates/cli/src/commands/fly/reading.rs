@@ -9,7 +9,7 @@ use spf_oracle::language::Verb;
 use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction, unread};
 
 use crate::error::CliError;
-use crate::printer::one_line;
+use crate::printer::{one_line, quoted};
 
 /// How many of a scene's objects are named to someone whose words fit none.
 const EXAMPLES: usize = 8;
@@ -41,9 +41,9 @@ pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>
     if !ignored.is_empty() {
         lines.push(format!("ignored: {}", ignored.join(", ")));
     }
-    let unread: Vec<String> = unread(instruction, &objects, from).iter().map(|part| format!("\"{}\"", one_line(part))).collect();
+    let unread = unread(instruction, &objects, from);
     if !unread.is_empty() {
-        lines.push(format!("not read: {} (the flight ends when the rest is fulfilled)", unread.join(", ")));
+        lines.push(format!("not read: {} (the flight ends when the rest is fulfilled)", quoted(&unread)));
     }
     Ok(lines)
 }
@@ -63,16 +63,14 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
         (true, false) => format!("{} names no object to fly to", directions.join(", ")),
         (true, true) => "it names no object to fly to".to_owned(),
     };
-    let foreign = unknown.len() > 1 && reading.directions.is_empty();
-    let advice = match (unknown.is_empty(), foreign) {
-        (true, _) => "the drone flies to objects that it sees, and lands at the end by itself; --realtime flies by hand\nhint: ",
-        (false, true) => "the oracle reads English only; other VLMs may read other languages\nhint: ",
-        (false, false) => "",
-    };
+    // One unknown word is a slip or a name; several alone are another language.
+    let language = if unknown.len() > 1 && reading.directions.is_empty() { ", which reads English only," } else { "" };
+    let advice =
+        if unknown.is_empty() { "name an object (the drone lands by itself at the end; --realtime flies by hand); " } else { "" };
     let mut seen = BTreeSet::new();
     let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
-    CliError::usage(format!("the oracle cannot parse \"{}\": {why}", one_line(instruction))).hint(format!(
+    CliError::usage(format!("the oracle{language} cannot parse \"{}\": {why}", one_line(instruction))).hint(format!(
         "{advice}objects in {} include: {}",
         loaded.scene.name,
         examples.join(", ")
