@@ -13,7 +13,7 @@ fuzz_target!(|data: (&str, Vec<f32>, u8, u8, bool)| {
     let (text, values, rows, columns, masks) = data;
     if let Ok(list) = parse_detections(text) {
         assert!(list.len() <= MAX_DETECTIONS);
-        let boxes = obstacles(&list, &Camera::quad(), 3.0, Some("the black car"));
+        let boxes = obstacles(&list, &Camera::quad(), Some("the black car"));
         assert!(boxes.iter().all(|b| (1..=10).contains(&b.depth) && b.area.left <= b.area.right && b.area.top <= b.area.bottom));
     }
     let shape = [1, usize::from(rows), usize::from(columns)];

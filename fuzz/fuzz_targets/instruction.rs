@@ -3,7 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use spf_core::tags::Tagged;
-use spf_oracle::{Placed, read_instruction, resolve_truth};
+use spf_oracle::{Placed, read_instruction, resolve_truth, unread};
 
 fuzz_target!(|text: &str| {
     let tagged = |id, name: &str, colour: &str| Tagged {
@@ -19,6 +19,9 @@ fuzz_target!(|text: &str| {
     let reading = read_instruction(text, &objects, None);
     assert!(reading.steps.iter().flat_map(|step| &step.candidates).all(|id| (1..=3).contains(id)));
     assert_eq!(reading, read_instruction(text, &objects, None));
+    // What is quoted to the user stands in the text, but for its white space.
+    let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(unread(text, &objects, None).iter().all(|part| !part.is_empty() && words.contains(part.as_str())));
     let truth = resolve_truth(text, &objects, None);
     assert_eq!(truth.fits, !truth.objects.is_empty());
 });
