@@ -15,6 +15,7 @@ use crate::command::Setpoint;
 use crate::craft::Craft;
 use crate::executor::response::{CommandLog, Response, State};
 use crate::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, Spread, wrap_angle};
+use crate::odometry::{Odometry, WAY_ERROR};
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Duration, Time};
 
@@ -96,8 +97,6 @@ const NOISE_TIME: f64 = 0.3;
 const WANDER_TIME: f64 = 30.0;
 /// A position this many times its noise away from the estimate is a jump of the source, and adopted at once.
 const JUMP: f64 = 10.0;
-/// Relative error of a dead-reckoned distance: scale and direction of the velocity.
-const WAY_ERROR: f64 = 0.05;
 /// Correlation time of the velocity report error, s: while the velocity is constant it is rounded the same way.
 const ERROR_TIME: f64 = 1.0;
 /// Maximum extrapolation of telemetry; after a longer silence it says nothing.
@@ -120,9 +119,10 @@ pub struct MotionEstimator {
     log: CommandLog,
     newest: Option<(Telemetry, State)>,
     drift: Drift,
+    odometry: Odometry,
     /// Time up to which poses are unknown relative to later ones.
     lost: Option<Time>,
-    past: VecDeque<(Time, Known)>,
+    past: VecDeque<(Time, Known, Odometry)>,
 }
 
 impl MotionEstimator {
@@ -135,6 +135,7 @@ impl MotionEstimator {
             log: CommandLog::default(),
             newest: None,
             drift: Drift::default(),
+            odometry: Odometry::default(),
             lost: None,
             past: VecDeque::with_capacity(POSES),
         }
@@ -161,14 +162,14 @@ impl MotionEstimator {
             None => first(telemetry),
             Some((before, _)) if telemetry.time <= before.time => return,
             Some((before, state)) => {
+                let elapsed = telemetry.time.since(before.time).as_secs_f64();
                 if telemetry.position.is_some() {
                     self.drift = Drift::default();
                 } else if telemetry.phase != FlightPhase::OnGround {
-                    let elapsed = telemetry.time.since(before.time).as_secs_f64();
                     self.drift.grow(&self.senses, state.velocity, elapsed);
                 }
+                self.odometry = lose(self.odometry, &self.senses, telemetry, state.velocity, elapsed);
                 let predicted = self.predict(before, *state, telemetry.time);
-                let elapsed = telemetry.time.since(before.time).as_secs_f64();
                 let follows = match (before.position, telemetry.position) {
                     (Some(_), Some(reported)) => {
                         predicted.position.distance(reported) <= OFF.max(JUMP * self.senses.position_noise)
@@ -185,13 +186,13 @@ impl MotionEstimator {
         };
         self.newest = Some((*telemetry, state));
         let full = self.past.len() == POSES;
-        while self.past.front().is_some_and(|&(time, _)| time + MEMORY < telemetry.time) {
+        while self.past.front().is_some_and(|&(time, ..)| time + MEMORY < telemetry.time) {
             self.past.pop_front();
         }
         if full {
             self.past.pop_front();
         }
-        self.past.push_back((telemetry.time, known(state, telemetry)));
+        self.past.push_back((telemetry.time, known(state, telemetry), self.odometry));
     }
 
     /// Motion at `now`, predicted from the newest report by at most half a second. `None` before the first report.
@@ -207,9 +208,9 @@ impl MotionEstimator {
     /// before the first report, or for a time older than the history (15 s, or 1024 reports).
     #[must_use]
     pub fn pose_at(&self, time: Time) -> Option<Pose> {
-        let after = self.past.partition_point(|&(at, _)| at <= time);
-        let &(earlier, before) = self.past.get(after.checked_sub(1)?)?;
-        let Some(&(later, next)) = self.past.get(after) else {
+        let after = self.past.partition_point(|&(at, ..)| at <= time);
+        let &(earlier, before, _) = self.past.get(after.checked_sub(1)?)?;
+        let Some(&(later, next, _)) = self.past.get(after) else {
             return self.at(time).map(|known| known.pose());
         };
         let span = later.since(earlier).as_secs_f64();
@@ -229,6 +230,20 @@ impl MotionEstimator {
                 roll: a0.roll + fraction * wrap_angle(a1.roll - a0.roll),
             },
         })
+    }
+
+    /// What the position had lost by `time`, from the newest report not after it; see [`Odometry`]. That of the oldest report
+    /// kept, for an earlier time.
+    #[must_use]
+    pub fn odometry_at(&self, time: Time) -> Odometry {
+        let after = self.past.partition_point(|&(at, ..)| at <= time);
+        self.past.get(after.saturating_sub(1)).map_or(self.odometry, |&(.., odometry)| odometry)
+    }
+
+    /// Time before which poses cannot be compared with later ones: when the position last jumped, or was unknown.
+    #[must_use]
+    pub fn lost_track(&self) -> Option<Time> {
+        self.lost
     }
 
     /// Standard deviation of the horizontal position as of the newest report, metres: that of the position source or,
@@ -362,6 +377,32 @@ impl Drift {
     fn vertical_deviation(self) -> f64 {
         libm::hypot((0.5 * self.variance).sqrt(), WAY_ERROR * self.climb)
     }
+}
+
+/// Odometry after `elapsed` seconds at a velocity, up to a report.
+fn lose(mut odometry: Odometry, senses: &Senses, telemetry: &Telemetry, velocity: EnuVelocity, elapsed: f64) -> Odometry {
+    if telemetry.phase == FlightPhase::OnGround {
+        return odometry;
+    }
+    let unit = senses.velocity_resolution;
+    let report = senses.velocity_noise * senses.velocity_noise + unit * unit / 12.0;
+    let walked = 2.0 * report * ERROR_TIME * elapsed;
+    if telemetry.position.is_some() {
+        // A position that wanders by σ with a time constant τ walks by 2σ²/τ a second, besides the velocity that is integrated
+        // meanwhile.
+        let wandered = 2.0 * senses.position_noise * senses.position_noise * elapsed / WANDER_TIME;
+        odometry.horizontal += walked + wandered;
+        odometry.vertical += walked + wandered;
+        return odometry;
+    }
+    odometry.horizontal += 0.5 * walked;
+    odometry.way += velocity.horizontal_speed() * elapsed;
+    // A reported height does not drift; its rounding is far below a target's extent.
+    if telemetry.height.is_none() {
+        odometry.vertical += 0.5 * walked;
+        odometry.climb += velocity.up.abs() * elapsed;
+    }
+    odometry
 }
 
 fn first(telemetry: &Telemetry) -> State {

@@ -32,6 +32,17 @@ pub struct EnuVelocity {
     pub up: f64,
 }
 
+/// A unit vector in the world frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EnuDirection {
+    /// Eastern component.
+    pub east: f64,
+    /// Northern component.
+    pub north: f64,
+    /// Upward component.
+    pub up: f64,
+}
+
 /// Attitude: heading clockwise from north, pitch positive nose up, roll positive right side down; radians.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Attitude {
@@ -110,6 +121,19 @@ impl EnuPosition {
     #[must_use]
     pub fn horizontal_distance(self, other: Self) -> f64 {
         libm::hypot(self.east - other.east, self.north - other.north)
+    }
+}
+
+impl EnuDirection {
+    /// The direction from the origin towards `point`; north if that is the origin, or not finite.
+    #[must_use]
+    pub fn towards(point: EnuPosition) -> Self {
+        let length = point.distance(EnuPosition::default());
+        if length > 0.0 && length.is_finite() {
+            Self { east: point.east / length, north: point.north / length, up: point.up / length }
+        } else {
+            Self { east: 0.0, north: 1.0, up: 0.0 }
+        }
     }
 }
 

@@ -9,11 +9,13 @@
 #![forbid(unsafe_code)]
 
 pub mod actions;
+pub mod anchor;
 pub mod avoid;
 pub mod camera;
 pub mod coco;
 pub mod command;
 pub mod craft;
+pub mod depth;
 pub mod detection;
 pub mod envelope;
 pub mod estimator;
@@ -24,6 +26,7 @@ pub mod geofence;
 pub mod geometry;
 pub mod grounding;
 pub mod lift;
+pub mod odometry;
 pub mod pilot;
 pub mod policy;
 pub mod primitives;

@@ -1,0 +1,128 @@
+//! Sightings: what one reply says about where the target is.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::camera::Camera;
+use crate::geometry::{EnuDirection, EnuPosition, Pose};
+use crate::lift::{Lifting, UnprojectError, lift, range_of_label, unproject};
+use crate::odometry::Odometry;
+use crate::query::ImagePoint;
+use crate::reply::DEPTH_LABELS;
+use crate::time::Time;
+
+/// A measured range.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RangeReading {
+    /// Natural logarithm of the range in metres.
+    pub ln_range: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+}
+
+/// One sighting of the target, from one frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Sighting {
+    /// Capture time of the frame.
+    pub captured: Time,
+    /// Tells sightings of the same frame apart, and orders them: the number of the query.
+    pub id: u64,
+    /// Stage of the instruction, non-decreasing; a later stage replaces the target.
+    pub stage: u32,
+    /// Position of the craft at capture.
+    pub from: EnuPosition,
+    /// What its odometry had lost by then.
+    pub odometry: Odometry,
+    /// Unit vector towards the target.
+    pub direction: EnuDirection,
+    /// Standard deviation of the direction on each axis, radians.
+    pub bearing_sigma: f64,
+    /// Range along the direction, if known.
+    pub range: Option<RangeReading>,
+}
+
+/// How far replies are believed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Trust {
+    /// Standard deviation of a point, as a fraction of the image width.
+    pub point: f64,
+    /// Standard deviation of the natural logarithm of a range that is read as a label, besides its rounding.
+    pub ln_range: f64,
+    /// Standard deviation of the heading at capture, radians.
+    pub heading: f64,
+}
+
+impl Default for Trust {
+    /// Points to 1.5 % of the image width, ranges to 20 %, headings to 1°.
+    fn default() -> Self {
+        Self { point: 0.015, ln_range: 0.2, heading: 1.0_f64.to_radians() }
+    }
+}
+
+/// One depth label is this much in the natural logarithm of the range: ln 10 / 4.5.
+const LABEL: f64 = core::f64::consts::LN_10 / 4.5;
+
+impl Sighting {
+    /// The sighting of a point with a depth label in the frame that was taken at `pose`.
+    ///
+    /// The highest label means any range from its lower bound on, and the lowest any up to its upper bound, so their ranges
+    /// count half a label and one label less exactly.
+    ///
+    /// # Errors
+    /// [`UnprojectError`] for a point through which no line of sight leads.
+    #[expect(clippy::too_many_arguments, reason = "each is a different fact about the frame or the reply")]
+    pub fn of_label(
+        captured: Time,
+        id: u64,
+        stage: u32,
+        pose: Pose,
+        odometry: Odometry,
+        camera: &Camera,
+        lifting: Lifting,
+        point: ImagePoint,
+        depth: Option<u8>,
+        trust: &Trust,
+    ) -> Result<Self, UnprojectError> {
+        let body = lift(unproject(camera, point, 1.0)?, camera, pose.attitude, lifting);
+        let ahead = EnuPosition::default().displaced(body, pose.attitude.heading);
+        let range = depth.map(|label| {
+            let rounding = LABEL / libm::sqrt(12.0);
+            let open = match label {
+                1 => 0.5 * LABEL,
+                DEPTH_LABELS => LABEL,
+                _ => 0.0,
+            };
+            let sigma = libm::hypot(libm::hypot(trust.ln_range, rounding), open);
+            RangeReading { ln_range: libm::log(range_of_label(f64::from(label))), sigma }
+        });
+        // A pixel off the axis subtends less than one on it, so this bounds the error of the direction.
+        let point_sigma = trust.point * f64::from(camera.width) / camera.fx;
+        Ok(Self {
+            captured,
+            id,
+            stage,
+            from: pose.position,
+            odometry,
+            direction: EnuDirection::towards(ahead),
+            bearing_sigma: libm::hypot(point_sigma, trust.heading),
+            range,
+        })
+    }
+
+    /// Order of application: by capture, then by number.
+    pub(super) fn key(&self) -> (Time, u64) {
+        (self.captured, self.id)
+    }
+
+    pub(super) fn is_valid(&self) -> bool {
+        let EnuDirection { east, north, up } = self.direction;
+        let length = east * east + north * north + up * up;
+        let from = [self.from.east, self.from.north, self.from.up];
+        from.iter().all(|x| x.is_finite())
+            && (length - 1.0).abs() < 1e-6
+            && self.bearing_sigma.is_finite()
+            && self.bearing_sigma > 0.0
+            && self.odometry.is_finite()
+            && self.range.is_none_or(|range| range.ln_range.is_finite() && range.sigma.is_finite() && range.sigma > 0.0)
+    }
+}
